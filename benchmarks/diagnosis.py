@@ -42,9 +42,10 @@ def readings(setup: Setup) -> ReadingTable:
     true = extended(setup, [HIDDEN])
     grid = np.meshgrid(np.arange(3.0), MASSES, VOLTAGES, indexing="ij")
     specimen, mass, voltage = (axis.ravel() for axis in grid)
-    values = [outcome.state.plate.deflection for one in true.specimens for load in MASSES
-              for outcome in voltage_path(build_model(one, OTHER_MESH), load * setup.rig.gravity,
-                                          VOLTAGES.tolist())]
+    values = [outcome.state.plate.deflection
+              for true_specimen in true.specimens for load in MASSES
+              for outcome in voltage_path(build_model(true_specimen, OTHER_MESH),
+                                          load * setup.rig.gravity, VOLTAGES.tolist())]
     noise = NOISE * np.random.default_rng(1).standard_normal(len(values))
     states = States.of(specimen.astype(np.int64), mass, voltage, 60.0 * np.arange(len(values)))
     return rows(states, "displacement", NOISE, np.array(values) + noise)

@@ -86,10 +86,10 @@ def draw(graph: grimp.ImportGraph) -> Figure:
         for number, names in enumerate(floors(imports)):
             widths = [_LETTER * len(name.rpartition(".")[2]) + 3 for name in names]
             space = (_WIDTH - 4 * _GAP - sum(widths)) / len(names)
-            left = 2 * _GAP + space / 2
+            edge = 2 * _GAP + space / 2
             for name, width in zip(names, widths, strict=True):
-                middle[name] = left + width / 2, bottom + _FLOOR * number + _FLOOR / 2
-                left += width + space
+                middle[name] = edge + width / 2, bottom + _FLOOR * number + _FLOOR / 2
+                edge += width + space
         for name, others in reduced(imports).items():
             for other in others:
                 axes.annotate("", middle[other], middle[name], zorder=1, arrowprops={

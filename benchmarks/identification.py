@@ -47,11 +47,12 @@ VISCOUS = Viscous(15e6, 100e6, 100e3)
 def readings(specimens: Sequence[Specimen], masses: Sequence[float],
              voltages: Array) -> StaticProblem:
     """At rest, with noise; ε_r of the search's start is 6."""
-    rows = [(number, mass, volts, rest(Actuator.of(one, mass, ALPHA), float(volts)))
-            for number, one in enumerate(specimens) for mass in masses for volts in voltages]
+    rows = [(number, mass, volts, rest(Actuator.of(specimen, mass, ALPHA), float(volts)))
+            for number, specimen in enumerate(specimens) for mass in masses for volts in voltages]
     which, mass, volts, y = np.array(rows).T
-    unknown = tuple(replace(one, membrane=replace(one.membrane, relative_permittivity=6.0))
-                    for one in specimens)
+    unknown = tuple(
+        replace(specimen, membrane=replace(specimen.membrane, relative_permittivity=6.0))
+        for specimen in specimens)
     noise = NOISE * np.random.default_rng(1).standard_normal(len(y))
     return StaticProblem(unknown, Rig(), which.astype(int), mass, volts, y + noise, NOISE)
 
@@ -72,11 +73,11 @@ def record(specimens: Sequence[Specimen], number: int, mass: float, end: float,
 
 def show(words: str, judgement: Identifiability) -> None:
     """One line: every constant with its limits, in per cent of its value."""
-    found = [f"{one.name} " + ("-" if one.low is None or one.high is None else
-                               f"{100 * (one.low / one.value - 1):+.2f}/"
-                               f"{100 * (one.high / one.value - 1):+.2f} %")
-             for one in judgement.constants if one.name[:4] not in ("beta", "gamm")]
-    print(f"{words:<42} {', '.join(found)}; {judgement.determined} of {len(judgement.constants)}")
+    limits = [f"{constant.name} " + ("-" if constant.low is None or constant.high is None else
+                                     f"{100 * (constant.low / constant.value - 1):+.2f}/"
+                                     f"{100 * (constant.high / constant.value - 1):+.2f} %")
+              for constant in judgement.constants if constant.name[:4] not in ("beta", "gamm")]
+    print(f"{words:<42} {', '.join(limits)}; {judgement.determined} of {len(judgement.constants)}")
 
 
 def statics(specimens: Sequence[Specimen]) -> StaticFit:
@@ -90,12 +91,13 @@ def statics(specimens: Sequence[Specimen]) -> StaticFit:
         show(f"{words}, λ 1{1e3 * (np.hypot(1, y.min() / 35e-3) - 1):+.1f} to "
              f"{1e3 * (np.hypot(1, y.max() / 35e-3) - 1):+.1f} ‰", fit.judgement)
         print("   half 95 % widths of the combinations:",
-              " ".join(f"{1.96 * one.deviation:.2g}" for one in fit.judgement.combinations))
+              " ".join(f"{1.96 * combination.deviation:.2g}"
+                       for combination in fit.judgement.combinations))
     fit = fits["both masses, to 7 kV"]
     print("   correlations among β, γ at least",
           f"{np.abs(fit.judgement.correlations[:6, :6]).min():.3f}")
     for number in (0, 4):
-        print("   combination", {one.name: round(weight, 2) for one, weight in
+        print("   combination", {constant.name: round(weight, 2) for constant, weight in
                                  zip(fit.judgement.constants,
                                      fit.judgement.combinations[number].coefficients,
                                      strict=True)})
@@ -108,20 +110,21 @@ def statics(specimens: Sequence[Specimen]) -> StaticFit:
     return fit
 
 
-def responses(specimens: Sequence[Specimen], held: StaticFit) -> None:
+def responses(specimens: Sequence[Specimen], static_fit: StaticFit) -> None:
     """What responses tell of the viscous constants, by how long and how often they are read."""
     print("after a step")
     exact = Exact(specimens, Rig(), ALPHA)
 
-    def problem(end: float, interval: float, known: StaticFit | Exact) -> DynamicProblem:
-        return DynamicProblem(known, Rig(), tuple(record(specimens, number, mass, end, interval)
-                                                  for number in range(3) for mass in MASSES), NOISE)
+    def problem(end: float, interval: float, at_rest: StaticFit | Exact) -> DynamicProblem:
+        return DynamicProblem(at_rest, Rig(),
+                              tuple(record(specimens, number, mass, end, interval)
+                                    for number in range(3) for mass in MASSES), NOISE)
 
-    whole = problem(30.0, 1e-3, held)
+    whole = problem(30.0, 1e-3, static_fit)
     fit = identify_dynamic(whole)
     show("six of 30 s at 1 kHz, statics fitted", fit.judgement)
     print(f"   with profiles {fit.seconds:.1f} s, "
-          f"{sum(one.evaluations for one in fit.judgement.profiles if one is not None)} "
+          f"{sum(curve.evaluations for curve in fit.judgement.profiles if curve is not None)} "
           "evaluations for them")
     bare = identify_dynamic(replace(whole), profiles=False)
     other = nelder_mead_dynamic(replace(whole))
@@ -130,16 +133,16 @@ def responses(specimens: Sequence[Specimen], held: StaticFit) -> None:
           f"Nelder-Mead, statics held, {other['evaluations']}, {other['seconds']:.1f} s, "
           f"{other['rmse_um']:.4f} µm")
     print("   off the truth:",
-          *(f"{name} {100 * (found / true - 1):+.3f} % and {100 * (simple / true - 1):+.3f} %,"
-                                 for name, found, simple, true in
+          *(f"{name} {100 * (fitted / true - 1):+.3f} % and {100 * (simple / true - 1):+.3f} %,"
+                                 for name, fitted, simple, true in
                                  zip(other["values"], vars(bare.viscous).values(),
                                      other["values"].values(),
                                      vars(VISCOUS).values(), strict=True)))
-    for words, end, interval, known in (("the same, statics exact", 30.0, 1e-3, exact),
+    for words, end, interval, rests in (("the same, statics exact", 30.0, 1e-3, exact),
                                         ("2 s at 1 kHz, statics exact", 2.5, 1e-3, exact),
                                         ("50 ms at 1 kHz, statics exact", 0.55, 1e-3, exact),
                                         ("30 s at 5 Hz, statics exact", 30.0, 0.2, exact)):
-        show(words, identify_dynamic(problem(end, interval, known)).judgement)
+        show(words, identify_dynamic(problem(end, interval, rests)).judgement)
 
 
 def main() -> None:

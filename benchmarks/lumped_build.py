@@ -27,12 +27,12 @@ _NAMES = ("circular", "elliptical-small", "elliptical-large")
 
 def main() -> None:
     """Build them all and write the page."""
-    found = [build(specimen, Settings(), PAPER_LOADS) for specimen in _paper()]
+    builds = [build(specimen, Settings(), PAPER_LOADS) for specimen in _paper()]
     others = [(words, build(specimen, Settings(), chosen)) for words, specimen, chosen in _others()]
     with tempfile.TemporaryDirectory() as folder:
-        picture, _ = draw_built(BuildResult.of(found), Path(folder))
+        picture, _ = draw_built(BuildResult.of(builds), Path(folder))
         shutil.copy(picture, _DOCS / "lumped-build.png")
-    (_DOCS / "lumped-build.md").write_text(page(found, others), encoding="utf-8")
+    (_DOCS / "lumped-build.md").write_text(page(builds, others), encoding="utf-8")
 
 
 #: The paper's masses, up to most of its voltages.
@@ -68,10 +68,10 @@ def _others() -> Iterator[tuple[str, Specimen, BuildSettings]]:
         yield f"circle, {words}", replace(circle, membrane=replace(film, material=law)), two
 
 
-def page(found: Sequence[Built], others: Sequence[tuple[str, Built]]) -> str:
+def page(builds: Sequence[Built], others: Sequence[tuple[str, Built]]) -> str:
     """The page as Markdown."""
-    circle = found[0]
-    worst = max(one.worst("corrected", held_out=True) or np.inf for one in found)
+    circle = builds[0]
+    worst = max(built.worst("corrected", held_out=True) or np.inf for built in builds)
     lines = [
         "# From the field model to a lumped one", "",
         "`tympan lumped build SPECIMEN.toml … -o DIR` makes the lumped model of each specimen "
@@ -93,22 +93,22 @@ def page(found: Sequence[Built], others: Sequence[tuple[str, Built]]) -> str:
         "Largest errors; deflection at loads that were not fitted, stroke from 0 to 5 kV and "
         "capacitance at all:", "",
         "| | | " + " | ".join(KINEMATICS) + " |", "|---|---|" + "---:|" * len(KINEMATICS),
-        *(line for one in found for line in _errors(one)), "",
-        *_reading(found), "",
+        *(line for built in builds for line in _errors(built)), "",
+        *_reading(builds), "",
         "## Shapes, electrodes, laws", "",
         "The same loads and fit. *Carried over*: the two factors are those of the circular "
         "actuator above, so of this "
         "specimen nothing but α was fitted.", "",
         "| | factors on film, voltage | scaled | membrane | carried over | corrected |",
         "|---|---|---:|---:|---:|---:|",
-        *(_other(words, one, circle) for words, one in others), "",
+        *(_other(words, built, circle) for words, built in others), "",
         *_capacitances(others), "",
         "## Vibrations", "",
         "Undamped heave about rest under 17.9 g, from the model's stiffness and from the field "
         "model's eigenvalues, "
         "which the fit did not see:", "",
         "| | 0 kV: lumped, field | 5 kV: lumped, field |", "|---|---|---|",
-        *(_heave(one) for one in found), "",
+        *(_heave(built) for built in builds), "",
         "## How far it reaches", "", *_reach(circle)]
     return "\n".join(lines) + "\n"
 
@@ -152,8 +152,8 @@ def _errors(built: Built) -> Iterator[str]:
         yield f"| {name} | {what} | " + " | ".join(map(_percent, values)) + " |"
 
 
-def _reading(found: Sequence[Built]) -> list[str]:
-    circle, large = found[0], found[-1]
+def _reading(builds: Sequence[Built]) -> list[str]:
+    circle, large = builds[0], builds[-1]
     return [
         f"The circle's cone sinks {circle.errors('cone')[0, 0] + 1:.2f} times as far as it "
         "should, and no α mends that "
@@ -166,18 +166,18 @@ def _reading(found: Sequence[Built]) -> list[str]:
         "of the circle, so the film's own law and permittivity serve as they are; α is that of "
         "circles of real film; "
         "and the capacitance is right, which the scaled cone has up to "
-        f"{_percent(max(one.capacitance_error('scaled') or np.inf for one in found))} wrong. (The "
-        "share of the edge "
+        f"{_percent(max(built.capacitance_error('scaled') or np.inf for built in builds))} wrong. "
+        "(The share of the edge "
         f"force, {large.alpha.from_fields.alpha[0]:.3f} around the short axis of the large "
         "ellipse, is a third number "
         "and no weight for either.)"]
 
 
 def _capacitances(others: Sequence[tuple[str, Built]]) -> list[str]:
-    covered = [one.capacitance_error("corrected") or np.inf for _, one in others
-               if one.model.specimen.electrode.everywhere]
-    bare = [one.capacitance_error("corrected") or np.inf for _, one in others
-            if not one.model.specimen.electrode.everywhere]
+    covered = [built.capacitance_error("corrected") or np.inf for _, built in others
+               if built.model.specimen.electrode.everywhere]
+    bare = [built.capacitance_error("corrected") or np.inf for _, built in others
+            if not built.model.specimen.electrode.everywhere]
     return [f"Capacitance, corrected: within {_percent(max(covered))} "
             "where the whole film is covered. Where bands are "
             "bare, covered film spreads into them as the voltage rises, "
@@ -190,8 +190,8 @@ def _other(words: str, built: Built, circle: Built) -> str:
                                            permittivity=circle.model.permittivity))
     values = [*(built.worst(kind, held_out=True) for kind in ("scaled", "membrane")),
               carried.worst("corrected", held_out=True), built.worst("corrected", held_out=True)]
-    found = built.model
-    return (f"| {words} | {found.stiffness:.4f}, {found.permittivity:.4f} | "
+    model = built.model
+    return (f"| {words} | {model.stiffness:.4f}, {model.permittivity:.4f} | "
             + " | ".join(map(_percent, values)) + " |")
 
 
@@ -215,7 +215,7 @@ def _reach(built: Built) -> list[str]:
         "built for 0 to 5 kV and asked beyond:", "",
         "| | " + " | ".join(f"{u / 1e3:g} kV" for u in voltages) + " |",
         "|---|" + "---:|" * len(voltages),
-        *(f"| {1e3 * mass:g} g | " + " | ".join(f"{100 * one:+.2f} %" for one in row) + " |"
+        *(f"| {1e3 * mass:g} g | " + " | ".join(f"{100 * error:+.2f} %" for error in row) + " |"
           for mass, row in zip(built.settings.masses, errors, strict=True)), "",
         "The field model pulls in at "
         + " and ".join(f"{1e-3 * np.sqrt(limit or np.nan):.2f}" for limit in limits) + " kV, "

@@ -66,12 +66,12 @@ def page(problem: OptimiseProblem, whole: OptimiseResult, parts: dict[str, Optim
 def _meaning(optima: list[dict[str, Any]]) -> list[str]:
     """In words, of what was found."""
     lines = []
-    for found in optima:
-        x, y = (1e3 * found["variables"][f"frame.semi_axes.{axis}"] for axis in range(2))
+    for optimum in optima:
+        x, y = (1e3 * optimum["variables"][f"frame.semi_axes.{axis}"] for axis in range(2))
         shape = "the circle" if abs(x / y - 1) < 2e-3 else f"{x:.1f} by {y:.1f} mm"
-        active = [_words(name) for name, limit in found["limits"].items() if limit["active"]]
-        bounds = ", ".join(found["at_bounds"])
-        lines.append(f"* Equal {found['held']}: the best frame among ellipses is {shape}; "
+        active = [_words(name) for name, limit in optimum["limits"].items() if limit["active"]]
+        bounds = ", ".join(optimum["at_bounds"])
+        lines.append(f"* Equal {optimum['held']}: the best frame among ellipses is {shape}; "
                      + (f"held by the bounds of {bounds}" if bounds
                         else "no bound of a variable holds it")
                      + f"; active limits: {', '.join(active) or 'none'}.")
@@ -83,32 +83,34 @@ def _meaning(optima: list[dict[str, Any]]) -> list[str]:
 
 def _rows(record: Mapping[str, Any]) -> list[str]:
     stored = record["optima"]
-    rows = [["status", *(found["status"] for found in stored)]]
+    rows = [["status", *(optimum["status"] for optimum in stored)]]
     for key in record["variables"]:
-        rows.append([f"{key} [mm]", *(f"{1e3 * found['variables'][key]:.3f}" for found in stored)])
-    rows += [["stroke [mm]", *(f"{1e3 * found['stroke_m']:.4f}" for found in stored)],
-             ["gain over the reference", *(f"{found['gain']:+.2%}" for found in stored)],
+        rows.append([f"{key} [mm]",
+                     *(f"{1e3 * optimum['variables'][key]:.3f}" for optimum in stored)])
+    rows += [["stroke [mm]", *(f"{1e3 * optimum['stroke_m']:.4f}" for optimum in stored)],
+             ["gain over the reference", *(f"{optimum['gain']:+.2%}" for optimum in stored)],
              ["the same on a mesh twice as fine",
-              *(f"{found['finer']['gain']:+.2%}" for found in stored)]]
+              *(f"{optimum['finer']['gain']:+.2%}" for optimum in stored)]]
     for name, limit in record["limits"].items():
         rows.append([f"{_words(name)}, limit {_shown(name, limit['bound'])}",
-                     *(_kept(name, found["limits"][name]) for found in stored)])
+                     *(_kept(name, optimum["limits"][name]) for optimum in stored)])
     rows += [["stroke for 1 % more of what is held",
-              *(f"{found['held_multiplier']:+.3f} %" for found in stored)],
+              *(f"{optimum['held_multiplier']:+.3f} %" for optimum in stored)],
              ["conditions of optimality miss by, relative",
-              *(f"{found['kkt_residual']:.1e}" for found in stored)],
+              *(f"{optimum['kkt_residual']:.1e}" for optimum in stored)],
              ["starts apart, in stroke",
-              *(f"{found['starts_apart_stroke']:.1e}" for found in stored)],
+              *(f"{optimum['starts_apart_stroke']:.1e}" for optimum in stored)],
              ["starts apart, in a variable, of its bounds",
-              *(f"{found['starts_apart_variables']:.1e}" for found in stored)],
-             ["designs tried, by start", *(", ".join(str(run["trials"]) for run in found["starts"])
-                                           for found in stored)]]
+              *(f"{optimum['starts_apart_variables']:.1e}" for optimum in stored)],
+             ["designs tried, by start",
+              *(", ".join(str(run["trials"]) for run in optimum["starts"])
+                for optimum in stored)]]
     return ["| " + " | ".join(row) + " |" for row in rows]
 
 
-def _kept(name: str, found: dict[str, float]) -> str:
-    text = f"{_shown(name, found['value'])}, finer mesh {_shown(name, found['finer'])}"
-    return text + (f"; active, {found['multiplier']:.2f} % of stroke per %" if found["active"]
+def _kept(name: str, limit: dict[str, float]) -> str:
+    text = f"{_shown(name, limit['value'])}, finer mesh {_shown(name, limit['finer'])}"
+    return text + (f"; active, {limit['multiplier']:.2f} % of stroke per %" if limit["active"]
                    else "")
 
 

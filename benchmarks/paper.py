@@ -38,12 +38,12 @@ def other_seeds() -> list[str]:
         choices = Choices(seed=seed)
         signal, _ = choices.steps()
         if signal.voltage.min() <= choices.near and signal.voltage.max() >= HIGHEST - choices.near:
-            found = fit_levels(signal)
-            growth = found.ranges[1] / found.ranges[0]
-            rows.append((f"{seed}", f"{found.permittivity:.2f}", f"{found.alpha[0]:.3f}",
-                         f"{1e3 * found.rms:.3f}",
-                         f"{1e3 * np.abs(found.misfit[:, 1:]).max():.3f}",
-                         " / ".join(f"{1e3 * value:+.3f}" for value in found.misfit[:, 0]),
+            fit = fit_levels(signal)
+            growth = fit.ranges[1] / fit.ranges[0]
+            rows.append((f"{seed}", f"{fit.permittivity:.2f}", f"{fit.alpha[0]:.3f}",
+                         f"{1e3 * fit.rms:.3f}",
+                         f"{1e3 * np.abs(fit.misfit[:, 1:]).max():.3f}",
+                         " / ".join(f"{1e3 * value:+.3f}" for value in fit.misfit[:, 0]),
                          " / ".join(f"{value:.3f}" for value in growth)))
         seed += 1
     return ["The same for the first seeds whose levels come near to both ends:", "",
@@ -66,38 +66,38 @@ def page(content: Any, seeds: list[str]) -> str:
         *_table(("actuator", "mass [g]", "paper [mm]", "ends of figure 14's levels [mm]",
                  "at rest, 0 to 7 kV [mm]",
                  "all samples [mm]", "paper [%]", "ends of levels [%]", "at rest [%]"),
-                ((one["specimen"], f"{one['mass_g']:g}", f"{one['paper_mm']:.2f}",
-                  f"{one['at_levels_mm']:.3f}",
-                  f"{one['at_rest_mm']:.3f}", f"{one['all_samples_mm']:.3f}",
-                  f"{one['paper_percent']:.0f}",
-                  f"{one['at_levels_percent']:.1f}", f"{one['at_rest_percent']:.1f}")
-                 for one in ranges["rows"])), "",
+                ((row["specimen"], f"{row['mass_g']:g}", f"{row['paper_mm']:.2f}",
+                  f"{row['at_levels_mm']:.3f}",
+                  f"{row['at_rest_mm']:.3f}", f"{row['all_samples_mm']:.3f}",
+                  f"{row['paper_percent']:.0f}",
+                  f"{row['at_levels_percent']:.1f}", f"{row['at_rest_percent']:.1f}")
+                 for row in ranges["rows"])), "",
         *(f"* {words}" for words in ranges["why"]), "",
         f"![{caption('fig14')}]({_FIGURES['fig14']})", "",
         "## Settling times of the oscillation [s]", "",
         *_table(("within", *(f"{name}, {mass} g" for name, mass in columns), "off by (rms)"),
                 [("paper", *(f"{value:.2f}" for value in SETTLING.ravel()), ""),
-                 *((one["criterion"].replace("um", "µm"),
-                    *(f"{one[f'{name}_{mass}g_s']:.2f}" for name, mass in columns),
-                    f"{one['rms_s']:.2f}")
-                   for one in settling["rows"])]), "",
+                 *((row["criterion"].replace("um", "µm"),
+                    *(f"{row[f'{name}_{mass}g_s']:.2f}" for name, mass in columns),
+                    f"{row['rms_s']:.2f}")
+                   for row in settling["rows"])]), "",
         "The last three rows are the best of their kind.", "",
         *(f"* {words}" for words in settling["why"]), "",
         "## Hysteresis", "",
         *_table(("actuator", "u₀ [kV]", "u₁ [kV]", "range [µm]", "widest gap over range [%]"),
-                ((one["specimen"], f"{one['offset_kV']:g}", f"{one['amplitude_kV']:g}",
-                  f"{one['range_um']:.1f}",
-                  f"{one['gap_percent']:.1f}") for one in content["hysteresis"]["rows"])), "",
+                ((row["specimen"], f"{row['offset_kV']:g}", f"{row['amplitude_kV']:g}",
+                  f"{row['range_um']:.1f}",
+                  f"{row['gap_percent']:.1f}") for row in content["hysteresis"]["rows"])), "",
         *content["hysteresis"]["why"], "",
         "## What is wrong or missing in the paper", ""]
-    for number, one in enumerate(content["findings"], 1):
-        lines += [f"### {number}. {one['title']}", ""]
-        for words in one["words"]:
+    for number, finding in enumerate(content["findings"], 1):
+        lines += [f"### {number}. {finding['title']}", ""]
+        for words in finding["words"]:
             lines += [words, ""]
-        if one["key"] == "lost":
+        if finding["key"] == "lost":
             lines += [f"![{caption('misfit')}]({_FIGURES['misfit']})", "", *seeds, ""]
         lines += [*_table(("number", "value"),
-                          ((item["what"], number_text(item)) for item in one["numbers"])), ""]
+                          ((item["what"], number_text(item)) for item in finding["numbers"])), ""]
     return "\n".join(lines).rstrip() + "\n"
 
 

@@ -79,8 +79,8 @@ def run(script: Script, peer_python: str, levels: int, repeat: int) -> Outcome:
 def fastest_at_least_as_accurate(row: Row, ours: list[Row]) -> Row | None:
     """The quickest of tympan's rows whose error is no larger; None if there is none."""
     return min(
-        (own for own in ours if own.relative_error <= row.relative_error),
-        key=lambda own: own.seconds, default=None
+        (candidate for candidate in ours if candidate.relative_error <= row.relative_error),
+        key=lambda candidate: candidate.seconds, default=None
     )
 
 

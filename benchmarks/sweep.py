@@ -115,15 +115,15 @@ def loopback(workers: int) -> Iterator[str]:
     from distributed import LocalCluster
 
     with LocalCluster(n_workers=workers, threads_per_worker=1, processes=True, host="127.0.0.1",
-                      dashboard_address=None) as found:
-        yield found.scheduler_address
+                      dashboard_address=None) as machine:
+        yield machine.scheduler_address
 
 
-def difference(one: xr.Dataset, other: xr.Dataset) -> float:
+def difference(table: xr.Dataset, other: xr.Dataset) -> float:
     """Largest relative difference of a number; infinite where texts differ."""
     worst = 0.0
-    for name in one.data_vars:
-        a, b = one[name].values, other[name].values
+    for name in table.data_vars:
+        a, b = table[name].values, other[name].values
         if a.dtype.kind != "f":
             worst = worst if (a == b).all() else np.inf
         elif not np.array_equal(np.isnan(a), np.isnan(b)):
@@ -187,10 +187,10 @@ def compare(sweep: Sweep, folder: Path, workers: int, rounds: int) -> None:
     _same("Dask", runs["several"][0].table, runs["dask"][0].table)
 
 
-def _same(words: str, one: xr.Dataset, other: xr.Dataset) -> None:
-    found = difference(one, other)
-    _verdict(f"the table of {words} differs by at most {found:.1e}, aim {AGREEMENT:.0e}",
-             found <= AGREEMENT)
+def _same(words: str, table: xr.Dataset, other: xr.Dataset) -> None:
+    worst = difference(table, other)
+    _verdict(f"the table of {words} differs by at most {worst:.1e}, aim {AGREEMENT:.0e}",
+             worst <= AGREEMENT)
 
 
 def _verdict(words: str, met: bool) -> None:

@@ -158,7 +158,8 @@ def takes_units(cls: Any) -> Any:
 
 def _in_si(field: Field | None, value: Any) -> Any:
     if field is not None and isinstance(value, list | tuple):
-        return tuple(_in_si(field, item) for item in value)
+        # Outlines have hundreds of numbers: no call for each.
+        return tuple([item if isinstance(item, float) else _in_si(field, item) for item in value])
     if field is None or not field.says.dimension or not isinstance(value, str):
         return value
     try:

@@ -107,6 +107,8 @@ def _session() -> Iterator[Any]:
         gmsh.option.setNumber("General.Terminal", 0)
         gmsh.option.setNumber("Mesh.MeshSizeExtendFromBoundary", 0)
         gmsh.option.setNumber("Mesh.MeshSizeFromPoints", 0)
+        # To which sizes are integrated along curves; its own 1e-9 takes most of the time.
+        gmsh.option.setNumber("Mesh.LcIntegrationPrecision", 1e-5)
         gmsh.model.add("film")
         yield gmsh
     finally:
@@ -145,19 +147,20 @@ def _parameters(gmsh: Any, curve: tuple[int, int], count: int) -> np.ndarray:
 
 def _surface_groups(gmsh: Any, faces: dict[str, list[Any]], folder: Path) -> Groups:
     """Faces brought into gmsh and glued together: the surfaces of each name."""
-    from tympan.geometry.cad.membrane import write_step
+    from tympan.geometry.cad.membrane import brep
 
     surfaces: list[tuple[int, int]] = []
     names: list[str] = []
     for name, members in faces.items():
         if members:
-            write_step(members, folder / f"{name}.step")
+            file = folder / f"{name}.brep"
             try:
-                surfaces += gmsh.model.occ.importShapes(str(folder / f"{name}.step"))
-            except Exception as error:  # gmsh raises nothing more specific
+                file.write_bytes(brep(members))
+            except OSError as error:
                 raise InputError("cannot be meshed: there is no room for temporary files in "
-                                 f"{folder.parent} (TMPDIR names another place): {error}",
+                                 f"{folder.parent} (TMPDIR names another place): {error.strerror}",
                                  key="frame, plate, electrode") from None
+            surfaces += gmsh.model.occ.importShapes(str(file))
             names += [name] * (len(surfaces) - len(names))
     pieces = [[surface] for surface in surfaces]
     if len(surfaces) > 1:

@@ -59,28 +59,28 @@ def new_figure(height: float, width: float = WIDTH) -> Figure:
     return figure
 
 
-def place_axes(figure: Figure, left: float, top: float, width: float, height: float) -> Axes:
+def place_axes(figure: Figure, left_edge: float, top: float, width: float, height: float) -> Axes:
     """Axes at a place measured from the page's top left corner [mm]."""
     across, down = figure.get_size_inches() / MM
-    return figure.add_axes((left / across, 1 - (top + height) / down, width / across,
+    return figure.add_axes((left_edge / across, 1 - (top + height) / down, width / across,
                             height / down))
 
 
-def place_pair(figure: Figure, left: float, top: float, width: float,
+def place_pair(figure: Figure, left_edge: float, top: float, width: float,
                heights: tuple[float, float, float]) -> tuple[Axes, Axes]:
     """Axes above others of the same abscissa [mm]; ``heights`` of the two and the gap between."""
     above, gap, below = heights
-    pair = (place_axes(figure, left, top, width, above),
-            place_axes(figure, left, top + above + gap, width, below))
+    pair = (place_axes(figure, left_edge, top, width, above),
+            place_axes(figure, left_edge, top + above + gap, width, below))
     pair[0].tick_params(labelbottom=False)
     return pair
 
 
-def centred(widths: Sequence[float], gap: float, left: float = 0.0, right: float = 0.0,
-            ) -> list[float]:
+def centred(widths: Sequence[float], gap: float, left_margin: float = 0.0,
+            right_margin: float = 0.0) -> list[float]:
     """Left edges of columns in the middle of the page, between margins [mm]."""
-    spare = WIDTH - left - right - sum(widths) - gap * (len(widths) - 1)
-    starts = accumulate((width + gap for width in widths[:-1]), initial=left + spare / 2)
+    spare = WIDTH - left_margin - right_margin - sum(widths) - gap * (len(widths) - 1)
+    starts = accumulate((width + gap for width in widths[:-1]), initial=left_margin + spare / 2)
     return list(starts)
 
 
@@ -98,11 +98,11 @@ def show_picture(axes: Axes, picture: Picture, *captions: tuple[str, float, str,
                       fontsize=size)
 
 
-def colour_bar(figure: Figure, left: float, top: float, size: tuple[float, float],
+def colour_bar(figure: Figure, left_edge: float, top: float, size: tuple[float, float],
                scale: AxisScale, colours: str, words: str) -> None:
     """What the colours of pictures mean, in a bar of a ``size`` [mm]."""
     bar = figure.colorbar(ScalarMappable(Normalize(scale.low, scale.high), colours),
-                          cax=place_axes(figure, left, top, *size), orientation="horizontal",
+                          cax=place_axes(figure, left_edge, top, *size), orientation="horizontal",
                           ticks=scale.ticks)
     bar.set_ticklabels([scale.text(tick) for tick in scale.ticks])
     bar.outline.set_linewidth(0.5)

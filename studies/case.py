@@ -353,13 +353,13 @@ def state_warnings(model: Model, state: State) -> list[str]:
                           model.specimen.membrane.material)
 
 
-def field_warnings(fields: Fields, lost: LostTension, material: Material) -> list[str]:
+def field_warnings(fields: Fields, loss: LostTension, material: Material) -> list[str]:
     """What a reader of these fields must know before trusting them."""
     warnings, loose = [], fields[fields.tension != Tension.TAUT]
     if len(loose.tension):
         x_mm, y_mm, _ = loose.position[np.argmin(loose.stress_2)] * 1e3
-        area_cm2, slack_cm2 = (lost.wrinkled + lost.slack) * 1e4, lost.slack * 1e4
-        over = (f" over {area_cm2:.3g} cm² of the mounted film ({lost.share:.2%})" if area_cm2
+        area_cm2, slack_cm2 = (loss.wrinkled + loss.slack) * 1e4, loss.slack * 1e4
+        over = (f" over {area_cm2:.3g} cm² of the mounted film ({loss.share:.2%})" if area_cm2
                 else "")
         over += f", {slack_cm2:.3g} cm² of them slack in all directions" if slack_cm2 else ""
         warnings.append(f"the film loses tension and wrinkles{over}, most at x {x_mm:.1f} mm, "

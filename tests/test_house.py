@@ -54,6 +54,20 @@ def imports(tree: ast.Module) -> Iterator[str]:
             yield from (f"{node.module}.{alias.name}" for alias in node.names)
 
 
+def variables(tree: ast.Module) -> Iterator[tuple[int, str]]:
+    """Variables without annotation, and all arguments, each with its line.
+
+    Annotated are the fields of results, which carry the names of JSON keys ("held" by an optimum).
+    """
+    for parent in ast.walk(tree):
+        for node in ast.iter_child_nodes(parent):
+            if isinstance(node, ast.arg):
+                yield node.lineno, node.arg
+            elif (isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store)
+                  and not isinstance(parent, ast.AnnAssign)):
+                yield node.lineno, node.id
+
+
 def is_test(module: str) -> bool:
     """Whether it is a test module, or something in one."""
     return any(part.startswith("test_") or part == "conftest" for part in module.split("."))
@@ -141,11 +155,9 @@ def test_no_public_name_is_defined_twice() -> None:
 
 
 def test_variables_say_what_they_hold() -> None:
-    # Fields of results carry the names of their JSON keys ("held" by an optimum).
-    vague = [f"{file}:{node.lineno} {node.id}" for file, tree in files_of(*PRODUCT)
-             for parent in ast.walk(tree) if not isinstance(parent, ast.AnnAssign)
-             for node in ast.iter_child_nodes(parent) if isinstance(node, ast.Name)
-             and isinstance(node.ctx, ast.Store) and node.id in VAGUE]
+    vague = [f"{file}:{line} {name}"
+             for file, tree in files_of(*PRODUCT, "tests", "benchmarks")
+             for line, name in variables(tree) if name in VAGUE]
     assert not vague
 
 

@@ -64,10 +64,10 @@ def _hinges(lower: Ints, guides: Ints, layer: int) -> Iterator[str]:
             yield f"*EQUATION\n3\n{node}, {k}, 1., {node + layer}, {k}, 1., {guide}, {k}, -2."
 
 
-def _step(time: str, controls: str, held: Iterable[str], output: str = "") -> list[str]:
+def _step(time: str, controls: str, boundary: Iterable[str], output: str = "") -> list[str]:
     """One static step in which only the given nodes are held."""
     lines = ["*STEP, NLGEOM, INC=1000", "*STATIC", time, controls,
-             "*BOUNDARY, OP=NEW", *held, output, "*END STEP"]
+             "*BOUNDARY, OP=NEW", *boundary, output, "*END STEP"]
     return [line for line in lines if line]
 
 

@@ -18,9 +18,9 @@ def prepare(level: int) -> ngs.Mesh:
     """Netgen's mesh, curved, the cell size growing with the radius and halving with the level."""
     geometry = SplineGeometry()
     coarsest = 0.55 / 2**level  # cell size over radius
-    for radius, rim, left, right in ((PROBLEM.inner, "plate", 0, 1),
-                                     (PROBLEM.outer, "frame", 1, 0)):
-        geometry.AddCircle((0, 0), radius, bc=rim, leftdomain=left, rightdomain=right,
+    for radius, rim, left_domain, right_domain in ((PROBLEM.inner, "plate", 0, 1),
+                                                   (PROBLEM.outer, "frame", 1, 0)):
+        geometry.AddCircle((0, 0), radius, bc=rim, leftdomain=left_domain, rightdomain=right_domain,
                            maxh=coarsest * radius)
     mesh = ngs.Mesh(geometry.GenerateMesh(maxh=coarsest * PROBLEM.outer, grading=0.3))
     mesh.Curve(ORDER)

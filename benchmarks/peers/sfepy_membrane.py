@@ -151,8 +151,8 @@ def solve(mesh: Mesh) -> Solution:
     term = Term.new("dw_tl_curved_membrane(m.a1, m.a2, m.h0, v, u)", integral, film,
                     m=rubber, v=v, u=u)
     problem = Problem("film", equations=Equations([Equation("balance", term)]), active_only=True)
-    held = Function("rim", _at_rim)
-    fixed = [EssentialBC(rim.name, rim, {"u.all": held}) for rim in (inner, outer)]
+    at_rim = Function("rim", _at_rim)
+    fixed = [EssentialBC(rim.name, rim, {"u.all": at_rim}) for rim in (inner, outer)]
     problem.set_bcs(ebcs=Conditions(fixed))
     problem.set_solver(Newton(NEWTON, lin_solver=SymmetricLU({})))
     state = problem.solve(state0=mounted(field.get_coor()).ravel(), save_results=False)

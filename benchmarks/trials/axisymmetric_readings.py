@@ -60,14 +60,14 @@ def heaves(film: Film, load: float, voltages: FloatArray, spring: float = 0.0) -
     pull-in."""
     ritz = RitzExpansion(film, _DEGREE)
     state = ritz.flat(0.0)
-    found = []
+    deflections = []
     for voltage in voltages.tolist():
         at = _balanced(ritz, state, load, spring, voltage**2)
         if at is None or not at.held or at.stiffness + spring <= 0 or not ritz.resolved(at):
             return None
         state = at
-        found.append(at.deflection)
-    return np.array(found)
+        deflections.append(at.deflection)
+    return np.array(deflections)
 
 
 def _balanced(ritz: RitzExpansion, state: _State, load: float, spring: float,

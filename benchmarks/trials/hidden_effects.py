@@ -72,12 +72,12 @@ def study(lab: Lab, counts: dict[str, int], workers: int, keep: Path | None = No
     end = time.monotonic() + 60 * minutes
     with ProcessPoolExecutor(workers, get_context("spawn"), _start,
                              (lab,)) as pool, bar(len(trials)) as step:
-        for name, number, found in pool.map(_run, trials):
+        for name, number, trial_records in pool.map(_run, trials):
             step(f"{name} {number}")
-            records += found
+            records += trial_records
             if keep is not None:
                 with keep.open("a", encoding="utf-8") as file:
-                    rows = [one.json() for one in found]
+                    rows = [record.json() for record in trial_records]
                     file.write(json.dumps({"trial": [name, number], "records": rows}) + "\n")
             if time.monotonic() > end:
                 pool.shutdown(cancel_futures=True)
@@ -90,7 +90,7 @@ def kept(keep: Path | None) -> tuple[list[Record], set[tuple[str, int]]]:
     lines = keep.read_text(encoding="utf-8").splitlines() if keep and keep.exists() else []
     rows = [json.loads(line) for line in lines]
     done = {(row["trial"][0], row["trial"][1]) for row in rows}
-    return [Record.of_json(one) for row in rows for one in row["records"]], done
+    return [Record.of_json(content) for row in rows for content in row["records"]], done
 
 
 def write(records: Sequence[Record], about: str, file: Path) -> None:
@@ -103,11 +103,11 @@ def write(records: Sequence[Record], about: str, file: Path) -> None:
 
 def told(records: Sequence[Record], seed: int, counts: dict[str, int]) -> str:
     """What was run, and what of it was planned."""
-    done = {name: len({one.number for one in records if one.population.startswith(name)})
+    done = {name: len({record.number for record in records if record.population.startswith(name)})
             for name in counts}
     drawn = ", ".join(f"{count} {name}" for name, count in done.items())
     lines = [f"Seed {seed}. Trials: {drawn}; drawn again for "
-             f"want of an equilibrium or a film {sum(one.again for one in records)} times."]
+             f"want of an equilibrium or a film {sum(record.again for record in records)} times."]
     if done != counts:
         lines.append(f"**Stopped early**: {sum(done.values())} of {sum(counts.values())} trials, "
                      "in an order in which each kind has its share; `make hidden` runs them all.")

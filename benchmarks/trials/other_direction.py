@@ -39,11 +39,11 @@ class Verdict:
     words: str = ""
 
 
-def voltage_first(model: Model, drawn: Drawn, found: Outcome) -> Verdict:
+def voltage_first(model: Model, drawn: Drawn, solved: Outcome) -> Verdict:
     """The film charged while flat, then the gas, then the weight."""
     way, case = "voltage first", drawn.case
     outcome = equilibrium(model, 0.0, case.rig.film_voltage(case.voltage))
-    if outcome.status != "equilibrium" and found.status == "equilibrium":
+    if outcome.status != "equilibrium" and solved.status == "equilibrium":
         return Verdict(way, "silent",
                        words="without its load the film has no equilibrium at this voltage")
     for load, value in (("pressure", case.rig.gas_pressure),
@@ -52,30 +52,30 @@ def voltage_first(model: Model, drawn: Drawn, found: Outcome) -> Verdict:
             outcome = Ramp(model, load, value).run(outcome.solution)
     if outcome.status == "not_converged":
         return Verdict(way, "silent", words=outcome.advice)
-    if outcome.status != found.status:
-        ends = (1e3 * end.state.plate.deflection for end in (outcome, found))
+    if outcome.status != solved.status:
+        ends = (1e3 * end.state.plate.deflection for end in (outcome, solved))
         heave = "heave {:.3f} mm, found {:.3f} mm".format(*ends)
         return Verdict(way, "differs", words=f"{outcome.status} instead: {heave}")
-    if found.status == "no_equilibrium":
+    if solved.status == "no_equilibrium":
         return Verdict(way, "agrees")
-    heaves = outcome.state.plate.deflection, found.state.plate.deflection
+    heaves = outcome.state.plate.deflection, solved.state.plate.deflection
     error = abs(heaves[0] - heaves[1]) / max(abs(heaves[1]), 1e-3 * model.size)
     return Verdict(way, "agrees" if error < SAME else "differs", error,
                    "heaves {:.4g}, {:.4g} m".format(*heaves))
 
 
-def along_heaves(model: Model, drawn: Drawn, found: Outcome) -> Verdict:
+def along_heaves(model: Model, drawn: Drawn, solved: Outcome) -> Verdict:
     """The load that keeps the plate at one heave after another, from where that load is zero to
     beyond the limit.
 
     The heave takes the place of the load as what is given, so that the limit point is nothing
     special there.
     """
-    way, critical, load = "heave by heave", found.critical, found.limited
+    way, critical, load = "heave by heave", solved.critical, solved.limited
     assert critical is not None
     assert load is not None
-    if not found.advice.startswith("the film pulls in"):
-        return Verdict(way, "silent", words=found.advice)
+    if not solved.advice.startswith("the film pulls in"):
+        return Verdict(way, "silent", words=solved.advice)
     subspace = critical.solution.tangent.subspace if critical.solution.tangent else FULL
     rig = drawn.case.rig
     force = rig.force(drawn.case.mass, model.plate_area) if load != "force" else 0.0
@@ -95,10 +95,10 @@ def along_heaves(model: Model, drawn: Drawn, found: Outcome) -> Verdict:
                     subspace=subspace)
         if at.converged:
             points.append((float(heave), at.state.load(load)))
-    return _compared(way, points, found, "" if subspace is FULL else "smooth")
+    return _compared(way, points, solved, "" if subspace is FULL else "smooth")
 
 
-def _compared(way: str, points: list[tuple[float, float]], found: Outcome, words: str) -> Verdict:
+def _compared(way: str, points: list[tuple[float, float]], solved: Outcome, words: str) -> Verdict:
     if len(points) < 5:
         return Verdict(way, "silent", words=f"only {len(points)} heaves converged")
     heaves, loads = np.array(points).T
@@ -112,11 +112,11 @@ def _compared(way: str, points: list[tuple[float, float]], found: Outcome, words
     offset = (heaves[near] - heaves[top]) / np.ptp(heaves)
     curve = np.poly1d(np.polyfit(offset, loads[near], min(4, len(offset) - 1)))
     peak = max(float(curve(x)) for x in np.linspace(offset[0], offset[-1], 801))
-    error = abs(peak / found.limit - 1) if found.limit else np.inf
+    error = abs(peak / solved.limit - 1) if solved.limit else np.inf
     return Verdict(way, "agrees" if error < 1e-3 else "differs", error, words)
 
 
-def oracle(model: Model, drawn: Drawn, found: Outcome) -> Verdict:
+def oracle(model: Model, drawn: Drawn, solved: Outcome) -> Verdict:
     """The axisymmetric equations: deflection of an equilibrium, voltage at the end."""
     way, case, film = "axisymmetric equations", drawn.case, drawn.case.specimen.membrane
     law = _reference(film.material)
@@ -130,8 +130,8 @@ def oracle(model: Model, drawn: Drawn, found: Outcome) -> Verdict:
     if np.isnan(limit):
         return Verdict(way, "silent", words="the film goes on wrinkled")
     words = f"the end at {limit:.5g} V"
-    if found.status == "no_equilibrium":
-        error = abs(np.sqrt(found.limit or 0) / limit - 1) if np.isfinite(limit) else np.inf
+    if solved.status == "no_equilibrium":
+        error = abs(np.sqrt(solved.limit or 0) / limit - 1) if np.isfinite(limit) else np.inf
         return Verdict(way, "agrees" if error < LIKE_ORACLE and limit < case.voltage else "differs",
                        error, words)
     if limit < case.voltage:
@@ -140,7 +140,7 @@ def oracle(model: Model, drawn: Drawn, found: Outcome) -> Verdict:
         exact = axisymmetric.solve_load(reference, force, case.voltage).deflection
     except ArithmeticError as failure:
         return Verdict(way, "silent", words=str(failure))
-    error = abs(found.state.plate.deflection - exact) / max(exact, 1e-3 * model.size)
+    error = abs(solved.state.plate.deflection - exact) / max(exact, 1e-3 * model.size)
     return Verdict(way, "agrees" if error < LIKE_ORACLE else "differs", error, words)
 
 

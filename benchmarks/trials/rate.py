@@ -64,4 +64,4 @@ class Rate:
 def share(what: str, records: Sequence[Record], holds: Callable[[Record], bool | None],
           low: float = 0.0, high: float = 1.0) -> Rate:
     """Of the records for which something holds."""
-    return Rate(what, sum(bool(holds(one)) for one in records), len(records), low, high)
+    return Rate(what, sum(bool(holds(record)) for record in records), len(records), low, high)

@@ -25,102 +25,106 @@ _MIXTURE = {"single": 0.6, "pair": 0.2, "outside": 0.2}
 
 def rates(records: Sequence[Record]) -> list[Rate]:
     """The rates of the study."""
-    kinds = {name: [one for one in records if one.population == name and one.verdict not in GONE]
-             for name in dict.fromkeys(one.population for one in records)}
+    kinds = {name: [record for record in records
+                    if record.population == name and record.verdict not in GONE]
+             for name in dict.fromkeys(record.population for record in records)}
 
     def of(name: str) -> list[Record]:
         return kinds.get(name, [])
 
     single = of("single")
-    named = [one for one in (*single, *of("strong")) if one.identifiable]
-    weak = [one for one in single if not one.identifiable]
-    outside = [one for one in of("outside") if one.seen >= SEEN]
-    pairs = [one for one in (*of("pair"), *of("duo")) if one.identifiable]
-    alarmed = {name: [one for one in of(name) if one.covered is not None]
+    named = [record for record in (*single, *of("strong")) if record.identifiable]
+    weak = [record for record in single if not record.identifiable]
+    outside = [record for record in of("outside") if record.seen >= SEEN]
+    pairs = [record for record in (*of("pair"), *of("duo")) if record.identifiable]
+    alarmed = {name: [record for record in of(name) if record.covered is not None]
                for name in ("single", "pair")}
-    sizes, large = ([hit for one in kind for hit in one.inside] for kind in (single, named))
-    gained = [one.ratio for one in of("gain") if one.identifiable and one.ratio is not None]
-    predicted = [one for one in of("gain") if one.identifiable and one.predicted]
-    mendless = [one for one in records if one.population != "outside" or one.told >= TOLD]
+    sizes, large = ([hit for record in kind for hit in record.inside] for kind in (single, named))
+    gained = [record.ratio for record in of("gain")
+              if record.identifiable and record.ratio is not None]
+    predicted = [record for record in of("gain") if record.identifiable and record.predicted]
+    mendless = [record for record in records
+                if record.population != "outside" or record.told >= TOLD]
     return [
         share("nothing hidden: false alarms", of("null"), _alarm, high=0.05),
         share(f"one effect, Δχ² ≥ {SEEN:g}: detected",
-              [one for one in (*single, *of("strong")) if one.seen >= SEEN],
+              [record for record in (*single, *of("strong")) if record.seen >= SEEN],
               _alarm, 0.95),
         share("one identifiable effect: it is the most probable cause", named, _first, low=0.95),
         share("one identifiable effect: it is named", named, _right, low=0.8),
-        share("one identifiable effect: another is named", named, lambda one: one.misnamed,
+        share("one identifiable effect: another is named", named, lambda record: record.misnamed,
               high=0.02),
         share("one effect too weak to be identified: another is named", weak,
-              lambda one: one.misnamed, high=0.02),
+              lambda record: record.misnamed, high=0.02),
         share("exact aliases: said to be, and none of them named", of("alias"),
-              lambda one: one.reported, low=1.0),
+              lambda record: record.reported, low=1.0),
         Rate("effects as drawn, one or two as often as the diagnosis expects, seen: 95 % set has "
              "them", 0, sum(map(len, alarmed.values())), 0.92, 0.98, covering(alarmed)),
         share("the same, one effect: the set, which leaves room for two, has it",
-              alarmed["single"], lambda one: one.covered, 0.92),
+              alarmed["single"], lambda record: record.covered, 0.92),
         Rate("calibration error of the first cause's stated probability", 0,
-             sum(bool(one.ranked) for name in _MIXTURE for one in of(name)), 0.0, 0.05,
+             sum(bool(record.ranked) for name in _MIXTURE for record in of(name)), 0.0, 0.05,
              calibration(records)[0]),
         Rate("the same, without strangers that an effect of the library makes as well", 0,
-             sum(bool(one.ranked) for one in mendless for name in _MIXTURE
-                 if one.population == name), 0.0, 0.05,
+             sum(bool(record.ranked) for record in mendless for name in _MIXTURE
+                 if record.population == name), 0.0, 0.05,
              calibration(mendless)[0]),
         Rate("one effect as drawn: 95 % intervals have the true size", sum(sizes), len(sizes), 0.92,
              0.98),
         Rate("the same, identifiable effects", sum(large), len(large), 0.92, 0.98),
         share(f"outside the library, Δχ² ≥ {SEEN:g} from it: unexplained", outside,
-              lambda one: one.verdict == "unexplained", low=0.9),
-        share("outside the library: some effect is named", outside, lambda one: bool(one.named),
-              high=0.05),
+              lambda record: record.verdict == "unexplained", low=0.9),
+        share("outside the library: some effect is named", outside,
+              lambda record: bool(record.named), high=0.05),
         share("two identifiable effects: both found (most probable hypothesis)", pairs,
-              lambda one: set(one.best) == set(one.truth), low=0.8),
-        share("the same: both named", pairs, lambda one: set(one.named) == set(one.truth)),
-        share("the same: another is named", pairs, lambda one: one.misnamed, high=0.02),
+              lambda record: set(record.best) == set(record.truth), low=0.8),
+        share("the same: both named", pairs, lambda record: set(record.named) == set(record.truth)),
+        share("the same: another is named", pairs, lambda record: record.misnamed, high=0.02),
         share("the true effect deleted from the library: another is named", of("deleted"),
-              lambda one: bool(one.named), high=0.05),
+              lambda record: bool(record.named), high=0.05),
         *(share(f"nothing hidden, noise stated 1.5 times {words}: false alarms",
                  of(f"noise stated {words}"), _alarm,
                  high=0.1) for words in ("too small", "too large")),
         share("nothing hidden, stress 1 to 2 % wrong by another law: alarms",
-              [one for one in of("form")
-                                                                             if not one.truth],
-              _alarm),
+              [record for record in of("form") if not record.truth], _alarm),
         share("one identifiable effect, stress 1 to 2 % wrong: another is named",
-              [one for one in of("form") if one.identifiable], lambda one: one.misnamed),
-        share("refused, or ended in an error", list(records), lambda one: one.verdict in GONE),
+              [record for record in of("form") if record.identifiable],
+              lambda record: record.misnamed),
+        share("refused, or ended in an error", list(records),
+              lambda record: record.verdict in GONE),
         Rate("one identifiable effect: error beyond noise on readings held out, after over before, "
              "median", 0, len(gained), 0.0, 0.3, float(np.median(gained)) if gained else 1.0),
         Rate("the same: readings held out within their 95 % predictive bands",
-             sum(one.predicted[0] for one in predicted), sum(one.predicted[1] for one in predicted),
-             0.92, 0.98),
+             sum(record.predicted[0] for record in predicted),
+             sum(record.predicted[1] for record in predicted), 0.92, 0.98),
         share("random designs, from files to the page: raised or refused",
-              [one for one in records if one.population == "random"],
-              lambda one: one.verdict in GONE, high=0.0),
+              [record for record in records if record.population == "random"],
+              lambda record: record.verdict in GONE, high=0.0),
         share("the same, films that are only softer or stiffer: an effect is named", of("random"),
-              lambda one: bool(one.named), high=0.05),
+              lambda record: bool(record.named), high=0.05),
         *size_rates(records),
     ]
 
 
-def _alarm(one: Record) -> bool:
-    return one.verdict != "nothing"
+def _alarm(record: Record) -> bool:
+    return record.verdict != "nothing"
 
 
-def _first(one: Record) -> bool:
-    return bool(one.ranked) and one.ranked[0][0] in one.truth
+def _first(record: Record) -> bool:
+    return bool(record.ranked) and record.ranked[0][0] in record.truth
 
 
-def _right(one: Record) -> bool:
-    return set(one.named) == set(one.truth)
+def _right(record: Record) -> bool:
+    return set(record.named) == set(record.truth)
 
 
 def covering(alarmed: Mapping[str, Sequence[Record]]) -> float:
     """Share of sets that have the truth, kinds of trials weighted as the diagnosis expects them."""
     asked = {name: records for name, records in alarmed.items() if records}
     total = sum(_MIXTURE[name] for name in asked)
-    return sum(_MIXTURE[name] / total * sum(bool(one.covered) for one in records) / len(records)
-               for name, records in asked.items())
+    return sum(
+        _MIXTURE[name] / total * sum(bool(record.covered) for record in records) / len(records)
+        for name, records in asked.items())
 
 
 def calibration(records: Sequence[Record]) -> tuple[float, list[tuple[float, float, int]]]:
@@ -130,33 +134,35 @@ def calibration(records: Sequence[Record]) -> tuple[float, list[tuple[float, flo
     Trials with one effect, two, and a stranger, as they were drawn, are weighted as the diagnosis
     expects them.
     """
-    kinds = {name: [one for one in records if one.population == name and one.ranked]
+    kinds = {name: [record for record in records if record.population == name and record.ranked]
              for name in _MIXTURE}
-    rows = [(one.ranked[0][1], float(one.ranked[0][0] in one.truth), _MIXTURE[name] / len(kind))
-            for name, kind in kinds.items() for one in kind]
+    rows = [(record.ranked[0][1], float(record.ranked[0][0] in record.truth),
+             _MIXTURE[name] / len(kind))
+            for name, kind in kinds.items() for record in kind]
     if not rows:
         return 1.0, []
     stated, true, weight = np.array(sorted(rows)).T
     bins = np.minimum((np.cumsum(weight) - weight / 2) / weight.sum() * _BINS,
                       _BINS - 1e-9).astype(int)
-    found = [(float(np.average(stated[bins == k], weights=weight[bins == k])),
+    curve = [(float(np.average(stated[bins == k], weights=weight[bins == k])),
               float(np.average(true[bins == k], weights=weight[bins == k])), int((bins == k).sum()))
              for k in np.unique(bins)]
     shares = [weight[bins == k].sum() / weight.sum() for k in np.unique(bins)]
-    return float(sum(part * abs(a - b) for part, (a, b, _) in zip(shares, found,
-                                                                    strict=True))), found
+    return float(sum(part * abs(a - b) for part, (a, b, _) in zip(shares, curve,
+                                                                    strict=True))), curve
 
 
 def power(records: Sequence[Record]) -> list[tuple[float, float, Rate, Rate]]:
     """Bins of Δχ² with the shares detected, and named rightly."""
-    single = [one for one in records if one.population == "single" and one.verdict not in GONE]
-    found = []
+    single = [record for record in records
+              if record.population == "single" and record.verdict not in GONE]
+    bins = []
     for low, high in pairwise(_EDGES):
-        within = [one for one in single if low <= one.seen < high]
+        within = [record for record in single if low <= record.seen < high]
         if within:
-            found.append((low, high, share("detected", within, _alarm),
-                          share("named", within, _right)))
-    return found
+            bins.append((low, high, share("detected", within, _alarm),
+                         share("named", within, _right)))
+    return bins
 
 
 def page(records: Sequence[Record], about: str) -> str:
@@ -176,11 +182,13 @@ def page(records: Sequence[Record], about: str) -> str:
               for stated, true, count in calibration(records)[1]]
     lines += ["", "What strangers were called (those the library cannot mend):", "",
               "| stranger | trials | verdicts |", "|---|---|---|"]
-    outside = [one for one in records if one.population == "outside" and one.seen >= SEEN]
-    for name in sorted({one.truth[0] for one in outside}):
-        own = [one for one in outside if one.truth[0] == name]
-        said = Counter(", ".join(one.named) if one.named else one.verdict for one in own)
-        lines.append(f"| {name} | {len(own)} | "
+    outside = [record for record in records
+               if record.population == "outside" and record.seen >= SEEN]
+    for name in sorted({record.truth[0] for record in outside}):
+        group = [record for record in outside if record.truth[0] == name]
+        said = Counter(", ".join(record.named) if record.named else record.verdict
+                       for record in group)
+        lines.append(f"| {name} | {len(group)} | "
                      f"{'; '.join(f'{words} {n}' for words, n in said.most_common())} |")
     lines += ["", _SIZES, "", *size_lines(records)]
     return "\n".join(lines) + "\n"
@@ -199,14 +207,14 @@ def draw_power(records: Sequence[Record], file: Path) -> None:
     bins = power(records)
     for place, (label, colour) in enumerate((("detected", "#1f6f8b"),
                                              ("named, rightly", "#c8553d"))):
-        shares = [one[2 + place] for one in bins]
+        shares = [row[2 + place] for row in bins]
         at = np.arange(len(bins)) + 0.08 * (place - 0.5)
         middle = np.array([rate.share for rate in shares])
         error = np.abs(np.array([rate.interval for rate in shares]).T - middle)
         axes.errorbar(at, middle, error, fmt="o-", color=colour, capsize=3, label=label)
     names = [_bin(low, high) for low, high, *_ in bins]
     axes.set_xticks(range(len(bins)),
-                    [f"{name}\n({one[2].count})" for name, one in zip(names, bins, strict=True)],
+                    [f"{name}\n({row[2].count})" for name, row in zip(names, bins, strict=True)],
                     fontsize=8)
     axes.set(xlabel="Δχ² of the hidden effect after stiffness and permittivity are fitted (trials)",
              ylabel="share of trials", ylim=(-0.02, 1.02))

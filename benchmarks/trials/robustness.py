@@ -22,6 +22,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from multiprocessing.connection import Connection
 from pathlib import Path
+from typing import TypeVar
 
 from benchmarks.trials.other_direction import Verdict, along_heaves, oracle, voltage_first
 from benchmarks.trials.random_specimens import Drawn, design
@@ -30,7 +31,9 @@ from tympan.fem.equilibrium.ramp import Outcome
 from tympan.fem.membrane.model import Model
 from tympan.geometry.errors import InputError
 from tympan.geometry.mesher import MeshSettings
-from tympan.studies.case import Settings, equilibrate
+from tympan.studies.case import Settings, build_model, equilibrate
+
+Result = TypeVar("Result")
 
 MESH = MeshSettings().refined(0.5)
 SECONDS = 60.0  #: of processor time, the longest a search may take
@@ -48,7 +51,8 @@ class Record:
 
     ``status`` is the outcome's, or "refused" (by the mesher: input that is wrong), "raised" or
     "hung"; ``words`` its advice or the error. ``again``: solved on the default mesh, since on the
-    coarse one something was wrong. ``kind``: of a limit.
+    coarse one something was wrong. ``kind``: of a limit. ``past``: what a search beyond the limit
+    voltage took, meshing left out, over one that ends at 95 % of it.
     """
 
     number: int
@@ -62,6 +66,7 @@ class Record:
     case: str = ""
     again: bool = False
     kind: str | None = None
+    past: float | None = None
 
     @property
     def balanced(self) -> bool:
@@ -85,28 +90,40 @@ class Record:
 def judged(drawn: Drawn, mesh: MeshSettings = MESH, sample: int = 1) -> Record:
     """A case solved and checked; every ``sample``-th from the other directions that cost as much as
     the search."""
-    began = time.process_time()
-    model, found = equilibrate(drawn.case, Settings(mesh))
-    seconds = time.process_time() - began
-    record = Record(drawn.number, drawn.refused, found.status, found.advice, seconds,
-                    drawn.case.rig.gas_pressure != 0, case=str(drawn), kind=found.kind)
-    if found.status == "equilibrium":
-        record = replace(record, balance=balance(model, found.state))
-    record = replace(record, verdicts=tuple(_verdicts(model, drawn, found, sample)))
+    settings = Settings(mesh)
+    meshing, _ = _timed(lambda: build_model(drawn.case.specimen, settings, drawn.case.rig.loading))
+    search, (model, outcome) = _timed(lambda: equilibrate(drawn.case, settings))
+    seconds = meshing + search
+    record = Record(drawn.number, drawn.refused, outcome.status, outcome.advice, seconds,
+                    drawn.case.rig.gas_pressure != 0, case=str(drawn), kind=outcome.kind)
+    if outcome.limited == "voltage" and outcome.limit is not None:
+        share = 0.95 * outcome.limit**0.5 / drawn.case.film_voltage
+        inner = replace(drawn.case, voltage=share * drawn.case.voltage)
+        record = replace(record, past=search / _timed(lambda: equilibrate(inner, settings))[0])
+    if outcome.status == "equilibrium":
+        record = replace(record, balance=balance(model, outcome.state))
+    record = replace(record, verdicts=tuple(_verdicts(model, drawn, outcome, sample)))
     finer = MeshSettings()
     return replace(judged(drawn, finer, sample),
                    again=True) if record.wrong and mesh != finer else record
 
 
-def _verdicts(model: Model, drawn: Drawn, found: Outcome, sample: int) -> Iterator[Verdict]:
-    if found.status == "not_converged":
+def _timed(work: Callable[[], Result]) -> tuple[float, Result]:
+    """Processor time, and what came of it."""
+    began = time.process_time()
+    result = work()
+    return time.process_time() - began, result
+
+
+def _verdicts(model: Model, drawn: Drawn, outcome: Outcome, sample: int) -> Iterator[Verdict]:
+    if outcome.status == "not_converged":
         return
     if drawn.plain:
-        yield oracle(model, drawn, found)
+        yield oracle(model, drawn, outcome)
     if drawn.number % sample == 0:
-        yield voltage_first(model, drawn, found)
-        if found.status == "no_equilibrium":
-            yield along_heaves(model, drawn, found)
+        yield voltage_first(model, drawn, outcome)
+        if outcome.status == "no_equilibrium":
+            yield along_heaves(model, drawn, outcome)
 
 
 def _serve(pipe: Connection, sample: int) -> None:
@@ -171,7 +188,7 @@ def study(count: int, seed: int, sample: int, workers: int,
             print(f"     {record.words} | {record.case}", file=sys.stderr, flush=True)
         done.append(record)
         if len(done) % 25 == 0:
-            keep(sorted(done, key=lambda one: one.number))
+            keep(sorted(done, key=lambda entry: entry.number))
         return record
 
     with ThreadPoolExecutor(workers) as pool:
@@ -188,21 +205,21 @@ def table(records: Sequence[Record]) -> str:
              "draws before them refused as inadmissible", ""]
     lines += [f"{status:36}{counts[status]:6d}" for status in
               ("equilibrium", "no_equilibrium", "not_converged", "refused", "raised", "hung")]
-    found = [record for record in records if record.balance is not None]
+    equilibria = [record for record in records if record.balance is not None]
     lines += ["", "reported equilibria"]
     for name, gas in (("without gas", False), ("with gas pressure", True)):
-        group = [record for record in found if record.gas == gas]
+        group = [record for record in equilibria if record.gas == gas]
         if group:
             lines += [f"  {name}: largest unbalanced nodal force "
                       f"{max(r.balance.nodes for r in group):.1e}, "
                       f"plate force {max(r.balance.force for r in group):.1e}, moment "
                       f"{max(r.balance.moment for r in group):.1e}, slope of the potential "
                       f"{max(r.balance.slope for r in group):.1e}"]
-    lines += [f"  unbalanced: {sum(not r.balanced for r in found)}",
+    lines += [f"  unbalanced: {sum(not r.balanced for r in equilibria)}",
               f"  plate unstable in a motion the mirrored part cannot make: "
-              f"{sum(not r.balance.plate_stable for r in found)}",
+              f"{sum(not r.balance.plate_stable for r in equilibria)}",
               "  film pressed, with negative eigenvalues of its own: "
-              f"{sum(r.balance.film_modes > 0 for r in found)}"]
+              f"{sum(r.balance.film_modes > 0 for r in equilibria)}"]
     kinds = Counter(record.kind for record in records)
     lines += ["", f"of those without equilibrium {kinds['pull_in']} pull in, "
               f"{kinds['thinning']} lose tension and thin without bound"]
@@ -216,6 +233,10 @@ def table(records: Sequence[Record]) -> str:
     lines += ["", f"processor time of a search: median {times[len(times) // 2]:.2f} s, 95 % below "
               f"{times[int(0.95 * len(times))]:.1f} s, "
               f"slowest {slowest.seconds:.1f} s (#{slowest.number})"]
+    past = sorted(record.past for record in records if record.past is not None)
+    if past:
+        lines += ["of one beyond the limit voltage, over one to 95 % of it: median "
+                  f"{past[len(past) // 2]:.1f}, 95 % below {past[int(0.95 * len(past))]:.0f}"]
     lines += [f"above {SECONDS:g} s: {sum(seconds > SECONDS for seconds in times)}", "",
               "why not converged"]
     reasons = Counter(record.words for record in records if record.status == "not_converged")

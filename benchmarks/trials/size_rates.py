@@ -43,27 +43,29 @@ def said(record: Record) -> str:
 
 def band(records: Sequence[Record], population: str, low: float, high: float) -> list[Record]:
     """Trials of a population whose effect is so many usual sizes large."""
-    return [one for one in records if one.population == population and one.verdict not in GONE
-            and low <= one.widths[0] < high]
+    return [record for record in records
+            if record.population == population and record.verdict not in GONE
+            and low <= record.widths[0] < high]
 
 
 def size_rates(records: Sequence[Record]) -> list[Rate]:
     """What must hold in every band, for every scale of the priors."""
-    found = []
+    rates = []
     for population, words in SCALES.items():
         for low, high in pairwise(BANDS):
             those = band(records, population, low, high)
             of = f"one effect of {low:g} to {high:g} usual sizes, priors {words}"
-            found.append(share(f"{of}: another is named", those, lambda one: one.misnamed,
+            rates.append(share(f"{of}: another is named", those, lambda record: record.misnamed,
                                high=WRONG))
-            found.append(share(f"{of}: unexplained", those,
-                               lambda one: one.verdict == "unexplained", high=UNEXPLAINED))
-    pairs = [one for one in records if one.population == "large pair" and one.verdict not in GONE]
-    found.append(share("two effects of 1 to 10 usual sizes: a wrong one is named", pairs,
-                       lambda one: one.misnamed, high=WRONG))
-    found.append(share("the same: unexplained", pairs,
-                       lambda one: one.verdict == "unexplained", high=UNEXPLAINED))
-    return found
+            rates.append(share(f"{of}: unexplained", those,
+                               lambda record: record.verdict == "unexplained", high=UNEXPLAINED))
+    pairs = [record for record in records
+             if record.population == "large pair" and record.verdict not in GONE]
+    rates.append(share("two effects of 1 to 10 usual sizes: a wrong one is named", pairs,
+                       lambda record: record.misnamed, high=WRONG))
+    rates.append(share("the same: unexplained", pairs,
+                       lambda record: record.verdict == "unexplained", high=UNEXPLAINED))
+    return rates
 
 
 def size_lines(records: Sequence[Record]) -> list[str]:
@@ -74,15 +76,16 @@ def size_lines(records: Sequence[Record]) -> list[str]:
     for population, words in SCALES.items():
         for low, high in pairwise(BANDS):
             those = band(records, population, low, high)
-            clear = [one for one in those if one.seen >= SEEN]
-            sure = [one for one in those if one.identifiable]
+            clear = [record for record in those if record.seen >= SEEN]
+            sure = [record for record in those if record.identifiable]
             cells = [
-                share("", clear, lambda one: one.verdict != "nothing"),
-                share("", clear, lambda one: bool(one.ranked) and one.ranked[0][0] in one.truth),
-                share("", clear, lambda one: said(one) == "named"),
-                share("", sure, lambda one: said(one) == "named"),
-                share("", those, lambda one: one.misnamed, high=WRONG),
-                share("", those, lambda one: one.verdict == "unexplained", high=UNEXPLAINED)]
+                share("", clear, lambda record: record.verdict != "nothing"),
+                share("", clear,
+                      lambda record: bool(record.ranked) and record.ranked[0][0] in record.truth),
+                share("", clear, lambda record: said(record) == "named"),
+                share("", sure, lambda record: said(record) == "named"),
+                share("", those, lambda record: record.misnamed, high=WRONG),
+                share("", those, lambda record: record.verdict == "unexplained", high=UNEXPLAINED)]
             lines.append(f"| {words} | {low:g}–{high:g} | {len(those)} | "
                          + " | ".join(map(_cell, cells)) + " |")
     return lines
@@ -107,8 +110,9 @@ def draw_sizes(records: Sequence[Record], file: Path) -> None:
         groups = [band(records, population, low, high) for low, high in pairwise(_FINE)]
         start = np.zeros(len(groups))
         for what, colour in _SAID.items():
-            part = np.array([100 * sum(said(one) == what for one in group) / max(len(group), 1)
-                             for group in groups])
+            part = np.array([
+                100 * sum(said(record) == what for record in group) / max(len(group), 1)
+                for group in groups])
             axes.bar(range(len(groups)), part, bottom=start, color=colour, width=0.9, label=what)
             start += part
         labels = [f"{name}\n({len(group)})" for name, group in zip(names, groups, strict=True)]
@@ -130,8 +134,8 @@ def draw_maps(records: Sequence[Record], file: Path) -> None:
     for axes, (number, pair) in zip(figure.subplots(1, len(ALIAS_PAIRS)), enumerate(ALIAS_PAIRS),
                                     strict=True):
         count = len(MAP_WIDTHS) ** 2
-        _draw_map(axes, pair, [one for one in records if one.population == "map"
-                               and one.widths and one.number // count == number])
+        _draw_map(axes, pair, [record for record in records if record.population == "map"
+                               and record.widths and record.number // count == number])
     words = {"first named": _MAP["A"], "second named": _MAP["B"], "both named": _MAP["A, B"],
              "ambiguous (letters: what is listed)": _MAP["ambiguous"],
              "unexplained": _MAP["unexplained"], "nothing": _MAP["nothing"],
@@ -150,14 +154,14 @@ def _draw_map(axes: Axes, pair: tuple[str, str], records: Sequence[Record]) -> N
     from matplotlib.patches import Rectangle
 
     letters = dict(zip(pair, "AB", strict=True))
-    for one in records:
-        column, row = (MAP_WIDTHS.index(width) for width in one.widths)
-        what, text = one.verdict, ""
-        if one.verdict == "named":
-            what = "wrong" if one.misnamed else ", ".join(sorted(letters[name]
-                                                                 for name in one.named))
-        elif one.verdict == "ambiguous":
-            listed = {letters.get(name, "+") for name in one.listed}
+    for record in records:
+        column, row = (MAP_WIDTHS.index(width) for width in record.widths)
+        what, text = record.verdict, ""
+        if record.verdict == "named":
+            what = "wrong" if record.misnamed else ", ".join(sorted(letters[name]
+                                                                    for name in record.named))
+        elif record.verdict == "ambiguous":
+            listed = {letters.get(name, "+") for name in record.listed}
             text = "".join(sorted(listed, key="AB+".index))
         axes.add_patch(Rectangle((column - 0.5, row - 0.5), 1, 1, facecolor=_MAP[what],
                                  edgecolor="white", linewidth=0.8))

@@ -155,7 +155,7 @@ class Sum:
     def derivatives(self, l1: Any, l2: Any) -> tuple[Any, ...]:
         """Energy and its derivatives."""
         parts = zip(self.one.derivatives(l1, l2), self.other.derivatives(l1, l2), strict=True)
-        return tuple(one + other for one, other in parts)
+        return tuple(first + second for first, second in parts)
 
 
 def visited() -> tuple[Array, Array]:
@@ -166,8 +166,8 @@ def visited() -> tuple[Array, Array]:
 
 def stresses(law: Material) -> Array:
     """Nominal stresses over the stretches visited [Pa]."""
-    found = law.derivatives(*visited())
-    return np.concatenate([found[1], found[2]])
+    derivatives = law.derivatives(*visited())
+    return np.concatenate([derivatives[1], derivatives[2]])
 
 
 @lru_cache
@@ -180,9 +180,9 @@ def look_alike(nominal: Material) -> tuple[Material, float]:
         return Sum(Gent(float(np.exp(x[0])), float(np.exp(x[1]))),
                    MooneyRivlin(0.0, float(1e2 * x[2])))
 
-    found = least_squares(lambda x: stresses(law(x)) / wanted - 1,
-                          [np.log(18e3), np.log(110.0), 0.0])
-    best = law(found.x)
+    fitted = least_squares(lambda x: stresses(law(x)) / wanted - 1,
+                           [np.log(18e3), np.log(110.0), 0.0])
+    best = law(fitted.x)
     return best, float(np.abs(stresses(best) / wanted - 1).max())
 
 
@@ -298,11 +298,11 @@ def _readings(design: Design, truth: Truth) -> Array | None:
         law = MATERIALS["vhb-4910-gent"].material
     shown = np.empty(len(design.table))
     for number, ramp in enumerate(design.ramps()):
-        found = _ramp(design, truth,
-                      scaled(law, truth.stiffness * truth.stranger.stiffness(number)), ramp)
-        if found is None:
+        deflections = _ramp(design, truth,
+                            scaled(law, truth.stiffness * truth.stranger.stiffness(number)), ramp)
+        if deflections is None:
             return None
-        shown[ramp] = found
+        shown[ramp] = deflections
     return truth.stranger.shown(shown, design.table.states)
 
 
@@ -355,9 +355,10 @@ def _rubbing(model: Model, force: float, friction: float,
         elif up.status == "equilibrium" and up.state.plate.deflection <= before:
             states.append(up.state)
         else:
-            held = brentq(lambda rub, at=before, volts=voltage: _gap(model, force + rub, volts, at),
-                          -friction, friction, xtol=1e-9)
-            states.append(equilibrium(model, force + held, voltage).state)
+            rubbing = brentq(
+                lambda rub, at=before, volts=voltage: _gap(model, force + rub, volts, at),
+                -friction, friction, xtol=1e-9)
+            states.append(equilibrium(model, force + rubbing, voltage).state)
     return states
 
 
@@ -373,8 +374,8 @@ def hidden(design: Design, generator: np.random.Generator, hypothesis: Hypothesi
     was."""
     for again in range(100):
         truth = draw(generator, hypothesis, means, stranger, widths)
-        found = readings(design, truth)
-        if found is not None:
-            return truth, found, again
+        values = readings(design, truth)
+        if values is not None:
+            return truth, values, again
     raise ArithmeticError("no draw of a hundred has equilibria")
 

@@ -112,11 +112,11 @@ class Record:
         return asdict(self)
 
     @classmethod
-    def of_json(cls, found: dict[str, Any]) -> Record:
+    def of_json(cls, content: dict[str, Any]) -> Record:
         """From one."""
         lists = {name: tuple(map(tuple, value)) if name == "ranked" else tuple(value)
-                 for name, value in found.items() if isinstance(value, list)}
-        return cls(**(found | lists))
+                 for name, value in content.items() if isinstance(value, list)}
+        return cls(**(content | lists))
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,8 +174,8 @@ def _strong(lab: Lab, generator: np.random.Generator, number: int) -> list[Recor
                                      means, generator,
                                      number)
     table = measured(design, values, generator, number)
-    found = _of_some("strong", number, design, simulation, truth, table, values, again)
-    return [found, *(_deleted(found, design, simulation, table, truth) if number % 2 else ())]
+    record = _of_some("strong", number, design, simulation, truth, table, values, again)
+    return [record, *(_deleted(record, design, simulation, table, truth) if number % 2 else ())]
 
 
 def _gain(lab: Lab, generator: np.random.Generator, number: int) -> list[Record]:
@@ -187,14 +187,14 @@ def _gain(lab: Lab, generator: np.random.Generator, number: int) -> list[Record]
                                      number)
     table = measured(design, values, generator, number)
     record = Record("gain", number, means, tuple(map(str, truth.hypothesis)), again, 0.0, 0.0)
-    found, verdict = _judged(record, design, simulation, table, truth)
+    finished, verdict = _judged(record, design, simulation, table, truth)
     further = simulation if verdict is None else verdict.simulation
-    seen, told = stands_out(further, truth, table.with_values(values), _visible(design), verdict)
+    seen, apart = stands_out(further, truth, table.with_values(values), _visible(design), verdict)
     if verdict is None:
-        return [replace(found, seen=seen, told=told)]
+        return [replace(finished, seen=seen, told=apart)]
     report = gain_of(further, verdict.table, design.causes, verdict, number)
     within = report.predictive
-    return [replace(found, seen=seen, told=told,
+    return [replace(finished, seen=seen, told=apart,
                     ratio=None if report.overall is None else report.overall["ratio"],
                     predicted=() if within is None else (
                         round(within["coverage_95"] * within["readings"]), within["readings"]))]
@@ -213,8 +213,8 @@ def _foretold(design: Design, simulation: Simulation, choice: Sequence[Hypothesi
         if not np.isfinite(exact.value).all():
             again += 1
             continue
-        seen, told = stands_out(further, truth, exact, _visible(design))
-        if seen >= SEEN and told >= TOLD:
+        seen, apart = stands_out(further, truth, exact, _visible(design))
+        if seen >= SEEN and apart >= TOLD:
             values = readings(design, truth)
             if values is not None:
                 return truth, values, again
@@ -230,11 +230,11 @@ def _of_some(population: str, number: int, design: Design, simulation: Simulatio
     """A trial with effects, and whether they stand out among the others."""
     record = Record(population, number, truth.means, tuple(map(str, truth.hypothesis)), again, 0.0,
                     0.0)
-    found, judgement = _judged(record, design, simulation, table, truth)
+    finished, judgement = _judged(record, design, simulation, table, truth)
     further = simulation if judgement is None else judgement.simulation
-    seen, told = stands_out(further, truth, table.with_values(values), _visible(design), judgement,
-                            pairs=len(truth.hypothesis) > 1)
-    return replace(found, seen=seen, told=told)
+    seen, apart = stands_out(further, truth, table.with_values(values), _visible(design), judgement,
+                             pairs=len(truth.hypothesis) > 1)
+    return replace(finished, seen=seen, told=apart)
 
 
 def _deleted(record: Record, design: Design, simulation: Simulation, table: ReadingTable,
@@ -255,11 +255,11 @@ def _large(lab: Lab, generator: np.random.Generator, number: int) -> list[Record
     hypothesis = (causes[int(generator.integers(len(causes)))],)
     truth, values, again = hidden(design, generator, hypothesis, means, widths=SIZES_DRAWN)
     table = measured(design, values, generator, number)
-    found = [_of_some("large", number, design, simulation, truth, table, values, again)]
+    records = [_of_some("large", number, design, simulation, truth, table, values, again)]
     for name, widen in WRONG_SCALES.items() if number % 2 == 0 else ():
-        record = replace(_blank(found[0]), population=name)
-        found.append(_judged(record, design, simulation, table, truth, widen)[0])
-    return found
+        record = replace(_blank(records[0]), population=name)
+        records.append(_judged(record, design, simulation, table, truth, widen)[0])
+    return records
 
 
 def _large_pair(lab: Lab, generator: np.random.Generator, number: int) -> list[Record]:
@@ -300,15 +300,15 @@ def _random(lab: Lab, generator: np.random.Generator, number: int) -> list[Recor
             again += 1
         record = Record("random", number, "elements", (), again - 1, 0.0, 0.0, words=str(drawn))
         try:
-            found = diagnose(read_dataset(folder), seed=number)
-            found.save(folder)
+            diagnosis = diagnose(read_dataset(folder), seed=number)
+            diagnosis.save(folder)
         except InputError as error:
             return [replace(record, words=f"{drawn}: {error}")]
         except Exception as error:  # that none raises is what is asked
             return [replace(record, verdict="raised",
                             words=f"{drawn}: {type(error).__name__}: {error}")]
-    return [replace(record, verdict=found.verdict, p_value=found.judgement.test.p_value,
-                    named=tuple(map(str, found.judgement.named)))]
+    return [replace(record, verdict=diagnosis.verdict, p_value=diagnosis.judgement.test.p_value,
+                    named=tuple(map(str, diagnosis.judgement.named)))]
 
 
 def _along(cause: Cause, width: float) -> tuple[float, ...]:
@@ -352,7 +352,7 @@ def _duo(lab: Lab, generator: np.random.Generator, number: int) -> list[Record]:
 
 
 def _pairs(design: Design) -> list[Hypothesis]:
-    return [one for one in hypotheses_of(_visible(design)) if len(one) == 2]
+    return [hypothesis for hypothesis in hypotheses_of(_visible(design)) if len(hypothesis) == 2]
 
 
 def _outside(lab: Lab, generator: np.random.Generator, number: int) -> list[Record]:
@@ -378,14 +378,14 @@ def _alias(lab: Lab, generator: np.random.Generator, number: int) -> list[Record
         design = design.after(3 * 3600.0)
     truth, values, again = hidden(design, generator, (Cause(effect),), "elements")
     record = Record("alias", number, "elements", (effect,), again, 0.0, 0.0)
-    found, verdict = _judged(record, design, simulation,
-                             measured(design, values, generator, number), truth)
+    finished, verdict = _judged(record, design, simulation,
+                                measured(design, values, generator, number), truth)
     if verdict is None:
-        return [found]
+        return [finished]
     group = {Cause("drift"), Cause("sensor_zero")}
-    reported = (any(group <= set(one) for one in verdict.indistinguishable) if kind == 2
+    reported = (any(group <= set(causes) for causes in verdict.indistinguishable) if kind == 2
                 else Cause(effect) in verdict.invisible)
-    return [replace(found, reported=reported and not verdict.named)]
+    return [replace(finished, reported=reported and not verdict.named)]
 
 
 def _noise(lab: Lab, generator: np.random.Generator, number: int) -> list[Record]:
@@ -431,23 +431,24 @@ def stands_out(simulation: Simulation, truth: Truth, exact: ReadingTable,
     nominal = fit(simulation, (), exact)
     if not nominal.possible:
         return 0.0, 0.0
-    own = fit(simulation, truth.hypothesis, exact, unknowns, _LOOSE).chi_squared
-    seen, told = nominal.chi_squared - own, np.inf
+    of_truth = fit(simulation, truth.hypothesis, exact, unknowns, _LOOSE).chi_squared
+    seen, apart = nominal.chi_squared - of_truth, np.inf
     if seen < SEEN:
         return seen, 0.0
     if pairs:
-        fits = _explored(simulation, causes, exact, nominal, own + TOLD)
-        return seen, min(fit.chi_squared - own for fit in fits
+        fits = _explored(simulation, causes, exact, nominal, of_truth + TOLD)
+        return seen, min(fit.chi_squared - of_truth for fit in fits
                          if set(fit.hypothesis) != set(truth.hypothesis))
     starts = {} if judgement is None else {
-        one.hypothesis: one.unknowns for one in judgement.alone}
+        single.hypothesis: single.unknowns for single in judgement.alone}
     for rival in ((cause,) for cause in causes if (cause,) != truth.hypothesis):
         first = fit(simulation, rival, exact, starts.get(rival, nominal.unknowns))
         best = fit(simulation, rival, exact, first.unknowns, _LOOSE)
-        told = min([told, *(one.chi_squared - own for one in (first, best) if one.possible)])
-        if told < TOLD:
+        apart = min([apart, *(attempt.chi_squared - of_truth for attempt in (first, best)
+                              if attempt.possible)])
+        if apart < TOLD:
             break
-    return seen, float(told)
+    return seen, float(apart)
 
 
 def best_of(simulation: Simulation, causes: Sequence[Cause], exact: ReadingTable) -> float:
@@ -480,29 +481,29 @@ def _judged(record: Record, design: Design, simulation: Simulation, table: Readi
             truth: Truth, widen: float = 1.0) -> tuple[Record, Judgement | None]:
     record = replace(record, widths=record.widths or truth.widths)
     try:
-        found = judge(*fitted_to(simulation, table), design.causes, widen=widen,
-                      seed=record.number)
+        judgement = judge(*fitted_to(simulation, table), design.causes, widen=widen,
+                          seed=record.number)
     except (ArithmeticError, InputError) as error:
         return replace(record, words=str(error)), None
-    p_values = found.test.p_values
+    p_values = judgement.test.p_values
     # The least probable pattern, one of few columns where there is a choice.
     strongest = min([name for name in p_values if name != "ramps"] or p_values, key=p_values.get)
-    record = replace(record, verdict=found.verdict, named=tuple(map(str, found.named)),
-                     listed=tuple(map(str, found.suspects)), p_value=found.test.p_value,
-                     noise=found.test.noise, words=strongest)
+    record = replace(record, verdict=judgement.verdict, named=tuple(map(str, judgement.named)),
+                     listed=tuple(map(str, judgement.suspects)), p_value=judgement.test.p_value,
+                     noise=judgement.test.noise, words=strongest)
     asked = truth.hypothesis and record.population in ("single", "strong", "pair", "duo", "form")
     if asked:
-        record = replace(record, inside=_inside(found, truth))
-    if found.posterior is None or found.after is None:
-        return record, found
-    posterior = found.posterior
+        record = replace(record, inside=_inside(judgement, truth))
+    if judgement.posterior is None or judgement.after is None:
+        return record, judgement
+    posterior = judgement.posterior
     ranked = tuple((str(cause), float(share))
                    for cause, share in list(posterior.of_causes().items())[:5])
-    covered = any(set(one.hypothesis) == set(truth.hypothesis)
-                  for one in posterior.credible()) if asked else None
+    covered = any(set(candidate.hypothesis) == set(truth.hypothesis)
+                  for candidate in posterior.credible()) if asked else None
     return replace(record, ranked=ranked, best=tuple(map(str, posterior.fits[0].hypothesis)),
-                   wrong=posterior.wrong,
-                   unknown=posterior.discrepancy, after=found.after.p_value, covered=covered), found
+                   wrong=posterior.wrong, unknown=posterior.discrepancy,
+                   after=judgement.after.p_value, covered=covered), judgement
 
 
 def fitted_to(simulation: Simulation, table: ReadingTable) -> tuple[Simulation, ReadingTable]:
@@ -517,14 +518,14 @@ def fitted_to(simulation: Simulation, table: ReadingTable) -> tuple[Simulation, 
     return with_effects(made.simulation, lambda done, count: None, 1), made.table
 
 
-def _inside(found: Judgement, truth: Truth) -> tuple[bool, ...]:
+def _inside(judgement: Judgement, truth: Truth) -> tuple[bool, ...]:
     """Whether the true sizes are within their 95 % intervals if it is known what to look for."""
-    further, unknowns = grown_to(found.simulation, truth.hypothesis, truth.unknowns)
-    one = fit(further, truth.hypothesis, found.table, unknowns)
-    if not one.possible:
+    further, unknowns = grown_to(judgement.simulation, truth.hypothesis, truth.unknowns)
+    fitted = fit(further, truth.hypothesis, judgement.table, unknowns)
+    if not fitted.possible:
         return tuple(False for _ in truth.sizes)
-    limits = [interval(one, 2 + number)[1:] for number in range(len(truth.sizes))]
-    sizes = [abs(size) if one.bounds[0, 2 + number] >= 0 else size
+    limits = [interval(fitted, 2 + number)[1:] for number in range(len(truth.sizes))]
+    sizes = [abs(size) if fitted.bounds[0, 2 + number] >= 0 else size
              for number, size in enumerate(truth.sizes)]
     return tuple(low <= size <= high for size, (low, high) in zip(sizes, limits, strict=True))
 

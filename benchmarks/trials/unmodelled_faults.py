@@ -114,13 +114,12 @@ class Stick(Stranger):
     threshold: float
 
     def shown(self, reading: Array, states: States) -> Array:
-        held = reading.copy()
-        for row in range(1, len(held)):
-            if states.voltage[row] > states.voltage[row - 1] and abs(reading[row]
-                                                                     - held[row
-                                                                            - 1]) < self.threshold:
-                held[row] = held[row - 1]
-        return held
+        shown = reading.copy()
+        for row in range(1, len(shown)):
+            if (states.voltage[row] > states.voltage[row - 1]
+                    and abs(reading[row] - shown[row - 1]) < self.threshold):
+                shown[row] = shown[row - 1]
+        return shown
 
 
 Draw = Callable[[np.random.Generator, Design], Stranger]

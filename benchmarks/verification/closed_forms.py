@@ -37,7 +37,7 @@ def elastic(material: Material, stretch: float) -> float:
 
 def free_stretch(material: FilmMaterial, voltage_squared: float, start: float) -> float:
     """Stretch at which the program's film, free at its edges, is in balance; near ``start``."""
-    return float(brentq(lambda one: nominal(material, one, voltage_squared), 0.97 * start,
+    return float(brentq(lambda stretch: nominal(material, stretch, voltage_squared), 0.97 * start,
                         1.03 * start, xtol=1e-14))
 
 
@@ -69,9 +69,9 @@ def homogeneous_limit(stress: float) -> tuple[float, float]:
         push = nominal(material, stretch, 0.0) - nominal(material, stretch, 1e8)  # of 10 kV
         return 1e4 * math.sqrt(max(excess, 0.0) / push)
 
-    found = minimize_scalar(lambda stretch: -voltage(stretch), bounds=(1.01, 6.0), method="bounded",
-                            options={"xatol": 1e-10})
-    return float(found.x), float(-found.fun)
+    peak = minimize_scalar(lambda stretch: -voltage(stretch), bounds=(1.01, 6.0), method="bounded",
+                           options={"xatol": 1e-10})
+    return float(peak.x), float(-peak.fun)
 
 
 @claim("Pull-in of the homogeneous neo-Hooke film, free and under equibiaxial dead load",
@@ -84,8 +84,8 @@ def homogeneous_pull_in() -> Iterator[Pair]:
         stretch, voltage = homogeneous_limit(stress)
         critical = 2 ** (1 / 3)
         if stress:
-            critical = float(brentq(lambda one, s=stress: 2 * one / 3 - 8 / (3 * one**5) - s / MU,
-                                    1.2, 5.0))
+            critical = float(brentq(
+                lambda trial, s=stress: 2 * trial / 3 - 8 / (3 * trial**5) - s / MU, 1.2, 5.0))
         yield Pair(f"{words}, λ", stretch, critical)
         yield Pair(f"{words}, λ₃", stretch**-2, critical**-2)
         exact = (MU * (critical - critical**-5) - stress) / (_UNIT * critical**3)
@@ -113,12 +113,12 @@ def balloon_pressure() -> Iterator[Pair]:
        tolerance=1e-6)
 def balloon_limit() -> Iterator[Pair]:
     """Beyond it the balloon grows at falling pressure."""
-    found = minimize_scalar(lambda stretch: -balloon(NeoHooke(MU), stretch), bounds=(1.05, 3.0),
-                            method="bounded",
-                            options={"xatol": 1e-10})
+    peak = minimize_scalar(lambda stretch: -balloon(NeoHooke(MU), stretch), bounds=(1.05, 3.0),
+                           method="bounded",
+                           options={"xatol": 1e-10})
     limit = 7 ** (1 / 6)
-    yield Pair("Λ", float(found.x), limit)
-    yield Pair("p at radius 1 m", float(-found.fun), 2 * MU * T * (1 / limit - limit**-7), "Pa")
+    yield Pair("Λ", float(peak.x), limit)
+    yield Pair("p at radius 1 m", float(-peak.fun), 2 * MU * T * (1 / limit - limit**-7), "Pa")
 
 
 @claim("Small deflection of the taut film, and the capacitance of the flat one",

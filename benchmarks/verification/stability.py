@@ -112,8 +112,8 @@ def wrinkled_film() -> Iterator[Pair]:
     cone = model.discretisation.reference.copy()
     cone[:, 2] = heave * (B - np.hypot(*cone.T[:2])) / (B - A)
     start = State(cone, model.mounted().plate.raised_to(heave))
-    found = newton(model, start, ("force",), (held_plate(heave),))
-    if not found.converged:
-        raise ArithmeticError(found.advice)
+    solution = newton(model, start, ("force",), (held_plate(heave),))
+    if not solution.converged:
+        raise ArithmeticError(solution.advice)
     exact = shoot_deflection(replace(oracle(neo_hooke(MU)), prestretch=0.6, relaxed=True), heave)
-    yield Pair("F at 90 mm", found.state.force, exact.force, "N")
+    yield Pair("F at 90 mm", solution.state.force, exact.force, "N")

@@ -45,9 +45,9 @@ def hertz(wave_number: float, voltage: float) -> float:
 def transverse(model: Model, voltage: float) -> list[float]:
     """Frequencies [Hz] of the modes across the film, its plate held."""
     clamped = replace(model, loading=replace(model.loading, guide="fixed"))
-    found = vibrations(clamped, model.mounted(voltage**2), RigidPlate(0.0), count=12)
-    across = [(shape[:, 2] ** 2).sum() > 0.99 * (shape**2).sum() for shape in found.shapes]
-    return [float(value) for value in found.frequencies_Hz[across]]
+    modes = vibrations(clamped, model.mounted(voltage**2), RigidPlate(0.0), count=12)
+    across = [(shape[:, 2] ** 2).sum() > 0.99 * (shape**2).sum() for shape in modes.shapes]
+    return [float(value) for value in modes.frequencies_Hz[across]]
 
 
 @claim("Natural frequencies of the flat annular film, plate held", tolerance=1e-5,
@@ -61,9 +61,9 @@ def annulus_held() -> Iterator[Pair]:
     exact = np.sort(np.concatenate([np.repeat(wave, 1 if m == 0 else 2)
                                     for m, wave in enumerate(waves)]))
     for voltage in (0.0, 5000.0):
-        found = transverse(heavy_film(), voltage)
+        frequencies = transverse(heavy_film(), voltage)
         for number, wave in enumerate(exact[:5]):
-            yield Pair(f"f{number + 1} at {voltage / 1e3:g} kV", found[number],
+            yield Pair(f"f{number + 1} at {voltage / 1e3:g} kV", frequencies[number],
                        hertz(float(wave), voltage), "Hz")
 
 
@@ -72,7 +72,7 @@ def annulus_held() -> Iterator[Pair]:
 def plate_on_film() -> Iterator[Pair]:
     """The lowest mode: plate and film swing together."""
     wave = annulus_modes.heaving(1, A, B, MASS / per_area())[0]
-    found = vibrations(heavy_film(), heavy_film().mounted(),
+    modes = vibrations(heavy_film(), heavy_film().mounted(),
                        RigidPlate.uniform(Circle(A), MASS), count=6)
-    heave = int(np.argmax(found.shares[:, HEAVE]))
-    yield Pair("f", float(found.frequencies_Hz[heave]), hertz(float(wave), 0.0), "Hz")
+    heave = int(np.argmax(modes.shares[:, HEAVE]))
+    yield Pair("f", float(modes.frequencies_Hz[heave]), hertz(float(wave), 0.0), "Hz")

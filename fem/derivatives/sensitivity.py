@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from math import isfinite
 from typing import Any
 
@@ -107,12 +108,14 @@ def _length(path: Sequence[str]) -> ModelParameter:
                           frozenset(odd))
 
 
+@lru_cache(maxsize=64)
 def film_names(specimen: Specimen) -> tuple[str, ...]:
     """Names of numbers of film and electrode that move nothing, such as membrane.material.mu.0."""
     # Strength decides nothing but breakdown.
     return (*numbers(replace(specimen.membrane, strength=None), "membrane"), "electrode.stiffness")
 
 
+@lru_cache(maxsize=64)
 def shape_names(specimen: Specimen) -> tuple[str, ...]:
     """Names of the lengths of frame and plate, and of an electrode with edges within the film.
 

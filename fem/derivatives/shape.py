@@ -126,6 +126,7 @@ def _edges(specimen: Specimen) -> dict[str, Edge]:
     return edges
 
 
+@lru_cache(maxsize=64)
 def _refuse_notches(specimen: Specimen) -> None:
     """Sharp corners into the film make derivatives by lengths converge too slowly."""
     for key, outline, inwards in (("plate", specimen.plate.outline, 1),

@@ -251,7 +251,8 @@ class Discretisation:
         elements, points, local, _ = self.gradients.shape
         flat = self.gradients.transpose(0, 2, 1, 3).reshape(elements, local, 2 * points)
         weighted = flat * np.repeat(self.weights, 2, axis=1)[:, None]
-        return self.nodal_matrix(np.matmul(weighted, flat.transpose(0, 2, 1))).tocsc()
+        rows = self.nodal_matrix(np.matmul(weighted, flat.transpose(0, 2, 1)))
+        return csc_matrix((rows.data, rows.indices, rows.indptr), rows.shape)  # symmetric
 
     @cached_property
     def _laplacians(self) -> list[tuple[SuperLUFactors, Array]]:

@@ -36,13 +36,15 @@ class NewtonSettings:
 
     ``correction``: largest allowed last correction, relative to the frame. ``residual``: largest
     allowed unbalanced force, relative to the largest nodal reaction. ``iterations``: limit on
-    tangents. ``damping``: smallest step taken before giving up.
+    tangents. ``damping``: smallest step taken before giving up; ``longest``: correction, relative
+    to the frame, at which it does so too.
     """
 
     correction: float = 1e-7
     residual: float = 1e-8
     iterations: int = 25
     damping: float = 1e-3
+    longest: float = 1e3
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,6 +57,7 @@ class Solution:
     tangent: Tangent | None
     advice: str = ""
     _responses: dict[tuple[Model, Load], Parts] = field(default_factory=dict, repr=False)
+    _margins: dict[Model, float] = field(default_factory=dict, repr=False)
 
     @property
     def stable(self) -> bool:
@@ -65,6 +68,12 @@ class Solution:
     def wrinkling(self) -> int:
         """In how many directions the film, its plate held, has lost its stiffness."""
         return 0 if self.tangent is None else self.tangent.wrinkling
+
+    def thinning_margin(self, model: Model) -> float:
+        """That of the state, as :meth:`Model.thinning_margin` says; it is kept."""
+        if model not in self._margins:
+            self._margins[model] = model.thinning_margin(self.state)
+        return self._margins[model]
 
     def predicted(self, model: Model, load: Load, value: float) -> State:
         """The state at another value of a load along the path's tangent: Euler's predictor.
@@ -115,14 +124,13 @@ def newton(model: Model, guess: State, free: tuple[Load, ...] = (),
             return Solution(state, False, iteration, None,
                             "the tangent is singular: a limit point is near")
         before, damping = length(model, motion), min(1.0, 4 * damping)
-        # Towards less of a potential whose slope jumps where wrinkles begin: that is enough.
-        descends = not free and model.wrinkles and not model.in_tension(state)
         if before < settings.correction:
             reached = moved(model, state, motion, 1.0, loads)
             if _unbalanced(model, subspace, reached) < settings.residual:
                 return Solution(reached, True, iteration, tangent)
         while True:
-            if not (np.isfinite(before) and damping >= settings.damping):
+            if not (before <= settings.longest and np.isfinite(before)
+                    and damping >= settings.damping):
                 return Solution(state, False, iteration, tangent, "no step reduces the error: a "
                                 "limit point or a loss of tension is near")
             trial = moved(model, state, motion, damping, loads)
@@ -135,7 +143,9 @@ def newton(model: Model, guess: State, free: tuple[Load, ...] = (),
                 after = length(model, simplified)
                 if after <= (1 - damping / 4) * before or after < settings.correction:
                     break
-                if descends and _work(model.residual(forces, trial), motion) <= 0:
+                # Towards less of a potential whose slope jumps where wrinkles begin: enough.
+                descends = not free and _work(model.residual(forces, trial), motion) <= 0
+                if descends and model.wrinkles and not model.in_tension(state):
                     break
             damping /= 2
         state = trial

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
-from itertools import pairwise
+from itertools import chain, pairwise
 from typing import Literal
 
 import numpy as np
@@ -29,6 +29,10 @@ _PUSHED = 0.2
 
 #: Iterations with which Newton's method makes a short step, if at all.
 _FEW = 8
+
+#: Smallest part of Newton's correction that is taken within a step, and the longest correction,
+#: relative to the frame: a step that needs others is halved.
+_DAMPED, _ASTRAY = 0.05, 1.0
 
 #: Share of the work that residual tension may do in a film slack when mounted. Up to there it
 #: changes the deflection by some 1 %; beyond it soon holds the plate by itself.
@@ -241,7 +245,7 @@ class Ramp:
         origin = start.state.load(self.load)
         if self.target == origin:
             return Outcome("equilibrium", start)
-        if self.model.thinning_margin(start.state) < 0:
+        if start.thinning_margin(self.model) < 0:
             return self._ended("thinning", start, self._point(start))
         solution, done, step = start, 0.0, self.settings.first
         before = abs(origin / (self.target - origin))
@@ -253,7 +257,7 @@ class Ramp:
             if trial.converged and trial.stable and self._foreseen(solution, guess, trial):
                 if self._slackened(start, trial):
                     return Outcome("not_converged", solution, f"{_SLACK} under its loads")
-                if self.model.thinning_margin(trial.state) >= 0:
+                if trial.thinning_margin(self.model) >= 0:
                     solution, done, step = trial, share, 2 * step
                     continue
                 if (outcome := self._thinned(solution, trial)) is not None:
@@ -287,15 +291,16 @@ class Ramp:
 
     def _at(self, start: Solution, value: float) -> tuple[Solution, State]:
         """The equilibrium near another one at another value of the load; what was predicted."""
-        guess = start.predicted(self.model, self.load, value)
+        guess, settings = start.predicted(self.model, self.load, value), self.settings.newton
         start.release()
-        return newton(self.model, guess, settings=self.settings.newton), guess
+        limited = replace(settings, damping=max(settings.damping, _DAMPED), longest=_ASTRAY)
+        return newton(self.model, guess, settings=limited), guess
 
     def _thinned(self, before: Solution, after: Solution) -> Outcome | None:
         """Where, between two equilibria, the film begins to thin without bound; None if unclear."""
         near = {solution.state.load(self.load): solution for solution in (before, after)}
         low, high = near
-        scale = abs(self.model.thinning_margin(after.state))
+        scale = abs(after.thinning_margin(self.model))
         after.release()
 
         def margin(value: float) -> float:
@@ -306,7 +311,7 @@ class Ramp:
                 if not solution.converged:
                     raise LookupError
                 near[value] = solution
-            return min(self.model.thinning_margin(near[value].state), scale)
+            return min(near[value].thinning_margin(self.model), scale)
 
         try:
             limit = float(brentq(margin, low, high, xtol=_SHARP * abs(high - low), rtol=_SHARP))
@@ -409,9 +414,10 @@ def follow_branch(model: Model, start: State, load: Load, settings: PathSettings
 
     One load grows at first (``sense`` 1) or falls (−1). With all motions as far as the film has an
     equilibrium. A film that is taut until, wrinkled, it would thin without bound, is followed on as
-    one that bears compression, with smooth motions.
+    one that bears compression, with smooth motions, from the first point beyond the loss of tension
+    on.
     """
-    last = start
+    last, passed = start, 0.0
     shortest, charged = settings.arc.shortest, load == "voltage" or start.voltage_squared > 0
     fine = min(shortest, _LOCAL) if model.wrinkles and charged else shortest
     branch = Branch(model, load, newton=settings.newton,
@@ -420,6 +426,9 @@ def follow_branch(model: Model, start: State, load: Load, settings: PathSettings
         pressed = not model.wrinkles or model.thinning_margin(point.state) < 0
         loose = model.wrinkles and not model.in_tension(last)
         if pressed and (loose or point.solution.wrinkling):
+            if not loose and point.rate * sense > 0:
+                yield branch, point
+                passed = length(model, difference(model, point.state, last))
             break
         yield branch, point
         last, sense = point.state, sense if point.rate * sense >= 0 else -sense
@@ -431,6 +440,6 @@ def follow_branch(model: Model, start: State, load: Load, settings: PathSettings
         points = smooth.points(last, sense)
         # The first point is the last one again, by smooth motions.
         if next(points, None) is not None and (first := next(points, None)) is not None:
-            yield smooth, first
-            yield from ((smooth, point) for point in points)
+            yield from ((smooth, point) for point in chain((first,), points)
+                        if length(model, difference(model, point.state, last)) > passed)
             return

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -17,7 +17,7 @@ import numpy as np
 from tympan.fem.film.laws import Ogden
 from tympan.fem.film.memory import Flow
 from tympan.fem.film.tension_field import Coat, TensionField
-from tympan.geometry.specimen import Specimen
+from tympan.geometry.specimen import Film, Specimen
 
 #: Below this relative distance of the squared stretches the divided difference of the stress
 #: becomes its limit. Both are then wrong by less than 1e-10, and only in the tangent: the stress
@@ -25,7 +25,7 @@ from tympan.geometry.specimen import Specimen
 _EQUAL = 1e-5
 
 #: Second Piola–Kirchhoff tension a film keeps across its wrinkles, as a share of the material's
-#: small-strain shear modulus. The film elsewhere does not feel it.
+#: stiffness, that of the virgin or of the mounted film. The film elsewhere does not feel it.
 _RESIDUAL = 1e-3
 
 
@@ -97,7 +97,7 @@ class FilmDensity:
         film, (joined, _) = self.specimen.membrane, self._joined_and_apart
         if not self.wrinkles:
             return TensionField(joined, -np.inf)
-        return TensionField(joined, _RESIDUAL * small_strain_modulus(film.material))
+        return TensionField(joined, _RESIDUAL * _stiffness(film))
 
     @cached_property
     def _joined_and_apart(self) -> tuple[tuple[Any, ...], list[Part]]:
@@ -138,10 +138,19 @@ class FilmDensity:
         seen = principal_stretches(c, self.specimen.membrane.prestretch)
         if not self.wrinkles:
             return *seen, np.array(2)
-        natural = self.material.natural(*seen)
-        tense = sum((np.asarray(b == a).astype(int) for a, b in zip(seen, natural, strict=True)),
-                    np.array(0))
-        return *natural, tense
+        return *self.material.natural(*seen), self.material.tense(*seen)
+
+
+@lru_cache(maxsize=64)
+def _stiffness(film: Film) -> Any:
+    """The least of the virgin film and of the mounted one along its axes [Pa].
+
+    A law referred to the mounted film need not mean anything of the virgin one.
+    """
+    virgin = small_strain_modulus(film.material)
+    *_, along, _, across = film.material.derivatives(*map(np.asarray, film.prestretch))
+    return min((value for value in (virgin, along, across) if value.real > 0),
+               key=lambda value: value.real, default=virgin)
 
 
 def small_strain_modulus(material: Any) -> Any:

@@ -68,23 +68,23 @@ class Examination:
         return "\n".join(rows)
 
 
-def subject(name: str, held: float | None = None) -> tuple[Material, float]:
+def subject(name: str, mounted: float | None = None) -> tuple[Material, float]:
     """A material to examine and the stretch it is mounted at: by name, or of a specimen file."""
-    if held is not None and not 0.2 <= held <= 10:
-        raise InputError("must be a stretch between 0.2 and 10", key="--held", given=held)
+    if mounted is not None and not 0.2 <= mounted <= 10:
+        raise InputError("must be a stretch between 0.2 and 10", key="--held", given=mounted)
     laws = {key: entry.material for key, entry in MATERIALS.items()} | EXAMINED
     if name in laws:
         material = laws[name]
-        return material, held or float(np.real(getattr(material, "reference", 1.0)))
+        return material, mounted or float(np.real(getattr(material, "reference", 1.0)))
     if not Path(name).suffix:
         raise InputError(f"must be a specimen file or one of {', '.join(laws)}", key="material",
                          given=name)
     readers = {**READERS, (Film, "material"): examine_material}
     film = read(Specimen, Table.read(name), readers).membrane
-    return film.material, held or film.area_prestretch**0.5
+    return film.material, mounted or film.area_prestretch**0.5
 
 
-def examine(material: Material, held: float = 1.0) -> Examination:
+def examine(material: Material, mounted: float = 1.0) -> Examination:
     """Examine a law about an equibiaxial stretch.
 
     Examples
@@ -96,28 +96,28 @@ def examine(material: Material, held: float = 1.0) -> Examination:
     fine = np.round(np.arange(STRETCH_RANGE[0], STRETCH_RANGE[1] + 0.005, 0.01), 2)
     with np.errstate(all="ignore"):
         stresses = (np.real(fine * material.derivatives(fine, other)[1])
-                    for other in (fine, np.full_like(fine, held)))
+                    for other in (fine, np.full_like(fine, mounted)))
         both, strip = (np.where(np.isfinite(stress), stress, np.nan).astype(float)
                        for stress in stresses)
     coarse = np.isclose(fine * 4 % 1, 0)
     return Examination(
-        material, held, fine[coarse], both[coarse], strip[coarse],
-        inadmissible_stretch(material, nearest=held),
-        inadmissible_stretch(material, margin=ellipticity_margin, nearest=held),
-        (_peak(fine, both, held), _peak(fine, strip, held)))
+        material, mounted, fine[coarse], both[coarse], strip[coarse],
+        inadmissible_stretch(material, nearest=mounted),
+        inadmissible_stretch(material, margin=ellipticity_margin, nearest=mounted),
+        (_peak(fine, both, mounted), _peak(fine, strip, mounted)))
 
 
-def _peak(stretch: Array, stress: Array, held: float) -> float | None:
+def _peak(stretch: Array, stress: Array, mounted: float) -> float | None:
     # From the mounted stretch on, else of all.
     falling = np.flatnonzero(np.diff(stress) < 0)
-    onward = falling[stretch[falling] >= held - 1e-9]
+    onward = falling[stretch[falling] >= mounted - 1e-9]
     first = onward if len(onward) else falling
     return float(stretch[first[0]]) if len(first) else None
 
 
-def _failure(what: str, stretches: Pair | None, held: float) -> str:
+def _failure(what: str, stretches: Pair | None, mounted: float) -> str:
     low, high = STRETCH_RANGE
     if stretches is None:
         return f"{what} holds for all stretches from {low} to {high}"
-    return (f"{what} fails from {low} to {high}, nearest to the mounted stretch {held:.4g} at "
+    return (f"{what} fails from {low} to {high}, nearest to the mounted stretch {mounted:.4g} at "
             f"({stretches[0]:.3g}, {stretches[1]:.3g})")

@@ -102,6 +102,14 @@ class TensionField:
         first[loose], second[loose] = (stretch[wrinkled.sound] for stretch in wrinkled.natural)
         return first[()], second[()]
 
+    def tense(self, l1: Any, l2: Any) -> NDArray[np.int64]:
+        """In how many directions the film is tense; by its own tension, not by the residual one.
+
+        Across its wrinkles it is not: unwrinkled it would be pressed there.
+        """
+        slack = self.natural(l1, l2)[0] != l1
+        return np.where(total(self.materials, l1, l2)[2] > 0, 2, np.where(slack, 0, 1))
+
     def thinning_margin(self, l1: Any, l2: Any) -> Any:
         """How far a film that wrinkles is from thinning without bound [Pa]; negative beyond.
 

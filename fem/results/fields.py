@@ -23,13 +23,16 @@ from tympan.fem.film.memory import Flow
 from tympan.fem.film.tension_field import Tension, tension_state
 from tympan.fem.membrane.model import Model, cauchy_green
 from tympan.fem.membrane.state import State
-from tympan.geometry.mesh import unfold
+from tympan.geometry.mesh import ELEMENTS, unfold
 from tympan.geometry.specimen import Film
 
 Array = NDArray[Any]
 
 #: Where a reference triangle's edges start, and their directions, in scikit-fem's order 01, 12, 02.
 _EDGES = (((0, 0), (1, 0)), ((1, 0), (-1, 1)), ((0, 0), (0, 1)))
+
+#: How far below its values at the nodes a stress may be between them, in their differences.
+_BETWEEN = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,19 +166,25 @@ class LostTension:
 def lost_tension(model: Model, states: Sequence[State], parts: int = 8) -> list[LostTension]:
     """Where the film of each state has lost tension.
 
-    At the middles of ``parts``² triangles in every element; states are computed together.
+    At the middles of ``parts``² triangles in every element that may have; states are computed
+    together.
     """
     mesh = model.discretisation
-    points = _middles(parts)
+    nodes, points = ELEMENTS[mesh.mesh.order].doflocs.T, _middles(parts)
+    tension, stress = _tension(model, states, mesh.nodal_gradients, nodes,
+                               np.arange(mesh.mesh.nelements))
+    taut = (tension == Tension.TAUT).all(axis=-1)
+    near = ~taut | (stress.min(axis=-1) < _BETWEEN * np.ptp(stress, axis=-1))
+    cells = np.flatnonzero(near.any(axis=0))
     gradients, stretched = isoparametric(mesh.mesh.order, points,
-                                         mesh.reference[mesh.connectivity, :2])
-    areas, result = stretched * (0.5 / parts**2), []
-    film = replace(model, flow=_flow_at(model, np.arange(len(mesh.connectivity)), points))
-    for tension in _tension(film, states, gradients):
+                                         mesh.reference[mesh.connectivity[cells], :2])
+    areas = stretched * (mesh.weights[cells].sum(axis=1) / stretched.sum(axis=1))[:, None]
+    result = []
+    for tension in _tension(model, states, gradients, points, cells)[0]:
         wrinkled, slack = (float(areas[tension == kind].sum())
                            for kind in (Tension.WRINKLED, Tension.SLACK))
         result.append(LostTension(wrinkled * mesh.mirrored, slack * mesh.mirrored,
-                                  (wrinkled + slack) / float(areas.sum())))
+                                  (wrinkled + slack) / float(mesh.weights.sum())))
     return result
 
 
@@ -206,17 +215,24 @@ def _middles(parts: int) -> Array:
                      for i in range(parts) for j in range(parts + 1 - t - i)]).T
 
 
-def _tension(model: Model, states: Sequence[State], gradients: Array) -> Array:
-    """Tension states, shape (states, cells, points); stresses as the eigenvalues of S C."""
+def _tension(model: Model, states: Sequence[State], gradients: Array, points: Array,
+             cells: Array) -> tuple[Array, Array]:
+    """Tension states and smaller principal true stresses [Pa], shape (states, cells, points).
+
+    ``gradients`` at reference points.
+    """
+    mesh = model.discretisation
     positions = np.stack([state.positions for state in states])
-    f = deformation(gradients, positions[:, model.discretisation.connectivity])
-    c = cauchy_green(f)
-    density = model.density(np.array([state.voltage_squared for state in states])[:, None, None])
+    c = cauchy_green(deformation(gradients, positions[:, mesh.connectivity[cells]]))
+    squared = np.array([state.voltage_squared for state in states])[:, None, None]
+    density = FilmDensity(model.specimen, squared, mesh.covered[cells], model.wrinkles,
+                          _flow_at(model, cells, points))
+    # As the eigenvalues of S C.
     s = np.moveaxis(density(c, tangent=False).stress, -1, 0)
     mean = (s[0] * c[0] + s[1] * c[1]) / 2 + s[2] * c[2]
     product = (s[0] * s[1] - s[2] ** 2) * (c[0] * c[1] - c[2] ** 2)
     radius = np.sqrt(np.maximum(mean**2 - product, 0.0))
-    return tension_state(mean + radius, mean - radius, density.stretches(c)[2])
+    return tension_state(mean + radius, mean - radius, density.stretches(c)[2]), mean - radius
 
 
 def strength(film: Film, l1: Array, l2: Array, thickness: Array) -> Array:

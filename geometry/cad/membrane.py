@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from io import BytesIO
 from itertools import pairwise
 from pathlib import Path
 
@@ -17,9 +18,10 @@ from tympan.geometry.units import METRE
 
 try:
     import cadquery as cq
-    from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeEdge
+    from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeEdge, BRepBuilderAPI_MakeFace
     from OCP.Geom import Geom_Circle, Geom_Ellipse
-    from OCP.gp import gp_Ax2
+    from OCP.gp import gp_Ax2, gp_Dir, gp_Pln, gp_Pnt
+    from OCP.ShapeFix import ShapeFix_Face
 except ImportError as error:
     if ".so" not in str(error):
         raise
@@ -51,7 +53,7 @@ def membrane_faces(specimen: Specimen, planes: frozenset[str]) -> dict[str, list
 def membrane_part(specimen: Specimen) -> cq.Face:
     """The film as one face between frame and plate."""
     plate = outline_wire(specimen.plate.outline, specimen.plate.offset)
-    return cq.Face.makeFromWires(outline_wire(specimen.frame), [plate])
+    return _planar(outline_wire(specimen.frame), plate)
 
 
 def electrode_part(specimen: Specimen) -> cq.Compound:
@@ -64,6 +66,13 @@ def write_step(shapes: Sequence[cq.Shape], file: Path) -> None:
     cq.Compound.makeCompound(shapes).exportStep(str(file))
 
 
+def brep(shapes: Sequence[cq.Shape]) -> bytes:
+    """Shapes as another program that builds on OpenCASCADE reads them, half of one ends it [mm]."""
+    content = BytesIO()
+    cq.Compound.makeCompound(shapes).exportBrep(content)
+    return content.getvalue()
+
+
 def _coverage(specimen: Specimen) -> dict[str, list[cq.Face]]:
     """The whole film as ``covered`` and ``bare`` faces, cut along the electrode's edges only."""
     electrode, plate = specimen.electrode, specimen.plate
@@ -73,27 +82,38 @@ def _coverage(specimen: Specimen) -> dict[str, list[cq.Face]]:
     if electrode.margin_plate > 0:
         wires.append(offset_wire(plate.outline, plate.offset, electrode.margin_plate))
     wires.append(outline_wire(plate.outline, plate.offset))
-    rings = [cq.Face.makeFromWires(outer, [inner]) for outer, inner in pairwise(wires)]
+    rings = [_planar(outer, inner) for outer, inner in pairwise(wires)]
     covered = [rings.pop(1 if electrode.margin_frame > 0 else 0)]
     if electrode.outline is None:
         return {"covered": covered, "bare": rings}
-    return _clipped(specimen, covered[0], rings, electrode.outline)
+    return _clipped(specimen, covered[0], electrode.outline)
 
 
-def _clipped(specimen: Specimen, ring: cq.Face, bare: list[cq.Face],
-             region: Region) -> dict[str, list[cq.Face]]:
+def _clipped(specimen: Specimen, ring: cq.Face, region: Region) -> dict[str, list[cq.Face]]:
     """The ring's part within the region, and what is left of the film."""
-    disc = cq.Face.makeFromWires(outline_wire(region.outline, region.offset), [])
-    inside, outside = ring.intersect(disc).Faces(), ring.cut(disc).Faces()
+    disc = _planar(outline_wire(region.outline, region.offset))
+    inside, film = ring.intersect(disc).Faces(), membrane_part(specimen)
+    # A margin's edge that the region does not reach is none of the electrode's.
+    outside = film.cut(*inside).Faces() if inside else []
     faces = (*inside, *outside)
-    missing = ring.Area() - sum(face.Area() for face in faces)
+    missing = film.Area() - sum(face.Area() for face in faces)
     narrowest = min((2 * face.Area() / sum(wire.Length() for wire in face.Wires())
                      for face in faces), default=0.0)
-    if not inside or abs(missing) > 1e-6 * ring.Area() or narrowest < 0.01 * specimen.gap * METRE:
+    if not inside or abs(missing) > 1e-6 * film.Area() or narrowest < 0.01 * specimen.gap * METRE:
         raise InputError("must cover some of the film and cut no slivers from it: the electrode "
                          "and what it leaves bare must be wider than 1 % of the gap between plate "
                          "and frame", key="electrode.outline", given=str(region))
-    return {"covered": inside, "bare": [*bare, *outside]}
+    return {"covered": inside, "bare": outside}
+
+
+def _planar(outer: cq.Wire, *inner: cq.Wire) -> cq.Face:
+    """A face in the plane z = 0; cadquery's own repairs what outlines, checked, do not need."""
+    builder = BRepBuilderAPI_MakeFace(gp_Pln(gp_Pnt(0, 0, 0), gp_Dir(0, 0, 1)), outer.wrapped, True)
+    for wire in inner:
+        builder.Add(wire.wrapped)
+    oriented = ShapeFix_Face(builder.Face())
+    oriented.FixOrientation()
+    return cq.Face(oriented.Face())
 
 
 def outline_wire(outline: Outline, centre: Pair = (0.0, 0.0)) -> cq.Wire:

@@ -37,23 +37,23 @@ def _compose(result: OptimiseResult) -> Figure:
     return figure
 
 
-def _outlines(axes: Axes, result: OptimiseResult, held: str) -> None:
+def _outlines(axes: Axes, result: OptimiseResult, measure: str) -> None:
     """Along the best run from light to dark, and the reference, dashed."""
-    trials = np.unique(result.outlines["trial"][result.outlines["held"] == held])
+    trials = np.unique(result.outlines["trial"][result.outlines["held"] == measure])
     shades = colormaps["Blues"](np.linspace(0.25, 1.0, len(trials)))
     for trial, shade in zip(trials, shades, strict=True):
-        _curves(axes, result, held, trial, color=shade, linewidth=0.8)
-    _curves(axes, result, held, trials[-1], color=style.PALETTE[0], linewidth=1.6)
+        _curves(axes, result, measure, trial, color=shade, linewidth=0.8)
+    _curves(axes, result, measure, trials[-1], color=style.PALETTE[0], linewidth=1.6)
     _curves(axes, result, "", 0, color=style.PALETTE[1], linewidth=1.0, linestyle="--")
     axes.set_aspect("equal", adjustable="datalim")
     axes.set(xlabel="x [mm]", ylabel="y [mm]")
-    axes.set_title(f"Frame {held_words(held)}: from light to dark;\n"
+    axes.set_title(f"Frame {held_words(measure)}: from light to dark;\n"
                    f"reference {result.record['reference']['specimen']} dashed", loc="left")
 
 
-def _curves(axes: Axes, result: OptimiseResult, held: str, trial: float, **look: Any) -> None:
+def _curves(axes: Axes, result: OptimiseResult, measure: str, trial: float, **look: Any) -> None:
     table = result.outlines
-    of_design = (table["held"] == held) & (table["trial"] == trial)
+    of_design = (table["held"] == measure) & (table["trial"] == trial)
     for part in ("frame", "plate"):
         points = np.stack([table[key][of_design & (table["part"] == part)] for key in ("x", "y")])
         axes.plot(*(1e3 * np.column_stack([points, points[:, :1]])), **look)
@@ -88,8 +88,8 @@ def _limits(axes: Axes, result: OptimiseResult, optimum: Mapping[str, Any]) -> N
         axes.legend(loc="lower left", fontsize=5.5, labelspacing=0.15, handlelength=1.2)
 
 
-def _accepted(result: OptimiseResult, held: str, start: int) -> dict[str, NDArray[Any]]:
+def _accepted(result: OptimiseResult, measure: str, start: int) -> dict[str, NDArray[Any]]:
     """The designs gone to from a start, by column."""
     table = result.trials
-    rows = (table["held"] == held) & (table["start"] == start) & (table["accepted"] == 1)
+    rows = (table["held"] == measure) & (table["start"] == start) & (table["accepted"] == 1)
     return {name: values[rows] for name, values in table.items()}

@@ -194,7 +194,8 @@ def _panel(axes: Axes, specimen: SpecimenView, design: Layout, reach: float) -> 
                       bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.85, "pad": 0.6})
 
 
-def _write(figure: Figure, left: float, top: float, text: str, **how: Any) -> None:
+def _write(figure: Figure, left_edge: float, top: float, text: str, **how: Any) -> None:
     """Text at a place measured from the page's top left corner [mm]."""
     across, down = figure.get_size_inches() / style.MM
-    figure.text(left / across, 1 - top / down, text, **{"va": "top", "linespacing": 1.35, **how})
+    figure.text(left_edge / across, 1 - top / down, text,
+                **{"va": "top", "linespacing": 1.35, **how})

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import combinations
+from itertools import combinations, pairwise
 from typing import Any
 
 import numpy as np
@@ -57,9 +57,20 @@ class Map:
     @property
     def margins(self) -> tuple[float, float]:
         """Room for what is written on the left and on the right [px]."""
-        first, second = (_LETTER * max(len(text) for _, text in ticks) for ticks in (self.up,
-                                                                                   self.bar))
-        return 12 + first, 26 + second
+        first, second = (_widest(ticks) for ticks in (self.up, self.bar))
+        slanted = 1.2 * self.slanted - self.across[0][0] if self.slanted else 0.0
+        return max(12 + first, slanted), 26 + second
+
+    @property
+    def slanted(self) -> float:
+        """Room for what is written below, slanted, where it would run into itself, or 0 [px]."""
+        places = [place for place, _ in self.across]
+        nearest = min((after - before for before, after in pairwise(places)), default=WIDTH)
+        return 0.64 * _widest(self.across) if _widest(self.across) > nearest - _LETTER else 0.0
+
+
+def _widest(ticks: Ticks) -> float:
+    return _LETTER * max(len(text) for _, text in ticks)
 
 
 @dataclass(frozen=True)

@@ -329,15 +329,15 @@ class GaussianProcess:
                     best, trained = likelihood, replace(process, size=share * typical)
         return trained
 
-    def covariance(self, one: ReadingTable, other: ReadingTable) -> Array:
+    def covariance(self, table: ReadingTable, other: ReadingTable) -> Array:
         """Covariance of the rows of two tables without noise, shape (rows, rows of the other)."""
         states = self.train.states
         voltage_squared, mass = (max(float(np.abs(values).max()), 1e-12)
                                  for values in (states.voltage**2, states.mass))
-        total = np.zeros((len(one), len(other)))
-        for end, sign in _ends(one):
+        total = np.zeros((len(table), len(other)))
+        for end, sign in _ends(table):
             for other_end, opposite in _ends(other):
-                a, b = one.states[end], other.states[other_end]
+                a, b = table.states[end], other.states[other_end]
                 between = a.voltage[:, None] ** 2 - b.voltage**2
                 far = (between / voltage_squared / self.lengths[0]) ** 2
                 far += ((a.mass[:, None] - b.mass) / mass / self.lengths[1]) ** 2

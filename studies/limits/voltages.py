@@ -6,6 +6,8 @@ import time
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from tympan.fem.equilibrium.ramp import Outcome, equilibrium
 from tympan.fem.membrane.model import Model
 from tympan.studies.case import (
@@ -103,7 +105,9 @@ def solve_within(case: Case, settings: Settings, film: bool = False) -> CaseResu
 
 def _to_pull_in(case: Case, model: Model, start: Outcome, settings: Settings, step: float
                 ) -> Iterator[Stop]:
-    for stop in stops(case, model, start.state, "voltage", settings.path, step):
+    # Of a mesh that does not resolve the branch the limits say how certain they are.
+    unchecked = replace(settings.path, unbalanced=np.inf)
+    for stop in stops(case, model, start.state, "voltage", unchecked, step):
         yield stop
         if stop.event is not None and stop.event.what == "limit":
             return

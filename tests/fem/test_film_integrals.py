@@ -57,11 +57,11 @@ def test_fields_and_lost_tension_are_those_of_each_state(several) -> None:
     for state, together in zip(states, cell_fields(made, states, points), strict=True):
         [alone] = cell_fields(made, [state], points)
         for item in fields(Fields):
-            one, other = getattr(together, item.name), getattr(alone, item.name)
+            value, expected = getattr(together, item.name), getattr(alone, item.name)
             # A stress that all but vanishes is as exact as the one it is a part of.
-            size = alone.stress_1 if item.name.startswith("stress_") else other
+            size = alone.stress_1 if item.name.startswith("stress_") else expected
             scale = np.abs(size[np.isfinite(size)]).max(initial=0.0)
-            np.testing.assert_allclose(one, other, rtol=1e-12, atol=1e-13 * scale)
+            np.testing.assert_allclose(value, expected, rtol=1e-12, atol=1e-13 * scale)
     for state, together in zip(states, lost_tension(made, states), strict=True):
         assert [together] == lost_tension(made, [state])
 
@@ -71,11 +71,11 @@ def test_lost_tension_is_what_the_fields_say(several) -> None:
     made, states = several
     x, y = np.array([((3 * i + t) / 12, (3 * j + t) / 12) for t in (1, 2)
                      for i in range(4) for j in range(5 - t - i)]).T
-    for state, found in zip(states, lost_tension(made, states, parts=4), strict=True):
+    for state, loss in zip(states, lost_tension(made, states, parts=4), strict=True):
         tension = cell_fields(made, [state], np.array([x, y]))[0].tension
         counted = np.mean(tension != Tension.TAUT)
-        assert (found.share > 0) == (counted > 0) == (state in states[:-3])
-        assert (found.share == pytest.approx(1)) == (counted == 1)
+        assert (loss.share > 0) == (counted > 0) == (state in states[:-3])
+        assert (loss.share == pytest.approx(1)) == (counted == 1)
 
 
 def test_cases_summarised_together_are_those_solved_alone_also_past_pull_in() -> None:

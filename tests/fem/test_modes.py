@@ -90,13 +90,14 @@ def hertz(wave_number: np.ndarray, voltage: float = 0.0) -> np.ndarray:
 def test_flat_film_with_the_plate_held(voltage, refine, tolerance) -> None:
     """Bessel's zeros, twins included, up to four nodal diameters."""
     film = model(annulus(), refine=refine)
-    found = transverse(vibrations(clamped(film), film.mounted(voltage**2), plate_of(), count=24))
+    frequencies = transverse(vibrations(clamped(film), film.mounted(voltage**2), plate_of(),
+                                        count=24))
     exact = np.sort(np.concatenate([np.repeat(annulus_modes.held(m, 3, INNER, OUTER),
                                               1 if m == 0 else 2)
                                     for m in range(7)]))
-    assert len(found) >= 9
-    assert found == pytest.approx(hertz(exact, voltage)[: len(found)], rel=tolerance)
-    assert found[:5] == pytest.approx(hertz(exact, voltage)[:5], rel=0.07 * tolerance)
+    assert len(frequencies) >= 9
+    assert frequencies == pytest.approx(hertz(exact, voltage)[: len(frequencies)], rel=tolerance)
+    assert frequencies[:5] == pytest.approx(hertz(exact, voltage)[:5], rel=0.07 * tolerance)
 
 
 def test_voltage_lowers_the_frequency_by_the_maxwell_tension() -> None:
@@ -115,37 +116,37 @@ def test_frequencies_converge_with_twice_the_order(order, sizes) -> None:
     errors = []
     for size in sizes:
         film = replace(structured_quarter(order, size, size), specimen=annulus())
-        found = vibrations(clamped(film), film.mounted(), plate_of(), count=6)
-        errors.append(abs(transverse(found)[0] / exact - 1))
+        modes = vibrations(clamped(film), film.mounted(), plate_of(), count=6)
+        errors.append(abs(transverse(modes)[0] / exact - 1))
     assert np.log2(errors[0] / errors[1]) >= 2 * order - 0.2, errors
 
 
 @pytest.mark.parametrize("mass", [1e-4, 1e-3, MASS])
 def test_heave_of_a_heavy_disc_on_a_flat_film(mass) -> None:
     film = model(annulus(), refine=2.0)
-    found = vibrations(film, film.mounted(), plate_of(mass), count=24)
+    modes = vibrations(film, film.mounted(), plate_of(mass), count=24)
     even = [number
-            for number, (motion, shape) in enumerate(zip(found.plate, found.shapes, strict=True))
+            for number, (motion, shape) in enumerate(zip(modes.plate, modes.shapes, strict=True))
             if along(shape) > 0.99 and abs(motion[HEAVE]) > 1e-4 * abs(shape).max()]
     exact = hertz(annulus_modes.heaving(2, INNER, OUTER, mass / PER_AREA))
-    assert found.frequencies_Hz[even[0]] == pytest.approx(exact[0], rel=1e-7)
-    assert found.frequencies_Hz[even[1]] == pytest.approx(exact[1], rel=1e-5)
+    assert modes.frequencies_Hz[even[0]] == pytest.approx(exact[0], rel=1e-7)
+    assert modes.frequencies_Hz[even[1]] == pytest.approx(exact[1], rel=1e-5)
 
 
 @pytest.mark.parametrize("mass", [1e-3, MASS])
 def test_tilt_of_a_disc_on_a_flat_film(mass) -> None:
     film, plate = model(annulus(), refine=2.0), plate_of(mass)
-    found = vibrations(film, film.mounted(), plate, count=6)
-    tilting = [number for number, label in enumerate(mode_names(*named(film, found)))
+    modes = vibrations(film, film.mounted(), plate, count=6)
+    tilting = [number for number, label in enumerate(mode_names(*named(film, modes)))
                if label.startswith("tilt")]
     exact = hertz(annulus_modes.tilting(1, INNER, OUTER, mass * INNER**2 / 4 / PER_AREA))
-    assert found.frequencies_Hz[tilting] == pytest.approx(np.repeat(exact, 2), rel=2e-6)
-    assert {mode_names(*named(film, found))[number] for number in tilting} == {"tilt about x",
+    assert modes.frequencies_Hz[tilting] == pytest.approx(np.repeat(exact, 2), rel=2e-6)
+    assert {mode_names(*named(film, modes))[number] for number in tilting} == {"tilt about x",
                                                                           "tilt about y"}
 
 
-def named(film: Model, found: Modes) -> tuple[Model, Modes]:
-    return whole(film, film.mounted())[0], found
+def named(film: Model, modes: Modes) -> tuple[Model, Modes]:
+    return whole(film, film.mounted())[0], modes
 
 
 @pytest.mark.parametrize(("heave", "voltage"),
@@ -158,10 +159,10 @@ def test_heave_on_a_weightless_film_has_the_ode_s_stiffness(heave, voltage) -> N
                                                   voltage).force
                     for sign in (1, -1))
     stiffness = (above - below) / (2 * step)
-    found = vibrations(film, state, plate_of(), count=6)
-    heaving = int(np.argmax(found.shares[:, HEAVE]))
-    assert found.shares[heaving, HEAVE] == pytest.approx(1)
-    assert (2 * np.pi * found.frequencies_Hz[heaving]) ** 2 == pytest.approx(stiffness / MASS,
+    modes = vibrations(film, state, plate_of(), count=6)
+    heaving = int(np.argmax(modes.shares[:, HEAVE]))
+    assert modes.shares[heaving, HEAVE] == pytest.approx(1)
+    assert (2 * np.pi * modes.frequencies_Hz[heaving]) ** 2 == pytest.approx(stiffness / MASS,
                                                                              rel=3e-5)
 
 
@@ -171,18 +172,18 @@ def test_an_unstable_plate_grows_as_bessel_s_modified_functions_say(push) -> Non
     pushed, tension = Loading((Spring(-push),)), reference_film(NEO_HOOKE).resultant()
     film = replace(model(annulus(), refine=2.0), loading=pushed)
     assert push > 2 * np.pi * tension / np.log(OUTER / INNER)
-    found = vibrations(film, film.mounted(), plate_of(), count=3)
+    modes = vibrations(film, film.mounted(), plate_of(), count=3)
     rate = annulus_modes.growing(INNER, OUTER, MASS / PER_AREA,
                                  push / tension) * np.sqrt(tension / PER_AREA)
-    assert found.unstable == 1
-    assert found.growth[0] == pytest.approx(rate, rel=1e-7)
-    assert list(found.growth[1:]) == [0, 0, 0]
-    assert found.frequencies_Hz[0] == 0
+    assert modes.unstable == 1
+    assert modes.growth[0] == pytest.approx(rate, rel=1e-7)
+    assert list(modes.growth[1:]) == [0, 0, 0]
+    assert modes.frequencies_Hz[0] == 0
     weightless = replace(model(circular(), refine=2.0), loading=pushed)
     light = vibrations(weightless, weightless.mounted(), plate_of())
-    own = 2 * np.pi * tension / np.log(OUTER / INNER)
+    stiffness = 2 * np.pi * tension / np.log(OUTER / INNER)
     assert light.unstable == 1
-    assert light.growth[0] ** 2 == pytest.approx((push - own) / MASS, rel=1e-7)
+    assert light.growth[0] ** 2 == pytest.approx((push - stiffness) / MASS, rel=1e-7)
 
 
 def test_a_slack_film_s_unstable_directions_are_counted_and_listed() -> None:
@@ -191,12 +192,12 @@ def test_a_slack_film_s_unstable_directions_are_counted_and_listed() -> None:
     soft = circular(replace(NEO_HOOKE, mu=(15e3,)), density=DENSITY)
     film = model(soft, order=2)
     state = held(film, 10e-3, 6800.0).state
-    found = vibrations(clamped(film), state, plate_of(), count=5)
+    modes = vibrations(clamped(film), state, plate_of(), count=5)
     part = [np.linalg.eigvalsh(item.linearised(state).inner.toarray())
             for item in symmetry_classes(film)]
-    assert found.unstable == sum(int((values < 0).sum()) for values in part) > 5
-    assert np.count_nonzero(found.growth) == 5
-    assert np.count_nonzero(found.frequencies_Hz) == 5
+    assert modes.unstable == sum(int((values < 0).sum()) for values in part) > 5
+    assert np.count_nonzero(modes.growth) == 5
+    assert np.count_nonzero(modes.frequencies_Hz) == 5
 
 
 @pytest.mark.parametrize("factor", [1.0, 10.0])
@@ -215,9 +216,9 @@ def test_film_s_mass_on_a_loaded_film_by_the_ode_s_motion(factor) -> None:
     mass = factor * MASS
     expected = (above.force - below.force) / (2 * step) / (mass + carried)
     film = model(annulus())
-    found = vibrations(film, held(film, heave, voltage).state, plate_of(mass), count=1)
+    modes = vibrations(film, held(film, heave, voltage).state, plate_of(mass), count=1)
     assert carried > 0.005 * MASS
-    assert (2 * np.pi * found.frequencies_Hz[0]) ** 2 == pytest.approx(expected,
+    assert (2 * np.pi * modes.frequencies_Hz[0]) ** 2 == pytest.approx(expected,
                                                                        rel=2e-4 / factor**2 + 2e-5)
 
 
@@ -296,19 +297,19 @@ def test_a_skewed_film_against_dense_eigenvalues(mass) -> None:
     solution = newton(film, state)
     assert solution.converged
     state, plate = solution.state, RigidPlate.uniform(Ellipse((8e-3, 10e-3)), mass, arm=arm)
-    found = vibrations(film, state, plate, count=20)
+    modes = vibrations(film, state, plate, count=20)
     assert state.plate.tilt > 1e-3
-    assert found.unstable == 0
-    assert squares(found) == pytest.approx(dense(film, state, plate)[:20], rel=1e-5)
+    assert modes.unstable == 0
+    assert squares(modes) == pytest.approx(dense(film, state, plate)[:20], rel=1e-5)
 
 
 def test_modes_are_normalised_and_their_energy_is_the_potential_s() -> None:
     """φᵀMφ = 1, and half ω² is the potential's second difference along a mode."""
     film, state = loaded(heavy(skewed()), order=2, refine=0.7)
     plate = plate_of(1e-3)
-    found = vibrations(film, state, plate, count=8)
+    modes = vibrations(film, state, plate, count=8)
     nodal_mass, step = film_mass(film), 1e-5
-    for shape, motion, value in zip(found.shapes, found.plate, squares(found), strict=True):
+    for shape, motion, value in zip(modes.shapes, modes.plate, squares(modes), strict=True):
         kinetic = sum(shape[:, axis] @ nodal_mass @ shape[:, axis] for axis in range(3))
         kinetic += motion @ plate.matrix(state.plate) @ motion
         assert kinetic == pytest.approx(1, rel=1e-9)
@@ -375,24 +376,24 @@ def test_a_film_without_mass_is_the_limit_of_a_light_one() -> None:
     light = replace(film, specimen=replace(specimen, membrane=membrane))
     # The second has no inertia against rotation, the third only that of its centre of mass about
     # the plate's.
-    for plate, left in ((plate_of(), 6), (plate_of(MASS, MASS), 3),
-                        (RigidPlate(MASS, arm=(4e-3, 1e-3)), 3)):
+    for plate, count in ((plate_of(), 6), (plate_of(MASS, MASS), 3),
+                         (RigidPlate(MASS, arm=(4e-3, 1e-3)), 3)):
         none, some = (vibrations(item, state, plate, count=6) for item in (film, light))
-        assert len(none.frequencies_Hz) == left
-        assert none.frequencies_Hz == pytest.approx(some.frequencies_Hz[:left], rel=1e-5)
+        assert len(none.frequencies_Hz) == count
+        assert none.frequencies_Hz == pytest.approx(some.frequencies_Hz[:count], rel=1e-5)
 
 
 @pytest.mark.parametrize(("guide", "moving"),
                          [("level", {"x", "y", "z", "rz"}), ("vertical", {"z"}), ("fixed", set())])
 def test_a_guide_leaves_only_its_motions(guide, moving) -> None:
     film = replace(model(annulus()), loading=Loading(guide=guide))
-    found = vibrations(film, film.mounted(), plate_of(), count=12)
-    carried = {name for name, share in zip(FREEDOMS, found.shares.T, strict=True)
+    modes = vibrations(film, film.mounted(), plate_of(), count=12)
+    carried = {name for name, share in zip(FREEDOMS, modes.shares.T, strict=True)
                if share.max() > 0.5}
     assert carried == moving
     held_plate = vibrations(clamped(film), film.mounted(), plate_of(), count=12 - len(moving))
     if not moving:
-        assert found.frequencies_Hz == pytest.approx(held_plate.frequencies_Hz, rel=1e-12)
+        assert modes.frequencies_Hz == pytest.approx(held_plate.frequencies_Hz, rel=1e-12)
 
 
 def test_a_spring_stiffens_the_heave_alone() -> None:
@@ -410,10 +411,10 @@ def test_names_of_film_patterns_are_bessel_s() -> None:
     """Each name (m, n) comes with the closed form's frequency for m nodal diameters and n circles.
     """
     film = model(annulus())
-    found = vibrations(clamped(film), film.mounted(), plate_of(), count=60)
-    labels = mode_names(*named(film, found))
+    modes = vibrations(clamped(film), film.mounted(), plate_of(), count=60)
+    labels = mode_names(*named(film, modes))
     seen = set()
-    for label, frequency in zip(labels, found.frequencies_Hz, strict=True):
+    for label, frequency in zip(labels, modes.frequencies_Hz, strict=True):
         if label.startswith("film ("):
             m, n = map(int, label[6:-1].split(","))
             assert frequency == pytest.approx(hertz(annulus_modes.held(m, n + 1, INNER, OUTER))[n],
@@ -426,18 +427,18 @@ def test_names_of_film_patterns_are_bessel_s() -> None:
 
 def test_an_ellipse_s_film_modes_get_no_round_names() -> None:
     film = model(heavy(elliptical(60e-3)))
-    found = vibrations(clamped(film), film.mounted(), plate_of(), count=8)
-    labels = mode_names(*named(film, found))
+    modes = vibrations(clamped(film), film.mounted(), plate_of(), count=8)
+    labels = mode_names(*named(film, modes))
     assert set(labels) <= {"film", "film, in plane"}
 
 
 @pytest.mark.parametrize(("outline", "second"),
                          [(Ellipse((3.0, 2.0)), (np.pi * 54 / 4, np.pi * 24 / 4))])
 def test_moments_of_an_ellipse(outline, second) -> None:
-    area, _, found = moments(outline)
+    area, _, matrix = moments(outline)
     assert area == pytest.approx(6 * np.pi, rel=1e-6)
-    assert found.diagonal() == pytest.approx(second, rel=2e-6)
-    assert found[0, 1] == pytest.approx(0, abs=1e-9)
+    assert matrix.diagonal() == pytest.approx(second, rel=2e-6)
+    assert matrix[0, 1] == pytest.approx(0, abs=1e-9)
 
 
 def test_moments_do_not_mind_where_the_outline_is_nor_its_sense() -> None:

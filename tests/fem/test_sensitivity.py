@@ -57,9 +57,9 @@ def test_gradients_are_the_limit_of_differences(solved, name: str) -> None:
         ends = []
         for change in (step, -step):
             other, start = parameters(film)[name].changed(film, solution.state, change)
-            found = newton(other, start)
-            assert found.converged
-            ends.append([one.value(other, found.state) for one in QUANTITIES.values()])
+            resolved = newton(other, start)
+            assert resolved.converged
+            ends.append([quantity.value(other, resolved.state) for quantity in QUANTITIES.values()])
         slopes = [exact[label][name] for label in QUANTITIES]
         errors.append(np.subtract(*ends) / (2 * step) - slopes)
     for label, before, after in zip(QUANTITIES, *np.abs(errors), strict=True):
@@ -82,8 +82,9 @@ def test_the_factors_of_the_solve_suffice(solved, monkeypatch: pytest.MonkeyPatc
         raise AssertionError("a gradient must not factorise")
 
     monkeypatch.setattr(Tangent, "__init__", refuse)
-    found = solve_adjoint(Stiffness(film, solution.state), nearby_tangent(film, solution), right)[0]
-    assert np.abs(found - truth).max() < 1e-9 * np.abs(truth).max()
+    adjoint = solve_adjoint(Stiffness(film, solution.state), nearby_tangent(film, solution),
+                            right)[0]
+    assert np.abs(adjoint - truth).max() < 1e-9 * np.abs(truth).max()
     assert np.abs(stale - truth).max() > 1e-6 * np.abs(truth).max()
     assert deflection_gradient(film, solution,
                           ["force"])["force"] == pytest.approx(exact["heave"]["force"], rel=1e-12)
@@ -113,15 +114,15 @@ def test_a_quarter_answers_like_the_whole() -> None:
     quarter, whole = (model(elliptical(60e-3), symmetry=symmetry, refine=0.7, order=2)
                       for symmetry in (True, False))
     even = [name for name in parameters(quarter) if "offset" not in name and "arm" not in name]
-    labels = {name: one for name, one in QUANTITIES.items() if name != "tilt"}
+    labels = {name: quantity for name, quantity in QUANTITIES.items() if name != "tilt"}
     answers = []
     for film in (quarter, whole):
-        known, outcome = parameters(film), equilibrium(film, FORCE, VOLTAGE)
-        answers.append(gradient_many(film, outcome, labels, known))
-    for label, one in labels.items():
+        by_name, outcome = parameters(film), equilibrium(film, FORCE, VOLTAGE)
+        answers.append(gradient_many(film, outcome, labels, by_name))
+    for label, quantity in labels.items():
         for name in even:
-            value = known[name].value(whole, outcome.state) or 1.0
-            size = float(abs(one.value(whole, outcome.state)) / abs(value))
+            value = by_name[name].value(whole, outcome.state) or 1.0
+            size = float(abs(quantity.value(whole, outcome.state)) / abs(value))
             assert answers[0][label][name] == pytest.approx(answers[1][label][name], rel=1e-6,
                                                             abs=1e-8 * size), name
     assert answers[0]["heave"]["plate.offset.0"] == answers[0]["heave"]["loading.arm.1"] == 0

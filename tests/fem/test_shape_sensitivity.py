@@ -46,16 +46,16 @@ def slope(function: Callable[[float], float], value: float, step: float) -> floa
 
 def test_radii_against_the_axisymmetric_equations() -> None:
     film = model(circular())
-    found = deflection_gradient(film, equilibrium(film, FORCE, VOLTAGE),
-                           ["plate.outline.radius", "frame.radius"])
+    slopes = deflection_gradient(film, equilibrium(film, FORCE, VOLTAGE),
+                                 ["plate.outline.radius", "frame.radius"])
 
     def heave(**radius: float) -> float:
         return axisymmetric.solve_load(replace(FILM, **radius), FORCE, VOLTAGE).deflection
 
-    assert found["plate.outline.radius"] == pytest.approx(slope(lambda a: heave(inner=a), 10e-3,
-                                                                1e-5), rel=1e-5)
-    assert found["frame.radius"] == pytest.approx(slope(lambda b: heave(outer=b), 45e-3, 5e-5),
-                                                  rel=1e-5)
+    assert slopes["plate.outline.radius"] == pytest.approx(slope(lambda a: heave(inner=a), 10e-3,
+                                                                 1e-5), rel=1e-5)
+    assert slopes["frame.radius"] == pytest.approx(slope(lambda b: heave(outer=b), 45e-3, 5e-5),
+                                                   rel=1e-5)
 
 
 def test_pull_in_against_the_axisymmetric_equations() -> None:
@@ -72,14 +72,14 @@ def test_pull_in_against_the_axisymmetric_equations() -> None:
     expected = {"plate.outline.radius": slope(lambda a: pull_in(inner=a), 10e-3, 1e-5),
                 "membrane.thickness": slope(lambda t: pull_in(thickness=t), 1e-3, 1e-6),
                 "force": slope(pull_in, force, 1e-3 * force)}
-    known = parameters(film)
-    found = limit_gradient(film, outcome.critical, "voltage",
-                           {name: known[name] for name in expected})
+    by_name = parameters(film)
+    slopes = limit_gradient(film, outcome.critical, "voltage",
+                            {name: by_name[name] for name in expected})
     voltage = np.sqrt(outcome.critical.state.voltage_squared)
     for name, value in expected.items():
-        assert found[name] / (2 * voltage) == pytest.approx(value, rel=3e-4), name
+        assert slopes[name] / (2 * voltage) == pytest.approx(value, rel=3e-4), name
     with pytest.raises(InputError, match="is the load that has the limit"):
-        limit_gradient(film, outcome.critical, "voltage", {"voltage": known["voltage"]})
+        limit_gradient(film, outcome.critical, "voltage", {"voltage": by_name["voltage"]})
     with pytest.raises(InputError, match="no smooth limit"):
         limit_gradient(film, replace(outcome.critical, rate=1e9), "voltage", {})
 
@@ -92,8 +92,8 @@ def test_lengths_against_new_meshes(name: str) -> None:
         return equilibrium(film, FORCE, VOLTAGE).state.plate.deflection
 
     film = model(skewed(), order=4)
-    found = deflection_gradient(film, equilibrium(film, FORCE, VOLTAGE), [name])[name]
-    assert found == pytest.approx(slope(heave, 0.0, 3e-4), rel=1e-4)
+    derivative = deflection_gradient(film, equilibrium(film, FORCE, VOLTAGE), [name])[name]
+    assert derivative == pytest.approx(slope(heave, 0.0, 3e-4), rel=1e-4)
 
 
 def test_geometry_is_that_of_scikit_fem_and_its_derivative() -> None:
@@ -148,9 +148,9 @@ def test_an_electrode_within_the_film_moves() -> None:
         for step in (4e-4, 2e-4):
             ends = []
             for change in (step, -step):
-                found = newton(*parameters(film)[name].changed(film, state, change))
-                assert found.converged
-                ends.append(found.state.plate.deflection)
+                solution = newton(*parameters(film)[name].changed(film, state, change))
+                assert solution.converged
+                ends.append(solution.state.plate.deflection)
             errors.append(abs((ends[0] - ends[1]) / (2 * step) - exact[name]))
         assert errors[1] < 1e-3 * abs(exact[name])
         assert errors[0] / errors[1] > 3.5 or errors[1] < 1e-7 * abs(exact[name])
@@ -181,12 +181,12 @@ def test_outlines_of_pieces_against_new_meshes(frame: Outline, plate: Plate, nam
         return equilibrium(film, FORCE, VOLTAGE).state.plate.deflection
 
     film = model(base, order=4)
-    found = deflection_gradient(film, equilibrium(film, FORCE, VOLTAGE), [name])[name]
+    derivative = deflection_gradient(film, equilibrium(film, FORCE, VOLTAGE), [name])[name]
     # The frame's corners hardly matter: over a short step a new mesh changes the heave by more than
     # they do.
     step = {"frame.exponent": 3e-2, "frame.rotation": 6e-3, "frame.corner_radius": 2e-3}.get(name,
                                                                                              3e-4)
-    assert found == pytest.approx(slope(heave, 0.0, step), rel=2e-4)
+    assert derivative == pytest.approx(slope(heave, 0.0, step), rel=2e-4)
 
 
 def test_sharp_corners_into_the_film_are_refused_and_named() -> None:

@@ -251,9 +251,9 @@ def test_polylines_with_bulges_and_other_units(tmp_path: Path) -> None:
     document.modelspace().add_lwpolyline([(3, 2, 1), (3, 6, 0), (-3, 6, 1), (-3, 2, 0)],
                                          format="xyb", close=True)
     document.saveas(tmp_path / "stadium.dxf")
-    found = imported(tmp_path, shape="dxf", file="stadium.dxf")
-    assert found.semi_axes == pytest.approx((50e-3, 20e-3))
-    assert area(found) == pytest.approx(60e-3 * 40e-3 + np.pi * 20e-3**2, rel=1e-12)
+    outline = imported(tmp_path, shape="dxf", file="stadium.dxf")
+    assert outline.semi_axes == pytest.approx((50e-3, 20e-3))
+    assert area(outline) == pytest.approx(60e-3 * 40e-3 + np.pi * 20e-3**2, rel=1e-12)
 
 
 @pytest.mark.usefixtures("at_once")
@@ -276,9 +276,9 @@ def test_splines_of_other_degrees_come_close(tmp_path: Path) -> None:
     space.add_rational_spline([(30, 0), (30, 30), (0, 30)], [1, 0.5**0.5, 1], degree=2)
     space.add_arc((0, 0), 30, 90, 360)
     document.saveas(tmp_path / "circle.dxf")
-    found = imported(tmp_path, shape="dxf", file="circle.dxf")
-    assert isinstance(found, Drawn)
-    assert np.abs(found.level(*Circle(30e-3).points(500))).max() < 1e-9 * 30e-3
+    outline = imported(tmp_path, shape="dxf", file="circle.dxf")
+    assert isinstance(outline, Drawn)
+    assert np.abs(outline.level(*Circle(30e-3).points(500))).max() < 1e-9 * 30e-3
     assert len(dxf_pieces(tmp_path / "circle.dxf", "*")) == 2
 
 

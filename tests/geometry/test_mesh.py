@@ -21,7 +21,7 @@ from tympan.geometry.errors import InputError
 from tympan.geometry.mesh import ELEMENTS, facets_of, from_meshio, unfold
 from tympan.geometry.mesher import MeshSettings, mesh_film
 from tympan.geometry.outlines import Circle
-from tympan.geometry.specimen import Electrode, Plate
+from tympan.geometry.specimen import Electrode, Plate, Region
 from tympan.studies.case import Settings, build_model
 
 SPECIMENS = {
@@ -72,6 +72,32 @@ def test_electrode_margins_have_their_areas() -> None:
                                                                  rel=1e-6)
     assert 4 * area(mesh, mesh.subdomains["bare"]) == pytest.approx(
         np.pi * (45e-3**2 - 42e-3**2 + 12e-3**2 - 10e-3**2), rel=1e-6)
+
+
+def test_a_margin_that_the_electrode_does_not_reach_costs_no_elements() -> None:
+    disc = Region(Circle(30e-3))
+    far, none = (replace(circular(), electrode=Electrode(margin, outline=disc))
+                 for margin in (1e-3, 0.0))
+    meshes = [from_meshio(mesh_film(specimen, MeshSettings(), frozenset("xy")))
+              for specimen in (far, none)]
+    assert meshes[0].nelements == meshes[1].nelements
+    assert area(meshes[0], meshes[0].subdomains["covered"]) == pytest.approx(
+        np.pi / 4 * (30e-3**2 - 10e-3**2), rel=1e-6)
+
+
+def test_an_electrode_cut_by_its_margin_has_its_area() -> None:
+    """A disc off centre, of which a margin of the frame cuts a lens."""
+    radius, away, rim = 30e-3, 15e-3, 42e-3
+    specimen = replace(circular(), electrode=Electrode(
+        45e-3 - rim, outline=Region(Circle(radius), (away, 0.0))))
+    mesh = from_meshio(mesh_film(specimen, MeshSettings(), frozenset("y")))
+    angles = [np.arccos((away**2 + a**2 - b**2) / (2 * away * a))
+              for a, b in ((radius, rim), (rim, radius))]
+    lens = sum(r**2 * (angle - np.sin(2 * angle) / 2)
+               for r, angle in zip((radius, rim), angles, strict=True))
+    assert 2 * area(mesh, mesh.subdomains["covered"]) == pytest.approx(
+        lens - np.pi * 10e-3**2, rel=1e-6)
+    assert 2 * area(mesh) == pytest.approx(np.pi * (45e-3**2 - 10e-3**2), rel=1e-6)
 
 
 @pytest.mark.parametrize(("frame", "plate"),

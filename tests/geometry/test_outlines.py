@@ -106,8 +106,8 @@ def test_semi_axes_are_those_of_the_centred_box(outline: Outline) -> None:
     for turned in (outline, Rotated(outline, 0.7)):
         x, y = turned.points(20000)
         a, b = turned.semi_axes
-        found = np.array([x.max(), -x.min(), y.max(), -y.min()])
-        assert found == pytest.approx([a, a, b, b], rel=1e-6)
+        extents = np.array([x.max(), -x.min(), y.max(), -y.min()])
+        assert extents == pytest.approx([a, a, b, b], rel=1e-6)
 
 
 def test_mirror_planes_are_true_and_all_there_are(outline: Outline) -> None:
@@ -128,9 +128,9 @@ def test_every_outline_meshes_and_solves(outline: Outline, part: str) -> None:
     assert folded(model.discretisation.mesh) == 0
     whole = model.discretisation.basis.dx.sum() * 2 ** len(model.discretisation.planes)
     assert whole == pytest.approx(area(specimen.frame) - area(specimen.plate.outline), rel=1e-6)
-    found = equilibrium(model, 17.9e-3 * 9.80665, 3500.0)
-    assert found.status == "equilibrium"
-    assert 0.1e-3 < found.state.plate.deflection < 6e-3
+    outcome = equilibrium(model, 17.9e-3 * 9.80665, 3500.0)
+    assert outcome.status == "equilibrium"
+    assert 0.1e-3 < outcome.state.plate.deflection < 6e-3
 
 
 def test_a_superellipse_of_exponent_two_is_an_ellipse() -> None:

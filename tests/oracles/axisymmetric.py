@@ -606,10 +606,10 @@ class RitzExpansion:
         right = np.column_stack([border, mixed[:-1]])
         try:
             tangents = -cho_solve(cho_factor(inner), right)
-            held = True
+            definite = True
         except LinAlgError:
             tangents = -np.linalg.lstsq(inner, right)[0]
-            held = False
+            definite = False
         return _State(
             c=c,
             deflection=deflection,
@@ -618,7 +618,7 @@ class RitzExpansion:
             force=float(gradient[-1]),
             stiffness=float(hessian[-1, -1] + border @ tangents[:, 0]),
             sensitivity=float(mixed[-1] + border @ tangents[:, 1]),
-            held=held,
+            held=definite,
             tangent_w=tangents[:, 0],
             tangent_q=tangents[:, 1],
         )

@@ -112,9 +112,9 @@ def _nominal_stress(model: Model, state: State, deformation: Array) -> Array:
         return first, second
 
     def along_axes(f: Array, stress: Callable[[Array, Array], tuple[Array, Array]]) -> Array:
-        left, values, right = np.linalg.svd(f, full_matrices=False)
+        left_vectors, values, right_vectors = np.linalg.svd(f, full_matrices=False)
         principal = np.stack(stress(values[..., 0], values[..., 1]), axis=-1)
-        return np.einsum("...ik,...k,...kj->...ij", left, principal, right)
+        return np.einsum("...ik,...k,...kj->...ij", left_vectors, principal, right_vectors)
 
     residual = float(model.density(0.0).material.residual)
     result = along_axes(deformation * stretched,

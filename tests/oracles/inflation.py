@@ -100,11 +100,11 @@ def shoot(film: Film, loads: Loads, guess: float | None = None) -> Bubble:
         return result
 
     first = guess or 1.02 * lp
-    found = root_scalar(lambda l1: trajectory(l1).y[1, -1] / lp - 1.0, x0=first, x1=1.001 * first,
-                        xtol=1e-13)
-    if not found.converged:
+    root = root_scalar(lambda l1: trajectory(l1).y[1, -1] / lp - 1.0, x0=first, x1=1.001 * first,
+                       xtol=1e-13)
+    if not root.converged:
         raise ArithmeticError("shooting did not converge")
-    path = trajectory(found.root)
+    path = trajectory(root.root)
     apex = -film.outer * float(path.y[3, -1])
 
     def meridian(radius: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -162,8 +162,8 @@ class _Expansion:
 
     def start(self, loads: Loads) -> FloatArray:
         """The flat film, slightly domed: unstressed it has no stiffness across its plane."""
-        one = np.array([self.film.prestretch])
-        modulus = 0.75 * float(energy_derivatives(self.film, one, one, 0.0).d11[0])
+        stretch = np.array([self.film.prestretch])
+        modulus = 0.75 * float(energy_derivatives(self.film, stretch, stretch, 0.0).d11[0])
         push = abs(0.1 * loads.pressure) + abs(0.1 * loads.weight)
         dome = 0.6 * self.film.outer * (push * self.film.outer
                                         / (modulus * self.film.thickness)) ** (1 / 3)
@@ -213,13 +213,13 @@ class _Expansion:
         volume = 2 * math.pi * film.thickness / ratio**2 * radius * step
         along_r, along_z = r_by / length, z_by / length
         zero_r, zero_z = np.zeros_like(self.r), np.zeros_like(self.z)
-        one = ratio * np.hstack([along_r[:, None] * self.r_by, along_z[:, None] * self.z_by])
-        two = ratio * np.hstack([self.r / radius[:, None], zero_z])
+        l1_slopes = ratio * np.hstack([along_r[:, None] * self.r_by, along_z[:, None] * self.z_by])
+        l2_slopes = ratio * np.hstack([self.r / radius[:, None], zero_z])
         across = np.hstack([-along_z[:, None] * self.r_by, along_r[:, None] * self.z_by])
-        gradient = one.T @ (volume * psi.d1) + two.T @ (volume * psi.d2)
-        cross = one.T @ ((volume * psi.d12)[:, None] * two)
-        hessian = (one.T @ ((volume * psi.d11)[:, None] * one) + two.T
-                   @ ((volume * psi.d22)[:, None] * two)
+        gradient = l1_slopes.T @ (volume * psi.d1) + l2_slopes.T @ (volume * psi.d2)
+        cross = l1_slopes.T @ ((volume * psi.d12)[:, None] * l2_slopes)
+        hessian = (l1_slopes.T @ ((volume * psi.d11)[:, None] * l1_slopes) + l2_slopes.T
+                   @ ((volume * psi.d22)[:, None] * l2_slopes)
                    + cross + cross.T + across.T
                    @ ((volume * psi.d1 * ratio / length)[:, None] * across))
         wide, fall = np.hstack([self.r, zero_z]), -np.hstack([zero_r, self.z_by])

@@ -302,10 +302,10 @@ def test_force_has_its_maximum_at_the_limit_point() -> None:
         solve_load(case, 1.0, 7e3)
     limit = caught.value
     h = 5e-5
-    left, top, right = (shoot_deflection(case, limit.limit_deflection + s * h, 7e3).force
-                        for s in (-1, 0, 1))
+    before, top, after = (shoot_deflection(case, limit.limit_deflection + s * h, 7e3).force
+                          for s in (-1, 0, 1))
     assert top == pytest.approx(limit.limit_force, rel=1e-10)
-    assert left < top > right
+    assert before < top > after
     assert not solve_deflection(case, limit.limit_deflection + h, 7e3).stable
 
 

@@ -35,7 +35,7 @@ def wrinkled_force(film: Film, mu: float, heave: float) -> float:
     radii = film.inner + 0.5 * (film.outer - film.inner) * (1 + xi)
 
     def stretch(stress: float) -> float:
-        return float(brentq(lambda one: mu * (one - one**-2) - stress, 1.0, 1e3))
+        return float(brentq(lambda l1: mu * (l1 - l1**-2) - stress, 1.0, 1e3))
 
     def excess(pull: float) -> float:
         stretches = np.array([stretch(pull / radius) for radius in radii])

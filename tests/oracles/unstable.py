@@ -94,10 +94,10 @@ def end_voltage(film: Film, force: float, highest: float) -> float:
     try:
         if hoop(highest) >= 0:
             return limit
-        lost = float(brentq(hoop, 0.0, highest, rtol=1e-6))
+        loss_voltage = float(brentq(hoop, 0.0, highest, rtol=1e-6))
     except ArithmeticError:
         return math.nan
-    state = solve_load(film, force, lost)
+    state = solve_load(film, force, loss_voltage)
     at = radii[[int(np.argmin(state.total2(radii)))]]
-    psi = energy_derivatives(film, state.lambda1(at), state.lambda2(at), lost**2)
-    return lost if psi.d11[0] < psi.d12[0] ** 2 / psi.d22[0] else math.nan
+    psi = energy_derivatives(film, state.lambda1(at), state.lambda2(at), loss_voltage**2)
+    return loss_voltage if psi.d11[0] < psi.d12[0] ** 2 / psi.d22[0] else math.nan

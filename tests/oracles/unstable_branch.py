@@ -19,13 +19,13 @@ def branch_points(film: Model, subspace: Subspace, reach: float = 10.9e-3,
                   longest: float = 0.05) -> list[PathPoint]:
     """Points from a stable voltage on, through the largest, to a heave beyond it."""
     start = equilibrium(film, WEIGHT, 6000.0).state
-    found = []
+    points = []
     for point in Branch(film, "voltage", subspace=subspace,
                         arc=ArcSettings(longest=longest)).points(start):
         if point.state.plate.deflection > reach:
             break
-        found.append(point)
-    return found
+        points.append(point)
+    return points
 
 
 def voltage_at(reference: Reference, heave: float, force: float, near: tuple[FloatArray, float],

@@ -16,7 +16,7 @@ def cause(effect: str, headline: str, **others: Any) -> dict[str, Any]:
 
 
 def content(verdict: str, *causes: dict[str, Any]) -> dict[str, Any]:
-    step = {"what": "", "checks": [one["check"] for one in causes], "after_checks": "hang 10 g",
+    step = {"what": "", "checks": [entry["check"] for entry in causes], "after_checks": "hang 10 g",
             "separates": [], "expected_chi_squared": None, "menu": []}
     factor = {"value": 1.0, "low": 0.9, "high": 1.1}
     return {
@@ -30,7 +30,7 @@ def content(verdict: str, *causes: dict[str, Any]) -> dict[str, Any]:
         "gain": {"held_out": "each mass in turn (10 g, 20 g)", "rmse_before_um": 61.0, "low": None,
                  "rmse_after_um": 22.0, "ratio": 0.2, "high": None, "splits": []},
         "predictive": {"coverage_95": 0.944, "readings": 90, "pit": [9] * 10},
-        "robust": [{"factor": factor, "stand_out": [one["effect"] for one in causes[:1]]}
+        "robust": [{"factor": factor, "stand_out": [entry["effect"] for entry in causes[:1]]}
                    for factor in (1 / 3, 1.0, 10.0)],
         "noisier": {"factor": 1.5, "probability": 0.961}, "self_check": None,
         "probability": {"nothing": 0.0, "unknown": 0.01},
@@ -60,10 +60,10 @@ def test_a_rival_that_only_its_size_speaks_against_is_called_so() -> None:
     (([], []), "Nothing stands out, whichever sizes"),
 ])
 def test_what_the_name_depends_on_is_said(stand_out: tuple[list[str], ...], words: str) -> None:
-    told = content("named", cause("drift", "Readings rise", named=True))
-    told["robust"] = [{"factor": factor, "stand_out": names}
-                      for factor, names in zip((1 / 3, 10.0), stand_out, strict=True)]
-    page = " ".join(render_diagnosis(told, "", "").split())
+    diagnosis = content("named", cause("drift", "Readings rise", named=True))
+    diagnosis["robust"] = [{"factor": factor, "stand_out": names}
+                           for factor, names in zip((1 / 3, 10.0), stand_out, strict=True)]
+    page = " ".join(render_diagnosis(diagnosis, "", "").split())
     assert words in page
     assert "Were the noise 1.5 times as large, the probability of what is named would be 96 %" in (
         page)

@@ -131,10 +131,10 @@ def test_figures_repeat_byte_by_byte(report: Path, copy: Path) -> None:
 def test_membranes_have_one_scale_and_their_true_width(stored: StudyView) -> None:
     view = figure4.lay_out(stored.specimens, stored.stress_range).view
     for specimen in stored.specimens:
-        pixels, (left, right, bottom, top) = figure4.specimen_picture(specimen, view)
+        pixels, (x_min, x_max, y_min, y_max) = figure4.specimen_picture(specimen, view)
         height, width, _ = pixels.shape
-        assert width / (right - left) == pytest.approx(view.resolution, rel=1e-12)
-        assert height / (top - bottom) == pytest.approx(view.resolution, rel=1e-12)
+        assert width / (x_max - x_min) == pytest.approx(view.resolution, rel=1e-12)
+        assert height / (y_max - y_min) == pytest.approx(view.resolution, rel=1e-12)
         drawn = np.flatnonzero((pixels < 250).any((0, 2)))
         # The outline adds half its width on either side.
         wide = (np.ptp(drawn) + 1 - view.line) / view.resolution
@@ -229,7 +229,7 @@ def test_pictures_leave_no_plotter_open(stored: StudyView, monkeypatch: pytest.M
     with pytest.raises(ValueError, match="nocolour"):
         figure4.specimen_picture(stored.specimens[0], replace(view, colours="nocolour"))
     assert len(opened) == 2
-    assert all(one._closed for one in opened)
+    assert all(window._closed for window in opened)
 
 
 def test_no_opengl_is_one_clear_message(stored: StudyView, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -355,9 +355,9 @@ def test_larger_long_axis_is_told(stored: StudyView) -> None:
 def test_sides_of_an_eccentric_plate_are_both_kept() -> None:
     distance = np.array([-30.0, -10.0, 10.0, 20.0])
     line = AxisLine(distance, np.array([1.0, 3.0, 4.0, 2.0]))
-    right, left = line.sides
-    assert right.distance.tolist() == [0, 10]
-    assert left.stress.tolist() == [3, 1]
+    right_side, left_side = line.sides
+    assert right_side.distance.tolist() == [0, 10]
+    assert left_side.stress.tolist() == [3, 1]
     assert line.at_plate == 4
 
 

@@ -16,7 +16,7 @@ from tympan.fem.film.library import MATERIALS
 from tympan.fem.rig import Rig
 from tympan.geometry.mesher import MeshSettings
 from tympan.geometry.outlines import Circle, Ellipse, RoundedRectangle
-from tympan.geometry.specimen import Film, Plate, Specimen
+from tympan.geometry.specimen import Electrode, Film, Plate, Region, Specimen
 from tympan.studies.alpha import AlphaSettings, LoadGrid, alpha
 from tympan.studies.case import Case, CaseResult, Settings, solve
 from tympan.studies.files import from_json
@@ -81,6 +81,20 @@ def test_limits_of_a_film_hold_on_another_mesh(film: Specimen) -> None:
     assert coarse.tension is not None
     assert fine.tension.voltage_V == pytest.approx(
         coarse.tension.voltage_V, rel=fine.tension.spread + coarse.tension.spread)
+
+
+def test_a_film_that_thins_as_it_loses_tension_loses_it_on_every_mesh() -> None:
+    """An oval with its electrode on a disc and its plate aside: it is unstable at the next step."""
+    membrane = Film(thickness=1e-3, prestretch=(2.236, 2.236), relative_permittivity=4.7,
+                    material=MATERIALS["vhb-4910"].material)
+    oval = Specimen("oval", Ellipse((60e-3, 45e-3)), Plate(Circle(10e-3), (2e-3, 0.0)), membrane,
+                    Electrode(outline=Region(Circle(30e-3))))
+    case, settings = Case(oval, mass=27e-3), Settings()
+    tensions = [limits(case, replace(settings, mesh=settings.mesh.refined(factor))).tension
+                for factor in (1.0, 1.5)]
+    voltages = [limit.voltage_V for limit in tensions if limit is not None]
+    assert len(voltages) == 2
+    assert np.ptp(voltages) < 2e-4 * voltages[0]
 
 
 def test_solve_knows_its_film_s_limits(film: Specimen) -> None:

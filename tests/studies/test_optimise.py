@@ -209,12 +209,12 @@ def test_the_maximiser_finds_a_known_vertex_and_its_multipliers() -> None:
         def held(self, x: np.ndarray) -> tuple[float, np.ndarray]:
             return 0.0, np.zeros(2)
 
-    found = maximise(Disc(), np.array([0.1, 0.1]), DescentSettings(radius=0.3, widest=1.0))
+    maximum = maximise(Disc(), np.array([0.1, 0.1]), DescentSettings(radius=0.3, widest=1.0))
     root = np.sqrt(0.5 - 0.36)
-    assert found.status == "optimum"
-    np.testing.assert_allclose(found.x, [root, 0.6], atol=3e-5)
-    assert found.multipliers is not None
-    np.testing.assert_allclose(found.multipliers.limits, [1 / (2 * root), 2 - 1.2 / (2 * root)],
+    assert maximum.status == "optimum"
+    np.testing.assert_allclose(maximum.x, [root, 0.6], atol=3e-5)
+    assert maximum.multipliers is not None
+    np.testing.assert_allclose(maximum.multipliers.limits, [1 / (2 * root), 2 - 1.2 / (2 * root)],
                                rtol=1e-3)
 
 
@@ -320,9 +320,9 @@ def test_the_command_stores_what_solve_reads(file: Path, tmp_path: Path,
     assert main(command) == 0
     printed = json.loads(capsys.readouterr().out)
     assert printed == json.loads((tmp_path / "out" / "optimum.json").read_text(encoding="utf-8"))
-    (found,) = printed["optima"]
-    assert found["at_bounds"] == ["plate.radius"]
-    assert found["gain"] > 0.1
+    (optimum,) = printed["optima"]
+    assert optimum["at_bounds"] == ["plate.radius"]
+    assert optimum["gain"] > 0.1
     specimen = load_specimen(tmp_path / "out" / "optimum.toml")
     assert specimen.plate.outline.semi_axes[0] == pytest.approx(9e-3, rel=1e-9)
     assert (tmp_path / "out" / "optimum.png").stat().st_size > 10_000

@@ -35,8 +35,8 @@ def voltage_branch() -> PathResult:
 
 
 def event(result: PathResult, what: str):  # type: ignore[no-untyped-def]
-    found, = (item for item in result.events if item.what == what)
-    return found
+    entry, = (item for item in result.events if item.what == what)
+    return entry
 
 
 def test_pull_in_and_loss_of_tension_are_where_the_equations_have_them(voltage_branch) -> None:

@@ -46,11 +46,11 @@ def test_the_design_is_the_same_every_time_and_has_every_law() -> None:
 
 def test_the_checker_would_see_an_unbalanced_state() -> None:
     made = model(circular(), refine=0.7)
-    found = equilibrium(made, 0.2, 3000.0)
-    assert balance(made, found.state).worst < 1e-8
-    assert balance(made, found.state.under(force=0.2002)).force > 1e-5
-    assert balance(made, found.state.under(voltage=3010.0**2)).worst > 1e-5
-    full, state = whole(made, found.state)
+    outcome = equilibrium(made, 0.2, 3000.0)
+    assert balance(made, outcome.state).worst < 1e-8
+    assert balance(made, outcome.state.under(force=0.2002)).force > 1e-5
+    assert balance(made, outcome.state.under(voltage=3010.0**2)).worst > 1e-5
+    full, state = whole(made, outcome.state)
     assert balance(full, state).slope < 1e-10
     assert balance(full, state.under(force=0.2002)).slope > STEEP
 
@@ -80,16 +80,16 @@ def test_the_checkers_slope_is_that_of_the_potential(law: str) -> None:
     size = np.sqrt((nodes**2).sum() + (motion[:3] ** 2).sum() + (motion[3:] ** 2).sum()
                    * made.size**2)
     by_differences = (4 * rise(nodes, motion, 5e-7) - rise(nodes, motion, 1e-6)) / 3
-    found = slope(made, state, forces, tries=1)
-    assert found > STEEP
-    assert found == pytest.approx(abs(by_differences) / size / np.abs(forces).max(), rel=1e-5)
+    steepest = slope(made, state, forces, tries=1)
+    assert steepest > STEEP
+    assert steepest == pytest.approx(abs(by_differences) / size / np.abs(forces).max(), rel=1e-5)
 
 
 @pytest.mark.parametrize(("number", "voltage"), [(349, None), (377, 1140.0)])
 def test_slopes_are_seen_near_locking(number: int, voltage: float | None) -> None:
     """Where a difference over a millionth of the frame is off by more than 1e-5: a narrow gap, a
     film that locks, 0.4 % below the voltage at which it thins."""
-    drawn = next(one for one in design(number + 1) if one.number == number)
+    drawn = next(candidate for candidate in design(number + 1) if candidate.number == number)
     if voltage is not None:
         drawn = replace(drawn, case=replace(drawn.case, voltage=voltage))
     record = judged(drawn, MeshSettings(), sample=10**9)
@@ -115,17 +115,17 @@ def test_a_film_that_locks_says_so() -> None:
     """
     specimen = circular(SAMPLES["arruda_boyce"].law, prestretch=(3.99, 3.99), thickness=0.2323e-3)
     specimen = replace(specimen, frame=Circle(22.5e-3), plate=Plate(Circle(4.2e-3)))
-    found = equilibrium(model(specimen, refine=0.6, order=3), 0.132, 1412.0)
-    assert found.status == "not_converged"
-    assert found.advice.startswith(STRAINED)
-    assert found.solution.tangent.wrinkling == 0
+    outcome = equilibrium(model(specimen, refine=0.6, order=3), 0.132, 1412.0)
+    assert outcome.status == "not_converged"
+    assert outcome.advice.startswith(STRAINED)
+    assert outcome.solution.tangent.wrinkling == 0
 
 
 @pytest.mark.study
 def test_five_hundred_random_specimens() -> None:
     records = study(500, seed=1, sample=8, workers=1)
-    told = table(records)
-    assert not [record.number for record in records if record.status in ("raised", "hung")], told
-    assert not [record.number for record in records if not record.balanced], told
-    assert sum(record.status == "not_converged" for record in records) <= 40, told
-    assert not [record.number for record in records if record.wrong], told
+    summary = table(records)
+    assert not [record.number for record in records if record.status in ("raised", "hung")], summary
+    assert not [record.number for record in records if not record.balanced], summary
+    assert sum(record.status == "not_converged" for record in records) <= 40, summary
+    assert not [record.number for record in records if record.wrong], summary

@@ -45,24 +45,24 @@ def test_rig_and_loads_against_differences(direction: float) -> None:
     """What the rig makes of mass and voltage counts, and the pressure on the plate's own area."""
     case = Case(skewed(), mass=17.9e-3, voltage=3e3, rig=RIG, direction=direction)
     model, outcome = equilibrate(case, COARSE)
-    known = case_parameters(case, model)
+    parameters = case_parameters(case, model)
     names = ["mass", "voltage", "plate.outline.radius",
-             *(name for name in known if name.startswith("rig"))]
-    found = {name: answer.derivative
-             for name, answer in sensitivity(case, COARSE).quantities["heave"].by.items()}
+             *(name for name in parameters if name.startswith("rig"))]
+    derivatives = {name: answer.derivative
+                   for name, answer in sensitivity(case, COARSE).quantities["heave"].by.items()}
     assert {"rig.gravity", "rig.sag_voltage", "rig.weight_offset.1",
             "rig.biases.0.gap"} < set(names)
     assert "rig.sensor_gain" not in names
     assert ("rig.lag_voltage" in names) == (direction != 0)
     for name in names:
-        value = known[name].value(model, outcome.state)
+        value = parameters[name].value(model, outcome.state)
         errors = []
         for step in (4e-3 * (abs(value) or 1e-2), 2e-3 * (abs(value) or 1e-2)):
-            changed = [known[name].changed(model, outcome.state, change)
+            changed = [parameters[name].changed(model, outcome.state, change)
                        for change in (step, -step)]
             heaves = [newton(*each).state.plate.deflection for each in changed]
-            errors.append(abs((heaves[0] - heaves[1]) / (2 * step) - found[name]))
-        assert errors[0] / errors[1] > 3.5 or errors[1] < 1e-6 * abs(found[name]), name
+            errors.append(abs((heaves[0] - heaves[1]) / (2 * step) - derivatives[name]))
+        assert errors[0] / errors[1] > 3.5 or errors[1] < 1e-6 * abs(derivatives[name]), name
 
 
 def test_elasticities_are_those_of_similarity(specimen: str,
@@ -73,10 +73,12 @@ def test_elasticities_are_those_of_similarity(specimen: str,
                  "--json"]) == 0
     result = json.loads(capsys.readouterr().out)
     assert result["status"] == "equilibrium"
-    heave = {name: one["elasticity"] for name, one in result["quantities"]["heave"]["by"].items()}
+    heave = {name: answer["elasticity"]
+             for name, answer in result["quantities"]["heave"]["by"].items()}
     assert heave["membrane.material.mu"] == pytest.approx(-heave["mass"] - heave["voltage"] / 2,
                                                           rel=1e-8)
-    energy = {name: one["elasticity"] for name, one in result["quantities"]["energy"]["by"].items()}
+    energy = {name: answer["elasticity"]
+              for name, answer in result["quantities"]["energy"]["by"].items()}
     assert energy["membrane.material.mu"] == pytest.approx(1 - energy["mass"] - energy["voltage"]
                                                            / 2, rel=1e-8)
     assert result["quantities"]["heave"]["by"]["plate.outline.radius"]["unit"] == "m"

@@ -46,13 +46,14 @@ def clean() -> StaticProblem:
     By :mod:`tympan.studies.lumped.equilibria`.
     """
     law = Separable(tuple(TRUTH[:3]), tuple(TRUTH[3:6]), (2.0, 4.0, 6.0), 5**0.5)
-    specimens = tuple(replace(one, membrane=replace(one.membrane, material=law))
-                      for one in paper_actuators(8.5))
-    rows = [(number, mass, u, rest(Actuator.of(one, mass, (0.45, 0.55)), float(u)))
-            for number, one in enumerate(specimens) for mass in MASSES for u in VOLTAGES]
+    specimens = tuple(replace(specimen, membrane=replace(specimen.membrane, material=law))
+                      for specimen in paper_actuators(8.5))
+    rows = [(number, mass, u, rest(Actuator.of(specimen, mass, (0.45, 0.55)), float(u)))
+            for number, specimen in enumerate(specimens) for mass in MASSES for u in VOLTAGES]
     which, mass, u, y = np.array(rows).T
-    unknown = tuple(replace(one, membrane=replace(one.membrane, relative_permittivity=6.0))
-                    for one in specimens)
+    unknown = tuple(
+        replace(specimen, membrane=replace(specimen.membrane, relative_permittivity=6.0))
+        for specimen in specimens)
     return StaticProblem(unknown, Rig(), which.astype(int), mass, u, y, NOISE)
 
 

@@ -51,12 +51,12 @@ def read(folder: Path, text: str = SWEEP, settings: Settings = CHEAP, **files: s
 
 def finished(sweep: Sweep, folder: Path) -> dict[str, tuple[int, int]]:
     """Finished tasks, each with what changes when its file is written again."""
-    shelf, found = Checkpoint(folder), {}
+    shelf, stamps = Checkpoint(folder), {}
     for entry in sweep.entries:
         if entry.task is not None and shelf.get(entry.task) is not None:
             seen = next(folder.glob(f"tasks/*/{entry.task.id}.json")).stat()
-            found[entry.task.id] = seen.st_ino, seen.st_mtime_ns
-    return found
+            stamps[entry.task.id] = seen.st_ino, seen.st_mtime_ns
+    return stamps
 
 
 class Lethal(SweepTask):

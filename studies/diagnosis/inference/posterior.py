@@ -337,19 +337,19 @@ class Posterior:
     discrepancy: float
 
     @classmethod
-    def of(cls, nominal: Fit, fits: Sequence[Fit], left: Mapping[Hypothesis, float],
+    def of(cls, nominal: Fit, fits: Sequence[Fit], log_odds: Mapping[Hypothesis, float],
            among: Sequence[Hypothesis]) -> Posterior:
         """By evidence and prior, that of all hypotheses ``among`` which they are.
 
-        ``left``: of some hypotheses, the logarithm of the odds that there is a discrepancy beside
-        them, by what they leave (:func:`odds_of_more`); of others those are taken to be as before
-        any data. Without any fits, of the nominal one.
+        ``log_odds``: of some hypotheses, the logarithm of the odds that there is a discrepancy
+        beside them, by what they leave (:func:`odds_of_more`); of others those are taken to be as
+        before any data. Without any fits, of the nominal one.
         """
         logs = np.array([fit.evidence for fit in fits])
         shares = dict(zip(among, priors(among).tolist(), strict=True))
         logs = logs + np.log([shares[fit.hypothesis] for fit in fits])
-        odds = np.array([left.get(fit.hypothesis, 0.0) for fit in fits])
-        more = float(logsumexp(logs + odds)) if fits else nominal.evidence + left[()]
+        odds = np.array([log_odds.get(fit.hypothesis, 0.0) for fit in fits])
+        more = float(logsumexp(logs + odds)) if fits else nominal.evidence + log_odds[()]
         both = np.array([nominal.evidence + np.log(NOTHING),
                          more + np.log(DISCREPANCY / (SINGLE + PAIR)), *logs])
         weight = np.exp(both - both.max())

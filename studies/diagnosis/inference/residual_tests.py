@@ -282,16 +282,17 @@ class ResidualTests:
         return np.maximum(squares + stated, 1e-12) / (freedom + self.stated)
 
     def __call__(self, residual: Array, generator: np.random.Generator,
-                 known: float | None = None) -> TestResult:
+                 noise_freedom: float | None = None) -> TestResult:
         """Test residuals at a best fit, shape (rows,), against their noise and the stated one.
 
-        Or against the stated noise alone, ``known`` with so many degrees of freedom.
+        Or against the stated noise alone, known with ``noise_freedom`` degrees of freedom.
         """
         # Draws are of the readings, not of any basis: those turn with the last digit of a column.
         draws = generator.standard_normal((len(residual), _DRAWS))
-        counted = self.stated if known is None else known
+        counted = self.stated if noise_freedom is None else noise_freedom
         scatter = generator.chisquare(counted, _DRAWS) if counted else np.zeros(_DRAWS)
-        every = self._ratios(np.column_stack([residual, draws]), np.r_[counted, scatter], known)
+        every = self._ratios(np.column_stack([residual, draws]), np.r_[counted, scatter],
+                             noise_freedom)
         tails = {name: self._tail(name, *ratios) for name, ratios in every.items()}
         p_values = {name: float(tail[0]) for name, tail in tails.items()}
         least = min(p_values.values(), default=1.0)
@@ -300,10 +301,10 @@ class ResidualTests:
         bound = min(1.0, least * len(p_values)) if p_values else 1.0
         p_value = min(bound, max(corrected, 1 / _DRAWS)) if corrected > 0 else bound
         step = every["step"][0][:, 0].argmax() if "step" in every else None
-        return TestResult(p_values, p_value, self.noise(residual) if known is None else 1.0,
+        return TestResult(p_values, p_value, self.noise(residual) if noise_freedom is None else 1.0,
                           0 if step is None else int(self.readings[step]))
 
-    def _ratios(self, residuals: Array, stated: Array, known: float | None
+    def _ratios(self, residuals: Array, stated: Array, noise_freedom: float | None
                 ) -> dict[str, tuple[Array, int, float]]:
         """By pattern, ratios of variances of residuals, shape (n,), and their degrees of freedom.
 
@@ -312,8 +313,8 @@ class ResidualTests:
         inner = self.smooth.T @ residuals
         squares = np.sum(residuals**2, axis=0) - np.sum((self.taken.T @ residuals) ** 2, axis=0)
         squares = squares - np.sum(inner**2, axis=0)
-        freedom = self.freedom + self.stated if known is None else known
-        variance = stated / freedom if known is not None else self._variance(
+        freedom = self.freedom + self.stated if noise_freedom is None else noise_freedom
+        variance = stated / freedom if noise_freedom is not None else self._variance(
             squares, stated, self.freedom)
         ratios = {}
         for name, basis in self.bases.items():
@@ -322,7 +323,7 @@ class ResidualTests:
             if name in self.one_sided:
                 ratio = ratio * np.sign(parts[0])
             ratios[name] = ratio, basis.shape[1], freedom
-        apart = known is None and self.freedom >= 2
+        apart = noise_freedom is None and self.freedom >= 2
         for name, columns in self.jumps.items():
             parts = columns.T @ residuals
             if apart:

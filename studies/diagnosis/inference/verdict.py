@@ -200,7 +200,8 @@ class _Adequacy:
             columns = over(self.base.patterns, self.base.table)
             tests = ResidualTests.of(fit.jacobian, columns, stated=0.0)
             # The fit is kept, too, so that no other one gets its identity.
-            self.results[id(fit)] = fit, tests(fit.residual, self.generator, known=self.freedom)
+            self.results[id(fit)] = fit, tests(
+                fit.residual, self.generator, noise_freedom=self.freedom)
         return self.results[id(fit)][1]
 
     def enough(self, fit: Fit) -> bool:

@@ -32,15 +32,15 @@ VHB = Ogden((18.4e3, 210.0), (2.0, 4.0))
 
 def limits(branch: Branch, start: State, count: int) -> list[PathPoint]:
     """The first limit points of a branch."""
-    found = []
+    points = []
     for before, after in pairwise(branch.points(start)):
         if before.rate * after.rate < 0:
             limit = branch.where(before, after, lambda point: point.rate)
             assert limit is not None
-            found.append(limit)
-        if len(found) == count:
+            points.append(limit)
+        if len(points) == count:
             break
-    return found
+    return points
 
 
 @pytest.mark.parametrize(("material", "mass"), [(SOFT, 17.9e-3), (VHB, 17.9e-3), (VHB, 100e-3)])
@@ -138,8 +138,8 @@ def test_a_branch_comes_back_on_itself() -> None:
         back.append(point)
         if point.state.voltage_squared < start.voltage_squared:
             break
-    assert all(one.state.voltage_squared > other.state.voltage_squared
-               for one, other in pairwise(back))
+    assert all(before.state.voltage_squared > after.state.voltage_squared
+               for before, after in pairwise(back))
     again = branch.where(back[-2], back[-1],
                          lambda point: point.state.voltage_squared - start.voltage_squared)
     assert np.allclose(again.state.positions, start.positions, atol=1e-7)

@@ -56,13 +56,13 @@ def test_equations_derivatives(skewed_model: Model, name: str) -> None:
 
 def test_a_charge_gives_the_state_of_its_voltage() -> None:
     film = model(circular(SOFT))
-    known = equilibrium(film, WEIGHT, 5000.0).solution
-    charge = film.capacitance(known.state) * 5000.0
+    charged = equilibrium(film, WEIGHT, 5000.0).solution
+    charge = film.capacitance(charged.state) * 5000.0
     start = equilibrium(film, WEIGHT, 4000.0).state
-    found = newton(film, start, ("voltage",), (held_charge(charge),))
-    assert found.converged
-    assert np.sqrt(found.state.voltage_squared) == pytest.approx(5000.0, rel=1e-9)
-    assert np.allclose(found.state.positions, known.state.positions, atol=1e-10)
+    solution = newton(film, start, ("voltage",), (held_charge(charge),))
+    assert solution.converged
+    assert np.sqrt(solution.state.voltage_squared) == pytest.approx(5000.0, rel=1e-9)
+    assert np.allclose(solution.state.positions, charged.state.positions, atol=1e-10)
 
 
 def test_a_heave_is_the_one_asked_for_also_with_an_offset_weight(skewed_model: Model) -> None:
@@ -122,16 +122,17 @@ def test_charge_passes_the_voltage_s_limit_and_is_stable_where_the_ode_is() -> N
     smooth = SmoothSubspace.of(film, 0)
     points = branch_points(film, smooth)
     last = next(index for index, point in enumerate(points) if point.rate < 0)
-    known = points[last - 2].state
-    voltage = np.sqrt(known.voltage_squared)
-    charge = film.capacitance(known) * voltage
+    below = points[last - 2].state
+    voltage = np.sqrt(below.voltage_squared)
+    charge = film.capacitance(below) * voltage
     fold = fold_point(RitzExpansion(reference_film(SOFT), 40), WEIGHT)
-    state, near, seen = known, (fold.c, fold.q), []
+    state, near, seen = below, (fold.c, fold.q), []
     for share in (1.0, 1.02, 1.04, 1.06, 1.075, 1.085):
-        found = newton(film, state, ("voltage",), (held_charge(share * charge),), subspace=smooth)
-        assert found.converged
-        state = found.state
-        seen.append((state, found.tangent.negative, found.tangent.negative_closed))
+        solution = newton(film, state, ("voltage",), (held_charge(share * charge),),
+                          subspace=smooth)
+        assert solution.converged
+        state = solution.state
+        seen.append((state, solution.tangent.negative, solution.tangent.negative_closed))
     voltages = [each[0].voltage_squared for each in seen]
     heaves = [each[0].plate.deflection for each in seen]
     assert heaves == sorted(heaves)

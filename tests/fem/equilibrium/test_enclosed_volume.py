@@ -167,9 +167,9 @@ def test_plate_and_film_under_gas_pressure_follow_the_ode(pressure, voltage, for
 
 def largest(load, guess: tuple[float, float]) -> float:
     """Maximum of a load over λ₁ at the plate."""
-    found = minimize_scalar(lambda rim: -load(rim), bounds=guess, method="bounded",
-                            options={"xatol": 1e-5})
-    return -float(found.fun)
+    peak = minimize_scalar(lambda rim: -load(rim), bounds=guess, method="bounded",
+                           options={"xatol": 1e-5})
+    return -float(peak.fun)
 
 
 def test_ballooning_limit_is_the_ode_s_and_the_branch_goes_on_beyond() -> None:

@@ -101,8 +101,8 @@ def test_by_load_is_the_residual_s_derivative(film: Model, load) -> None:
     step = {"force": 0.1, "voltage": 1e6, "pressure": 20.0}[load]
     ahead, back = (state.under(**{load: state.load(load) + change}) for change in (step, -step))
     ends = [film.residual(film.nodal_forces(each), each) for each in (ahead, back)]
-    for got, one, other in zip(film.by_load(state, load), *ends, strict=True):
-        difference = (one - other) / (2 * step)
+    for got, raised, lowered in zip(film.by_load(state, load), *ends, strict=True):
+        difference = (raised - lowered) / (2 * step)
         assert np.allclose(got, difference, rtol=0,
                            atol=1e-9 * np.abs(difference).max(initial=1e-9))
 

@@ -22,12 +22,12 @@ FORCE = 17.9e-3 * 9.81
 @pytest.fixture
 def alive(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     """How many factors were alive whenever others were about to be made."""
-    counts, known = [], weakref.WeakSet[Any]()
+    counts, living = [], weakref.WeakSet[Any]()
 
     def counted(*arguments: Any) -> Any:
-        counts.append(len(known))
+        counts.append(len(living))
         factors = factorise(*arguments)
-        known.add(factors)
+        living.add(factors)
         return factors
 
     monkeypatch.setattr(newton, "factorise", counted)
@@ -41,10 +41,11 @@ def path() -> list[tuple[Any, ...]]:
     further = equilibrium(film, FORCE, 5e3, start=charged.solution)
     gone = equilibrium(film, FORCE, 7e3, start=further.solution)
     outcomes = [charged, further, gone]
-    found = [(one.status, one.limit, *one.state.positions.ravel()) for one in outcomes]
+    summaries = [(outcome.status, outcome.limit, *outcome.state.positions.ravel())
+                 for outcome in outcomes]
     del charged, further, gone, outcomes
     last = held(film, 5e-3, 3e3, start=held(film, 4e-3).solution)
-    return [*found, (last.status, *last.state.positions.ravel())]
+    return [*summaries, (last.status, *last.state.positions.ravel())]
 
 
 def test_large_films_keep_the_factors_of_one_state(alive: list[int],

@@ -152,8 +152,8 @@ def test_visited_failure_is_found_at_its_place() -> None:
     assert np.hypot(*place) == pytest.approx(10, rel=0.02)
     assert first == pytest.approx(fields.stretch_1.max(), rel=1e-3)
     assert share == pytest.approx(100 * (fields.stretch_1 > threshold).mean(), abs=2)
-    [lost] = lost_tension(model, [outcome.state])
-    [words] = [item for item in field_warnings(fields, lost, weak) if "Hill" in item]
+    [loss] = lost_tension(model, [outcome.state])
+    [words] = [item for item in field_warnings(fields, loss, weak) if "Hill" in item]
     assert "mm, where the stretches are" in words
 
 

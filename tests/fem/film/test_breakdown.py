@@ -91,11 +91,11 @@ def test_warnings(strength: float, words: str | None) -> None:
     result = solve(Case(circular(strength=ConstantStrength(strength)),
                         mass=WEIGHT, voltage=5000.0), Settings())
     assert result.status == "equilibrium"
-    found = [text for text in result.warnings if "break" in text]
-    assert bool(found) == bool(words)
+    warnings = [text for text in result.warnings if "break" in text]
+    assert bool(warnings) == bool(words)
     if words:
-        assert words in found[0]
-        assert f"of {strength / 1e6:g} MV/m" in found[0]
+        assert words in warnings[0]
+        assert f"of {strength / 1e6:g} MV/m" in warnings[0]
 
 
 @pytest.mark.parametrize(("strength", "voltage"), [(None, 3000.0), (VHB, 0.0)])
@@ -120,8 +120,8 @@ def test_default_goes_with_the_library_material(tmp_path: Path) -> None:
     for name in MATERIALS:
         assert (read_strength(Table("", {"material": name}), "breakdown")
                 == VHB) == name.startswith("vhb-49")
-    own = 'material = { law = "neo_hooke", mu = "20 kPa" }'
-    file.write_text(PATCH_TOML.replace('material = "vhb-4910"', own))
+    material = 'material = { law = "neo_hooke", mu = "20 kPa" }'
+    file.write_text(PATCH_TOML.replace('material = "vhb-4910"', material))
     assert load_specimen(file).membrane.strength is None
 
 

@@ -34,17 +34,17 @@ def virgin(law) -> float:
     return 1.0 if abs(stress(1.0)) < 1.0 else float(brentq(stress, 1.01, 2.5))
 
 
-def kind(law, one: float, two: float) -> str:
+def kind(law, l1: float, l2: float) -> str:
     """What a film without voltage does, by uniaxial tension worked out on its own."""
     free = virgin(law)
 
     def across(width: float) -> float:
-        return float(law.derivatives(np.array(one), np.array(width))[2]) - KAPPA * width
+        return float(law.derivatives(np.array(l1), np.array(width))[2]) - KAPPA * width
 
-    if float(law.derivatives(np.array(one), np.array(two))[2]) >= KAPPA * two:
+    if float(law.derivatives(np.array(l1), np.array(l2))[2]) >= KAPPA * l2:
         return "taut"
-    width = brentq(across, two, 2 * max(one, free))
-    return "slack" if width > one else "wrinkled"
+    width = brentq(across, l2, 2 * max(l1, free))
+    return "slack" if width > l1 else "wrinkled"
 
 
 @pytest.mark.parametrize("name", sorted(SAMPLES))
@@ -52,15 +52,15 @@ def test_derivatives_in_every_regime_are_the_complex_step_s(name: str) -> None:
     law = SAMPLES[name].law
     field, free, step = TensionField((law,), KAPPA), virgin(law), 1e-30
     seen = set()
-    for one, two in PLACES:
-        l1, l2 = one * free, two * free
+    for along, across in PLACES:
+        l1, l2 = along * free, across * free
         seen.add(kind(law, l1, l2))
         exact = field.derivatives(np.array(l1), np.array(l2))
         first = field.derivatives(np.array(l1 + 1j * step), np.array(l2 + 0j))
         second = field.derivatives(np.array(l1 + 0j), np.array(l2 + 1j * step))
         got = [value.imag / step for value in (first[0], second[0], first[1], second[1], second[2])]
         scale = float(abs(law.derivatives(np.array(free), np.array(free))[3]))
-        assert np.allclose(got, exact[1:], rtol=1e-9, atol=1e-9 * scale), (one, two)
+        assert np.allclose(got, exact[1:], rtol=1e-9, atol=1e-9 * scale), (along, across)
     assert seen == {"taut", "wrinkled", "slack"}
 
 
@@ -76,8 +76,8 @@ def test_derivatives_with_a_low_voltage(voltage_part: float) -> None:
 
     for l1, l2 in ((1.5, 1.3), (1.5, 0.7), (0.9, 0.8)):
         exact = at(l1, l2, charge)
-        one, two = at(l1 + 1j * step, l2, charge), at(l1, l2 + 1j * step, charge)
-        got = [part.imag / step for part in (one[0], two[0], one[1], two[1], two[2])]
+        by_l1, by_l2 = at(l1 + 1j * step, l2, charge), at(l1, l2 + 1j * step, charge)
+        got = [part.imag / step for part in (by_l1[0], by_l2[0], by_l1[1], by_l2[1], by_l2[2])]
         assert np.allclose(got, exact[1:], rtol=1e-9, atol=1e-5)
         by_voltage = at(l1, l2, charge + 1j * step)
         ahead, back = at(l1, l2, charge * 1.0001), at(l1, l2, charge * 0.9999)
@@ -111,13 +111,13 @@ def test_a_wrinkling_film_is_convex_and_in_tension(name: str) -> None:
     l1, l2 = (grid.ravel() * free for grid in np.meshgrid(np.linspace(0.5, 1.8, 40),
                                                           np.linspace(0.3, 1.8, 40)))
     l1, l2 = np.maximum(l1, l2), np.minimum(l1, l2)
-    own = law.derivatives(l1, l2)
+    plain = law.derivatives(l1, l2)
     w, w1, w2, w11, w12, w22 = field.derivatives(l1, l2)
     assert (np.minimum(w1 / l1, w2 / l2) > 0.999 * KAPPA).all()
     # The envelope keeps ½κ(λ₁² + λ₂²) apart, which the film has in its energy already.
-    reached = np.isfinite(own[0])
-    assert (w <= own[0] + 1e-9 * np.abs(own[0][reached]).max())[reached].all()
-    loose = ~(own[2] >= KAPPA * l2)
+    reached = np.isfinite(plain[0])
+    assert (w <= plain[0] + 1e-9 * np.abs(plain[0][reached]).max())[reached].all()
+    loose = ~(plain[2] >= KAPPA * l2)
     assert loose.any()
     assert (w11[loose] > 0).all()
     assert (w11 * w22 - w12**2)[loose].min() > 0
@@ -189,24 +189,25 @@ def test_a_loose_film_without_natural_width_thins() -> None:
     far = np.array(1.05 * bound), np.array(0.6)
     assert field.thinning_margin(*far) < 0
     assert field.derivatives(*far) == total(materials, *far)
-    one = 0.9 * bound
-    width = (1 / (one**2 * (1 - charge * one**2 / 20e3))) ** 0.25
-    assert field.natural(np.array(one), np.array(0.9 * width))[1] == pytest.approx(width, rel=2e-2)
+    stretch = 0.9 * bound
+    width = (1 / (stretch**2 * (1 - charge * stretch**2 / 20e3))) ** 0.25
+    assert field.natural(np.array(stretch), np.array(0.9 * width))[1] == pytest.approx(
+        width, rel=2e-2)
 
 
-def relaxed_energy(one: float, share: float) -> float:
+def relaxed_energy(stretch: float, share: float) -> float:
     """Of a neo-Hookean film at its natural width, in moduli; ``share`` is c/μ."""
-    return one**2 / 2 + math.sqrt(one**-2 - share)
+    return stretch**2 / 2 + math.sqrt(stretch**-2 - share)
 
 
 @pytest.mark.parametrize("share", [0.1, 0.25])
 def test_the_margin_to_thinning_is_the_relaxed_energy_s_curvature(share: float) -> None:
     field = TensionField((SAMPLES["neo_hooke"].law, Maxwell(share * 20e3, 2.0)), 1e-3)
-    for one in np.linspace(1.1, 0.97 * share**-0.5, 9):
+    for stretch in np.linspace(1.1, 0.97 * share**-0.5, 9):
         step = 1e-4
-        ahead, here, back = (relaxed_energy(one + shift, share) for shift in (step, 0, -step))
+        ahead, here, back = (relaxed_energy(stretch + shift, share) for shift in (step, 0, -step))
         curvature = 20e3 * (ahead - 2 * here + back) / step**2
-        margin = float(field.thinning_margin(np.array(one), np.array(0.7)))
+        margin = float(field.thinning_margin(np.array(stretch), np.array(0.7)))
         if curvature > 0:
             assert margin == pytest.approx(curvature, rel=1e-4)
         else:

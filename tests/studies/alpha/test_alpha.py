@@ -241,17 +241,17 @@ def test_uncertainty_covers_mesh_material_and_loads() -> None:
     oval = elliptical(60e-3, DEFAULT)
     loads = AlphaSettings(LoadGrid((17.9e-3, 22e-3), (0.0, 3e3)), LoadGrid((20e-3,), (1.5e3,)))
     nominal = alpha(oval, Settings(), loads)
-    found = uncertainty(oval, Settings(), loads, Rig(), nominal)
+    spread = uncertainty(oval, Settings(), loads, Rig(), nominal)
     weight = nominal.by_basis["membrane"].alpha[0]
-    assert list(found) == ["mesh", "material", "loads"]
-    for ranges in found.values():
+    assert list(spread) == ["mesh", "material", "loads"]
+    for ranges in spread.values():
         assert ranges[0][0] <= weight <= ranges[0][1]
         assert ranges[0][0] + ranges[1][1] == pytest.approx(1, abs=1e-12)
-    assert np.ptp(found["mesh"][0]) < 1e-4
+    assert np.ptp(spread["mesh"][0]) < 1e-4
     stiff = replace(oval,
                     membrane=replace(oval.membrane, material=MATERIALS["vhb-4910-gent"].material))
     other = alpha(stiff, Settings(), loads).by_basis["membrane"].alpha[0]
-    assert found["material"][0][0] <= other <= found["material"][0][1]
+    assert spread["material"][0][0] <= other <= spread["material"][0][1]
 
 
 @pytest.mark.parametrize(("wrong", "words"), [

@@ -98,7 +98,7 @@ def test_columns_in_any_order_and_unit_are_read_back(name: str, data: st.DataObj
 
 def test_every_field_of_a_dataset_is_the_one_of_its_column(tmp_path) -> None:
     """Distinct numbers everywhere, so that no two columns can change places."""
-    found = read_dataset(write_dataset(
+    data = read_dataset(write_dataset(
         tmp_path / "d",
         HEAD + 'noise = "50 um"\nsource = "lab book 7"\n'
                '[rig]\ngravity = "9.81 m/s^2"\nspring = "5 N/m"\n',
@@ -107,10 +107,10 @@ def test_every_field_of_a_dataset_is_the_one_of_its_column(tmp_path) -> None:
         range="specimen,mass_kg,voltage_min_V,voltage_max_kV,range_um\nB,0.5,1,2,3\n",
         transient="specimen,mass_g,run,t_min,voltage_kV,displacement_mm\nA,1,x,2,3,4\n",
         coupon="mode,stretch,nominal_stress_kPa,run,t_s,specimen\nuniaxial,2,35,r,4,strip\n"))
-    assert (found.name, found.source, found.noise) == ("test", "lab book 7", pytest.approx(50e-6))
-    assert (found.rig.gravity, found.rig.spring) == (9.81, 5)
-    assert [specimen.name for specimen in found.specimens] == ["A", "B"]
-    static, ranges, transients, coupons = found.tables.values()
+    assert (data.name, data.source, data.noise) == ("test", "lab book 7", pytest.approx(50e-6))
+    assert (data.rig.gravity, data.rig.spring) == (9.81, 5)
+    assert [specimen.name for specimen in data.specimens] == ["A", "B"]
+    static, ranges, transients, coupons = data.tables.values()
     first = {name: values[0] for name, values in (static.values | {"line": static.line}).items()}
     assert first == {
         "specimen": "B", "mass": pytest.approx(11e-3), "voltage": 10e3,
@@ -126,9 +126,9 @@ def test_every_field_of_a_dataset_is_the_one_of_its_column(tmp_path) -> None:
         "A", pytest.approx(1e-3), "x", 120, 3e3, pytest.approx(4e-3)]
     assert transients.line[0] == 2
     assert (coupons.stress[0], coupons.time[0], coupons.run[0]) == (35e3, 4, "r")
-    for name, sha256 in found.files.items():
+    for name, sha256 in data.files.items():
         assert sha256 == hashlib.sha256((tmp_path / "d" / name).read_bytes()).hexdigest()
-    assert list(found.files) == ["dataset.toml", *found.tables]
+    assert list(data.files) == ["dataset.toml", *data.tables]
 
 
 STATIC_MESSAGES = [
@@ -331,11 +331,11 @@ def test_noise_intervals_cover_as_often_as_they_say(uneven: bool) -> None:
     sigma = random.uniform(0.5, 2, len(groups)) if uneven else 1.0
     hits = 0
     for _ in range(trials):
-        found = pooled(1e3 * groups + 0.05 * sigma * random.standard_normal(len(groups)), groups,
+        noise = pooled(1e3 * groups + 0.05 * sigma * random.standard_normal(len(groups)), groups,
                        sigma)
-        assert found is not None
-        assert found.freedom == 10
-        hits += found.low < 0.05 < found.high
+        assert noise is not None
+        assert noise.freedom == 10
+        hits += noise.low < 0.05 < noise.high
     assert binom.ppf(0.001, trials, 0.95) <= hits <= binom.ppf(0.999, trials, 0.95)
 
 
@@ -352,8 +352,8 @@ def test_the_paper_s_table_2() -> None:
                     for name, value in zip(names, values, strict=True)]
     assert set(data.ranges.voltage_min) == {0}
     assert set(data.ranges.voltage_max) == {7000}
-    assert {specimen.name: specimen for specimen in data.specimens} == {one.name: one
-                                                                        for one in actuators()}
+    assert {specimen.name: specimen for specimen in data.specimens} == {actuator.name: actuator
+                                                                        for actuator in actuators()}
     assert summary(data)["warnings"] == []
 
 
@@ -364,13 +364,13 @@ def test_the_command_says_what_is_there(tmp_path, capsys) -> None:
     folder = write_dataset(tmp_path / "d", static=text, transient=(
         "specimen,mass_g,run,t_s,voltage_kV,displacement_mm\nA,1,1,0,0,1\nA,1,1,1,0,1\nB,1,1,0,0,2\n"))
     assert main(["data", str(folder), "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)
-    assert [file["readings"] for file in found["files"]] == [None, 20, 3]
-    assert found["masses_kg"] == pytest.approx([1e-3, 17.9e-3])
-    assert found["voltages_V"] == pytest.approx([1e3 * volts for volts in range(10)])
-    assert (found["runs"], found["repeated_states"]) == (2, 10)
-    assert found["noise"]["found_m"]["value"] == pytest.approx(1e-4 / 2**0.5)
-    assert found["noise"]["found_m"]["degrees_of_freedom"] == 10
+    content = json.loads(capsys.readouterr().out)
+    assert [file["readings"] for file in content["files"]] == [None, 20, 3]
+    assert content["masses_kg"] == pytest.approx([1e-3, 17.9e-3])
+    assert content["voltages_V"] == pytest.approx([1e3 * volts for volts in range(10)])
+    assert (content["runs"], content["repeated_states"]) == (2, 10)
+    assert content["noise"]["found_m"]["value"] == pytest.approx(1e-4 / 2**0.5)
+    assert content["noise"]["found_m"]["degrees_of_freedom"] == 10
     assert main(["data", str(folder)]) == 0
     printed = capsys.readouterr().out
     assert "voltages   10 from 0 to 9 kV" in printed

@@ -97,17 +97,17 @@ def test_every_family_is_recovered() -> None:
 def test_constants_are_recovered_from_closed_forms(name: str) -> None:
     stress, constants = KNOWN[name]
     data = coupons(stress, constants)
-    found = fit_law(data, FAMILIES[name], starts=4)
-    assert found.values == pytest.approx(constants, rel=1e-5)
-    assert found.rmse < 1e-5 * np.abs(data.stress).max()
-    assert found.offered
+    fit = fit_law(data, FAMILIES[name], starts=4)
+    assert fit.values == pytest.approx(constants, rel=1e-5)
+    assert fit.rmse < 1e-5 * np.abs(data.stress).max()
+    assert fit.offered
     for mode in MODES:
         x = np.linspace(1.1, 3.0, 5)
-        assert np.allclose(nominal_stress(found.material, mode, x), stress(mode, x, *constants),
+        assert np.allclose(nominal_stress(fit.material, mode, x), stress(mode, x, *constants),
                            rtol=1e-5)
-        assert found.predict(mode, x)[0] == pytest.approx(stress(mode, x, *constants), rel=1e-5)
-    for held in found.held_out.values():
-        assert held < 1e-3 * np.abs(data.stress).max()
+        assert fit.predict(mode, x)[0] == pytest.approx(stress(mode, x, *constants), rel=1e-5)
+    for rmse in fit.held_out.values():
+        assert rmse < 1e-3 * np.abs(data.stress).max()
 
 
 @pytest.mark.parametrize("name", ["gent", "arruda_boyce", "ogden_2"])
@@ -170,28 +170,28 @@ def test_noise_is_estimated_or_given() -> None:
 def test_mooney_from_uniaxial_tests_alone_is_told_to_be_open() -> None:
     data = coupons(mooney, (8e3, 500.0), ("uniaxial",), top=2.5, count=15, noise=500.0, seed=2)
     alone = compare(data, ["mooney_rivlin"])
-    [found] = alone
+    [fit] = alone
     together = fit_law(coupons(mooney, (8e3, 500.0), top=2.5, count=15, noise=500.0, seed=2),
                    FAMILIES["mooney_rivlin"])
-    assert any("c10 and c01 are poorly determined apart" in note for note in found.notes)
-    assert any("untested in equibiaxial" in note for note in found.notes)
+    assert any("c10 and c01 are poorly determined apart" in note for note in fit.notes)
+    assert any("untested in equibiaxial" in note for note in fit.notes)
     assert any("equibiaxial" in words for words in warnings(data, alone))
     assert not any("poorly" in note for note in together.notes)
-    assert found.limits[1][1] - found.limits[1][0] > 10 * (together.limits[1][1]
-                                                           - together.limits[1][0])
-    assert found.condition > 3 * together.condition
-    assert found.limits[1][0] < 500 < found.limits[1][1]
+    assert fit.limits[1][1] - fit.limits[1][0] > 10 * (together.limits[1][1]
+                                                       - together.limits[1][0])
+    assert fit.condition > 3 * together.condition
+    assert fit.limits[1][0] < 500 < fit.limits[1][1]
 
 
 def test_constants_the_readings_cannot_see_have_no_limits() -> None:
     """Pure shear has I₁ = I₂: it sees c₁₀ + c₀₁ alone."""
-    found = fit_law(coupons(mooney, (8e3, 500.0), ("pure_shear",), noise=300.0),
+    fit = fit_law(coupons(mooney, (8e3, 500.0), ("pure_shear",), noise=300.0),
                 FAMILIES["mooney_rivlin"])
-    assert found.limits == ((None, None), (None, None))
-    assert sum("no lower and upper limit" in note for note in found.notes) == 2
-    assert np.isinf(found.predict("equibiaxial", np.array([2.0]))[1]).all()
+    assert fit.limits == ((None, None), (None, None))
+    assert sum("no lower and upper limit" in note for note in fit.notes) == 2
+    assert np.isinf(fit.predict("equibiaxial", np.array([2.0]))[1]).all()
     exact = mooney("pure_shear", np.array([2.0]), 8e3, 500.0)
-    assert found.predict("pure_shear", np.array([2.0]))[0] == pytest.approx(exact, rel=0.02)
+    assert fit.predict("pure_shear", np.array([2.0]))[0] == pytest.approx(exact, rel=0.02)
     unlocked = fit_law(coupons(*KNOWN["neo_hooke"], top=1.5, noise=300.0), FAMILIES["gent"])
     assert unlocked.limits[1][1] is None
 
@@ -199,7 +199,7 @@ def test_constants_the_readings_cannot_see_have_no_limits() -> None:
 def test_a_law_that_softens_is_not_offered() -> None:
     data = coupons(KNOWN["yeoh"][0], (9e3, -450.0, 11.0), noise=10.0)
     fits = compare(data, ["yeoh", "neo_hooke"])
-    [softening] = [found for found in fits if found.family.name == "yeoh"]
+    [softening] = [fit for fit in fits if fit.family.name == "yeoh"]
     assert not softening.offered
     assert softening.inadmissible is not None
     assert any("true stress falls with stretch at" in note for note in softening.notes)
@@ -214,9 +214,9 @@ def test_of_several_minima_the_best_admissible_is_taken() -> None:
     data = coupons(*KNOWN["mooney_rivlin"])
     falling, degenerate = np.array([8e3, -6e3]), np.array([1e12, -1e12 + 8e3, 2.0, 2.0])
     sound, pair = np.array([8e3, 100.0]), np.array([16e3, 300.0, 1.7, 4.2])
-    for name, found in (("mooney_rivlin", [falling, sound]), ("ogden_2", [degenerate, pair])):
-        values, material, failing = _admissible(found, FAMILIES[name], data)
-        assert values is found[1]
+    for name, candidates in (("mooney_rivlin", [falling, sound]), ("ogden_2", [degenerate, pair])):
+        values, material, failing = _admissible(candidates, FAMILIES[name], data)
+        assert values is candidates[1]
         assert material is not None
         assert failing is None
     assert _admissible([falling], FAMILIES["mooney_rivlin"], data)[2] is not None
@@ -256,9 +256,9 @@ def test_treloar_s_rubber() -> None:
     stretch, stress = np.concatenate(list(parts.values())).T
     none = np.full(len(mode), "")
     data = Coupons(mode, stretch, stress * 98.0665e3, none, none, np.full(len(mode), np.nan))
-    three, gent, one = (fit_law(data, FAMILIES[name], starts=6, hold_out=False)
-                        for name in ("ogden_3", "gent", "neo_hooke"))
-    assert three.rmse < 0.1e6 < gent.rmse < 0.2e6 < 0.5e6 < one.rmse
+    three, gent, neo_hooke = (fit_law(data, FAMILIES[name], starts=6, hold_out=False)
+                              for name in ("ogden_3", "gent", "neo_hooke"))
+    assert three.rmse < 0.1e6 < gent.rmse < 0.2e6 < 0.5e6 < neo_hooke.rmse
     assert three.offered
     # The initial modulus of this rubber is 0.4 MPa; Gent's law stiffens towards a stretch of about
     # 9.

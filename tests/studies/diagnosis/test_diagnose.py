@@ -114,9 +114,9 @@ def written(three_shapes: Simulation,
 
     folder = tmp_path_factory.mktemp("diagnosis")
     table = read(three_shapes, design(5e-6), (Cause("electrode_margin"),), [4e-3], seed=2)
-    found = _diagnosis(three_shapes, table, folder)
-    found.save(folder)
-    content = found.json()
+    diagnosis = _diagnosis(three_shapes, table, folder)
+    diagnosis.save(folder)
+    content = diagnosis.json()
     build_diagnosis_page(folder)
     return folder, content
 
@@ -257,8 +257,8 @@ def table_2(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     """What the command says of the paper's Table 2."""
     folder = tmp_path_factory.mktemp("table-2")
     assert main(["diagnose", "studies/paper/table-2", "-o", str(folder), "--workers", "1"]) == 0
-    found: dict[str, Any] = json.loads((folder / "diagnosis.json").read_text(encoding="utf-8"))
-    return found
+    content: dict[str, Any] = json.loads((folder / "diagnosis.json").read_text(encoding="utf-8"))
+    return content
 
 
 def test_table_2_contradicts_any_membrane_in_shape_and_mass(table_2: dict[str, Any]) -> None:
@@ -273,7 +273,7 @@ def test_table_2_contradicts_any_membrane_in_shape_and_mass(table_2: dict[str, A
     likely = [cause for cause in table_2["causes"] if cause["probability"] > 0.5]
     assert {cause["effect"] for cause in likely} == {"unaccounted_mass", "prestretch_anisotropy"}
     assert all(cause["surprise"] > 5 for cause in likely)
-    ratios = {one["what"]: one for one in table_2["misfit"]["ratios"]}
+    ratios = {ratio["what"]: ratio for ratio in table_2["misfit"]["ratios"]}
     circle = ratios["22.45 g over 17.9 g, circular"]
     assert circle["read"] == pytest.approx(1.75 / 1.64)
     assert circle["simulated"] == pytest.approx(1.254, abs=0.01)
@@ -284,10 +284,11 @@ def test_table_2_contradicts_any_membrane_in_shape_and_mass(table_2: dict[str, A
 
 
 def test_what_could_explain_table_2_is_implausible(table_2: dict[str, Any]) -> None:
-    attempts = {(one["effect"], one["which"]): one for one in table_2["attempts"]}
+    attempts = {(attempt["effect"], attempt["which"]): attempt for attempt in table_2["attempts"]}
     mass = attempts["unaccounted_mass", None]
     assert mass["explains"] > 0.2
     assert not mass["plausible"]
     assert mass["parameters"]["m_0"]["value"] > 8
-    assert not any(one["plausible"] and one["explains"] > 0.5 for one in table_2["attempts"])
+    assert not any(attempt["plausible"] and attempt["explains"] > 0.5
+                   for attempt in table_2["attempts"])
     assert any("noise is not known" in words for words in table_2["warnings"])

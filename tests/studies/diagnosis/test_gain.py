@@ -78,11 +78,11 @@ def test_the_cause_is_found_and_gains_on_every_split(sagging: tuple[ReadingTable
                                                                     GainReport]) -> None:
     report = sagging[2]
     assert len(report.splits) == 6
-    for one in report.splits:
-        assert one.chosen == (Cause("voltage_sag"),), one.held_out
-        assert Cause("voltage_sag") not in one.wrong
-        sums = [float(np.sum(one.errors[name]**2)) for name in ("before", "after", "noise")]
-        assert excess_ratio(*sums, len(one.ramp)) < 0.5, one.held_out
+    for split in report.splits:
+        assert split.chosen == (Cause("voltage_sag"),), split.held_out
+        assert Cause("voltage_sag") not in split.wrong
+        sums = [float(np.sum(split.errors[name]**2)) for name in ("before", "after", "noise")]
+        assert excess_ratio(*sums, len(split.ramp)) < 0.5, split.held_out
     assert report.overall is not None
     assert report.overall["ratio"] < 0.2
     assert report.overall["rmse_after_um"] < 2e6 * SIGMA < report.overall["rmse_before_um"]
@@ -95,7 +95,7 @@ def test_extrapolation_is_where_a_cause_beats_curves(sagging: tuple[ReadingTable
                                                                     GainReport]) -> None:
     """Above the voltages trained on, a Gaussian process and the best wrong cause fail where the
     cause does not."""
-    above = next(one for one in sagging[2].splits if one.kind == "voltage").rmse
+    above = next(split for split in sagging[2].splits if split.kind == "voltage").rmse
     assert above["before"] > 10 * SIGMA
     assert above["process"] > 3 * above["after"]
     assert above["rival"] > 3 * above["after"]
@@ -106,7 +106,7 @@ def test_training_never_sees_what_is_held_out(three_shapes: Simulation,
                                               ) -> None:
     """Whatever the readings above 4.55 kV are, the predictions there are the same."""
     table, judgement, report = sagging
-    index = next(k for k, one in enumerate(report.splits) if one.kind == "voltage")
+    index = next(k for k, candidate in enumerate(report.splits) if candidate.kind == "voltage")
     split = report.splits[index]
     spoiled = table.with_values(np.where(split.test, table.value + 50e-6, table.value))
     again = gain_of(three_shapes, spoiled, every_cause(three_shapes), judgement).splits[index]
@@ -121,7 +121,7 @@ def test_a_cause_on_the_specimen_held_out_does_not_count(three_shapes: Simulatio
     table = read(three_shapes, design(SIGMA), (cause,), [0.03], seed=5)
     judgement = judge(three_shapes, table, every_cause(three_shapes))
     report = gain_of(three_shapes, table, every_cause(three_shapes), judgement)
-    notes = {one.held_out: one.note for one in report.splits if one.note}
+    notes = {split.held_out: split.note for split in report.splits if split.note}
     assert notes.pop("circular") == ("prestretch_loss of circular cannot be learned "
                                      "while circular is held out")
     assert all(note.startswith("nothing is seen to be wrong") for note in notes.values())
@@ -136,7 +136,7 @@ def test_a_mass_left_out_of_account_needs_two_masses(three_shapes: Simulation) -
     table = read(three_shapes, design(SIGMA), (cause,), [2e-3], seed=6)
     judgement = judge(three_shapes, table, every_cause(three_shapes))
     report = gain_of(three_shapes, table, every_cause(three_shapes), judgement)
-    assert {one.held_out for one in report.splits if one.note} == {"17.9 g", "22.45 g"}
+    assert {split.held_out for split in report.splits if split.note} == {"17.9 g", "22.45 g"}
 
 
 def test_excess_is_what_lies_beyond_noise() -> None:

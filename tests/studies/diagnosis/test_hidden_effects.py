@@ -61,8 +61,8 @@ def lab() -> Lab:
     """The paper's three actuators with their force laws, the dearest part; circles are left to the
     study."""
     design = paper()
-    one = design, design.simulation(2)
-    return Lab(one, (paper(LOOP), one[1]), one, SEED)
+    bench = design, design.simulation(2)
+    return Lab(bench, (paper(LOOP), bench[1]), bench, SEED)
 
 
 def trials(lab: Lab, population: str, count: int) -> list[Record]:
@@ -83,10 +83,10 @@ def test_equations_and_elements_are_two_ways_to_the_same_readings() -> None:
 
 def test_ramps_of_the_equations_are_what_the_oracle_has_one_by_one() -> None:
     film = Film(10e-3, 45e-3, 1e-3, ROOT5, neo_hooke(15e3), 4.7)
-    found = heaves(film, 17.9e-3 * 9.81, np.array([0.0, 3500.0, 5000.0]))
-    assert found == pytest.approx([solve_load(film, 17.9e-3 * 9.81, u).deflection
-                                   for u in (0.0, 3500.0, 5000.0)],
-                                  rel=1e-8)
+    deflections = heaves(film, 17.9e-3 * 9.81, np.array([0.0, 3500.0, 5000.0]))
+    assert deflections == pytest.approx([solve_load(film, 17.9e-3 * 9.81, u).deflection
+                                         for u in (0.0, 3500.0, 5000.0)],
+                                        rel=1e-8)
     assert heaves(film, 17.9e-3 * 9.81, np.array([0.0, 7000.0])) is None
 
 
@@ -116,19 +116,19 @@ def test_the_fitted_model_foretells_readings_made_otherwise(lab: Lab) -> None:
 
 
 def test_nothing_is_found_in_nothing(lab: Lab) -> None:
-    found = trials(lab, "null", 9)
-    assert sum(record.verdict != "nothing" for record in found) <= 2
-    assert not any(record.named for record in found)
+    records = trials(lab, "null", 9)
+    assert sum(record.verdict != "nothing" for record in records) <= 2
+    assert not any(record.named for record in records)
 
 
 def test_effects_that_stand_out_are_named_and_no_others(lab: Lab) -> None:
-    found = trials(lab, "strong", 6)
-    strong = [record for record in found if record.population == "strong" and record.identifiable]
+    records = trials(lab, "strong", 6)
+    strong = [record for record in records if record.population == "strong" and record.identifiable]
     assert len(strong) >= 5
     assert sum(record.ranked[0][0] in record.truth for record in strong) >= len(strong) - 1
     assert sum(record.named == record.truth for record in strong) >= 0.6 * len(strong)
     assert not any(record.misnamed for record in strong)
-    assert sum(bool(record.named) for record in found if record.population == "deleted") <= 1
+    assert sum(bool(record.named) for record in records if record.population == "deleted") <= 1
 
 
 def test_exact_aliases_are_called_so(lab: Lab) -> None:
@@ -140,9 +140,9 @@ def test_strangers_get_no_name(lab: Lab, stranger: Bend | Jump | Stick) -> None:
     design, simulation = lab.paper
     generator = np.random.default_rng(SEED)
     values = readings(design, replace(draw(generator, (), "elements"), stranger=stranger))
-    found = judge(simulation, measured(design, values, generator, 0), design.causes)
-    assert found.verdict in ("unexplained", "ambiguous")
-    assert not found.named
+    judgement = judge(simulation, measured(design, values, generator, 0), design.causes)
+    assert judgement.verdict in ("unexplained", "ambiguous")
+    assert not judgement.named
 
 
 def test_two_effects_are_both_named(lab: Lab) -> None:
@@ -151,9 +151,9 @@ def test_two_effects_are_both_named(lab: Lab) -> None:
     truth = Truth(1.05, 1.02, hypothesis, (0.03, (18e3) ** -2.0))
     values = readings(design, truth)
     table = measured(design, values, np.random.default_rng(SEED), 0)
-    seen, told = stands_out(simulation, truth, table.with_values(values), design.causes)
+    seen, apart = stands_out(simulation, truth, table.with_values(values), design.causes)
     assert seen > 25
-    assert told > 9.2
+    assert apart > 9.2
     assert set(judge(simulation, table, design.causes).named) == set(hypothesis)
 
 
@@ -166,11 +166,11 @@ def test_two_effects_that_hide_each_other_are_found(lab: Lab) -> None:
     hypothesis = (Cause("strain_stiffening"), Cause("prestretch_loss", "elliptical-large"))
     values = readings(design, Truth(1.218, 0.943, hypothesis, (0.629, 0.0202)))
     table = measured(design, values, np.random.default_rng(SEED), 0)
-    found = judge(simulation, table, design.causes)
-    assert found.verdict in ("named", "ambiguous")
-    assert set(found.suspects) >= set(hypothesis)
-    assert found.posterior is not None
-    assert found.posterior.fits[0].hypothesis == hypothesis
+    judgement = judge(simulation, table, design.causes)
+    assert judgement.verdict in ("named", "ambiguous")
+    assert set(judgement.suspects) >= set(hypothesis)
+    assert judgement.posterior is not None
+    assert judgement.posterior.fits[0].hypothesis == hypothesis
 
 
 def test_a_rival_beyond_what_is_sampled_first_is_looked_for(lab: Lab) -> None:
@@ -179,9 +179,9 @@ def test_a_rival_beyond_what_is_sampled_first_is_looked_for(lab: Lab) -> None:
     cause = Cause("strain_stiffening")
     values = readings(design, Truth(1.0, 1.0, (cause,), (1.09,), "another law"))
     table = measured(design, values, np.random.default_rng(SEED), 0)
-    found = judge(*fitted_to(simulation, table), design.causes)
-    assert found.named in ((), (cause,))
-    assert cause in found.suspects
+    judgement = judge(*fitted_to(simulation, table), design.causes)
+    assert judgement.named in ((), (cause,))
+    assert cause in judgement.suspects
 
 
 #: Effects larger than usual, which a bench makes first of all, and by which means their readings
@@ -204,12 +204,12 @@ def test_large_effects_are_named_or_listed_and_no_other_is_named(
     values = readings(design, truth)
     assert values is not None
     table = measured(design, values, np.random.default_rng(SEED), 0)
-    found = judge(*fitted_to(simulation, table), design.causes)
-    seen, _ = stands_out(found.simulation, truth, table.with_values(values), ())
-    assert found.named in ((), truth.hypothesis)
+    judgement = judge(*fitted_to(simulation, table), design.causes)
+    seen, _ = stands_out(judgement.simulation, truth, table.with_values(values), ())
+    assert judgement.named in ((), truth.hypothesis)
     if seen >= SEEN:  # a law of permittivity may be taken up by the one that is fitted
-        assert found.verdict in ("named", "ambiguous")
-        assert found.named or truth.hypothesis[0] in found.suspects
+        assert judgement.verdict in ("named", "ambiguous")
+        assert judgement.named or truth.hypothesis[0] in judgement.suspects
 
 
 def test_the_largest_slip_is_named(lab: Lab) -> None:
@@ -229,11 +229,11 @@ def test_the_papers_actuators_softer_than_stated_are_judged(lab: Lab, tmp_path: 
     assert values is not None
     table = measured(design, values, np.random.default_rng(SEED), 0)
     head = toml({"name": "soft", "noise": "20 um",
-                 "specimen": [specimen_content(one) for one in design.setup.specimens]})
+                 "specimen": [specimen_content(specimen) for specimen in design.setup.specimens]})
     folder = write_dataset(tmp_path / "soft", head, (), static=_usual(design, table))
-    found = diagnose(read_dataset(folder))
-    assert found.verdict == "nothing"
-    assert len(found.judgement.table) == len(table)
+    diagnosis = diagnose(read_dataset(folder))
+    assert diagnosis.verdict == "nothing"
+    assert len(diagnosis.judgement.table) == len(table)
 
 
 def test_sizes_are_drawn_evenly_over_the_logarithm() -> None:
@@ -277,15 +277,16 @@ def test_the_verdict_hangs_on_no_unit(lab: Lab, sag: ReadingTable, tmp_path: Pat
     design, simulation = lab.paper
     units: tuple[tuple[str, Callable[[Design, ReadingTable], str]], ...] = (("usual", _usual),
                                                                      ("others", _others))
-    found = []
+    judgements = []
     for name, write in units:
         folder = write_dataset(tmp_path / name, HEAD + 'noise = "20 um"\n',
                                static=write(design, sag),
-                               specimens=tuple(one.name for one in design.setup.specimens))
+                               specimens=tuple(specimen.name
+                                               for specimen in design.setup.specimens))
         table = prepared_readings(read_dataset(folder)).table
-        found.append(judge(simulation, table, design.causes))
-    assert found[0].named == found[1].named == (Cause("voltage_sag"),)
-    assert found[0].test.p_value == pytest.approx(found[1].test.p_value, rel=1e-3)
+        judgements.append(judge(simulation, table, design.causes))
+    assert judgements[0].named == judgements[1].named == (Cause("voltage_sag"),)
+    assert judgements[0].test.p_value == pytest.approx(judgements[1].test.p_value, rel=1e-3)
 
 
 def _rows(design: Design, table: ReadingTable) -> list[tuple[str, float, float, float, float]]:
@@ -320,10 +321,10 @@ def test_rates_count_what_they_say() -> None:
             for k in range(100)]
     wrong = Record("single", 0, "elements", ("drift",), 0, 50.0, 20.0, "named", ("sensor_zero",),
                    (("sensor_zero", 0.97),), covered=False, inside=(False,))
-    found = {rate.what: rate for rate in rates([*null, wrong])}
-    assert (found["nothing hidden: false alarms"].share,
-            found["nothing hidden: false alarms"].met) == (0.07, False)
-    assert found["one identifiable effect: another is named"].share == 1.0
+    by_words = {rate.what: rate for rate in rates([*null, wrong])}
+    assert (by_words["nothing hidden: false alarms"].share,
+            by_words["nothing hidden: false alarms"].met) == (0.07, False)
+    assert by_words["one identifiable effect: another is named"].share == 1.0
     assert "| 7.0% | 2.9% to 13.9% | 7 of 100 | ≤ 5% | **missed** |" in page([*null, wrong], "")
 
 
@@ -334,10 +335,10 @@ def test_rates_by_size_count_in_their_band(tmp_path: Path) -> None:
                replace(blank, verdict="named", named=("sensor_zero",)),
                replace(blank, verdict="named", named=("drift",), widths=(2.0,)),
                Record("map", 0, "elements", (), 0, 0.0, 0.0, "nothing", widths=(0.0, 0.0))]
-    found = {rate.what: rate for rate in size_rates(records)}
+    by_words = {rate.what: rate for rate in size_rates(records)}
     of = "one effect of 8 to 20 usual sizes, priors as they are"
-    assert (found[f"{of}: another is named"].hits, found[f"{of}: unexplained"].hits) == (1, 1)
-    assert found[f"{of}: unexplained"].count == 3
+    assert (by_words[f"{of}: another is named"].hits, by_words[f"{of}: unexplained"].hits) == (1, 1)
+    assert by_words[f"{of}: unexplained"].count == 3
     for draw_file in (draw_sizes, draw_maps):
         draw_file(records, tmp_path / "picture.png")
         assert (tmp_path / "picture.png").stat().st_size > 10_000
@@ -352,7 +353,7 @@ def test_the_study(tmp_path: Path) -> None:
     records = study(lab, counts, 2, keep)
     assert len(list(order(counts))) == len(keep.read_text(encoding="utf-8").splitlines())
     assert study(lab, counts, 2, keep) == records
-    found = {rate.what: rate for rate in rates(records)}
-    assert found["one identifiable effect: it is the most probable cause"].share >= 0.85
-    assert found["one identifiable effect: another is named"].interval[0] <= 0.02
-    assert found["exact aliases: said to be, and none of them named"].met
+    by_words = {rate.what: rate for rate in rates(records)}
+    assert by_words["one identifiable effect: it is the most probable cause"].share >= 0.85
+    assert by_words["one identifiable effect: another is named"].interval[0] <= 0.02
+    assert by_words["exact aliases: said to be, and none of them named"].met

@@ -74,11 +74,11 @@ def cone_data(setup: Setup) -> ReadingTable:
     return table.with_values(np.array(rest))
 
 
-def _missing(heave: float, one: Specimen, load: float, voltage: float) -> float:
+def _missing(heave: float, specimen: Specimen, load: float, voltage: float) -> float:
     """Force less load [N] of a film 2.3 times as stiff and permittive, so that it sinks about as
     far as a membrane."""
-    assert isinstance(one, Lumped)
-    return 2.3 * one.force(heave, voltage) - load
+    assert isinstance(specimen, Lumped)
+    return 2.3 * specimen.force(heave, voltage) - load
 
 
 def noisy(table: ReadingTable, seed: int) -> ReadingTable:
@@ -106,36 +106,36 @@ def judged(setup: Setup, table: ReadingTable, seed: int) -> Judgement:
 def test_the_lumped_model_finds_its_cone_kinematics_in_field_data(seed: int) -> None:
     """Three round actuators: no other cause comes near, and the film has the membrane's profile, c
     = 1."""
-    found = judged(lumped(CIRCLES), field_data(CIRCLES), seed)
-    misfit = found.nominal.residual * found.table.sigma
+    judgement = judged(lumped(CIRCLES), field_data(CIRCLES), seed)
+    misfit = judgement.nominal.residual * judgement.table.sigma
     assert np.sqrt(np.mean(misfit**2)) > 20 * SIGMA
-    assert found.verdict == "named"
-    assert found.named[0] == CONE
-    assert found.posterior is not None
-    assert next(iter(found.posterior.of_causes())) == CONE
-    alone = found.posterior.fit_of((CONE,))
+    assert judgement.verdict == "named"
+    assert judgement.named[0] == CONE
+    assert judgement.posterior is not None
+    assert next(iter(judgement.posterior.of_causes())) == CONE
+    alone = judgement.posterior.fit_of((CONE,))
     assert alone is not None
-    assert alone.chi_squared < 2 * len(found.table)
+    assert alone.chi_squared < 2 * len(judgement.table)
     assert interval(alone, 2)[0] == pytest.approx(1, abs=0.06)
     # Stiffness and permittivity are those of the tape again, not inflated to make up for the cone.
-    assert np.exp(found.nominal.unknowns[0]) > 2.5
+    assert np.exp(judgement.nominal.unknowns[0]) > 2.5
     assert np.abs(alone.unknowns[:2]).max() < 0.1
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_it_finds_nothing_in_data_of_its_own(seed: int) -> None:
-    found = judged(lumped(CIRCLES), cone_data(lumped(CIRCLES)), seed)
-    assert found.verdict == "nothing"
-    assert CONE not in found.invisible
+    judgement = judged(lumped(CIRCLES), cone_data(lumped(CIRCLES)), seed)
+    assert judgement.verdict == "nothing"
+    assert CONE not in judgement.invisible
 
 
 def test_one_shape_cannot_show_it() -> None:
     """A free stiffness takes up the factor of one shape: the cause is listed as one the readings
     cannot see."""
-    one = Setup(CIRCLES.specimens[:1], Rig())
-    found = judged(lumped(one), field_data(one), seed=1)
-    assert found.verdict == "nothing"
-    assert CONE in found.invisible
+    setup = Setup(CIRCLES.specimens[:1], Rig())
+    judgement = judged(lumped(setup), field_data(setup), seed=1)
+    assert judgement.verdict == "nothing"
+    assert CONE in judgement.invisible
 
 
 @pytest.mark.parametrize(("basis", "verdict", "named"), [
@@ -146,10 +146,10 @@ def test_the_paper_s_shapes_show_it_unless_alpha_was_fitted_to_them(
     hide it."""
     few = AlphaSettings(LoadGrid(MASSES, (0.0, 3e3)), LoadGrid((20e-3,), (1e3,)))
     settings = Settings(MeshSettings(order=3).refined(0.7))
-    weights = {one.name: alpha(one, settings, few).by_basis[basis].alpha
-               for one in PAPER.specimens[1:]}
-    found = judged(lumped(PAPER, weights), field_data(PAPER), seed=1)
-    assert (found.verdict, found.named) == (verdict, named)
+    weights = {specimen.name: alpha(specimen, settings, few).by_basis[basis].alpha
+               for specimen in PAPER.specimens[1:]}
+    judgement = judged(lumped(PAPER, weights), field_data(PAPER), seed=1)
+    assert (judgement.verdict, judgement.named) == (verdict, named)
 
 
 @pytest.mark.parametrize(("plate", "frame"), [(10, 45), (10, 25), (5, 45)])
@@ -179,14 +179,14 @@ def test_capacitance_of_the_straight_cone_by_hand() -> None:
 def test_force_laws_are_the_model() -> None:
     """Between nodes, with two effects that act on films together, on a mixture; against the formula
     itself."""
-    setup = lumped(PAPER, {one.name: (0.7, 0.3) for one in PAPER.specimens[1:]})
+    setup = lumped(PAPER, {specimen.name: (0.7, 0.3) for specimen in PAPER.specimens[1:]})
     table = field_data(PAPER)
     simulation = simulation_of(setup, table)
-    for law, one in zip(simulation.laws, setup.specimens, strict=True):
+    for law, specimen in zip(simulation.laws, setup.specimens, strict=True):
         assert {axis.effect for axis in law.axes} == {
             "strain_stiffening", "permittivity_stretch", "prestretch_loss", "cone_kinematics"}
         values = {"strain_stiffening": -0.1, "cone_kinematics": 0.8}
-        direct = replace(setup, specimens=(one,))
+        direct = replace(setup, specimens=(specimen,))
         for name, value in values.items():
             direct = EFFECTS[name].apply(direct, [value])
         heave, voltage = np.array([0.7e-3, 2e-3, 3.1e-3]), np.array([1.3e3, 4.4e3, 3e3])
@@ -202,23 +202,24 @@ def test_force_laws_are_the_model() -> None:
 
 
 @pytest.mark.parametrize("effect", [effect for effect in EFFECTS.values() if effect.lumped],
-                         ids=lambda one: one.name)
+                         ids=lambda effect: effect.name)
 def test_effects_on_the_lumped_model_keep_the_contract(effect: Effect) -> None:
     """Nothing at size 0, bit for bit; smooth; pure; within limits; and no part of what finite
     elements see."""
     setup = lumped(CIRCLES)
 
     def force(size: float) -> float:
-        one = effect.at(setup, [size]).specimens[0]
-        assert isinstance(one, Lumped)
-        return one.force(2e-3, 3e3)
+        specimen = effect.at(setup, [size]).specimens[0]
+        assert isinstance(specimen, Lumped)
+        return specimen.force(2e-3, 3e3)
 
     (item,) = effect.parameters
     plain = setup.specimens[0]
     assert isinstance(plain, Lumped)
     assert force(0.0) == plain.force(2e-3, 3e3)
     middle, step = item.deviation / 2, item.deviation / 8
-    slopes = [(force(middle + one) - force(middle - one)) / (2 * one) for one in (step, step / 2)]
+    slopes = [(force(middle + half) - force(middle - half)) / (2 * half)
+              for half in (step, step / 2)]
     assert abs(slopes[0]) > 1e-3
     assert slopes[0] == pytest.approx(slopes[1], rel=0.01)
     assert setup == lumped(CIRCLES)
@@ -236,7 +237,7 @@ def test_what_the_lumped_model_has_no_place_for() -> None:
     with pytest.raises(InputError, match="one for each semi-axis"):
         lumped(PAPER)
     with pytest.raises(InputError, match="one for each semi-axis"):
-        lumped(PAPER, {one.name: (0.7, 0.2) for one in PAPER.specimens[1:]})
+        lumped(PAPER, {specimen.name: (0.7, 0.2) for specimen in PAPER.specimens[1:]})
     grids = [Grid(4e-3, 25e6, odd=True)]
     heavy = Setup((circular(NeoHooke(20e3), density=960.0),), Rig())
     for setup in (heavy, Setup((circular(),), Rig(gas_pressure=10.0))):

@@ -24,7 +24,7 @@ from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.reduced.simulation import Cause, Hypothesis, Simulation
 
 SIGMA = 20e-6
-CAPACITANCE, PROBE = (next(one for one in MENU if part in one.what)
+CAPACITANCE, PROBE = (next(experiment for experiment in MENU if part in experiment.what)
                       for part in ("capacitance", "probe"))
 REPEAT, BETWEEN, BACKWARDS, LATER = MENU[:4]
 
@@ -39,12 +39,13 @@ def judged_between(simulation: Simulation, table: ReadingTable, causes: list[Cau
                    posterior=Posterior(fits, share, 0.0, 0.0))
 
 
-def refitted(simulation: Simulation, one: Fit, old: ReadingTable, new: ReadingTable) -> float:
+def refitted(simulation: Simulation, fitted: Fit, old: ReadingTable, new: ReadingTable) -> float:
     """Twice the growth of a fit's cost with new rows."""
-    return 2 * (fit(simulation, one.hypothesis, old.joined(new), one.unknowns).cost - one.cost)
+    return 2 * (fit(simulation, fitted.hypothesis, old.joined(new), fitted.unknowns).cost
+                - fitted.cost)
 
 
-@pytest.mark.parametrize("experiment", MENU, ids=lambda one: one.what)
+@pytest.mark.parametrize("experiment", MENU, ids=lambda experiment: experiment.what)
 def test_expected_worth_is_that_of_refits(three_shapes: Simulation, experiment: Experiment) -> None:
     """Δχ² by one linear step is that of a full fit to old and new readings within a tenth, or a
     tenth of enough."""
@@ -67,12 +68,12 @@ def test_drift_is_told_by_time(three_shapes: Simulation) -> None:
     of the kind."""
     causes = [Cause("drift"), Cause("parallel_spring")]
     table = read(three_shapes, design(SIGMA / 4), (causes[0],), [size_of(causes[0], 2.0)], seed=4)
-    found, _ = propose(three_shapes, judged_between(three_shapes, table, causes), causes,
-                       (REPEAT, BETWEEN, BACKWARDS, LATER))
-    assert found[0].enough
-    assert found[0].what == BACKWARDS.what or found[0].what.startswith("wait")
-    assert found[0].mean > 3 * max(one.mean for one in found
-                                   if one.what in (REPEAT.what, BETWEEN.what))
+    proposals, _ = propose(three_shapes, judged_between(three_shapes, table, causes), causes,
+                           (REPEAT, BETWEEN, BACKWARDS, LATER))
+    assert proposals[0].enough
+    assert proposals[0].what == BACKWARDS.what or proposals[0].what.startswith("wait")
+    assert proposals[0].mean > 3 * max(proposal.mean for proposal in proposals
+                                       if proposal.what in (REPEAT.what, BETWEEN.what))
 
 
 @pytest.mark.parametrize(("true", "rival", "channel"), [
@@ -125,7 +126,7 @@ def test_new_readings_stay_below_pull_in(three_shapes: Simulation) -> None:
     table = read(three_shapes, design(SIGMA), (), [], seed=1)
     nominal = fit(three_shapes, (), table)
     readout = Readout(three_shapes, table, nominal)
-    half, _, double = (one for one in MENU if one.what.startswith("hang"))
+    half, _, double = (entry for entry in MENU if entry.what.startswith("hang"))
     tops = []
     for experiment in (half, double):
         new = possible(experiment, readout, [nominal])
@@ -149,11 +150,12 @@ def worth(simulation: Simulation, judgement: Judgement, truth: Hypothesis, unkno
     """Mean true Δχ² of the rivals refitted to old and new readings over the truth refitted to them,
     up to SEEN."""
     values = simulation.predict(truth, unknowns, new)
-    told = np.isfinite(values)
-    new = new[told].with_values(values[told])
-    own = refitted(simulation, fit(simulation, truth, judgement.table), judgement.table, new)
-    found = [min(refitted(simulation, one, judgement.table, new) - own, SEEN) for one, _ in others]
-    return float(np.average(found, weights=[1e-9 + share for _, share in others]))
+    finite = np.isfinite(values)
+    new = new[finite].with_values(values[finite])
+    of_truth = refitted(simulation, fit(simulation, truth, judgement.table), judgement.table, new)
+    differences = [min(refitted(simulation, rival, judgement.table, new) - of_truth, SEEN)
+                   for rival, _ in others]
+    return float(np.average(differences, weights=[1e-9 + share for _, share in others]))
 
 
 def tried(simulation: Simulation, seed: int) -> Trial | None:
@@ -163,7 +165,8 @@ def tried(simulation: Simulation, seed: int) -> Trial | None:
     causes = every_cause(simulation)
     cause = causes[generator.integers(len(causes))]
     unknowns = np.r_[0.05, -0.03,
-                     [one.prior.ppf(generator.random()) for one in cause.effect.parameters]]
+                     [parameter.prior.ppf(generator.random())
+                      for parameter in cause.effect.parameters]]
     table = read(simulation, design(SIGMA), (cause,), unknowns[2:].tolist(), seed)
     if not np.isfinite(table.value).all():
         return None
@@ -171,18 +174,18 @@ def tried(simulation: Simulation, seed: int) -> Trial | None:
     if judgement.posterior is None:
         return None
     fits, shares = rivals(judgement.posterior, causes)
-    others = [(one, share) for one, share in zip(fits, shares.tolist(), strict=True)
-              if cause not in one.hypothesis]
+    others = [(rival, share) for rival, share in zip(fits, shares.tolist(), strict=True)
+              if cause not in rival.hypothesis]
     if len(others) == len(fits) or not others:
         return None
     readout = Readout(simulation, judgement.table, judgement.nominal)
-    found = {}
+    worths = {}
     for experiment in MENU:
         new = possible(experiment, readout, fits)
         if new is not None:
-            found[experiment.words(new)] = worth(simulation, judgement, (cause,), unknowns, new,
-                                                 others)
-    best, proposed = max(found.values()), found[propose(simulation, judgement, causes)[0][0].what]
+            worths[experiment.words(new)] = worth(simulation, judgement, (cause,), unknowns, new,
+                                                  others)
+    best, proposed = max(worths.values()), worths[propose(simulation, judgement, causes)[0][0].what]
     return Trial(proposed / max(best, 1e-9), best >= TOLD)
 
 

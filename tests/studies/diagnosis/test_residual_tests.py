@@ -48,13 +48,13 @@ def bench(three_shapes: Simulation) -> Bench:
 
 def test_plates_that_rub_are_seen(bench: Bench) -> None:
     """By tests of what is smooth alone, one in three is."""
-    generator, tests, found = np.random.default_rng(4), bench.tests({}), []
+    generator, tests, alarms = np.random.default_rng(4), bench.tests({}), []
     for _ in range(40):
         rubs = Stick(abs(generator.normal(0, 150e-6)))
         values = rubs.shown(bench.table.value, bench.table.states)
         values = values + SIGMA * generator.standard_normal(len(values))
-        found.append(tests(bench.left(values), generator).p_value < ALARM)
-    assert np.mean(found) > 0.6
+        alarms.append(tests(bench.left(values), generator).p_value < ALARM)
+    assert np.mean(alarms) > 0.6
 
 
 @pytest.mark.parametrize("reading", [20, 51, 83])
@@ -66,7 +66,7 @@ def test_a_knock_is_told_with_its_reading(bench: Bench, reading: int) -> None:
     assert min(result.p_values, key=lambda name: result.p_values[name]) == "step"
     assert abs(result.reading - (reading + 1)) <= 1
     assert result.words("step") == f"from reading {result.reading} on, readings are shifted"
-    assert bench.tests({})(bench.left(knocked), generator, known=60.0).p_value < 1e-3
+    assert bench.tests({})(bench.left(knocked), generator, noise_freedom=60.0).p_value < 1e-3
 
 
 def test_jumps_are_no_noise(bench: Bench) -> None:

@@ -35,10 +35,10 @@ def _sampled(simulation: Simulation, cause: Cause, table: ReadingTable
     width = np.diag(centre.precision) ** -0.5
     scaled = np.linalg.inv(centre.precision * width * width[:, None])
     proposal = multivariate_t(centre.unknowns / width, 1.5 * scaled, df=5, seed=7)
-    known = cause.effect.parameters[0].prior
+    size_prior = cause.effect.parameters[0].prior
     drawn, logs = proposal.rvs(3000) * width, []
     for unknowns in drawn:
-        prior = known.logpdf(unknowns[2]) - 0.5 * np.sum((unknowns[:2] / NUISANCE) ** 2)
+        prior = size_prior.logpdf(unknowns[2]) - 0.5 * np.sum((unknowns[:2] / NUISANCE) ** 2)
         if prior > -np.inf:
             residual = (table.value - simulation.predict((cause,), unknowns, table)) / table.sigma
             likelihood = -0.5 * np.sum(residual**2) - np.log(2 * np.pi * NUISANCE.prod())
@@ -75,14 +75,15 @@ def test_noise_alone_gives_uniform_probabilities(three_shapes: Simulation) -> No
     columns = residual_tests.patterns(table, NAMES, table.value)
     tests = residual_tests.ResidualTests.of(nominal.jacobian, residual_tests.over(columns, table))
     generator = np.random.default_rng(2)
-    found = []
+    p_values = []
     for _ in range(120):
         noise = generator.standard_normal(len(table))
-        left = noise - nominal.jacobian @ np.linalg.lstsq(nominal.jacobian, noise, rcond=None)[0]
-        found.append(tests(left, generator).p_value)
-    assert kstest(found, "uniform").pvalue > 0.01
+        residual = noise - (nominal.jacobian
+                            @ np.linalg.lstsq(nominal.jacobian, noise, rcond=None)[0])
+        p_values.append(tests(residual, generator).p_value)
+    assert kstest(p_values, "uniform").pvalue > 0.01
     line = 3.0 * (table.specimen - 1.0) * (table.voltage / 6.5e3) ** 2
-    assert tests(left + line, generator).p_value < 1e-3
+    assert tests(residual + line, generator).p_value < 1e-3
 
 
 def test_the_noise_is_found_though_misstated_and_not_what_is_smooth(
@@ -140,7 +141,7 @@ def test_intervals_begin_at_the_limit_a_value_lies_on(three_shapes: Simulation) 
 
 def test_pairs_never_hold_one_effect_on_two_specimens() -> None:
     causes = [Cause("prestretch_loss", "a"), Cause("prestretch_loss", "b"), Cause("drift")]
-    assert [len(one) for one in hypotheses_of(causes)] == [1, 1, 1, 2, 2]
+    assert [len(hypothesis) for hypothesis in hypotheses_of(causes)] == [1, 1, 1, 2, 2]
 
 
 def test_an_effect_out_of_the_question_is_tried_all_the_same(three_shapes: Simulation) -> None:
@@ -167,11 +168,11 @@ def test_ratios_of_strokes(three_shapes: Simulation) -> None:
     table = design(SIGMA)
     values = three_shapes.predict((), np.zeros(2), table)
     read_ = table.with_values(np.where(table.specimen == 2, 1.1, 1.0) * values)
-    found = {ratio["what"]: ratio for ratio in ratios(read_, values, NAMES)}
-    assert found["elliptical-large over circular at 17.9 g"]["read"] == pytest.approx(
-        1.1 * found["elliptical-large over circular at 17.9 g"]["simulated"])
-    assert found["22.45 g over 17.9 g, circular"]["off_by_noise"] == pytest.approx(0.0, abs=1e-7)
-    assert abs(found["elliptical-large over circular at 22.45 g"]["off_by_noise"]) > 3
+    by_words = {ratio["what"]: ratio for ratio in ratios(read_, values, NAMES)}
+    assert by_words["elliptical-large over circular at 17.9 g"]["read"] == pytest.approx(
+        1.1 * by_words["elliptical-large over circular at 17.9 g"]["simulated"])
+    assert by_words["22.45 g over 17.9 g, circular"]["off_by_noise"] == pytest.approx(0.0, abs=1e-7)
+    assert abs(by_words["elliptical-large over circular at 22.45 g"]["off_by_noise"]) > 3
 
 
 def test_order_of_rows_and_causes_changes_no_verdict(three_shapes: Simulation) -> None:

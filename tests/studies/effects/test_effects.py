@@ -223,13 +223,13 @@ def test_what_is_found_is_a_sentence_with_a_check(effect: Effect, sign: int) -> 
     for item in effect.parameters:
         sizes = np.clip(sign * np.array([1.0, 0.8, 1.2]) * item.deviation, *item.limits)
         estimates[item.name] = FoundSize(item, *(item.value(size) for size in sizes.tolist()))
-    told = finding(effect, estimates, which)
+    sentence = finding(effect, estimates, which)
     check = effect.check.format(which=which)
-    assert told[0].isupper()
+    assert sentence[0].isupper()
     assert check[0].islower()
-    assert not set("{}_") & set(told + check)
-    assert not (told + check).endswith(".")
-    assert ("circle" in told) == ("circle" in check) == effect.on_one
+    assert not set("{}_") & set(sentence + check)
+    assert not (sentence + check).endswith(".")
+    assert ("circle" in sentence) == ("circle" in check) == effect.on_one
     assert limits_told(effect, estimates) or any(
         item.sign == "positive" for item in effect.parameters)
 
@@ -289,8 +289,8 @@ def test_permittivity_amplifier_gain_and_a_divider_are_one() -> None:
 def test_load_scale_thickness_and_modulus_are_one(factor: float) -> None:
     """Readings depend on m g/(mu T R) and eps U^2/(mu T^2) alone."""
     def film(thickness: float = 1.0, modulus: float = 1.0, permittivity: float = 1.0) -> Setup:
-        return NOMINAL.with_films(lambda one: replace(
-            one, thickness=1e-3 * thickness, material=NeoHooke(20e3 * modulus),
+        return NOMINAL.with_films(lambda membrane: replace(
+            membrane, thickness=1e-3 * thickness, material=NeoHooke(20e3 * modulus),
             relative_permittivity=4.7 * permittivity))
 
     heavier = replace(film(permittivity=factor), rig=Rig(gravity=9.80665 * factor))
@@ -302,11 +302,11 @@ def test_load_scale_thickness_and_modulus_are_one(factor: float) -> None:
 
 def test_eccentricity_enters_as_its_square_alone() -> None:
     effect = EFFECTS["plate_eccentricity"]
-    one, two = (readings(effect.apply(NOMINAL, [along, across]))[0] - readings(NOMINAL)[0]
-                for along, across in ((1.5e-3, 0.0), (3e-3, 0.0)))
-    assert two / one == pytest.approx(4, rel=0.03)
+    near, far = (readings(effect.apply(NOMINAL, [along, across]))[0] - readings(NOMINAL)[0]
+                 for along, across in ((1.5e-3, 0.0), (3e-3, 0.0)))
+    assert far / near == pytest.approx(4, rel=0.03)
     turned = readings(effect.apply(NOMINAL, [1.8e-3, 2.4e-3]))[0] - readings(NOMINAL)[0]
-    assert turned == pytest.approx(two, rel=1e-3)
+    assert turned == pytest.approx(far, rel=1e-3)
 
 
 def test_anisotropy_has_no_direction_on_a_circle_but_on_an_ellipse() -> None:
@@ -352,22 +352,22 @@ def test_several_effects_do_not_depend_on_their_order() -> None:
     uses: list[Use] = [
         ("prestretch_loss", (0.03,), "circle"), ("voltage_sag", (20e3,), None),
         ("strain_stiffening", (0.3,), None), ("amplifier_gain", (0.02,), None)]
-    one, other = extended(NOMINAL, uses), extended(NOMINAL, uses[::-1])
-    assert one == other
-    assert one.specimens[0].membrane.material == one.specimens[1].membrane.material
-    assert one.rig.film_voltage(5e3) == pytest.approx(1.02 * 5e3 / (1 + 1 / 16), rel=1e-14)
+    forward, backward = extended(NOMINAL, uses), extended(NOMINAL, uses[::-1])
+    assert forward == backward
+    assert forward.specimens[0].membrane.material == forward.specimens[1].membrane.material
+    assert forward.rig.film_voltage(5e3) == pytest.approx(1.02 * 5e3 / (1 + 1 / 16), rel=1e-14)
     with pytest.raises(InputError, match="must be one of circle, ellipse"):
         extended(NOMINAL, [("prestretch_loss", (0.03,), "square")])
 
 
 def test_the_command_and_the_page_tell_the_registry(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["effects", "--json"]) == 0
-    told = json.loads(capsys.readouterr().out)
-    assert list(told) == list(EFFECTS)
-    assert told["voltage_sag"]["parameters"]["U_s"]["prior"]["width"] == 25
-    assert told["drift"]["needs_columns"] == ["elapsed_s"]
-    assert told["hysteresis"]["needs_columns"] == ["direction"]
-    assert told["unaccounted_mass"]["parameters"]["m_0"]["unit"] == "g"
+    content = json.loads(capsys.readouterr().out)
+    assert list(content) == list(EFFECTS)
+    assert content["voltage_sag"]["parameters"]["U_s"]["prior"]["width"] == 25
+    assert content["drift"]["needs_columns"] == ["elapsed_s"]
+    assert content["hysteresis"]["needs_columns"] == ["direction"]
+    assert content["unaccounted_mass"]["parameters"]["m_0"]["unit"] == "g"
     assert main(["effects"]) == 0
     printed = capsys.readouterr().out
     assert all(effect.explanation in printed for effect in EFFECTS.values())

@@ -98,11 +98,11 @@ def test_a_direction_is_up_down_or_none(tmp_path: Path, capsys: pytest.CaptureFi
     command = ["solve", str(films), "--rig", str(rig), "--mass", "17.9 g", "--voltage", "4 kV",
                "--refine", "0.5",
                "--json"]
-    found = []
+    deflections = []
     for further in (["--direction", "up"], [], ["--direction", "down"]):
         assert main([*command, *further]) == 0
-        found.append(json.loads(capsys.readouterr().out)["deflection_m"])
-    assert found == sorted(set(found))
+        deflections.append(json.loads(capsys.readouterr().out)["deflection_m"])
+    assert deflections == sorted(set(deflections))
     rig.write_text('lag_voltage = "-1 V"\n', encoding="utf-8")
     assert main(command) == 2
     assert "lag_voltage" in capsys.readouterr().err

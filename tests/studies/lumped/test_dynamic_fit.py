@@ -37,8 +37,8 @@ from tympan.studies.signals import Pieces, Sine, random_steps, step
 VISCOUS = Viscous(15e6, 100e6, 100e3)  # away from Table 1, where the search begins
 LOGS = np.log([VISCOUS.k1, VISCOUS.eta1, VISCOUS.eta2])
 LAW = Separable(tuple(TRUTH[:3]), tuple(TRUTH[3:6]), (2.0, 4.0, 6.0), 5**0.5)
-SPECIMENS = tuple(replace(one, membrane=replace(one.membrane, material=LAW))
-                  for one in paper_actuators(8.5))
+SPECIMENS = tuple(replace(specimen, membrane=replace(specimen.membrane, material=LAW))
+                  for specimen in paper_actuators(8.5))
 ACTUATORS = Path(__file__).parents[3] / "studies" / "paper" / "actuators"
 EXACT = Exact(SPECIMENS, Rig(), (0.45, 0.55))
 
@@ -51,15 +51,15 @@ def explicit(model: Actuator, signal: Sine | Pieces, time: np.ndarray) -> np.nda
     """States at times, shape (size, times), by DOP853 from rest at the signal's first voltage,
     piece by piece."""
     state, parts = model.rest(rest(model, signal.first)), []
-    for piece, (left, right) in enumerate(pairwise(signal.breaks)):
-        inside = time[(time >= left) & ((time < right) | (right == signal.end))]
+    for piece, (begin, end) in enumerate(pairwise(signal.breaks)):
+        inside = time[(time >= begin) & ((time < end) | (end == signal.end))]
         done = solve_ivp(lambda t, x, piece=piece: model.linear(x, signal.within(piece, t))[0],
-                         (left, right), state,
+                         (begin, end), state,
                          "DOP853",
-                         [*inside[inside > left], *([right] if right not in inside else [])],
+                         [*inside[inside > begin], *([end] if end not in inside else [])],
                          rtol=1e-11, atol=1e-14)
-        parts += [np.array([state]).T] if left in inside else []
-        parts.append(done.y[:, :int((inside > left).sum())])
+        parts += [np.array([state]).T] if begin in inside else []
+        parts.append(done.y[:, :int((inside > begin).sum())])
         state = done.y[:, -1]
     return np.concatenate(parts, axis=1)
 
@@ -124,12 +124,12 @@ def test_derivatives_have_taylor_order_two() -> None:
     z[:3], z[3:] = LOGS, 0.1
     rng = np.random.default_rng(5)
     for direction in (np.eye(len(z))[0], np.eye(len(z))[2], rng.uniform(-1, 1, len(z))):
-        base, left = made.parts(z), []
+        base, remainders = made.parts(z), []
         for size in (0.04, 0.02):
             moved = made.parts(z + size * direction)
-            left.append(max(float(np.abs(new - old - size * slopes @ direction).max())
-                            for (new, _), (old, slopes) in zip(moved, base, strict=True)))
-        assert np.log2(left[0] / left[1]) == pytest.approx(2.0, abs=0.15)
+            remainders.append(max(float(np.abs(new - old - size * slopes @ direction).max())
+                                  for (new, _), (old, slopes) in zip(moved, base, strict=True)))
+        assert np.log2(remainders[0] / remainders[1]) == pytest.approx(2.0, abs=0.15)
 
 
 def test_viscous_derivatives_by_complex_step() -> None:
@@ -156,15 +156,17 @@ def test_truth_is_found_from_far_and_its_delay_too() -> None:
 
 def covered(fits: list[DynamicFit]) -> np.ndarray:
     """Whether each determined combination's interval holds the truth."""
-    return np.array([abs(np.array(one.coefficients) @ LOGS - one.value) <= one.half
-                     for fit in fits for one in fit.judgement.combinations if one.half is not None])
+    return np.array([
+        abs(np.array(combination.coefficients) @ LOGS - combination.value) <= combination.half
+        for fit in fits for combination in fit.judgement.combinations
+        if combination.half is not None])
 
 
 def within(fits: list[DynamicFit]) -> np.ndarray:
     """Whether each determined constant's interval, by profile, holds the truth."""
-    return np.array([one.low <= truth <= one.high for fit in fits
-                     for one, truth in zip(fit.judgement.constants, np.exp(LOGS), strict=True)
-                     if one.low is not None])
+    return np.array([constant.low <= truth <= constant.high for fit in fits
+                     for constant, truth in zip(fit.judgement.constants, np.exp(LOGS), strict=True)
+                     if constant.low is not None])
 
 
 def with_statics(seed: int, profiles: bool, **how: float) -> DynamicFit:
@@ -191,10 +193,10 @@ def test_intervals_cover_the_truth() -> None:
     assert len(inside) == 3 * len(fits)
     assert inside.mean() > 0.95 - 3.3 * np.sqrt(0.95 * 0.05 / len(inside))
     for fit in fits:
-        for one, truth in zip(fit.judgement.constants, np.exp(LOGS), strict=True):
-            assert one.value == pytest.approx(truth, rel=0.02)
-            if one.low is not None:
-                assert 0.001 * truth < one.high - one.low < 0.04 * truth
+        for constant, truth in zip(fit.judgement.constants, np.exp(LOGS), strict=True):
+            assert constant.value == pytest.approx(truth, rel=0.02)
+            if constant.low is not None:
+                assert 0.001 * truth < constant.high - constant.low < 0.04 * truth
         assert fit.rmse == pytest.approx(NOISE, rel=0.2)
 
 
@@ -207,9 +209,9 @@ def test_responses_that_do_not_see_a_constant_leave_it_open() -> None:
     coarse = identify_dynamic(problem(1, end=15.0, interval=0.2, which=(0,)))
     assert coarse.judgement.undetermined == ["eta_2"]
     assert "does not follow the fast oscillation" in coarse.warnings[1]
-    for one, truth in zip(coarse.judgement.constants[:2], np.exp(LOGS), strict=False):
-        assert one.low is not None
-        assert one.low < truth < one.high < 1.6 * one.low
+    for constant, truth in zip(coarse.judgement.constants[:2], np.exp(LOGS), strict=False):
+        assert constant.low is not None
+        assert constant.low < truth < constant.high < 1.6 * constant.low
 
 
 def test_nelder_mead_takes_more_evaluations_and_fits_no_better() -> None:
@@ -234,29 +236,29 @@ def test_a_misfit_of_the_model_widens_the_limits_and_is_told() -> None:
     ([0, 1, 2, 3, 4, 5], [0, 0, 5, 5, 1, 1], ([0, 2, 2, 4, 4, 5], [0, 0, 5, 5, 1, 1])),
 ])
 def test_voltage_behind_samples(time: list, voltage: list, expected: tuple[list, list]) -> None:
-    found = drive_of(np.array(time, float), np.array(voltage, float))
-    assert (found.time.tolist(), found.voltage.tolist()) == expected
+    driven = drive_of(np.array(time, float), np.array(voltage, float))
+    assert (driven.time.tolist(), driven.voltage.tolist()) == expected
 
 
 def test_a_noisy_record_of_a_step_is_the_step() -> None:
     rng = np.random.default_rng(1)
     time = np.linspace(0.0, 1.0, 1001)
     clean = np.where(time >= 0.2, 3.5e3, 0.0)
-    found = drive_of(time, clean + rng.normal(0, 5.0, len(time)))
-    assert found.time == pytest.approx([0.0, 0.2, 0.2, 1.0])
-    assert found.voltage == pytest.approx([0.0, 0.0, 3.5e3, 3.5e3], abs=1.5)
+    driven = drive_of(time, clean + rng.normal(0, 5.0, len(time)))
+    assert driven.time == pytest.approx([0.0, 0.2, 0.2, 1.0])
+    assert driven.voltage == pytest.approx([0.0, 0.0, 3.5e3, 3.5e3], abs=1.5)
     slope = drive_of(time, 3.5e3 * time)
     assert slope.voltage.tolist() == [0.0, 3.5e3]
 
 
 def test_a_run_that_begins_between_two_rests_is_refused() -> None:
     made = problem(0)
-    one = made.records[0]
-    since = np.searchsorted(one.time, 0.2)
-    cut = replace(one, time=one.time[since:], displacement=one.displacement[since:],
-                  drive=drive_of(one.time[since:], np.full(len(one.time) - since, 3.5e3)))
+    whole = made.records[0]
+    since = np.searchsorted(whole.time, 0.2)
+    cut = replace(whole, time=whole.time[since:], displacement=whole.displacement[since:],
+                  drive=drive_of(whole.time[since:], np.full(len(whole.time) - since, 3.5e3)))
     with pytest.raises(InputError, match="must begin at rest"):
-        identify_dynamic(replace(made, records=(replace(cut, first=one.first + 1.2e-4),)))
+        identify_dynamic(replace(made, records=(replace(cut, first=whole.first + 1.2e-4),)))
     assert replace(made, records=(cut,)).began == (0.0,)
 
 
@@ -283,17 +285,18 @@ def test_what_simulate_writes_identify_reads(tmp_path: Path,
     assert main(["lumped", "identify", str(tmp_path), "--dynamic", "--weights", "0.6,0.4", "-o",
                  str(out),
                  "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)
-    assert found == json.loads((out / "identify.json").read_text())
+    content = json.loads(capsys.readouterr().out)
+    assert content == json.loads((out / "identify.json").read_text())
     drawn = {file.name: file.read_bytes() for file in out.glob("*.svg")}
     assert main(["report", str(out)]) == 0
     assert drawn == {file.name: file.read_bytes() for file in out.glob("*.svg")}
-    assert "static" not in found
-    for one, truth in zip(found["dynamic"]["constants"], (23.5e6, 177.2e6, 62.4e3), strict=True):
-        assert one["value"] == pytest.approx(truth, rel=1e-4)
-        assert one["low"] < truth < one["high"]
-    assert [one["began_at_V"] for one in found["dynamic"]["runs"]] == [0.0, 0.0]
-    assert "the weights and permittivity are taken as exact" in found["dynamic"]["warnings"][0]
+    assert "static" not in content
+    for constant, truth in zip(content["dynamic"]["constants"], (23.5e6, 177.2e6, 62.4e3),
+                               strict=True):
+        assert constant["value"] == pytest.approx(truth, rel=1e-4)
+        assert constant["low"] < truth < constant["high"]
+    assert [run["began_at_V"] for run in content["dynamic"]["runs"]] == [0.0, 0.0]
+    assert "the weights and permittivity are taken as exact" in content["dynamic"]["warnings"][0]
     assert {file.name for file in out.glob("*.png")} == {"dynamic.png", "profiles-dynamic.png",
                                                          "correlations-dynamic.png"}
 

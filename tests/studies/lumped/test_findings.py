@@ -36,11 +36,11 @@ def fitted() -> lost.MissingParameters:
 
 
 def test_printed_sign_leaves_twice_the_weight(fitted: lost.MissingParameters) -> None:
-    found = sign(fitted)
-    assert found["printed"] == pytest.approx(2, abs=1e-9)
-    assert found["right"] < 1e-9
-    assert found["stress"] == pytest.approx([231.61e3, -231.61e3], rel=1e-6)
-    assert found["permittivity"][1] == pytest.approx(-fitted.permittivity, rel=1e-6)
+    values = sign(fitted)
+    assert values["printed"] == pytest.approx(2, abs=1e-9)
+    assert values["right"] < 1e-9
+    assert values["stress"] == pytest.approx([231.61e3, -231.61e3], rel=1e-6)
+    assert values["permittivity"][1] == pytest.approx(-fitted.permittivity, rel=1e-6)
 
 
 def test_a_simplex_on_the_printed_sum_goes_the_same_way(fitted: lost.MissingParameters) -> None:
@@ -62,27 +62,27 @@ def test_stress_falls_with_stretch(fitted: lost.MissingParameters) -> None:
         return (13.4e3 * x**2 + 34.8e3 * x**4 + 35.8e3 * x**6 + 0.41e3 * x**-2 + 113e3 * x**-4
                 + 34.2e3 * x**-6)
 
-    found = softening(fitted)
-    assert found["stress"] == pytest.approx(sigma(1.0), rel=1e-12)
-    assert found["slope"] == pytest.approx((sigma(1 + 1e-5) - sigma(1 - 1e-5)) / 2e-5, rel=1e-6)
-    assert found["slope"] == pytest.approx(-277e3, abs=500)
-    turn = found["turns"]
+    values = softening(fitted)
+    assert values["stress"] == pytest.approx(sigma(1.0), rel=1e-12)
+    assert values["slope"] == pytest.approx((sigma(1 + 1e-5) - sigma(1 - 1e-5)) / 2e-5, rel=1e-6)
+    assert values["slope"] == pytest.approx(-277e3, abs=500)
+    turn = values["turns"]
     assert sigma(turn) < min(sigma(turn - 1e-3), sigma(turn + 1e-3))
-    assert 1.01 < found["visited"] < turn
-    assert found["left"] < found["constant_left"] < 1
+    assert 1.01 < values["visited"] < turn
+    assert values["left"] < values["constant_left"] < 1
 
 
 def test_cone_against_taut_film(fitted: lost.MissingParameters) -> None:
     """2.33 for the circle; ellipses between the circles of their semi-axes."""
-    found = cone(fitted)
+    values = cone(fitted)
     assert factors(fitted)[0] == pytest.approx(35 / (10 * np.log(4.5)), rel=1e-12)
-    assert found["stiffer"][0] == pytest.approx(2.33, abs=5e-3)
+    assert values["stiffer"][0] == pytest.approx(2.33, abs=5e-3)
     for long in (60e-3, 75e-3):
         inner, outer = (2 * np.pi / np.log(radius / 10e-3) for radius in (45e-3, long))
         assert outer < membrane_stiffness((long, 45e-3), 10e-3) < inner
         assert membrane_stiffness((45e-3, long),
                                   10e-3) == pytest.approx(membrane_stiffness((long, 45e-3), 10e-3))
-    assert found["modulus"] == pytest.approx(20e3, rel=0.02)
+    assert values["modulus"] == pytest.approx(20e3, rel=0.02)
 
 
 @pytest.mark.parametrize("semi_axis", [45e-3, 75e-3])
@@ -98,10 +98,10 @@ def test_taut_film_by_finite_elements(semi_axis: float) -> None:
 
 
 def test_energy_and_eq_5_differ(fitted: lost.MissingParameters) -> None:
-    found = energy(fitted)
-    assert found["times"] == pytest.approx([2.75, 3.5, 4.25], rel=1e-6)  # 45, 60 and 75 mm
+    values = energy(fitted)
+    assert values["times"] == pytest.approx([2.75, 3.5, 4.25], rel=1e-6)  # 45, 60 and 75 mm
     # Eq. (3): uniform stretch, so C = ε₀ε_r A s/z₀ and dC/dy ∝ (R + r)/(R − r).
-    assert found["slopes"] == pytest.approx((85 / 65) / (55 / 35), rel=1e-6)
+    assert values["slopes"] == pytest.approx((85 / 65) / (55 / 35), rel=1e-6)
 
 
 def test_no_permittivity_makes_films_at_rest_grow_as_table_2(
@@ -131,8 +131,8 @@ def test_a_film_without_prestress_grows_with_the_cube_root() -> None:
     specimen = circular(NeoHooke(20e3))
     film = replace(specimen.membrane, prestretch=(1.0, 1.0))
     circle = ConeCircle(replace(specimen, membrane=film), 45e-3)
-    one, two = (float(circle.pull(film.material, y)[1]) for y in (1e-3, 2e-3))
-    assert two / one == pytest.approx(8, rel=0.01)
+    shallow, deep = (float(circle.pull(film.material, y)[1]) for y in (1e-3, 2e-3))
+    assert deep / shallow == pytest.approx(8, rel=0.01)
 
 
 def test_unaccounted_mass_gives_table_2s_growth(fitted: lost.MissingParameters) -> None:
@@ -151,9 +151,9 @@ def test_unaccounted_mass_gives_table_2s_growth(fitted: lost.MissingParameters) 
 
 
 def test_smaller_things() -> None:
-    found = checks()
-    assert found["off"] < 0.05e-4
-    assert found["surfaces"][2] == pytest.approx(np.pi * (75 * 45 - 100) * 1e-6, rel=1e-12)
-    assert found["shares"][0, 1] == pytest.approx(186 / 1.64, rel=1e-9)
-    assert found["count"] == 1
-    assert found["thickness"] == pytest.approx(5)
+    values = checks()
+    assert values["off"] < 0.05e-4
+    assert values["surfaces"][2] == pytest.approx(np.pi * (75 * 45 - 100) * 1e-6, rel=1e-12)
+    assert values["shares"][0, 1] == pytest.approx(186 / 1.64, rel=1e-9)
+    assert values["count"] == 1
+    assert values["thickness"] == pytest.approx(5)

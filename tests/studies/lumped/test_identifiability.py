@@ -65,16 +65,19 @@ def test_a_stiffness_from_few_rough_readings_is_limited_like_a_reciprocal() -> N
     base = clean()
     ratios = []
     for noise in (1e-6, 4e-4):
-        specimens = tuple(replace(one, membrane=replace(one.membrane, relative_permittivity=8.5))
-                          for one in base.specimens)
+        specimens = tuple(
+            replace(specimen, membrane=replace(specimen.membrane, relative_permittivity=8.5))
+            for specimen in base.specimens)
         fit = identify_static(replace(base, specimens=specimens, noise=noise, law="film",
                                       alpha="shared"))
-        one = fit.judgement.constants[0]
-        assert one.name == "stiffness"
-        assert one.value == pytest.approx(1.0, rel=1e-6)
-        assert None not in (one.low, one.high, one.linear_low, one.linear_high)
-        ratios.append([(one.high - one.value) / (one.linear_high - one.value),
-                       (one.value - one.low) / (one.value - one.linear_low)])
+        stiffness = fit.judgement.constants[0]
+        assert stiffness.name == "stiffness"
+        assert stiffness.value == pytest.approx(1.0, rel=1e-6)
+        assert None not in (stiffness.low, stiffness.high,
+                            stiffness.linear_low, stiffness.linear_high)
+        ratios.append([
+            (stiffness.high - stiffness.value) / (stiffness.linear_high - stiffness.value),
+            (stiffness.value - stiffness.low) / (stiffness.value - stiffness.linear_low)])
     assert ratios[0] == pytest.approx([1.0, 1.0], abs=0.01)
     assert ratios[1][0] > 1.03
     assert ratios[1][1] < 0.97
@@ -91,15 +94,16 @@ def test_limits_of_a_constant_among_others_nobody_sees() -> None:
         few = replace(base, which=base.which[kept], mass=base.mass[kept],
                       voltage=base.voltage[kept],
                       displacement=read[kept])
-        found = identify_static(replace(few, alpha="shared")).judgement
-        assert found.determined == 3
-        assert found.undetermined == [f"{name}_{i}" for name in ("beta", "gamma")
-                                      for i in (1, 2, 3)]
-        for one, truth, least in zip(found.constants[-2:], (8.5, 0.45), (0.1, 0.002), strict=True):
-            assert one.low is not None
-            assert one.high is not None
-            width = one.high - one.low
-            assert one.low - 0.5 * width < truth < one.high + 0.5 * width
+        judgement = identify_static(replace(few, alpha="shared")).judgement
+        assert judgement.determined == 3
+        assert judgement.undetermined == [f"{name}_{i}" for name in ("beta", "gamma")
+                                          for i in (1, 2, 3)]
+        for constant, truth, least in zip(judgement.constants[-2:], (8.5, 0.45), (0.1, 0.002),
+                                          strict=True):
+            assert constant.low is not None
+            assert constant.high is not None
+            width = constant.high - constant.low
+            assert constant.low - 0.5 * width < truth < constant.high + 0.5 * width
             assert least < width < 10 * least
 
 
@@ -110,14 +114,14 @@ def test_what_one_side_leaves_open_or_nobody_sees_has_no_limits() -> None:
     saturating = LeastSquares.of(lambda z: (np.array([np.exp(-z[0]) - np.exp(-1.5), z[1]]) / 0.1,
                                    np.array([[-np.exp(-z[0]), 0.0], [0.0, 1.0]]) / 0.1),
                         *box(2, -5.0, 5.0))
-    found = identifiability(saturating, np.array([1.5, 0.0]), names, QUANTILE, lambda _, z: z)
+    judgement = identifiability(saturating, np.array([1.5, 0.0]), names, QUANTILE, lambda _, z: z)
     assert profile(saturating, np.array([1.5, 0.0]), 0, QUANTILE).low is not None
-    assert found.undetermined == ["a"]
+    assert judgement.undetermined == ["a"]
     summed = LeastSquares.of(lambda z: (np.array([z.sum(), z.sum() - 0.02]) / 0.1,
                                         np.ones((2, 2)) / 0.1), *box(2))
-    found = identifiability(summed, np.array([0.0, 0.01]), names, QUANTILE, lambda _, z: z)
-    assert found.undetermined == ["a", "b"]
-    assert found.determined == 1
+    judgement = identifiability(summed, np.array([0.0, 0.01]), names, QUANTILE, lambda _, z: z)
+    assert judgement.undetermined == ["a", "b"]
+    assert judgement.determined == 1
 
 
 def test_a_search_that_cannot_begin_is_refused() -> None:
@@ -135,8 +139,8 @@ def test_noise_that_cannot_explain_the_misfit_gives_way_to_it() -> None:
 
 def test_pictures(tmp_path: Path) -> None:
     fit = identify_static(clean())
-    assert [one.name for one in fit.judgement.constants][-2:] == ["alpha_1[elliptical-small]",
-                                                                  "alpha_1[elliptical-large]"]
+    assert [constant.name for constant in fit.judgement.constants][-2:] == [
+        "alpha_1[elliptical-small]", "alpha_1[elliptical-large]"]
     for file in (*draw_profiles(fit.judgement, tmp_path),
                  *draw_correlations(fit.judgement, tmp_path)):
         assert file.stat().st_size > 10_000

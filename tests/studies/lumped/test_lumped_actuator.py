@@ -79,11 +79,11 @@ def test_roots_against_brute_force(actuator: Actuator, voltage: float) -> None:
     fine = np.linspace(0, actuator.reach, 300_001)
     values = actuator.balance(fine, voltage)[0]
     crossing = np.flatnonzero(values[:-1] * values[1:] < 0)
-    found, stiffness = roots(actuator, voltage)
-    assert len(found) == len(crossing) > 0
-    for root, stiff, left in zip(found, stiffness, crossing, strict=True):
-        assert fine[left] <= root <= fine[left + 1]
-        assert (stiff > 0) == (values[left] < 0)
+    heaves, stiffness = roots(actuator, voltage)
+    assert len(heaves) == len(crossing) > 0
+    for root, stiff, index in zip(heaves, stiffness, crossing, strict=True):
+        assert fine[index] <= root <= fine[index + 1]
+        assert (stiff > 0) == (values[index] < 0)
 
 
 def test_pull_in_is_where_two_roots_meet() -> None:
@@ -122,10 +122,10 @@ def test_electric_force_is_less_than_that_of_half_c_u_squared() -> None:
     plate's edge."""
     actuator = MODELS["paper"]
     short = replace(actuator.circles, radius=actuator.circles.radius[:1])
-    one = replace(actuator, circles=short, weights=(1.0,))
+    single = replace(actuator, circles=short, weights=(1.0,))
     y, step = 3e-3, 1e-6
-    by_energy = -(one.capacitance(y + step) - one.capacitance(y - step)) / (4 * step)
-    assert by_energy / one.electric(y)[1] == pytest.approx((4.5 + 1) / 2, rel=1e-6)
+    by_energy = -(single.capacitance(y + step) - single.capacitance(y - step)) / (4 * step)
+    assert by_energy / single.electric(y)[1] == pytest.approx((4.5 + 1) / 2, rel=1e-6)
 
 
 def test_linear_model_is_a_control_system() -> None:
@@ -147,9 +147,9 @@ def test_without_python_control_the_message_says_so(monkeypatch: pytest.MonkeyPa
 
 
 def test_table_1_marks_what_is_lost() -> None:
-    lost = {symbol for symbol, cell in TABLE_1.items() if "value" not in cell}
-    assert lost == {"g", "alpha_1", "alpha_2", "epsilon_0", "epsilon_r"}
-    assert all(TABLE_1[symbol]["note"] for symbol in lost)
+    missing = {symbol for symbol, cell in TABLE_1.items() if "value" not in cell}
+    assert missing == {"g", "alpha_1", "alpha_2", "epsilon_0", "epsilon_r"}
+    assert all(TABLE_1[symbol]["note"] for symbol in missing)
     with pytest.raises(InputError, match="lost"):
         known("epsilon_r")
     law = eq8(circular(), 8.0).membrane.material

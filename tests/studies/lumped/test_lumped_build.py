@@ -174,14 +174,14 @@ def test_a_model_read_back_responds_the_same(tmp_path: Path,
     file = tmp_path / "a.lumped.toml"
     write_model(file, MODEL)
     signal, time = step(0.0, 3e3, 0.0, 0.5), np.linspace(0, 0.5, 51)
-    made, read = (simulate(one.actuator(17.9e-3), signal).deflection(time)
-                  for one in (MODEL, read_model(file)))
+    made, read = (simulate(model.actuator(17.9e-3), signal).deflection(time)
+                  for model in (MODEL, read_model(file)))
     assert read == pytest.approx(made, rel=1e-12)
     main(["lumped", "simulate", "--model", str(file), "--high", "3 kV", "--duration", "0.5 s",
           "--json"])
-    (told,) = json.loads(capsys.readouterr().out)["responses"]
-    assert told["last_m"] == pytest.approx(made[-1], rel=1e-9)
-    assert not told["warnings"]
+    (response,) = json.loads(capsys.readouterr().out)["responses"]
+    assert response["last_m"] == pytest.approx(made[-1], rel=1e-9)
+    assert not response["warnings"]
 
 
 ODD = {
@@ -272,10 +272,10 @@ def test_pull_in_is_refused_with_its_voltage() -> None:
 def test_bad_input_is_one_message(arguments: list[str], words: str,
                                   capsys: pytest.CaptureFixture[str]) -> None:
     status = main(["lumped", *(part.format(ACTUATORS / "circular.toml") for part in arguments)])
-    told = capsys.readouterr().err
+    message = capsys.readouterr().err
     assert status == 2
-    assert words in told
-    assert told.count("\n") == 1
+    assert words in message
+    assert message.count("\n") == 1
 
 
 @pytest.mark.parametrize(("old", "new", "words"), [
@@ -309,16 +309,16 @@ def test_the_command_writes_what_it_prints(tmp_path: Path,
                                            capsys: pytest.CaptureFixture[str]) -> None:
     options = ["--count", "3", "--viscous", "1 MPa,2 MPa s,3 kPa s", "-o", str(tmp_path), "--json"]
     assert not main(["lumped", "build", str(ACTUATORS / "circular.toml"), *options])
-    told = json.loads(capsys.readouterr().out)
-    assert told == json.loads((tmp_path / "build.json").read_text(encoding="utf-8"))
-    assert told["built"][0]["deflection_error"]["corrected"]["held_out"] < 1e-3
+    content = json.loads(capsys.readouterr().out)
+    assert content == json.loads((tmp_path / "build.json").read_text(encoding="utf-8"))
+    assert content["built"][0]["deflection_error"]["corrected"]["held_out"] < 1e-3
     rows = (tmp_path / "statics.csv").read_text(encoding="utf-8").splitlines()
     assert len(rows) == 1 + 2 * 3
     assert (tmp_path / "build.png").stat().st_size > 10_000
-    assert BuildResult.load(tmp_path).json() == told
+    assert BuildResult.load(tmp_path).json() == content
     drawn = (tmp_path / "build.svg").read_bytes()
     assert main(["report", str(tmp_path)]) == 0
     assert (tmp_path / "build.svg").read_bytes() == drawn
     read = read_model(tmp_path / "circular.lumped.toml")
-    assert read.stiffness == told["built"][0]["stiffness"]
+    assert read.stiffness == content["built"][0]["stiffness"]
     assert read.viscous == Viscous(1e6, 2e6, 3e3)

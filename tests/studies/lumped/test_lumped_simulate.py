@@ -35,11 +35,11 @@ def test_against_an_explicit_integrator_of_the_printed_equations(signal: Pieces 
     response = simulate(PAPER, signal)
     state = response.state(np.array([0.0]))[0]
     worst = 0.0
-    for piece, (left, right) in enumerate(zip(signal.breaks[:-1], signal.breaks[1:], strict=True)):
+    for piece, (begin, end) in enumerate(zip(signal.breaks[:-1], signal.breaks[1:], strict=True)):
         other = solve_ivp(lambda t, x, piece=piece: equations(x, signal.within(piece, t),
                                                               (0.4, 0.6), 17.9e-3, 8.5),
-                          (left, right), state, "DOP853", rtol=1e-12, atol=1e-15, dense_output=True)
-        time = np.linspace(left, right, 200)[:-1]
+                          (begin, end), state, "DOP853", rtol=1e-12, atol=1e-15, dense_output=True)
+        time = np.linspace(begin, end, 200)[:-1]
         worst = max(worst, float(np.abs(response.deflection(time) - other.sol(time)[0]).max()))
         state = other.y[:, -1]
     assert worst < 2e-9
@@ -95,12 +95,12 @@ def test_a_loop_closes_once_the_film_has_crept_far_enough() -> None:
     at 5 kV."""
     simulated = [sample(simulate(PAPER, Sine(3.5e3, 3.5e3, 4.0, count)), 0.01, 4.0)
                  for count in (2.0, 3.0, 12.0)]
-    ends = [one.loop["deflection"].iloc[[0, -1]].to_numpy() for one in simulated]
+    ends = [run.loop["deflection"].iloc[[0, -1]].to_numpy() for run in simulated]
     drifts = [last - first for first, last in ends]
     slow = [np.linalg.eigvals(linearise(PAPER, volts).a).real.max() for volts in (3.5e3, 5e3)]
     assert np.exp(4.0 * slow[0]) < drifts[1] / drifts[0] < np.exp(4.0 * slow[1])
-    creeping = [any("more periods" in words for words in one.numbers["warnings"])
-                for one in simulated]
+    creeping = [any("more periods" in words for words in run.numbers["warnings"])
+                for run in simulated]
     assert creeping == [True, True, False]
 
 
@@ -145,10 +145,10 @@ def test_settling_time_ignores_slow_creep() -> None:
 
 
 def test_random_steps_repeat_by_seed() -> None:
-    one, same, other = (random_steps(0.0, 7e3, 30.0, 20, seed) for seed in (1, 1, 2))
-    assert np.array_equal(one.voltage, same.voltage)
-    assert not np.array_equal(one.voltage, other.voltage)
-    assert np.diff(one.breaks) == pytest.approx(np.full(20, 30.0))
+    first, same, other = (random_steps(0.0, 7e3, 30.0, 20, seed) for seed in (1, 1, 2))
+    assert np.array_equal(first.voltage, same.voltage)
+    assert not np.array_equal(first.voltage, other.voltage)
+    assert np.diff(first.breaks) == pytest.approx(np.full(20, 30.0))
 
 
 def test_signal_from_csv_is_the_same_signal(tmp_path: Path) -> None:
@@ -195,7 +195,7 @@ def test_simulate_command_writes_what_a_dataset_reads(tmp_path: Path,
                  "--interval", "5 ms",
                  "--alpha", "0.6,0.4", "-o", str(out), "--json"]) == 0
     printed = json.loads(capsys.readouterr().out)
-    assert [one["alpha"] for one in printed["responses"]] == [[1.0], [0.6, 0.4]]
+    assert [response["alpha"] for response in printed["responses"]] == [[1.0], [0.6, 0.4]]
     assert printed == json.loads((out / "simulate.json").read_text())
     assert (out / "response.png").stat().st_size > 10_000
     assert SimulationResult.load(out).json() == printed

@@ -37,8 +37,8 @@ def test_ranges_are_those_of_the_models_own_rests() -> None:
     for column, mass, voltage, alpha in ((0, 17.9e-3, 9.2e3, 1.0), (1, 22.45e-3, 7e3, 0.3),
                                          (2, 17.9e-3, 3e3, 0.9)):
         actuator = Actuator.of(paper_actuators(8.5)[column], mass, (alpha, 1 - alpha))
-        found = lost.deflections(8.5, (alpha, alpha), voltage, (mass,))[0, column]
-        assert found == pytest.approx(rest(actuator, voltage), rel=1e-9)
+        deflection = lost.deflections(8.5, (alpha, alpha), voltage, (mass,))[0, column]
+        assert deflection == pytest.approx(rest(actuator, voltage), rel=1e-9)
     limit = (pull_in(Actuator.of(paper_actuators(8.5)[0], 17.9e-3)) or (0.0, 0.0))[0]
     assert limit == pytest.approx(9.21e3, abs=10)
     below, above = (lost.deflections(8.5, (1.0, 1.0), share * limit)[0, 0]
@@ -81,9 +81,9 @@ def test_parameters_come_back_from_ranges_they_made(monkeypatch: pytest.MonkeyPa
     truth = np.array([8.9, 0.3, 0.8])
     made = lost.rest_ranges(truth[0], truth[1:])
     monkeypatch.setattr(lost, "ranges", lambda: made)
-    found = lost.fit_rests(shared=False)
-    assert [found.permittivity, *found.alpha] == pytest.approx(truth, rel=1e-7)
-    assert found.worst < 1e-12
+    fit = lost.fit_rests(shared=False)
+    assert [fit.permittivity, *fit.alpha] == pytest.approx(truth, rel=1e-7)
+    assert fit.worst < 1e-12
 
 
 def test_an_array_is_its_actuators(fitted: lost.MissingParameters) -> None:
@@ -115,9 +115,9 @@ def test_parameters_come_back_from_levels_they_made(monkeypatch: pytest.MonkeyPa
     signal, truth = random_steps(0.0, 7e3, 10.0, 3, 6), np.array([[8.7, 0.35]])
     made = lost.level_ranges(signal, truth)[0]
     monkeypatch.setattr(lost, "ranges", lambda: made)
-    found = lost.fit_levels(signal)
-    assert [found.permittivity, found.alpha[0]] == pytest.approx(truth[0], rel=1e-4)
-    assert found.worst < 1e-7
+    fit = lost.fit_levels(signal)
+    assert [fit.permittivity, fit.alpha[0]] == pytest.approx(truth[0], rel=1e-4)
+    assert fit.worst < 1e-7
 
 
 @pytest.mark.study
@@ -125,10 +125,10 @@ def test_table_2_at_the_ends_of_levels() -> None:
     """The ellipses' four ranges within 0.03 mm, the circle's not, and better than at rest, for
     three seeds."""
     for seed in (6, 17, 25):
-        found = lost.fit_levels(random_steps(0.0, 7e3, 30.0, 20, seed))
-        assert np.abs(found.misfit[:, 1:]).max() < 0.03e-3
-        assert np.abs(found.misfit[:, 0]).min() > 0.05e-3
-        assert found.rms < 0.4 * lost.fit_rests().rms
+        fit = lost.fit_levels(random_steps(0.0, 7e3, 30.0, 20, seed))
+        assert np.abs(fit.misfit[:, 1:]).max() < 0.03e-3
+        assert np.abs(fit.misfit[:, 0]).min() > 0.05e-3
+        assert fit.rms < 0.4 * lost.fit_rests().rms
 
 
 def test_settling_of_a_known_oscillation() -> None:
@@ -187,8 +187,9 @@ def test_thinning_keeps_the_extremes() -> None:
 
 def test_the_seed_is_the_first_that_reaches_both_ends() -> None:
     signal, seed = Choices().steps()
-    reached = [float(max(one.voltage.min(), 7e3 - one.voltage.max())) <= 100
-               for one in (random_steps(0.0, 7e3, 30.0, 20, number) for number in range(seed + 1))]
+    reached = [float(max(steps.voltage.min(), 7e3 - steps.voltage.max())) <= 100
+               for steps in (random_steps(0.0, 7e3, 30.0, 20, number)
+                             for number in range(seed + 1))]
     assert reached.index(True) == seed
     assert np.diff(signal.breaks) == pytest.approx(np.full(20, 30.0))
     with pytest.raises(InputError, match="none of"):
@@ -227,15 +228,15 @@ def test_paper_command(tmp_path: Path, capsys: pytest.CaptureFixture[str],
         moved = [(row["mass_g"], row["specimen"], float(row["distance_mm"]))
                  for row in csv.DictReader(stream)]
     for row in rows:
-        own = [y for mass, name, y in moved if (mass, name) == (f"{row['mass_g']:g}",
-                                                                row["specimen"])]
-        assert max(own) - min(own) == pytest.approx(row["all_samples_mm"], rel=1e-9)
+        distances = [y for mass, name, y in moved if (mass, name) == (f"{row['mass_g']:g}",
+                                                                      row["specimen"])]
+        assert max(distances) - min(distances) == pytest.approx(row["all_samples_mm"], rel=1e-9)
         assert row["at_levels_mm"] < row["all_samples_mm"]
     assert printed["settling"]["rows"][-1]["rms_s"] > 0
     assert len(printed["findings"]) == 7
     text = (out / "paper.html").read_text(encoding="utf-8")
-    assert all(words in text.replace("&#39;", "'") for one in printed["findings"]
-               for words in one["words"])
+    assert all(words in text.replace("&#39;", "'") for finding in printed["findings"]
+               for words in finding["words"])
     assert text.count("data:image/svg+xml") == len(FIGURES)
     (out / "paper.html").unlink()
     monkeypatch.setattr(page, "draw_paper", lambda folder: [])  # they are there

@@ -37,8 +37,11 @@ def test_truth_leaves_no_residual_and_derivatives_are_exact(sharing: Sharing) ->
 def hits(fits: list[StaticFit]) -> np.ndarray:
     """Whether each determined combination's interval holds the truth."""
     scale = fits[0].problem.column("scale")
-    return np.array([abs(np.array(one.coefficients) @ (TRUTH / scale) - one.value) <= one.half
-                     for fit in fits for one in fit.judgement.combinations if one.half is not None])
+    return np.array([
+        abs(np.array(combination.coefficients) @ (TRUTH / scale) - combination.value)
+        <= combination.half
+        for fit in fits for combination in fit.judgement.combinations
+        if combination.half is not None])
 
 
 def test_intervals_cover_the_truth_and_the_undetermined_are_named() -> None:
@@ -61,20 +64,20 @@ def test_each_ellipse_has_its_own_alpha_and_one_for_both_is_wrong() -> None:
     base, values = clean(), np.append(TRUTH[:-1], [0.40, 0.55])
     problem = base
     read = problem.rest(values)[0]
-    for number, (one, alpha) in enumerate(zip(base.specimens, (1.0, 0.40, 0.55), strict=True)):
+    for number, (specimen, alpha) in enumerate(zip(base.specimens, (1.0, 0.40, 0.55), strict=True)):
         first = int(np.flatnonzero(base.which == number)[0])
         weights = (alpha, 1 - alpha) if number else None
         law = problem.specimen(number, values)
         assert read[first] == pytest.approx(rest(Actuator.of(law, base.mass[first], weights),
                                                  0.0), rel=1e-9)
-        assert law.frame == one.frame
+        assert law.frame == specimen.frame
     read = read + NOISE * np.random.default_rng(3).standard_normal(len(read))
     each, shared = (identify_static(replace(base, displacement=read, alpha=sharing))
                     for sharing in ("each", "shared"))
-    for found, truth in zip(each.judgement.constants[-2:], (0.40, 0.55), strict=True):
-        assert found.low is not None
-        assert found.high is not None
-        assert found.low < truth < found.high < found.low + 0.01
+    for constant, truth in zip(each.judgement.constants[-2:], (0.40, 0.55), strict=True):
+        assert constant.low is not None
+        assert constant.high is not None
+        assert constant.low < truth < constant.high < constant.low + 0.01
     assert shared.rmse > 10 * each.rmse
     assert "do not follow this law" in shared.warnings[0]
 
@@ -84,9 +87,9 @@ def test_coverage_of_400_runs() -> None:
     """Combinations pooled, and by profile the two constants that are determined; the six others
     never get limits."""
     fits = [identify_static(noisy(seed)) for seed in range(400)]
-    profiled = np.array([one.low <= truth <= one.high for fit in fits
-                         for one, truth in zip(fit.judgement.constants, TRUTH, strict=True)
-                         if one.low is not None])
+    profiled = np.array([constant.low <= truth <= constant.high for fit in fits
+                         for constant, truth in zip(fit.judgement.constants, TRUTH, strict=True)
+                         if constant.low is not None])
     for words, inside in (("combinations", hits(fits)), ("constants by profile", profiled)):
         print(f"{words} {inside.sum()} of {len(inside)} = {inside.mean():.4f}; "
               f"95 % of a binomial is within "
@@ -132,14 +135,14 @@ def test_identify_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) ->
         for n, m, u, y in zip(read.which, read.mass, read.voltage, read.displacement, strict=True)))
     out = tmp_path / "out"
     assert main(["lumped", "identify", str(tmp_path), "-o", str(out), "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)
-    assert found == json.loads((out / "identify.json").read_text())
+    content = json.loads(capsys.readouterr().out)
+    assert content == json.loads((out / "identify.json").read_text())
     drawn = {file.name: file.read_bytes() for file in out.glob("*.svg")}
     assert main(["report", str(out)]) == 0
     assert drawn == {file.name: file.read_bytes() for file in out.glob("*.svg")}
-    assert found["static"]["rmse_um"] == pytest.approx(1.0, rel=0.4)
-    assert "gamma_2" in found["static"]["not_determined"]
-    assert found["static"]["warnings"] == []
+    assert content["static"]["rmse_um"] == pytest.approx(1.0, rel=0.4)
+    assert "gamma_2" in content["static"]["not_determined"]
+    assert content["static"]["warnings"] == []
     assert main(["lumped", "identify", str(tmp_path), "--law", "film"]) == 0
     assert "do not follow this law" in capsys.readouterr().out
     assert (out / "static.png").stat().st_size > 10_000

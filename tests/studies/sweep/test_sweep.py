@@ -38,21 +38,21 @@ def whole(tmp_path_factory) -> tuple[Sweep, Path]:
 
 
 def table(folder: Path) -> xr.Dataset:
-    with xr.open_dataset(folder / "sweep.nc", engine="h5netcdf") as found:
-        return found.load()
+    with xr.open_dataset(folder / "sweep.nc", engine="h5netcdf") as stored:
+        return stored.load()
 
 
-def alike(one: xr.Dataset, other: xr.Dataset) -> None:
-    xr.testing.assert_identical(one, other)
+def alike(cases: xr.Dataset, other: xr.Dataset) -> None:
+    xr.testing.assert_identical(cases, other)
 
 
 def test_every_row_is_what_solving_that_case_alone_gives(whole) -> None:
     sweep, folder = whole
-    found = table(folder)
+    cases = table(folder)
     for entry in sweep.entries[::3]:
         for mass, number in zip(entry.masses, (0, 1), strict=True):
             alone = solve(Case(entry.task.specimen, mass=mass, voltage=entry.voltages[-1]), CHEAP)
-            row = found.sel(specimen=entry.name).isel(mass=number, voltage=-1)
+            row = cases.sel(specimen=entry.name).isel(mass=number, voltage=-1)
             for name in ("deflection_m", "capacitance_F", "max_true_stress_Pa", "energy_J", "dofs"):
                 assert float(row[name]) == pytest.approx(getattr(alone, name), rel=1e-7), name
             assert row["status"] == alone.status
@@ -60,10 +60,10 @@ def test_every_row_is_what_solving_that_case_alone_gives(whole) -> None:
 
 def test_the_three_files_hold_the_same_with_units(whole) -> None:
     _, folder = whole
-    found = table(folder)
-    assert found["deflection_m"].attrs["units"] == "m"
-    assert found["plate.radius"].attrs["units"] == "m"
-    assert found["max_field_V_per_m"].attrs["units"] == "V/m"
+    cases = table(folder)
+    assert cases["deflection_m"].attrs["units"] == "m"
+    assert cases["plate.radius"].attrs["units"] == "m"
+    assert cases["max_field_V_per_m"].attrs["units"] == "V/m"
     rows = pd.read_csv(folder / "sweep.csv")
     pd.testing.assert_frame_equal(rows[["deflection_m", "plate.radius_m", "mass_kg"]],
                                   pd.read_parquet(folder / "sweep.parquet")[["deflection_m",
@@ -71,7 +71,7 @@ def test_the_three_files_hold_the_same_with_units(whole) -> None:
                                                                              "mass_kg"]],
                                   check_exact=True)
     row = rows.iloc[17]
-    place = found.sel(specimen=row["specimen"]).isel(mass=1, voltage=2)
+    place = cases.sel(specimen=row["specimen"]).isel(mass=1, voltage=2)
     assert (row["mass_kg"], row["voltage_V"]) == (float(place["mass"]),
                                                   float(place["voltage"])) == (22.45e-3, 4e3)
     assert row["deflection_m"] == float(place["deflection_m"])
@@ -93,11 +93,11 @@ def test_loads_and_keys_of_the_grid_are_indices(tmp_path) -> None:
     """As xarray's own users take them: by value, as an abscissa, nearest, by label."""
     sweep = read(tmp_path, GRID)
     run_sweep(sweep, tmp_path / "out", serial)
-    found = table(tmp_path / "out")
-    assert dict(found.sizes) == {"specimen": 2, "plate.radius": 2, "frame.semi_axes": 2, "mass": 1,
+    cases = table(tmp_path / "out")
+    assert dict(cases.sizes) == {"specimen": 2, "plate.radius": 2, "frame.semi_axes": 2, "mass": 1,
                                  "voltage": 3}
     place = {"plate.radius": 0.012, "frame.semi_axes": "6 cm, 4.5 cm", "specimen": "oval-1"}
-    line = found["deflection_m"].sel(place).squeeze()
+    line = cases["deflection_m"].sel(place).squeeze()
     assert line.dims == ("voltage",)
     [drawn] = line.plot(x="voltage")
     assert drawn.get_xdata().tolist() == [0, 2500, 5000]
@@ -107,10 +107,10 @@ def test_loads_and_keys_of_the_grid_are_indices(tmp_path) -> None:
     case = Case(entry.task.specimen, mass="17.9 g", voltage="5 kV", rig=entry.task.rig)
     assert float(line.sel(voltage=5000)) == pytest.approx(solve(case, CHEAP).deflection_m, rel=1e-7)
     assert line.sel(voltage=4e3, method="nearest") == line.sel(voltage=5000)
-    assert found.sel({"plate.radius": slice(0.009, 0.011)}).sizes["plate.radius"] == 1
-    assert found["rig.spring"].dims == ("specimen",)
-    assert found["frame.semi_axes.0"].sel({"frame.semi_axes": "5 cm, 4.5 cm"}) == 0.05
-    assert found["plate.radius"].attrs["units"] == "m"
+    assert cases.sel({"plate.radius": slice(0.009, 0.011)}).sizes["plate.radius"] == 1
+    assert cases["rig.spring"].dims == ("specimen",)
+    assert cases["frame.semi_axes.0"].sel({"frame.semi_axes": "5 cm, 4.5 cm"}) == 0.05
+    assert cases["plate.radius"].attrs["units"] == "m"
     rows = pd.read_csv(tmp_path / "out" / "sweep.csv")
     row = rows[(rows["plate.radius_m"] == 0.012) & (rows["frame.semi_axes.0_m"] == 0.06)
                & (rows["rig.spring_N_per_m"] == 5) & (rows["voltage_V"] == 5e3)]
@@ -121,10 +121,10 @@ def test_a_load_of_the_list_goes_with_the_specimen_one_of_the_grid_is_an_index(t
     text = ('specimen = "oval.toml"\n[grid]\nvoltage = ["0 kV", "1 kV"]\n'
             '[list]\nmass = ["20 g", "10 g"]\n"plate.radius" = ["8 mm", "9 mm"]')
     run_sweep(read(tmp_path, text), tmp_path / "out", serial)
-    found = table(tmp_path / "out")
-    assert dict(found.sizes) == {"specimen": 2, "voltage": 2}
-    assert found["mass"].values.tolist() == [0.02, 0.01]
-    assert (found["deflection_m"].sel(voltage=1000).diff("specimen") < 0).all()
+    cases = table(tmp_path / "out")
+    assert dict(cases.sizes) == {"specimen": 2, "voltage": 2}
+    assert cases["mass"].values.tolist() == [0.02, 0.01]
+    assert (cases["deflection_m"].sel(voltage=1000).diff("specimen") < 0).all()
 
 
 ASKED = """
@@ -143,8 +143,8 @@ def test_what_is_asked_stands_in_the_table_and_fails_alone(tmp_path) -> None:
     """Beside the same things asked of the specimen itself."""
     sweep = read(tmp_path, ASKED)
     run_sweep(sweep, tmp_path / "out", serial)
-    found, task = table(tmp_path / "out"), sweep.entries[0].task
-    first = found.isel(specimen=0)
+    cases, task = table(tmp_path / "out"), sweep.entries[0].task
+    first = cases.isel(specimen=0)
     weights = alpha(task.specimen, CHEAP)
     assert [float(first[f"alpha_{number}"]) for number in (1, 2)] == pytest.approx(
         weights.by_basis["membrane"].alpha, abs=1e-9)
@@ -157,21 +157,21 @@ def test_what_is_asked_stands_in_the_table_and_fails_alone(tmp_path) -> None:
     assert [float(row[name]) for name in ("heave_Hz", "tilt_1_Hz", "tilt_2_Hz")] == pytest.approx(
         [mode.frequency_Hz for name in ("heave", "tilt") for mode in swinging.modes
          if mode.name.startswith(name)])
-    assert found["heave_Hz"].attrs["units"] == "Hz"
+    assert cases["heave_Hz"].attrs["units"] == "Hz"
     model = build(task.specimen, CHEAP).model
     assert float(first["lumped_stiffness"]) == pytest.approx(model.stiffness)
     assert float(first["lumped_flat_capacitance_F"]) == pytest.approx(model.flat_capacitance)
     reached = limits(Case(task.specimen, mass="22.45 g"), CHEAP)
     assert float(first["pull_in_V"].sel(mass=22.45e-3)) == pytest.approx(reached.pull_in.voltage_V)
     assert float(first["tension_x_m"].sel(mass=22.45e-3)) == pytest.approx(reached.tension.x_m)
-    assert set(found["status"].values.ravel()) == {"equilibrium"}
-    assert np.isnan(found["alpha_1"].values[1])
-    assert "circle" in str(found["alpha_warnings"].values[1])
-    assert np.isfinite(found["heave_Hz"].values).all()
+    assert set(cases["status"].values.ravel()) == {"equilibrium"}
+    assert np.isnan(cases["alpha_1"].values[1])
+    assert "circle" in str(cases["alpha_warnings"].values[1])
+    assert np.isfinite(cases["heave_Hz"].values).all()
     assert {file.stem for file in (tmp_path / "out" / "fields").iterdir()} == set(
-        found["id"].values[:, 0, 0])
+        cases["id"].values[:, 0, 0])
     assert run_sweep(sweep, tmp_path / "out", serial).kept == 4
-    alike(table(tmp_path / "out"), found)
+    alike(table(tmp_path / "out"), cases)
 
 
 def test_running_again_solves_nothing_and_a_damaged_file_only(whole, tmp_path) -> None:
@@ -226,10 +226,10 @@ def test_an_impossible_combination_is_a_row_with_the_reason(tmp_path) -> None:
             '[grid]\n"plate.radius" = ["1 cm", "5 cm"]')
     summary = run_sweep(read(tmp_path, text), tmp_path / "out", serial)
     assert summary.statuses == {"equilibrium": 1, "no_equilibrium": 1, "failed": 2}
-    found = table(tmp_path / "out")
-    assert "plate must lie inside the frame" in str(found["warnings"][0, 1, 0, 0].item())
-    assert "thins without bound" in str(found["warnings"][0, 0, 0, 1].item())
-    assert np.isnan(found["deflection_m"].values).tolist() == [[[[False, True]], [[True, True]]]]
+    cases = table(tmp_path / "out")
+    assert "plate must lie inside the frame" in str(cases["warnings"][0, 1, 0, 0].item())
+    assert "thins without bound" in str(cases["warnings"][0, 0, 0, 1].item())
+    assert np.isnan(cases["deflection_m"].values).tolist() == [[[[False, True]], [[True, True]]]]
 
 
 def test_an_error_in_one_specimen_is_a_row_with_its_words(whole, tmp_path, monkeypatch) -> None:
@@ -247,9 +247,9 @@ def test_an_error_in_one_specimen_is_a_row_with_its_words(whole, tmp_path, monke
     original = task.build_model
     monkeypatch.setattr(task, "build_model", build)
     run_sweep(sweep, tmp_path / "out", serial)
-    found = table(tmp_path / "out")
-    assert (found["status"] == "failed").sum() == 6
-    assert set(found["warnings"].values[2].ravel()) == {"frame, plate: cannot be meshed: too "
+    cases = table(tmp_path / "out")
+    assert (cases["status"] == "failed").sum() == 6
+    assert set(cases["warnings"].values[2].ravel()) == {"frame, plate: cannot be meshed: too "
                                                         "little room"}
 
 
@@ -299,9 +299,9 @@ def test_a_process_that_dies_is_replaced_and_a_task_that_kills_is_a_row(whole, t
     summary = run_sweep(replace(sweep, entries=tuple(entries)), tmp_path / "out",
                   partial(processes, workers=1))
     assert summary.statuses == {"equilibrium": 12, "failed": 6}
-    found, right = table(tmp_path / "out"), table(folder)
-    assert "the process that solved it died" in str(found["warnings"][1, 0, 0].item())
-    assert (found["deflection_m"][[0, 2]] == right["deflection_m"][[0, 2]]).all()
+    cases, right = table(tmp_path / "out"), table(folder)
+    assert "the process that solved it died" in str(cases["warnings"][1, 0, 0].item())
+    assert (cases["deflection_m"][[0, 2]] == right["deflection_m"][[0, 2]]).all()
     # The next run may have more luck.
     three = replace(sweep, entries=sweep.entries[:3])
     assert run_sweep(three, tmp_path / "out", serial).solved == 6

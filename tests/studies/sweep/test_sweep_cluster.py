@@ -46,10 +46,10 @@ def test_a_cluster_gives_the_same_table_also_when_both_workers_are_killed(tmp_pa
         summary = run_sweep(sweep, tmp_path / "dask", pool, seen)
     assert len(set(killed)) == 2
     assert summary.solved == 48
-    with (xr.open_dataset(tmp_path / "here" / "sweep.nc", engine="h5netcdf") as one,
-          xr.open_dataset(tmp_path / "dask" / "sweep.nc", engine="h5netcdf") as other):
-        xr.testing.assert_allclose(one, other, rtol=1e-12, atol=0)
-        assert (one["status"] == other["status"]).all()
+    with (xr.open_dataset(tmp_path / "here" / "sweep.nc", engine="h5netcdf") as here,
+          xr.open_dataset(tmp_path / "dask" / "sweep.nc", engine="h5netcdf") as there):
+        xr.testing.assert_allclose(here, there, rtol=1e-12, atol=0)
+        assert (here["status"] == there["status"]).all()
 
 
 @pytest.mark.parametrize("address", ["tcp://127.0.0.1:9", "tcp://127.0.0.1:{silent}",

@@ -52,8 +52,8 @@ def right(tmp_path_factory) -> tuple[Sweep, xr.Dataset]:
 
 
 def table(folder: Path) -> xr.Dataset:
-    with xr.open_dataset(folder / "sweep.nc", engine="h5netcdf") as found:
-        return found.load()
+    with xr.open_dataset(folder / "sweep.nc", engine="h5netcdf") as stored:
+        return stored.load()
 
 
 def goes_on(right: tuple[Sweep, xr.Dataset], folder: Path) -> None:
@@ -81,7 +81,7 @@ def test_killed_ten_times_the_table_is_complete_and_nothing_is_solved_twice(righ
         stood.append(finished(right[0], tmp_path / "out"))
         assert stood[-2].items() <= stood[-1].items()
     assert kills == 10
-    assert len({len(found) for found in stood}) > 4
+    assert len({len(done) for done in stood}) > 4
     goes_on(right, tmp_path / "out")
 
 
@@ -173,11 +173,11 @@ def test_fields_are_kept_whole_and_a_lost_one_is_solved_again(tmp_path) -> None:
                                                            "fields = true\nspecimen =")
     sweep, folder = read(tmp_path, text, COARSE), tmp_path / "out"
     assert run_sweep(sweep, folder, serial).solved == 6
-    found = table(folder)
+    cases = table(folder)
     files = sorted((folder / "fields").iterdir())
     assert [file.name for file in files] == sorted(f"{number}.vtu"
-                                                   for number in found["id"].values.ravel())
-    for number, deflection in zip(found["id"].values.ravel(), found["deflection_m"].values.ravel(),
+                                                   for number in cases["id"].values.ravel())
+    for number, deflection in zip(cases["id"].values.ravel(), cases["deflection_m"].values.ravel(),
                                   strict=True):
         film = meshio.read(folder / "fields" / f"{number}.vtu")
         assert film.point_data["displacement"][:, 2].max() == pytest.approx(deflection, rel=1e-12)
@@ -194,7 +194,7 @@ def test_fields_are_kept_whole_and_a_lost_one_is_solved_again(tmp_path) -> None:
     run_sweep(sweep, folder, noted)
     assert len(asked) == 1
     assert sorted((folder / "fields").iterdir()) == files
-    xr.testing.assert_identical(table(folder), found)
+    xr.testing.assert_identical(table(folder), cases)
     assert run_sweep(sweep, folder, partial(_never)).kept == 6
 
 

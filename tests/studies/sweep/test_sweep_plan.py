@@ -21,13 +21,13 @@ LOADS = 'specimen = "oval.toml"\nmass = "17.9 g"\nvoltage = "1 kV"\n'
 
 
 def tasks(folder: Path, text: str, **files: str) -> list[SweepTask]:
-    found = [entry.task for entry in read(folder, text, **files).entries]
-    assert all(task is not None for task in found)
-    return [task for task in found if task is not None]
+    planned = [entry.task for entry in read(folder, text, **files).entries]
+    assert all(task is not None for task in planned)
+    return [task for task in planned if task is not None]
 
 
 def test_grid_list_and_sample_multiply(tmp_path) -> None:
-    found = tasks(tmp_path, LOADS + """[grid]
+    planned = tasks(tmp_path, LOADS + """[grid]
 "membrane.relative_permittivity" = [4.7, 3]
 "frame.semi_axes" = [["6 cm", "4.5 cm"], ["7.5 cm", "4.5 cm"]]
 [list]
@@ -39,10 +39,10 @@ count = 5
 [sample.ranges]
 "membrane.thickness" = ["0.5 mm", "1 mm"]
 """)
-    assert len({task.id for task in found}) == len(found) == 2 * 2 * 3 * 5
-    assert {(task.specimen.plate.outline.radius, task.rig.spring) for task in found} == {
+    assert len({task.id for task in planned}) == len(planned) == 2 * 2 * 3 * 5
+    assert {(task.specimen.plate.outline.radius, task.rig.spring) for task in planned} == {
         (0.01, 1.0), (0.012, 2.0), (0.015, 3.0)}
-    thickness = np.unique([task.specimen.membrane.thickness for task in found])
+    thickness = np.unique([task.specimen.membrane.thickness for task in planned])
     assert np.array_equal(np.floor((thickness - 0.5e-3) / 0.1e-3),
                           np.arange(5))  # one in each fifth
 

@@ -21,11 +21,11 @@ SIGMA = 10e-6
 
 
 def test_a_band_of_one_member_is_that_of_its_normal_distribution() -> None:
-    one = Predictive(np.ones((1, 2)), np.array([[1.0, 5.0]]), np.array([[3.0, 0.0]]))
-    low, high = one.band(4.0)
+    single = Predictive(np.ones((1, 2)), np.array([[1.0, 5.0]]), np.array([[3.0, 0.0]]))
+    low, high = single.band(4.0)
     assert low == pytest.approx([1 - 1.959964 * 5, 5 - 1.959964 * 4], rel=1e-6)
     assert high == pytest.approx([1 + 1.959964 * 5, 5 + 1.959964 * 4], rel=1e-6)
-    assert one.below(np.array([6.0, 5.0]), 4.0) == pytest.approx([norm.cdf(1), 0.5])
+    assert single.below(np.array([6.0, 5.0]), 4.0) == pytest.approx([norm.cdf(1), 0.5])
 
 
 def test_a_band_of_two_members_holds_what_is_drawn_from_them() -> None:
@@ -41,12 +41,12 @@ def test_a_band_of_two_members_holds_what_is_drawn_from_them() -> None:
 
 def test_the_unknowns_of_a_fit_spread_as_draws_of_them_do(three_shapes: Simulation) -> None:
     cause = Cause("unaccounted_mass")
-    found = fit(three_shapes, (cause,), read(three_shapes, design(SIGMA), (cause,), [2e-3], 1))
+    fitted = fit(three_shapes, (cause,), read(three_shapes, design(SIGMA), (cause,), [2e-3], 1))
     table = design(SIGMA, voltages=4)
-    spread = Predictive.of(three_shapes, [found], np.ones(1), table).deviation[0]
+    spread = Predictive.of(three_shapes, [fitted], np.ones(1), table).deviation[0]
     drawn = np.random.default_rng(2).multivariate_normal(
-        found.unknowns, np.linalg.inv(found.precision), 300)
-    predicted = [three_shapes.predict(found.hypothesis, unknowns, table) for unknowns in drawn]
+        fitted.unknowns, np.linalg.inv(fitted.precision), 300)
+    predicted = [three_shapes.predict(fitted.hypothesis, unknowns, table) for unknowns in drawn]
     assert spread == pytest.approx(np.std(predicted, axis=0), rel=0.15)
 
 

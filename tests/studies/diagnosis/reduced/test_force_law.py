@@ -55,9 +55,9 @@ def test_it_gives_the_deflections_of_the_axisymmetric_equations(three_shapes: Si
                                                  else None),)
     unknowns = np.array([np.log(stiffness), np.log(permittivity), *([size] if cause else [])])
     table = _table()
-    found = three_shapes.predict(hypothesis, unknowns, table)
+    predicted = three_shapes.predict(hypothesis, unknowns, table)
     exact = _by_equations(axisymmetric.Film(**values), table, three_shapes.setup.rig.gravity)
-    assert found == pytest.approx(exact, rel=4e-4)
+    assert predicted == pytest.approx(exact, rel=4e-4)
     assert np.ptp(exact) > 0.3e-3
 
 
@@ -73,12 +73,12 @@ def test_pairs_of_effects_agree_with_finite_elements_on_a_finer_mesh(three_shape
     unknowns = np.array([0.05, -0.08, *sizes])
     setup = extended_setup(three_shapes, hypothesis, unknowns)
     table = _table(specimen=1)
-    found = three_shapes.predict(hypothesis, unknowns, table)
+    predicted = three_shapes.predict(hypothesis, unknowns, table)
     plain = three_shapes.predict((), unknowns[:2], table)
     for row in (3, 6):
         result = solve(Case(setup.specimens[1], mass=float(table.mass[row]),
                             voltage=float(table.voltage[row]), rig=setup.rig), FINE)
-        assert found[row] == pytest.approx(result.reading_m, abs=3e-6)
+        assert predicted[row] == pytest.approx(result.reading_m, abs=3e-6)
         assert abs(plain[row] - result.reading_m) > 5e-6
 
 
@@ -105,7 +105,7 @@ def test_stiffness_and_permittivity_scale_exactly(three_shapes: Simulation) -> N
 ], ids=str)
 def test_derivatives_are_those_of_the_predictions(three_shapes: Simulation, hypothesis) -> None:
     deviations = [item.deviation for cause in hypothesis for item in cause.effect.parameters]
-    unknowns = np.array([0.1, 0.05, *(0.7 * one for one in deviations)])
+    unknowns = np.array([0.1, 0.05, *(0.7 * deviation for deviation in deviations)])
     table = _table(specimen=2)
     jacobian = Prediction(three_shapes, hypothesis, unknowns, table).jacobian
     for number, scale in enumerate([1.0, 1.0, *deviations]):
@@ -128,9 +128,9 @@ def test_past_pull_in_there_is_no_equilibrium(three_shapes: Simulation) -> None:
     limit = axisymmetric.pull_in_voltage(oracle, 0.0179 * Rig().gravity)
     table = rows(States.of([0, 0], [0.0179, 0.0179], [0.9 * limit, 1.03 * limit]), "displacement",
                  1e-5)
-    found = three_shapes.predict((), soft, table)
-    assert np.isfinite(found[0])
-    assert np.isnan(found[1])
+    predicted = three_shapes.predict((), soft, table)
+    assert np.isfinite(predicted[0])
+    assert np.isnan(predicted[1])
 
 
 def test_beyond_what_is_possible_predictions_go_on_without_a_jump(three_shapes: Simulation
