@@ -105,7 +105,7 @@ class Plate(Region):
 
 @takes_units
 @dataclass(frozen=True)
-class Branch:
+class ViscousBranch:
     """A neo-Hookean spring and a dashpot in series, beside the law of a film (a Maxwell element).
 
     As in :mod:`tympan.fem.film.memory`; a film at rest for long does not feel it.
@@ -136,7 +136,7 @@ class Film:
         "what the film withstands electrically: a law with its constants, or a name of the "
         "library; left out, that of the library's material", name="breakdown",
         kinds=STRENGTHS)] = None
-    branches: Annotated[tuple[Branch, ...], Key(
+    branches: Annotated[tuple[ViscousBranch, ...], Key(
         "viscous branches beside the material's law; what is at rest does not feel them",
         name="branch")] = ()
     mounted: Annotated[float | None, Key(

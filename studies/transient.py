@@ -174,7 +174,8 @@ def history(case: TransientCase, settings: Settings, films: tuple[float, ...] = 
         raise InputError("the film has no equilibrium at once after the mass is put on",
                          key="mass", given=f"{case.mass:g} kg")
     balance = EnergyBalance.of(energies, transient.force, before)
-    return History(*np.array(record).T, stopped, slack, balance, pictures)
+    times, deflection, voltage, capacitance, tilt = np.array(record).T
+    return History(times, deflection, voltage, capacitance, tilt, stopped, slack, balance, pictures)
 
 
 def solve_after(case: Case, after: float, settings: Settings, film: bool = False) -> CaseResult:

@@ -210,7 +210,8 @@ def _weights(rate: Array) -> tuple[Array, Array]:
 
 def _excess(kept: Array, weight: Array, full: Array) -> Array:
     """(det(H + w C) − 1)/w of det H = det C = 1."""
-    return inner(inverse(kept), full) + weight * (inner(inverse(full), kept) + weight)
+    return np.asarray(inner(inverse(kept), full)
+                      + weight * (inner(inverse(full), kept) + weight))
 
 
 def _between(a: Array, i: int, j: int) -> Array:

@@ -79,10 +79,10 @@ class EnergyBalance:
         starts = np.flatnonzero(np.diff(every[:, 0]) == 0) + 1
         electrical = heat = smooth = 0.0
         for piece in np.split(every, starts):
-            charging, lost = _integrals(piece) if len(piece) > 1 else (0.0, 0.0)
+            charging, dissipated = _integrals(piece) if len(piece) > 1 else (0.0, 0.0)
             change = piece[-1] - piece[0]
-            electrical, heat = electrical + charging, heat + lost
-            smooth += force * change[6] + charging - lost - change[1] - change[2]
+            electrical, heat = electrical + charging, heat + dissipated
+            smooth += force * change[6] + charging - dissipated - change[1] - change[2]
         jumps = 0.0
         ends = [before, *(energies[start - 1] for start in starts)]
         for end, start in zip(ends, (energies[number] for number in [0, *starts]), strict=True):

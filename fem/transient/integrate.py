@@ -197,14 +197,14 @@ class Transient:
         return Stopped("thinning" if thin else "pull_in", moment.time)
 
     def _after_jump(self, moment: Moment, source: float) -> Moment:
-        """The film at once after the source's voltage jumped, the plate held by its inertia."""
+        """The film at once after the source's voltage jumped, the plate clamped by its inertia."""
         squared = moment.state.voltage_squared if self.circuit.resistance else source**2
         model = self.remembering(moment)
         if self.plate is None:
             film = self._jumped(model, moment, squared)
         else:
-            held = replace(model, loading=replace(model.loading, guide="fixed"))
-            film = self._jumped(held, moment, squared)
+            clamped = replace(model, loading=replace(model.loading, guide="fixed"))
+            film = self._jumped(clamped, moment, squared)
             moment = replace(moment, acceleration=self._accelerated(model, film, moment.velocity))
         current = self.circuit.current(source, float(np.sqrt(squared)))
         return replace(moment, state=film, current=current)

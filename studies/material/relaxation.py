@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from tympan.fem.film.memory import Memory, incompressible
 from tympan.geometry.errors import InputError
-from tympan.geometry.specimen import Branch, Material
+from tympan.geometry.specimen import Material, ViscousBranch
 from tympan.studies.data.coupon import Coupons
 from tympan.studies.estimation.identifiability import Noise, covariance, profile
 from tympan.studies.estimation.least_squares import LeastSquares, minima, seeded_starts
@@ -80,11 +80,11 @@ class BranchFit:
         return self.family.material(np.concatenate([first, last]))
 
     @property
-    def branches(self) -> tuple[Branch, ...]:
+    def branches(self) -> tuple[ViscousBranch, ...]:
         """The branches."""
         moduli = self.values[len(self.family.linear) :][: self.count].tolist()
         times = np.exp(self.values[len(self.values) - self.count :]).tolist()
-        return tuple(Branch(modulus, time) for modulus, time in zip(moduli, times, strict=True))
+        return tuple(ViscousBranch(*pair) for pair in zip(moduli, times, strict=True))
 
     @property
     def foretold(self) -> float:

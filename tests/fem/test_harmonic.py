@@ -16,7 +16,7 @@ from tympan.fem.rig import Rig
 from tympan.fem.transient.integrate import StepSettings
 from tympan.fem.vibration.harmonic import Harmonic
 from tympan.geometry.errors import InputError
-from tympan.geometry.specimen import Branch, Specimen
+from tympan.geometry.specimen import Specimen, ViscousBranch
 from tympan.studies.case import Case, Settings, equilibrate, solve
 from tympan.studies.modes import modes
 from tympan.studies.response import ResponseResult, response
@@ -26,12 +26,12 @@ from tympan.studies.transient import History, TransientCase, history
 MASS, VOLTAGE, SMALL = 17.9e-3, 5e3, 20.0
 
 
-def film(*branches: Branch) -> Specimen:
+def film(*branches: ViscousBranch) -> Specimen:
     specimen = circular(NeoHooke(20e3))
     return replace(specimen, membrane=replace(specimen.membrane, branches=branches))
 
 
-CREEPS = film(Branch(200e3, 10.0), Branch(1e6, 0.3))
+CREEPS = film(ViscousBranch(200e3, 10.0), ViscousBranch(1e6, 0.3))
 
 
 def swung(specimen: Specimen, *frequencies: float, rig: Rig = Rig(), mass: float = MASS,
@@ -111,7 +111,7 @@ def test_a_film_without_branches_swings_at_its_mode() -> None:
 
 
 def test_a_swing_dies_away_as_its_natural_frequency_says() -> None:
-    specimen, rig = film(Branch(300e3, 5e-3)), Rig(plate_damping=0.02)
+    specimen, rig = film(ViscousBranch(300e3, 5e-3)), Rig(plate_damping=0.02)
     step = Pieces(np.array([0.0, 0.0, 0.6]), np.array([VOLTAGE, *2 * [VOLTAGE + SMALL]]))
     done = history(TransientCase(specimen, step, mass=MASS, rig=rig, inertia=True,
                                  steps=StepSettings(error=1e-7)), Settings())

@@ -49,10 +49,10 @@ class CreepingFilm:
         return radius, weights * width / 2, shapes, by_radius
 
     def at_rest(self, force: float, voltage: float, memory: Any, start: Any = None,
-                held: bool = False) -> tuple[Array, Array, Array]:
+                fixed: bool = False) -> tuple[Array, Array, Array]:
         """Coefficients of the least energy, and the squared stretches I, J along and around.
 
-        ``memory``: C_v along and around, shape (2, points); None: the branch is relaxed. ``held``:
+        ``memory``: C_v along and around, shape (2, points); None: the branch is relaxed. ``fixed``:
         the plate stays where it is at the start.
         """
         radius, weights, shapes, slopes = self._basis()
@@ -84,7 +84,7 @@ class CreepingFilm:
                                         + along_z.T @ ((measure * first[0])[:, None] * along_z)
                                         + around.T @ ((measure * first[1])[:, None] * around)))
             self.pull = float(gradient[-1] + force)
-            free = slice(0, 2 * count if held else None)
+            free = slice(0, 2 * count if fixed else None)
             step = np.zeros(len(x))
             step[free] = -np.linalg.solve(hessian[free, free], gradient[free])
             x = x + step * min(1.0, 0.2 * width / np.abs(step).max())
@@ -149,7 +149,7 @@ class CreepingFilm:
             nonlocal start
             heave, speed, memory = flat[0], flat[1], flat[2:].reshape(2, points)
             start = np.append(start[:-1], heave)
-            start, i, j = self.at_rest(force, voltage, memory, start, held=True)
+            start, i, j = self.at_rest(force, voltage, memory, start, fixed=True)
             (v, w), third = memory, 1 / (i * j)
             stretch = i / v + j / w + v * w * third
             flow = np.concatenate([i - stretch * v / 3, j - stretch * w / 3]) / self.time

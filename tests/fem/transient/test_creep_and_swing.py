@@ -14,7 +14,7 @@ from tympan.fem.results.fields import edge_fields
 from tympan.fem.rig import Rig
 from tympan.fem.transient.integrate import StepSettings
 from tympan.geometry.outlines import Ellipse
-from tympan.geometry.specimen import Branch, Specimen
+from tympan.geometry.specimen import Specimen, ViscousBranch
 from tympan.studies.case import Case, Settings, solve
 from tympan.studies.signals import Pieces
 from tympan.studies.transient import History, TransientCase, begun, history, solve_after
@@ -26,13 +26,13 @@ TIMES = np.array([1.0, 10.0, 30.0, 100.0])
 EXACT = CreepingFilm(10e-3, 45e-3, 1e-3, ROOT5, 20e3, 200e3, 10.0, 4.7)
 
 
-def film(*branches: Branch) -> Specimen:
+def film(*branches: ViscousBranch) -> Specimen:
     """That of the reference values, with other branches."""
     specimen = circular(NeoHooke(20e3))
     return replace(specimen, membrane=replace(specimen.membrane, branches=branches))
 
 
-CREEPS = film(Branch(200e3, 10.0))
+CREEPS = film(ViscousBranch(200e3, 10.0))
 
 
 def stepped(low: float, high: float, times: np.ndarray) -> Pieces:
@@ -87,9 +87,9 @@ def test_fast_branches_and_slow_ones_leave_the_film_elastic() -> None:
     """At once at its rest, or for ever where a stiffer film would be."""
     end = np.array([1.0])
     at_rest = solve(Case(film(), mass=MASS, voltage=5e3), Settings()).deflection_m
-    fast = moved(film(Branch(200e3, 1e-6)), stepped(0.0, 5e3, end))
+    fast = moved(film(ViscousBranch(200e3, 1e-6)), stepped(0.0, 5e3, end))
     assert fast.deflection[-1] == pytest.approx(at_rest, rel=1e-7)
-    slow = moved(film(Branch(200e3, 1e9)), stepped(0.0, 5e3, end))
+    slow = moved(film(ViscousBranch(200e3, 1e9)), stepped(0.0, 5e3, end))
     assert np.ptp(slow.deflection) < 1e-9
     assert slow.deflection[-1] < 0.985 * at_rest
     none = moved(film(), stepped(0.0, 5e3, end))

@@ -12,9 +12,10 @@ from scipy.integrate import solve_ivp
 
 from tests.support.specimens import NEO_HOOKE
 from tympan.fem.film.memory import Memory, determinant, incompressible, inner, inverse
-from tympan.geometry.specimen import Branch, Film
+from tympan.geometry.specimen import Film, ViscousBranch
 
-FILM = Film(1e-3, (2.0, 1.5), NEO_HOOKE, 4.7, branches=(Branch(3e4, 2.0), Branch(1e5, 20.0)))
+BRANCHES = ViscousBranch(3e4, 2.0), ViscousBranch(1e5, 20.0)
+FILM = Film(1e-3, (2.0, 1.5), NEO_HOOKE, 4.7, branches=BRANCHES)
 STRETCH = st.floats(0.4, 4.0)
 SHEAR = st.floats(-0.5, 0.5)
 
@@ -29,7 +30,7 @@ def path(time: float) -> tuple[Any, Any, Any]:
     return strain(2.0 + 0.8 * np.sin(time), 1.5 + 0.3 * np.cos(2 * time), 0.3 * np.sin(1.7 * time))
 
 
-def evolution(time: float, flat: Any, branch: Branch) -> Any:
+def evolution(time: float, flat: Any, branch: ViscousBranch) -> Any:
     """Ċ_v = (C − ⅓ (C : C_v⁻¹) C_v)/τ, of the four components."""
     full = incompressible(path(time))
     return (full - inner(full, inverse(flat)) * flat / 3) / branch.time
@@ -126,12 +127,12 @@ def test_a_turned_film_pulls_in_turned_directions(first: float, second: float, s
 
 def test_slow_branches_are_springs_and_fast_ones_are_not_there() -> None:
     before, c = path(0.0), path(1.0)
-    spring = Film(1e-3, (2.0, 1.5), NEO_HOOKE, 4.7, branches=(Branch(3e4, 1e12),))
+    spring = Film(1e-3, (2.0, 1.5), NEO_HOOKE, 4.7, branches=(ViscousBranch(3e4, 1e12),))
     memory = Memory.relaxed(spring, before)
     energy, stress, _ = memory.step(before, 1.0).density(c)
     assert energy == pytest.approx(memory.energy(c), rel=1e-9)
     assert np.abs(stress).max() > 1e3
-    fast = Film(1e-3, (2.0, 1.5), NEO_HOOKE, 4.7, branches=(Branch(3e4, 1e-9),))
+    fast = Film(1e-3, (2.0, 1.5), NEO_HOOKE, 4.7, branches=(ViscousBranch(3e4, 1e-9),))
     energy, stress, _ = Memory.relaxed(fast, before).step(before, 1.0).density(c)
     assert np.abs(stress).max() < 1e-3
 
@@ -180,6 +181,6 @@ def test_no_cycle_gains_energy(corners: list[tuple[float, float, float, float]])
 def test_what_a_held_film_stores_less_is_heat() -> None:
     memory, c, duration = marched(7), np.array(path(6.3)), 1e-4
     after = memory.step(c, duration).after(c)
-    lost = (memory.energy(c) - after.energy(c)) / duration
+    dissipated = (memory.energy(c) - after.energy(c)) / duration
     heat = (memory.dissipation(c) + after.dissipation(c)) / 2
-    assert lost == pytest.approx(heat, rel=1e-6)
+    assert dissipated == pytest.approx(heat, rel=1e-6)
