@@ -133,6 +133,9 @@ def path(options: argparse.Namespace) -> None:
     from tympan.studies.path import path
 
     case = read_case(options)
+    if options.to is not None and options.rate is None:
+        raise InputError("is where a loop turns: --rate must be given too", key="--to",
+                         given=options.to)
     if options.rate is not None:
         from tympan.studies.transient import loop
 
