@@ -264,6 +264,8 @@ class Specimen:
 def _narrowest(frame: Outline, plate: Plate) -> tuple[float, tuple[float, float]]:
     """The gap and where it is [m]; each edge is seen from points of the other."""
     inside, outside = plate.points(720), frame.points(720)
+    for plane in frame.mirror_planes & plate.mirror_planes:
+        inside, outside = (edge[:, edge["xy".index(plane)] > -1e-9] for edge in (inside, outside))
     narrowest = []
     for edge, away in ((inside, -frame.level(*inside)), (outside, plate.level(*outside))):
         least = int(np.argmin(away))

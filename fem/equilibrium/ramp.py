@@ -47,6 +47,9 @@ _ENDS: dict[LimitKind, str] = {"pull_in": "pulls in", "thinning": "thins without
 _SLACK = "the film is slack when mounted, and still"
 _UNFOLLOWED = "the path could not be followed to the load: the film strains without bound"
 
+#: Step, relative to the load, within which a film that would be stiff even wrinkled does not thin.
+_SMALL_STEP = 0.5
+
 #: Relative accuracy of the load at which a film begins to thin without bound, and of a guess.
 _SHARP, _NEAR = 1e-6, 1e-3
 
@@ -282,6 +285,9 @@ class Ramp:
                        1.0)
 
         origin = start.state.load(self.load)
+        far = start.thinning_margin(self.model) == np.inf
+        if far and abs(value - origin) < _SMALL_STEP * abs(value):
+            return value
         with np.errstate(all="ignore"):
             if not margin(value) < 0:
                 return value

@@ -134,8 +134,12 @@ class Model:
 
     def in_tension(self, state: State) -> bool:
         """Whether the film is in tension everywhere, at the quadrature points."""
-        materials = self.density(state.voltage_squared).material.materials
-        return bool((total(materials, *self._stretches(state))[2] > 0).all())
+        return self._tense(self.cauchy_green(state.positions), state.voltage_squared)
+
+    def _tense(self, c: tuple[Array, Array, Array], voltage_squared: Any) -> bool:
+        materials = self.density(voltage_squared).material.materials
+        stretches = principal_stretches(c, self.specimen.membrane.prestretch)
+        return bool((total(materials, *stretches)[2] > 0).all())
 
     def thinning_margin(self, state: State) -> float:
         """Least stiffness or tension of a film that wrinkles [Pa], as a :class:`TensionField` says.
@@ -236,13 +240,13 @@ class Model:
 
     def _electric_forces(self, state: State) -> Array:
         """Derivative of the nodal forces by U² [N/V²]; not linear in it where wrinkled."""
-        if self.wrinkles and not self.in_tension(state):
+        f = self.discretisation.deformation(state.positions)
+        c = cauchy_green(f)
+        if self.wrinkles and not self._tense(c, state.voltage_squared):
             return np.asarray(complex_step(lambda squared: self.forces(state.positions, squared),
                                            state.voltage_squared))
-        f = self.discretisation.deformation(state.positions)
         electric = self.density(1.0).maxwell
-        stress = plane_stress(electric, cauchy_green(f), self.specimen.membrane.prestretch,
-                              tangent=False).stress
+        stress = plane_stress(electric, c, self.specimen.membrane.prestretch, tangent=False).stress
         return self._nodal(f, stress)
 
     def linearised(self, state: State) -> Linearised:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from io import BytesIO
 from itertools import pairwise
 from pathlib import Path
@@ -12,7 +13,7 @@ import numpy as np
 from tympan.geometry.errors import InputError
 from tympan.geometry.outlines import Circle, Ellipse, Outline
 from tympan.geometry.outlines.pieces import Arc, Line, Piece, Spline
-from tympan.geometry.specimen import Region, Specimen
+from tympan.geometry.specimen import Electrode, Region, Specimen
 from tympan.geometry.system import missing_library
 from tympan.geometry.units import METRE
 
@@ -29,6 +30,12 @@ except ImportError as error:
 
 Pair = tuple[float, float]
 
+#: Electrodes on all of the film.
+_WHOLE = Electrode()
+
+#: How near an axis a piece ends that ends on it, relative to the outline.
+_MEET = 1e-12
+
 
 def membrane_faces(specimen: Specimen, planes: frozenset[str]) -> dict[str, list[cq.Face]]:
     """The flat film, ``covered`` and ``bare``, cut along axes through the plate's centre.
@@ -38,6 +45,9 @@ def membrane_faces(specimen: Specimen, planes: frozenset[str]) -> dict[str, list
     they are positive is built. An electrode's outline that leaves slivers or no electrode at all is
     an :class:`InputError`.
     """
+    quarter = _quarter(specimen) if len(planes) == 2 and specimen.electrode == _WHOLE else None
+    if quarter is not None:
+        return {"covered": [quarter], "bare": []}
     x, y = _millimetres(*specimen.plate.offset)
     size = 4 * METRE * max(specimen.frame.semi_axes)
     cuts = [cq.Face.makePlane(size, size, (x, y, 0), normal) for normal in ((1, 0, 0), (0, 1, 0))]
@@ -48,6 +58,29 @@ def membrane_faces(specimen: Specimen, planes: frozenset[str]) -> dict[str, list
 
     return {name: [face for whole in faces for face in whole.split(*cuts).Faces() if kept(face)]
             for name, faces in _coverage(specimen).items()}
+
+
+def _quarter(specimen: Specimen) -> cq.Face | None:
+    """The film where both coordinates are positive, if its outlines have pieces that end there."""
+    outer, inner = map(_first_quadrant, (specimen.frame, specimen.plate.outline))
+    if outer is None or inner is None:
+        return None
+    (a, _), (_, b) = outer.at(np.array([0.0, 1.0]))[0].tolist()
+    (c, _), (_, d) = inner.at(np.array([0.0, 1.0]))[0].tolist()
+    return _planar(_pieces_wire((outer, Line((0.0, b), (0.0, d)), inner.backwards(),
+                                 Line((c, 0.0), (a, 0.0))), (0.0, 0.0)))
+
+
+def _first_quadrant(outline: Outline) -> Piece | None:
+    """The piece from the x axis to the y axis; None where no piece begins or ends there."""
+    piece, *others = outline.curve.pieces
+    whole = isinstance(piece, Arc) and not others and piece.sweep == 2 * np.pi
+    if isinstance(piece, Arc) and whole:
+        piece = replace(piece, sweep=np.pi / 2)
+    ends = piece.at(np.array([0.0, 1.0]))[0]
+    close = _MEET * max(outline.semi_axes)
+    meets = abs(ends[0, 1]) < close and abs(ends[1, 0]) < close and (ends.sum(axis=1) > 0).all()
+    return piece if meets and (whole or len(others) == 3) else None
 
 
 def membrane_part(specimen: Specimen) -> cq.Face:
