@@ -241,7 +241,7 @@ class Transient:
         whole = self._step(past, piece, duration)
         middle = None if whole is None else self._step(past, piece, duration / 2)
         halves = None if middle is None else self._step([*past, middle], piece, duration / 2)
-        if whole is None or halves is None:
+        if whole is None or middle is None or halves is None:
             return None, np.inf
         gap = difference(self.model, halves.state, whole.state)
         viscous, change = halves.memory.viscous, halves.memory.viscous - whole.memory.viscous
@@ -251,6 +251,8 @@ class Transient:
         if self.circuit.resistance:
             most = self._highest * float(self.model.capacitance(halves.state))
             error = max(error, _CHARGE * abs(halves.charge - whole.charge) / 3 / most)
+        if self.plate is None:  # what swings is followed closely anyway
+            error = max(error, self._between(past, middle, halves))
         beyond = viscous + change / 3
         beyond = beyond / np.cbrt(determinant(beyond)) if viscous.size else viscous
         state = moved(self.model, halves.state, gap, 1 / 3)
@@ -264,6 +266,14 @@ class Transient:
             acceleration=halves.acceleration + (halves.acceleration - whole.acceleration) / 3,
             charge=halves.charge + (halves.charge - whole.charge) / 3,
             current=halves.current + (halves.current - whole.current) / 3), error
+
+    def _between(self, past: list[Moment], middle: Moment, end: Moment) -> float:
+        """How far the plate is, in a step's middle, from the curve through what is kept."""
+        kept = [*past[-3:], end]
+        shares = _lagrange([moment.time for moment in kept], middle.time)
+        curve = sum(share * moment.state.plate.deflection
+                    for share, moment in zip(shares, kept, strict=True))
+        return float(abs(middle.state.plate.deflection - curve)) / self.model.size
 
     def _step(self, past: list[Moment], piece: int, duration: float) -> Moment | None:
         """The moment after a duration [s], None where the film cannot be followed."""

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from tests.support.specimens import circular
+from tympan.cli import main
 from tympan.fem.film.laws import NeoHooke
 from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Specimen, ViscousBranch
-from tympan.cli import main
 from tympan.studies.case import Case, Settings, solve
 from tympan.studies.transient import loop
 
@@ -40,13 +40,13 @@ def width(specimen: Specimen, duration: float) -> float:
 
 def test_a_loop_is_wide_where_its_rate_meets_the_branch() -> None:
     slow, near, fast = (width(CREEPS, share * TIME) for share in (300.0, 1.0, 3e-3))
-    assert near > 0.1
-    assert 0 < slow < 0.02 * near
-    assert 0 <= fast < 0.05 * near
+    assert near > 0.01
+    assert 0 < slow < 0.05 * near
+    assert 0 < fast < 0.02 * near
 
 
 def test_a_film_without_branches_comes_back_the_way_it_went() -> None:
-    assert abs(width(film(), TIME)) < 1e-6
+    assert abs(width(film(), TIME)) < 2e-5
 
 
 def test_a_slow_loop_turns_at_the_equilibrium() -> None:

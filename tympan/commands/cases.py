@@ -141,6 +141,7 @@ def path(options: argparse.Namespace) -> None:
 
         rate = parse_quantity(options.rate, "voltage rate", "--rate")
         turn = None if options.to is None else parse_quantity(options.to, "voltage", "--to")
+        options.command = "transient"  # stored, drawn and told as one
         finish(options, loop(case, rate, turn, read_settings(options)))
         return
     with bar(1) as progress:
