@@ -171,9 +171,9 @@ def creep(actuator: Actuator, signal: Signal) -> Array:
 def settling_time(time: Array, deflection: Array) -> float:
     """When the oscillation about the slow motion last exceeds 5 % of its largest swing [s].
 
-    Counted from time[0]; nan where there is no oscillation. The slow motion is that through the
-    midpoints of neighbouring extremes, as one draws it by eye: the membrane goes on creeping long
-    after the oscillation has died away.
+    Counted from time[0]; nan where there is no oscillation, or it is not over yet. The slow motion
+    is that through the midpoints of neighbouring extremes, as one draws it by eye: the membrane
+    goes on creeping long after the oscillation has died away.
     """
     turning = np.flatnonzero(np.diff(np.sign(np.diff(deflection))) != 0) + 1
     if len(turning) < 3:
@@ -183,6 +183,8 @@ def settling_time(time: Array, deflection: Array) -> float:
     if swing.max() < 1e-9 * np.abs(deflection).max():
         return float("nan")
     large = np.flatnonzero(swing > _SETTLED * swing.max())
+    if large[-1] == len(swing) - 1 and time[-1] - times[-1] < 2 * (times[-1] - times[-2]):
+        return float("nan")
     return float((times[large[-1]] + times[large[-1] + 1]) / 2 - time[0])
 
 

@@ -142,6 +142,8 @@ def test_settling_time_ignores_slow_creep() -> None:
     assert settling_time(t, fast - 1e-4 * np.exp(-t / 7)) == pytest.approx(np.log(20) / 1.4,
                                                                            abs=0.1)
     assert np.isnan(settling_time(t, t))
+    early = t < 1.5
+    assert np.isnan(settling_time(t[early], fast[early]))
 
 
 def test_random_steps_repeat_by_seed() -> None:
