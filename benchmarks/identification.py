@@ -35,9 +35,9 @@ from tympan.studies.identify.static import (
 )
 from tympan.studies.lumped.actuator import Actuator, Viscous
 from tympan.studies.lumped.equilibria import rest
-from tympan.studies.lumped.signals import step
 from tympan.studies.lumped.simulate import simulate
 from tympan.studies.paper.table1 import paper_actuators
+from tympan.studies.signals import step
 
 Array = NDArray[np.float64]
 NOISE, MASSES, VOLTAGES, ALPHA = 1e-6, (17.9e-3, 22.45e-3), np.linspace(0, 7e3, 15), (0.5, 0.5)

@@ -17,6 +17,8 @@ from tympan.geometry.toml_reader import NON_NEGATIVE, POSITIVE, Rule, Table
 _GAIN: Rule = (lambda x: -1 < x < 10, "must be above -1 and below 10")
 _SAG: Rule = (lambda x: x >= 1, "must be at least 1 V; inf for none")
 
+_LEAKAGE: Rule = (lambda x: x > 0, "must be positive; inf for none")
+
 #: Loads that such a film could bear; others are slips of a unit.
 MASSES: Rule = (lambda x: 0 <= x <= 100, "must be from 0 to 100 kg")
 VOLTAGES: Rule = (lambda x: 0 <= x <= 1e6, "must be from 0 to 1000 kV")
@@ -52,6 +54,17 @@ class Rig:
                                       "voltage", NON_NEGATIVE)] = 0.0
     friction: Annotated[float, Key("by which the plate rubs against the way it came", "force",
                                    NON_NEGATIVE)] = 0.0
+
+    plate_damping: Annotated[float, Key("of the plate's motion up and down", "damping",
+                                        NON_NEGATIVE)] = 0.0
+    added_mass: Annotated[float, Key("moves with the plate but does not weigh on it, such as air",
+                                     "mass", NON_NEGATIVE)] = 0.0
+    series_resistance: Annotated[float, Key("through which the film charges", "resistance",
+                                            NON_NEGATIVE)] = 0.0
+    leakage_resistance: Annotated[float, Key("between the electrodes", "resistance",
+                                             _LEAKAGE)] = inf
+    sensor_lag: Annotated[float, Key("in which the sensor follows, by a factor e", "time",
+                                     NON_NEGATIVE)] = 0.0
 
     @classmethod
     def from_table(cls, table: Table) -> Self:

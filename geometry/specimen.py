@@ -14,7 +14,7 @@ from tympan.geometry.errors import InputError
 from tympan.geometry.fields import Key, Registry, takes_units
 from tympan.geometry.outlines import OUTLINES, Circle, Ellipse, Outline, check_outline
 from tympan.geometry.paths import any_complex
-from tympan.geometry.toml_reader import NON_NEGATIVE, Rule
+from tympan.geometry.toml_reader import NON_NEGATIVE, POSITIVE, Rule
 
 Stretch = NDArray[np.float64] | NDArray[np.complex128]
 Pair = tuple[float, float]
@@ -105,6 +105,18 @@ class Plate(Region):
 
 @takes_units
 @dataclass(frozen=True)
+class ViscousBranch:
+    """A neo-Hookean spring and a dashpot in series, beside the law of a film (a Maxwell element).
+
+    As in :mod:`tympan.fem.film.memory`; a film at rest for long does not feel it.
+    """
+
+    modulus: Annotated[float, Key("shear modulus per virgin volume", "stress", POSITIVE)]
+    time: Annotated[float, Key("in which it relaxes, by a factor e", "time", POSITIVE)]
+
+
+@takes_units
+@dataclass(frozen=True)
 class Film:
     """The elastomer film before it is mounted, and how it is mounted."""
 
@@ -124,6 +136,12 @@ class Film:
         "what the film withstands electrically: a law with its constants, or a name of the "
         "library; left out, that of the library's material", name="breakdown",
         kinds=STRENGTHS)] = None
+    branches: Annotated[tuple[ViscousBranch, ...], Key(
+        "viscous branches beside the material's law; what is at rest does not feel them",
+        name="branch")] = ()
+    mounted: Annotated[float | None, Key(
+        "time since the film was stretched; left out, so long ago that its branches are relaxed",
+        "time", NON_NEGATIVE)] = None
 
     @property
     def area_prestretch(self) -> float:

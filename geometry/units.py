@@ -54,6 +54,9 @@ DIMENSIONS: dict[str, Dimension] = {
     "angle": Dimension("rad", "5 mrad", ("deg",)),
     "area": Dimension("m^2", "3 cm^2"),
     "energy": Dimension("J", "2 mJ"),
+    "resistance": Dimension("ohm", "10 MOhm"),
+    "damping": Dimension("N s/m", "0.2 N s/m"),
+    "voltage rate": Dimension("V/s", "100 V/s"),
 }
 
 METRE = 1e3  #: in cadquery's model unit, the millimetre
@@ -75,7 +78,9 @@ _SIGNS = str.maketrans({"²": "^2", "³": "^3", "°": "deg"})
 def _registry() -> Any:
     import pint
 
-    return pint.UnitRegistry()
+    registry: Any = pint.UnitRegistry()
+    registry.define("@alias ohm = Ohm")  # as most people write it
+    return registry
 
 
 @cache

@@ -10,9 +10,10 @@ from typing import Self
 import numpy as np
 
 from tympan.fem.equilibrium.ramp import Status
+from tympan.fem.membrane.rigid_plate import RigidPlate
 from tympan.fem.membrane.state import FREEDOMS
 from tympan.fem.results.fields import whole
-from tympan.fem.vibration.modes import Modes, RigidPlate, film_mass, mode_names, vibrations
+from tympan.fem.vibration.modes import Modes, film_mass, mode_names, vibrations
 from tympan.geometry.errors import InputError
 from tympan.studies.case import (
     Case,

@@ -36,8 +36,8 @@ from tympan.geometry.outlines import OUTLINES, check_outline, drawings
 from tympan.geometry.toml_reader import Table
 from tympan.studies.data.checks import summary
 from tympan.studies.data.dataset import read_dataset
-from tympan.studies.lumped.signals import read_signal
 from tympan.studies.optimise.problem import read_problem
+from tympan.studies.signals import read_signal
 from tympan.studies.study import read_study
 from tympan.studies.sweep.plan import read_sweep
 

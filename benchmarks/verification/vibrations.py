@@ -14,8 +14,9 @@ from tests.oracles import annulus_modes
 from tests.oracles.axisymmetric import neo_hooke
 from tympan.fem.film.laws import NeoHooke
 from tympan.fem.membrane.model import Model
+from tympan.fem.membrane.rigid_plate import RigidPlate
 from tympan.fem.membrane.state import HEAVE
-from tympan.fem.vibration.modes import RigidPlate, vibrations
+from tympan.fem.vibration.modes import vibrations
 from tympan.geometry.outlines import Circle
 from tympan.studies.case import Settings, build_model
 

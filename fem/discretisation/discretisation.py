@@ -110,6 +110,14 @@ class Discretisation:
         """Scikit-fem's scalar basis on the same elements and points."""
         return skfem.CellBasis(self.mesh, self.mesh.elem(), quadrature=quadrature(self.mesh.order))
 
+    @cached_property
+    def fitted(self) -> Array:
+        """What values at an element's quadrature points give at its nodes, shape (points, local).
+
+        By the polynomial of the elements' order nearest to them.
+        """
+        return np.asarray(np.linalg.pinv(self.shapes).T)
+
     @property
     def gradients(self) -> Array:
         """∂φ/∂X at the quadrature points, shape (elements, points, local, 2) [1/m]."""

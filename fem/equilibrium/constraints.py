@@ -37,14 +37,15 @@ def held_plate(deflection: float) -> Constraint:
     return equation
 
 
-def held_charge(charge: float) -> Constraint:
+def held_charge(charge: float, further: float = 0.0) -> Constraint:
     """The electrodes carry a charge Q [C], the voltage source being cut off: C(x) U = Q.
 
-    The capacitance is C = −2 ∂energy/∂U², its derivative −2 ∂forces/∂U².
+    The capacitance is C = −2 ∂energy/∂U², its derivative −2 ∂forces/∂U²; a ``further`` one beside
+    the film's holds part of the charge [F].
     """
     def equation(model: Model, state: State) -> Equation:
         voltage = max(float(np.sqrt(max(state.voltage_squared, 0.0))), 1e-6)
-        capacitance = float(model.capacitance(state))
+        capacitance = float(model.capacitance(state)) + further
         inner, plate = model.by_load(state, "voltage")
         share = -2 * voltage * model.discretisation.mirrored
         return Equation(capacitance * voltage - charge, (share * inner, share * plate),

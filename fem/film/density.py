@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from tympan.fem.film.laws import Ogden
+from tympan.fem.film.memory import Flow
 from tympan.fem.film.tension_field import Coat, TensionField
 from tympan.geometry.specimen import Film, Specimen
 
@@ -73,6 +74,7 @@ class FilmDensity:
     voltage_squared: Any
     covered: Any
     wrinkles: bool = True
+    flow: Flow | None = None
 
     @property
     def maxwell(self) -> Maxwell:
@@ -117,7 +119,19 @@ class FilmDensity:
             part = plane_stress(material, c, prestretch, tangent=tangent)
             result = Density(result.energy + part.energy, result.stress + part.stress,
                              result.tangent + part.tangent if tangent else None)
-        return result
+        return result if self.flow is None else self._flowing(result, self.flow, c, tangent)
+
+    def _flowing(self, rest: Density, flow: Flow, c: tuple[Any, Any, Any], tangent: bool
+                 ) -> Density:
+        """With what the branches add, the potential of the step to the energy."""
+        first, second = self.specimen.membrane.prestretch
+        scale = np.array([first * first, second * second, first * second])
+        energy, stress, bend = flow.density(from_virgin(c, (first, second)), tangent=tangent)
+        stress = rest.stress + np.moveaxis(stress, 0, -1) * scale
+        if bend is None:
+            return Density(rest.energy + energy, stress, None)
+        return Density(rest.energy + energy, stress, rest.tangent
+                       + np.moveaxis(bend, (0, 1), (-2, -1)) * np.outer(scale, scale))
 
     def stretches(self, c: tuple[Any, Any, Any]) -> tuple[Any, Any, Any]:
         """Principal stretches, wrinkles included, and in how many directions it is tense."""
@@ -142,6 +156,12 @@ def _stiffness(film: Film) -> Any:
 def small_strain_modulus(material: Any) -> Any:
     """The shear modulus of a law at small strains [Pa]."""
     return material.derivatives(np.ones(()), np.ones(()))[3] / 4
+
+
+def from_virgin(c: tuple[Any, Any, Any], prestretch: tuple[float, float]) -> tuple[Any, Any, Any]:
+    """C of the virgin film from C of the mounted one."""
+    first, second = prestretch
+    return c[0] * first**2, c[1] * second**2, c[2] * (first * second)
 
 
 def maxwell(specimen: Specimen, voltage_squared: Any, covered: Any = 1.0) -> Maxwell:
@@ -230,7 +250,6 @@ def virtual_work(c: tuple[Any, Any, Any], changes: tuple[Any, Any, Any],
 
 def _circle(c: tuple[Any, Any, Any], prestretch: tuple[float, float]) -> tuple[Any, Any, Any, Any]:
     # Mean, half difference, shear and radius of the Mohr circle of ΛCΛ.
-    c11, c22 = c[0] * prestretch[0] ** 2, c[1] * prestretch[1] ** 2
-    shear = c[2] * prestretch[0] * prestretch[1]
+    c11, c22, shear = from_virgin(c, prestretch)
     mean, half = (c11 + c22) / 2, (c11 - c22) / 2
     return mean, half, shear, np.sqrt(half * half + shear * shear)

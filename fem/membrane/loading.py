@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tympan.fem.discretisation.discretisation import Discretisation
+from tympan.fem.membrane.rigid_plate import Swing
 from tympan.fem.membrane.state import HEAVE, PlateMotion, State
 from tympan.geometry.fields import Key, Registry
 from tympan.geometry.toml_reader import NON_NEGATIVE, POSITIVE, Rule
@@ -93,13 +94,15 @@ class Loading:
     """What acts on film and plate besides force, voltage and gas pressure.
 
     ``arm``: where the force is applied, from the plate's centre in the mounted state [m]; it moves
-    with the plate. ``gravity``: on the film's own mass, along the load [m/s²].
+    with the plate. ``gravity``: on the film's own mass, along the load [m/s²]. ``swing``: a step of
+    time of the plate's motion, None at rest.
     """
 
     biases: tuple[Bias, ...] = ()
     arm: tuple[float, float] = (0.0, 0.0)
     guide: Guide = "free"
     gravity: float = 0.0
+    swing: Swing | None = None
 
     def lift(self, plate: PlateMotion) -> Array:
         """Derivative of the height of the weight by the plate's six freedoms."""
@@ -119,6 +122,9 @@ class Loading:
             stored, push, stiffness = bias.derivatives(plate.deflection)
             energy, first = energy + stored, first + push * _UP
             second = second + stiffness * np.outer(_UP, _UP)
+        if self.swing is not None:
+            inertia, by, bend = self.swing.on_plate(plate)
+            energy, first, second = energy + inertia, first + by, second + bend
         if state.pressure:
             volume, by, bend = plate_volume(area, plate)
             energy = energy - state.pressure * volume

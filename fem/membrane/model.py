@@ -15,6 +15,7 @@ from tympan.fem.discretisation.assembly import element_forces, element_tangents
 from tympan.fem.discretisation.discretisation import Discretisation
 from tympan.fem.discretisation.isoparametric import deformation
 from tympan.fem.film.density import FilmDensity, plane_stress, principal_stretches
+from tympan.fem.film.memory import Flow
 from tympan.fem.film.tension_field import total
 from tympan.fem.membrane.loading import GUIDES, Loading, film_volume, plate_volume
 from tympan.fem.membrane.state import FREEDOMS, Load, PlateMotion, State
@@ -37,13 +38,15 @@ class Model:
 
     ``wrinkles`` says whether the film wrinkles rather than carry compression
     (:mod:`tympan.fem.film.tension_field`). Another specimen of the same outlines, or other
-    surroundings, are a :func:`dataclasses.replace` away and share the discretisation.
+    surroundings, are a :func:`dataclasses.replace` away and share the discretisation; so is a step
+    of time (``flow``) of a film with viscous branches, which without one are at rest.
     """
 
     discretisation: Discretisation
     specimen: Specimen
     loading: Loading = field(default_factory=Loading)
     wrinkles: bool = True
+    flow: Flow | None = None
 
     def __post_init__(self) -> None:
         if any(arm and plane in self.discretisation.planes
@@ -127,7 +130,7 @@ class Model:
     def density(self, voltage_squared: Any) -> FilmDensity:
         """The film's energy density at U² [V²]."""
         return FilmDensity(self.specimen, voltage_squared, self.discretisation.covered,
-                           self.wrinkles)
+                           self.wrinkles, self.flow)
 
     def in_tension(self, state: State) -> bool:
         """Whether the film is in tension everywhere, at the quadrature points."""

@@ -19,10 +19,11 @@ from tympan.fem.discretisation.assembly import first_piola
 from tympan.fem.discretisation.discretisation import Discretisation
 from tympan.fem.discretisation.isoparametric import deformation, isoparametric, tabulated
 from tympan.fem.film.density import FilmDensity
+from tympan.fem.film.memory import Flow
 from tympan.fem.film.tension_field import Tension, tension_state
 from tympan.fem.membrane.model import Model, cauchy_green
 from tympan.fem.membrane.state import State
-from tympan.geometry.mesh import unfold
+from tympan.geometry.mesh import ELEMENTS, unfold
 from tympan.geometry.specimen import Film
 
 Array = NDArray[Any]
@@ -77,8 +78,32 @@ def whole(model: Model, state: State) -> tuple[Model, State]:
     full, origin, signs = unfold(mesh.mesh, mesh.planes)
     positions = state.positions[origin]
     positions[:, :2] *= signs.T
-    film = replace(model, discretisation=Discretisation.of(full))
+    unfolded = Discretisation.of(full)
+    flow = None if model.flow is None else _unfolded(model.flow, mesh, unfolded, origin, signs)
+    film = replace(model, discretisation=unfolded, flow=flow)
     return film, replace(state, positions=positions)
+
+
+def _unfolded(flow: Flow, part: Discretisation, full: Discretisation, origin: Array, signs: Array
+              ) -> Flow:
+    """What the whole film remembers; its elements are the part's, then their images."""
+    count = len(part.connectivity)
+    part_nodes = np.tile(part.connectivity, (len(full.connectivity) // count, 1))
+    # Of every local node of the whole the local node of the part.
+    order = np.argsort(np.argsort(origin[full.connectivity], axis=1), axis=1)
+    local = np.take_along_axis(np.argsort(part_nodes, axis=1), order, axis=1)
+    elements = np.arange(len(local))[:, None] % count
+    turned = signs[:, full.connectivity].min(axis=2).prod(axis=0)
+    return flow.at(lambda values: (values @ part.fitted)[..., elements, local] @ full.shapes.T,
+                   turned[:, None])
+
+
+def _flow_at(model: Model, cells: Array, points: Array) -> Flow | None:
+    """What the film remembers at reference points of elements, its polynomial there continued."""
+    mesh, flow = model.discretisation, model.flow
+    shapes = tabulated(mesh.mesh.order, points)[0]
+    return None if flow is None else flow.at(
+        lambda values: values[..., cells, :] @ mesh.fitted @ shapes)
 
 
 def cell_fields(model: Model, states: Sequence[State], points: Array) -> list[Fields]:
@@ -145,15 +170,17 @@ def lost_tension(model: Model, states: Sequence[State], parts: int = 8) -> list[
     together.
     """
     mesh = model.discretisation
-    tension, stress = _tension(model, states, mesh.nodal_gradients, np.arange(mesh.mesh.nelements))
+    nodes, points = ELEMENTS[mesh.mesh.order].doflocs.T, _middles(parts)
+    tension, stress = _tension(model, states, mesh.nodal_gradients, nodes,
+                               np.arange(mesh.mesh.nelements))
     taut = (tension == Tension.TAUT).all(axis=-1)
     near = ~taut | (stress.min(axis=-1) < _BETWEEN * np.ptp(stress, axis=-1))
     cells = np.flatnonzero(near.any(axis=0))
-    gradients, stretched = isoparametric(mesh.mesh.order, _middles(parts),
+    gradients, stretched = isoparametric(mesh.mesh.order, points,
                                          mesh.reference[mesh.connectivity[cells], :2])
     areas = stretched * (mesh.weights[cells].sum(axis=1) / stretched.sum(axis=1))[:, None]
     result = []
-    for tension in _tension(model, states, gradients, cells)[0]:
+    for tension in _tension(model, states, gradients, points, cells)[0]:
         wrinkled, slack = (float(areas[tension == kind].sum())
                            for kind in (Tension.WRINKLED, Tension.SLACK))
         result.append(LostTension(wrinkled * mesh.mirrored, slack * mesh.mirrored,
@@ -188,14 +215,18 @@ def _middles(parts: int) -> Array:
                      for i in range(parts) for j in range(parts + 1 - t - i)]).T
 
 
-def _tension(model: Model, states: Sequence[State], gradients: Array,
+def _tension(model: Model, states: Sequence[State], gradients: Array, points: Array,
              cells: Array) -> tuple[Array, Array]:
-    """Tension states and smaller principal true stresses [Pa], shape (states, cells, points)."""
+    """Tension states and smaller principal true stresses [Pa], shape (states, cells, points).
+
+    ``gradients`` at reference points.
+    """
     mesh = model.discretisation
     positions = np.stack([state.positions for state in states])
     c = cauchy_green(deformation(gradients, positions[:, mesh.connectivity[cells]]))
     squared = np.array([state.voltage_squared for state in states])[:, None, None]
-    density = FilmDensity(model.specimen, squared, mesh.covered[cells], model.wrinkles)
+    density = FilmDensity(model.specimen, squared, mesh.covered[cells], model.wrinkles,
+                          _flow_at(model, cells, points))
     # As the eigenvalues of S C.
     s = np.moveaxis(density(c, tangent=False).stress, -1, 0)
     mean = (s[0] * c[0] + s[1] * c[1]) / 2 + s[2] * c[2]
@@ -230,7 +261,11 @@ def _fields(model: Model, states: Sequence[State], cells: Array, points: Array,
     voltage_squared = np.repeat([state.voltage_squared for state in states], len(here))
 
     c = cauchy_green(f)
-    density = FilmDensity(model.specimen, voltage_squared, covered, model.wrinkles)
+    flow = _flow_at(model, cells, points)
+    if flow is not None:
+        flow = flow.at(lambda values: values.reshape(*values.shape[:-2], -1))
+        assert len(states) == 1
+    density = FilmDensity(model.specimen, voltage_squared, covered, model.wrinkles, flow)
     stress = density(c, tangent=False).stress
     l1, l2, tense = density.stretches(c)
     inward = model.centre[:2] - reference[:, :2]

@@ -13,7 +13,7 @@ double frequency meets its twin.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from itertools import chain, combinations
 
 import numpy as np
@@ -26,10 +26,10 @@ from scipy.sparse.linalg import LinearOperator, eigsh
 from tympan.fem.discretisation.discretisation import Discretisation
 from tympan.fem.linear_solver.direct import factorise
 from tympan.fem.membrane.model import Linearised, Model
-from tympan.fem.membrane.state import FREEDOMS, PlateMotion, State
+from tympan.fem.membrane.rigid_plate import RigidPlate
+from tympan.fem.membrane.state import FREEDOMS, State
 from tympan.geometry.errors import InputError
 from tympan.geometry.mesh import unfold
-from tympan.geometry.outlines import Outline, moments
 
 Array = NDArray[np.float64]
 
@@ -46,50 +46,6 @@ _MAINLY = 0.9  #: share from which a name says what a mode is
 _ORDERS = 12  #: angular orders looked for
 _DEGREE = 11  #: of the radial polynomial: resolves five nodal circles and more
 _LEAST = 0.02  #: share of the largest amplitude below which a swing is not counted as a sign
-
-
-@dataclass(frozen=True, eq=False)
-class RigidPlate:
-    """What the plate carries: ``mass`` [kg] and ``inertia`` about its centre [kg m²], (3, 3).
-
-    ``arm`` leads from the plate's centre to that of mass [m]. Both belong to the mounted position
-    and turn with the plate.
-    """
-
-    mass: float
-    inertia: Array = field(default_factory=lambda: np.zeros((3, 3)))
-    arm: tuple[float, float] = (0.0, 0.0)
-
-    @classmethod
-    def uniform(cls, outline: Outline, mass: float, point_mass: float = 0.0,
-                arm: tuple[float, float] = (0.0, 0.0)) -> RigidPlate:
-        """A thin plate that fills its outline, ``point_mass`` of its ``mass`` at one point.
-
-        The rest, spread evenly, has the outline's second moments about its centroid, taken about
-        the centre of mass wherever ``arm`` puts that. The thickness does not count, nor the height
-        of the weight above the film.
-
-        Examples
-        --------
-        >>> from tympan.geometry.outlines import Circle
-        >>> plate = RigidPlate.uniform(Circle(0.01), 0.02)
-        >>> plate.inertia.diagonal().round(10)  # m r²/4, m r²/4, m r²/2
-        array([5.e-07, 5.e-07, 1.e-06])
-        """
-        if not 0 <= point_mass <= mass:
-            raise InputError("the plate's mass must not be negative, and its point-like part not "
-                             "larger than it",
-                             key="mass", given=f"{mass:g} kg, {point_mass:g} kg of it point-like")
-        area, _, second = moments(outline)
-        (xx, xy), (_, yy) = (mass - point_mass) / area * second
-        return cls(mass, np.array([[yy, -xy, 0], [-xy, xx, 0], [0, 0, xx + yy]]), arm)
-
-    def matrix(self, plate: PlateMotion) -> Array:
-        """Mass matrix of the six freedoms where the plate is, shape (6, 6)."""
-        centre = plate.gradient(np.array([[*self.arm, 0.0]]))[0]
-        result = self.mass * centre.T @ centre
-        result[3:, 3:] += plate.rotation @ self.inertia @ plate.rotation.T
-        return np.asarray(result)
 
 
 def symmetry_classes(model: Model) -> Iterator[Model]:
@@ -130,7 +86,7 @@ def vibrations(model: Model, state: State, plate: RigidPlate, count: int = 6) ->
     """
     if count < 1:
         raise InputError("must be at least 1", key="count", given=count)
-    classes = [_System.of(part, state, plate) for part in symmetry_classes(model)]
+    classes = [System.of(part, state, plate) for part in symmetry_classes(model)]
     spectra = [system.solve(count) for system in classes]
     values = np.concatenate([squares for squares, _, _ in spectra])
     order = np.argsort(values, kind="stable")
@@ -161,7 +117,7 @@ _Spectrum = tuple[Array, Array, int]
 
 
 @dataclass(frozen=True, eq=False)
-class _System:
+class System:
     """Stiffness and mass of one symmetry class, for the part that is meshed.
 
     The unknowns are the free components, then the plate's freedoms, which have the mass matrix
@@ -174,7 +130,7 @@ class _System:
     coordinates: csr_matrix
 
     @classmethod
-    def of(cls, model: Model, state: State, plate: RigidPlate) -> _System:
+    def of(cls, model: Model, state: State, plate: RigidPlate) -> System:
         weight = plate.matrix(state.plate) / model.discretisation.mirrored
         freedoms = model.plate_freedoms
         gradient = state.plate.gradient(model.arms)[:, :, freedoms]
@@ -182,18 +138,27 @@ class _System:
                    _coordinates(model, gradient))
 
     def solve(self, count: int) -> _Spectrum:
-        film, part, plates = film_mass(self.model), self.tangent, len(self.plate)
-        if not film.data.any():
+        if not film_mass(self.model).data.any():
             return self._massless_film()
-        size = part.inner.shape[0] + plates
-        if not size:
+        if not self.coordinates.shape[1]:
             return np.zeros(0), np.zeros((0, 0)), 0
-        stiffness = part.inner if not plates else bmat(
+        return _lowest(self.stiffness, self.mass, count)
+
+    @property
+    def stiffness(self) -> csc_matrix:
+        """Of free components, then the plate's freedoms [N/m, N, N m]."""
+        part = self.tangent
+        return part.inner if not len(self.plate) else bmat(
             [[part.inner, part.border], [part.border.T, part.corner]], format="csc")
-        mass = self.coordinates.T @ kron(film, identity(3)) @ self.coordinates
-        rows, columns = np.indices(self.plate.shape).reshape(2, -1) + size - plates
+
+    @property
+    def mass(self) -> csc_matrix:
+        """Of film and plate for the same unknowns [kg, kg m, kg m²]."""
+        size = self.coordinates.shape[1]
+        film = kron(film_mass(self.model), identity(3))
+        rows, columns = np.indices(self.plate.shape).reshape(2, -1) + size - len(self.plate)
         weight = coo_matrix((self.plate.ravel(), (rows, columns)), (size, size))
-        return _lowest(stiffness, (mass + weight).tocsc(), count)
+        return (self.coordinates.T @ film @ self.coordinates + weight).tocsc()
 
     def unfolded(self, vector: Array, origin: NDArray[np.int64],
                  signs: Array) -> tuple[Array, Array, Array]:

@@ -1,4 +1,4 @@
-"""Responses of the lumped model: voltage and displacement in time, and their loops."""
+"""Responses of film or lumped model: voltage and displacement in time, and their loops."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def _responses(responses: Sequence[SampledResponse]) -> Figure:
         below.plot(time, 1e3 * reading, color=style.colour_of(number), linewidth=0.8,
                    label=_label(item))
         if number == 0:
-            voltage = np.append(item.numbers["linear"]["voltage_V"], voltage)
+            voltage = np.append(item.numbers["first_voltage_V"], voltage)
             above.plot(np.append(0.0, time), 1e-3 * voltage, color="black", linewidth=0.8)
     below.legend(loc="best")
     style.describe(above, "", "voltage (kV)")

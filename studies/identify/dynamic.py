@@ -27,8 +27,8 @@ from tympan.studies.identify.static import Constant, StaticFit
 from tympan.studies.lumped.actuator import Actuator, Viscous
 from tympan.studies.lumped.collocation import CollocationSolver
 from tympan.studies.lumped.equilibria import rest, settle
-from tympan.studies.lumped.signals import Pieces
 from tympan.studies.paper.table1 import known
+from tympan.studies.signals import Pieces
 
 Array = NDArray[np.float64]
 

@@ -10,7 +10,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from tympan.geometry.errors import InputError
-from tympan.studies.lumped.signals import Pieces, through
+from tympan.studies.signals import Pieces, through
 
 Array = NDArray[np.float64]
 _ALONE = 0.1  # of a change of the voltage: neighbours smaller than this share of it make it a jump

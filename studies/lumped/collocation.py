@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from tympan.geometry.errors import InputError
 from tympan.studies.lumped.actuator import Actuator
-from tympan.studies.lumped.signals import Signal
+from tympan.studies.signals import Signal
 
 Array = NDArray[np.float64]
 #: Derivatives of an actuator's rates by p constants, (…, size, p), at states and voltages.

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar, Self
 
 import numpy as np
 import pandas as pd
@@ -26,7 +26,7 @@ from tympan.studies.lumped.equilibria import (
     rest,
     settle,
 )
-from tympan.studies.lumped.signals import Signal
+from tympan.studies.signals import Signal
 
 Array = NDArray[np.float64]
 _PRECISION = 1e-11  # of a response [m]
@@ -171,9 +171,9 @@ def creep(actuator: Actuator, signal: Signal) -> Array:
 def settling_time(time: Array, deflection: Array) -> float:
     """When the oscillation about the slow motion last exceeds 5 % of its largest swing [s].
 
-    Counted from time[0]; nan where there is no oscillation. The slow motion is that through the
-    midpoints of neighbouring extremes, as one draws it by eye: the membrane goes on creeping long
-    after the oscillation has died away.
+    Counted from time[0]; nan where there is no oscillation, or it is not over yet. The slow motion
+    is that through the midpoints of neighbouring extremes, as one draws it by eye: the membrane
+    goes on creeping long after the oscillation has died away.
     """
     turning = np.flatnonzero(np.diff(np.sign(np.diff(deflection))) != 0) + 1
     if len(turning) < 3:
@@ -183,6 +183,8 @@ def settling_time(time: Array, deflection: Array) -> float:
     if swing.max() < 1e-9 * np.abs(deflection).max():
         return float("nan")
     large = np.flatnonzero(swing > _SETTLED * swing.max())
+    if large[-1] == len(swing) - 1 and time[-1] - times[-1] < 2 * (times[-1] - times[-2]):
+        return float("nan")
     return float((times[large[-1]] + times[large[-1] + 1]) / 2 - time[0])
 
 
@@ -245,6 +247,7 @@ def sample(response: Response, interval: float, period: float | None = None,
         "circles": actuator.circles.radius.tolist(),
         "alpha": list(actuator.weights),
         "status": "done" if drawn_in is None else "drawn_in",
+        "first_voltage_V": response.signal.first,
         "first_m": float(deflection[0]),
         "last_m": float(deflection[-1]),
         "range_m": float(np.ptp(deflection)),
@@ -267,31 +270,33 @@ def sample(response: Response, interval: float, period: float | None = None,
 class SimulationResult:
     """Responses of one actuator each, all to the same signal."""
 
+    file: ClassVar[str] = "simulate.json"
+    writer: ClassVar[str] = "tympan lumped simulate"
+
     responses: tuple[SampledResponse, ...]
 
     def json(self) -> dict[str, Any]:
         return {"responses": [response.numbers for response in self.responses]}
 
     def save(self, folder: Path) -> None:
-        """Write simulate.json, transient.csv, which datasets may hold, and of loops hysteresis.csv.
+        """Write the numbers, transient.csv, which datasets may hold, and of loops hysteresis.csv.
 
-        simulate.json comes last, so its presence means the rest is complete.
+        The numbers come last, so their presence means the rest is complete.
         """
-        remove(folder, "simulate.json", "hysteresis.csv")
+        remove(folder, self.file, "hysteresis.csv")
         write_sheet(folder / "transient.csv", _COLUMNS,
                     pd.concat([response.samples for response in self.responses]))
         loops = [response.loop for response in self.responses if response.loop is not None]
         if loops:
             write_sheet(folder / "hysteresis.csv", _LOOP_COLUMNS, pd.concat(loops))
-        write_json(folder / "simulate.json", self.json())
+        write_json(folder / self.file, self.json())
 
     @classmethod
-    def load(cls, folder: Path) -> SimulationResult:
+    def load(cls, folder: Path) -> Self:
         """What was saved; what is missing, damaged or of another kind is an InputError."""
-        content = read_json(folder / "simulate.json")
+        content = read_json(folder / cls.file)
         if not isinstance(content, dict) or not content.get("responses"):
-            raise InputError("is not of tympan lumped simulate: run it again",
-                             file=folder / "simulate.json")
+            raise InputError(f"is not of {cls.writer}: run it again", file=folder / cls.file)
         samples = pd.DataFrame(read_own_sheet(folder / "transient.csv", _COLUMNS))
         loops, file = {}, folder / "hysteresis.csv"
         if file.exists():

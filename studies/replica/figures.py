@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from tympan.geometry.errors import InputError
 from tympan.studies.lumped.actuator import Actuator
 from tympan.studies.lumped.equilibria import linearise
-from tympan.studies.lumped.signals import Pieces, Sine, random_steps, step
 from tympan.studies.lumped.simulate import simulate
 from tympan.studies.paper import published
 from tympan.studies.paper.published import MASSES, NAMES
@@ -22,6 +21,7 @@ from tympan.studies.replica.missing_parameters import (
     fit_levels,
     fit_rests,
 )
+from tympan.studies.signals import Pieces, Sine, random_steps, step
 
 Array = NDArray[np.float64]
 Progress = Callable[[str], None]

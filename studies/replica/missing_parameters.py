@@ -14,10 +14,10 @@ from scipy.optimize import NonlinearConstraint, least_squares, minimize
 from tympan.studies.circles import ConeCircle, radii_of
 from tympan.studies.lumped.actuator import Actuator
 from tympan.studies.lumped.equilibria import settle
-from tympan.studies.lumped.signals import Signal
 from tympan.studies.lumped.simulate import creep
 from tympan.studies.paper.published import HIGHEST, LOWEST, MASSES, ranges
 from tympan.studies.paper.table1 import paper_actuators
+from tympan.studies.signals import Signal
 
 Array = NDArray[np.float64]
 _START = np.array([8.0, 0.5, 0.5])

@@ -33,6 +33,9 @@ if TYPE_CHECKING:
 @command("solve", *case_arguments(),
          argument("--elapsed", default="0 s", metavar="TIME",
                   help="since the run began, for a rig whose readings drift"),
+         argument("--after", metavar="TIME",
+                  help="the voltage was switched on, at rest under the mass until then, for a film "
+                       "with viscous branches (default: at rest again)"),
          argument("--direction", choices=("up", "down"), default="",
                   help="which way the voltage was reached, for a film that lags behind it or a "
                        "plate that rubs (default: not known, without either)"),
@@ -50,7 +53,16 @@ def solve(options: argparse.Namespace) -> None:
     case = replace(read_case(options),
                    elapsed=parse_quantity(options.elapsed, "time", "--elapsed"),
                    direction=DIRECTIONS[options.direction])
-    finish(options, solve_within(case, read_settings(options), film=options.output is not None))
+    settings, film = read_settings(options), options.output is not None
+    if options.after is None:
+        finish(options, solve_within(case, settings, film))
+        return
+    from tympan.studies.transient import solve_after
+
+    after = parse_quantity(options.after, "time", "--after")
+    if not 0 <= after < 1e9:
+        raise InputError("must be 0 or positive", key="--after", given=options.after)
+    finish(options, solve_after(case, after, settings, film))
 
 
 @command("limits", SPECIMEN, argument("--mass", help='on the plate, such as "17.9 g" (default: one '
@@ -107,14 +119,31 @@ def _loaded(options: argparse.Namespace) -> tuple[Specimen, Rig, Settings, tuple
          *case_arguments(mass="on the plate at the start", voltage="across the film at the start"),
          argument("--along", choices=("voltage", "charge", "mass", "pressure"), default="voltage",
                   help="what grows; gas pressure acts below film and plate"),
+         argument("--rate", metavar="RATE",
+                  help='in time instead, up and down again at a rate such as "100 V/s": the loop '
+                       "of a film with viscous branches"),
+         argument("--to", metavar="VOLTAGE",
+                  help="where such a loop turns (default: 95 % of the film's first limit at "
+                       "rest)"),
          output("also store the stations (CSV), a picture (PNG, SVG), the numbers, fields and "
                 "critical mode at each limit point (VTU)"), JSON)
 def path(options: argparse.Namespace) -> None:
-    """Equilibria through limit points, stable or not, by arc length."""
+    """Equilibria through limit points, stable or not, by arc length; or a loop in time."""
     from tympan.progress import bar
     from tympan.studies.path import path
 
     case = read_case(options)
+    if options.to is not None and options.rate is None:
+        raise InputError("is where a loop turns: --rate must be given too", key="--to",
+                         given=options.to)
+    if options.rate is not None:
+        from tympan.studies.transient import loop
+
+        rate = parse_quantity(options.rate, "voltage rate", "--rate")
+        turn = None if options.to is None else parse_quantity(options.to, "voltage", "--to")
+        options.command = "transient"  # stored, drawn and told as one
+        finish(options, loop(case, rate, turn, read_settings(options)))
+        return
     with bar(1) as progress:
         result = path(case, read_settings(options), options.along, progress=progress)
     finish(options, result)

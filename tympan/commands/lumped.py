@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from tympan.commands.signal import SIGNAL, duration, signal_of
 from tympan.geometry.errors import InputError
 from tympan.options import (
     JSON,
@@ -28,7 +29,6 @@ from tympan.options import (
 
 if TYPE_CHECKING:
     from tympan.studies.lumped.actuator import Viscous
-    from tympan.studies.lumped.signals import Signal
 
 
 @command("lumped build", argument("specimens", type=Path, nargs="+", metavar="SPECIMEN.toml"),
@@ -102,17 +102,7 @@ def _viscous(text: str | None) -> Viscous:
          argument("--model", type=Path, nargs="+", default=[], metavar="NAME.lumped.toml",
                   help="models that `tympan lumped build` made, instead of specimens or beside "
                        "them"),
-         argument("--signal", default="step", metavar="KIND",
-                  help="step, ramp (up and down), sine, random, or a CSV file with t_s, "
-                       "voltage_kV"),
-         argument("--low", default="0 kV", help="before the step; lower end of the others"),
-         argument("--high", default="3.5 kV", help="after the step; upper end"),
-         argument("--duration", default="30 s",
-                  help="of step and ramp; of each random level; period of a sine"),
-         argument("--count", type=int, metavar="N", within=(1, 10_000),
-                  help="random levels (default: 20); cycles of a sine (3)"),
-         argument("--seed", type=int, default=0, within=SEEDS, help="of the random levels"),
-         argument("--interval", default="1 ms", help="between samples written"),
+         *SIGNAL,
          argument("--mass", default="17.9 g", help="on the plate"),
          argument("--alpha", metavar="A,B",
                   help="weights of the circles with the short and the long semi-axis, as `tympan "
@@ -136,8 +126,8 @@ def lumped_simulate(options: argparse.Namespace) -> None:
     from tympan.studies.paper.table1 import eq8
 
     mass = parse_quantity(options.mass, "mass", "--mass")
-    interval = _duration(options.interval, "--interval")
-    signal, period = _signal(options)
+    interval = duration(options.interval, "--interval")
+    signal, period = signal_of(options)
     sample_count(signal.end, interval)
     rig, weights = read_rig(options.rig), parse_numbers(options.alpha, "--alpha")
     models = [read_model(file) for file in options.model]
@@ -162,35 +152,6 @@ def lumped_simulate(options: argparse.Namespace) -> None:
             responses.append(sample(simulate(actuator, signal), interval, period,
                                     options.signal == "step", equal))
     finish(options, SimulationResult(tuple(responses)))
-
-
-def _signal(options: argparse.Namespace) -> tuple[Signal, float | None]:
-    """The signal, and the period if it has one [s]."""
-    from tympan.studies.lumped import signals
-
-    low = parse_quantity(options.low, "voltage", "--low")
-    high = parse_quantity(options.high, "voltage", "--high")
-    duration = _duration(options.duration, "--duration")
-    if options.signal == "step":
-        return signals.step(low, high, 0.0, duration), None
-    if options.signal == "ramp":
-        return signals.ramp(low, high, duration), None
-    if options.signal == "random":
-        return signals.random_steps(low, high, duration, options.count or 20, options.seed), None
-    if options.signal == "sine":
-        return signals.Sine((low + high) / 2, (high - low) / 2, duration,
-                            options.count or 3), duration
-    if not options.signal.endswith(".csv"):
-        raise InputError("must be step, ramp, sine, random or the name of a .csv file",
-                         key="--signal", given=options.signal)
-    return signals.read_signal(options.signal), None
-
-
-def _duration(text: str, option: str) -> float:
-    value = parse_quantity(text, "time", option)
-    if not 0 < value < 1e9:
-        raise InputError("must be positive", key=option, given=text)
-    return value
 
 
 @command("lumped identify",

@@ -31,8 +31,8 @@ from tympan.studies.identify.static import identify_static
 from tympan.studies.lumped.actuator import Actuator, Viscous
 from tympan.studies.lumped.collocation import CollocationSolver
 from tympan.studies.lumped.equilibria import rest
-from tympan.studies.lumped.signals import Pieces, Sine, random_steps, step
 from tympan.studies.paper.table1 import paper_actuators
+from tympan.studies.signals import Pieces, Sine, random_steps, step
 
 VISCOUS = Viscous(15e6, 100e6, 100e3)  # away from Table 1, where the search begins
 LOGS = np.log([VISCOUS.k1, VISCOUS.eta1, VISCOUS.eta2])

@@ -30,9 +30,9 @@ from tympan.studies.lumped.actuator import Viscous
 from tympan.studies.lumped.build import BuildResult, BuildSettings, Built, build
 from tympan.studies.lumped.equilibria import curve
 from tympan.studies.lumped.model_file import LumpedModel, read_model, write_model
-from tympan.studies.lumped.signals import step
 from tympan.studies.lumped.simulate import simulate
 from tympan.studies.paper.published import MASSES
+from tympan.studies.signals import step
 
 ACTUATORS = Path(__file__).parents[3] / "studies" / "paper" / "actuators"
 FEW = BuildSettings(MASSES, tuple(np.linspace(0.0, 5e3, 7)))

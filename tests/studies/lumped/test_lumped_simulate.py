@@ -18,9 +18,9 @@ from tympan.geometry.errors import InputError
 from tympan.studies.data.dataset import read_dataset
 from tympan.studies.lumped.actuator import Actuator, Viscous
 from tympan.studies.lumped.equilibria import linearise, pull_in, roots
-from tympan.studies.lumped.signals import Pieces, Sine, ramp, random_steps, read_signal, step
 from tympan.studies.lumped.simulate import SimulationResult, sample, settling_time, simulate
 from tympan.studies.paper.table1 import paper_actuators
+from tympan.studies.signals import Pieces, Sine, ramp, random_steps, read_signal, step
 
 PAPER = MODELS["paper"]
 ACTUATORS = Path(__file__).parents[3] / "studies" / "paper" / "actuators"
@@ -142,6 +142,8 @@ def test_settling_time_ignores_slow_creep() -> None:
     assert settling_time(t, fast - 1e-4 * np.exp(-t / 7)) == pytest.approx(np.log(20) / 1.4,
                                                                            abs=0.1)
     assert np.isnan(settling_time(t, t))
+    early = t < 1.5
+    assert np.isnan(settling_time(t[early], fast[early]))
 
 
 def test_random_steps_repeat_by_seed() -> None:

@@ -1,0 +1,231 @@
+"""What a film with viscous branches remembers, and its energy in a step of time.
+
+Beside its law a film has branches of a modulus μ and a time τ. Each stores μ/2 (C : C_v⁻¹ − 3) per
+virgin volume, det C_v = 1, C₃₃ = 1/(C₁₁C₂₂ − C₁₂²), and flows: Ċ_v = (C − ⅓ (C : C_v⁻¹) C_v)/τ
+(Kumar and Lopez-Pamies, C. R. Mecanique 344, 2016, with a neo-Hookean branch).
+
+So C_v = M/det(M)^⅓ of an M that grows along C, Ṁ = det(M)^⅓ C/τ. A step from C₀ to C leaves M = H +
+w C, where H is known before and w follows from the step's length, and what the branch then pulls
+with derives from the potential (3μ/2w) det(H + w C)^⅓. No equations are solved at a point, C_v
+stays positive with determinant 1, and the tangent is symmetric. (For Euler's step: Shutov, Landgraf
+and Ihlemann, Comput. Methods Appl. Mech. Eng. 265, 2013; this one is of second order.)
+
+Symmetric tensors are arrays of the components 11, 22, 12, 33 on the virgin film's axes, which are
+their first axis; the branches' own are the second one of what belongs to them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from math import factorial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+
+from tympan.geometry.specimen import Film
+
+Array = NDArray[Any]
+
+#: Rates below which the weights of a step are their series, and its terms.
+_SLOW, _TERMS = 0.5, 12
+
+#: After so many of its times a branch is relaxed to the last digit.
+_LONG = 80.0
+
+#: C of a film that is not strained.
+_UNIT = np.array([1.0, 1.0, 0.0, 1.0])
+
+#: Places of the Voigt components 11, 22, 12 among themselves.
+_PLACES = ((0, 0), (1, 1), (0, 1))
+_COMPONENT = ((0, 2), (2, 1))
+
+
+@dataclass(frozen=True, eq=False)
+class Memory:
+    """The branches' C_v at points, shape (4, branches, *points), moduli [Pa] and times [s]."""
+
+    moduli: Array
+    times: Array
+    viscous: Array
+
+    @classmethod
+    def relaxed(cls, film: Film, c: Any) -> Memory:
+        """At rest for ever at C of the virgin film, (C₁₁, C₂₂, C₁₂)."""
+        full = incompressible(c)[:, None]
+        moduli, times = _constants(film)
+        return cls(moduli, times, np.broadcast_to(full, (4, len(times), *full.shape[2:])))
+
+    @classmethod
+    def mounted(cls, film: Film, points: tuple[int, ...]) -> Memory:
+        """Of a flat film, stretched at once so long ago as it says, at points of a shape."""
+        first, second = film.prestretch
+        flat = incompressible((first**2, second**2, 0.0))
+        moduli, times = _constants(film)
+        viscous = np.repeat(flat[:, None], len(times), axis=1)
+        if film.mounted is not None:
+            shares = [_grown(flat, min(film.mounted / time, _LONG)) for time in times]
+            viscous = np.stack([_UNIT + share * flat for share in shares], axis=1)
+            viscous = viscous / np.cbrt(determinant(viscous))
+        spread = viscous.reshape(4, len(times), *np.ones(len(points), dtype=int))
+        return cls(moduli, times, np.broadcast_to(spread, (4, len(times), *points)))
+
+    def step(self, c: Any, duration: float) -> Flow:
+        """What a step of a duration [s] from C keeps of what was before.
+
+        In the step det(M)^⅓ grows exponentially, by its rate at the start.
+        """
+        before = incompressible(c)[:, None]
+        share = duration / self._each(self.times)
+        rate = share * inner(inverse(self.viscous), before) / 3
+        first, last = _weights(rate)
+        kept = np.exp(-rate) * self.viscous + share * first * before
+        return Flow(self, kept, share * last)
+
+    def energy(self, c: Any) -> Array:
+        """What the branches store at C [J/m³], shape (*points)."""
+        stretch = inner(inverse(self.viscous), incompressible(c)[:, None]) - 3
+        return np.asarray((self._each(self.moduli) / 2 * stretch).sum(0))
+
+    def dissipation(self, c: Any) -> Array:
+        """What the branches turn into heat at C [W/m³], shape (*points).
+
+        With X = C C_v⁻¹ that is (μ/2τ) (tr X² − (tr X)²/3).
+        """
+        full, back = incompressible(c)[:, None], inverse(self.viscous)
+        trace = inner(back, full)
+        # tr X² = C C_v⁻¹ : (C C_v⁻¹)ᵀ, by components in the plane.
+        first, last = full[0] * back[0] + full[2] * back[2], full[1] * back[1] + full[2] * back[2]
+        above, below = full[0] * back[2] + full[2] * back[1], full[2] * back[0] + full[1] * back[2]
+        square = first**2 + last**2 + 2 * above * below + (full[3] * back[3]) ** 2
+        rate = self._each(self.moduli / self.times / 2)
+        return np.asarray((rate * (square - trace**2 / 3)).sum(0))
+
+    def _each(self, values: Array) -> Array:
+        return values.reshape(-1, *np.ones(self.viscous.ndim - 2, dtype=int))
+
+
+@dataclass(frozen=True, eq=False)
+class Flow:
+    """A step under way: H, shape (4, branches, *points), and w of every branch."""
+
+    memory: Memory
+    kept: Array
+    weight: Array
+
+    def after(self, c: Any) -> Memory:
+        """The memory at the step's end, at C."""
+        grown = self.kept + self.weight * incompressible(c)[:, None]
+        return replace(self.memory, viscous=grown / _cube_root(determinant(grown)))
+
+    def at(self, interpolate: Callable[[Array], Array], shear: Any = 1.0) -> Flow:
+        """The same step at other points, to which values are interpolated, shape (..., *points).
+
+        ``shear`` multiplies the component 12 there: -1 in a mirror image.
+        """
+        viscous, kept = interpolate(self.memory.viscous).copy(), interpolate(self.kept).copy()
+        viscous[2] *= shear
+        kept[2] *= shear
+        return Flow(replace(self.memory, viscous=viscous), kept, interpolate(self.weight))
+
+    def density(self, c: Any, *, tangent: bool = True) -> tuple[Array, Array, Array | None]:
+        """The step's potential at C [J/m³], S = 2∂/∂C and ∂S/∂E in Voigt form [Pa].
+
+        Shapes (*points), (3, *points), (3, 3, *points), those of several films first. The potential
+        is 0 where nothing is strained; without flow it is what the branches store.
+        """
+        full = incompressible(c)[:, None]
+        moduli = self.memory.moduli.reshape(-1, *np.ones(full.ndim - 2, dtype=int))
+        # The potential is the same for any multiple of H and w: of det H = 1 it has a limit.
+        unit = _cube_root(determinant(self.kept))
+        kept = _aligned(self.kept / unit, 2, full.ndim)
+        weight = _aligned(self.weight / unit, 1, full.ndim - 1)
+        grown = kept + weight * full
+        growth = _cube_root(determinant(grown))
+        energy = 1.5 * moduli * (_excess(kept, weight, full) / (1 + growth + growth**2) - 1)
+        by_grown, by_full, ratio = inverse(grown), inverse(full), full[3] / grown[3]
+        pull, strength = (by_grown - ratio * by_full)[:3], moduli * growth
+        stress = (strength * pull).sum(1)
+        if not tangent:
+            return energy.sum(0), stress, None
+        bend = np.empty((3, 3, *stress.shape[1:]), dtype=stress.dtype)
+        stiffening = ratio * (1 - weight * ratio)
+        for i in range(3):
+            for j in range(i, 3):
+                part = (weight / 3 * pull[i] * pull[j] - weight * _between(by_grown, i, j)
+                        + stiffening * by_full[i] * by_full[j] + ratio * _between(by_full, i, j))
+                bend[i, j] = bend[j, i] = 2 * (strength * part).sum(0)
+        return energy.sum(0), stress, bend
+
+
+def _constants(film: Film) -> tuple[Array, Array]:
+    """Moduli [Pa] and times [s] of a film's branches."""
+    return (np.array([branch.modulus for branch in film.branches]),
+            np.array([branch.time for branch in film.branches]))
+
+
+def _grown(flat: Array, age: float) -> float:
+    """The s of M = 1 + s C after C was held for an age in the branch's times; ds/dt = det(M)^⅓."""
+    # By the logarithm of 1 + s, since s grows exponentially.
+    done = solve_ivp(lambda _, log: np.cbrt(determinant(_UNIT + np.expm1(log) * flat))
+                     * np.exp(-log), (0.0, age), [0.0], "DOP853", rtol=1e-12, atol=1e-12)
+    return float(np.expm1(done.y[0, -1]))
+
+
+def incompressible(c: Any) -> Array:
+    """C of (C₁₁, C₂₂, C₁₂) with the C₃₃ that keeps the volume, shape (4, *points)."""
+    c11, c22, c12 = c
+    return np.stack(np.broadcast_arrays(c11, c22, c12, 1 / (c11 * c22 - c12 * c12)))
+
+
+def determinant(a: Array) -> Array:
+    """Of symmetric tensors, shape (...)."""
+    return np.asarray((a[0] * a[1] - a[2] * a[2]) * a[3])
+
+
+def inverse(a: Array) -> Array:
+    """Of symmetric tensors, in their shape."""
+    plane = a[0] * a[1] - a[2] * a[2]
+    return np.stack([a[1] / plane, a[0] / plane, -a[2] / plane, 1 / a[3]])
+
+
+def inner(a: Array, b: Array) -> Array:
+    """a : b of symmetric tensors, shape (...)."""
+    return np.asarray(a[0] * b[0] + a[1] * b[1] + 2 * a[2] * b[2] + a[3] * b[3])
+
+
+def _weights(rate: Array) -> tuple[Array, Array]:
+    """Integrals over s in (0, 1) of e^(κ(s−1)) times 1 − s and s."""
+    slow = rate < _SLOW
+    k = np.where(slow, 1.0, rate)
+    first, last = (1 - np.exp(-k) * (1 + k)) / k**2, (k - 1 + np.exp(-k)) / k**2
+    if slow.any():
+        powers = [(-np.minimum(rate, _SLOW)) ** n / factorial(n + 2) for n in range(_TERMS)]
+        first = np.where(slow, sum((n + 1) * power for n, power in enumerate(powers)), first)
+        last = np.where(slow, sum(powers), last)
+    return first, last
+
+
+def _excess(kept: Array, weight: Array, full: Array) -> Array:
+    """(det(H + w C) − 1)/w of det H = det C = 1."""
+    return np.asarray(inner(inverse(kept), full)
+                      + weight * (inner(inverse(full), kept) + weight))
+
+
+def _between(a: Array, i: int, j: int) -> Array:
+    """Of A dC A by dC, symmetric in both pairs, the Voigt components i and j."""
+    (p, q), (r, s) = _PLACES[i], _PLACES[j]
+    return np.asarray(a[_COMPONENT[p][r]] * a[_COMPONENT[q][s]]
+                      + a[_COMPONENT[p][s]] * a[_COMPONENT[q][r]]) / 2
+
+
+def _aligned(values: Array, first: int, axes: int) -> Array:
+    """With so many axes in all, new ones after the first."""
+    new = np.ones(axes - values.ndim, dtype=int)
+    return values.reshape(*values.shape[:first], *new, *values.shape[first:])
+
+
+def _cube_root(value: Array) -> Array:
+    return np.asarray(value ** (1 / 3) if np.iscomplexobj(value) else np.cbrt(value))

@@ -1,0 +1,94 @@
+"""The plate as a rigid body: its mass matrix, and its inertia over a step of time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tympan.fem.membrane.state import PlateMotion, turned
+from tympan.geometry.errors import InputError
+from tympan.geometry.outlines import Outline, moments
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class RigidPlate:
+    """What the plate carries: ``mass`` [kg] and ``inertia`` about its centre [kg m²], (3, 3).
+
+    ``arm`` leads from the plate's centre to that of mass [m]. Both belong to the mounted position
+    and turn with the plate.
+    """
+
+    mass: float
+    inertia: Array = field(default_factory=lambda: np.zeros((3, 3)))
+    arm: tuple[float, float] = (0.0, 0.0)
+
+    @classmethod
+    def uniform(cls, outline: Outline, mass: float, point_mass: float = 0.0,
+                arm: tuple[float, float] = (0.0, 0.0)) -> RigidPlate:
+        """A thin plate that fills its outline, ``point_mass`` of its ``mass`` at one point.
+
+        The rest, spread evenly, has the outline's second moments about its centroid, taken about
+        the centre of mass wherever ``arm`` puts that. The thickness does not count, nor the height
+        of the weight above the film.
+
+        Examples
+        --------
+        >>> from tympan.geometry.outlines import Circle
+        >>> plate = RigidPlate.uniform(Circle(0.01), 0.02)
+        >>> plate.inertia.diagonal().round(10)  # m r²/4, m r²/4, m r²/2
+        array([5.e-07, 5.e-07, 1.e-06])
+        """
+        if not 0 <= point_mass <= mass:
+            raise InputError("the plate's mass must not be negative, and its point-like part not "
+                             "larger than it",
+                             key="mass", given=f"{mass:g} kg, {point_mass:g} kg of it point-like")
+        area, _, second = moments(outline)
+        (xx, xy), (_, yy) = (mass - point_mass) / area * second
+        return cls(mass, np.array([[yy, -xy, 0], [-xy, xx, 0], [0, 0, xx + yy]]), arm)
+
+    def matrix(self, plate: PlateMotion) -> Array:
+        """Mass matrix of the six freedoms where the plate is, shape (6, 6)."""
+        centre = plate.gradient(np.array([[*self.arm, 0.0]]))[0]
+        result = self.mass * centre.T @ centre
+        result[3:, 3:] += plate.rotation @ self.inertia @ plate.rotation.T
+        return np.asarray(result)
+
+
+@dataclass(frozen=True, eq=False)
+class Swing:
+    """The plate's inertia and damper over a step of a ``duration`` [s], by the trapezoidal rule.
+
+    ``velocity`` and ``acceleration`` of the six freedoms at its start, shape (6,) [m/s, rad/s];
+    ``mass`` and ``damping`` [kg, N s/m], shape (6, 6). So at the step's end the plate is pulled
+    back as by a spring whose rest is where it would fly to by itself.
+    """
+
+    origin: PlateMotion
+    velocity: Array
+    acceleration: Array
+    mass: Array
+    damping: Array
+    duration: float
+
+    def motion(self, plate: PlateMotion) -> Array:
+        """Of the plate over the step, shape (6,)."""
+        return np.concatenate([plate.translation - self.origin.translation,
+                               turned(plate, self.origin)])
+
+    def after(self, plate: PlateMotion) -> tuple[Array, Array]:
+        """Velocity and acceleration at the step's end."""
+        motion, duration = self.motion(plate), self.duration
+        velocity = 2 / duration * motion - self.velocity
+        return velocity, 2 / duration * (velocity - self.velocity) - self.acceleration
+
+    def on_plate(self, plate: PlateMotion) -> tuple[Any, Array, Array]:
+        """A potential [J] and its derivatives by the six freedoms, as far as these do not turn."""
+        motion, (velocity, acceleration) = self.motion(plate), self.after(plate)
+        stiffness = 2 / self.duration * (2 / self.duration * self.mass + self.damping)
+        first = self.mass @ acceleration + self.damping @ velocity
+        return motion @ (first - stiffness @ motion / 2), first, stiffness

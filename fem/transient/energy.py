@@ -1,0 +1,108 @@
+"""Where the energy of a film in time goes: a balance at the film's electrodes and its plate."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+from tympan.fem.film.density import from_virgin
+from tympan.fem.membrane.state import HEAVE
+from tympan.fem.transient.integrate import Moment, Transient
+
+Array = NDArray[np.float64]
+
+#: Points of Gauss's rule between two moments.
+_POINTS = 4
+
+
+@dataclass(frozen=True)
+class Energy:
+    """Of the whole film and its plate at a ``time`` [s].
+
+    ``stored``: elastic, that of the branches, and electrostatic [J]; ``kinetic`` [J]; ``loss``:
+    what branches and damper turn into heat [W]; ``charge`` [C] at a ``voltage`` [V]; ``deflection``
+    [m].
+    """
+
+    time: float
+    stored: float
+    kinetic: float
+    loss: float
+    charge: float
+    voltage: float
+    deflection: float
+
+    @classmethod
+    def of(cls, transient: Transient, moment: Moment) -> Energy:
+        """Of a transient at a moment."""
+        model, state = transient.remembering(moment), moment.state
+        mesh, squared = model.discretisation, state.voltage_squared
+        voltage = float(np.sqrt(squared))
+        charge = float(model.capacitance(state)) * voltage
+        # The potential at constant voltage has the electrostatic energy less UQ.
+        potential = float(model.energy(state.positions, squared)) * mesh.mirrored
+        speed, plate = moment.velocity, transient.plate
+        kinetic = 0.0 if plate is None else speed @ plate.matrix(state.plate) @ speed / 2
+        prestretch = model.specimen.membrane.prestretch
+        strain = from_virgin(model.cauchy_green(state.positions), prestretch)
+        heat = (moment.memory.dissipation(strain) * model.volumes).sum() * mesh.mirrored
+        damped = transient.damper * float(speed[HEAVE]) ** 2
+        return cls(moment.time, potential + charge * voltage, float(kinetic), float(heat) + damped,
+                   charge, voltage, state.plate.deflection)
+
+
+@dataclass(frozen=True, kw_only=True)
+class EnergyBalance:
+    """Of a film over some time [J].
+
+    Work of the load on the plate, and of what charges the film; how much more is stored, and moves;
+    what branches and damper turned into heat; what is lost at once where the voltage or the load
+    jumps; and what is left unexplained, by errors of the steps.
+    """
+
+    load_work_J: float
+    electrical_work_J: float
+    stored_J: float
+    kinetic_J: float
+    heat_J: float
+    jumps_J: float
+    unexplained_J: float
+
+    @classmethod
+    def of(cls, energies: list[Energy], force: float, before: Energy) -> EnergyBalance:
+        """Under a force on the plate [N], from its state before the first moment."""
+        every = np.array([[getattr(energy, item.name) for item in fields(Energy)]
+                          for energy in energies])
+        starts = np.flatnonzero(np.diff(every[:, 0]) == 0) + 1
+        electrical = heat = smooth = 0.0
+        for piece in np.split(every, starts):
+            charging, dissipated = _integrals(piece) if len(piece) > 1 else (0.0, 0.0)
+            change = piece[-1] - piece[0]
+            electrical, heat = electrical + charging, heat + dissipated
+            smooth += force * change[6] + charging - dissipated - change[1] - change[2]
+        jumps = 0.0
+        ends = [before, *(energies[start - 1] for start in starts)]
+        for end, start in zip(ends, (energies[number] for number in [0, *starts]), strict=True):
+            charging = start.voltage * (start.charge - end.charge)
+            electrical += charging
+            jumps += (charging + force * (start.deflection - end.deflection)
+                      - (start.stored - end.stored) - (start.kinetic - end.kinetic))
+        last = energies[-1]
+        return cls(load_work_J=force * (last.deflection - before.deflection),
+                   electrical_work_J=electrical, stored_J=last.stored - before.stored,
+                   kinetic_J=last.kinetic - before.kinetic, heat_J=heat, jumps_J=jumps,
+                   unexplained_J=smooth)
+
+
+def _integrals(piece: Array) -> tuple[float, float]:
+    """∫U dQ and ∫loss dt [J] between moments, rows of energies' fields."""
+    time, loss, charge, voltage = piece[:, [0, 3, 4, 5]].T
+    nodes, weights = np.polynomial.legendre.leggauss(_POINTS)
+    half = np.diff(time)[:, None] / 2
+    at = (time[:-1, None] + half) + half * nodes
+    power = CubicSpline(time, voltage)(at) * CubicSpline(time, charge)(at, 1)
+    return (float((power * weights * half).sum()),
+            float((CubicSpline(time, loss)(at) * weights * half).sum()))

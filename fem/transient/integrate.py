@@ -1,0 +1,369 @@
+"""Motion of film and plate in time, in steps as long as an error estimate allows.
+
+A massless film is in equilibrium with the plate at every moment; its viscous branches flow
+(:mod:`tympan.fem.film.memory`), the plate moves by the trapezoidal rule
+(:class:`~tympan.fem.membrane.rigid_plate.Swing`), a circuit charges the film by the same rule. All
+are of second order. Every step is made once whole and once in halves: how far these end apart is
+the error that the steps' length follows, and (4 halves − whole)/3 is where it goes on from (Hairer,
+Nørsett and Wanner, *Solving Ordinary Differential Equations I*, §II.4).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from itertools import pairwise
+from typing import Any, Literal, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tympan.fem.equilibrium.constraints import difference, held_charge, length
+from tympan.fem.equilibrium.newton import NewtonSettings, Solution, moved, newton
+from tympan.fem.film.density import from_virgin, small_strain_modulus
+from tympan.fem.film.memory import Memory, determinant
+from tympan.fem.membrane.model import Model, Parts
+from tympan.fem.membrane.rigid_plate import RigidPlate, Swing
+from tympan.fem.membrane.state import HEAVE, State
+
+Array = NDArray[np.float64]
+
+#: How much the branches' relative change, and that of the charge over its most, count beside the
+#: plate's over the frame.
+_STRAIN, _CHARGE = 0.1, 0.1
+
+#: Safety of a step's length, and by how much it may shrink and grow at most.
+_SAFE, _SHRINK, _GROWTH = 0.85, 0.2, 5.0
+
+#: How much closer than the error of a step Newton must come.
+_CLOSER = 1e-3
+
+#: A voltage that moves no film [V].
+_NO_VOLTAGE = 1e-3
+
+#: Shortest part of a jump of loads that is tried.
+_PART = 1e-4
+
+
+class Signal(Protocol):
+    """A film's or source's voltage in time, smooth within pieces between ``breaks`` [s]."""
+
+    @property
+    def breaks(self) -> Array:
+        """Times between which it is smooth [s], shape (pieces + 1,)."""
+
+    def within(self, piece: Any, time: Any) -> Any:
+        """Voltages [V] at times of a piece, its ends included."""
+
+
+@dataclass(frozen=True)
+class Circuit:
+    """Between source and film: a series ``resistance`` and what ``leakage`` passes by it [Ω]."""
+
+    resistance: float = 0.0
+    leakage: float = np.inf
+
+    @property
+    def conductance(self) -> float:
+        """Of both from the film [1/Ω]."""
+        return 1 / self.resistance + 1 / self.leakage
+
+    def current(self, source: float, film: float) -> float:
+        """Into the electrodes [A] at voltages of source and film [V]; 0 without resistance."""
+        return (source - film) / self.resistance - film / self.leakage if self.resistance else 0.0
+
+
+@dataclass(frozen=True)
+class StepSettings:
+    """Steps in time.
+
+    ``error``: of a step in halves, of the motion relative to the frame's half extent, of the
+    branches' strain and of the charge; what is gone on from is far better. ``first`` and
+    ``shortest``: steps as shares of the shortest time that matters; ``reach``: deflection, relative
+    to the frame's half extent, at which the film has pulled in.
+    """
+
+    error: float = 1e-5
+    first: float = 1e-2
+    shortest: float = 1e-9
+    reach: float = 1.5
+    newton: NewtonSettings = field(default_factory=NewtonSettings)
+
+    @property
+    def close(self) -> NewtonSettings:
+        """Newton's for such errors."""
+        return replace(self.newton, correction=min(self.newton.correction, _CLOSER * self.error),
+                       residual=min(self.newton.residual, _CLOSER * self.error))
+
+
+@dataclass(frozen=True, eq=False)
+class Moment:
+    """Film and plate at a time [s].
+
+    ``velocity`` and ``acceleration`` of the plate's six freedoms; ``charge`` on the electrodes [C]
+    and the ``current`` into them [A], both 0 without a circuit.
+    """
+
+    time: float
+    state: State
+    memory: Memory
+    velocity: Array = field(default_factory=lambda: np.zeros(6))
+    acceleration: Array = field(default_factory=lambda: np.zeros(6))
+    charge: float = 0.0
+    current: float = 0.0
+
+
+class Stopped(ArithmeticError):
+    """The motion goes no further than a ``time`` [s]: the film pulls in or thins without bound."""
+
+    def __init__(self, kind: Literal["pull_in", "thinning"], time: float) -> None:
+        super().__init__(f"{kind} at {time:g} s")
+        self.kind, self.time = kind, time
+
+
+@dataclass(frozen=True, eq=False)
+class Transient:
+    """A film under a force [N] and a source's signal.
+
+    ``plate``: its mass, None for one without inertia; ``damper`` on its heave [N s/m].
+    """
+
+    model: Model
+    force: float
+    signal: Signal
+    plate: RigidPlate | None = None
+    damper: float = 0.0
+    circuit: Circuit = Circuit()
+    settings: StepSettings = StepSettings()
+
+    def moments(self, state: State, memory: Memory) -> Iterator[Moment]:
+        """From a state at the signal's beginning to its end; after a jump the same time again.
+
+        Raises
+        ------
+        Stopped
+            Where the film has no equilibrium with the plate any more, or the plate is gone.
+        """
+        breaks = self.signal.breaks
+        moment = Moment(float(breaks[0]), state, memory)
+        if self.circuit.resistance:
+            voltage = float(np.sqrt(state.voltage_squared))
+            moment = replace(moment, charge=float(self.model.capacitance(state)) * voltage)
+        for piece, (begin, end) in enumerate(pairwise(breaks)):
+            start = self._after_jump(moment, float(self.signal.within(piece, begin)))
+            yield start
+            for moment in self._through(start, piece, float(end)):
+                yield moment
+
+    def _through(self, moment: Moment, piece: int, end: float) -> Iterator[Moment]:
+        """A piece of the signal, in steps."""
+        settings, past = self.settings, [moment]
+        scale = min([end - moment.time, *self._times(moment)])
+        step = settings.first * scale
+        while past[-1].time < end:
+            rest = end - past[-1].time
+            duration = rest if step >= rest else min(step, rest / 2)
+            following, error = self._doubled(past, piece, duration)
+            if following is not None and error <= settings.error:
+                if duration == rest:  # halves may add up to a little less
+                    following = replace(following, time=end)
+                yield following
+                if abs(following.state.plate.deflection) > settings.reach * self.model.size:
+                    raise Stopped("pull_in", following.time)
+                past = [*past[-2:], following]
+            elif duration < settings.shortest * scale:
+                raise self._stopped(past[-1])
+            change = _SAFE * (settings.error / max(error, 1e-300)) ** (1 / 3)
+            step = duration * min(max(change, _SHRINK), _GROWTH)
+
+    def _times(self, moment: Moment) -> list[float]:
+        """Times that matter [s]: of the branches, of the plate's swing, of charging."""
+        times = [float(time) for time in moment.memory.times]
+        if self.plate is not None:
+            tangent = newton(self.model, moment.state, settings=self.settings.close).tangent
+            heave = self.model.plate_freedoms.index(HEAVE)
+            stiffness = 0.0 if tangent is None else tangent.plate_stiffness[heave, heave]
+            if stiffness > 0:
+                whole = stiffness * self.model.discretisation.mirrored
+                times.append(float(np.sqrt(self.plate.mass / whole)))
+        if self.circuit.resistance:
+            times.append(float(self.model.capacitance(moment.state)) / self.circuit.conductance)
+        return times
+
+    def _stopped(self, moment: Moment) -> Stopped:
+        least = _PART * small_strain_modulus(self.model.specimen.membrane.material)
+        thin = self.model.thinning_margin(moment.state) < least
+        return Stopped("thinning" if thin else "pull_in", moment.time)
+
+    def _after_jump(self, moment: Moment, source: float) -> Moment:
+        """The film at once after the source's voltage jumped, the plate clamped by its inertia."""
+        squared = moment.state.voltage_squared if self.circuit.resistance else source**2
+        model = self.remembering(moment)
+        if self.plate is None:
+            film = self._jumped(model, moment, squared)
+        else:
+            clamped = replace(model, loading=replace(model.loading, guide="fixed"))
+            film = self._jumped(clamped, moment, squared)
+            moment = replace(moment, acceleration=self._accelerated(model, film, moment.velocity))
+        current = self.circuit.current(source, float(np.sqrt(squared)))
+        return replace(moment, state=film, current=current)
+
+    def _accelerated(self, model: Model, film: State, velocity: Array) -> Array:
+        """Of the plate [m/s², rad/s²], from the forces it is not in balance with."""
+        assert self.plate is not None
+        _, outer = model.residual(model.nodal_forces(film), film)
+        allowed = list(model.plate_freedoms)
+        mass = self.plate.matrix(film.plate)[np.ix_(allowed, allowed)]
+        push = -outer * model.discretisation.mirrored - (self._damping @ velocity)[allowed]
+        acceleration = np.zeros(6)
+        acceleration[allowed] = np.linalg.solve(mass, push)
+        return acceleration
+
+    def _jumped(self, model: Model, moment: Moment, squared: float) -> State:
+        """The state under the force and another U² at once, in as many steps as it takes."""
+        share, step, state, before = 0.0, 1.0, moment.state, moment.state
+        while share < 1:
+            ahead = min(1.0, share + step)
+            force = before.force + ahead * (self.force - before.force)
+            u2 = before.voltage_squared + ahead * (squared - before.voltage_squared)
+            solution = newton(model, state.under(force=force, voltage=u2),
+                              settings=self.settings.close)
+            if solution.converged and solution.stable:
+                state, share, step = solution.state, ahead, 2 * step
+            elif (step := step / 2) < _PART:
+                raise self._stopped(moment)
+        return state
+
+    def _doubled(self, past: list[Moment], piece: int, duration: float
+                 ) -> tuple[Moment | None, float]:
+        """The moment after a duration [s], and the error of reaching it in halves, relative."""
+        whole = self._step(past, piece, duration)
+        middle = None if whole is None else self._step(past, piece, duration / 2)
+        halves = None if middle is None else self._step([*past, middle], piece, duration / 2)
+        if whole is None or middle is None or halves is None:
+            return None, np.inf
+        gap = difference(self.model, halves.state, whole.state)
+        viscous, change = halves.memory.viscous, halves.memory.viscous - whole.memory.viscous
+        along = np.stack([viscous[0], viscous[1], np.sqrt(viscous[0] * viscous[1]), viscous[3]])
+        strain = np.sqrt(np.mean((change / along) ** 2)) if viscous.size else 0.0
+        error = max(length(self.model, gap), _STRAIN * float(strain)) / 3
+        if self.circuit.resistance:
+            most = self._highest * float(self.model.capacitance(halves.state))
+            error = max(error, _CHARGE * abs(halves.charge - whole.charge) / 3 / most)
+        if self.plate is None:  # what swings is followed closely anyway
+            error = max(error, self._between(past, middle, halves))
+        beyond = viscous + change / 3
+        beyond = beyond / np.cbrt(determinant(beyond)) if viscous.size else viscous
+        state = moved(self.model, halves.state, gap, 1 / 3)
+        squared = halves.state.voltage_squared
+        if self.circuit.resistance:
+            squared += (squared - whole.state.voltage_squared) / 3
+        return replace(
+            halves, state=state.under(voltage=squared),
+            memory=replace(halves.memory, viscous=beyond),
+            velocity=halves.velocity + (halves.velocity - whole.velocity) / 3,
+            acceleration=halves.acceleration + (halves.acceleration - whole.acceleration) / 3,
+            charge=halves.charge + (halves.charge - whole.charge) / 3,
+            current=halves.current + (halves.current - whole.current) / 3), error
+
+    def _between(self, past: list[Moment], middle: Moment, end: Moment) -> float:
+        """How far the plate is, in a step's middle, from the curve through what is kept."""
+        kept = [*past[-3:], end]
+        shares = _lagrange([moment.time for moment in kept], middle.time)
+        curve = sum(share * moment.state.plate.deflection
+                    for share, moment in zip(shares, kept, strict=True))
+        return float(abs(middle.state.plate.deflection - curve)) / self.model.size
+
+    def _step(self, past: list[Moment], piece: int, duration: float) -> Moment | None:
+        """The moment after a duration [s], None where the film cannot be followed."""
+        moment = past[-1]
+        time = moment.time + duration
+        source = float(self.signal.within(piece, time))
+        flow = moment.memory.step(self._strain(moment.state), duration)
+        model = self._moving(replace(self.model, flow=flow), moment, duration)
+        guess = self.state_at(past[-3:], time).under(force=self.force)
+        solution = (self._charged(model, guess, moment, source, duration)
+                    if self.circuit.resistance else
+                    newton(model, guess.under(voltage=source**2), settings=self.settings.close))
+        if not solution.converged or not (solution.stable or self.circuit.resistance):
+            return None
+        state, swing = solution.state, model.loading.swing
+        following = Moment(time, state, flow.after(self._strain(state)))
+        if swing is not None:
+            velocity, acceleration = swing.after(state.plate)
+            following = replace(following, velocity=velocity, acceleration=acceleration)
+        if self.circuit.resistance:
+            voltage = float(np.sqrt(state.voltage_squared))
+            following = replace(following, current=self.circuit.current(source, voltage),
+                                charge=float(self.model.capacitance(state)) * voltage)
+        return following
+
+    def _charged(self, model: Model, guess: State, moment: Moment, source: float, duration: float
+                 ) -> Solution:
+        """Under the voltage that the charge of the step's end makes, by the trapezoidal rule."""
+        circuit = self.circuit
+        charge = moment.charge + duration / 2 * (moment.current + source / circuit.resistance)
+        further = duration / 2 * circuit.conductance
+        voltage = charge / (float(model.capacitance(guess)) + further)
+        if not voltage:
+            return newton(model, guess.under(voltage=0.0), settings=self.settings.close)
+        return newton(model, guess.under(voltage=voltage**2), ("voltage",),
+                      (held_charge(charge, further),), self.settings.close)
+
+    def _moving(self, model: Model, moment: Moment, duration: float) -> Model:
+        """With the plate's part in a step."""
+        if self.plate is None and not self.damper:
+            return model
+        mass = np.zeros((6, 6)) if self.plate is None else self.plate.matrix(moment.state.plate)
+        swing = Swing(moment.state.plate, moment.velocity, moment.acceleration, mass,
+                      self._damping, duration)
+        return replace(model, loading=replace(model.loading, swing=swing))
+
+    def state_at(self, past: list[Moment], time: float) -> State:
+        """The state at a time by the polynomial through some moments."""
+        last = past[-1]
+        motion: Parts = (np.zeros(self.model.discretisation.free_count),
+                         np.zeros(len(self.model.plate_freedoms)))
+        for moment, share in zip(past, _lagrange([moment.time for moment in past], time),
+                                 strict=True):
+            film, plate = difference(self.model, moment.state, last.state)
+            motion = motion[0] + share * film, motion[1] + share * plate
+        return moved(self.model, last.state, motion)
+
+    def moment_at(self, past: list[Moment], time: float) -> Moment:
+        """State and memory at a time by the polynomial through some moments."""
+        shares = _lagrange([moment.time for moment in past], time)
+        viscous = np.asarray(sum(share * moment.memory.viscous
+                                 for share, moment in zip(shares, past, strict=True)))
+        return Moment(time, self.state_at(past, time), replace(past[-1].memory, viscous=viscous))
+
+    def remembering(self, moment: Moment) -> Model:
+        """The model whose film pulls as its branches stand at a moment."""
+        if not len(moment.memory.times):
+            return self.model
+        return replace(self.model, flow=moment.memory.step(self._strain(moment.state), 0.0))
+
+    @cached_property
+    def _highest(self) -> float:
+        """The source's highest voltage at the breaks of its signal [V]."""
+        ends = [abs(float(self.signal.within(piece, time)))
+                for piece, times in enumerate(pairwise(self.signal.breaks)) for time in times]
+        return max(*ends, _NO_VOLTAGE)
+
+    @property
+    def _damping(self) -> Array:
+        damping = np.zeros((6, 6))
+        damping[HEAVE, HEAVE] = self.damper
+        return damping
+
+    def _strain(self, state: State) -> Any:
+        """C of the virgin film at the quadrature points."""
+        return from_virgin(self.model.cauchy_green(state.positions),
+                           self.model.specimen.membrane.prestretch)
+
+
+def _lagrange(times: list[float], time: float) -> list[float]:
+    """Weights of values at some times in their polynomial's value at another one."""
+    return [float(np.prod([(time - other) / (each - other) for other in times if other != each]))
+            for each in times]

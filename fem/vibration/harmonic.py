@@ -1,0 +1,123 @@
+"""A film and its plate about an equilibrium, under a voltage that swings a little about its mean.
+
+At rest C_v = C, and since det C and det C_v stay 1 the branches' equation is there, for motions as
+e^(s t), (s τ + 1) δC_v = δC. What a branch pulls with depends on δC − δC_v alone, so it adds
+s τ/(1 + s τ) times its stiffness at once. The film charges through its circuit,
+δU_s = (1 + R/R_l) δU + s R δQ, and δQ has a part of the film's motion.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import newton
+from scipy.sparse import csc_matrix
+from scipy.sparse.linalg import splu
+
+from tympan.fem.film.density import from_virgin
+from tympan.fem.film.memory import Memory
+from tympan.fem.membrane.model import Model
+from tympan.fem.membrane.rigid_plate import RigidPlate
+from tympan.fem.membrane.state import HEAVE, State
+from tympan.fem.transient.integrate import Circuit
+from tympan.fem.vibration.modes import System
+
+Array = NDArray[Any]
+
+#: How close to its last one a complex frequency comes, relative, and after how many at most.
+_CLOSE, _MOST = 1e-10, 60
+
+#: By how much the second guess of a complex frequency differs from the first.
+_ASIDE = 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class Harmonic:
+    """A film at rest in a ``state``, its ``plate``, a ``damper`` on its heave [N s/m], a circuit.
+
+    The whole film's plate and damper; motions are even about the planes the model is mirrored at.
+    """
+
+    model: Model
+    state: State
+    plate: RigidPlate
+    damper: float = 0.0
+    circuit: Circuit = field(default_factory=Circuit)
+
+    def response(self, frequencies: Array) -> tuple[Array, Array]:
+        """Heave [m/V] and film voltage [V/V] over the source's, complex, of frequencies [Hz]."""
+        numbers = [self._driven(2j * np.pi * frequency) for frequency in frequencies.tolist()]
+        heave, voltage = np.array(numbers).T
+        return heave, voltage
+
+    def natural(self, guess: complex) -> complex:
+        """The s [1/s] near a guess at which the heave swings by itself, as e^(s t).
+
+        A zero of the force that it takes to swing the plate.
+
+        Raises
+        ------
+        RuntimeError
+            When none is found.
+        """
+        root = newton(self._dynamic_stiffness, guess, x1=guess * (1 + _ASIDE), tol=_CLOSE,
+                      rtol=_CLOSE, maxiter=_MOST)
+        return complex(root)
+
+    @property
+    def _voltage(self) -> float:
+        return float(np.sqrt(self.state.voltage_squared))
+
+    def _driven(self, s: complex) -> tuple[complex, complex]:
+        motion = self._solved(s, self._electric)
+        shared = 4 * self.state.voltage_squared * self.model.discretisation.mirrored
+        charge = self._capacitance + shared * (self._electric @ motion)
+        circuit = self.circuit
+        voltage = 1 / (1 + circuit.resistance * (1 / circuit.leakage + s * charge))
+        return complex(-2 * self._voltage * motion[self._heave] * voltage), complex(voltage)
+
+    def _dynamic_stiffness(self, s: complex) -> complex:
+        """Force on the plate over its heave at constant voltage [N/m]."""
+        push = np.zeros(len(self._electric))
+        push[self._heave] = 1.0
+        return complex(self.model.discretisation.mirrored / self._solved(s, push)[self._heave])
+
+    def _solved(self, s: complex, right: Array) -> Array:
+        stiffness, viscous, mass = self._matrices
+        share = sum((branch.modulus * (s * branch.time) / (1 + s * branch.time)
+                     for branch in self.model.specimen.membrane.branches), 0j)
+        dynamic = (stiffness + share * viscous + s * s * mass).tocsc()
+        dynamic[self._heave, self._heave] += s * self.damper / self.model.discretisation.mirrored
+        return np.asarray(splu(dynamic).solve(right.astype(complex)))
+
+    @cached_property
+    def _heave(self) -> int:
+        """The number of the heave among the unknowns."""
+        freedoms = self.model.plate_freedoms
+        return len(self._electric) - len(freedoms) + freedoms.index(HEAVE)
+
+    @cached_property
+    def _electric(self) -> Array:
+        """Derivative of the forces by U² [N/V²]."""
+        return np.concatenate(self.model.by_load(self.state, "voltage"))
+
+    @cached_property
+    def _capacitance(self) -> float:
+        return float(self.model.capacitance(self.state))
+
+    @cached_property
+    def _matrices(self) -> tuple[csc_matrix, csc_matrix, csc_matrix]:
+        """Stiffness at rest, that of branches at once over their moduli, mass."""
+        rest = System.of(self.model, self.state, self.plate)
+        film = self.model.specimen.membrane
+        if not film.branches:
+            return rest.stiffness, 0 * rest.stiffness, rest.mass
+        strain = from_virgin(self.model.cauchy_green(self.state.positions), film.prestretch)
+        flow = Memory.relaxed(film, strain).step(strain, 0.0)
+        at_once = System.of(replace(self.model, flow=flow), self.state, self.plate)
+        total = sum(branch.modulus for branch in film.branches)
+        return rest.stiffness, (at_once.stiffness - rest.stiffness) / total, rest.mass

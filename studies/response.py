@@ -1,0 +1,119 @@
+"""How a film and its plate follow a small swing of the voltage, by frequency."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, replace
+from math import pi
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tympan.fem.equilibrium.ramp import Status
+from tympan.fem.transient.integrate import Circuit
+from tympan.fem.vibration.harmonic import Harmonic
+from tympan.fem.vibration.modes import vibrations
+from tympan.geometry.errors import InputError
+from tympan.studies.case import Case, CaseRecord, Settings, equilibrate, failure_reason
+from tympan.studies.modes import carried
+
+#: Frequencies asked where none are given: so many, from this share of the slowest branch's rate to
+#: so many times the plate's own frequency.
+_COUNT, _SLOW, _FAST = 241, 0.01, 10.0
+
+#: Lowest frequency asked of a film without branches, relative to the plate's own.
+_LOWEST = 1e-3
+
+#: How far from no swing at all a swing's voltage is looked at [V].
+_SLOPE = 1e-2
+
+
+@dataclass(frozen=True, kw_only=True)
+class ResponseResult(CaseRecord):
+    """The numbers of ``response --json``.
+
+    At each frequency: amplitude and phase of what the sensor reads, over the source's nominal
+    voltage; the amplitude of the film's own voltage over it. ``natural_Hz`` and ``damping`` (over
+    the critical one) are those of the heave by itself; None where it does not swing.
+    """
+
+    ending = "-response"
+    writer = "tympan response -o"
+    kinds = ("json", "png", "svg")
+
+    status: Status
+    deflection_m: float | None = None
+    natural_Hz: float | None = None
+    damping: float | None = None
+    frequency_Hz: tuple[float, ...] = ()
+    amplitude_m_per_V: tuple[float, ...] = ()
+    phase_deg: tuple[float, ...] = ()
+    film_voltage_V_per_V: tuple[float, ...] = ()
+    dofs: int
+    wall_s: float
+    warnings: tuple[str, ...]
+
+
+def response(case: Case, settings: Settings, frequencies: tuple[float, ...] = ()
+             ) -> ResponseResult:
+    """Of a film about its rest under the case's mass and voltage, at frequencies [Hz].
+
+    Left out, they reach from the slowest branch to far above the plate's own frequency.
+
+    Raises
+    ------
+    InputError
+        Where the voltage is 0: forces go with its square, so a small swing about 0 moves nothing.
+    """
+    began = time.perf_counter()
+    if not case.film_voltage:
+        raise InputError("must not be 0: forces go with the square of the voltage, so a small "
+                         "swing about 0 moves nothing", key="--voltage",
+                         given=f"{case.voltage:g} V")
+    model, outcome = equilibrate(case, settings)
+    result = ResponseResult(
+        specimen=case.specimen.name, mass_kg=case.mass, voltage_V=case.voltage,
+        status=outcome.status, dofs=model.unknowns, wall_s=0.0, warnings=())
+    if outcome.status != "equilibrium":
+        return replace(result, warnings=(failure_reason(outcome),))
+    rig = case.rig
+    plate = carried(case)
+    plate = replace(plate, mass=plate.mass + rig.added_mass)
+    harmonic = Harmonic(model, outcome.state, plate, rig.plate_damping,
+                        Circuit(rig.series_resistance, rig.leakage_resistance))
+    undamped = float(vibrations(model, outcome.state, plate, 1).frequencies_Hz[0])
+    s = _natural(harmonic, undamped)
+    asked = np.array(frequencies or _frequencies(case, undamped))
+    heave, voltage = harmonic.response(asked)
+    supplied = (case.rig.film_voltage(case.voltage + _SLOPE)
+                - case.rig.film_voltage(case.voltage - _SLOPE)) / (2 * _SLOPE)
+    reading = heave * supplied / (1 + 2j * pi * asked * rig.sensor_lag)
+    return replace(
+        result, deflection_m=outcome.state.plate.deflection,
+        natural_Hz=None if s is None else abs(s.imag) / (2 * pi),
+        damping=None if s is None else -s.real / abs(s),
+        frequency_Hz=tuple(asked.tolist()), amplitude_m_per_V=_listed(np.abs(reading)),
+        phase_deg=_listed(np.degrees(np.unwrap(np.angle(reading)))),
+        film_voltage_V_per_V=_listed(np.abs(voltage)), wall_s=time.perf_counter() - began)
+
+
+def _listed(values: NDArray[np.float64]) -> tuple[float, ...]:
+    return tuple(values.tolist())
+
+
+def _natural(harmonic: Harmonic, undamped: float) -> complex | None:
+    """The heave's s [1/s], None where it does not swing."""
+    if not undamped:
+        return None
+    try:
+        s = harmonic.natural(2j * pi * undamped)
+    except RuntimeError:
+        return None
+    return s if abs(s.imag) > 1e-6 * abs(s) else None
+
+
+def _frequencies(case: Case, undamped: float) -> tuple[float, ...]:
+    slowest = max((branch.time for branch in case.specimen.membrane.branches), default=0.0)
+    low = _SLOW / (2 * pi * slowest) if slowest else _LOWEST * undamped
+    high = max(_FAST * undamped, 10 * low)
+    return _listed(np.geomspace(low or 1e-3, high or 1e3, _COUNT))

@@ -1,0 +1,363 @@
+"""A film in time under a signal of voltages: it creeps, its plate swings, it charges."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import KW_ONLY, dataclass, field, replace
+from itertools import islice
+from math import inf
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+from tympan.fem.equilibrium.newton import Solution
+from tympan.fem.equilibrium.ramp import Outcome, Status, equilibrium
+from tympan.fem.film.density import from_virgin
+from tympan.fem.film.memory import Memory
+from tympan.fem.membrane.model import Model
+from tympan.fem.membrane.rigid_plate import RigidPlate
+from tympan.fem.membrane.state import State
+from tympan.fem.rig import Rig, checked_load
+from tympan.fem.transient.energy import Energy, EnergyBalance
+from tympan.fem.transient.integrate import Circuit, Moment, StepSettings, Stopped, Transient
+from tympan.geometry.errors import InputError
+from tympan.geometry.fields import Key, require, takes_units
+from tympan.geometry.specimen import Specimen
+from tympan.geometry.toml_reader import NON_NEGATIVE
+from tympan.studies.case import (
+    Case,
+    CaseResult,
+    Settings,
+    build_model,
+    failure_reason,
+    summaries,
+)
+from tympan.studies.files import to_json, write_text
+from tympan.studies.film_surface import FilmSurface, film_surface
+from tympan.studies.limits.voltages import first_limit
+from tympan.studies.lumped.simulate import SampledResponse, SimulationResult, settling_time
+from tympan.studies.signals import Pieces, Signal, ramp
+
+Array = NDArray[np.float64]
+
+#: Where a loop turns, as a share of the first limit, and how many samples it has.
+_NEAR_LIMIT, _SAMPLES = 0.95, 2000
+
+#: A loop that drifts by less than this share of its range counts as closed.
+_CLOSED = 0.01
+
+
+@takes_units
+@dataclass(frozen=True)
+class TransientCase:
+    """A specimen on a rig under a nominal ``mass`` [kg] and a signal of nominal voltages.
+
+    Before the signal begins it has rested under mass and first voltage for ``rest`` [s]: for ever
+    unless the film says when it was mounted. ``inertia``: the plate swings; else it follows the
+    film at once. Texts carry their unit.
+    """
+
+    specimen: Specimen
+    signal: Signal
+    _: KW_ONLY
+    mass: Annotated[float, Key("nominal load on the plate", "mass")]
+    rig: Rig = Rig()
+    rest: Annotated[float | None, Key("under mass and first voltage before the signal", "time",
+                                      NON_NEGATIVE)] = None
+    inertia: bool = False
+    steps: StepSettings = field(default_factory=StepSettings)
+
+    if TYPE_CHECKING:
+        def __init__(self, specimen: Specimen, signal: Signal, *, mass: float | str,
+                     rig: Rig = Rig(), rest: float | str | None = None, inertia: bool = False,
+                     steps: StepSettings = ...) -> None: ...
+
+    def __post_init__(self) -> None:
+        checked_load(self.mass, self.signal.peak)
+        require(self)
+        if self.inertia and self.mass + self.rig.added_mass <= 0:
+            raise InputError("must be positive where the plate swings: the film has no inertia",
+                             key="mass", given=f"{self.mass:g} kg")
+
+    @property
+    def rested(self) -> float:
+        """Time under mass and first voltage before the signal [s]."""
+        if self.rest is not None:
+            return self.rest
+        return inf if self.specimen.membrane.mounted is None else 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class _Supplied:
+    """What the rig gives of a signal of nominal voltages."""
+
+    signal: Signal
+    rig: Rig
+
+    @property
+    def breaks(self) -> Array:
+        return self.signal.breaks
+
+    def within(self, piece: Any, at: Any) -> Any:
+        return self.rig.film_voltage(self.signal.within(piece, at))
+
+
+@dataclass(frozen=True, eq=False)
+class History:
+    """What a film did, moment by moment; after a jump of the voltage the same time twice.
+
+    ``time`` [s], ``deflection`` [m], ``voltage`` across the film [V], ``capacitance`` [F],
+    ``tilt`` [rad], all of shape (moments,). ``stopped``: where it went no further. ``slack``: when
+    the film first lost tension [s], None where it did not. ``balance``: where its energy went.
+    """
+
+    time: Array
+    deflection: Array
+    voltage: Array
+    capacitance: Array
+    tilt: Array
+    stopped: Stopped | None
+    slack: float | None
+    balance: EnergyBalance
+    films: dict[float, FilmSurface] = field(default_factory=dict)
+
+    @property
+    def end(self) -> float:
+        """When it is over [s]."""
+        return float(self.time[-1])
+
+    def at(self, values: Array, when: Array) -> Array:
+        """One of its values at times [s]; at a jump what comes after it."""
+        starts = np.flatnonzero(np.diff(self.time) == 0) + 1
+        result = np.empty(len(when))
+        for begin, end in zip([0, *starts], [*starts, len(self.time)], strict=True):
+            times, last = self.time[begin:end], end == len(self.time)
+            within = (when >= times[0]) & ((when < times[-1]) | last)
+            if len(times) > 1:
+                result[within] = CubicSpline(times, values[begin:end])(when[within])
+            else:
+                result[within] = values[begin]
+        return result
+
+
+def history(case: TransientCase, settings: Settings, films: tuple[float, ...] = ()) -> History:
+    """The motion of a film, with its fields at some times [s].
+
+    Raises
+    ------
+    InputError
+        When the film has no equilibrium under the mass and the signal's first voltage.
+    """
+    transient, state, memory = begun(case, settings)
+    model = transient.model
+    record, past, slack, stopped = list[tuple[float, ...]](), list[Moment](), None, None
+    energies, before = list[Energy](), Energy.of(transient, Moment(0.0, state, memory))
+    wanted, pictures = sorted(films), dict[float, FilmSurface]()
+    try:
+        for moment in transient.moments(state, memory):
+            jumped = bool(past) and moment.time == past[-1].time
+            past = [moment] if jumped else [*past[-2:], moment]
+            record.append(_numbers(model, moment))
+            energies.append(Energy.of(transient, moment))
+            if slack is None and not model.in_tension(moment.state):
+                slack = moment.time
+            while wanted and wanted[0] <= moment.time:
+                at = transient.moment_at(past, wanted[0])
+                pictures[wanted.pop(0)] = film_surface(transient.remembering(at), at.state)
+    except Stopped as ending:
+        stopped = ending
+    if not record:
+        raise InputError("the film has no equilibrium at once after the mass is put on",
+                         key="mass", given=f"{case.mass:g} kg")
+    balance = EnergyBalance.of(energies, transient.force, before)
+    times, deflection, voltage, capacitance, tilt = np.array(record).T
+    return History(times, deflection, voltage, capacitance, tilt, stopped, slack, balance, pictures)
+
+
+def solve_after(case: Case, after: float, settings: Settings, film: bool = False) -> CaseResult:
+    """A case so long [s] after its voltage was switched on, at rest under the mass until then.
+
+    A film that says when it was mounted is loaded with mass and voltage at once. ``film``: with its
+    fields on a surface. Its stresses have the branches' part.
+    """
+    began = time.perf_counter()
+    status: Status
+    signal = Pieces(np.array([0.0, 0.0, after or 1.0]), np.array([0.0, *2 * [case.voltage]]))
+    creep = TransientCase(case.specimen, signal, mass=case.mass, rig=case.rig)
+    transient, state, memory = begun(creep, settings)
+    moment, status, advice = Moment(0.0, state, memory), "equilibrium", ""
+    try:
+        for passed in islice(transient.moments(state, memory), None if after else 1):
+            moment = passed
+    except Stopped as ending:
+        status, advice = "no_equilibrium", _ending(ending)
+    model = transient.remembering(moment)
+    outcome = Outcome(status, Solution(moment.state, True, 0, None), advice)
+    (result, _), = summaries(model, [(case, outcome)])
+    if film and status == "equilibrium":
+        result = replace(result, film=film_surface(model, moment.state))
+    return replace(result, wall_s=time.perf_counter() - began)
+
+
+def _ending(ending: Stopped) -> str:
+    word = "pulls in" if ending.kind == "pull_in" else "thins without bound"
+    return f"the film {word} after {ending.time:.4g} s; lower the voltage"
+
+
+def begun(case: TransientCase, settings: Settings) -> tuple[Transient, State, Memory]:
+    """What moves, and its state and memory when the signal begins."""
+    rig, film = case.rig, case.specimen.membrane
+    model = build_model(case.specimen, settings, rig.loading)
+    force = float(rig.force(case.mass, model.plate_area))
+    first = float(rig.film_voltage(case.signal.first))
+    plate = (RigidPlate(case.mass + rig.unaccounted_mass + rig.added_mass) if case.inertia
+             else None)
+    transient = Transient(model, force, _Supplied(case.signal, rig), plate, rig.plate_damping,
+                          Circuit(rig.series_resistance, rig.leakage_resistance), case.steps)
+    if case.rested == inf:
+        outcome = equilibrium(model, force, first)
+        if outcome.status != "equilibrium":
+            raise InputError("must have an equilibrium under the signal's first voltage: "
+                             f"{failure_reason(outcome)}", key="mass", given=f"{case.mass:g} kg")
+        strain = from_virgin(model.cauchy_green(outcome.state.positions), film.prestretch)
+        return transient, outcome.state, Memory.relaxed(film, strain)
+    flat = model.mounted()
+    memory = Memory.mounted(film, model.cauchy_green(flat.positions)[0].shape)
+    if not case.rested:
+        return transient, flat, memory
+    resting = Transient(model, force, Pieces(np.array([0.0, case.rested]), np.full(2, first)),
+                        settings=case.steps)
+    try:
+        *_, last = resting.moments(flat, memory)
+    except Stopped as ending:
+        raise InputError("must leave the film at rest before the signal begins: it pulls in after "
+                         f"{ending.time:.4g} s", key="mass", given=f"{case.mass:g} kg") from None
+    return transient, last.state, last.memory
+
+
+def _numbers(model: Model, moment: Moment) -> tuple[float, ...]:
+    state = moment.state
+    return (moment.time, state.plate.deflection, float(np.sqrt(state.voltage_squared)),
+            float(model.capacitance(state)), state.plate.tilt)
+
+
+@dataclass(frozen=True, eq=False)
+class TransientResult(SimulationResult):
+    """Films in time, all to the same signal; ``films``: surfaces of each by time [s]."""
+
+    file = "transient.json"
+    writer = "tympan transient -o"
+
+    films: tuple[dict[float, FilmSurface], ...] = ()
+
+    def save(self, folder: Path) -> None:
+        """Write numbers and samples, and the films as a VTK series NAME.pvd."""
+        for response, films in zip(self.responses, self.films, strict=False):
+            name, entries = response.numbers["specimen"], []
+            for number, (moment, film) in enumerate(films.items()):
+                file = f"{name}-{number:04d}.vtu"
+                film.save(folder / file)
+                entries.append(f'    <DataSet timestep="{moment:.10g}" file="{file}"/>')
+            if entries:
+                write_text(folder / f"{name}.pvd", "\n".join([
+                    '<?xml version="1.0"?>', '<VTKFile type="Collection" version="0.1">',
+                    "  <Collection>", *entries, "  </Collection>", "</VTKFile>", ""]))
+        super().save(folder)
+
+
+def respond(case: TransientCase, settings: Settings, interval: float, period: float | None = None,
+            step: bool = False, films: tuple[float, ...] = ()) -> tuple[SampledResponse, History]:
+    """What a film does, sampled with an interval [s].
+
+    ``period`` is its signal's [s] if it has one; ``step`` says that the signal is a step.
+    """
+    began = time.perf_counter()
+    done = history(case, settings, films)
+    when = np.linspace(0.0, done.end, max(2, round(done.end / interval) + 1))
+    deflection = done.at(done.deflection, when)
+    voltage = _nominal(case.signal, when)
+    warnings = []
+    if done.stopped is not None:
+        warnings.append(_ending(done.stopped))
+    if done.slack is not None:
+        warnings.append(f"the film loses tension and wrinkles from {done.slack:.4g} s on; its "
+                        "branches then resist compression")
+    loop = area = None
+    if period is not None and done.stopped is None:
+        last = np.linspace(done.end - period, done.end, 401)
+        u, y = _nominal(case.signal, last), done.at(done.deflection, last)
+        loop = pd.DataFrame({"specimen": case.specimen.name, "voltage": u, "deflection": y})
+        area = float(-np.sum((y[1:] + y[:-1]) / 2 * np.diff(u)))
+        if abs(y[-1] - y[0]) > _CLOSED * np.ptp(y):
+            warnings.append(f"the last period ends {1e6 * (y[-1] - y[0]):+.3g} um from where it "
+                            "began: the film still creeps; more periods (--count) close the loop")
+    settled = settling_time(when, deflection) if step and case.inertia else np.nan
+    numbers = {
+        "specimen": case.specimen.name,
+        "mass_kg": case.mass,
+        "status": "done" if done.stopped is None else done.stopped.kind,
+        "first_voltage_V": case.signal.first,
+        "first_m": float(deflection[0]),
+        "last_m": float(deflection[-1]),
+        "range_m": float(np.ptp(done.deflection)),
+        "settling_time_s": settled if np.isfinite(settled) else None,
+        "hysteresis_area_V_m": area,
+        "energy": to_json(done.balance),
+        "stopped_s": None if done.stopped is None else done.stopped.time,
+        "slack_s": done.slack,
+        "steps": len(done.time),
+        "wall_s": time.perf_counter() - began,
+        "warnings": warnings,
+    }
+    shown = _lagging(when, case.rig.reading(deflection, when), case.rig.sensor_lag)
+    samples = pd.DataFrame({
+        "specimen": case.specimen.name, "mass": case.mass, "run": "simulated", "t": when,
+        "voltage": voltage, "displacement": shown})
+    return SampledResponse(numbers, samples, loop), done
+
+
+def loop(case: Case, rate: float, turn: float | None, settings: Settings) -> TransientResult:
+    """Up from the case's voltage at a rate [V/s] to where it turns [V], and down again.
+
+    Left out, it turns at 95 % of the film's first limit at rest.
+    """
+    if turn is None:
+        first = first_limit(case, settings)
+        if first is None:
+            raise InputError("must be given: the film has no limit to turn before", key="--to")
+        turn = _NEAR_LIMIT * first.voltage_V
+    if not (0 < rate < inf and turn > case.voltage):
+        raise InputError("must be positive, and the voltage it turns at above where it begins",
+                         key="--rate, --to", given=f"{rate:g} V/s, {turn:g} V")
+    duration = 2 * (turn - case.voltage) / rate
+    ramped = TransientCase(case.specimen, ramp(case.voltage, turn, duration), mass=case.mass,
+                           rig=case.rig)
+    response, _ = respond(ramped, settings, duration / _SAMPLES, duration)
+    return TransientResult((response,))
+
+
+def _nominal(signal: Signal, when: Array) -> Array:
+    """The signal at times [V]; at a jump what comes after it."""
+    breaks = signal.breaks
+    piece = np.clip(np.searchsorted(breaks, when, "right") - 1, 0, len(breaks) - 2)
+    return np.asarray(signal.within(piece, when))
+
+
+def _lagging(when: Array, value: Array, lag: float) -> Array:
+    """What follows a value, straight between samples, in a time [s], by a factor e."""
+    if not lag:
+        return value
+    step = np.diff(when)
+    kept = np.exp(-step / lag)
+    slope = np.diff(value) / step
+    shown = value.copy()
+    for number in range(len(step)):
+        # Exact for a straight line.
+        settled = value[number + 1] - lag * slope[number]
+        shown[number + 1] = settled + (shown[number] - value[number] + lag * slope[number]) * kept[
+            number]
+    return shown

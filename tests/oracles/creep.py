@@ -1,0 +1,161 @@
+"""An annular film of neo-Hookean law and viscous branches in time, by its axisymmetric equations.
+
+Radius and height of the film are polynomials of the mounted radius; at every moment its potential
+energy is least, and the branches' C_v, whose axes are those of the film, follow their equation by a
+Runge–Kutta method of order eight. Nothing of the program is used.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.polynomial import legendre
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+
+Array = NDArray[np.float64]
+_VACUUM = 8.8541878128e-12
+
+
+@dataclass
+class CreepingFilm:
+    """Radii of plate and frame, virgin thickness [m], prestretch, moduli [Pa], time [s]."""
+
+    plate: float
+    frame: float
+    thickness: float
+    prestretch: float
+    modulus: float
+    branch: float
+    time: float
+    permittivity: float
+    degree: int = 14
+    pull: float = 0.0  #: of the film on the plate, at the last state [N]
+
+    def _basis(self) -> tuple[Array, Array, Array, Array]:
+        """Mounted radii, weights, shapes (points, degree) that vanish at both ends, and slopes."""
+        nodes, weights = legendre.leggauss(3 * self.degree)
+        width = self.frame - self.plate
+        # (1 - x²) P_k, and its derivative by the radius.
+        polynomials = legendre.legvander(nodes, self.degree - 1)
+        slopes = np.stack([legendre.legval(nodes, legendre.legder(row))
+                           for row in np.eye(self.degree)], axis=1)
+        bubble = 1 - nodes**2
+        shapes = bubble[:, None] * polynomials
+        by_radius = (bubble[:, None] * slopes - 2 * nodes[:, None] * polynomials) * 2 / width
+        radius = self.plate + width * (nodes + 1) / 2
+        return radius, weights * width / 2, shapes, by_radius
+
+    def at_rest(self, force: float, voltage: float, memory: Any, start: Any = None,
+                fixed: bool = False) -> tuple[Array, Array, Array]:
+        """Coefficients of the least energy, and the squared stretches I, J along and around.
+
+        ``memory``: C_v along and around, shape (2, points); None: the branch is relaxed. ``fixed``:
+        the plate stays where it is at the start.
+        """
+        radius, weights, shapes, slopes = self._basis()
+        count, width = self.degree, self.frame - self.plate
+        none = np.zeros_like(shapes)
+        # By the coefficients of radius, height, and the plate's heave.
+        fall = np.full((len(radius), 1), -1 / width)
+        along_r = np.hstack([slopes, none, 0 * fall])
+        along_z = np.hstack([none, slopes, fall])
+        around = np.hstack([shapes, none, 0 * fall]) / radius[:, None]
+        measure = 2 * np.pi * radius * weights * self.thickness / self.prestretch**2
+        field = _VACUUM * self.permittivity * (voltage / self.thickness) ** 2
+        x = np.zeros(2 * count + 1) if start is None else start.copy()
+        pull = np.zeros(2 * count + 1)
+        pull[-1] = force
+        squared = self.prestretch**2
+        for _ in range(60):
+            r, z, hoop = 1 + along_r @ x, along_z @ x, 1 + around @ x
+            i, j = squared * (r**2 + z**2), squared * hoop**2
+            first, second = self._derivatives(i, j, memory, field)
+            di = 2 * squared * (r[:, None] * along_r + z[:, None] * along_z)
+            dj = 2 * squared * hoop[:, None] * around
+            gradient = (measure * first[0]) @ di + (measure * first[1]) @ dj - pull
+            hessian = (di.T @ ((measure * second[0])[:, None] * di)
+                       + dj.T @ ((measure * second[2])[:, None] * dj)
+                       + di.T @ ((measure * second[1])[:, None] * dj)
+                       + dj.T @ ((measure * second[1])[:, None] * di)
+                       + 2 * squared * (along_r.T @ ((measure * first[0])[:, None] * along_r)
+                                        + along_z.T @ ((measure * first[0])[:, None] * along_z)
+                                        + around.T @ ((measure * first[1])[:, None] * around)))
+            self.pull = float(gradient[-1] + force)
+            free = slice(0, 2 * count if fixed else None)
+            step = np.zeros(len(x))
+            step[free] = -np.linalg.solve(hessian[free, free], gradient[free])
+            x = x + step * min(1.0, 0.2 * width / np.abs(step).max())
+            if np.abs(step).max() < 1e-13:
+                return x, i, j
+        raise ArithmeticError("no equilibrium")
+
+    def _derivatives(self, i: Array, j: Array, memory: Any, field: float) -> tuple[Any, Any]:
+        """First and second derivatives of the energy per virgin volume by I and J."""
+        third = 1 / (i * j)
+        first = [self.modulus / 2 * (1 - third / i) - field * j / 2,
+                 self.modulus / 2 * (1 - third / j) - field * i / 2]
+        second = [self.modulus * third / i**2, self.modulus / 2 * third**2 - field / 2,
+                  self.modulus * third / j**2]
+        if memory is not None:
+            v, w = memory
+            first[0] = first[0] + self.branch / 2 * (1 / v - v * w * third / i)
+            first[1] = first[1] + self.branch / 2 * (1 / w - v * w * third / j)
+            second = [second[0] + self.branch * v * w * third / i**2,
+                      second[1] + self.branch / 2 * v * w * third**2,
+                      second[2] + self.branch * v * w * third / j**2]
+        return first, second
+
+    def history(self, before: tuple[float, float], after: tuple[float, float], times: Array
+                ) -> Array:
+        """Deflections [m] at times [s] of a film at rest for ever under one force and voltage.
+
+        At time 0 it gets the others.
+        """
+        start, i, j = self.at_rest(*before, None)
+        points = len(i)
+
+        def rate(_: float, flat: Array) -> Array:
+            nonlocal start
+            v, w = memory = flat.reshape(2, points)
+            start, i, j = self.at_rest(*after, memory, start)
+            stretch = i / v + j / w + v * w / (i * j)
+            return np.concatenate([i - stretch * v / 3, j - stretch * w / 3]) / self.time
+
+        memory = np.concatenate([i, j])
+        # The loads at once, in steps that Newton can take.
+        for share in np.linspace(0.0, 1.0, 9)[1:]:
+            force = before[0] + share * (after[0] - before[0])
+            voltage = np.sqrt(before[1]**2 + share * (after[1]**2 - before[1]**2))
+            start, *_ = self.at_rest(force, float(voltage), memory.reshape(2, points), start)
+        result = [start[-1]]
+        done = solve_ivp(rate, (0.0, times[-1]), memory, "DOP853", t_eval=times, rtol=1e-9,
+                         atol=1e-10)
+        for column in done.y.T:
+            result.append(self.at_rest(*after, column.reshape(2, points), start)[0][-1])
+        return np.array(result)
+
+    def swing(self, mass: float, force: float, voltage: float, times: Array) -> Array:
+        """Deflections [m] at times [s] of a plate of that mass, at rest until time 0.
+
+        Under the force; from then on also under the voltage.
+        """
+        start, i, j = self.at_rest(force, 0.0, None)
+        points = len(i)
+
+        def rate(_: float, flat: Array) -> Array:
+            nonlocal start
+            heave, speed, memory = flat[0], flat[1], flat[2:].reshape(2, points)
+            start = np.append(start[:-1], heave)
+            start, i, j = self.at_rest(force, voltage, memory, start, fixed=True)
+            (v, w), third = memory, 1 / (i * j)
+            stretch = i / v + j / w + v * w * third
+            flow = np.concatenate([i - stretch * v / 3, j - stretch * w / 3]) / self.time
+            return np.concatenate([[speed, (force - self.pull) / mass], flow])
+
+        begin = np.concatenate([[start[-1], 0.0], i, j])
+        done = solve_ivp(rate, (0.0, times[-1]), begin, "DOP853", t_eval=times, rtol=1e-9,
+                         atol=1e-11)
+        return np.asarray(done.y[0])

@@ -1,0 +1,56 @@
+"""Options for a signal of voltages in time, which several commands take."""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING
+
+from tympan.geometry.errors import InputError
+from tympan.options import SEEDS, argument, parse_quantity
+
+if TYPE_CHECKING:
+    from tympan.studies.signals import Signal
+
+SIGNAL = (
+    argument("--signal", default="step", metavar="KIND",
+             help="step, ramp (up and down), sine, random, or a CSV file with t_s, "
+                  "voltage_kV"),
+    argument("--low", default="0 kV", help="before the step; lower end of the others"),
+    argument("--high", default="3.5 kV", help="after the step; upper end"),
+    argument("--duration", default="30 s",
+             help="of step and ramp; of each random level; period of a sine"),
+    argument("--count", type=int, metavar="N", within=(1, 10_000),
+             help="random levels (default: 20); cycles of a sine (3)"),
+    argument("--seed", type=int, default=0, within=SEEDS, help="of the random levels"),
+    argument("--interval", default="1 ms", help="between samples written"),
+)
+
+
+def signal_of(options: argparse.Namespace) -> tuple[Signal, float | None]:
+    """The signal, and the period if it has one [s]."""
+    from tympan.studies import signals
+
+    low = parse_quantity(options.low, "voltage", "--low")
+    high = parse_quantity(options.high, "voltage", "--high")
+    length = duration(options.duration, "--duration")
+    if options.signal == "step":
+        return signals.step(low, high, 0.0, length), None
+    if options.signal == "ramp":
+        return signals.ramp(low, high, length), None
+    if options.signal == "random":
+        return signals.random_steps(low, high, length, options.count or 20, options.seed), None
+    if options.signal == "sine":
+        return signals.Sine((low + high) / 2, (high - low) / 2, length,
+                            options.count or 3), length
+    if not options.signal.endswith(".csv"):
+        raise InputError("must be step, ramp, sine, random or the name of a .csv file",
+                         key="--signal", given=options.signal)
+    return signals.read_signal(options.signal), None
+
+
+def duration(text: str, option: str) -> float:
+    """A positive time [s]."""
+    value = parse_quantity(text, "time", option)
+    if not 0 < value < 1e9:
+        raise InputError("must be positive", key=option, given=text)
+    return value

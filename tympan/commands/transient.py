@@ -1,0 +1,76 @@
+"""Commands about films in time."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from tympan.commands.signal import SIGNAL, duration, signal_of
+from tympan.geometry.errors import InputError
+from tympan.options import (
+    JSON,
+    MESH,
+    RIG,
+    argument,
+    case_arguments,
+    command,
+    finish,
+    output,
+    parse_quantities,
+    parse_quantity,
+    read_case,
+    read_rig,
+    read_settings,
+    read_specimens,
+)
+
+
+@command("transient", argument("specimens", type=Path, nargs="+", metavar="SPECIMEN.toml"), *SIGNAL,
+         argument("--mass", default="17.9 g", help="on the plate"),
+         argument("--rest", metavar="TIME",
+                  help="under the mass and the first voltage before the signal (default: for ever, "
+                       "or not at all where the film says when it was mounted)"),
+         argument("--swing", action="store_true",
+                  help="the plate has inertia; else it follows the film at once"),
+         argument("--at", metavar="TIMES", help="also store the film at these times (VTU)"), RIG,
+         output("write transient.csv, transient.json and figures"), JSON, MESH)
+def transient(options: argparse.Namespace) -> None:
+    """What films with viscous branches do under a step, ramp, sine, random steps or a CSV file."""
+    from tympan.progress import bar
+    from tympan.studies.lumped.simulate import sample_count
+    from tympan.studies.transient import TransientCase, TransientResult, respond
+
+    mass = parse_quantity(options.mass, "mass", "--mass")
+    interval = duration(options.interval, "--interval")
+    signal, period = signal_of(options)
+    sample_count(signal.end, interval)
+    rest = None if options.rest is None else parse_quantity(options.rest, "time", "--rest")
+    films = parse_quantities(options.at or "", "time", "--at")
+    rig, settings = read_rig(options.rig), read_settings(options)
+    responses = []
+    specimens = read_specimens(options.specimens)
+    with bar(len(specimens)) as progress:
+        for specimen in specimens:
+            progress(specimen.name)
+            case = TransientCase(specimen, signal, mass=mass, rig=rig, rest=rest,
+                                 inertia=options.swing)
+            responses.append(respond(case, settings, interval, period, options.signal == "step",
+                                     films))
+    finish(options, TransientResult(tuple(response for response, _ in responses),
+                                    tuple(done.films for _, done in responses)))
+
+
+@command("response",
+         *case_arguments(mass="of the plate with its weight", voltage="about which it swings"),
+         argument("--frequency", metavar="FREQUENCIES",
+                  help='such as "0.1 Hz, 1 Hz, 10 Hz" (default: from the slowest branch to far '
+                       "above the plate's own frequency)"),
+         output("also store the numbers and a picture (PNG, SVG)"), JSON)
+def response(options: argparse.Namespace) -> None:
+    """Amplitude and phase of a loaded film under a small sine of the voltage, by frequency."""
+    from tympan.studies.response import response
+
+    frequencies = parse_quantities(options.frequency or "", "frequency", "--frequency")
+    if any(not 0 < frequency < 1e9 for frequency in frequencies):
+        raise InputError("must be positive", key="--frequency", given=options.frequency)
+    finish(options, response(read_case(options), read_settings(options), tuple(frequencies)))
