@@ -59,7 +59,9 @@ SPECIMENS = {
     "oval": OVAL + 'material = "vhb-4910"\n[electrode]\nmargin_frame = "1 mm"\n'
                    '[electrode.outline]\nshape = "circle"\nradius = "3 cm"\n',
     "ogden": OVAL + '[membrane.material]\nlaw = "ogden"\nmu = ["16 kPa", "0.02 kPa"]\n'
-                    'alpha = [2, 4]\nrange = [0.5, 6]\n',
+                    'alpha = [2, 4]\nrange = [0.5, 6]\n[[membrane.branch]]\nmodulus = "1 MPa"\n'
+                    'time = "30 s"\n[[membrane.branch]]\nmodulus = "20 kPa"\ntime = "1 h"\n',
+    "mounted": OVAL + 'material = "vhb-4910"\nmounted = "2 days"\n',
     "polygon": 'name = "polygon"\n[frame]\nshape = "polygon"\nfillet = "2 mm"\nrotation = "5 deg"\n'
                'vertices = [["0 mm", "0 mm"], ["90 mm", "0 mm"], ["90 mm", "80 mm"], '
                '["0 mm", "80 mm"]]\n' + BODY + 'material = "vhb-4910"\n',
@@ -74,7 +76,9 @@ SPECIMENS = {
 }
 RIG = ('gravity = "9.81 m/s^2"\nspring = "5 N/m"\nsag_voltage = "20 kV"\nsensor_gain = 0.1\n'
        'drift = "1 um/min"\nguide = "free"\nweight_offset = ["1 mm", "0 mm"]\n'
-       'plate_pressure = "1 Pa"\nfriction = "1 mN"\n')
+       'plate_pressure = "1 Pa"\nfriction = "1 mN"\nplate_damping = "1 N s/m"\n'
+       'added_mass = "1 g"\nseries_resistance = "1 MOhm"\nleakage_resistance = "1 GOhm"\n'
+       'sensor_lag = "5 ms"\n')
 STUDY = ('name = "study"\nspecimens = ["oval.toml"]\nmass = "17.9 g"\nvoltage = "1 kV"\n'
          '[curves]\nmass = ["17.9 g"]\nvoltage = ["0 kV", "3 kV"]\n[rig]\nspring = "5 N/m"\n')
 SWEEP = ('specimen = ["oval.toml"]\nmass = ["17.9 g", "20 g"]\n'

@@ -61,7 +61,7 @@ class Curve:
 
     def points(self, count: int) -> Array:
         """Points about evenly around, one at each piece's start, shape (2, count) [m]."""
-        lengths = np.array([np.real(piece_length(piece)) for piece in self.pieces])
+        lengths = self.lengths
         if count < 2 * len(lengths):
             fine = self.points(2 * len(lengths) * count)
             return fine[:, :: 2 * len(lengths)]
@@ -70,6 +70,11 @@ class Curve:
         each[np.argsort(each - 1 - share, kind="stable")[: count - each.sum()]] += 1
         return np.vstack([piece.at(np.arange(n) / n)[0]
                           for piece, n in zip(self.pieces, each, strict=True)]).T
+
+    @cached_property
+    def lengths(self) -> Array:
+        """Of the pieces, real [m]."""
+        return np.array([float(np.real(piece_length(piece))) for piece in self.pieces])
 
     @cached_property
     def length(self) -> Any:

@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 
 from tympan.geometry.errors import InputError
 from tympan.geometry.fields import Content, Key, Registry, takes_units, write
-from tympan.geometry.outlines.curve import Curve, piece_length
+from tympan.geometry.outlines.curve import Curve
 from tympan.geometry.outlines.pieces import MOST_PIECES, TURN, Array, Piece, cross
 from tympan.geometry.toml_reader import Rule, Table
 
@@ -160,7 +160,7 @@ def _check(outline: Any) -> None:
             f"{1e3 * extent:.4g} mm" for extent in outline.semi_axes))
     curve = outline.curve
     size = float(max(outline.semi_axes))
-    lengths = np.array([float(piece_length(piece)) for piece in curve.pieces])
+    lengths = curve.lengths
     if lengths.min() < _SMALLEST * size:
         raise _error(outline, curve.starts[lengths.argmin()],
                      f"has a piece {lengths.min() * 1e3:.3g} mm long, less than {_SMALLEST:g} of "

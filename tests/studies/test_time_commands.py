@@ -1,0 +1,91 @@
+"""Commands about films in time: what they answer, and what they refuse."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from tympan.cli import main
+
+FILM = """
+name = "round"
+[frame]
+shape = "circle"
+radius = "45 mm"
+[plate]
+shape = "circle"
+radius = "10 mm"
+[membrane]
+thickness = "1 mm"
+prestretch = [2.236, 2.236]
+relative_permittivity = 4.7
+[membrane.material]
+law = "neo_hooke"
+mu = "20 kPa"
+[[membrane.branch]]
+modulus = "1 MPa"
+time = "30 s"
+"""
+
+
+@pytest.fixture
+def film(tmp_path: Path) -> Path:
+    file = tmp_path / "round.toml"
+    file.write_text(FILM, encoding="utf-8")
+    return file
+
+
+def answer(capsys: pytest.CaptureFixture[str], *words: str) -> dict:
+    assert main([*words, "--json"]) == 0
+    return json.loads(capsys.readouterr().out)
+
+
+def test_a_film_moves_on_its_way_to_rest(film: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """By 1.63 mm in 30 s, as an independent solver has it for this film."""
+    loads = "solve", str(film), "--mass", "17.9 g"
+    weighed, rested = (answer(capsys, *loads, "--voltage", volts)["deflection_m"]
+                       for volts in ("0 V", "7 kV"))
+    crept = answer(capsys, *loads, "--voltage", "7 kV", "--after", "30 s")["deflection_m"]
+    assert crept - weighed == pytest.approx(1.63e-3, abs=5e-6)
+    assert crept < rested
+
+
+def test_pull_in_is_a_result_with_its_time(film: Path, tmp_path: Path,
+                                           capsys: pytest.CaptureFixture[str]) -> None:
+    record = answer(capsys, "transient", str(film), "--signal", "ramp", "--high", "16 kV",
+                    "--duration", "60 s", "--interval", "0.1 s", "-o", str(tmp_path / "out"))
+    response, = record["responses"]
+    assert response["status"] in ("pull_in", "thinning")
+    assert 0 < response["stopped_s"] < 30
+    assert (tmp_path / "out" / "response.png").exists()
+
+
+@pytest.mark.parametrize(("words", "key"), [
+    (["solve", "--voltage", "1 kV", "--after", "-1 s"], "--after"),
+    (["transient", "--interval", "0 s"], "--interval"),
+    (["transient", "--duration", "-1 s"], "--duration"),
+    (["transient", "--rest", "-1 s"], "rest"),
+    (["response"], "--voltage"),
+    (["response", "--voltage", "1 kV", "--frequency", "0 Hz"], "--frequency"),
+])
+def test_what_cannot_be_is_refused(words: list[str], key: str, film: Path,
+                                   capsys: pytest.CaptureFixture[str]) -> None:
+    command, *options = words
+    assert main([command, str(film), "--mass", "17.9 g", *options]) == 2
+    message, = capsys.readouterr().err.strip().splitlines()
+    assert key in message
+
+
+@pytest.mark.parametrize(("old", "new", "key"), [
+    ('time = "30 s"', 'time = "0 s"', "time"),
+    ('modulus = "1 MPa"', 'modulus = "-1 MPa"', "modulus"),
+    ("thickness", 'mounted = "-1 s"\nthickness', "mounted")])
+def test_a_branch_that_cannot_be_is_refused(old: str, new: str, key: str, film: Path,
+                                            capsys: pytest.CaptureFixture[str]) -> None:
+    film.write_text(FILM.replace(old, new), encoding="utf-8")
+    assert main(["solve", str(film), "--mass", "17.9 g"]) == 2
+    message, = capsys.readouterr().err.strip().splitlines()
+    assert str(film) in message
+    assert key in message
