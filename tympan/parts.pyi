@@ -65,7 +65,9 @@ class Rig(AnyRig):
                  "vertical", "fixed"] = ..., weight_offset: Pair = ...,
                  plate_pressure: Quantity = ..., gas_pressure: Quantity = ...,
                  biases: Sequence[Bias] = ..., lag_voltage: Quantity = ...,
-                 friction: Quantity = ...) -> None: ...
+                 friction: Quantity = ..., plate_damping: Quantity = ...,
+                 added_mass: Quantity = ..., series_resistance: Quantity = ...,
+                 leakage_resistance: Quantity = ..., sensor_lag: Quantity = ...) -> None: ...
 
 class Circle(AnyCircle):
     def __init__(self, radius: Quantity) -> None: ...
@@ -101,7 +103,9 @@ class Electrode(AnyElectrode):
 class Film(AnyFilm):
     def __init__(self, thickness: Quantity, prestretch: tuple[float, float], material: Material,
                  relative_permittivity: float, permittivity_exponent: float =
-                 ..., density: Quantity = ..., strength: Strength | None = ...) -> None: ...
+                 ..., density: Quantity = ..., strength: Strength | None = ...,
+                 branches: Sequence[ViscousBranch] = ..., mounted: Quantity =
+                 ...) -> None: ...
 
 class Plate(AnyPlate):
     def __init__(self, outline: Outline, offset: Pair = ...) -> None: ...
