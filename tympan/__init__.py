@@ -25,9 +25,9 @@ __all__ = [
     "ArrudaBoyce", "Case", "Circle", "ClosedSpline", "Electrode", "Ellipse", "Film", "Gent",
     "InputError", "Magnet", "MeshSettings", "MooneyRivlin", "NeoHooke", "Ogden", "Plate", "Polygon",
     "Region", "RegularPolygon", "Result", "Rig", "Rotated", "RoundedRectangle", "Settings",
-    "Specimen", "Spring", "Stadium", "Superellipse", "Yeoh", "__version__", "alpha", "curve",
-    "diagnose", "load", "lumped", "material", "modes", "optimise", "path", "sensitivity", "solve",
-    "study", "sweep",
+    "Specimen", "Spring", "Stadium", "Superellipse", "ViscousBranch", "Yeoh", "__version__",
+    "alpha", "curve", "diagnose", "load", "lumped", "material", "modes", "optimise", "path",
+    "sensitivity", "solve", "study", "sweep",
 ]
 
 

@@ -25,3 +25,4 @@ from tympan.geometry.specimen import Film as Film
 from tympan.geometry.specimen import Plate as Plate
 from tympan.geometry.specimen import Region as Region
 from tympan.geometry.specimen import Specimen as Specimen
+from tympan.geometry.specimen import ViscousBranch as ViscousBranch

@@ -29,6 +29,7 @@ from tympan.geometry.specimen import Material, Strength
 from tympan.geometry.specimen import Plate as AnyPlate
 from tympan.geometry.specimen import Region as AnyRegion
 from tympan.geometry.specimen import Specimen as Specimen
+from tympan.geometry.specimen import ViscousBranch as AnyViscousBranch
 
 Quantity = float | str
 Pair = tuple[Quantity, Quantity]
@@ -104,11 +105,14 @@ class Film(AnyFilm):
     def __init__(self, thickness: Quantity, prestretch: tuple[float, float], material: Material,
                  relative_permittivity: float, permittivity_exponent: float =
                  ..., density: Quantity = ..., strength: Strength | None = ...,
-                 branches: Sequence[ViscousBranch] = ..., mounted: Quantity =
-                 ...) -> None: ...
+                 branches: Sequence[AnyViscousBranch] = ..., mounted: Quantity |
+                 None = ...) -> None: ...
 
 class Plate(AnyPlate):
     def __init__(self, outline: Outline, offset: Pair = ...) -> None: ...
 
 class Region(AnyRegion):
     def __init__(self, outline: Outline, offset: Pair = ...) -> None: ...
+
+class ViscousBranch(AnyViscousBranch):
+    def __init__(self, modulus: Quantity, time: Quantity) -> None: ...

@@ -70,15 +70,17 @@ def annotation(field: Field) -> str:
     if get_origin(field.item) is tuple:
         return "Sequence[Pair]"
     if field.item is float and not field.several:
-        return number
+        return f"{number} | None" if field.default is None else number
     if field.item is float and field.count == 2:
         return "Pair" if field.says.dimension else "tuple[float, float]"
-    if field.several:
-        return f"Sequence[{number if field.item is float else field.item.__name__}]"
+    if field.several and field.item is float:
+        return f"Sequence[{number}]"
     if get_origin(field.item) is Literal:
         return f"Literal[{', '.join(map(repr, get_args(field.item)))}]".replace("'", '"')
     words: Any = field.item.__name__
     words = f"Any{words}" if hasattr(parts, words) and fields(words) else words
+    if field.several:
+        return f"Sequence[{words}]"
     return f"{words} | None" if field.default is None else str(words)
 
 
