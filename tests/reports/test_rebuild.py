@@ -142,6 +142,9 @@ RUNS: dict[str, Callable[[Path], None]] = {
     "lumped paper": paper,
     "lumped simulate": of_specimen("lumped simulate", "--signal", "sine", "--duration", "2 s",
                                    "--interval", "20 ms"),
+    "transient": of_specimen("transient", "--signal", "sine", "--duration", "2 s", "--interval",
+                             "20 ms", "--refine", "0.5"),
+    "response": of_specimen("response", "--voltage", "3 kV", *LOADED),
     "lumped build": of_specimen("lumped build", "--mass", "17.9 g", "--count", "3",
                                 "--voltages", "0 kV..3 kV", "--refine", "0.5"),
 }
