@@ -165,7 +165,8 @@ def test_limits_solve_and_path_agree(specimen: Specimen, mass: float) -> None:
     assert reached.tension is not None
     assert events["tension lost"] == pytest.approx(reached.tension.voltage_V, rel=1e-3)
     if reached.pull_in is not None and "limit" in events:
-        assert events["limit"] == pytest.approx(reached.pull_in.voltage_V, rel=1e-3)
+        near = max(1e-3, reached.pull_in.spread)  # of a coarse mesh it says how certain it is
+        assert events["limit"] == pytest.approx(reached.pull_in.voltage_V, rel=near)
 
 
 def test_alpha_leaves_out_what_is_beyond_the_limit_and_says_which() -> None:
