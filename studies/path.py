@@ -175,7 +175,7 @@ def stops(case: Case, model: Model, start: State, along: Along, settings: PathSe
     stepping = replace(settings, arc=replace(settings.arc, longest=step))
     load = _GROWING[along][0]
     before: Stop | None = None
-    for branch, point in follow_branch(model, start, load, stepping):
+    for branch, point in follow_branch(model, start, load, stepping, beyond=True):
         here = Stop(branch.model, point)
         if before is not None:
             yield from _passed(case, branch, before, here, along)

@@ -415,13 +415,13 @@ class Ramp:
 
 
 def follow_branch(model: Model, start: State, load: Load, settings: PathSettings = PathSettings(),
-                  sense: int = 1) -> Iterator[tuple[Branch, PathPoint]]:
+                  sense: int = 1, beyond: bool = False) -> Iterator[tuple[Branch, PathPoint]]:
     """Points from an equilibrium on, each with the branch it is on.
 
     One load grows at first (``sense`` 1) or falls (−1). With all motions as far as the film has an
     equilibrium. A film that is taut until, wrinkled, it would thin without bound, is followed on as
-    one that bears compression, with smooth motions, from the first point beyond the loss of tension
-    on.
+    one that bears compression, with smooth motions; with ``beyond`` from the first point beyond the
+    loss of tension on, which is then among the points.
     """
     last, passed = start, 0.0
     shortest, charged = settings.arc.shortest, load == "voltage" or start.voltage_squared > 0
@@ -432,7 +432,7 @@ def follow_branch(model: Model, start: State, load: Load, settings: PathSettings
         pressed = not model.wrinkles or model.thinning_margin(point.state) < 0
         loose = model.wrinkles and not model.in_tension(last)
         if pressed and (loose or point.solution.wrinkling):
-            if not loose and point.rate * sense > 0:
+            if beyond and not loose and point.rate * sense > 0:
                 yield branch, point
                 passed = length(model, difference(model, point.state, last))
             break
