@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
-from itertools import chain, pairwise
+from itertools import chain, dropwhile, pairwise
 from typing import Literal
 
 import numpy as np
@@ -446,6 +446,7 @@ def follow_branch(model: Model, start: State, load: Load, settings: PathSettings
         points = smooth.points(last, sense)
         # The first point is the last one again, by smooth motions.
         if next(points, None) is not None and (first := next(points, None)) is not None:
-            yield from ((smooth, point) for point in chain((first,), points)
-                        if length(model, difference(model, point.state, last)) > passed)
+            yield from ((smooth, point) for point in dropwhile(
+                lambda point: length(model, difference(model, point.state, last)) < passed,
+                chain((first,), points)))
             return

@@ -20,7 +20,7 @@ from tympan.fem.results.fields import cell_fields
 from tympan.geometry.errors import InputError
 from tympan.geometry.mesh import ELEMENTS, facets_of, from_meshio, unfold
 from tympan.geometry.mesher import MeshSettings, mesh_film
-from tympan.geometry.outlines import Circle
+from tympan.geometry.outlines import Circle, Ellipse, Superellipse
 from tympan.geometry.specimen import Electrode, Plate, Region
 from tympan.studies.case import Settings, build_model
 
@@ -62,6 +62,16 @@ def test_area_and_boundaries(name: str, order: int) -> None:
     for axis, coordinate in (("axis_x", 1), ("axis_y", 0)):
         nodes = basis.doflocs[:, basis.get_dofs(mesh.boundaries[axis]).flatten()]
         assert np.abs(nodes[coordinate] - specimen.plate.offset[coordinate]).max() < 1e-9
+
+
+def test_a_quarter_that_is_built_is_the_one_that_would_be_cut() -> None:
+    """A bare band of the frame, which is cut, and the film without one have the same area."""
+    for frame in (Ellipse((30e-3, 50e-3)), Superellipse((60e-3, 45e-3), 3.0)):
+        whole = replace(circular(), frame=frame)
+        built, cut = (from_meshio(mesh_film(specimen, MeshSettings(), frozenset("xy")))
+                      for specimen in (whole, replace(whole, electrode=Electrode(3e-3))))
+        assert area(built) == pytest.approx(area(cut), rel=1e-6)
+        assert area(built) == pytest.approx((frame.curve.area - np.pi * 10e-3**2) / 4, rel=1e-5)
 
 
 def test_electrode_margins_have_their_areas() -> None:
