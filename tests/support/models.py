@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -15,7 +15,7 @@ from tympan.fem.equilibrium.newton import Solution, moved
 from tympan.fem.equilibrium.ramp import Outcome
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import PlateMotion, State
-from tympan.geometry.mesh import ELEMENTS, curved_mesh
+from tympan.geometry.mesh import ELEMENTS, CurvedTriangles, curved_mesh
 from tympan.geometry.mesher import MeshSettings
 from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Settings, build_model
@@ -33,32 +33,36 @@ def pressed_model(specimen: Specimen, *, refine: float = 1.0) -> Model:
     return replace(model(specimen, refine=refine), wrinkles=False)
 
 
-def structured_quarter(order: int, radial: int, around: int) -> Model:
-    """A quarter annulus cut evenly in log r and in angle: one family, for orders of convergence."""
-    specimen = circular()
-    s, t = np.meshgrid(np.linspace(0, 1, radial + 1), np.linspace(0, 1, around + 1), indexing="ij")
+def structured_mesh(order: int, cells: tuple[int, int],
+                    place: Callable[[np.ndarray], np.ndarray]) -> CurvedTriangles:
+    """The unit square cut evenly into cells of two triangles, its points (2, ...) placed."""
+    first, second = cells
+    s, t = np.meshgrid(np.linspace(0, 1, first + 1), np.linspace(0, 1, second + 1), indexing="ij")
     number = np.arange(s.size).reshape(s.shape)
     a, b, c, d = number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]
     triangles = np.sort(np.hstack([np.stack([a, b, c]).reshape(3, -1),
                                    np.stack([a, c, d]).reshape(3, -1)]), axis=0)
     unit = np.stack([s.ravel(), t.ravel()])
+    xy = ELEMENTS[order].doflocs
+    weights = np.column_stack([1 - xy.sum(1), xy])
+    nodes = place(np.einsum("lv,kve->kle", weights, unit[:, triangles]))
+    return curved_mesh(place(unit), triangles, order, nodes)
 
+
+def structured_quarter(order: int, radial: int, around: int) -> Model:
+    """A quarter annulus cut evenly in log r and in angle: one family, for orders of convergence."""
     def place(points: np.ndarray) -> np.ndarray:
         r, angle = 10e-3 * 4.5 ** points[0], np.pi / 2 * points[1]
         return np.stack([r * np.cos(angle), r * np.sin(angle)])
 
-    xy = ELEMENTS[order].doflocs
-    weights = np.column_stack([1 - xy.sum(1), xy])
-    nodes = place(np.einsum("lv,kve->kle", weights, unit[:, triangles]))
-    mesh = curved_mesh(place(unit), triangles, order, nodes)
-
+    mesh = structured_mesh(order, (radial, around), place)
     facets = mesh.boundary_facets()
     x, y = mesh.p[:, mesh.facets[:, facets]].mean(axis=1)
     # An arc's chord has its middle inside the quarter, off both axes.
     arc, near = (x > 1e-6) & (y > 1e-6), np.hypot(x, y) < 20e-3
     tags = {"axis_x": facets[y <= 1e-6], "axis_y": facets[x <= 1e-6],
             "plate": facets[arc & near], "frame": facets[arc & ~near]}
-    return Model(Discretisation.of(mesh.with_boundaries(tags), frozenset("xy")), specimen)
+    return Model(Discretisation.of(mesh.with_boundaries(tags), frozenset("xy")), circular())
 
 
 def deformed(film: Model, seed: int = 0) -> tuple[np.ndarray, PlateMotion]:

@@ -1,5 +1,4 @@
-"""Wrinkled films: a turned hub and a charged annulus against relaxed equations, and other meshes.
-"""
+"""Wrinkled films: a turned hub, a bent strip and a charged annulus against relaxed equations."""
 
 from __future__ import annotations
 
@@ -10,10 +9,12 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from tests.oracles.axisymmetric import Film, energy_derivatives, shoot_deflection
+from tests.oracles.bending import Strip
 from tests.oracles.laws import SAMPLES
 from tests.oracles.torsion import turned_hub
 from tests.support.models import model
 from tests.support.specimens import circular
+from tests.support.strip import BentStrip
 from tympan.fem.equilibrium.newton import newton
 from tympan.fem.equilibrium.ramp import equilibrium
 from tympan.fem.film.laws import NeoHooke
@@ -80,3 +81,33 @@ def test_a_charged_film_goes_on_wrinkled_as_the_relaxed_equations_say() -> None:
     hoop = energy_derivatives(replace(reference, relaxed=False), exact.lambda1(rings),
                               exact.lambda2(rings), 4717.0**2).d2
     assert shares == pytest.approx(3 * [np.mean(hoop < 0)], abs=3e-3)
+
+
+def stein_and_hedgepeth(moment: float) -> tuple[float, float]:
+    """Wrinkled share and curvature 2·3μhκ·width²/P of a strip from moment/(P width)."""
+    share = max(3 * moment - 0.5, 0.0)
+    return share, 12 * moment if not share else 2 / (1 - share) ** 2
+
+
+@pytest.mark.parametrize("moment", [0.1, 0.25, 0.4])
+def test_a_bent_strip_s_equations_are_those_published_at_small_strains(moment: float) -> None:
+    strip = Strip(MU, 1.0001, 1e-3, 20e-3)
+    force = strip.tension * strip.width
+    share, curvature = stein_and_hedgepeth(moment)
+    stiffness = 3 * MU * 1e-3 * strip.width**2 / strip.prestretch**2
+    bent = strip.bent(curvature * force / stiffness, force)
+    assert bent.moment / (force * strip.width) == pytest.approx(moment, rel=2e-4)
+    assert bent.wrinkled == pytest.approx(share, abs=1e-3)
+
+
+def test_a_bent_strip_wrinkles_as_the_relaxed_equations_say() -> None:
+    """The moment of a strip a quarter of which is wrinkled, on three meshes."""
+    strip = Strip(MU, PRESTRETCH, 1e-3, 20e-3)
+    force = strip.tension * strip.width
+    sections = [BentStrip(strip, cells).bent(16.6, force) for cells in (4, 6, 8)]
+    for section in sections:
+        exact = strip.bent(section.curvature, section.force)
+        assert section.moment == pytest.approx(exact.moment, rel=2e-3)
+        assert section.wrinkled == pytest.approx(exact.wrinkled, abs=5e-3)
+    levers = np.array([section.moment / section.force for section in sections])
+    assert np.ptp(levers) < 2e-4 * levers[-1]
