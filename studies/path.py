@@ -28,7 +28,7 @@ from tympan.studies.film_surface import FilmSurface, film_surface
 Array = NDArray[np.float64]
 
 #: Longest step along a branch, relative to the frame's half extent; largest stretch at its end.
-STEP, _STRETCH = 0.015, 6.0
+_STEP, _STRETCH = 0.015, 6.0
 
 UNFOLLOWED = "the branch could not be followed further"
 
@@ -165,14 +165,14 @@ def path(case: Case, settings: Settings, along: Along,
                      if stop.event is not None and stop.event.what == "limit"))
 
 
-def stops(case: Case, model: Model, start: State, along: Along, settings: PathSettings,
-          step: float = STEP) -> Iterator[Stop]:
+def stops(case: Case, model: Model, start: State, along: Along, settings: PathSettings
+          ) -> Iterator[Stop]:
     """The equilibria of a case from a state of its model on, while one quantity grows.
 
-    ``step`` is the longest along the branch, relative to the frame's half extent. What happens
-    between two points of the branch is a stop of its own, so that curves pass through it.
+    What happens between two points of the branch is a stop of its own, so that curves pass through
+    it.
     """
-    stepping = replace(settings, arc=replace(settings.arc, longest=step))
+    stepping = replace(settings, arc=replace(settings.arc, longest=_STEP))
     load = _GROWING[along][0]
     before: Stop | None = None
     for branch, point in follow_branch(model, start, load, stepping, beyond=True):

@@ -132,6 +132,8 @@ def run_command() -> NoReturn:
     try:
         _streams()
         os.environ["MPLBACKEND"] = "agg"  # whatever the user has: nothing is drawn on a screen
+        # Of small dense matrices threads only wait for one another.
+        os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
         try:
             from tympan.cli import main
 

@@ -22,13 +22,10 @@ from tympan.studies.case import (
     failure_reason,
     solve,
 )
-from tympan.studies.path import STEP, UNFOLLOWED, Stop, What, stops
+from tympan.studies.path import UNFOLLOWED, Stop, What, stops
 
 _KINDS: dict[What, LimitKind] = {
     "tension lost": "tension", "breakdown": "breakdown", "limit": "pull_in"}
-
-#: Longest step towards the limits, relative to the frame's half extent.
-_STEP = 0.05
 
 #: How far beyond the last point that could be followed a limit is searched for, relative.
 _BEYOND = 1.5
@@ -53,29 +50,27 @@ def limits(case: Case, settings: Settings) -> Limits:
 
     Voltages are nominal: those that the rig's supply shows.
     """
-    return rise(case, settings, _STEP).limits
+    return rise(case, settings).limits
 
 
 def first_limit(case: Case, settings: Settings) -> Limit | None:
-    """The first limit of :func:`limits`, sooner."""
-    return rise(case, settings, _STEP, beyond=False).limits.first
+    """The first limit of :func:`limits`, sooner: the film is followed no further."""
+    return rise(case, settings, first=True).limits.first
 
 
-def rise(case: Case, settings: Settings, step: float = STEP, beyond: bool = True) -> Rise:
+def rise(case: Case, settings: Settings, first: bool = False) -> Rise:
     """Raise the voltage of a case from 0 until the film pulls in, or cannot be followed.
 
-    ``step`` is the longest between two equilibria, relative to the frame's half extent. Not
-    ``beyond``: it is not searched where a film that thins would pull in, were it kept from
-    wrinkling.
+    ``first``: only to the first limit of any kind.
     """
     case = replace(case, voltage=0.0)
     model, start = equilibrate(case, settings)
     if start.status != "equilibrium":
         return Rise(model, (), (), Limits(ended=failure_reason(start)))
-    passed = list(_to_pull_in(case, model, start, settings, step))
+    passed = list(_to_limit(case, model, start, settings, first))
     reached = _limits(case, passed)
-    sought = reached.end is None or (reached.thins and beyond)
-    if passed and reached.pull_in is None and sought:
+    wanted = reached.first if first else reached.pull_in
+    if passed and wanted is None and (reached.end is None or reached.thins):
         reached = _searched(case, passed[-1], reached, settings)
     cases = tuple(replace(case, voltage=_nominal(case, stop)) for stop in passed)
     return Rise(model, cases, tuple(passed), reached)
@@ -103,13 +98,13 @@ def solve_within(case: Case, settings: Settings, film: bool = False) -> CaseResu
                    wall_s=time.perf_counter() - began)
 
 
-def _to_pull_in(case: Case, model: Model, start: Outcome, settings: Settings, step: float
-                ) -> Iterator[Stop]:
+def _to_limit(case: Case, model: Model, start: Outcome, settings: Settings, first: bool
+              ) -> Iterator[Stop]:
     # Of a mesh that does not resolve the branch the limits say how certain they are.
     unchecked = replace(settings.path, unbalanced=np.inf)
-    for stop in stops(case, model, start.state, "voltage", unchecked, step):
+    for stop in stops(case, model, start.state, "voltage", unchecked):
         yield stop
-        if stop.event is not None and stop.event.what == "limit":
+        if stop.event is not None and (first or stop.event.what == "limit"):
             return
 
 
