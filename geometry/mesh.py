@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from io import BytesIO
 from itertools import permutations
+from typing import TYPE_CHECKING
 
-import meshio
 import numpy as np
 import skfem
 from numpy.typing import NDArray
 from skfem.assembly import Dofs
+
+if TYPE_CHECKING:
+    import meshio
 
 Ints = NDArray[np.int64]
 
@@ -69,6 +73,27 @@ def from_meshio(source: meshio.Mesh) -> CurvedTriangles:
             else:
                 boundaries[name] = facets_of(mesh, new[source.cells_dict[cell_type][members, :2]])
     tagged: CurvedTriangles = mesh.with_boundaries(boundaries).with_subdomains(subdomains)
+    return tagged
+
+
+def to_bytes(mesh: CurvedTriangles) -> bytes:
+    """The mesh with its boundaries and subdomains, for :func:`from_bytes`."""
+    content = BytesIO()
+    tagged = {f"boundary {name}": facets for name, facets in (mesh.boundaries or {}).items()}
+    tagged |= {f"subdomain {name}": cells for name, cells in (mesh.subdomains or {}).items()}
+    np.savez(content, doflocs=mesh.doflocs, t=mesh.t, order=mesh.order, **tagged)
+    return content.getvalue()
+
+
+def from_bytes(content: bytes) -> CurvedTriangles:
+    """The mesh of :func:`to_bytes`, to the last bit."""
+    with np.load(BytesIO(content)) as arrays:
+        mesh = CurvedTriangles(arrays["doflocs"], arrays["t"],
+                               elem=ELEMENTS[int(arrays["order"])], validate=False)
+        tags = {kind: {name.removeprefix(f"{kind} "): arrays[name] for name in arrays.files
+                       if name.startswith(f"{kind} ")} for kind in ("boundary", "subdomain")}
+    tagged: CurvedTriangles = mesh.with_boundaries(tags["boundary"]).with_subdomains(
+        tags["subdomain"])
     return tagged
 
 

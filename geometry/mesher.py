@@ -13,15 +13,17 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import meshio
 import numpy as np
 
 from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Specimen
 from tympan.geometry.system import missing_library
 from tympan.geometry.units import METRE
+
+if TYPE_CHECKING:
+    import meshio
 
 #: Dimension and tag of gmsh's entities, by name.
 Groups = dict[str, list[tuple[int, int]]]
@@ -266,6 +268,8 @@ def _fillet_fields(gmsh: Any, specimen: Specimen, settings: MeshSettings, plain:
 
 def _to_meshio(gmsh: Any, groups: Groups, order: int) -> meshio.Mesh:
     """The tagged mesh in memory, points renumbered from zero, in metres."""
+    import meshio
+
     tags, xyz, _ = gmsh.model.mesh.getNodes()
     number = np.zeros(int(tags.max()) + 1, dtype=np.int64)
     number[tags.astype(np.int64)] = np.arange(len(tags))

@@ -51,8 +51,12 @@ def _missing(library: str) -> bool:
     return False
 
 
+def missing_packages() -> list[str]:
+    """Debian packages of the libraries that cannot be loaded."""
+    return [package for library, package in DEBIAN.items() if _missing(library)]
+
+
 if __name__ == "__main__" and sys.platform == "linux":
-    packages = [package for library, package in DEBIAN.items() if _missing(library)]
-    if packages:
+    if packages := missing_packages():
         sys.exit("tympan: system libraries are missing; on Debian: sudo apt-get install "
                  f"{' '.join(packages)}")

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
+from math import pi
 from typing import Any
 
 from tympan.geometry.errors import InputError
@@ -33,7 +34,12 @@ class Dimension:
     @property
     def suffix(self) -> str:
         """The SI unit as the end of a name: "_kg_per_m3"."""
-        return "_" + self.si.replace("/", "_per_").replace("^", "").replace(" ", "_")
+        return suffix_of(self.si)
+
+
+def suffix_of(si: str) -> str:
+    """An SI unit as the end of a name: "_kg_per_m3"."""
+    return "_" + si.replace("/", "_per_").replace("^", "").replace(" ", "_")
 
 
 DIMENSIONS: dict[str, Dimension] = {
@@ -74,6 +80,29 @@ _FACTOR = re.compile(r"\s*([*/·]?)\s*(?:\(([^()]+)\)|([^\W\d]\w*)"
 _SIGNS = str.maketrans({"²": "^2", "³": "^3", "°": "deg"})
 
 
+#: How powers of kilogram, metre, second and ampere make the units people write, ...
+_POWERS = {"kg": (1, 0, 0, 0), "m": (0, 1, 0, 0), "s": (0, 0, 1, 0), "N": (1, 1, -2, 0),
+           "Pa": (1, -1, -2, 0), "J": (1, 2, -2, 0), "V": (1, 2, -3, -1), "F": (-1, -2, 4, 2),
+           "ohm": (1, 2, -3, -2), "Hz": (0, 0, -1, 0), "rad": (0, 0, 0, 0)}
+#: ... and what each is of these, as a fraction. All others, and what is wrong, pint knows.
+_MULTIPLES: dict[str, dict[str, tuple[float, int]]] = {
+    "kg": {"kg": (1, 1), "g": (1, 1000), "mg": (1, 10**6)},
+    "m": {"m": (1, 1), "cm": (1, 100), "mm": (1, 1000), "um": (1, 10**6), "km": (1000, 1)},
+    "s": {"s": (1, 1), "ms": (1, 1000), "us": (1, 10**6), "min": (60, 1), "h": (3600, 1)},
+    "N": {"N": (1, 1), "mN": (1, 1000), "kN": (1000, 1)},
+    "Pa": {"Pa": (1, 1), "kPa": (1000, 1), "MPa": (10**6, 1), "GPa": (10**9, 1)},
+    "J": {"J": (1, 1), "mJ": (1, 1000)},
+    "V": {"V": (1, 1), "mV": (1, 1000), "kV": (1000, 1), "MV": (10**6, 1)},
+    "F": {"F": (1, 1), "pF": (1, 10**12), "nF": (1, 10**9)},
+    "ohm": {"ohm": (1, 1), "Ohm": (1, 1), "kOhm": (1000, 1), "MOhm": (10**6, 1),
+            "GOhm": (10**9, 1)},
+    "Hz": {"Hz": (1, 1), "kHz": (1000, 1)},
+    "rad": {"rad": (1, 1), "mrad": (1, 1000), "deg": (pi, 180)},
+}
+USUAL = {name: (*fraction, _POWERS[base]) for base, names in _MULTIPLES.items()
+         for name, fraction in names.items()}
+
+
 @cache
 def _registry() -> Any:
     import pint
@@ -85,6 +114,30 @@ def _registry() -> Any:
 
 @cache
 def _factor(unit: str, dimension: str) -> float:
+    usual = _product(unit.translate(_SIGNS)), _product(DIMENSIONS[dimension].si)
+    if usual[0] is not None and usual[1] is not None and usual[0][1] == usual[1][1]:
+        return usual[0][0]
+    return pint_factor(unit, dimension)
+
+
+def _product(unit: str) -> tuple[float, tuple[int, ...]] | None:
+    """What usual units make in SI, and their powers; None where another is among them.
+
+    To load pint takes longer than to read a file.
+    """
+    above, below, powers = 1.0, 1.0, [0, 0, 0, 0]
+    for name, power in _powers(unit):
+        if name not in USUAL:
+            return None
+        numerator, denominator, base = USUAL[name]
+        above *= (numerator if power > 0 else denominator) ** abs(power)
+        below *= (denominator if power > 0 else numerator) ** abs(power)
+        powers = [whole + power * part for whole, part in zip(powers, base, strict=True)]
+    return above / below, tuple(powers)
+
+
+def pint_factor(unit: str, dimension: str) -> float:
+    """The SI value of one unit of a dimension; raises whatever pint raises."""
     registry, powers = _registry(), Counter[str]()
     for name, power in _powers(unit.translate(_SIGNS)):
         powers[registry.get_name(name)] += power
@@ -106,14 +159,17 @@ def _powers(unit: str, sign: int = 1) -> Iterator[tuple[str, int]]:
 
 
 def _si_value(unit: str, dimension: str, allowed: str, given: str) -> float:
-    import pint
-
     try:
         return _factor(unit, dimension)
-    except pint.DimensionalityError:
-        raise InputError(f"wrong dimension: {allowed}", given=given) from None
-    except Exception:  # pint raises whatever its tables of names and offsets raise
-        raise InputError(f"unknown unit: {allowed}", given=given) from None
+    except Exception as error:  # pint raises whatever its tables of names and offsets raise
+        wrong = "wrong dimension" if _is_dimensional(error) else "unknown unit"
+        raise InputError(f"{wrong}: {allowed}", given=given) from None
+
+
+def _is_dimensional(error: Exception) -> bool:
+    import pint
+
+    return isinstance(error, pint.DimensionalityError)
 
 
 def quantity(text: object, dimension: str) -> float:

@@ -30,11 +30,12 @@ from tympan.fem.results.fields import (
 from tympan.fem.rig import DIRECTIONS, Rig, checked_load
 from tympan.geometry.errors import InputError
 from tympan.geometry.fields import Key, require, takes_units
-from tympan.geometry.mesh import ELEMENTS, from_meshio, unfold
-from tympan.geometry.mesher import MeshSettings, mesh_film
+from tympan.geometry.mesh import ELEMENTS, unfold
+from tympan.geometry.mesher import MeshSettings
 from tympan.geometry.specimen import Material, Specimen
 from tympan.studies.files import from_json, read_json, remove, stored_file, to_json, write_json
 from tympan.studies.film_surface import FilmSurface, film_surface
+from tympan.studies.kept.meshes import film_part
 
 #: Below this margin to breakdown a result warns; strengths scatter by more.
 LEAST_MARGIN = 1.2
@@ -229,7 +230,7 @@ def meshed(specimen: Specimen, settings: Settings, planes: frozenset[str]) -> Mo
     The whole film has the mirrored mesh of the part, so symmetry changes nothing but the time.
     """
     for refine in (1.0, 2.0, 4.0):
-        part = from_meshio(mesh_film(specimen, settings.mesh.refined(refine), planes))
+        part = film_part(specimen, settings.mesh.refined(refine), planes)
         if not folded(part):
             if not settings.symmetry:
                 part, planes = unfold(part, planes)[0], frozenset()

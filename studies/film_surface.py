@@ -7,9 +7,7 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-import meshio
 import numpy as np
-from meshio import vtu
 from numpy.typing import NDArray
 
 from tympan.fem.discretisation.isoparametric import tabulated
@@ -48,6 +46,8 @@ class FilmSurface:
 
     def save(self, file: Path) -> None:
         """Write a VTU file."""
+        import meshio
+
         mesh = meshio.Mesh(self.points, [("triangle", self.triangles)],
                            point_data=dict(self.values))
         write_atomically(file, partial(meshio.write, mesh=mesh, file_format="vtu"))
@@ -55,6 +55,8 @@ class FilmSurface:
     @classmethod
     def load(cls, file: Path) -> FilmSurface:
         """Read what :meth:`save` wrote."""
+        from meshio import vtu
+
         if not file.is_file():
             raise InputError("is missing: run the command that wrote the folder again", file=file)
         try:

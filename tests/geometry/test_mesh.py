@@ -18,10 +18,10 @@ from tests.support.specimens import circular, elliptical, skewed
 from tympan.fem.discretisation.isoparametric import folded
 from tympan.fem.results.fields import cell_fields
 from tympan.geometry.errors import InputError
-from tympan.geometry.mesh import ELEMENTS, facets_of, from_meshio, unfold
+from tympan.geometry.mesh import ELEMENTS, facets_of, from_bytes, from_meshio, to_bytes, unfold
 from tympan.geometry.mesher import MeshSettings, mesh_film
 from tympan.geometry.outlines import Circle, Ellipse, Superellipse
-from tympan.geometry.specimen import Electrode, Plate, Region
+from tympan.geometry.specimen import Electrode, Plate, Region, Specimen
 from tympan.studies.case import Settings, build_model
 
 SPECIMENS = {
@@ -217,3 +217,20 @@ def test_no_room_for_temporary_files_is_said() -> None:
             mesh_film(circular(), MeshSettings(2), frozenset())
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, unlimited)
+
+
+@pytest.mark.parametrize("specimen", [circular(), skewed(), replace(
+    elliptical(60e-3), electrode=Electrode(2e-3, 1e-3))], ids=["round", "skewed", "bands"])
+def test_a_mesh_is_read_back_to_the_last_bit(specimen: Specimen) -> None:
+    for order in (2, 4):
+        mesh = from_meshio(mesh_film(specimen, MeshSettings(order), specimen.mirror_planes))
+        again = from_bytes(to_bytes(mesh))
+        assert type(again) is type(mesh)
+        assert again.order == order
+        for name in ("doflocs", "t", "facets", "t2f"):
+            assert np.array_equal(getattr(again, name), getattr(mesh, name))
+        for tags, others in ((again.boundaries, mesh.boundaries),
+                             (again.subdomains, mesh.subdomains)):
+            assert tags.keys() == others.keys()
+            assert all(np.array_equal(tags[name], others[name]) for name in others)
+            assert all(tags[name].dtype == others[name].dtype for name in others)

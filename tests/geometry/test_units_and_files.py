@@ -4,8 +4,12 @@ not."""
 from __future__ import annotations
 
 import contextlib
+import re
+import subprocess
+import sys
 from pathlib import Path
 
+import pint
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -16,7 +20,7 @@ from tympan.fem.film.library import load_specimen
 from tympan.fem.rig import Rig
 from tympan.geometry.errors import InputError
 from tympan.geometry.outlines import Ellipse
-from tympan.geometry.units import DIMENSIONS, quantity
+from tympan.geometry.units import DIMENSIONS, USUAL, pint_factor, quantity, unit_factor
 from tympan.studies.paper.actuators import FILES, actuators
 
 GOOD = """
@@ -188,3 +192,30 @@ def test_quantities_are_read_as_written(number: float, unit: tuple[str, str, flo
 def test_no_text_breaks_the_reader(text: str, dimension: str) -> None:
     with contextlib.suppress(InputError):
         assert isinstance(quantity(text, dimension), float)
+
+
+@pytest.mark.parametrize("unit", USUAL)
+def test_usual_units_are_those_of_pint(unit: str) -> None:
+    """Alone and as a factor of every dimension that has one like it."""
+    agreed = 0
+    for dimension, item in DIMENSIONS.items():
+        names = re.findall(r"[A-Za-z]+", item.si)
+        for written in {unit, *(item.si.replace(name, unit, 1) for name in names)}:
+            try:
+                expected = pint_factor(written, dimension)
+            except pint.DimensionalityError:
+                continue
+            assert unit_factor(written, dimension) == pytest.approx(expected, rel=1e-15)
+            agreed += 1
+    assert agreed > 0
+
+
+def test_usual_units_need_no_table_of_all_others(tmp_path: Path) -> None:
+    code = ("import sys; from tympan.geometry.units import quantity\n"
+            "for text, kind in (('4.5 cm', 'length'), ('1 um/min', 'speed'), ('5°', 'angle'),\n"
+            "                   ('960 kg/m³', 'density'), ('62.4 kPa s', 'viscosity')):\n"
+            "    quantity(text, kind)\n"
+            "print('pint' in sys.modules)")
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "False\n"
+    assert quantity("1 inch", "length") == pytest.approx(25.4e-3)

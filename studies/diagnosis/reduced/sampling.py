@@ -6,6 +6,7 @@ from collections import OrderedDict
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,10 +20,10 @@ from tympan.geometry.mesher import MeshSettings
 from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Settings, build_model
 from tympan.studies.diagnosis.reduced.axes import HeldFilm
-from tympan.studies.diagnosis.reduced.cache import digest, keep, kept
 from tympan.studies.diagnosis.reduced.force_law import ForceLaw, Grid, Sampled
 from tympan.studies.diagnosis.reduced.growth import first_laws
 from tympan.studies.effects import Setup
+from tympan.studies.kept.store import Store, digest
 
 Array = NDArray[np.float64]
 
@@ -39,6 +40,9 @@ _BOLD = PathSettings(shortest=0.1)
 
 #: Fewest heaves and voltages with a solution.
 _FEWEST = 2
+
+#: Values of solved films on disk, some 20 MB.
+_FILMS = Store("films", 30_000)
 
 #: How many films' states this process keeps for others to begin with.
 _MOST = 24
@@ -158,7 +162,11 @@ class FiniteElements:
 
     def stored(self, film: HeldFilm, grid: Grid) -> Array | None:
         key = _key(film, grid)
-        return None if key is None else kept(key, (3, *map(len, grid.numbers)))
+        shape = (3, *map(len, grid.numbers))
+        content = None if key is None else _FILMS.read(key)
+        if content is None or len(content) != 8 * int(np.prod(shape)):
+            return None
+        return np.frombuffer(content).reshape(shape)
 
     def solved(self, film: HeldFilm, grid: Grid, near: Sequence[HeldFilm]) -> Array:
         if (values := self.stored(film, grid)) is not None:
@@ -190,7 +198,7 @@ def _kept(film: HeldFilm, grid: Grid, nodes: Nodes) -> Array:
     while len(_states) > _MOST:
         _states.popitem(last=False)
     if (key := _key(film, grid)) is not None:
-        keep(key, nodes.values)
+        _FILMS.keep(key, np.ascontiguousarray(nodes.values, dtype=np.float64).tobytes())
     return nodes.values
 
 
@@ -198,7 +206,7 @@ def _key(film: HeldFilm, grid: Grid) -> bytes | None:
     """Of all that a film's values depend on; its name is not among it."""
     nameless = replace(film, specimen=replace(film.specimen, name="film"))
     with suppress(TypeError):
-        return digest(nameless, grid.nodes, COARSE)
+        return digest(nameless, grid.nodes, COARSE, Path(__file__).read_text(encoding="utf-8"))
     return None
 
 

@@ -1,4 +1,4 @@
-"""Solved films kept on disk, so that a second diagnosis of the same specimens takes seconds.
+"""Meshes and solved films kept on disk, so that the same specimens take less time again.
 
 In one SQLite file, ``films.sqlite`` in the folder ``$TYMPAN_CACHE``, else
 ``$XDG_CACHE_HOME/tympan``, else ``~/.cache/tympan``; with an empty ``TYMPAN_CACHE`` nothing is
@@ -11,30 +11,68 @@ import os
 import sqlite3
 from collections.abc import Iterator, Mapping
 from contextlib import closing, suppress
-from dataclasses import fields, is_dataclass
+from dataclasses import dataclass, fields, is_dataclass
 from functools import lru_cache
 from hashlib import sha256
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
-
-#: Films kept, some 20 MB; the oldest are dropped.
-_MOST = 30_000
 
 #: How long to wait for another process that writes [s].
 _PATIENCE = 5.0
 
-#: The packages whose sources decide what a film's solution is.
-_ROOT = Path(__file__).parents[3]
+#: The packages whose sources decide what a film's mesh and solution are, here and of others.
+_ROOT = Path(__file__).parents[2]
 _SOLVERS = ("fem", "geometry")
+_MESHERS = ("cadquery-ocp", "gmsh")
+
+
+@dataclass(frozen=True)
+class Store:
+    """Contents by their :func:`digest` in a table of the file; above ``most`` the oldest go."""
+
+    table: str
+    most: int
+
+    def read(self, key: bytes) -> bytes | None:
+        """What has been kept under a key."""
+        rows = self._executed(f"SELECT * FROM {self.table} WHERE key = ?", (key,))
+        return rows[0][1] if rows else None
+
+    def keep(self, key: bytes, content: bytes) -> None:
+        """Keep a content under a key."""
+        self._executed(f"INSERT OR REPLACE INTO {self.table} VALUES (?, ?)", (key, content))
+
+    def _executed(self, statement: str, values: tuple[object, ...]) -> list[Any]:
+        """A statement's rows; none where the file cannot be used; a broken one is removed."""
+        file = cache_file()
+        if file is None:
+            return []
+        try:
+            if not file.exists():
+                file.parent.mkdir(parents=True, exist_ok=True)
+            with closing(sqlite3.connect(file, timeout=_PATIENCE)) as connection, connection:
+                # A loss of power may break the file, which would be found out.
+                connection.execute("PRAGMA synchronous = OFF")
+                connection.execute(f"CREATE TABLE IF NOT EXISTS {self.table} "
+                                   "(key BLOB PRIMARY KEY, content BLOB)")
+                rows = connection.execute(statement, values).fetchall()
+                if statement.startswith("INSERT"):
+                    connection.execute(f"DELETE FROM {self.table} WHERE rowid <= "
+                                       f"(SELECT max(rowid) FROM {self.table}) - ?", (self.most,))
+                return rows
+        except (sqlite3.OperationalError, OSError):
+            return []
+        except sqlite3.DatabaseError:
+            with suppress(OSError):
+                file.unlink()
+            return []
 
 
 def cache_file() -> Path | None:
-    """Where films are kept, None where they are not."""
+    """Where contents are kept, None where they are not."""
     folder = os.environ.get("TYMPAN_CACHE")
     if folder is None:
         home = os.environ.get("XDG_CACHE_HOME") or str(Path("~/.cache").expanduser())
@@ -54,53 +92,15 @@ def digest(*parts: object) -> bytes:
     return whole.digest()
 
 
-def kept(key: bytes, shape: tuple[int, ...]) -> Array | None:
-    """What has been kept under a key."""
-    rows = _executed("SELECT numbers FROM films WHERE key = ?", (key,))
-    if not rows or len(rows[0][0]) != 8 * int(np.prod(shape)):
-        return None
-    return np.frombuffer(rows[0][0]).reshape(shape)
-
-
-def keep(key: bytes, values: Array) -> None:
-    """Keep values under a key."""
-    numbers = np.ascontiguousarray(values, dtype=np.float64).tobytes()
-    _executed("INSERT OR REPLACE INTO films VALUES (?, ?)", (key, numbers))
-
-
-def _executed(statement: str, values: tuple[object, ...]) -> list[Any]:
-    """A statement's rows; none where the file cannot be used, which is removed if it is broken."""
-    file = cache_file()
-    if file is None:
-        return []
-    try:
-        if not file.exists():
-            file.parent.mkdir(parents=True, exist_ok=True)
-        with closing(sqlite3.connect(file, timeout=_PATIENCE)) as connection, connection:
-            # A loss of power may break the file, which would be found out.
-            connection.execute("PRAGMA synchronous = OFF")
-            connection.execute(
-                "CREATE TABLE IF NOT EXISTS films (key BLOB PRIMARY KEY, numbers BLOB)")
-            rows = connection.execute(statement, values).fetchall()
-            if statement.startswith("INSERT"):
-                connection.execute("DELETE FROM films WHERE rowid <= "
-                                   "(SELECT max(rowid) FROM films) - ?", (_MOST,))
-            return rows
-    except (sqlite3.OperationalError, OSError):
-        return []
-    except sqlite3.DatabaseError:
-        with suppress(OSError):
-            file.unlink()
-        return []
-
-
 @lru_cache
 def _sources() -> bytes:
     whole = sha256()
     for package in _SOLVERS:
         for file in sorted((_ROOT / package).rglob("*.py")):
             whole.update(file.read_bytes())
-    whole.update((Path(__file__).parent / "sampling.py").read_bytes())
+    for distribution in _MESHERS:
+        with suppress(PackageNotFoundError):  # it may come from elsewhere than the Python index
+            whole.update(version(distribution).encode())
     return whole.digest()
 
 

@@ -1,0 +1,1 @@
+"""What is kept on disk for later runs: meshes, and films solved for a diagnosis."""
