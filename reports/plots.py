@@ -12,6 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.tri import Triangulation
 
 from tympan.geometry.errors import InputError
+from tympan.geometry.specimen import Specimen
 from tympan.reports import look
 from tympan.reports.diagnosis.page import cause_label
 from tympan.reports.figures.curve import (
@@ -21,6 +22,9 @@ from tympan.reports.figures.curve import (
     voltage_curves,
 )
 from tympan.reports.figures.path import draw_stations
+from tympan.reports.figures.specimen import draw_to_scale
+from tympan.reports.sweep.figure import draw_over
+from tympan.reports.sweep.view import SweepView
 from tympan.studies.alpha import AlphaResult
 from tympan.studies.alpha.weights import Weights
 from tympan.studies.case import CaseResult
@@ -41,8 +45,16 @@ _HEIGHT, _WIDTH = 75.0, 100.0  #: of a picture in a file [mm]
 _SHOWN = 12  #: bars of a chart of sensitivities
 
 
-def plot(result: object, target: Axes | str | os.PathLike[str]) -> Axes:
-    """Draw a result on axes, or into a file of any kind matplotlib writes; answers the axes.
+def plot(result: object, target: Axes | str | os.PathLike[str] | None = None, **choices: Any
+         ) -> Axes:
+    """Draw a result on axes, into a file, or where nothing is given on new axes of pyplot.
+
+    Parameters
+    ----------
+    target
+        Axes, or a file of any kind matplotlib writes.
+    choices
+        Of a sweep: the result ``of`` which a map is drawn, and the two keys ``over`` which.
 
     Raises
     ------
@@ -50,17 +62,35 @@ def plot(result: object, target: Axes | str | os.PathLike[str]) -> Axes:
         When there is nothing to draw, or the file's kind is not known.
     """
     if isinstance(target, Axes):
-        draw(result, target)
+        draw(result, target, **choices)
         return target
+    if target is None:
+        return _shown(result, choices)
     file = Path(target)
     with look.figure_style():
         figure = look.new_figure(_HEIGHT, _WIDTH)
         if file.suffix[1:] not in figure.canvas.get_supported_filetypes():
             raise InputError("must end in .png, .svg or .pdf", key="file", given=str(file))
         axes = figure.add_subplot()
-        draw(result, axes)
+        draw(result, axes, **choices)
         figure.tight_layout()
         write_atomically(file, partial(figure.savefig, dpi=look.DPI))
+    return axes
+
+
+def _shown(result: object, choices: dict[str, Any]) -> Axes:
+    """On pyplot's axes, which notebooks and ``pyplot.show()`` show."""
+    from matplotlib import pyplot
+
+    with look.figure_style():
+        figure = pyplot.figure(figsize=(1.3 * _WIDTH * look.MM, 1.3 * _HEIGHT * look.MM), dpi=150)
+        axes: Axes = figure.add_subplot()
+        try:
+            draw(result, axes, **choices)
+        except BaseException:
+            pyplot.close(figure)
+            raise
+        figure.tight_layout()
     return axes
 
 
@@ -68,6 +98,12 @@ def plot(result: object, target: Axes | str | os.PathLike[str]) -> Axes:
 def draw(result: object, axes: Axes) -> None:
     """Draw one kind of result; each kind registers its own."""
     raise TypeError(f"there is no picture of {type(result).__name__}")
+
+
+@draw.register
+def _(specimen: Specimen, axes: Axes) -> None:
+    draw_to_scale(specimen, axes)
+    axes.set_title(specimen.name, weight="bold")
 
 
 @draw.register
@@ -118,7 +154,11 @@ def _(result: AlphaResult, axes: Axes) -> None:
 
 
 @draw.register
-def _(result: SweepResult, axes: Axes) -> None:
+def _(result: SweepResult, axes: Axes, of: str = "deflection_m",
+      over: tuple[str, str] | None = None) -> None:
+    if over is not None:
+        draw_over(SweepView(result), axes, of, over)
+        return
     table = result.table
     along = [column_name(table, str(axis)) for axis in table["status"].dims if axis != "voltage"]
     lines = list(frame(table).groupby(along, sort=False, dropna=False))

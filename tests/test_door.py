@@ -8,11 +8,15 @@ import os
 import pickle
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from unittest.mock import Mock
 
 import numpy as np
 import pytest
+from matplotlib import pyplot
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
 import tympan
@@ -131,6 +135,50 @@ def test_every_study_has_a_picture_and_a_table(tmp_path: Path) -> None:
         axes = result.plot(Figure().add_subplot())
         assert axes.has_data()
     assert dict(results["status"].to_xarray().sizes) == {"specimen": 1, "mass": 1, "voltage": 2}
+
+
+def test_a_sweep_has_maps_over_its_keys(tmp_path: Path) -> None:
+    """A cell for every pair of values, its colour that of its number on the scale beside it."""
+    written(tmp_path, 'specimen = "oval.toml"\nmass = ["17.9 g"]\nvoltage = ["0 kV", "3 kV"]\n'
+                      '[grid]\n"plate.radius" = ["8 mm", "1 cm"]\n'
+                      '"membrane.relative_permittivity" = [3.0, 4.0, 5.0]')
+    result = tympan.sweep(tmp_path / "SWEEP.toml", settings=COARSE)
+    keys = ("membrane.relative_permittivity", "plate.radius")
+    axes = result.plot(Figure().add_subplot(), of="stroke", over=keys)
+    assert "stroke [mm]" in axes.get_title()
+    assert axes.get_ylabel() == "plate.radius [mm]"
+    assert [label.get_text() for label in axes.get_yticklabels()] == ["8", "10"]
+    deflection = result.to_xarray()["deflection_m"].squeeze()
+    stroke = 1e3 * (deflection.sel(voltage=3e3) - deflection.sel(voltage=0.0))
+    bar = axes.figure.axes[1]
+    scale = ScalarMappable(Normalize(*bar.get_ylim()), "viridis")
+    width, height = (axes.get_xlim()[1] / 3, axes.get_ylim()[1] / 2)
+    assert len(axes.patches) == 6
+    for cell in axes.patches:
+        column, row = round(cell.get_x() / width), round(cell.get_y() / height)
+        expected = stroke.transpose(*keys).values[column, row]
+        assert cell.get_facecolor() == pytest.approx(scale.to_rgba(expected), abs=0.01)
+    for wrong in ({"of": "colour", "over": keys}, {"of": "stroke", "over": ("mass", keys[0])}):
+        with pytest.raises(tympan.InputError, match="must be one of"):
+            result.plot(Figure().add_subplot(), **wrong)
+
+
+def test_pictures_and_tables_of_notebooks(solved: tympan.Result[CaseResult]) -> None:
+    figures = pyplot.get_fignums()
+    try:
+        for axes in (solved.plot(), tympan.draw(circular())):
+            assert axes.has_data()
+            assert axes.figure.number in pyplot.get_fignums()
+            assert "circle" in axes.get_title()
+        assert f"{solved.deflection_m:.6f}" in solved._repr_html_()
+        gone = replace(solved.numbers, film=None)
+        with pytest.raises(tympan.InputError):
+            tympan.Result(gone).plot()
+    finally:
+        opened = [number for number in pyplot.get_fignums() if number not in figures]
+        for number in opened:
+            pyplot.close(number)
+    assert len(opened) == 2
 
 
 def test_studies_and_lumped_models_have_pictures_and_tables(tmp_path: Path) -> None:

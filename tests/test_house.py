@@ -135,7 +135,8 @@ def test_no_folder_holds_more_than_fourteen_files() -> None:
 #: Public names that stand in several modules on purpose, with the reason.
 ON_PURPOSE = {
     "alpha_map": "the command's", "export": "the command's", "material_fit": "the command's",
-    "curve": "the door's", "limits": "the command's", "response": "the command's",
+    "curve": "the door's", "draw": "the door's",
+    "limits": "the command's", "response": "the command's",
     "alpha": "the door's study of this name, loads as keywords",
     "diagnose": "the door's", "load": "the door's", "lumped": "the door's", "modes": "the door's",
     "optimise": "the door's", "path": "the door's", "sensitivity": "the door's",

@@ -26,7 +26,7 @@ __all__ = [
     "InputError", "Magnet", "MeshSettings", "MooneyRivlin", "NeoHooke", "Ogden", "Plate", "Polygon",
     "Region", "RegularPolygon", "Result", "Rig", "Rotated", "RoundedRectangle", "Settings",
     "Specimen", "Spring", "Stadium", "Superellipse", "ViscousBranch", "Yeoh", "__version__",
-    "alpha", "curve", "diagnose", "load", "lumped", "material", "modes", "optimise", "path",
+    "alpha", "curve", "diagnose", "draw", "load", "lumped", "material", "modes", "optimise", "path",
     "sensitivity", "solve", "study", "sweep",
 ]
 

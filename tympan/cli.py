@@ -5,10 +5,14 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
-from tympan.commands import COMMANDS, GROUPS
+from tympan.commands import COMMANDS, GROUPS, HEADINGS
 from tympan.geometry.errors import Failure, InputError
+
+#: Shells whose completion scripts shtab writes.
+SHELLS = ("bash", "zsh", "tcsh")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -22,12 +26,35 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return 0
 
 
+class _Parser(argparse.ArgumentParser):
+    """Lists the commands under their headings."""
+
+    def format_help(self) -> str:
+        formatter = self._get_formatter()
+        formatter.add_usage(self.usage, self._actions, self._mutually_exclusive_groups)
+        formatter.add_text(self.description)
+        for heading, commands in HEADINGS.items():
+            formatter.start_section(heading)
+            formatter.add_arguments([
+                argparse.Action([], command.name, metavar=command.name,
+                                help=command.summary.replace("%", "%%")) for command in commands])
+            formatter.end_section()
+        formatter.start_section("options")
+        formatter.add_arguments([action for action in self._actions if action.option_strings])
+        formatter.end_section()
+        formatter.add_text(self.epilog)
+        return formatter.format_help()
+
+
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = _Parser(
         prog="tympan", description="Shape studies of dielectric-elastomer membrane actuators.",
-        epilog='Quantities carry their unit: --mass "17.9 g" --voltage "3.5 kV".')
+        epilog='Quantities carry their unit: --mass "17.9 g" --voltage "3.5 kV". '
+               "tympan COMMAND --help says more, with an example.")
     parser.add_argument("--version", action=_Version)
-    commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
+    parser.add_argument("--print-completion", action=_Completion, choices=SHELLS)
+    commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND",
+                                     parser_class=argparse.ArgumentParser)
     groups = {"": commands}
     for command in COMMANDS:
         group = command.name.rpartition(" ")[0]
@@ -51,3 +78,33 @@ class _Version(argparse.Action):
 
         print(f"tympan {version('tympan')}")
         parser.exit()
+
+
+class _Completion(argparse.Action):
+    """``--print-completion SHELL`` without importing shtab on every start."""
+
+    def __init__(self, option_strings: list[str], dest: str, **settings: Any) -> None:
+        super().__init__(option_strings, dest, **settings, metavar="SHELL",
+                         help="print a script that completes commands, options and files in "
+                              f"{', '.join(SHELLS)}; then exit")
+
+    def __call__(self, parser: argparse.ArgumentParser, namespace: argparse.Namespace,
+                 value: Any, option: str | None = None) -> None:
+        try:
+            import shtab
+        except ImportError:
+            raise InputError("needs the package shtab: pip install 'tympan[completion]'",
+                             key=option) from None
+        _complete_files(parser, shtab.FILE)
+        print(shtab.complete(parser, shell=value))
+        parser.exit()
+
+
+def _complete_files(parser: argparse.ArgumentParser, files: object) -> None:
+    """Mark every argument that is a path as one to be completed by files."""
+    for action in parser._actions:
+        if isinstance(action, argparse._SubParsersAction):
+            for command in action.choices.values():
+                _complete_files(command, files)
+        elif action.type is Path:
+            action.complete = files  # type: ignore[attr-defined]  # what shtab looks for

@@ -18,6 +18,8 @@ from tympan.studies.case import CaseResult
 from tympan.studies.case import Settings as Settings
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
     from tympan.studies.alpha import AlphaResult, AlphaSettings
     from tympan.studies.diagnosis.result import Diagnosis
     from tympan.studies.limits import CurveResult
@@ -51,6 +53,13 @@ def load(file: File) -> Specimen:
         When it is missing or wrong, naming file, key, what was given and what is allowed.
     """
     return load_specimen(Path(file))
+
+
+def draw(specimen: Specimen, target: Axes | File | None = None) -> Axes:
+    """Draw a specimen with its sizes on axes, into a file, or on new axes; answers the axes."""
+    from tympan.reports.plots import plot
+
+    return plot(specimen, target)
 
 
 def material(name: str) -> Material:

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from tympan.geometry.errors import InputError
-from tympan.geometry.units import quantity
+from tympan.geometry.units import quantity, suffix_of, unit_of
 
 if TYPE_CHECKING:
     from tympan.fem.rig import Rig
@@ -25,27 +25,41 @@ Argument: TypeAlias = Callable[[argparse._ActionsContainer], object]
 
 @dataclass(frozen=True)
 class Command:
-    """A command: ``name`` of one word, or of two where it is one of a group; what it does; how."""
+    """A command: ``name`` of one word, or of two where it is one of a group; what it does; how.
+
+    ``example`` is what follows ``tympan`` and the name in a line that works.
+    """
 
     name: str
     run: Callable[[argparse.Namespace], None]
     arguments: tuple[Argument, ...]
+    example: str
+
+    @property
+    def description(self) -> str:
+        """What it does, in whole sentences."""
+        return " ".join((self.run.__doc__ or "").split())
+
+    @property
+    def summary(self) -> str:
+        """What it does, in a line of a list."""
+        first = self.description.split(". ")[0].rstrip(".")
+        return f"{first[:1].lower()}{first[1:]}"
 
     def add(self, commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
         """Add its parser, with the function's docstring as help."""
-        words = " ".join((self.run.__doc__ or "").split())
-        summary = words.split(". ")[0].rstrip(".")
-        parser = commands.add_parser(self.name.split()[-1], description=words,
-                                     help=f"{summary[:1].lower()}{summary[1:]}")
+        parser = commands.add_parser(self.name.split()[-1], description=self.description,
+                                     help=self.summary,
+                                     epilog=f"example: tympan {self.name} {self.example}".rstrip())
         parser.set_defaults(run=self.run, command=self.name)
         for argument in self.arguments:
             argument(parser)
 
 
-def command(name: str, *arguments: Argument) -> Callable[[Callable[[argparse.Namespace], None]],
-                                                         Command]:
+def command(name: str, *arguments: Argument, example: str
+            ) -> Callable[[Callable[[argparse.Namespace], None]], Command]:
     """Make a function a command of these arguments; its docstring is what ``--help`` says."""
-    return lambda run: Command(name, run, arguments)
+    return lambda run: Command(name, run, arguments, example)
 
 
 def argument(*names: str, within: tuple[float, float] | None = None, **settings: Any) -> Argument:
@@ -56,6 +70,8 @@ def argument(*names: str, within: tuple[float, float] | None = None, **settings:
     if within is not None:
         settings |= {"action": _Within, "limits": within}
     words = settings.get("help") or ""
+    if "help" in settings and "%(" not in words:
+        words = settings["help"] = words.replace("%", "%%")
     if settings.get("default") not in (None, "", []) and "%(" not in words:
         settings["help"] = f"{words} (default: %(default)s)".strip()
     return lambda parser: parser.add_argument(*names, **settings)
@@ -219,10 +235,32 @@ def print_record(options: argparse.Namespace, record: dict[str, Any], **more: An
         print(text.rstrip("\n"))
 
 
+#: Units of results on a terminal, by SI unit, and how many of them make one.
+_SHOWN = {"m": ("mm", 1e3), "kg": ("g", 1e3), "V": ("kV", 1e-3), "Pa": ("kPa", 1e-3),
+          "V/m": ("MV/m", 1e-6), "F": ("nF", 1e9), "N": ("mN", 1e3), "J": ("mJ", 1e3),
+          "rad": ("mrad", 1e3), "m^2": ("mm²", 1e6)}
+
+
 def _entries(record: dict[str, Any], *without: str) -> str:
-    """One line per entry."""
-    width = max(map(len, record.keys() - set(without)))
-    return "\n".join(
-        f"{key:<{width}}  {f'{item:.6g}' if isinstance(item, float) else item}"
-        for key, value in record.items() if key not in without
-        for item in (value if key == "warnings" else [value]))
+    """One line per entry that has a value, in units of the bench."""
+    rows = [_entry(key, item) for key, value in record.items()
+            if key not in without and value is not None
+            for item in (value if key == "warnings" else [value])]
+    width = max(len(name) for name, _ in rows)
+    return "\n".join(f"{name:<{width}}  {words}" for name, words in rows)
+
+
+def _entry(key: str, value: object) -> tuple[str, str]:
+    """Name and value for people.
+
+    Examples
+    --------
+    >>> _entry("max_field_V_per_m", 17767503.3), _entry("dofs", 1426)
+    (('max field', '17.768 MV/m'), ('dofs', '1426'))
+    """
+    si = unit_of(key)
+    name = key if si is None else key.removesuffix(suffix_of(si))
+    if isinstance(value, float):
+        unit, factor = _SHOWN.get(si or "", (si or "", 1.0))
+        value = f"{factor * value:.5g} {unit}".rstrip()
+    return name.replace("_", " "), str(value)

@@ -41,11 +41,18 @@ class Result(Generic[Numbers]):
     def __dir__(self) -> list[str]:
         return sorted({*super().__dir__(), *dir(self.numbers)})
 
-    def plot(self, target: Axes | str | os.PathLike[str]) -> Axes:
-        """Draw on matplotlib's axes, or into a file that matplotlib can write; answers the axes."""
+    def plot(self, target: Axes | str | os.PathLike[str] | None = None, **choices: Any) -> Axes:
+        """Draw on matplotlib's axes, into a file it can write, or on new axes; answers the axes.
+
+        Of a sweep, ``of="stroke", over=("plate.radius", "mass")`` draws a map over two keys.
+        """
         from tympan.reports.plots import plot
 
-        return plot(self.numbers, target)
+        return plot(self.numbers, target, **choices)
+
+    def _repr_html_(self) -> str:
+        """As notebooks show it: the result's table, its longest ones cut."""
+        return str(self.to_pandas().to_html(index=False, max_rows=12, border=0, na_rep=""))
 
     def save(self, target: str | os.PathLike[str]) -> Path:
         """Write what the command writes into a folder; into NAME.json or NAME.csv numbers alone.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import combinations, pairwise
 from typing import Any
@@ -12,8 +12,9 @@ import pandas as pd
 from matplotlib import colormaps
 from matplotlib.colors import to_hex
 
+from tympan.geometry.errors import InputError
 from tympan.reports.look import COLOURS
-from tympan.reports.scales import round_scale
+from tympan.reports.scales import AxisScale, round_scale
 from tympan.reports.sweep.view import Measure, SweepView
 from tympan.reports.template import digits
 
@@ -85,8 +86,24 @@ class Maps:
 def sweep_maps(view: SweepView) -> list[Maps]:
     """Of every pair of keys over which something varies."""
     pairs = list(combinations(view.keys, 2))[:_MOST_PAIRS]
-    drawn = (Maps(across, up, list(_maps(view, across, up))) for across, up in pairs)
-    return [maps for maps in drawn if maps.maps]
+    over_pairs = (Maps(across, up, [drawn for drawn, _ in _maps(view, across, up, view.columns)])
+             for across, up in pairs)
+    return [maps for maps in over_pairs if maps.maps]
+
+
+def map_of(view: SweepView, column: Measure, across: Measure, up: Measure
+           ) -> tuple[Map, AxisScale]:
+    """The map of one result over two keys, and the scale of its colours.
+
+    Raises
+    ------
+    InputError
+        When it does not depend on them, or was found nowhere.
+    """
+    for drawn, scale in _maps(view, across, up, [column]):
+        return drawn, scale
+    raise InputError("was found nowhere, or does not change with these keys", key="of",
+                     given=column.label)
 
 
 def colours() -> list[str]:
@@ -94,10 +111,11 @@ def colours() -> list[str]:
     return [to_hex(colormaps[COLOURS](share)) for share in np.linspace(0, 1, 12)]
 
 
-def _maps(view: SweepView, across: Measure, up: Measure) -> Iterator[Map]:
+def _maps(view: SweepView, across: Measure, up: Measure, columns: Sequence[Measure]
+          ) -> Iterator[tuple[Map, AxisScale]]:
     pair = [across.name, up.name]
     rows = view.at_first(*({"mass", "voltage"} - set(pair)))
-    for column in view.columns:
+    for column in columns:
         depends = view.table[column.name].dims
         if any(key in view.loads and key not in depends for key in pair):
             continue
@@ -111,7 +129,8 @@ def _maps(view: SweepView, across: Measure, up: Measure) -> Iterator[Map]:
             yield _map(column, across, up, where, means)
 
 
-def _map(column: Measure, across: Measure, up: Measure, where: str, means: pd.DataFrame) -> Map:
+def _map(column: Measure, across: Measure, up: Measure, where: str, means: pd.DataFrame
+         ) -> tuple[Map, AxisScale]:
     values = means["value"].to_numpy(float) / column.size
     finite = values[np.isfinite(values)]
     scale = round_scale(finite.min(), finite.max())
@@ -128,8 +147,8 @@ def _map(column: Measure, across: Measure, up: Measure, where: str, means: pd.Da
         marks.append(Mark(at_x, HEIGHT - at_y, x_cell, y_cell, colour, text))
     bar = [(HEIGHT * (1 - (tick - scale.low) / (scale.high - scale.low)), scale.text(tick))
            for tick in scale.ticks]
-    return Map(column.heading, where, x_ticks, [(HEIGHT - at, text) for at, text in y_ticks],
-               marks, bar, cells)
+    y_ticks = [(HEIGHT - at, text) for at, text in y_ticks]
+    return Map(column.heading, where, x_ticks, y_ticks, marks, bar, cells), scale
 
 
 def _placed(key: Measure, values: pd.Series[Any], length: float

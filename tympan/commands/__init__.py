@@ -1,18 +1,32 @@
 """The subcommands of ``tympan``, by subject; what one prints is its template in text/."""
 
-from tympan.commands import alpha, cases, data, export, lumped, material, runs, transient
-
-#: Every command in the order of ``tympan --help``; those of a group stand together.
-COMMANDS = (
-    runs.study, cases.solve, cases.limits, cases.curve, alpha.alpha, alpha.outlines,
-    alpha.alpha_map, cases.modes, cases.sensitivity, runs.optimise, cases.path, transient.transient,
-    transient.response,
-    runs.sweep,
-    data.data,
-    lumped.lumped_simulate, lumped.lumped_identify, lumped.lumped_build, lumped.lumped_paper,
-    data.diagnose, runs.report, export.export, material.materials, material.material_show,
-    material.material_fit, data.effects,
+from tympan.commands import (
+    alpha,
+    cases,
+    data,
+    doctor,
+    drawing,
+    export,
+    lumped,
+    material,
+    runs,
+    transient,
 )
-#: What the groups are for.
+
+#: Every command in the order of ``tympan --help``, under what they are for.
+HEADINGS = {
+    "do": (
+        cases.solve, cases.limits, cases.curve, cases.path, cases.modes, cases.sensitivity,
+        transient.transient, transient.response, alpha.alpha, runs.study, runs.sweep,
+        runs.optimise, alpha.outlines, alpha.alpha_map),
+    "look": (
+        drawing.draw, export.export, runs.report, material.materials, material.material_show,
+        data.effects, doctor.doctor),
+    "data": (data.data, data.diagnose, material.material_fit),
+    "lumped": (
+        lumped.lumped_build, lumped.lumped_simulate, lumped.lumped_identify, lumped.lumped_paper),
+}
+COMMANDS = tuple(command for commands in HEADINGS.values() for command in commands)
+#: What the first words of two are for.
 GROUPS = {"lumped": "the paper's lumped model: a mass on circles of film",
           "material": "look at a material, or fit one to coupon tests"}

@@ -31,7 +31,8 @@ from tympan.options import (
                        "the membrane"),
          argument("--uncertainty", action="store_true",
                   help="also how far α changes with the mesh, the material and the range of "
-                       "loads"), RIG, JSON, MESH)
+                       "loads"), RIG, JSON, MESH,
+         example="oval.toml --circles 2")
 def alpha(options: argparse.Namespace) -> None:
     """Weights of the circular actuators that stand for a shape."""
     from tympan.fem.film.library import load_specimen
@@ -52,7 +53,8 @@ def alpha(options: argparse.Namespace) -> None:
     print_record(options, record)
 
 
-@command("outlines", output(required=True), JSON, MESH)
+@command("outlines", output(required=True), JSON, MESH,
+         example="-o outlines")
 def outlines(options: argparse.Namespace) -> None:
     """α of every registered outline with its held-out error."""
     from tympan.geometry.outlines import examples
@@ -64,7 +66,8 @@ def outlines(options: argparse.Namespace) -> None:
     finish(options, result)
 
 
-@command("map", output(required=True), WORKERS, JSON)
+@command("map", output(required=True), WORKERS, JSON,
+         example="-o map")
 def alpha_map(options: argparse.Namespace) -> None:
     """α and stroke of ellipses by aspect ratio and plate size; a formula for α."""
     from tympan.progress import bar

@@ -39,7 +39,8 @@ if TYPE_CHECKING:
          argument("--direction", choices=("up", "down"), default="",
                   help="which way the voltage was reached, for a film that lags behind it or a "
                        "plate that rubs (default: not known, without either)"),
-         output("also store the fields (VTU), the numbers and a picture (PNG, SVG)"), JSON)
+         output("also store the fields (VTU), the numbers and a picture (PNG, SVG)"), JSON,
+         example='oval.toml --mass "17.9 g" --voltage "3.5 kV"')
 def solve(options: argparse.Namespace) -> None:
     """One specimen under one load and voltage, and how far the voltage can be raised.
 
@@ -55,19 +56,20 @@ def solve(options: argparse.Namespace) -> None:
                    direction=DIRECTIONS[options.direction])
     settings, film = read_settings(options), options.output is not None
     if options.after is None:
-        finish(options, solve_within(case, settings, film))
+        finish(options, solve_within(case, settings, film), specimen=case.specimen)
         return
     from tympan.studies.transient import solve_after
 
     after = parse_quantity(options.after, "time", "--after")
     if not 0 <= after < 1e9:
         raise InputError("must be 0 or positive", key="--after", given=options.after)
-    finish(options, solve_after(case, after, settings, film))
+    finish(options, solve_after(case, after, settings, film), specimen=case.specimen)
 
 
 @command("limits", SPECIMEN, argument("--mass", help='on the plate, such as "17.9 g" (default: one '
                                       "that pulls the plate down a tenth of its gap)"), RIG, MESH,
-         JSON)
+         JSON,
+         example='oval.toml --mass "17.9 g"')
 def limits(options: argparse.Namespace) -> None:
     """How far a film can go: where it first loses tension, breaks down and pulls in."""
     from tympan.studies.case import Case
@@ -85,7 +87,8 @@ def limits(options: argparse.Namespace) -> None:
                   "some that suit the film)"),
          argument("--voltage", help='voltages to mark, such as "1 kV, 2 kV" (default: none)'), RIG,
          output("also store the curves (CSV), their limits (JSON) and a picture (PNG, SVG)"), JSON,
-         MESH)
+         MESH,
+         example='oval.toml --mass "10 g, 17.9 g" -o curve')
 def curve(options: argparse.Namespace) -> None:
     """Deflection against voltage, to the film's limit."""
     from tympan.progress import bar
@@ -126,7 +129,8 @@ def _loaded(options: argparse.Namespace) -> tuple[Specimen, Rig, Settings, tuple
                   help="where such a loop turns (default: 95 % of the film's first limit at "
                        "rest)"),
          output("also store the stations (CSV), a picture (PNG, SVG), the numbers, fields and "
-                "critical mode at each limit point (VTU)"), JSON)
+                "critical mode at each limit point (VTU)"), JSON,
+         example='oval.toml --mass "17.9 g" -o path')
 def path(options: argparse.Namespace) -> None:
     """Equilibria through limit points, stable or not, by arc length; or a loop in time."""
     from tympan.progress import bar
@@ -155,7 +159,8 @@ def path(options: argparse.Namespace) -> None:
                   help="part of the mass that sits in the plate's centre; the rest is spread "
                        "evenly over the plate"),
          argument("--count", type=int, default=6, metavar="N", within=(1, 100), help="how many"),
-         output("also store shapes (VTU), a picture (PNG, SVG) and the numbers"), JSON)
+         output("also store shapes (VTU), a picture (PNG, SVG) and the numbers"), JSON,
+         example='oval.toml --mass "17.9 g" --voltage "3.5 kV" -o modes')
 def modes(options: argparse.Namespace) -> None:
     """Natural frequencies and shapes under one load and voltage."""
     from tympan.studies.modes import modes
@@ -168,7 +173,8 @@ def modes(options: argparse.Namespace) -> None:
          argument("--of", default="heave", metavar="NAMES",
                   help="results, with commas between: heave, tilt, reaction, capacitance, energy, "
                        "max_stretch, max_true_stress, max_field (default: %(default)s); past "
-                       "pull-in, the pull-in load"), JSON)
+                       "pull-in, the pull-in load"), JSON,
+         example='oval.toml --mass "17.9 g" --voltage "3.5 kV" --of heave,max_field')
 def sensitivity(options: argparse.Namespace) -> None:
     """Exact derivatives of results by every number that enters them."""
     from tympan.studies.sensitivity import sensitivity

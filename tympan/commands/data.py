@@ -27,7 +27,8 @@ if TYPE_CHECKING:
 @command("data",
          argument("dataset", type=Path, metavar="DATASET",
                   help="folder with dataset.toml and static.csv, range.csv, transient.csv or "
-                       "coupon.csv"), JSON)
+                       "coupon.csv"), JSON,
+         example="readings")
 def data(options: argparse.Namespace) -> None:
     """Check a dataset of measurements and say what is in it."""
     from tympan.studies.data.checks import summary
@@ -46,7 +47,8 @@ def data(options: argparse.Namespace) -> None:
                        "files"),
          argument("--self-check", type=int, default=0, metavar="N", within=(0, 100_000),
                   help="hide errors in N synthetic sets of such readings and count what is said"),
-         JSON)
+         JSON,
+         example="readings -o diagnosis")
 def diagnose(options: argparse.Namespace) -> None:
     """Say what the simulation gets wrong about measured data, and why."""
     from tympan.studies.data.dataset import read_dataset
@@ -89,7 +91,8 @@ def _self_check(options: argparse.Namespace, bench: Bench) -> dict[str, Any] | N
 
 @command("effects",
          either(JSON, argument("--markdown", action="store_true",
-                               help="print the page docs/effects.md")))
+                               help="print the page docs/effects.md")),
+         example="--json")
 def effects(options: argparse.Namespace) -> None:
     """List the effects a model may leave out, with units and priors."""
     from tympan.studies.effects import listing

@@ -29,7 +29,8 @@ SIZES = {
 
 @command("export", SPECIMEN, output(required=True),
          *(argument(option_name(name), default=default, metavar="LENGTH", help=words)
-           for name, (default, words) in SIZES.items()), MESH)
+           for name, (default, words) in SIZES.items()), MESH,
+         example='oval.toml -o parts --screw "4 mm"')
 def export(options: argparse.Namespace) -> None:
     """Frame, clamp, plate and film as STEP, DXF and SVG; the mesh."""
     from tympan.fem.film.library import load_specimen

@@ -47,7 +47,8 @@ if TYPE_CHECKING:
                   help='of the branch and the damper, such as "23.5 MPa,177.2 MPa s,62.4 kPa s" '
                        "(default: these, the paper's)"), RIG,
          output("write NAME.lumped.toml for each, build.json, statics.csv and a figure"), JSON,
-         MESH)
+         MESH,
+         example="oval.toml -o lumped")
 def lumped_build(options: argparse.Namespace) -> None:
     """The lumped model of specimens from their field model alone."""
     from tympan.progress import bar
@@ -110,7 +111,8 @@ def _viscous(text: str | None) -> Viscous:
          argument("--table-1", type=float, metavar="EPS_R", dest="permittivity",
                   help="the paper's Eq. (8) with Table 1's constants instead of the films' "
                        "material; its ε_r, lost in the paper, must be given"), RIG,
-         output("write transient.csv, simulate.json and figures"), JSON)
+         output("write transient.csv, simulate.json and figures"), JSON,
+         example='--model lumped/oval.lumped.toml --signal sine --duration "2 s" -o sine')
 def lumped_simulate(options: argparse.Namespace) -> None:
     """Response to a step, ramp, sine, random steps or a CSV file."""
     from tympan.progress import bar
@@ -173,7 +175,8 @@ def lumped_simulate(options: argparse.Namespace) -> None:
                        "as printed"),
          argument("--nelder-mead", action="store_true",
                   help="also the paper's simplex, to compare"),
-         output("write identify.json and figures"), JSON)
+         output("write identify.json and figures"), JSON,
+         example="readings -o identified")
 def lumped_identify(options: argparse.Namespace) -> None:
     """The constants behind a dataset's readings."""
     from tympan.progress import bar
@@ -231,7 +234,8 @@ def lumped_identify(options: argparse.Namespace) -> None:
                   help="of figure 13's sines, which the paper does not give (default: that at "
                        "which the circle lags most)"),
          argument("--json", action="store_true",
-                  help="print one JSON object, which paper.json holds too"))
+                  help="print one JSON object, which paper.json holds too"),
+         example="-o paper")
 def lumped_paper(options: argparse.Namespace) -> None:
     """The paper's figures 7 to 14 and tables, its numbers beside ours."""
     import time

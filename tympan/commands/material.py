@@ -9,7 +9,8 @@ from tympan.geometry.errors import InputError
 from tympan.options import JSON, argument, command, finish, output, parse_quantity, print_record
 
 
-@command("materials", JSON)
+@command("materials", JSON,
+         example="")
 def materials(options: argparse.Namespace) -> None:
     """List the material library with sources."""
     from dataclasses import asdict
@@ -27,7 +28,8 @@ def materials(options: argparse.Namespace) -> None:
                   help="of the library, also a refused one; or the material of a specimen file"),
          argument("--held", type=float, metavar="X",
                   help="stretch held across in the second column (default: as mounted, else 1)"),
-         JSON)
+         JSON,
+         example="vhb-4910")
 def material_show(options: argparse.Namespace) -> None:
     """True stress against stretch, and where the law fails."""
     from tympan.fem.film.law_report import examine, subject
@@ -45,7 +47,8 @@ def material_show(options: argparse.Namespace) -> None:
                   help='standard deviation of one reading, such as "2 kPa"; without it, estimated '
                        "from the residuals"),
          output("also store the fits (JSON), their curves (CSV), a figure, and the best law for "
-                "specimen files (TOML)"), JSON)
+                "specimen files (TOML)"), JSON,
+         example="coupon.csv -o fit")
 def material_fit(options: argparse.Namespace) -> None:
     """Fit laws to uniaxial, equibiaxial and pure-shear tests."""
     from tympan.studies.material.result import fit_coupons

@@ -27,7 +27,8 @@ from tympan.options import (
 @command("study",
          argument("file", nargs="?", type=Path, metavar="STUDY.toml",
                   help="which specimens and loads"),
-         output(default=Path("out")))
+         output(default=Path("out")),
+         example="-o out")
 def study(options: argparse.Namespace) -> None:
     """Solve specimens, draw their stress, derive α, write a report; default: the paper's three."""
     from tympan.progress import bar
@@ -51,7 +52,8 @@ def study(options: argparse.Namespace) -> None:
                 argument("--scheduler", metavar="ADDRESS",
                          help='of a Dask cluster, such as "tcp://10.0.0.5:8786"')),
          argument("--wait", metavar="TIME", default="60 s",
-                  help="for a worker of the cluster where there is none"), JSON, MESH)
+                  help="for a worker of the cluster where there is none"), JSON, MESH,
+         example="SWEEP.toml -o sweep")
 def sweep(options: argparse.Namespace) -> None:
     """Solve grids, lists or samples of specimens; goes on where it was ended."""
     from tympan.progress import cases, say
@@ -85,7 +87,8 @@ def sweep(options: argparse.Namespace) -> None:
                   help="the problem; left out: the paper's large ellipse at equal frame area and "
                        "perimeter"),
          output("for optimum*.toml, optimum.json, path.csv, optimum.png and .svg",
-                default=Path("optimum")), JSON, MESH)
+                default=Path("optimum")), JSON, MESH,
+         example="OPTIMISE.toml -o optimum")
 def optimise(options: argparse.Namespace) -> None:
     """Lengths of frame and plate with the largest stroke under limits."""
     from tympan.progress import bar
@@ -98,7 +101,8 @@ def optimise(options: argparse.Namespace) -> None:
     finish(options, result)
 
 
-@command("report", argument("folder", type=Path, metavar="DIR"))
+@command("report", argument("folder", type=Path, metavar="DIR"),
+         example="out")
 def report(options: argparse.Namespace) -> None:
     """Rebuild a run's figures and report from what it stored."""
     from tympan.reports.rebuild import rebuild

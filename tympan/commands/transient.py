@@ -33,7 +33,8 @@ from tympan.options import (
          argument("--swing", action="store_true",
                   help="the plate has inertia; else it follows the film at once"),
          argument("--at", metavar="TIMES", help="also store the film at these times (VTU)"), RIG,
-         output("write transient.csv, transient.json and figures"), JSON, MESH)
+         output("write transient.csv, transient.json and figures"), JSON, MESH,
+         example='oval.toml --mass "17.9 g" --signal step --high "5 kV" -o step')
 def transient(options: argparse.Namespace) -> None:
     """What films with viscous branches do under a step, ramp, sine, random steps or a CSV file."""
     from tympan.progress import bar
@@ -65,7 +66,8 @@ def transient(options: argparse.Namespace) -> None:
          argument("--frequency", metavar="FREQUENCIES",
                   help='such as "0.1 Hz, 1 Hz, 10 Hz" (default: from the slowest branch to far '
                        "above the plate's own frequency)"),
-         output("also store the numbers and a picture (PNG, SVG)"), JSON)
+         output("also store the numbers and a picture (PNG, SVG)"), JSON,
+         example='oval.toml --mass "17.9 g" --voltage "3.5 kV" -o response')
 def response(options: argparse.Namespace) -> None:
     """Amplitude and phase of a loaded film under a small sine of the voltage, by frequency."""
     from tympan.studies.response import response

@@ -1,0 +1,101 @@
+"""A specimen as it was read: outlines, electrode and sizes, before anything is solved."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Polygon
+from numpy.typing import NDArray
+
+from tympan.geometry.specimen import Specimen
+from tympan.reports import look as style
+
+_WIDTH, _MARGIN, _TITLE, _ROOM = 110.0, 6.0, 15.0, 14.0  # [mm]
+_POINTS, _GRID = 721, 240
+_FILM, _COVERED, _PLATE = "#e9e2d0", "#9aa5b1", "#4d5763"
+
+
+def draw_specimen(specimen: Specimen, folder: Path) -> list[Path]:
+    """Draw folder/NAME-specimen.png and .svg; answers the files."""
+    return style.save_figure(folder, f"{specimen.name}-specimen", lambda: _compose(specimen))
+
+
+def _compose(specimen: Specimen) -> Figure:
+    a, b = specimen.frame.semi_axes
+    width = min(1.0, a / b) * (_WIDTH - _ROOM - _MARGIN)
+    height = width * b / a
+    figure = style.new_figure(_TITLE + height + _ROOM, _WIDTH)
+    axes = style.place_axes(figure, (_WIDTH - _ROOM - width + _MARGIN) / 2, _TITLE, width, height)
+    draw_to_scale(specimen, axes)
+    for down, words, size in ((3.5, specimen.name, 9.0), (8.0, _film(specimen), 7.5),
+                              (11.5, f"narrowest gap {1e3 * specimen.gap:.4g} mm; dark film: "
+                                     "under the electrode", 7.5)):
+        figure.text(0.5, 1 - down / (_TITLE + height + _ROOM), words, ha="center", va="center",
+                    fontsize=size, weight="bold" if down < 4 else "normal")
+    return figure
+
+
+def _film(specimen: Specimen) -> str:
+    film = specimen.membrane
+    return (f"film {1e6 * film.thickness / film.area_prestretch:.4g} µm mounted: "
+            f"{1e6 * film.thickness:.4g} µm stretched by {film.prestretch[0]:.4g}, "
+            f"{film.prestretch[1]:.4g}")
+
+
+def draw_to_scale(specimen: Specimen, axes: Axes) -> None:
+    """Film, electrode and plate to scale on axes [mm], with their sizes."""
+    frame, plate = specimen.frame, specimen.plate
+    a, b = (1e3 * length for length in frame.semi_axes)
+    axes.add_patch(Polygon(1e3 * frame.points(_POINTS).T, closed=True, facecolor=_FILM,
+                           edgecolor="none", zorder=0))
+    _cover(specimen, axes)
+    axes.add_patch(Polygon(1e3 * plate.points(_POINTS).T, closed=True, facecolor=_PLATE,
+                           edgecolor="black", linewidth=0.6, zorder=2))
+    axes.add_patch(Polygon(1e3 * frame.points(_POINTS).T, closed=True, facecolor="none",
+                           edgecolor="black", linewidth=1.3, zorder=3, clip_on=False))
+    axes.set(xlim=(-a, a), ylim=(-b, b), aspect="equal")
+    axes.axis("off")
+    _dimensions(specimen, axes)
+
+
+def _cover(specimen: Specimen, axes: Axes) -> None:
+    """Shade what conducts."""
+    electrode, frame = specimen.electrode, specimen.frame
+    a, b = frame.semi_axes
+    x, y = np.meshgrid(np.linspace(-a, a, _GRID), np.linspace(-b, b, _GRID))
+    depth: NDArray[np.float64] = np.minimum(
+        -frame.level(x, y) - electrode.margin_frame,
+        specimen.plate.level(x, y) - electrode.margin_plate)
+    if electrode.outline is not None:
+        depth = np.minimum(depth, -electrode.outline.level(x, y))
+    axes.contourf(1e3 * x, 1e3 * y, depth, [0.0, np.inf], colors=[_COVERED], zorder=1)
+
+
+def _dimensions(specimen: Specimen, axes: Axes) -> None:
+    """Sizes from edge to edge: the frame's outside the drawing, the plate's on it."""
+    a, b = (1e3 * length for length in specimen.frame.semi_axes)
+    c, d = (1e3 * length for length in specimen.plate.outline.semi_axes)
+    x, y = (1e3 * length for length in specimen.plate.offset)
+    away = 0.09 * max(a, b)
+    _arrow(axes, (-a, -b - away), (a, -b - away), f"frame {2 * a:.4g} mm", across=True)
+    _arrow(axes, (a + away, -b), (a + away, b), f"{2 * b:.4g} mm", across=False)
+    words = f"plate {2 * c:.4g} mm" if abs(c - d) < 1e-6 else f"plate {2 * c:.4g} × {2 * d:.4g} mm"
+    if x or y:
+        words += f"\nat {x:.4g}, {y:.4g} mm"
+    axes.annotate(words, (x, y + d), (x, y + d + 0.06 * max(a, b)), ha="center", va="bottom",
+                  fontsize=7.5, zorder=4)
+    axes.plot([0], [0], "+", color="white", markersize=5, markeredgewidth=0.8, zorder=4)
+
+
+def _arrow(axes: Axes, start: tuple[float, float], end: tuple[float, float], words: str,
+           across: bool) -> None:
+    """A line with two heads, its length beside it."""
+    axes.annotate("", start, end, annotation_clip=False,
+                  arrowprops={"arrowstyle": "<->", "linewidth": 0.6, "shrinkA": 0, "shrinkB": 0})
+    middle = (start[0] + end[0]) / 2, (start[1] + end[1]) / 2
+    axes.annotate(words, middle, (0, -3) if across else (3, 0), textcoords="offset points",
+                  annotation_clip=False, fontsize=7.5, rotation=0 if across else 90,
+                  ha="center" if across else "left", va="top" if across else "center")

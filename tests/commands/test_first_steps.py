@@ -1,0 +1,182 @@
+"""What a person meets first: help, examples, completion, the drawing, the doctor, quick starts."""
+
+from __future__ import annotations
+
+import json
+import shlex
+import shutil
+import subprocess
+from dataclasses import replace
+from pathlib import Path
+from unittest.mock import Mock
+
+import matplotlib.image
+import numpy as np
+import pytest
+
+from tests.support.specimens import PATCH_TOML, circular, specimen_toml
+from tympan import cli
+from tympan.cli import main
+from tympan.commands import COMMANDS, HEADINGS, doctor
+from tympan.geometry.mesher import MeshSettings
+from tympan.geometry.outlines import Circle, Ellipse
+from tympan.geometry.specimen import Electrode
+from tympan.options import Command
+from tympan.studies.case import Case, Settings, meshed, solve
+from tympan.studies.kept import meshes
+
+MASS = ("--mass", "17.9 g")
+
+
+@pytest.fixture
+def oval(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
+    monkeypatch.chdir(tmp_path)
+    Path("oval.toml").write_text(specimen_toml())
+    return "oval.toml"
+
+
+def test_help_lists_every_command_once_under_its_heading(capsys) -> None:
+    with pytest.raises(SystemExit):
+        main(["--help"])
+    text = capsys.readouterr().out
+    sections = [text.partition(f"\n{heading}:\n")[2].partition("\n\n")[0] for heading in HEADINGS]
+    listed = [line[2:].split("  ")[0] for section in sections for line in section.splitlines()
+              if line[:3].strip()]
+    assert listed == [command.name for command in COMMANDS]
+    assert text.index("options:") > text.index(listed[-1])
+
+
+@pytest.mark.parametrize("command", COMMANDS, ids=lambda command: command.name)
+def test_every_help_has_an_example_that_the_parser_takes(command: Command, capsys) -> None:
+    with pytest.raises(SystemExit):
+        main([*command.name.split(), "--help"])
+    words = " ".join(capsys.readouterr().out.split())
+    line = f"tympan {command.name} {command.example}".rstrip()
+    assert words.endswith(f"example: {line}")
+    options = cli._parser().parse_args(shlex.split(line)[1:])
+    assert options.command == command.name
+
+
+def test_bash_completes_commands_options_and_files(oval: str) -> None:
+    pytest.importorskip("shtab")  # of the environment that make test makes
+    if shutil.which("bash") is None:
+        pytest.skip("there is no bash")
+    parser = cli._parser()
+    cli._complete_files(parser, {"bash": "_shtab_compgen_files"})
+    script = __import__("shtab").complete(parser, shell="bash")
+
+    def completed(*words: str) -> set[str]:
+        ask = (f"COMP_WORDS=({shlex.join(words)}); COMP_CWORD={len(words) - 1}; "
+               "_shtab_tympan; printf '%s\n' \"${COMPREPLY[@]}\"")
+        done = subprocess.run(["bash", "-c", f"{script}\n{ask}"], capture_output=True, text=True,
+                              check=True)
+        return set(done.stdout.split())
+
+    assert completed("tympan", "sol") == {"solve"}
+    assert {"build", "simulate"} <= completed("tympan", "lumped", "")
+    assert "--voltage" in completed("tympan", "solve", "--vol")
+    assert "oval.toml" in completed("tympan", "solve", "ova")
+
+
+def test_a_drawing_has_the_specimen_s_sizes(oval: str, capsys) -> None:
+    assert main(["draw", oval, "-o", "drawing"]) == 0
+    assert capsys.readouterr().out.splitlines() == [
+        "oval: frame ellipse 120 × 90 mm, plate circle 20 mm, film 200 µm mounted "
+        "(1000 µm × stretch 2.236, 2.236)",
+        "drawing/oval-specimen.png", "drawing/oval-specimen.svg"]
+    text = Path("drawing/oval-specimen.svg").read_text(encoding="utf-8")
+    for words in ("frame 120 mm", ">90 mm", "plate 20 mm", "200 µm mounted", "gap 35 mm"):
+        assert words in text
+
+
+def test_a_drawing_shades_what_the_electrode_covers(oval: str) -> None:
+    """Within an ellipse of 30 and 20 mm, from 1 mm off the plate of 10 mm on."""
+    Path("patch.toml").write_text(PATCH_TOML)
+    assert main(["draw", "patch.toml", "-o", "drawing"]) == 0
+    pixels = 255 * matplotlib.image.imread("drawing/patch-specimen.png")[:, :, :3]
+    covered, plate = (np.count_nonzero(np.abs(pixels - np.array(colour)).max(axis=2) < 2)
+                      for colour in ((0x9a, 0xa5, 0xb1), (0x4d, 0x57, 0x63)))
+    assert covered / plate == pytest.approx((30 * 20 - 11**2) / 10**2, rel=0.05)
+
+
+def test_solve_says_what_it_read_and_found_in_units_of_the_bench(oval: str, capsys) -> None:
+    arguments = ["solve", oval, *MASS, "--voltage", "3.5 kV", "--refine", "0.5"]
+    assert main([*arguments, "--json"]) == 0
+    record = json.loads(capsys.readouterr().out)
+    assert main(arguments) == 0
+    first, *lines = capsys.readouterr().out.splitlines()
+    assert first.startswith("oval: frame ellipse 120 × 90 mm, plate circle 20 mm, film 200 µm")
+    rows = dict(line.split("  ", 1) for line in lines if "  " in line)
+    assert rows["deflection"].split() == [f"{1e3 * record['deflection_m']:.5g}", "mm"]
+    assert rows["capacitance"].split() == [f"{1e9 * record['capacitance_F']:.5g}", "nF"]
+    assert main(["solve", oval, *MASS, "--voltage", "20 kV", "--refine", "0.5"]) == 0
+    assert "None" not in capsys.readouterr().out
+
+
+def test_the_doctor_finds_this_machine_in_order(capsys) -> None:
+    assert main(["doctor", "--json"]) == 0
+    record = json.loads(capsys.readouterr().out)
+    assert record["wrong"] == record["missing_libraries"] == []
+    assert [point["passed"] for point in record["self_check"]["points"]] == [True] * 3
+    assert record["display"]["draws_with"].startswith("vtk")
+
+
+@pytest.mark.parametrize(("name", "answer", "words"), [
+    ("drawing_window", None, "drawing"),
+    ("_version", None, "packages"),
+    ("self_check", {"points": [{"voltage_V": 0.0, "deflection_m": None, "reference_m": 2e-3,
+                                "passed": False}], "passed": False, "wall_s": 0.1}, "self-check"),
+])
+def test_the_doctor_says_what_is_wrong(name: str, answer: object, words: str, monkeypatch,
+                                       capsys) -> None:
+    for probe, result in {"drawing_window": "vtkWindow", "_version": "1.0", "self_check": {
+            "points": [], "passed": True, "wall_s": 0.1}, name: answer}.items():
+        monkeypatch.setattr(doctor, probe, Mock(return_value=result))
+    assert main(["doctor"]) == 1
+    printed = capsys.readouterr()
+    assert printed.err == f"tympan: not in order: {words}\n"
+    assert "<- not in order" in printed.out
+
+
+@pytest.fixture
+def meshing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Mock:
+    """Counts films that are meshed, with a cache of its own."""
+    monkeypatch.setenv("TYMPAN_CACHE", str(tmp_path / "cache"))
+    counted = Mock(side_effect=meshes.mesh_film)
+    monkeypatch.setattr(meshes, "mesh_film", counted)
+    return counted
+
+
+def test_the_same_outlines_are_meshed_once(meshing: Mock) -> None:
+    film, settings, whole = circular(), MeshSettings(order=2), frozenset[str]()
+    first = meshes.film_part(film, settings, whole)
+    renamed = replace(film, name="other", membrane=replace(film.membrane, thickness=2e-3))
+    again = meshes.film_part(renamed, settings, whole)
+    assert meshing.call_count == 1
+    assert np.array_equal(first.doflocs, again.doflocs)
+    others = [replace(film, frame=Circle(45.1e-3)), replace(film, frame=Ellipse((45e-3, 45e-3))),
+              replace(film, electrode=Electrode(2e-3))]
+    for count, other in enumerate(others, 2):
+        meshes.film_part(other, settings, whole)
+        assert meshing.call_count == count
+    meshes.film_part(film, MeshSettings(order=3), whole)
+    meshes.film_part(film, settings, frozenset("xy"))
+    assert meshing.call_count == 6
+
+
+def test_a_kept_mesh_changes_no_number(meshing: Mock) -> None:
+    case, answers = Case(circular(), mass=17.9e-3, voltage=3e3), []
+    for _ in range(2):
+        meshed.cache_clear()
+        answers.append(solve(case, Settings(MeshSettings(order=2))))
+    assert meshing.call_count == 1
+    assert replace(answers[0], wall_s=0.0) == replace(answers[1], wall_s=0.0)
+
+
+@pytest.mark.parametrize("folder", ["", "/dev/null/nowhere"])
+def test_without_a_cache_films_are_meshed_again(folder: str, meshing: Mock,
+                                                monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("TYMPAN_CACHE", folder)
+    for _ in range(2):
+        meshes.film_part(circular(), MeshSettings(order=2), frozenset("xy"))
+    assert meshing.call_count == 2

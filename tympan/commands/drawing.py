@@ -1,0 +1,21 @@
+"""``tympan draw``: the specimen as it was read."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from tympan.options import SPECIMEN, command, output, print_record
+
+
+@command("draw", SPECIMEN,
+         output("for NAME-specimen.png and .svg", default=Path("drawing")),
+         example="oval.toml -o drawing")
+def draw(options: argparse.Namespace) -> None:
+    """Picture of a specimen as it was read, with its sizes; nothing is solved."""
+    from tympan.fem.film.library import load_specimen
+    from tympan.reports.figures.specimen import draw_specimen
+
+    specimen = load_specimen(options.specimen)
+    options.json = False
+    print_record(options, {}, specimen=specimen, drawn=draw_specimen(specimen, options.output))
