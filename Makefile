@@ -5,7 +5,7 @@ PYTHON ?= $(shell for p in python3.12 python3.13 python3.11 python3; do \
   $$p -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))' 2>/dev/null && echo $$p && break; done)
 OUT ?= out
 
-.PHONY: study test benchmarks scaling verification robustness hidden fuzz optimum outlines map lumped-build paper house clean
+.PHONY: study test benchmarks scaling verification robustness hidden fuzz optimum outlines map lumped-build paper house docs clean
 
 study: .venv/ready
 	.venv/bin/tympan study -o "$(OUT)"
@@ -18,6 +18,7 @@ benchmarks: .venv/ready
 	.venv/bin/python -m benchmarks.gradient
 	.venv/bin/python -m benchmarks.diagnosis
 	.venv/bin/python -m benchmarks.sweep
+	.venv/bin/python -m benchmarks.start_up
 
 scaling: .venv/ready
 	.venv/bin/python -m benchmarks.scaling --peers
@@ -53,6 +54,15 @@ lumped-build: .venv/ready
 
 house: .venv/ready
 	.venv/bin/python -m benchmarks.house
+
+# Without network once its packages are there; warnings are errors.
+docs: .venv/docs
+	.venv/bin/python -m sphinx -W --keep-going -q -b html -d build/doctrees docs build/docs
+	@echo build/docs/index.html
+
+.venv/docs: .venv/ready requirements-docs.lock
+	.venv/bin/python -m pip install --quiet --disable-pip-version-check --requirement requirements-docs.lock
+	@touch $@
 
 .venv/ready: requirements.lock pyproject.toml
 	@test -n "$(PYTHON)" || { echo "tympan needs Python 3.11, 3.12 or 3.13: install the Debian package python3"; exit 1; }

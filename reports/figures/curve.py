@@ -165,6 +165,8 @@ def _mark(axes: Axes, curve: VoltageCurve, limit: Limit, marker: str, word: str,
 
 
 def _word(axes: Axes, place: tuple[float, float], word: str, colour: str) -> None:
+    if word == _KEPT and any(text.get_text() == word for text in axes.texts):
+        return  # said of one curve it is understood of the others, whose ends it would cover
     axes.annotate(word, place, (-4, 2), textcoords="offset points", ha="right", va="bottom",
                   color=colour, fontsize=6.5)
 

@@ -336,10 +336,11 @@ def _stored(rig: dict[str, Any]) -> Any:
     return SimpleNamespace(rig=rig, settings={}, alphas=(), libraries={}, python="")
 
 
-def test_readme_s_rig_is_read_stored_and_shown(tmp_path: Path) -> None:
-    """The example in the README; its record goes through JSON into the report's lines with names
+def test_the_documented_rig_is_read_stored_and_shown(tmp_path: Path) -> None:
+    """The example of the page; its record goes through JSON into the report's lines with names
     and units."""
-    text = (Path(__file__).parents[3] / "README.md").read_text(encoding="utf-8")
+    page = Path(__file__).parents[3] / "docs/howto/specimen.md"
+    text = page.read_text(encoding="utf-8")
     example = next(block for block in text.split("```toml\n")[1:]
                    if block.startswith("guide")).split("```")[0]
     file = tmp_path / "rig.toml"

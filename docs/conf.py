@@ -1,0 +1,90 @@
+"""The documentation site: ``make docs``; see docs/index.md."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import sys
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).parents[1]
+sys.path.insert(0, str(ROOT))
+os.environ["PYVISTA_OFF_SCREEN"] = os.environ["PYVISTA_BUILDING_GALLERY"] = "true"
+
+import pyvista  # noqa: E402
+
+from tympan.cli import _parser  # noqa: E402
+from tympan.commands import COMMANDS, HEADINGS  # noqa: E402
+
+pyvista.OFF_SCREEN = pyvista.BUILDING_GALLERY = True
+pyvista.set_plot_theme("document")
+pyvista.global_theme.window_size = [1000, 700]
+
+# Scripts leave their files where they stand.
+GALLERY = ROOT / "build" / "gallery"
+shutil.rmtree(GALLERY, ignore_errors=True)
+shutil.copytree(ROOT / "docs" / "gallery", GALLERY)
+
+project = "tympan"
+author = "the tympan authors"
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx_design",
+              "sphinx_gallery.gen_gallery"]
+exclude_patterns = ["gallery", "tutorials/*.ipynb", "tutorials/*.py", "tutorials/README.txt"]
+myst_enable_extensions = ["colon_fence", "deflist"]
+myst_heading_anchors = 4
+suppress_warnings = ["config.cache"]  # the scraper of sphinx-gallery is a function
+autodoc_typehints = "description"
+autodoc_typehints_description_target = "documented"
+autodoc_member_order = "bysource"
+add_module_names = False
+
+sphinx_gallery_conf = {
+    "examples_dirs": str(GALLERY), "gallery_dirs": "tutorials", "filename_pattern": r"plot_\d",
+    "image_scrapers": ("matplotlib", "pyvista"), "download_all_examples": False,
+    "show_signature": False, "min_reported_time": 1e9, "within_subsection_order": "FileNameSortKey",
+    "remove_config_comments": True, "abort_on_example_error": True,
+    "capture_repr": ("_repr_html_",), "show_memory": False,
+}
+
+html_theme = "pydata_sphinx_theme"
+html_title = "tympan"
+html_show_sphinx = False
+html_show_sourcelink = False
+html_static_path = ["_static"]
+html_css_files = ["tympan.css"]
+html_theme_options: dict[str, Any] = {
+    "show_toc_level": 2, "navigation_with_keys": False, "show_prev_next": True,
+    "header_links_before_dropdown": 6, "footer_start": ["copyright"], "footer_end": [],
+    "pygments_light_style": "a11y-high-contrast-light",
+    "pygments_dark_style": "a11y-high-contrast-dark",
+}
+html_sidebars: dict[str, list[str]] = {"index": [], "start": []}
+copyright = "the tympan authors, BSD-3-Clause"
+
+
+def write_commands(app: Any) -> None:
+    """The help of every command as docs/commands.md."""
+    os.environ["COLUMNS"] = "100"
+    parsers = {"": _parser()}
+    lines = ["# Commands", "", "What `tympan COMMAND --help` prints.", ""]
+    for heading, commands in HEADINGS.items():
+        lines += [f"## {heading}", ""]
+        for command in commands:
+            parser = parsers[""]
+            for word in command.name.split():
+                choices = next(action for action in parser._actions if hasattr(action, "choices")
+                               and isinstance(action.choices, dict))
+                parser = choices.choices[word]
+            lines += [f"### {command.name}", "", "```text", parser.format_help().rstrip(), "```",
+                      ""]
+    assert len(COMMANDS) == sum(line.startswith("### ") for line in lines)
+    page = Path(app.srcdir) / "commands.md"
+    text = "\n".join(lines)
+    if not page.exists() or page.read_text(encoding="utf-8") != text:
+        page.write_text(text, encoding="utf-8")
+
+
+def setup(app: Any) -> None:
+    """Sphinx calls it."""
+    app.connect("builder-inited", write_commands, priority=1)

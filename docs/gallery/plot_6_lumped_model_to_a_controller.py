@@ -1,0 +1,40 @@
+"""
+A lumped model, for a controller
+================================
+
+A controller wants a few equations, not a mesh. ``lumped`` makes them from the field model alone.
+"""
+
+# %%
+# The model
+# ---------
+# On the command line: ``tympan lumped build oval.toml -o lumped``; ``lumped/oval.lumped.toml`` has
+# plain SI numbers, and the formulas that go with them as a comment.
+import matplotlib.pyplot as plt
+import numpy as np
+from scipy.signal import StateSpace, step
+
+import tympan
+from tympan.studies.lumped.equilibria import linearise
+
+film = tympan.Film("1 mm", (2.236, 2.236), tympan.material("vhb-4910"), relative_permittivity=4.7)
+oval = tympan.Specimen("oval", tympan.Ellipse(("6 cm", "4.5 cm")),
+                       tympan.Plate(tympan.Circle("1 cm")), film)
+built = tympan.lumped(oval)
+built.plot()
+
+# %%
+# Points are the field model, lines the lumped one.
+#
+# About a point of work
+# ---------------------
+# Force goes with the square of the voltage: about 0 V the gain is nil, so linearise where you work.
+# ``plant.to_control()`` is the same as a python-control system, where that is installed.
+actuator = built.models[0].actuator(17.9e-3)
+plant = linearise(actuator, 3e3)
+print("poles [1/s]:", np.round(plant.poles, 2))
+print(f"in the end {1e6 * plant.gain:.3f} µm/V")
+time, deflection = step(StateSpace(plant.a, plant.b, plant.c, plant.d), T=np.linspace(0, 1, 2000))
+axes = plt.figure().add_subplot()
+axes.plot(time, 1e6 * 100 * deflection)
+axes.set(xlabel="time [s]", ylabel="deflection [µm]", title="100 V more at 3 kV, 17.9 g")

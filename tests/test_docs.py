@@ -1,0 +1,130 @@
+"""The documentation: scripts and start page run, commands are commands, links lead somewhere."""
+
+from __future__ import annotations
+
+import re
+import runpy
+import shlex
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+import pyvista
+from matplotlib import pyplot
+
+from tympan import cli
+from tympan.cli import main
+
+ROOT = Path(__file__).parent.parent
+SCRIPTS = sorted((ROOT / "docs/gallery").glob("plot_*.py"))
+#: Pages in the repository; some are written when the site is built.
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md",
+         *(page for page in sorted((ROOT / "docs").rglob("*.md"))
+           if "tutorials" not in page.parts and page.name != "commands.md")]
+WRITTEN = ("tutorials/index.rst", "commands.md")
+
+#: What a script must have said.
+SAID = {
+    "1_first_actuator": r"equilibrium: the plate sinks 2\.5\d\d mm",
+    "2_shape_from_dxf": r"tilted by \d",
+    "3_sweep_and_map": r"'plate.radius': 3, 'frame.semi_axes': 3",
+    "4_alpha_of_a_new_shape": r"a circle of 30 mm with weight 0\.\d+",
+    "5_own_data_diagnosed": r"the verdict: named\nunaccounted_mass: (1\.9|2\.0)",
+    "6_lumped_model_to_a_controller": r"in the end 0\.\d+ µm/V",
+    "7_time_and_hysteresis": r"at rest \d",
+}
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """An empty folder to work in, and no figure left behind."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(pyvista, "OFF_SCREEN", True)
+    before = set(pyplot.get_fignums())
+    yield tmp_path
+    for number in set(pyplot.get_fignums()) - before:
+        pyplot.close(number)
+
+
+@pytest.mark.parametrize("script", SCRIPTS, ids=lambda script: script.stem[5:])
+def test_a_tutorial_runs_and_draws(script: Path, folder: Path, capsys) -> None:
+    before = set(pyplot.get_fignums())
+    runpy.run_path(str(script))
+    assert re.search(SAID[script.stem[5:]], capsys.readouterr().out)
+    drawn = set(pyplot.get_fignums()) - before
+    assert drawn
+    assert all(axes.has_data() or axes.patches for number in drawn
+               for axes in pyplot.figure(number).axes)
+
+
+def blocks(page: Path) -> Iterator[str]:
+    """Indented and fenced blocks of a page."""
+    text = page.read_text(encoding="utf-8")
+    yield from re.findall(r"```\w*\n(.*?)```", text, re.DOTALL)
+    yield from re.findall(r"(?:^ {4}.*\n?)+", re.sub(r"```.*?```", "", text, flags=re.DOTALL),
+                          re.MULTILINE)
+
+
+def commands(page: Path) -> Iterator[list[str]]:
+    """The lines of a page that call ``tympan``, without what follows ``tympan``'s arguments."""
+    for block in blocks(page):
+        for line in block.splitlines():
+            if re.match(r"\s*(\.venv/bin/)?tympan [a-z-]", line):
+                words = shlex.split(line, comments=True)
+                yield words[1:words.index(">")] if ">" in words else words[1:]
+
+
+def test_every_command_of_every_page_is_one(capsys) -> None:
+    checked = 0
+    for page in PAGES:
+        for arguments in commands(page):
+            if "--print-completion" in arguments:
+                continue
+            try:
+                cli._parser().parse_args(arguments)
+            except SystemExit:
+                pytest.fail(f"{page.name}: tympan {shlex.join(arguments)}: "
+                            f"{capsys.readouterr().err.splitlines()[-1]}")
+            checked += 1
+    assert checked > 30
+
+
+def test_the_start_page_works_as_it_stands(folder: Path, capsys) -> None:
+    page = ROOT / "docs/start.md"
+    toml, = (block for block in blocks(page) if block.startswith("name ="))
+    Path("oval.toml").write_text(toml, encoding="utf-8")
+    for arguments in commands(page):
+        if arguments[0] in ("draw", "solve", "curve"):
+            assert main(arguments) == 0
+    python, = (block for block in blocks(page) if block.startswith("import tympan"))
+    exec(python, {})
+    for file in ("drawing/oval-specimen.png", "solved/oval.png", "curve/oval-curve.png",
+                 "oval.png"):
+        assert Path(file).read_bytes().startswith(b"\x89PNG")
+
+
+def anchors(page: Path) -> set[str]:
+    """What the headings of a page are linked by."""
+    headings = re.findall(r"^#+ (.*)$", page.read_text(encoding="utf-8"), re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_every_link_leads_somewhere(page: Path) -> None:
+    text = re.sub(r"```.*?```", "", page.read_text(encoding="utf-8"), flags=re.DOTALL)
+    for link in re.findall(r"\]\(([^)\s]+)\)", text):
+        name, _, anchor = link.partition("#")
+        if name.startswith(("http", "mailto")) or name.endswith(WRITTEN):
+            continue
+        target = page if not name else (page.parent / name)
+        assert target.exists(), link
+        assert not anchor or anchor in anchors(target), link
+
+
+def test_every_page_is_in_a_table_of_contents() -> None:
+    listed = {(page.parent / f"{name}.md").resolve() for page in PAGES
+              for block in re.findall(r"```{toctree}\n(.*?)```",
+                                      page.read_text(encoding="utf-8"), re.DOTALL)
+              for name in block.split("\n") if name and not name.startswith(":")}
+    docs = {page.resolve() for page in PAGES if "docs" in page.relative_to(ROOT).parts[:1]}
+    assert docs - listed == {ROOT / "docs/index.md"}
