@@ -30,13 +30,15 @@ project = "tympan"
 author = "the tympan authors"
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx_design",
               "sphinx_gallery.gen_gallery"]
-exclude_patterns = ["gallery", "tutorials/*.ipynb", "tutorials/*.py", "tutorials/README.txt"]
+exclude_patterns = ["gallery", "tutorials/*.ipynb", "tutorials/*.py", "tutorials/README.txt",
+                    "**sg_execution_times.rst"]
 myst_enable_extensions = ["colon_fence", "deflist"]
 myst_heading_anchors = 4
 suppress_warnings = ["config.cache"]  # the scraper of sphinx-gallery is a function
 autodoc_typehints = "description"
 autodoc_typehints_description_target = "documented"
 autodoc_member_order = "bysource"
+autodoc_preserve_defaults = True
 add_module_names = False
 
 sphinx_gallery_conf = {
@@ -65,7 +67,7 @@ copyright = "the tympan authors, BSD-3-Clause"
 
 def write_commands(app: Any) -> None:
     """The help of every command as docs/commands.md."""
-    os.environ["COLUMNS"] = "100"
+    os.environ["COLUMNS"] = "92"
     parsers = {"": _parser()}
     lines = ["# Commands", "", "What `tympan COMMAND --help` prints.", ""]
     for heading, commands in HEADINGS.items():

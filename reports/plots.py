@@ -109,7 +109,7 @@ def _(specimen: Specimen, axes: Axes) -> None:
 @draw.register
 def _(result: CaseResult, axes: Axes) -> None:
     film = _film(result.film, result.warnings)
-    _map(axes, film, film.values["stress_1"] / 1e3, "largest true stress [kPa]")
+    _map(axes, film, film.values["stress_1"] / 1e3, "largest true stress (kPa)")
     axes.set_title(f"{result.specimen}: {1e3 * result.mass_kg:.4g} g, "
                    f"{1e-3 * result.voltage_V:.4g} kV, deflection "
                    f"{1e3 * (result.deflection_m or 0.0):.4g} mm")
@@ -136,7 +136,7 @@ def _(result: SensitivityResult, axes: Axes) -> None:
     bars = sorted(((answer.elasticity, parameter) for parameter, answer in first.by.items()
                    if answer.elasticity), key=lambda bar: abs(bar[0]))[-_SHOWN:]
     axes.barh([name for _, name in bars], [size for size, _ in bars], color=look.PALETTE[0])
-    axes.set(xlabel=f"change of {quantity} [%] by 1 % more", title=result.specimen)
+    axes.set(xlabel=f"change of {quantity} (%) by 1 % more", title=result.specimen)
 
 
 @draw.register
@@ -149,7 +149,7 @@ def _(result: AlphaResult, axes: Axes) -> None:
         axes.bar(place + width * (number - (len(bases) - 1) / 2), weights.alpha, width,
                  color=look.colour_of(number), label=basis.replace("_", " "))
     axes.set_xticks(place, [f"{1e3 * radius:.4g}" for radius in result.circles])
-    axes.set(xlabel="radius of the circle [mm]", ylabel="α", title=result.specimen)
+    axes.set(xlabel="radius of the circle (mm)", ylabel="α", title=result.specimen)
     axes.legend()
 
 
@@ -165,7 +165,7 @@ def _(result: SweepResult, axes: Axes, of: str = "deflection_m",
     for number, (_, line) in enumerate(lines):
         _curve(axes, number, line["voltage_V"], line["deflection_m"], line["specimen"].iloc[0],
                line["mass_kg"].iloc[0])
-    axes.set(xlabel="voltage [kV]", ylabel="deflection [mm]")
+    axes.set(xlabel="voltage (kV)", ylabel="deflection (mm)")
     if len(lines) <= _SHOWN:
         axes.legend()
 
@@ -176,7 +176,7 @@ def _(result: StudyResult, axes: Axes) -> None:
               for curve in voltage_curves(specimen.curves)]
     for number, name, curve in curves:
         draw_curve(axes, curve, number, f"{name}, {curve.mass:g} g: {curve.end}")
-    axes.set(xlabel="voltage [kV]", ylabel="deflection [mm]", title=result.name)
+    axes.set(xlabel="voltage (kV)", ylabel="deflection (mm)", title=result.name)
     frame_curves(axes, [curve for *_, curve in curves])
 
 
@@ -199,7 +199,7 @@ def _(result: BuildResult, axes: Axes) -> None:
                 axes.plot(1e-3 * ramp["voltage"], ramp[f"{kinematics}_mm"], line,
                           color=look.colour_of(number), markersize=3,
                           label=f"{name}, {1e3 * mass:.4g} g, {kinematics}")
-    axes.set(xlabel="voltage [kV]", ylabel="deflection [mm]")
+    axes.set(xlabel="voltage (kV)", ylabel="deflection (mm)")
     axes.legend()
 
 
@@ -219,7 +219,7 @@ def _(result: OptimiseResult, axes: Axes) -> None:
     accepted = np.asarray(result.trials["accepted"], bool)
     axes.plot(np.flatnonzero(accepted), stroke[accepted], "o", color=look.PALETTE[0], markersize=3,
               label="accepted")
-    axes.set(xlabel="trial", ylabel="stroke [mm]")
+    axes.set(xlabel="trial", ylabel="stroke (mm)")
     axes.legend()
 
 
@@ -237,4 +237,4 @@ def _map(axes: Axes, film: FilmSurface, values: np.ndarray, words: str) -> None:
     figure = axes.get_figure()
     assert figure is not None
     figure.colorbar(drawn, ax=axes, label=words)
-    axes.set(xlabel="x [mm]", ylabel="y [mm]", aspect="equal")
+    axes.set(xlabel="x (mm)", ylabel="y (mm)", aspect="equal")

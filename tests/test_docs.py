@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 import runpy
 import shlex
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -18,7 +20,7 @@ from tympan.cli import main
 ROOT = Path(__file__).parent.parent
 SCRIPTS = sorted((ROOT / "docs/gallery").glob("plot_*.py"))
 #: Pages in the repository; some are written when the site is built.
-PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md",
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", ROOT / "paper/paper.md",
          *(page for page in sorted((ROOT / "docs").rglob("*.md"))
            if "tutorials" not in page.parts and page.name != "commands.md")]
 WRITTEN = ("tutorials/index.rst", "commands.md")
@@ -128,3 +130,16 @@ def test_every_page_is_in_a_table_of_contents() -> None:
               for name in block.split("\n") if name and not name.startswith(":")}
     docs = {page.resolve() for page in PAGES if "docs" in page.relative_to(ROOT).parts[:1]}
     assert docs - listed == {ROOT / "docs/index.md"}
+
+
+@pytest.mark.study
+def test_the_site_is_built_without_warnings(tmp_path: Path) -> None:
+    pytest.importorskip("sphinx")  # make docs installs it
+    done = subprocess.run([sys.executable, "-m", "sphinx", "-W", "--keep-going", "-q", "-b", "html",
+                           "-d", str(tmp_path / "doctrees"), "docs", str(tmp_path / "site")],
+                          cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    for name in ("index", "commands", "api", "tutorials/plot_5_own_data_diagnosed"):
+        assert (tmp_path / f"site/{name}.html").stat().st_size > 5000
+    pages = "".join(page.read_text(encoding="utf-8") for page in (tmp_path / "site").rglob("*.html"))
+    assert not re.findall(r"<(?:script|link|img)[^>]+(?:src|href)=\"https?://[^\"]+", pages)

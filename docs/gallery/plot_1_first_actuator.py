@@ -36,11 +36,11 @@ result.plot()
 # ParaView and PyVista read it: z is the deflection, positive downwards, and is turned over here.
 result.save("solved")
 surface = pyvista.read("solved/oval.vtu").scale((1e3, 1e3, -4e3))
-surface["stress [kPa]"] = surface["stress_1"] / 1e3
+surface["stress (kPa)"] = surface["stress_1"] / 1e3
 plotter = pyvista.Plotter()
-plotter.add_mesh(surface, scalars="stress [kPa]", cmap="viridis", smooth_shading=True,
-                 scalar_bar_args={"vertical": True})
-plotter.camera_position = [(50, -140, 90), (8, 0, -5), (0, 0, 1)]
+plotter.add_mesh(surface, scalars="stress (kPa)", cmap="viridis", smooth_shading=True,
+                 scalar_bar_args={"position_x": 0.2, "position_y": 0.06, "n_labels": 4})
+plotter.camera_position = [(50, -150, 100), (0, 0, -12), (0, 0, 1)]
 plotter.show()
 
 # %%

@@ -30,5 +30,5 @@ for rate in (20.0, 200.0):
     driven = loop(tympan.Case(disc, mass="17.9 g"), rate, 6e3, coarse).responses[0]
     samples = driven.samples
     axes.plot(samples["voltage"] / 1e3, 1e3 * samples["displacement"], label=f"{rate:g} V/s")
-axes.set(xlabel="voltage [kV]", ylabel="deflection [mm]", title="up and down again")
+axes.set(xlabel="voltage (kV)", ylabel="deflection (mm)", title="up and down again")
 axes.legend()

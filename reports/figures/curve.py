@@ -24,7 +24,7 @@ _WIDTH, _HEIGHT, _LEFT, _TOP, _BELOW = 110.0, 70.0, 14.0, 8.0, 12.0  # [mm]
 #: How a limit is marked, and its words where a curve passes or ends.
 _MARKS = {"tension": ("s", "loses tension"), "breakdown": ("X", "breaks down"),
           "pull_in": ("x", "pulls in")}
-_THINS, _KEPT = "loses tension, thins without bound", "if kept from wrinkling"
+_THINS, _KEPT = "loses tension, thins without bound", "were it kept from wrinkling"
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,7 +139,9 @@ def draw_curve(axes: Axes, curve: VoltageCurve, number: int, label: str) -> None
     real = ~loose | (not limits.thins)
     axes.plot(x[real], y[real], color=colour, label=label, zorder=2)
     if limits.thins:  # what follows is a film kept from wrinkling
-        axes.plot(x[loose], y[loose], color=colour, linestyle=":", zorder=2)
+        dotted, = axes.plot(x[loose], y[loose], color=colour, linestyle=":", zorder=2)
+        if _KEPT not in axes.get_legend_handles_labels()[1]:
+            dotted.set_label(_KEPT)
     # Wide and pale: part of the film has lost tension.
     axes.plot(x[loose], y[loose], color=colour, alpha=0.25, linewidth=5.0, zorder=1,
               solid_capstyle="butt")
@@ -150,7 +152,7 @@ def draw_curve(axes: Axes, curve: VoltageCurve, number: int, label: str) -> None
         if limit is not None:
             marker, word = _MARKS[limit.kind]
             if limits.thins and limit.kind != "breakdown":
-                word = _THINS if limit.kind == "tension" else _KEPT
+                word = _THINS if limit.kind == "tension" else ""
             _mark(axes, curve, limit, marker, word, colour)
     if limits.pull_in is None and not limits.thins:
         _word(axes, (float(x[-1]), float(y[-1])), "not followed further", colour)
@@ -165,8 +167,6 @@ def _mark(axes: Axes, curve: VoltageCurve, limit: Limit, marker: str, word: str,
 
 
 def _word(axes: Axes, place: tuple[float, float], word: str, colour: str) -> None:
-    if word == _KEPT and any(text.get_text() == word for text in axes.texts):
-        return  # said of one curve it is understood of the others, whose ends it would cover
     axes.annotate(word, place, (-4, 2), textcoords="offset points", ha="right", va="bottom",
                   color=colour, fontsize=6.5)
 

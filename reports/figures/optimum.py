@@ -46,7 +46,7 @@ def _outlines(axes: Axes, result: OptimiseResult, measure: str) -> None:
     _curves(axes, result, measure, trials[-1], color=style.PALETTE[0], linewidth=1.6)
     _curves(axes, result, "", 0, color=style.PALETTE[1], linewidth=1.0, linestyle="--")
     axes.set_aspect("equal", adjustable="datalim")
-    axes.set(xlabel="x [mm]", ylabel="y [mm]")
+    axes.set(xlabel="x (mm)", ylabel="y (mm)")
     axes.set_title(f"Frame {held_words(measure)}: from light to dark;\n"
                    f"reference {result.record['reference']['specimen']} dashed", loc="left")
 
@@ -68,7 +68,7 @@ def _strokes(axes: Axes, result: OptimiseResult, optimum: Mapping[str, Any]) -> 
     axes.axhline(1e3 * result.record["reference"]["stroke_m"], color=style.PALETTE[1],
                  linestyle="--", linewidth=0.8)
     axes.set_xlabel("trial")
-    axes.set_title("Stroke [mm]", loc="left")
+    axes.set_title("Stroke (mm)", loc="left")
     axes.legend()
 
 
