@@ -141,5 +141,6 @@ def test_the_site_is_built_without_warnings(tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
     for name in ("index", "commands", "api", "tutorials/plot_5_own_data_diagnosed"):
         assert (tmp_path / f"site/{name}.html").stat().st_size > 5000
-    pages = "".join(page.read_text(encoding="utf-8") for page in (tmp_path / "site").rglob("*.html"))
+    site = (tmp_path / "site").rglob("*.html")
+    pages = "".join(page.read_text(encoding="utf-8") for page in site)
     assert not re.findall(r"<(?:script|link|img)[^>]+(?:src|href)=\"https?://[^\"]+", pages)
