@@ -18,7 +18,7 @@ from tympan.geometry.specimen import Electrode, Plate, Specimen
 from tympan.reports.figures.lumped_model import draw_built
 from tympan.studies.case import Case, Settings, equilibrate
 from tympan.studies.lumped.build import KINEMATICS, BuildResult, BuildSettings, Built, build
-from tympan.studies.lumped.equilibria import curve
+from tympan.studies.lumped.equilibria import rest_curve
 from tympan.studies.paper.published import MASSES
 
 _DOCS = Path(__file__).parent.parent / "docs"
@@ -205,7 +205,7 @@ def _reach(built: Built) -> list[str]:
     """How the error of a model built to 5 kV grows beyond."""
     voltages = (5.5e3, 6e3, 6.5e3, 7e3, 7.5e3, 8e3)
     beyond = build(built.model.specimen, Settings(), replace(built.settings, voltages=voltages))
-    errors = [curve(built.actuator("corrected", mass), np.array(voltages)) / row - 1
+    errors = [rest_curve(built.actuator("corrected", mass), np.array(voltages)) / row - 1
               for mass, row in zip(built.settings.masses, beyond.field_deflection, strict=True)]
     limits = [equilibrate(Case(built.model.specimen, mass=mass, voltage=10e3), Settings())[1].limit
               for mass in built.settings.masses]

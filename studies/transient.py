@@ -303,6 +303,8 @@ def respond(case: TransientCase, settings: Settings, interval: float, period: fl
         "first_voltage_V": case.signal.first,
         "first_m": float(deflection[0]),
         "last_m": float(deflection[-1]),
+        "lowest_m": float(done.deflection.min()),
+        "highest_m": float(done.deflection.max()),
         "range_m": float(np.ptp(done.deflection)),
         "settling_time_s": settled if np.isfinite(settled) else None,
         "hysteresis_area_V_m": area,

@@ -36,6 +36,11 @@ class Viscous:
             raise InputError("k1 and eta2 must not be negative, eta1 must be positive",
                              key="viscous", given=f"{self.k1}, {self.eta1}, {self.eta2}")
 
+    @property
+    def borrowed(self) -> bool:
+        """Whether these are Table 1's constants, which the paper found of its own film."""
+        return self == Viscous()
+
 
 @dataclass(frozen=True, eq=False)
 class Actuator:
@@ -51,8 +56,8 @@ class Actuator:
 
     the same as in the paper because 2π r z sin θ = V φ/λ_r. ``stiffness`` and ``permittivity``
     multiply the parts of σ_h and of E², where a specimen is not what its circles say. Of the rig
-    gravity, the unaccounted mass, the parallel spring and what the supply does to the voltage
-    count.
+    gravity, the unaccounted and the added mass, the parallel spring, the plate's damping and what
+    the amplifier does to the voltage count.
     """
 
     circles: ConeCircle
@@ -76,10 +81,12 @@ class Actuator:
             raise InputError("stiffness must be positive, permittivity must not be negative",
                              key="correction", given=f"{self.stiffness}, {self.permittivity}")
         rig = self.rig
-        if any((rig.biases, rig.gas_pressure, rig.plate_pressure, rig.lag_voltage, rig.friction)):
-            raise InputError("the lumped model has no bias, gas or plate pressure, lag, friction: "
-                             "only gravity, unaccounted mass, spring, amplifier, sag and sensor "
-                             "count", key="rig")
+        if any((rig.biases, rig.gas_pressure, rig.plate_pressure, rig.lag_voltage, rig.friction,
+                rig.series_resistance, rig.sensor_lag)):
+            raise InputError("the lumped model has no bias, gas or plate pressure, lag, friction, "
+                             "series resistance or late sensor: only gravity, unaccounted and "
+                             "added mass, spring, plate damping, amplifier, sag and sensor count",
+                             key="rig")
 
     @classmethod
     def of(cls, specimen: Specimen, mass: float, weights: Sequence[float] | None = None,
@@ -106,7 +113,7 @@ class Actuator:
     @property
     def moved(self) -> Any:
         """The mass that moves [kg]."""
-        return self.mass + self.rig.unaccounted_mass
+        return self.mass + self.rig.unaccounted_mass + self.rig.added_mass
 
     @property
     def specimen(self) -> Specimen:
@@ -167,7 +174,7 @@ class Actuator:
         y, speed, strains = state[..., 0], state[..., 1], state[..., 2:]
         v, branches = self.viscous, np.arange(2, 2 + self.count)
         phi, bend, behind, lever, change = self._branches(y, strains)
-        damping = v.eta2 * np.sum(lever * phi, axis=-1)
+        damping = self.rig.plate_damping + v.eta2 * np.sum(lever * phi, axis=-1)
         force, by_y = self.balance(y, voltage, strains)
         by_y = by_y + v.eta2 * speed * np.sum(change * phi + lever * bend, axis=-1)
         slopes = np.zeros((*np.shape(force), 2 + self.count, 2 + self.count), force.dtype)
@@ -181,11 +188,12 @@ class Actuator:
         return np.concatenate([_each(speed), _each(acceleration), self._creep(behind)],
                               axis=-1), slopes
 
-    def by_voltage(self, state: Any, voltage: Any) -> Any:
-        """Derivative of the rates by the voltage [1/V], shape (…, 2 + circles)."""
-        squared = np.imag(self.rig.film_voltage(voltage + _STEP * 1j) ** 2) / _STEP
+    def by_voltage(self, state: Any, voltage: Any, squared: bool = False) -> Any:
+        """Derivative of the rates by the voltage [1/V], or by its square, (…, 2 + circles)."""
+        stepped = np.sqrt(voltage**2 + _STEP * 1j) if squared else voltage + _STEP * 1j
+        slope = np.imag(self.rig.film_voltage(stepped) ** 2) / _STEP
         result = np.zeros(np.shape(state))
-        result[..., 1] = -squared * self.electric(state[..., 0])[1] / self.moved
+        result[..., 1] = -slope * self.electric(state[..., 0])[1] / self.moved
         return result
 
     def by_viscous(self, state: Any) -> Any:

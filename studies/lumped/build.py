@@ -24,7 +24,7 @@ from tympan.studies.columns import Column, read_own_sheet, write_sheet
 from tympan.studies.files import read_json, remove, write_json
 from tympan.studies.limits.loads import usual_masses, usual_voltages
 from tympan.studies.lumped.actuator import Actuator, Viscous
-from tympan.studies.lumped.equilibria import curve, pull_in, rest
+from tympan.studies.lumped.equilibria import pull_in, rest, rest_curve
 from tympan.studies.lumped.model_file import LumpedModel, read_model, write_model
 from tympan.studies.modes import modes
 
@@ -138,7 +138,7 @@ class Built:
     def deflection(self) -> dict[str, Array]:
         """Of each kinematics at rest [m], shape (masses, voltages); nan where it has pulled in."""
         voltages = np.array(self.settings.voltages)
-        return {kind: np.array([curve(self.actuator(kind, mass), voltages)
+        return {kind: np.array([rest_curve(self.actuator(kind, mass), voltages)
                                 for mass in self.settings.masses]) for kind in KINEMATICS}
 
     @cached_property

@@ -1,9 +1,8 @@
-"""Where the lumped model rests: all roots of its balance, pull-in, and its motion about them."""
+"""Where the lumped model rests: all roots of its balance, and pull-in."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
 from typing import Any
@@ -13,7 +12,6 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq, minimize_scalar
 
 from tympan.geometry.errors import InputError
-from tympan.geometry.system import MissingLibrary
 from tympan.studies.lumped.actuator import Actuator
 
 Array = NDArray[np.float64]
@@ -75,7 +73,7 @@ def settle(balance: Balance, start: Any = 0.0, farthest: Any = None) -> Any:
     return y if farthest is not None else np.where(np.abs(move) <= 1e-12, y, np.nan)
 
 
-def curve(actuator: Actuator, voltages: Any) -> Array:
+def rest_curve(actuator: Actuator, voltages: Any) -> Array:
     """Deflections at rest [m] of one actuator at voltages [V] put on slowly; nan beyond pull-in."""
     squared = np.asarray(actuator.rig.film_voltage(np.asarray(voltages, float))) ** 2
     start, limit = _start(actuator), pull_in(actuator)
@@ -86,8 +84,8 @@ def curve(actuator: Actuator, voltages: Any) -> Array:
     below = np.searchsorted(holding, squared, "right") - 1
     inside = squared <= (holding[-1] if limit is None else limit[0] ** 2)
     # Below the rest and near it, from where Newton's method climbs to it.
-    rests = settle(lambda at: actuator.balance(at, voltages), y[np.clip(below, 0, len(y) - 2)])
-    return np.where(inside, rests, np.nan)
+    settled = settle(lambda at: actuator.balance(at, voltages), y[np.clip(below, 0, len(y) - 2)])
+    return np.where(inside, settled, np.nan)
 
 
 def rest(actuator: Actuator, voltage: float) -> float:
@@ -95,7 +93,7 @@ def rest(actuator: Actuator, voltage: float) -> float:
 
     Beyond pull-in that is nowhere, an InputError.
     """
-    y = float(curve(actuator, voltage))
+    y = float(rest_curve(actuator, voltage))
     if np.isnan(y):
         raise InputError(f"has no stable rest: {limit_words(actuator)}",
                          given=f"{voltage / 1e3:g} kV", key=actuator.label)
@@ -103,8 +101,8 @@ def rest(actuator: Actuator, voltage: float) -> float:
 
 
 def _start(actuator: Actuator) -> float | None:
-    rests, stiffness = roots(actuator, 0.0)
-    return next(iter(rests[stiffness > 0].tolist()), None)
+    places, stiffness = roots(actuator, 0.0)
+    return next(iter(places[stiffness > 0].tolist()), None)
 
 
 @lru_cache(maxsize=32)
@@ -147,55 +145,3 @@ def limit_words(actuator: Actuator) -> str:
 
 def _squared(actuator: Actuator, y: Array | float) -> Array:
     return np.asarray((actuator.elastic(y)[1] - actuator.load) / -actuator.electric(y)[1])
-
-
-@dataclass(frozen=True, eq=False)
-class Linear:
-    """ẋ = A x + B δu, δy = C x + D δu; x is (δy, δẏ, δε₁ of every circle), δy [m], δu [V]."""
-
-    a: Array
-    b: Array
-    c: Array
-    d: Array
-    deflection: float
-    voltage: float
-
-    @property
-    def poles(self) -> NDArray[np.complex128]:
-        """Eigenvalues of ``a`` [1/s], the slowest first."""
-        values = np.linalg.eigvals(self.a)
-        return np.asarray(values[np.argsort(np.abs(values))], dtype=np.complex128)
-
-    @property
-    def gain(self) -> float:
-        """δy/δu at rest [m/V]."""
-        return float((self.d - self.c @ np.linalg.solve(self.a, self.b))[0, 0])
-
-    def to_control(self) -> Any:
-        """The same as a python-control ``StateSpace``, if that is installed."""
-        try:
-            import control
-        except ImportError:
-            raise MissingLibrary("a state-space object needs python-control: pip install "
-                                 "control") from None
-        circles = range(1, len(self.a) - 1)
-        return control.ss(self.a, self.b, self.c, self.d, inputs=["voltage"],
-                          outputs=["deflection"],
-                          states=["deflection", "speed",
-                                  *(f"branch_{number}" for number in circles)])
-
-    def json(self) -> dict[str, Any]:
-        return {"deflection_m": self.deflection, "voltage_V": self.voltage, "A": self.a.tolist(),
-                "B": self.b.tolist(), "C": self.c.tolist(), "D": self.d.tolist(),
-                "gain_m_per_V": self.gain,
-                "poles_per_s": [[float(pole.real), float(pole.imag)] for pole in self.poles]}
-
-
-def linearise(actuator: Actuator, voltage: float, deflection: float | None = None) -> Linear:
-    """About rest at a voltage [V], by default the stable one; derivatives are exact."""
-    at = rest(actuator, voltage) if deflection is None else deflection
-    state = actuator.rest(at)
-    seen = np.zeros((1, len(state)))
-    seen[0, 0] = 1.0
-    return Linear(actuator.linear(state, voltage)[1], actuator.by_voltage(state, voltage)[:, None],
-                  seen, np.zeros((1, 1)), at, voltage)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -13,19 +15,24 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
+from tympan.fem.rig import Rig
+from tympan.fem.toml_writer import specimen_content, toml
 from tympan.geometry.errors import InputError
+from tympan.geometry.fields import write
+from tympan.geometry.specimen import Specimen
 from tympan.studies.columns import Column, read_own_sheet, write_sheet
-from tympan.studies.files import read_json, remove, write_json
+from tympan.studies.files import read_json, remove, write_json, write_text
 from tympan.studies.lumped.actuator import Actuator, flat_capacitance
 from tympan.studies.lumped.collocation import CollocationSolver, DrawnIn, Motion, first_mesh
 from tympan.studies.lumped.equilibria import (
     highest,
     limit_words,
-    linearise,
     pull_in,
     rest,
     settle,
 )
+from tympan.studies.lumped.linear import linearise
+from tympan.studies.lumped.remarks import origin, remark
 from tympan.studies.signals import Signal
 
 Array = NDArray[np.float64]
@@ -34,6 +41,7 @@ _WINDOW = 4000  # steps of a first mesh that are solved at once
 _FINER = 8
 _SETTLED = 0.05
 _SAMPLES = 400  # of a period
+_WITHIN = 8  # times of a step at which extremes are sought
 _SHORTEST = 1e-9  # [s]: a film that cannot be followed for so long is gone
 _MOST = 2_000_000
 _WORK = 10_000_000  # evaluations of the rates: the better part of a minute
@@ -81,6 +89,15 @@ class Response:
     def deflection(self, time: Array) -> Array:
         """y at times [m]."""
         return np.asarray(self.state(time)[:, 0])
+
+    @property
+    def extremes(self) -> tuple[float, float]:
+        """The smallest and the largest deflection [m], between samples too."""
+        shares = np.linspace(0.0, 1.0, _WITHIN, endpoint=False)
+        dense = [(motion.time[:-1, None] + np.diff(motion.time)[:, None] * shares).ravel()
+                 for motion in self.motions]
+        y = self.deflection(np.append(np.concatenate([*dense, [0.0]]).clip(0, self.end), self.end))
+        return float(y.min()), float(y.max())
 
     def last_period(self, period: float) -> tuple[Array, Array]:
         """Voltages [V] and deflections [m] of the last whole period [s] of a sine."""
@@ -211,34 +228,27 @@ def sample_count(end: float, interval: float) -> int:
 
 
 def sample(response: Response, interval: float, period: float | None = None,
-           step: bool = False, equal_weights: bool = False) -> SampledResponse:
+           step: bool = False, remarks: Sequence[str] = ()) -> SampledResponse:
     """A response with an interval [s], and what it tells.
 
     ``period`` is its signal's [s] if it has one; ``step`` says that the signal is a step, after
-    which an oscillation settles; ``equal_weights`` that nobody gave any.
+    which an oscillation settles; ``remarks`` are on how the actuator was chosen.
     """
     actuator, drawn_in = response.actuator, response.drawn_in
-    name, limit, warnings = actuator.specimen.name, pull_in(actuator), []
+    name, first = actuator.specimen.name, response.signal.first
+    limit, (lowest, highest_reached) = pull_in(actuator), response.extremes
     time = np.linspace(0.0, response.end, sample_count(response.end, interval))
     voltage, deflection = response.voltage(time), response.deflection(time)
-    if equal_weights and actuator.count > 1:
-        warnings.append("equal weights were taken: the paper's are lost; `tympan alpha` finds "
-                        "those of a specimen")
+    warnings = [*remarks]
     if drawn_in is not None:
-        warnings.append(f"the film is drawn in after {drawn_in:.4g} s: a step overshoots what a "
-                        "slow ramp may reach; lower the voltage")
-    loop = area = None
-    if period is not None and drawn_in is None:
-        u, y = response.last_period(period)
-        loop = pd.DataFrame({"specimen": name, "voltage": u, "deflection": y})
-        # ∮ y du: positive where the deflection lags behind.
-        area = float(-np.sum((y[1:] + y[:-1]) / 2 * np.diff(u)))
+        warnings.append(remark("drawn_in", time=drawn_in))
+    loop = _loop(response, period) if period is not None and drawn_in is None else None
+    if loop is not None:
+        y = loop["deflection"].to_numpy()
         if abs(y[-1] - y[0]) > _CLOSED * np.ptp(y):
-            warnings.append(f"the last period ends {1e6 * (y[-1] - y[0]):+.3g} um from where it "
-                            "began: the film still creeps; more periods (--count) close the loop")
+            warnings.append(remark("open_loop", gap=1e6 * (y[-1] - y[0])))
     if limit is not None and deflection[-1] > limit[1]:
-        warnings.append(f"the film was drawn in: it ends beyond {1e3 * limit[1]:.4g} mm, where "
-                        "pull-in begins")
+        warnings.append(remark("beyond_pull_in", limit=1e3 * limit[1]))
     settled = settling_time(time, deflection) if step else np.nan
     flat = flat_capacitance(actuator.specimen)
     numbers = {
@@ -247,18 +257,20 @@ def sample(response: Response, interval: float, period: float | None = None,
         "circles": actuator.circles.radius.tolist(),
         "alpha": list(actuator.weights),
         "status": "done" if drawn_in is None else "drawn_in",
-        "first_voltage_V": response.signal.first,
+        "first_voltage_V": first,
         "first_m": float(deflection[0]),
         "last_m": float(deflection[-1]),
-        "range_m": float(np.ptp(deflection)),
+        "lowest_m": lowest,
+        "highest_m": highest_reached,
+        "range_m": highest_reached - lowest,
         "settling_time_s": settled if np.isfinite(settled) else None,
-        "hysteresis_area_V_m": area,
+        "hysteresis_area_V_m": None if loop is None else _area(loop),
         "pull_in_film_voltage_V": None if limit is None else limit[0],
         "flat_capacitance_F": flat,
         "flat_stored_energy_J": flat * float(np.abs(voltage).max()) ** 2 / 2,
-        "linear": linearise(actuator, response.signal.first).json(),
+        "linear": linearise(actuator, first, by="U" if first else "U2").json(),
         "evaluations": response.evaluations,
-        "warnings": warnings,
+        "warnings": [*warnings, *origin(actuator)],
     }
     samples = pd.DataFrame({
         "specimen": name, "mass": actuator.mass, "run": "simulated", "t": time,
@@ -266,20 +278,37 @@ def sample(response: Response, interval: float, period: float | None = None,
     return SampledResponse(numbers, samples, loop)
 
 
+def _loop(response: Response, period: float) -> pd.DataFrame:
+    voltage, deflection = response.last_period(period)
+    return pd.DataFrame({"specimen": response.actuator.specimen.name, "voltage": voltage,
+                         "deflection": deflection})
+
+
+def _area(loop: pd.DataFrame) -> float:
+    """∮ y du [V m]: positive where the deflection lags behind."""
+    u, y = loop["voltage"].to_numpy(), loop["deflection"].to_numpy()
+    return float(-np.sum((y[1:] + y[:-1]) / 2 * np.diff(u)))
+
+
 @dataclass(frozen=True, eq=False)
 class SimulationResult:
-    """Responses of one actuator each, all to the same signal."""
+    """Responses of one actuator each, all to the same signal.
+
+    With ``specimens``, on a ``rig``, what is saved is a dataset.
+    """
 
     file: ClassVar[str] = "simulate.json"
     writer: ClassVar[str] = "tympan lumped simulate"
 
     responses: tuple[SampledResponse, ...]
+    specimens: tuple[Specimen, ...] = ()
+    rig: Rig = Rig()
 
     def json(self) -> dict[str, Any]:
         return {"responses": [response.numbers for response in self.responses]}
 
     def save(self, folder: Path) -> None:
-        """Write the numbers, transient.csv, which datasets may hold, and of loops hysteresis.csv.
+        """Write the numbers, transient.csv, dataset.toml beside it, and of loops hysteresis.csv.
 
         The numbers come last, so their presence means the rest is complete.
         """
@@ -289,6 +318,11 @@ class SimulationResult:
         loops = [response.loop for response in self.responses if response.loop is not None]
         if loops:
             write_sheet(folder / "hysteresis.csv", _LOOP_COLUMNS, pd.concat(loops))
+        if self.specimens:
+            with suppress(InputError):  # a dataset that is there already stays as it is
+                write_text(folder / "dataset.toml", toml({
+                    "name": "simulated", "source": self.writer, "rig": write(self.rig),
+                    "specimen": [specimen_content(specimen) for specimen in self.specimens]}))
         write_json(folder / self.file, self.json())
 
     @classmethod

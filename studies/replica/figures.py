@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from tympan.geometry.errors import InputError
 from tympan.studies.lumped.actuator import Actuator
-from tympan.studies.lumped.equilibria import linearise
+from tympan.studies.lumped.linear import linearise
 from tympan.studies.lumped.simulate import simulate
 from tympan.studies.paper import published
 from tympan.studies.paper.published import MASSES, NAMES

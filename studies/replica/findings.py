@@ -23,7 +23,8 @@ from tympan.fem.rig import Rig
 from tympan.geometry.outlines import area
 from tympan.studies.circles import ConeCircle
 from tympan.studies.identify.static import StaticProblem
-from tympan.studies.lumped.equilibria import linearise, rest
+from tympan.studies.lumped.equilibria import rest
+from tympan.studies.lumped.linear import linearise
 from tympan.studies.paper import published
 from tympan.studies.paper.published import MASSES, NAMES, ranges
 from tympan.studies.paper.table1 import known, paper_actuators

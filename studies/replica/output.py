@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tympan.studies.files import remove, write_csv, write_json
-from tympan.studies.lumped.equilibria import linearise
+from tympan.studies.lumped.linear import linearise
 from tympan.studies.paper import published
 from tympan.studies.paper.published import MASSES, NAMES, ranges
 from tympan.studies.replica.figures import INTERVAL, VOLTAGES, ZOOM, Criterion, Replica, criteria

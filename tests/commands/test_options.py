@@ -29,7 +29,8 @@ SIMULATE = ["lumped", "simulate", OVAL]
     (["sweep", "nowhere", "-o", "x", "--workers", "-1"], "--workers: given -1: must be from 1 to "),
     (["material", "fit", "nowhere", "--noise", "1e-300 Pa"], "--noise: given '1e-300 Pa': must be"),
     (["material", "fit", "nowhere", "--noise", "1e300 Pa"], "--noise: given"),
-    ([*SIMULATE, "--mass", "1e-12 g"], "1e-12 g: must move at least 1 mg"),
+    ([*SIMULATE, "--paper", "--mass", "1e-12 g"], "1e-12 g: must move at least 1 mg"),
+    ([*SIMULATE, "--mass", "1e-12 g"], "too small to tell a force"),
     ([*SIMULATE, "--interval", "1e-300 s"], "--interval: given '1e-300 s': would give more than "),
     (["study", "high.toml"], "high.toml: voltage: given '1e20 V': must be from 0 to 1000 kV"),
 ])
@@ -55,8 +56,8 @@ def test_a_signal_that_takes_too_long_is_one_message(tmp_path, monkeypatch, caps
         rows = "".join(f"{step * row},{kV:.4f}\n" for row, kV in enumerate(volts))
         (tmp_path / "rough.csv").write_text(f"t_s,voltage_kV\n{rows}")
         monkeypatch.setattr("tympan.studies.lumped.simulate._WORK", 100_000)
-        assert main(["lumped", "simulate", str(tmp_path / "soft.toml"), "--signal",
-                     str(tmp_path / "rough.csv"), "--interval", "2 ms"]) == 2
+        assert main(["lumped", "simulate", str(tmp_path / "soft.toml"), "--paper",
+                     "--signal", str(tmp_path / "rough.csv"), "--interval", "2 ms"]) == 2
         said = capsys.readouterr().err
         assert ("signal: given '3000 bends in 2999 s': takes too many steps" if step == 1
                 else "--interval: given '0.002 s': would give more than 2000000 samples") in said

@@ -24,9 +24,10 @@ HEADINGS = {
         data.effects, doctor.doctor),
     "data": (data.data, data.diagnose, material.material_fit),
     "lumped": (
-        lumped.lumped_build, lumped.lumped_simulate, lumped.lumped_identify, lumped.lumped_paper),
+        lumped.lumped_build, lumped.lumped_simulate, lumped.lumped_linearise,
+        lumped.lumped_identify, lumped.lumped_paper),
 }
 COMMANDS = tuple(command for commands in HEADINGS.values() for command in commands)
 #: What the first words of two are for.
-GROUPS = {"lumped": "the paper's lumped model: a mass on circles of film",
+GROUPS = {"lumped": "the lumped model: a mass on circles of film",
           "material": "look at a material, or fit one to coupon tests"}

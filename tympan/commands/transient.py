@@ -33,8 +33,8 @@ from tympan.options import (
          argument("--swing", action="store_true",
                   help="the plate has inertia; else it follows the film at once"),
          argument("--at", metavar="TIMES", help="also store the film at these times (VTU)"), RIG,
-         output("write transient.csv, transient.json and figures"), JSON, MESH,
-         example='oval.toml --mass "17.9 g" --signal step --high "5 kV" -o step')
+         output("write a dataset, transient.csv and dataset.toml, transient.json and figures"),
+         JSON, MESH, example='oval.toml --mass "17.9 g" --signal step --high "5 kV" -o step')
 def transient(options: argparse.Namespace) -> None:
     """What films with viscous branches do under a step, ramp, sine, random steps or a CSV file."""
     from tympan.progress import bar
@@ -58,6 +58,7 @@ def transient(options: argparse.Namespace) -> None:
             responses.append(respond(case, settings, interval, period, options.signal == "step",
                                      films))
     finish(options, TransientResult(tuple(response for response, _ in responses),
+                                    tuple(specimens), rig,
                                     tuple(done.films for _, done in responses)))
 
 

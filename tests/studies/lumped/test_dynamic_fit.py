@@ -278,7 +278,8 @@ def test_what_simulate_writes_identify_reads(tmp_path: Path,
     names = ("circular", "elliptical-small")
     assert main(["lumped", "simulate", *(str(ACTUATORS / f"{name}.toml") for name in names),
                  "--duration", "0.5 s",
-                 "--interval", "5 ms", "--alpha", "0.6,0.4", "-o", str(tmp_path)]) == 0
+                 "--interval", "5 ms", "--paper", "--mass", "17.9 g", "--alpha", "0.6,0.4", "-o",
+                 str(tmp_path)]) == 0
     (tmp_path / "dataset.toml").write_text(toml(names))
     capsys.readouterr()
     out = tmp_path / "out"

@@ -21,7 +21,8 @@ from tympan.studies.lumped.actuator import (
     Viscous,
     flat_capacitance,
 )
-from tympan.studies.lumped.equilibria import linearise, pull_in, rest, roots
+from tympan.studies.lumped.equilibria import pull_in, rest, roots
+from tympan.studies.lumped.linear import linearise
 from tympan.studies.paper.table1 import TABLE_1, eq8, known, paper_actuators
 
 EVERY = pytest.mark.parametrize("actuator", MODELS.values(), ids=MODELS.keys())

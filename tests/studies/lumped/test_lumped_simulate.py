@@ -17,7 +17,8 @@ from tympan.cli import main
 from tympan.geometry.errors import InputError
 from tympan.studies.data.dataset import read_dataset
 from tympan.studies.lumped.actuator import Actuator, Viscous
-from tympan.studies.lumped.equilibria import linearise, pull_in, roots
+from tympan.studies.lumped.equilibria import pull_in, roots
+from tympan.studies.lumped.linear import linearise
 from tympan.studies.lumped.simulate import SimulationResult, sample, settling_time, simulate
 from tympan.studies.paper.table1 import paper_actuators
 from tympan.studies.signals import Pieces, Sine, ramp, random_steps, read_signal, step
@@ -176,7 +177,7 @@ def test_bad_signals_are_one_message(text: str, words: str, tmp_path: Path,
                                      capsys: pytest.CaptureFixture[str]) -> None:
     file = tmp_path / "u.csv"
     file.write_text(text)
-    assert main(["lumped", "simulate", str(ACTUATORS / "circular.toml"), "--signal",
+    assert main(["lumped", "simulate", str(ACTUATORS / "circular.toml"), "--paper", "--signal",
                  str(file)]) == 2
     message = capsys.readouterr().err
     assert words in message
@@ -194,7 +195,7 @@ def test_simulate_command_writes_what_a_dataset_reads(tmp_path: Path,
     out = tmp_path / "out"
     names = [str(ACTUATORS / f"{name}.toml") for name in ("circular", "elliptical-large")]
     assert main(["lumped", "simulate", *names, "--signal", "step", "--duration", "0.5 s",
-                 "--interval", "5 ms",
+                 "--interval", "5 ms", "--paper",
                  "--alpha", "0.6,0.4", "-o", str(out), "--json"]) == 0
     printed = json.loads(capsys.readouterr().out)
     assert [response["alpha"] for response in printed["responses"]] == [[1.0], [0.6, 0.4]]
@@ -226,7 +227,8 @@ def test_simulate_command_writes_what_a_dataset_reads(tmp_path: Path,
 ])
 def test_bad_options_are_one_message(options: list[str], words: str,
                                      capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["lumped", "simulate", str(ACTUATORS / "elliptical-large.toml"), *options]) == 2
+    large = str(ACTUATORS / "elliptical-large.toml")
+    assert main(["lumped", "simulate", large, "--paper", *options]) == 2
     message = capsys.readouterr().err
     assert words in message
     assert message.count("\n") == 1

@@ -1,0 +1,157 @@
+"""The lumped model's small motions about a rest: state space, poles by name, gain."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tympan.geometry.system import MissingLibrary
+from tympan.studies.lumped.actuator import Actuator
+from tympan.studies.lumped.equilibria import rest
+
+Array = NDArray[np.float64]
+
+#: What drives the model: the voltage, or its square, with which the force goes.
+Input = Literal["U", "U2"]
+INPUTS: dict[Input, tuple[str, str]] = {"U": ("voltage", "V"), "U2": ("voltage_squared", "V2")}
+
+_REAL = 1e-9  # of a pole's size: an imaginary part that is none
+_HIDDEN = 1e-9  # share of the plate in a motion that does not move it
+
+
+@dataclass(frozen=True)
+class Pole:
+    """A pole [1/s], of a pair the upper one, and what moves.
+
+    ``name`` is *oscillation* of the plate on the film, *overdamped plate* where that does not
+    swing, *creep* of the branches, *creep between circles*, which does not move the plate, or
+    *pull-in*, which grows. ``share`` is its part of the gain, of both poles of a pair; None of a
+    motion that never ends.
+    """
+
+    name: str
+    value: complex
+    share: float | None
+
+    @property
+    def frequency(self) -> float:
+        """Of an oscillation [Hz]; 0 without any."""
+        return float(self.value.imag / (2 * np.pi))
+
+    @property
+    def damping_ratio(self) -> float:
+        return float(-self.value.real / abs(self.value)) if self.value else 0.0
+
+    @property
+    def time(self) -> float | None:
+        """In which it falls, or grows, by a factor e [s]; None of what does neither."""
+        return float(1 / abs(self.value.real)) if self.value.real else None
+
+    def json(self) -> dict[str, Any]:
+        return {"name": self.name, "real_per_s": self.value.real, "imaginary_per_s":
+                self.value.imag, "frequency_Hz": self.frequency,
+                "damping_ratio": self.damping_ratio, "time_s": self.time,
+                "share_of_gain": self.share}
+
+
+@dataclass(frozen=True, eq=False)
+class Linear:
+    """ẋ = A x + B δu, δy = C x + D δu; x is (δy, δẏ, δε₁ of every circle), δy [m], downwards.
+
+    δu is of the ``driven_by``: the voltage [V] or its square [V²]. ``gain`` is δy/δu at rest [m/V
+    or m/V²]. ``film_frequency`` is the plate's on the film alone [Hz], its branches relaxed, as
+    :mod:`tympan.studies.modes` has it; the branches make the oscillation faster.
+    """
+
+    a: Array
+    b: Array
+    c: Array
+    d: Array
+    deflection: float
+    voltage: float
+    driven_by: Input
+    gain: float
+    film_frequency: float
+
+    @property
+    def states(self) -> list[str]:
+        return ["deflection", "speed",
+                *(f"branch_{number}" for number in range(1, len(self.a) - 1))]
+
+    @property
+    def poles(self) -> NDArray[np.complex128]:
+        """Eigenvalues of ``a`` [1/s], the slowest first."""
+        values = np.linalg.eigvals(self.a)
+        return np.asarray(values[np.argsort(np.abs(values))], dtype=np.complex128)
+
+    @property
+    def named_poles(self) -> tuple[Pole, ...]:
+        """The slowest first, of a pair the upper one."""
+        values, right = np.linalg.eig(self.a)
+        inverse = np.linalg.pinv(right)
+        taken = np.abs(right * inverse.T)  # participation of every state in every motion
+        plate = taken[:2].sum(axis=0) / taken.sum(axis=0)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            shares = -((self.c @ right)[0] * (inverse @ self.b)[:, 0] / values) / self.gain
+        poles = []
+        for number in np.argsort(np.abs(values), kind="stable"):
+            value = complex(values[number])
+            if abs(value.imag) < _REAL * abs(value):
+                value = complex(value.real)
+            if value.imag < 0:
+                continue
+            share = float(shares[number].real) * (2 if value.imag else 1)
+            poles.append(Pole(_name(value, float(plate[number])), value,
+                              share if np.isfinite(share) else None))
+        return tuple(poles)
+
+    def to_control(self) -> Any:
+        """The same as a python-control ``StateSpace``, if that is installed."""
+        try:
+            import control
+        except ImportError:
+            raise MissingLibrary("a state-space object needs python-control: pip install "
+                                 "control") from None
+        return control.ss(self.a, self.b, self.c, self.d, inputs=[INPUTS[self.driven_by][0]],
+                          outputs=["deflection"], states=self.states)
+
+    def json(self) -> dict[str, Any]:
+        _, unit = INPUTS[self.driven_by]
+        return {"deflection_m": self.deflection, "voltage_V": self.voltage, "input": self.driven_by,
+                "states": self.states,
+                "A": self.a.tolist(), "B": self.b.tolist(), "C": self.c.tolist(),
+                "D": self.d.tolist(), f"gain_m_per_{unit}": self.gain,
+                "film_frequency_Hz": self.film_frequency,
+                "poles_per_s": [[float(pole.real), float(pole.imag)] for pole in self.poles],
+                "poles": [pole.json() for pole in self.named_poles]}
+
+
+def _name(pole: complex, plate: float) -> str:
+    if pole.real > 0:
+        return "pull-in"
+    if pole.imag:
+        return "oscillation"
+    if plate > 0.5:
+        return "overdamped plate"
+    return "creep between circles" if plate < _HIDDEN else "creep"
+
+
+def linearise(actuator: Actuator, voltage: float, deflection: float | None = None,
+              by: Input = "U") -> Linear:
+    """About rest at a voltage [V], by default the stable one; derivatives are exact.
+
+    The film's pull goes with the square of the voltage, so at 0 kV a small voltage does nothing:
+    there ``by="U2"`` tells what the voltage does.
+    """
+    at = rest(actuator, voltage) if deflection is None else deflection
+    state = actuator.rest(at)
+    seen = np.zeros((1, len(state)))
+    seen[0, 0] = 1.0
+    driven = actuator.by_voltage(state, voltage, by == "U2")
+    stiffness = float(actuator.balance(at, voltage)[1])
+    return Linear(actuator.linear(state, voltage)[1], driven[:, None], seen, np.zeros((1, 1)), at,
+                  voltage, by, float(driven[1] * actuator.moved / stiffness),
+                  float(np.sqrt(max(stiffness, 0.0) / actuator.moved) / (2 * np.pi)))

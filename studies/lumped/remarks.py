@@ -1,0 +1,51 @@
+"""What must be said with any result of a lumped model: where its constants are from."""
+
+from __future__ import annotations
+
+import tomllib
+from functools import cache
+from importlib import resources
+
+import numpy as np
+
+from tympan.studies.circles import MembraneCircle
+from tympan.studies.lumped.actuator import Actuator
+
+
+@cache
+def _texts() -> dict[str, str]:
+    file = resources.files("tympan.studies.lumped").joinpath("remarks.toml")
+    return tomllib.loads(file.read_text(encoding="utf-8"))
+
+
+def remark(key: str, **values: object) -> str:
+    """A sentence of remarks.toml with its numbers."""
+    return _texts()[key].format(**values)
+
+
+def origin(actuator: Actuator) -> list[str]:
+    """What of an actuator is not its film's own: the paper's viscous constants, the paper's cones.
+
+    And what of its film it leaves out.
+    """
+    remarks, viscous, specimen = [], actuator.viscous, actuator.specimen
+    if viscous.borrowed:
+        remarks.append(remark("viscous", k1=1e-6 * viscous.k1, eta1=1e-6 * viscous.eta1,
+                              eta2=1e-3 * viscous.eta2))
+    if specimen.membrane.branches:
+        remarks.append(remark("branches", specimen=specimen.name))
+    if is_cone(actuator):
+        remarks.append(remark("cone", factors=softness(actuator)))
+    return remarks
+
+
+def is_cone(actuator: Actuator) -> bool:
+    """Whether its circles are the paper's cones."""
+    return not isinstance(actuator.circles, MembraneCircle)
+
+
+def softness(actuator: Actuator) -> str:
+    """How many times as stiff as its cones membranes are, in words."""
+    circles = MembraneCircle(actuator.specimen, actuator.circles.radius)
+    factors = np.unique(np.round(circles.membrane_factor, 2))
+    return " to ".join(f"{factor:g}" for factor in (factors.min(), factors.max())[:len(factors)])
