@@ -17,7 +17,6 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tympan.fem.rig import Rig
 from tympan.geometry.specimen import Specimen
 from tympan.studies.estimation.identifiability import Identifiability
 from tympan.studies.identify.dynamic import (
@@ -33,7 +32,7 @@ from tympan.studies.identify.static import (
     identify_static,
     nelder_mead,
 )
-from tympan.studies.lumped.actuator import Actuator, Viscous
+from tympan.studies.lumped.actuator import Actuator, Viscous, paper_cones
 from tympan.studies.lumped.equilibria import rest
 from tympan.studies.lumped.simulate import simulate
 from tympan.studies.paper.table1 import paper_actuators
@@ -54,7 +53,7 @@ def readings(specimens: Sequence[Specimen], masses: Sequence[float],
         replace(specimen, membrane=replace(specimen.membrane, relative_permittivity=6.0))
         for specimen in specimens)
     noise = NOISE * np.random.default_rng(1).standard_normal(len(y))
-    return StaticProblem(unknown, Rig(), which.astype(int), mass, volts, y + noise, NOISE)
+    return StaticProblem(paper_cones(unknown), which.astype(int), mass, volts, y + noise, NOISE)
 
 
 def record(specimens: Sequence[Specimen], number: int, mass: float, end: float,
@@ -113,10 +112,10 @@ def statics(specimens: Sequence[Specimen]) -> StaticFit:
 def responses(specimens: Sequence[Specimen], static_fit: StaticFit) -> None:
     """What responses tell of the viscous constants, by how long and how often they are read."""
     print("after a step")
-    exact = Exact(specimens, Rig(), ALPHA)
+    exact = Exact(paper_cones(specimens, ALPHA))
 
     def problem(end: float, interval: float, at_rest: StaticFit | Exact) -> DynamicProblem:
-        return DynamicProblem(at_rest, Rig(),
+        return DynamicProblem(at_rest,
                               tuple(record(specimens, number, mass, end, interval)
                                     for number in range(3) for mass in MASSES), NOISE)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +19,11 @@ Array = NDArray[np.float64]
 DETERMINED = 0.5
 #: Up to so many scales of linearised half-width a profile is worth its time: beyond, no curvature
 #: mends it.
-_WORTH = 4.0
+_WORTH = 2 * DETERMINED
+#: Evaluations all profiles together may take; limits for which none are left are linearised.
+_BUDGET = 1500
+#: Terms of a combination that are smaller than this share of its largest are not written.
+_SLIGHT = 0.03
 #: How far a constant nobody sees may be off, as a standard deviation in its scales; an Ogden
 #: constant of 500 kPa is not one of this film. Without it the fits behind a profile wander along
 #: valleys without an end.
@@ -104,11 +108,23 @@ class Combination:
 
 
 @dataclass(frozen=True)
+class Relation:
+    """A combination as constants write it, ``formula``, its value in a ``unit``, 95 % limits."""
+
+    formula: str
+    value: float
+    low: float
+    high: float
+    unit: str
+
+
+@dataclass(frozen=True)
 class Estimate:
     """A constant's value in its ``unit``, and its 95 % limits.
 
-    ``low`` and ``high`` are by profile, None where the data do not determine it; ``linear_low`` and
-    ``linear_high`` are the linearised ones, None where they are wider than its scale allows.
+    ``low`` and ``high`` are None where the data do not determine it, and ``by`` profile or, where
+    that was not asked for or took too long, linear; ``linear_low`` and ``linear_high`` are the
+    linearised ones, None where they are wider than its scale allows.
     """
 
     name: str
@@ -118,6 +134,7 @@ class Estimate:
     high: float | None
     linear_low: float | None
     linear_high: float | None
+    by: Literal["profile", "linear"] = "profile"
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,7 +143,8 @@ class Identifiability:
 
     ``combinations`` are the right singular vectors of the Jacobian, the best determined first;
     errors along them are independent. ``correlations`` are of the constants, linearised.
-    ``quantile`` of the noise makes the 95 % limits.
+    ``quantile`` of the noise makes the 95 % limits. ``scales`` are the constants', shape (n,), None
+    where the search was in their logarithms.
     """
 
     constants: tuple[Estimate, ...]
@@ -134,6 +152,36 @@ class Identifiability:
     correlations: Array
     profiles: tuple[Profile | None, ...]
     quantile: float
+    scales: Array | None = None
+
+    @property
+    def relations(self) -> list[Relation]:
+        """The combinations of constants the data determine, the best determined first."""
+        return [self._relation(np.array(combination.coefficients), combination.half)
+                for combination in self.combinations if combination.half is not None]
+
+    def _relation(self, coefficients: Array, half: float) -> Relation:
+        """In the unit of the constant that weighs most in it, whose coefficient is 1."""
+        first = int(np.argmax(np.abs(coefficients)))
+        weights = np.where(np.abs(coefficients) < _SLIGHT * np.abs(coefficients[first]), 0.0,
+                           coefficients / coefficients[first])
+        half /= abs(coefficients[first])
+        values = np.array([constant.value for constant in self.constants])
+        unit = self.constants[first].unit
+        if self.scales is None:
+            value = float(np.exp(weights @ np.log(values)))
+            return Relation(self._written(weights, "{name}^{weight:.3g}", " "), value,
+                            value * float(np.exp(-half)), value * float(np.exp(half)),
+                            unit if np.count_nonzero(weights) == 1 else "")
+        weights = weights * self.scales[first] / self.scales
+        half, value = half * float(self.scales[first]), float(weights @ values)
+        return Relation(self._written(weights, "{weight:.3g} {name}", " + "), value, value - half,
+                        value + half, unit)
+
+    def _written(self, weights: Array, form: str, between: str) -> str:
+        terms = [constant.name if weight == 1 else form.format(name=constant.name, weight=weight)
+                 for constant, weight in zip(self.constants, weights, strict=True) if weight]
+        return between.join(terms).replace("+ -", "- ")
 
     @property
     def determined(self) -> int:
@@ -156,6 +204,7 @@ class Identifiability:
                 {"coefficients": dict(zip(names, combination.coefficients, strict=True)),
                  "value": combination.value, "half_width": combination.half}
                 for combination in self.combinations],
+            "relations": [vars(relation) for relation in self.relations],
             "correlations": self.correlations.tolist(),
         }
 
@@ -200,15 +249,19 @@ def covariance(jacobian: Array, sigma: float) -> Array:
 
 
 def identifiability(problem: LeastSquares, best: Array, names: Sequence[tuple[str, str]],
-                    quantile: float, value_of: Callable[[int, float], float],
-                    profiles: bool = True) -> Identifiability:
+                    quantile: float, scales: Array | None, profiles: bool = True,
+                    most: int = _BUDGET) -> Identifiability:
     """Limits at a minimum of a problem in units of the noise, each constant in units of its scale.
 
     What comes after the constants of these ``names`` and units in ``best``, shape (p,), is left to
-    fit. ``value_of(index, z)`` is a constant's value at z, with which it ascends. Without
-    ``profiles`` the limits are linearised.
+    fit. The constants are the unknowns times ``scales``, or without any their exponentials. Without
+    ``profiles`` the limits are linearised, and those that are not done after ``most`` evaluations.
     """
-    count = len(names)
+    count, spent = len(names), 0
+
+    def value_of(index: int, z: float) -> float:
+        return float(np.exp(z) if scales is None else scales[index] * z)
+
     singular, right = _seen(problem, best, count)
     with np.errstate(divide="ignore"):
         halves = quantile / singular
@@ -223,33 +276,37 @@ def identifiability(problem: LeastSquares, best: Array, names: Sequence[tuple[st
     estimates, lines = [], []
     for index, (name, unit) in enumerate(names):
         z, half = float(best[index]), float(spread[index])
-        low, high = float(problem.low[index]), float(problem.high[index])
-        inside = low < z < high
-        rough = (max(z - half, low), min(z + half, high)) if inside and half < DETERMINED else None
-        line = (profile(anchored, free, index, quantile)
-                if profiles and inside and half < _WORTH else None)
-        limits = (line.low, line.high) if line else None if profiles else rough
-        sure = _credible(limits, 2 * half / _DOUBTFUL)
-        ends = [limits and value_of(index, limits[side])
-                for limits in (sure, rough) for side in (0, 1)]
-        estimates.append(Estimate(name, unit, value_of(index, z), *ends))
-        lines.append(line and _in_values(line, index, value_of))
+        least, largest = float(problem.low[index]), float(problem.high[index])
+        inside = least < z < largest
+        rough = (max(z - half, least), min(z + half, largest)) if inside and half < DETERMINED \
+            else None
+        worth = profiles and inside and half < _WORTH
+        line = profile(anchored, free, index, quantile, most=most - spent) if worth else None
+        spent += line.evaluations if line else 0
+        linear = not profiles or spent > most
+        limits = rough if linear else (line.low, line.high) if line else None
+        sure = _credible(limits, z, 2 * half / _DOUBTFUL)
+        low, high, linear_low, linear_high = (limits and value_of(index, limits[side])
+                                              for limits in (sure, rough) for side in (0, 1))
+        estimates.append(Estimate(name, unit, value_of(index, z), low, high, linear_low,
+                                  linear_high, "linear" if linear else "profile"))
+        lines.append(None if line is None or linear else _in_values(line, index, value_of))
     combinations = tuple(
         Combination(tuple(direction.tolist()), float(direction @ best[:count]),
                     float(half) if half < DETERMINED else None, float(half / quantile))
         for direction, half in zip(right, halves, strict=True))
     lengths = np.sqrt(np.diag(wide))
     return Identifiability(tuple(estimates), combinations, wide / np.outer(lengths, lengths),
-                           tuple(lines), quantile)
+                           tuple(lines), quantile, scales)
 
 
-def _credible(limits: tuple[float | None, float | None] | None,
+def _credible(limits: tuple[float | None, float | None] | None, best: float,
               least: float) -> tuple[float, float] | None:
-    """The limits, where both are there and neither too far apart nor closer than can be."""
+    """The limits, where both are there, on both sides, not too far apart, no closer than can be."""
     low, high = limits or (None, None)
     if low is None or high is None or not least <= high - low <= 2 * DETERMINED:
         return None
-    return low, high
+    return (low, high) if low <= best <= high else None
 
 
 def _in_values(line: Profile, index: int, value_of: Callable[[int, float], float]) -> Profile:
@@ -259,12 +316,12 @@ def _in_values(line: Profile, index: int, value_of: Callable[[int, float], float
 
 
 def profile(problem: LeastSquares, best: Array, index: int, quantile: float,
-            met: float = _MET) -> Profile:
+            met: float = _MET, most: float = np.inf) -> Profile:
     """The profile of one unknown about a minimum, out to where χ² has grown by quantile².
 
     At each value of it all others are fitted again, those the readings do not determine included
     (Bates and Watts, *Nonlinear Regression Analysis*, 1988, §6.1). Limits are exact to the share
-    ``met`` of the quantile.
+    ``met`` of the quantile. After more than ``most`` evaluations it goes no further.
     """
     point = problem.at(best)
     least = point.squares
@@ -302,6 +359,8 @@ def profile(problem: LeastSquares, best: Array, index: int, quantile: float,
         outside: Place | None = None
         last, at, same_side = best, centre[0] + step, 0
         for _ in range(_MOST):
+            if evaluations > most:
+                return None
             at = float(sign * min(sign * at, sign * end))
             unknowns, rise = refitted(last, at)
             if rise < _FAR * quantile:

@@ -13,8 +13,6 @@ from scipy.optimize import minimize
 
 from tympan.fem.rig import Rig
 from tympan.geometry.errors import InputError
-from tympan.geometry.specimen import Specimen
-from tympan.studies.circles import radii_of
 from tympan.studies.estimation.identifiability import (
     Identifiability,
     Noise,
@@ -22,11 +20,13 @@ from tympan.studies.estimation.identifiability import (
     unseen,
 )
 from tympan.studies.estimation.least_squares import LeastSquares, minimise
+from tympan.studies.identify.correlation import variance_inflation
 from tympan.studies.identify.responses import Record
-from tympan.studies.identify.static import Constant, StaticFit
+from tympan.studies.identify.static import Constant, StaticFit, Tell
 from tympan.studies.lumped.actuator import Actuator, Viscous
 from tympan.studies.lumped.collocation import CollocationSolver
 from tympan.studies.lumped.equilibria import rest, settle
+from tympan.studies.lumped.remarks import remark
 from tympan.studies.paper.table1 import known
 from tympan.studies.signals import Pieces
 
@@ -42,24 +42,37 @@ _DELAY, _FURTHEST = 0.5, 1.5  # deviation and bound of a run's delay, in samplin
 #: The search sees the first so many periods of the fast oscillation, then more: a response that is
 #: out of step by half a period has its own minimum.
 _PERIODS = (1.5, 6.0, 25.0, 100.0)
+#: The noise that is taken at least [m]: what the motion is computed to is not independent either.
+FINEST = 1e-8
 _LOOSE = 3.0  # deviation of a logarithm about the start while little of the record is seen
 
 
 @dataclass(frozen=True, eq=False)
 class Exact:
-    """The films' own material, with given weights α of the circles, or equal ones."""
+    """Actuators whose films and weights are taken as they are, on one rig, whatever their masses.
 
-    specimens: tuple[Specimen, ...]
-    rig: Rig
-    weights: tuple[float, ...] | None = None
+    ``equal`` says that nobody gave their weights.
+    """
+
+    actuators: tuple[Actuator, ...]
+    equal: bool = False
     turns: int = 0
 
+    @property
+    def rig(self) -> Rig:
+        return self.actuators[0].rig
+
     def actuator(self, number: int, mass: float, turn: Any, viscous: Viscous) -> Actuator:
-        weights = self.weights if len(radii_of(self.specimens[number].frame)) > 1 else None
-        return Actuator.of(self.specimens[number], mass, weights, viscous, self.rig)
+        return replace(self.actuators[number], mass=mass, viscous=viscous)
+
+    def rows(self, turn: Array) -> tuple[Array, Array]:
+        return np.zeros(0), np.zeros((0, 0))  # nothing is at rest, nothing turns
 
     def by_turn(self, number: int, turn: Array, y: Array, voltage: Array) -> Array:
         return np.zeros((*y.shape, 0))
+
+    def weights_by_turn(self, number: int) -> Array:
+        return np.zeros((self.actuators[number].count, 0))
 
 
 #: What a response needs of the static constants: actuators, and how these may still turn.
@@ -72,15 +85,19 @@ class DynamicProblem:
 
     z = (ln k₁, ln η₁, ln η₂, turns of the statics, delays of the runs). A run's delay, in its
     sampling intervals, is how long before the sample that first shows it a voltage came: no record
-    says. Turns and delays are unknown with a standard deviation of 1 and a half. Where no reading
+    says. Delays are unknown with a standard deviation of a half; the readings at rest
+    count with those in time. Where no reading
     follows the oscillation, η₂ is not ``followed`` and stays where it begins.
     """
 
     statics: Statics
-    rig: Rig
     records: tuple[Record, ...]
     noise: float | None = None
     followed: bool = True
+
+    @property
+    def rig(self) -> Rig:
+        return self.statics.rig
 
     @property
     def size(self) -> int:
@@ -112,9 +129,9 @@ class DynamicProblem:
         """Derivatives of a run's rates by viscous constants and turns, (…, size, 3 + turns)."""
         actuator, y = self.actuator(record, z), state[..., 0]
         turned = np.zeros((*state.shape, self.statics.turns))
-        turned[..., 1, :] = -self.statics.by_turn(
-            record.specimen, self.split(z)[1], y.ravel(), np.ravel(voltage)
-        ).reshape(*y.shape, -1) / actuator.moved
+        film = self.statics.by_turn(record.specimen, self.split(z)[1], y.ravel(), np.ravel(voltage))
+        drag = actuator.drag(state) @ self.statics.weights_by_turn(record.specimen)
+        turned[..., 1, :] = -(film.reshape(drag.shape) + drag) / actuator.moved
         return np.concatenate([actuator.by_viscous(state), turned], axis=-1)
 
     @cached_property
@@ -156,7 +173,7 @@ class DynamicProblem:
         away = np.abs(record.first - rests)
         if away.min() > _BEGUN * abs(rests[1] - rests[0]):
             raise InputError("must begin at rest, at its first voltage or without any: record it "
-                             "from before the step",
+                             "from before the step, or take the model of this actuator (--model)",
                              key=f"transient.csv, {actuator.specimen.name}, run {record.run}",
                              given=f"{1e3 * record.first:.4f} mm, rests {1e3 * rests[1]:.4f} and "
                                    f"{1e3 * rests[0]:.4f} mm")
@@ -209,19 +226,22 @@ class DynamicProblem:
         Each run's rows are replaced by the triangular factor of (derivative, residual), which has
         the same χ², gradient and curvature: a step of the search over 30,000 readings is cheap.
         """
-        _, turns, delays = self.split(np.eye(len(self.start)))
-        prior = np.concatenate([turns, delays / _DELAY])
+        turned, prior = len(CONSTANTS), self.split(np.eye(len(self.start)))[2] / _DELAY
+        behind = turned + self.statics.turns
 
         def both(z: Array) -> tuple[Array, Array]:
             try:
                 parts = self.parts(z)
             except InputError:  # a trial beyond pull-in: the search steps back
                 return np.full(len(prior), np.nan), prior
+            rest_residual, rest_slopes = self.statics.rows(z[turned:behind])
+            at_rest = np.zeros((len(rest_residual), len(z)))
+            at_rest[:, turned:behind] = rest_slopes
             rows = np.concatenate([np.linalg.qr(np.column_stack([slopes, residual]) / sigma,
                                                 mode="r")
                                    for residual, slopes in parts])
-            return (np.concatenate([rows[:, -1], prior @ (z - self.start)]),
-                    np.concatenate([rows[:, :-1], prior]))
+            return (np.concatenate([rows[:, -1], rest_residual, prior @ (z - self.start)]),
+                    np.concatenate([rows[:, :-1], at_rest, prior]))
 
         return LeastSquares.of(both, *self.bounds)
 
@@ -230,7 +250,8 @@ class DynamicProblem:
 class DynamicFit:
     """The viscous constants, what the data determine of them, the misfit, and what the search cost.
 
-    ``z`` are all its numbers, as :class:`DynamicProblem` has them; ``fast`` is the time in which
+    ``z`` are all its numbers, as :class:`DynamicProblem` has them; ``sigma`` the noise of a reading
+    [m], of which so many count as one as ``inflation`` says; ``fast`` is the time in which
     the fastest motion at rest goes through a radian [s]; ``waited`` how long after a jump of the
     voltage readings were left out [s], because they come too seldom to follow it.
     """
@@ -238,6 +259,7 @@ class DynamicFit:
     problem: DynamicProblem
     z: Array
     sigma: float
+    inflation: float
     judgement: Identifiability
     rmse: float
     evaluations: int
@@ -255,6 +277,7 @@ class DynamicFit:
             "noise_um": 1e6 * self.sigma,
             "rmse_um": 1e6 * self.rmse,
             "readings": problem.size,
+            "variance_inflation": self.inflation,
             **self.judgement.json(),
             "runs": [{"specimen": problem.actuator(record, self.z).specimen.name,
                       "mass_kg": record.mass, "run": record.run, "began_at_V": began,
@@ -269,13 +292,15 @@ class DynamicFit:
     @property
     def warnings(self) -> list[str]:
         warnings, given = [], self.problem.noise
-        if given is not None and self.sigma > given:
+        if given is not None and self.sigma > max(given, FINEST):
             warnings.append("the responses do not follow this model: misfit "
                          f"{1e6 * self.sigma:.3g} um, noise {1e6 * given:.3g} um; the limits count "
                          "the misfit as noise, and it is not")
+        if self.inflation > 1:
+            warnings.append(remark("alike", count=self.inflation, wide=self.inflation**0.5))
         if isinstance(self.problem.statics, Exact):
-            equal = ", equal weights" if self.problem.statics.weights is None else ", the weights"
-            warnings.append(f"there is no static.csv: the films' own material{equal} and "
+            equal = "equal weights" if self.problem.statics.equal else "the weights"
+            warnings.append(f"there is no static.csv: the films' own material, {equal} and "
                             "permittivity are taken as exact")
         if self.waited:
             often = min(record.interval for record in self.problem.records)
@@ -286,19 +311,20 @@ class DynamicFit:
         return warnings
 
 
-def identify_dynamic(problem: DynamicProblem, profiles: bool = True) -> DynamicFit:
+def identify_dynamic(problem: DynamicProblem, profiles: bool = True,
+                     tell: Tell = lambda _: None) -> DynamicFit:
     """Fit k₁, η₁ and η₂ to all responses, by bounded least squares in their logarithms.
 
     First to the beginning of every response, then to more of it. As in the static fit, what the
-    responses do not see stays where the search began, and limits are by profiles of the misfit.
+    responses do not see stays where the search began, limits are by profiles of the misfit, and
+    ``tell`` hears the values before there are limits.
     """
     began, calls, z = time.perf_counter(), 0, problem.start
     problem, waited = _calm(problem)
     if problem.size <= len(z):
         raise InputError(f"needs more readings than the {len(z)} numbers to find",
                          key="transient.csv", given=problem.size)
-    sigma = problem.noise or 1e-6
-    count = len(CONSTANTS)
+    sigma, count = problem.noise or 1e-6, len(CONSTANTS)
     loose = np.eye(len(z))[:count] / _LOOSE
     whole = max(float(record.time[-1]) - record.begins for record in problem.records)
     period = 2 * np.pi / abs(problem.pole(problem.start))
@@ -314,17 +340,22 @@ def identify_dynamic(problem: DynamicProblem, profiles: bool = True) -> DynamicF
         minimum = minimise(misfit.with_rows(rows, problem.start), z, precision=1e-6)
         moved = float(np.abs(minimum.unknowns - z).max())
         calls, z = calls + minimum.evaluations, minimum.unknowns
-        squares = sum(float(residual @ residual) for residual, _ in problem.parts(z))
+        parts = problem.parts(z)
+        squares = sum(float(residual @ residual) for residual, _ in parts)
         freedom = problem.size - determined - (len(z) - count)
         noise = Noise.of(squares, freedom, problem.noise, widen=True)
-        settled, sigma = 0.9 < noise.sigma / sigma < 1.1, noise.sigma
+        noise = replace(noise, sigma=max(noise.sigma, FINEST))
+        inflation = variance_inflation(parts, count, noise.sigma)
+        wide = noise.sigma * inflation**0.5
+        settled, sigma = 0.9 < wide / sigma < 1.1, wide
         if settled and (moved < 1e-4 or determined == count):
             break
-    judgement = identifiability(problem.misfit(sigma), z,
-                                [(constant.name, constant.unit) for constant in CONSTANTS],
-                                noise.quantile, lambda _, log: float(np.exp(log)), profiles)
-    return DynamicFit(problem, z, sigma, judgement, (squares / problem.size) ** 0.5, calls,
-                      time.perf_counter() - began, 1 / abs(problem.pole(z)), waited)
+    names = [(constant.name, constant.unit) for constant in CONSTANTS]
+    tell({name: float(np.exp(log)) for (name, _), log in zip(names, z[:count], strict=True)})
+    judgement = identifiability(problem.misfit(sigma), z, names, noise.quantile, None, profiles)
+    return DynamicFit(problem, z, noise.sigma, inflation, judgement,
+                      (squares / problem.size) ** 0.5, calls, time.perf_counter() - began,
+                      1 / abs(problem.pole(z)), waited)
 
 
 def _calm(problem: DynamicProblem) -> tuple[DynamicProblem, float]:

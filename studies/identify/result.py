@@ -71,7 +71,7 @@ class IdentifyResult:
 
         identify.json comes last, so its presence means the rest is complete.
         """
-        remove(folder, "identify.json", _FIGURES, *_SHEETS.values())
+        remove(folder, "identify.json", "estimates.json", _FIGURES, *_SHEETS.values())
         for name, fit in self.fits.items():
             write_sheet(folder / _SHEETS[name], _COLUMNS[name], fit.readings)
         write_json(folder / _FIGURES, {

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Literal
@@ -17,7 +18,8 @@ from tympan.fem.film.laws.stiffened import scaled
 from tympan.fem.rig import Rig
 from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Specimen
-from tympan.studies.circles import ConeCircle, radii_of
+from tympan.studies.circles import ConeCircle
+from tympan.studies.columns import Sheet
 from tympan.studies.data.dataset import Dataset
 from tympan.studies.estimation.identifiability import (
     CREDIBLE,
@@ -29,12 +31,15 @@ from tympan.studies.estimation.identifiability import (
 from tympan.studies.estimation.least_squares import LeastSquares, minimise
 from tympan.studies.lumped.actuator import Actuator, Viscous
 from tympan.studies.lumped.equilibria import settle
+from tympan.studies.lumped.remarks import is_cone, remark, softness
 from tympan.studies.paper.table1 import known
 
 Array = NDArray[np.float64]
 Law = Literal["eq8", "film"]
-Sharing = Literal["each", "shared"]
+Sharing = Literal["each", "shared", "given"]
 Objective = Literal["deflection", "force", "printed"]
+#: Hears values by name as soon as they are there.
+Tell = Callable[[dict[str, float]], None]
 
 _HIGHEST_STRESS = 1e7
 _POWERS = (2.0, 4.0, 6.0)  # of Eq. (8)
@@ -53,18 +58,26 @@ class Constant:
     high: float
 
 
+def readings_at_rest(dataset: Dataset) -> Sheet:
+    """What static.csv holds; an InputError where there is none."""
+    if dataset.static is None:
+        raise InputError("has no static.csv: the static constants need readings at rest",
+                         key=dataset.name)
+    return dataset.static
+
+
 @dataclass(frozen=True, eq=False)
 class StaticProblem:
-    """Displacements read [m] of specimens (by number ``which``), and what is to be found of them.
+    """Displacements read [m] of actuators (by number ``which``), and what is to be found of them.
 
-    ``noise`` is the standard deviation of one reading [m]. To find are a law's constants, of Eq.
-    (8) (``eq8``) or one factor on the films (``film``), ε_r and α: of the circle with the short
-    semi-axis, for every shape that has two (``each``), or one for all as in Eq. (11) (``shared``),
+    The ``actuators`` are the nominal ones, on one rig, whatever their masses. ``noise`` is the
+    standard deviation of one reading [m]. To find are a law's constants, of Eq. (8) (``eq8``) or
+    one factor on the films (``film``), ε_r and, unless they are ``given``, α: of the first of two
+    circles, for every shape that has them (``each``), or one for all as in Eq. (11) (``shared``),
     which leaves the difference of the shapes to the other constants.
     """
 
-    specimens: tuple[Specimen, ...]
-    rig: Rig
+    actuators: tuple[Actuator, ...]
     which: NDArray[np.int64]
     mass: Array
     voltage: Array
@@ -73,16 +86,28 @@ class StaticProblem:
     law: Law = "eq8"
     alpha: Sharing = "each"
 
+    def __post_init__(self) -> None:
+        if self.alpha != "given" and any(actuator.count > 2 for actuator in self.actuators):
+            raise InputError("an α can be found of two circles at most: take those of the model",
+                             key="--alpha", given=self.alpha)
+
     @classmethod
-    def of(cls, dataset: Dataset, law: Law = "eq8", alpha: Sharing = "each") -> StaticProblem:
-        static = dataset.static
-        if static is None:
-            raise InputError("has no static.csv: the static constants need readings at rest",
-                             key=dataset.name)
+    def of(cls, dataset: Dataset, actuators: tuple[Actuator, ...], law: Law = "eq8",
+           alpha: Sharing = "each") -> StaticProblem:
+        """The readings at rest of a dataset, its specimens as ``actuators``, in their order."""
+        static = readings_at_rest(dataset)
         names = [specimen.name for specimen in dataset.specimens]
         which = np.array([names.index(name) for name in static.specimen.tolist()])
-        return cls(dataset.specimens, dataset.rig, which, static.mass, static.voltage,
-                   static.displacement, dataset.noise, law, alpha)
+        return cls(actuators, which, static.mass, static.voltage, static.displacement,
+                   dataset.noise, law, alpha)
+
+    @property
+    def specimens(self) -> tuple[Specimen, ...]:
+        return tuple(actuator.specimen for actuator in self.actuators)
+
+    @property
+    def rig(self) -> Rig:
+        return self.actuators[0].rig
 
     @cached_property
     def constants(self) -> tuple[Constant, ...]:
@@ -106,11 +131,11 @@ class StaticProblem:
 
     @cached_property
     def _alphas(self) -> tuple[str, ...]:
-        """The name of every specimen's α; empty where it has one circle."""
-        radii = [radii_of(specimen.frame) for specimen in self.specimens]
+        """The name of every actuator's α; empty where there is none to find."""
+        radii = [tuple(np.ravel(actuator.circles.radius).tolist()) for actuator in self.actuators]
         shapes: dict[tuple[float, ...], str] = {}
         for specimen, pair in zip(self.specimens, radii, strict=True):
-            if len(pair) > 1:
+            if len(pair) > 1 and self.alpha != "given":
                 shapes.setdefault(pair, f"alpha_1[{specimen.name}]")
         if self.alpha == "shared" or len(shapes) == 1:
             shapes = dict.fromkeys(shapes, "alpha_1")
@@ -124,20 +149,26 @@ class StaticProblem:
         """
         units: Any = np.eye(6)[:, :, None, None]
         films = []
-        for specimen in self.specimens:
-            film = specimen.membrane
+        for actuator in self.actuators:
+            specimen, film = actuator.specimen, actuator.specimen.membrane
             material = film.material if self.law == "film" else Separable(
                 tuple(units[:3]), tuple(units[3:]), _POWERS, film.area_prestretch**0.5)
             unit = replace(specimen, membrane=replace(film, relative_permittivity=1.0))
-            circles = ConeCircle(specimen, np.array(radii_of(specimen.frame)))
-            films.append((circles, material, maxwell(unit, 1.0)))
+            films.append((actuator.circles, material, maxwell(unit, 1.0)))
         return tuple(films)
 
     def weights(self, number: int, values: Any) -> tuple[Any, ...]:
         if not self._alphas[number]:
-            return (1.0,)
+            return tuple(self.actuators[number].weights)
         alpha = values[self._place(number)]
         return alpha, 1 - alpha
+
+    def weights_by_constants(self, number: int) -> Array:
+        """Derivatives of the weights, shape (circles, constants)."""
+        slopes = np.zeros((self.actuators[number].count, len(self.constants)))
+        if self._alphas[number]:
+            slopes[:, self._place(number)] = 1.0, -1.0
+        return slopes
 
     def _place(self, number: int) -> int:
         return [constant.name for constant in self.constants].index(self._alphas[number])
@@ -170,16 +201,17 @@ class StaticProblem:
     def force_of(self, number: int, values: Array, y: Array,
                  voltage: Array) -> tuple[Array, Array, Array]:
         """The same of one specimen (by number), at deflections [m] and voltages [V], (points,)."""
-        circles, *parts = self._units[number]
-        squared = np.asarray(self.rig.film_voltage(voltage))[:, None] ** 2
+        actuator, (circles, *parts) = self.actuators[number], self._units[number]
+        squared = actuator.permittivity * np.asarray(self.rig.film_voltage(voltage))[:, None] ** 2
         elastic, electric = (circles.pull(part, y[:, None])[1:] for part in parts)
         # Both linear in the constants: shape (constants, points, circles).
-        pulls, stiffs = (np.concatenate([film.reshape(-1, *drawn.shape), squared * drawn[None]])
+        pulls, stiffs = (np.concatenate([actuator.stiffness * film.reshape(-1, *drawn.shape),
+                                         squared * drawn[None]])
                          for film, drawn in zip(elastic, electric, strict=True))
         weights, linear = np.array(self.weights(number, values)), values[:len(pulls)]
         slopes = np.zeros((len(y), len(self.constants)))
         slopes[:, :len(linear)] = (pulls @ weights).T
-        if len(weights) > 1:
+        if self._alphas[number]:
             slopes[:, self._place(number)] = linear @ (pulls[..., 0] - pulls[..., 1])
         force = slopes[:, :len(linear)] @ linear
         spring = self.rig.spring
@@ -227,9 +259,9 @@ class StaticProblem:
 class StaticFit:
     """Constants, what the data determine of them, the misfit, and what the search cost.
 
-    To readings in time the constants are as firm as those at rest determine them: a turn of 1
-    moves them by one standard deviation along a combination, at most by ten of their scales, for
-    many readings in time may see what few at rest do not.
+    To readings in time the constants are as firm as those at rest, which count with them, make
+    them: many readings in time may see what few at rest do not. A turn of 1 moves the constants by
+    one standard deviation along a combination, at most by ten of their scales.
     """
 
     problem: StaticProblem
@@ -252,17 +284,37 @@ class StaticFit:
     def turns(self) -> int:
         return int(self.directions.shape[1])
 
+    @property
+    def rig(self) -> Rig:
+        return self.problem.rig
+
     def actuator(self, number: int, mass: float, turn: Any, viscous: Viscous) -> Actuator:
         """The actuator of a specimen (by number); ``turn`` is how far it went each way."""
         problem, values = self.problem, self.values + self.directions @ turn
-        return Actuator.of(problem.specimen(number, values), mass, problem.weights(number, values),
-                           viscous, problem.rig)
+        nominal = problem.actuators[number]
+        circles = replace(nominal.circles, specimen=problem.specimen(number, values))
+        return replace(nominal, circles=circles, weights=problem.weights(number, values),
+                       mass=mass, viscous=viscous)
+
+    def rows(self, turn: Array) -> tuple[Array, Array]:
+        """Residuals of the readings at rest in their noise, and their derivatives by the turns.
+
+        And what is said beforehand of the constants: no more than :data:`CREDIBLE` of their scales.
+        """
+        residual, slopes = self.problem.residual(self.values + self.directions @ turn, "deflection")
+        firm = self.directions / (CREDIBLE * self.problem.column("scale")[:, None])
+        return (np.concatenate([residual / self.sigma, firm @ turn]),
+                np.concatenate([slopes @ self.directions / self.sigma, firm]))
 
     def by_turn(self, number: int, turn: Array, y: Array, voltage: Array) -> Array:
         """Derivatives of a specimen's force [N] by the turns, shape (points, turns)."""
         values = self.values + self.directions @ turn
         slopes = self.problem.force_of(number, values, y, voltage)[2]
         return np.asarray(slopes @ self.directions)
+
+    def weights_by_turn(self, number: int) -> Array:
+        """Derivatives of a specimen's weights by the turns, shape (circles, turns)."""
+        return self.problem.weights_by_constants(number) @ self.directions
 
     def json(self) -> dict[str, Any]:
         return {
@@ -278,20 +330,26 @@ class StaticFit:
 
     @property
     def warnings(self) -> list[str]:
-        given = self.problem.noise
-        if given is None or self.sigma <= given:
-            return []
-        return [f"the readings do not follow this law: misfit {1e6 * self.sigma:.3g} um, noise "
-                f"{1e6 * given:.3g} um; the limits count the misfit as noise, and it is not"]
+        warnings, given = [], self.problem.noise
+        if given is not None and self.sigma > given:
+            warnings.append(
+                f"the readings do not follow this law: misfit {1e6 * self.sigma:.3g} um, noise "
+                f"{1e6 * given:.3g} um; the limits count the misfit as noise, and it is not")
+        cones = {softness(actuator): None for actuator in self.problem.actuators
+                 if is_cone(actuator)}
+        if cones:
+            warnings.append(remark("cone_found", factors=", ".join(cones)))
+        return warnings
 
 
 def identify_static(problem: StaticProblem, objective: Objective = "deflection",
-                    profiles: bool = True) -> StaticFit:
+                    profiles: bool = True, tell: Tell = lambda _: None) -> StaticFit:
     """Fit the constants by bounded least squares, and judge what the readings determine.
 
     What the readings do not see, by the singular directions of the Jacobian, stays where the search
     began. Limits are Student's (normal, where the noise is known); they are profiles of the misfit
-    in deflection where that was the ``objective``, else linearised.
+    in deflection where that was the ``objective``, else linearised. ``tell`` hears the values
+    before there are limits.
     """
     began, calls = time.perf_counter(), 0
     scale, size = problem.column("scale"), problem.noise or 1e-6
@@ -311,10 +369,10 @@ def identify_static(problem: StaticProblem, objective: Objective = "deflection",
     residual = problem.residual(scale * z, "deflection")[0]
     noise = Noise.of(float(residual @ residual), len(residual) - determined, problem.noise,
                      widen=True)
-    judgement = identifiability(_misfit(problem, "deflection", noise.sigma), z,
-                                [(constant.name, constant.unit) for constant in problem.constants],
-                                noise.quantile, lambda index, at: float(scale[index] * at),
-                                profiles and objective == "deflection")
+    names = [(constant.name, constant.unit) for constant in problem.constants]
+    tell({name: float(value) for (name, _), value in zip(names, scale * z, strict=True)})
+    judgement = identifiability(_misfit(problem, "deflection", noise.sigma), z, names,
+                                noise.quantile, scale, profiles and objective == "deflection")
     rmse = float(np.sqrt(np.mean(residual**2)))
     return StaticFit(problem, scale * z, noise.sigma, judgement, rmse, calls,
                      time.perf_counter() - began)

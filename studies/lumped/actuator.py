@@ -207,6 +207,13 @@ class Actuator:
         result[..., 2:, 1] = -self._creep(behind)
         return result
 
+    def drag(self, state: Any) -> Any:
+        """What each circle's branch and damper pull with for a weight of 1 [N], (…, circles)."""
+        y, speed, strains = state[..., 0], state[..., 1], state[..., 2:]
+        stretch, phi, _ = self.circles.stretch(_each(y))
+        stress = self.viscous.k1 * (stretch - 1 - strains) + self.viscous.eta2 * phi * _each(speed)
+        return self.circles.volume * phi / stretch * stress
+
     def capacitance(self, y: Any) -> Any:
         """Σ α C of the circles [F] at a deflection [m], the correction on its change."""
         flat, deflected = (np.sum(self.weights * self.circles.capacitance(_each(at)), axis=-1)
@@ -228,6 +235,12 @@ class Actuator:
         energy, force, stiffness = (factor * np.sum(self.weights * part, axis=-1)
                                     for part in parts)
         return energy, force, stiffness
+
+
+def paper_cones(specimens: Sequence[Specimen], weights: Sequence[float] | None = None,
+          rig: Rig = Rig()) -> tuple[Actuator, ...]:
+    """Specimens as the paper has them, all with these weights, each under 1 kg."""
+    return tuple(Actuator.of(specimen, 1.0, weights, rig=rig) for specimen in specimens)
 
 
 def _each(values: Any) -> Any:

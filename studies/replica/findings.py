@@ -19,10 +19,10 @@ from scipy.optimize import brentq, minimize_scalar
 from tympan.fem.film.density import maxwell
 from tympan.fem.film.laws import Separable
 from tympan.fem.film.library import DEFAULT, MATERIALS
-from tympan.fem.rig import Rig
 from tympan.geometry.outlines import area
 from tympan.studies.circles import ConeCircle
 from tympan.studies.identify.static import StaticProblem
+from tympan.studies.lumped.actuator import paper_cones
 from tympan.studies.lumped.equilibria import rest
 from tympan.studies.lumped.linear import linearise
 from tympan.studies.paper import published
@@ -134,7 +134,7 @@ def at_rest(missing: MissingParameters) -> tuple[Array, Array, Array]:
     rests = deflections(missing.permittivity, missing.alpha, _VOLTAGES[:, None, None])
     voltage, mass, which = (axis.ravel() for axis in np.meshgrid(
         _VOLTAGES, MASSES, np.arange(3), indexing="ij"))
-    problem = StaticProblem(specimens, Rig(), which, mass, voltage, rests.ravel())
+    problem = StaticProblem(paper_cones(specimens), which, mass, voltage, rests.ravel())
     law = _law()
     values = np.array([*law.beta, *law.gamma, missing.permittivity, *missing.alpha])
     return problem.force(values, problem.read)[2][:, :7], values[:7], problem.load

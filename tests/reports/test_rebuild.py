@@ -99,7 +99,7 @@ def identify(folder: Path) -> None:
                    for name in "AB" for mass in (15, 20) for kilovolts in (0, 1, 2, 3, 4))
     dataset = write_dataset(folder.parent / "dataset", 'name = "test"\nnoise = "10 um"\n',
                             static=f"specimen,mass_g,voltage_kV,displacement_mm\n{rows}")
-    assert main(["lumped", "identify", str(dataset), "-o", str(folder)]) == 0
+    assert main(["lumped", "identify", str(dataset), "--paper", "-o", str(folder)]) == 0
 
 
 def diagnose(folder: Path) -> None:

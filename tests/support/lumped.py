@@ -13,7 +13,7 @@ from tympan.fem.film.library import MATERIALS
 from tympan.fem.rig import Rig
 from tympan.studies.circles import ConeCircle
 from tympan.studies.identify.static import StaticProblem
-from tympan.studies.lumped.actuator import Actuator
+from tympan.studies.lumped.actuator import Actuator, paper_cones
 from tympan.studies.lumped.equilibria import rest
 from tympan.studies.lumped.model_file import LumpedModel
 from tympan.studies.paper.table1 import paper_actuators
@@ -54,7 +54,7 @@ def clean() -> StaticProblem:
     unknown = tuple(
         replace(specimen, membrane=replace(specimen.membrane, relative_permittivity=6.0))
         for specimen in specimens)
-    return StaticProblem(unknown, Rig(), which.astype(int), mass, u, y, NOISE)
+    return StaticProblem(paper_cones(unknown), which.astype(int), mass, u, y, NOISE)
 
 
 def free_energy(actuator: Actuator, state: np.ndarray, voltage: float) -> np.ndarray:

@@ -16,7 +16,6 @@ from scipy.integrate import solve_ivp
 from tests.support.lumped import MASSES, NOISE, TRUTH, noisy
 from tympan.cli import main
 from tympan.fem.film.laws import Separable
-from tympan.fem.rig import Rig
 from tympan.geometry.errors import InputError
 from tympan.studies.identify.dynamic import (
     DynamicFit,
@@ -28,7 +27,7 @@ from tympan.studies.identify.dynamic import (
 )
 from tympan.studies.identify.responses import Record, drive_of
 from tympan.studies.identify.static import identify_static
-from tympan.studies.lumped.actuator import Actuator, Viscous
+from tympan.studies.lumped.actuator import Actuator, Viscous, paper_cones
 from tympan.studies.lumped.collocation import CollocationSolver
 from tympan.studies.lumped.equilibria import rest
 from tympan.studies.paper.table1 import paper_actuators
@@ -40,7 +39,7 @@ LAW = Separable(tuple(TRUTH[:3]), tuple(TRUTH[3:6]), (2.0, 4.0, 6.0), 5**0.5)
 SPECIMENS = tuple(replace(specimen, membrane=replace(specimen.membrane, material=LAW))
                   for specimen in paper_actuators(8.5))
 ACTUATORS = Path(__file__).parents[3] / "studies" / "paper" / "actuators"
-EXACT = Exact(SPECIMENS, Rig(), (0.45, 0.55))
+EXACT = Exact(paper_cones(SPECIMENS, (0.45, 0.55)))
 
 
 def actuator(number: int = 2, mass: float = MASSES[0]) -> Actuator:
@@ -87,7 +86,7 @@ def record(number: int, mass: float, seed: int, end: float = 6.0, interval: floa
 def problem(seed: int, statics: Statics = EXACT, noise: float | None = NOISE,
             which: tuple[int, ...] = (0, 2),
             **how: float) -> DynamicProblem:
-    return DynamicProblem(statics, Rig(),
+    return DynamicProblem(statics,
                           tuple(record(number, MASSES[0], seed, **how) for number in which), noise)
 
 
@@ -223,7 +222,7 @@ def test_nelder_mead_takes_more_evaluations_and_fits_no_better() -> None:
 
 def test_a_misfit_of_the_model_widens_the_limits_and_is_told() -> None:
     """The same readings with weights of 0.6 and 0.4 taken as exact."""
-    wrong = identify_dynamic(problem(1, replace(EXACT, weights=(0.6, 0.4))), profiles=False)
+    wrong = identify_dynamic(problem(1, Exact(paper_cones(SPECIMENS, (0.6, 0.4)))), profiles=False)
     assert "do not follow this model" in wrong.warnings[0]
     assert wrong.sigma > 20 * NOISE
 
@@ -283,9 +282,8 @@ def test_what_simulate_writes_identify_reads(tmp_path: Path,
     (tmp_path / "dataset.toml").write_text(toml(names))
     capsys.readouterr()
     out = tmp_path / "out"
-    assert main(["lumped", "identify", str(tmp_path), "--dynamic", "--weights", "0.6,0.4", "-o",
-                 str(out),
-                 "--json"]) == 0
+    assert main(["lumped", "identify", str(tmp_path), "--paper", "--dynamic", "--weights",
+                 "0.6,0.4", "-o", str(out), "--json"]) == 0
     content = json.loads(capsys.readouterr().out)
     assert content == json.loads((out / "identify.json").read_text())
     drawn = {file.name: file.read_bytes() for file in out.glob("*.svg")}
@@ -324,7 +322,7 @@ def test_what_cannot_be_identified_is_one_message(keep: str, options: list[str],
          / "transient.csv").write_text("specimen,mass_g,run,t_s,voltage_kV,displacement_mm\n"
                                        + "".join(
             f"elliptical-large,17.9,1,{0.01 * n},0,2.8\n" for n in range(lines)))
-    assert main(["lumped", "identify", str(tmp_path), *options]) == 2
+    assert main(["lumped", "identify", str(tmp_path), "--paper", *options]) == 2
     message = capsys.readouterr().err
     assert words in message
     assert message.count("\n") == 1

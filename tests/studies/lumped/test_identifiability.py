@@ -15,6 +15,7 @@ from tympan.reports.figures.identification import draw_correlations, draw_profil
 from tympan.studies.estimation.identifiability import Noise, identifiability, profile
 from tympan.studies.estimation.least_squares import LeastSquares, minimise
 from tympan.studies.identify.static import identify_static
+from tympan.studies.lumped.actuator import paper_cones
 
 QUANTILE = 1.959964
 
@@ -68,8 +69,8 @@ def test_a_stiffness_from_few_rough_readings_is_limited_like_a_reciprocal() -> N
         specimens = tuple(
             replace(specimen, membrane=replace(specimen.membrane, relative_permittivity=8.5))
             for specimen in base.specimens)
-        fit = identify_static(replace(base, specimens=specimens, noise=noise, law="film",
-                                      alpha="shared"))
+        fit = identify_static(replace(base, actuators=paper_cones(specimens), noise=noise,
+                                      law="film", alpha="shared"))
         stiffness = fit.judgement.constants[0]
         assert stiffness.name == "stiffness"
         assert stiffness.value == pytest.approx(1.0, rel=1e-6)
@@ -114,14 +115,45 @@ def test_what_one_side_leaves_open_or_nobody_sees_has_no_limits() -> None:
     saturating = LeastSquares.of(lambda z: (np.array([np.exp(-z[0]) - np.exp(-1.5), z[1]]) / 0.1,
                                    np.array([[-np.exp(-z[0]), 0.0], [0.0, 1.0]]) / 0.1),
                         *box(2, -5.0, 5.0))
-    judgement = identifiability(saturating, np.array([1.5, 0.0]), names, QUANTILE, lambda _, z: z)
+    judgement = identifiability(saturating, np.array([1.5, 0.0]), names, QUANTILE, np.ones(2))
     assert profile(saturating, np.array([1.5, 0.0]), 0, QUANTILE).low is not None
     assert judgement.undetermined == ["a"]
     summed = LeastSquares.of(lambda z: (np.array([z.sum(), z.sum() - 0.02]) / 0.1,
                                         np.ones((2, 2)) / 0.1), *box(2))
-    judgement = identifiability(summed, np.array([0.0, 0.01]), names, QUANTILE, lambda _, z: z)
+    judgement = identifiability(summed, np.array([0.0, 0.01]), names, QUANTILE, np.ones(2))
     assert judgement.undetermined == ["a", "b"]
     assert judgement.determined == 1
+
+
+def test_profiles_beyond_their_budget_give_way_to_linear_limits() -> None:
+    misfit, matrix = linear()
+    names = [(name, "1") for name in "abc"]
+    spread = QUANTILE * np.sqrt(np.diag(np.linalg.inv(matrix.T @ matrix)))
+    best = minimise(misfit, np.zeros(3)).unknowns
+    whole, cut = (identifiability(misfit, best, names, QUANTILE, np.ones(3), most=most)
+                  for most in (1500, 0))
+    assert [constant.by for constant in whole.constants] == 3 * ["profile"]
+    assert [constant.by for constant in cut.constants][1:] == 2 * ["linear"]
+    for constant, value, half in zip(cut.constants, best, spread, strict=True):
+        assert (constant.low, constant.high) == pytest.approx((value - half, value + half), rel=0.1)
+
+
+def test_relations_are_the_combinations_in_the_constants_own_units() -> None:
+    """A sum read as 0.02 of two that are not known apart, in scales of 1 and 10; and a product."""
+    scales = np.array([1.0, 10.0])
+    summed = LeastSquares.of(lambda z: (np.array([z.sum() - 0.04, z.sum()]) / 0.1,
+                                        np.ones((2, 2)) / 0.1), *box(2))
+    names = [("a", "Pa"), ("b", "Pa")]
+    for scale, value, formula in ((scales, 0.02, "a + 0.1 b"), (None, np.exp(0.02), "a b")):
+        judgement = identifiability(summed, np.array([0.005, 0.015]), names, QUANTILE, scale)
+        assert judgement.undetermined == ["a", "b"]
+        (relation,) = judgement.relations
+        assert relation.formula == formula
+        assert relation.value == pytest.approx(value, rel=1e-9)
+        half = QUANTILE * 0.1 / np.sqrt(2)
+        ends = (0.02 - half, 0.02 + half)
+        assert (relation.low, relation.high) == pytest.approx(
+            ends if scale is not None else tuple(np.exp(ends)), rel=1e-9)
 
 
 def test_a_search_that_cannot_begin_is_refused() -> None:

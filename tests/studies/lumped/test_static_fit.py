@@ -134,7 +134,7 @@ def test_identify_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) ->
         f"{names[n]},{1e3 * m:.6g},{u / 1e3:.6g},{1e3 * y:.9g}\n"
         for n, m, u, y in zip(read.which, read.mass, read.voltage, read.displacement, strict=True)))
     out = tmp_path / "out"
-    assert main(["lumped", "identify", str(tmp_path), "-o", str(out), "--json"]) == 0
+    assert main(["lumped", "identify", str(tmp_path), "--paper", "-o", str(out), "--json"]) == 0
     content = json.loads(capsys.readouterr().out)
     assert content == json.loads((out / "identify.json").read_text())
     drawn = {file.name: file.read_bytes() for file in out.glob("*.svg")}
@@ -142,7 +142,9 @@ def test_identify_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) ->
     assert drawn == {file.name: file.read_bytes() for file in out.glob("*.svg")}
     assert content["static"]["rmse_um"] == pytest.approx(1.0, rel=0.4)
     assert "gamma_2" in content["static"]["not_determined"]
-    assert content["static"]["warnings"] == []
-    assert main(["lumped", "identify", str(tmp_path), "--law", "film"]) == 0
+    (words,) = content["static"]["warnings"]
+    assert "2.33 to 2.79" in words
+    assert "times as stiff" in words
+    assert main(["lumped", "identify", str(tmp_path), "--paper", "--law", "film"]) == 0
     assert "do not follow this law" in capsys.readouterr().out
     assert (out / "static.png").stat().st_size > 10_000
