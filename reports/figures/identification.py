@@ -102,7 +102,8 @@ def _dynamic(fit: Fitted) -> Figure:
             title, (up, error) = (f"{1e3 * mass:g} g", _UP) if column == 0 else ("", ("", ""))
             style.describe(above, "", up, title, bold=True)
             style.describe(below, "time since the voltage changed (s)", error)
-        above.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=len(names))
+        above.plot([], [], color="black", linewidth=0.5, label="fit")
+        above.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=len(names) + 1)
     return figure
 
 
@@ -113,9 +114,9 @@ def _response(above: Axes, below: Axes, part: pd.DataFrame, end: float, colour: 
     thin = np.linspace(0, len(inside) - 1, min(len(inside), _POINTS)).astype(int)
     inside = inside[np.unique(thin)]
     since, read, fitted = since[inside], read[inside], fitted[inside]
-    above.plot(since, 1e3 * read, ".", color=colour, markersize=2, alpha=0.5, markeredgewidth=0,
-               rasterized=True)
-    above.plot(since, 1e3 * fitted, color=colour, linewidth=0.6, label=part["specimen"].iloc[0])
+    above.plot(since, 1e3 * read, ".", color=colour, markersize=3, markeredgewidth=0,
+               rasterized=True, label=part["specimen"].iloc[0])
+    above.plot(since, 1e3 * fitted, color="black", linewidth=0.5)
     below.plot(since, 1e6 * (fitted - read), ".", color=colour, markersize=1.5, markeredgewidth=0,
                rasterized=True)
 
@@ -133,24 +134,32 @@ def _profiles(judgement: Identifiability) -> Figure:
         axes = style.place_axes(figure, _LEFT + column * (_LEFT + width + _RIGHT),
                                 _TOP + row * (_TOP + _PANEL + _BOTTOM), width, _PANEL)
         colour = style.PALETTE[0] if constant.low is not None else style.PALETTE[1]
-        axes.plot(profile.values, np.abs(profile.rise), "o-", color=colour, markersize=2.5,
-                  linewidth=0.8)
+        factor, prefix = _prefix(float(np.abs(profile.values).max()), constant.unit)
+        values = profile.values / factor
+        axes.plot(values, np.abs(profile.rise), "o-", color=colour, markersize=2.5, linewidth=0.8)
         axes.axhline(judgement.quantile, color="black", linewidth=0.6, linestyle=":")
         for limit in (profile.low, profile.high):
             if limit is not None:
-                axes.axvline(limit, color=colour, linewidth=0.6, linestyle="--")
+                axes.axvline(limit / factor, color=colour, linewidth=0.6, linestyle="--")
         # A little more than the limits; than all that was tried where one is open.
-        inside = profile.values[np.abs(profile.rise) <= 1.2 * np.abs(profile.rise).max()]
+        inside = values[np.abs(profile.rise) <= 1.2 * np.abs(profile.rise).max()]
         low, high = float(inside.min()), float(inside.max())
         edge = 0.08 * (high - low or abs(low) or 1.0)
         axes.set_xlim(low - edge, high + edge)
         axes.set_ylim(0, 1.5 * judgement.quantile)
         axes.set_title(_symbol(constant.name), loc="left", weight="bold")
-        axes.set(xlabel="" if constant.unit == "1" else f"({constant.unit})",
+        axes.set(xlabel="" if constant.unit == "1" else f"({prefix}{constant.unit})",
                  ylabel="√(χ² − χ²min)" if column == 0 else "")
         axes.ticklabel_format(axis="x", useOffset=False, scilimits=(-3, 5))
         axes.locator_params(axis="x", nbins=4)
     return figure
+
+
+def _prefix(largest: float, unit: str) -> tuple[float, str]:
+    """A factor and the letter for it that leave numbers below a thousand."""
+    if unit != "1" and largest >= 1e6:
+        return 1e6, "M"
+    return (1e3, "k") if unit != "1" and largest >= 1e3 else (1.0, "")
 
 
 def _correlations(judgement: Identifiability) -> Figure:

@@ -14,6 +14,8 @@ from tympan.studies.lumped.simulate import SampledResponse, SimulationResult
 _LEFT, _RIGHT, _TITLE, _AXIS, _GAP = 14.0, 4.0, 6.0, 12.0, 5.0  # [mm]
 _VOLTAGE, _RESPONSE = 22.0, 60.0
 _POINTS, _COLUMNS = 20_000, 3
+_BEFORE = 0.03  # of the time shown: how much is seen before a signal
+_ARROWS = (0.125, 0.625)  # where along a loop its direction is shown
 
 
 def draw_simulated(result: SimulationResult, folder: Path) -> list[Path]:
@@ -29,6 +31,7 @@ def _responses(responses: Sequence[SampledResponse]) -> Figure:
     figure = style.new_figure(_TITLE + _VOLTAGE + _GAP + _RESPONSE + _AXIS)
     above, below = style.place_pair(figure, _LEFT, _TITLE, style.WIDTH - _LEFT - _RIGHT,
                                     (_VOLTAGE, _GAP, _RESPONSE))
+    end = max(item.samples["t"].iloc[-1] for item in responses)
     for number, item in enumerate(responses):
         count = len(item.samples)
         thin = np.unique(np.linspace(0, count - 1, min(count, _POINTS)).astype(int))
@@ -37,13 +40,15 @@ def _responses(responses: Sequence[SampledResponse]) -> Figure:
         below.plot(time, 1e3 * reading, color=style.colour_of(number), linewidth=0.8,
                    label=_label(item))
         if number == 0:
-            voltage = np.append(item.numbers["first_voltage_V"], voltage)
-            above.plot(np.append(0.0, time), 1e-3 * voltage, color="black", linewidth=0.8)
-    below.legend(loc="best")
+            first = item.numbers["first_voltage_V"]
+            above.plot([-end, 0.0, *time], 1e-3 * np.array([first, first, *voltage]),
+                       color="black", linewidth=0.8)
+    above.legend(*below.get_legend_handles_labels(), loc="lower right", bbox_to_anchor=(1, 1),
+                 ncols=_COLUMNS)
     style.describe(above, "", "voltage (kV)")
     style.describe(below, "time (s)", "displacement (mm)")
     for axes in (above, below):
-        axes.set_xlim(0, max(item.samples["t"].iloc[-1] for item in responses))
+        axes.set_xlim(-_BEFORE * end, end)
     return figure
 
 
@@ -60,6 +65,12 @@ def _loops(responses: Sequence[SampledResponse]) -> Figure:
                                 _TITLE + row * (_TITLE + _RESPONSE + _AXIS), width, _RESPONSE)
         axes.plot(1e-3 * loop["voltage"], 1e3 * loop["deflection"],
                   color=style.colour_of(number), linewidth=0.8)
+        for share in _ARROWS:
+            at = int(share * (len(loop) - 2))
+            (u, v), (y, z) = (loop[name].to_numpy()[at:at + 2]
+                              for name in ("voltage", "deflection"))
+            axes.annotate("", (1e-3 * v, 1e3 * z), (1e-3 * u, 1e3 * y),
+                          arrowprops={"arrowstyle": "-|>", "color": style.colour_of(number)})
         style.describe(axes, "voltage (kV)", "displacement (mm)" if column == 0 else "",
                        _label(item))
     return figure

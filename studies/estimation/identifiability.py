@@ -21,7 +21,7 @@ DETERMINED = 0.5
 #: mends it.
 _WORTH = 2 * DETERMINED
 #: Evaluations all profiles together may take; limits for which none are left are linearised.
-_BUDGET = 1500
+_BUDGET = 600
 #: Terms of a combination that are smaller than this share of its largest are not written.
 _SLIGHT = 0.03
 #: How far a constant nobody sees may be off, as a standard deviation in its scales; an Ogden

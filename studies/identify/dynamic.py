@@ -37,6 +37,7 @@ CONSTANTS = (Constant("k_1", "Pa", known("k_1"), 1.0, 1e2, 1e12),
              Constant("eta_1", "Pa s", known("eta_1"), 1.0, 1e1, 1e14),
              Constant("eta_2", "Pa s", known("eta_2"), 1.0, 1e0, 1e9))
 _STILL = 1e-6  # of a logarithm that does not move
+_STAYED = 0.01  # of a logarithm that has not moved far
 _BEGUN = 0.25  # of the way between two rests: how far from one a run may begin
 _DELAY, _FURTHEST = 0.5, 1.5  # deviation and bound of a run's delay, in sampling intervals
 #: The search sees the first so many periods of the fast oscillation, then more: a response that is
@@ -298,6 +299,11 @@ class DynamicFit:
                          "the misfit as noise, and it is not")
         if self.inflation > 1:
             warnings.append(remark("alike", count=self.inflation, wide=self.inflation**0.5))
+        begun = np.abs(self.problem.split(self.z - self.problem.start)[0]) < _STAYED
+        unmoved = [constant.name for constant, stays in zip(CONSTANTS, begun, strict=True)
+                   if stays and constant.name in self.judgement.undetermined]
+        if unmoved:
+            warnings.append(remark("stays", names=", ".join(unmoved)))
         if isinstance(self.problem.statics, Exact):
             equal = "equal weights" if self.problem.statics.equal else "the weights"
             warnings.append(f"there is no static.csv: the films' own material, {equal} and "

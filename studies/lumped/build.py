@@ -26,6 +26,7 @@ from tympan.studies.limits.loads import usual_masses, usual_voltages
 from tympan.studies.lumped.actuator import Actuator, Viscous
 from tympan.studies.lumped.equilibria import pull_in, rest, rest_curve
 from tympan.studies.lumped.model_file import LumpedModel, read_model, write_model
+from tympan.studies.lumped.remarks import origin
 from tympan.studies.modes import modes
 
 Array = NDArray[np.float64]
@@ -218,7 +219,7 @@ class Built:
                        for mass in self.settings.masses] for kind in ("cone", "corrected")},
             "frequency_Hz": {name: [value if np.isfinite(value) else None for value in pair]
                              for name, pair in self.frequencies.items()},
-            "warnings": self.warnings,
+            "warnings": [*self.warnings, *origin(self.actuator("corrected", 1.0))],
         }
 
 

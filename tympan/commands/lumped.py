@@ -195,7 +195,7 @@ def _membranes(options: argparse.Namespace, specimens: Sequence[Specimen], mass:
          output("write a dataset, transient.csv and dataset.toml, simulate.json and figures"), JSON,
          MESH, example='oval.toml --signal step --high "3.5 kV" -o step')
 def lumped_simulate(options: argparse.Namespace) -> None:
-    """Response to a step, ramp, sine, random steps or a CSV file."""
+    """Response to a step, ramp, sine, random steps or a CSV file. Deflections count downwards."""
     from tympan.progress import bar
     from tympan.studies.lumped.simulate import (
         SampledResponse,

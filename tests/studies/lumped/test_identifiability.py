@@ -131,7 +131,7 @@ def test_profiles_beyond_their_budget_give_way_to_linear_limits() -> None:
     spread = QUANTILE * np.sqrt(np.diag(np.linalg.inv(matrix.T @ matrix)))
     best = minimise(misfit, np.zeros(3)).unknowns
     whole, cut = (identifiability(misfit, best, names, QUANTILE, np.ones(3), most=most)
-                  for most in (1500, 0))
+                  for most in (600, 0))
     assert [constant.by for constant in whole.constants] == 3 * ["profile"]
     assert [constant.by for constant in cut.constants][1:] == 2 * ["linear"]
     for constant, value, half in zip(cut.constants, best, spread, strict=True):

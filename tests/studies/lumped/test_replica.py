@@ -145,7 +145,7 @@ def test_settling_of_a_known_oscillation() -> None:
 def test_damping_and_settling_agree(fitted: lost.MissingParameters) -> None:
     """Between two thresholds the time is the logarithm of their ratio over the linear model's rate.
     """
-    from tympan.studies.lumped.equilibria import linearise
+    from tympan.studies.lumped.linear import linearise
 
     actuator = fitted.actuators(22.45e-3)[2]
     time = np.linspace(0.0, 4.0, 4001)
@@ -158,7 +158,7 @@ def test_damping_and_settling_agree(fitted: lost.MissingParameters) -> None:
 
 def test_the_period_that_lags_most(fitted: lost.MissingParameters) -> None:
     """Against the phase of the linear model on a grid of slow periods."""
-    from tympan.studies.lumped.equilibria import linearise
+    from tympan.studies.lumped.linear import linearise
 
     actuator = fitted.actuators(17.9e-3)[0]
     linear, periods = linearise(actuator, 3.5e3), np.geomspace(5, 500, 401)
