@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import suppress
+from multiprocessing import parent_process
 
 from tympan.geometry.mesh import CurvedTriangles, from_bytes, from_meshio, to_bytes
 from tympan.geometry.mesher import MeshSettings, mesh_film
@@ -26,8 +27,9 @@ def film_part(specimen: Specimen, settings: MeshSettings,
     """The mesh of the film, or of its part where the coordinates ``planes`` are positive.
 
     That of the same outlines and settings is meshed once and read from then on, to the last bit.
+    But a process among others at work on many films keeps none: few are met again.
     """
-    key = _key(specimen, settings, planes)
+    key = None if parent_process() else _key(specimen, settings, planes)
     content = None if key is None else MESHES.read(key)
     if content is not None:
         return from_bytes(content)
