@@ -15,7 +15,7 @@ import numpy as np
 from scipy.signal import StateSpace, step
 
 import tympan
-from tympan.studies.lumped.equilibria import linearise
+from tympan.studies.lumped.linear import linearise
 
 film = tympan.Film("1 mm", (2.236, 2.236), tympan.material("vhb-4910"), relative_permittivity=4.7)
 oval = tympan.Specimen("oval", tympan.Ellipse(("6 cm", "4.5 cm")),

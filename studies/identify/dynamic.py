@@ -299,11 +299,6 @@ class DynamicFit:
                          "the misfit as noise, and it is not")
         if self.inflation > 1:
             warnings.append(remark("alike", count=self.inflation, wide=self.inflation**0.5))
-        begun = np.abs(self.problem.split(self.z - self.problem.start)[0]) < _STAYED
-        unmoved = [constant.name for constant, stays in zip(CONSTANTS, begun, strict=True)
-                   if stays and constant.name in self.judgement.undetermined]
-        if unmoved:
-            warnings.append(remark("stays", names=", ".join(unmoved)))
         if isinstance(self.problem.statics, Exact):
             equal = "equal weights" if self.problem.statics.equal else "the weights"
             warnings.append(f"there is no static.csv: the films' own material, {equal} and "
@@ -314,6 +309,11 @@ class DynamicFit:
                          f"oscillation, a radian of which takes {1e3 * self.fast:.3g} ms: those "
                          f"within {self.waited:.2g} s after a jump of the voltage were left out, "
                          "and eta_2, which damps it, is not determined")
+        begun = np.abs(self.problem.split(self.z - self.problem.start)[0]) < _STAYED
+        unmoved = [constant.name for constant, stays in zip(CONSTANTS, begun, strict=True)
+                   if stays and constant.name in self.judgement.undetermined]
+        if unmoved:
+            warnings.append(remark("stays", names=", ".join(unmoved)))
         return warnings
 
 

@@ -2,23 +2,20 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from pathlib import Path
-
-import numpy as np
 
 from tympan.fem.rig import Rig
 from tympan.geometry.specimen import Specimen
 from tympan.studies import alpha
 from tympan.studies.case import Settings
-from tympan.studies.diagnosis.reduced.cache import digest, keep, kept
+from tympan.studies.kept.store import Store, digest
 from tympan.studies.lumped import build as building
 from tympan.studies.lumped.build import BuildSettings, build
 from tympan.studies.lumped.model_file import LumpedModel
 
-_CIRCLES = 2  # of any frame, as ``tympan lumped build`` has them
-#: Stiffness, permittivity, flat capacitance, then radii and weights, nan where there is no circle.
-_SHAPE = (3 + 2 * _CIRCLES,)
+_STORE = Store("lumped", 1000)
 
 
 def suited_model(specimen: Specimen, mass: float, voltage: float, settings: Settings,
@@ -27,7 +24,7 @@ def suited_model(specimen: Specimen, mass: float, voltage: float, settings: Sett
     """What ``tympan lumped build`` makes of a specimen under a mass [kg], 0 to a voltage [V].
 
     Its viscous constants are those of :class:`tympan.studies.lumped.actuator.Viscous`. It is kept
-    with the films of diagnoses, so that the next one takes no time.
+    on disk, so that the next time it is there at once.
 
     Raises
     ------
@@ -36,20 +33,15 @@ def suited_model(specimen: Specimen, mass: float, voltage: float, settings: Sett
         model's.
     """
     voltages = (0.0, voltage / 2, voltage) if voltage > 0 else (0.0,)
-    chosen = BuildSettings((mass,), voltages, _CIRCLES)
-    key = digest("lumped model", specimen, settings, rig, mass, voltage, *_sources())
-    numbers = kept(key, _SHAPE)
-    if numbers is None:
-        model = build(specimen, settings, chosen, rig, progress).model
-        missing = [np.nan] * (_CIRCLES - len(model.radii))
-        keep(key, np.array([model.stiffness, model.permittivity, model.flat_capacitance,
-                            *model.radii, *missing, *model.weights, *missing]))
-        return model
-    stiffness, permittivity, flat = numbers[:3].tolist()
-    radii, weights = (tuple(part[~np.isnan(part)].tolist())
-                      for part in np.split(numbers[3:], [_CIRCLES]))
-    return LumpedModel(specimen, radii, weights, flat, rig.film_voltage(voltages[-1]), stiffness,
-                       permittivity)
+    key = digest("lumped", specimen, settings, rig, mass, voltage, *_sources())
+    content = _STORE.read(key)
+    if content is None:
+        model = build(specimen, settings, BuildSettings((mass,), voltages), rig, progress).model
+        content = json.dumps([model.radii, model.weights, model.flat_capacitance,
+                              model.highest_voltage, model.stiffness, model.permittivity]).encode()
+        _STORE.keep(key, content)
+    radii, weights, *numbers = json.loads(content)
+    return LumpedModel(specimen, tuple(radii), tuple(weights), *numbers)
 
 
 def _sources() -> list[str]:

@@ -204,7 +204,8 @@ def test_responses_that_do_not_see_a_constant_leave_it_open() -> None:
     damps."""
     short = identify_dynamic(problem(1, end=0.16, interval=0.002))
     assert short.judgement.undetermined == ["eta_1"]
-    assert len(short.warnings) == 1
+    assert len(short.warnings) == 2
+    assert "eta_1 stays where the search began" in short.warnings[1]
     coarse = identify_dynamic(problem(1, end=15.0, interval=0.2, which=(0,)))
     assert coarse.judgement.undetermined == ["eta_2"]
     assert "does not follow the fast oscillation" in coarse.warnings[1]

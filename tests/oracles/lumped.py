@@ -1,7 +1,8 @@
-"""What NAME.lumped.toml says of an actuator, computed from the formulas in the file's head alone.
+"""Lumped models without any of the project's code: the paper's equations typed again, and what
+NAME.lumped.toml says of an actuator by the formulas in the file's head alone.
 
-None of tympan's own code: the film is an Ogden one, derivatives are complex steps, rests are
-bracketed roots, and the motion is SciPy's DOP853.
+There the film is an Ogden one, derivatives are complex steps, rests are bracketed roots, and the
+motion is SciPy's DOP853.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.constants import epsilon_0
+from scipy.constants import epsilon_0, g
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
@@ -21,12 +22,32 @@ Array = NDArray[np.float64]
 _STEP = 1e-30
 
 
+def equations(state: np.ndarray, u: float, alpha: tuple[float, float], mass: float,
+              permittivity: float) -> np.ndarray:
+    """Eqs. (3)–(10) as printed, for the large ellipse, with Table 1's numbers typed again."""
+    y, speed, *strains = state
+    r, z0, total, creep = 1e-2, 200e-6, 0.0, []
+    for weight, outer, strain in zip(alpha, (4.5e-2, 7.5e-2), strains, strict=True):
+        width = outer - r
+        s = (width**2 + y**2) / width**2
+        stretch = np.sqrt(s)
+        hyper = (13.4e3 * stretch**2 + 34.8e3 * stretch**4 + 35.8e3 * stretch**6
+                 + 0.41e3 * stretch**-2 + 113e3 * stretch**-4 + 34.2e3 * stretch**-6)
+        viscous = -23.5e6 * strain + 23.5e6 * (stretch - 1)
+        damper = 62.4e3 * y / (width * np.sqrt(width**2 + y**2)) * speed
+        sine = y / np.sqrt(width**2 + y**2)
+        total += weight * 2 * np.pi * r * (z0 / stretch) / mass * sine * (
+            -epsilon_0 * permittivity / z0**2 * s * u**2 + hyper + viscous + damper)
+        creep.append(-23.5e6 / 177.2e6 * strain + 23.5e6 / 177.2e6 * (stretch - 1))
+    return np.array([speed, g - total, *creep])
+
+
 @dataclass(frozen=True)
 class LumpedFile:
     """The numbers of a file, SI."""
 
     content: dict[str, Any]
-    gravity: float = 9.80665
+    gravity: float = g
 
     @classmethod
     def read(cls, file: Path) -> LumpedFile:
