@@ -19,6 +19,7 @@ benchmarks: .venv/ready
 	.venv/bin/python -m benchmarks.diagnosis
 	.venv/bin/python -m benchmarks.sweep
 	.venv/bin/python -m benchmarks.start_up
+	.venv/bin/python -m benchmarks.transient
 
 scaling: .venv/ready
 	.venv/bin/python -m benchmarks.scaling --peers

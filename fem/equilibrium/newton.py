@@ -29,6 +29,10 @@ STRAINED = "the film would be strained beyond what its material can reach"
 #: than some 100 MB.
 _LARGE = 50_000
 
+#: Iterations by the tangent of another state, and how much shorter than the one before each
+#: correction must be.
+_SIMPLIFIED, _SHORTER = 5, 0.25
+
 
 @dataclass(frozen=True)
 class NewtonSettings:
@@ -126,7 +130,8 @@ def newton(model: Model, guess: State, free: tuple[Load, ...] = (),
         before, damping = length(model, motion), min(1.0, 4 * damping)
         if before < settings.correction:
             reached = moved(model, state, motion, 1.0, loads)
-            if _unbalanced(model, subspace, reached) < settings.residual:
+            forces = model.nodal_forces(reached)
+            if _unbalanced(model, subspace, reached, forces) < settings.residual:
                 return Solution(reached, True, iteration, tangent)
         while True:
             if not (before <= settings.longest and np.isfinite(before)
@@ -151,10 +156,61 @@ def newton(model: Model, guess: State, free: tuple[Load, ...] = (),
         state = trial
         if damping == 1.0 and after < settings.correction:
             state = moved(model, state, simplified, 1.0, changes)
-            if _unbalanced(model, subspace, state) < settings.residual:
+            forces = model.nodal_forces(state)
+            if _unbalanced(model, subspace, state, forces) < settings.residual:
                 return Solution(state, True, iteration, tangent)
     return Solution(state, False, settings.iterations, tangent,
                     "the iteration limit was reached: start closer or take smaller steps")
+
+
+def simplified_newton(model: Model, guess: State, free: tuple[Load, ...] = (),
+                      constraints: tuple[Constraint, ...] = (),
+                      settings: NewtonSettings = NewtonSettings(), tangent: Tangent | None = None
+                      ) -> Solution | None:
+    """Solve for the equilibrium near a guess by one tangent, that of the guess if none is given.
+
+    None where corrections do not become shorter fast enough for new tangents to cost more. What is
+    left at the end is foretold from how they did (Hairer and Wanner, *Solving Ordinary Differential
+    Equations II*, §IV.8).
+    """
+    state = replace(guess, positions=model.place(guess.positions, guess.plate))
+    with np.errstate(all="ignore"):
+        if tangent is None or tangent.free != free:
+            tangent, forces = _tangent_at(model, state, free, constraints)
+        else:
+            forces = model.nodal_forces(state)
+    before = settings.longest
+    for iteration in range(1, _SIMPLIFIED + 1):
+        if tangent is None or not np.isfinite(forces).all():
+            return None
+        misses = [constraint(model, state).miss for constraint in constraints]
+        motion, loads = tangent.correct(model.residual(forces, state), misses)
+        after = length(model, motion)
+        share = after / before
+        if not share <= _SHORTER:
+            return None
+        state = moved(model, state, motion, 1.0, loads)
+        with np.errstate(all="ignore"):
+            forces = model.nodal_forces(state)
+        rest = after if iteration == 1 else after * share / (1 - share)
+        if (rest < settings.correction
+                and _unbalanced(model, tangent.subspace, state, forces) < settings.residual):
+            return Solution(state, True, iteration, tangent)
+        before = after
+    return None
+
+
+def _tangent_at(model: Model, state: State, free: tuple[Load, ...],
+                constraints: tuple[Constraint, ...]) -> tuple[Tangent | None, Array]:
+    """At a state, None where it is singular or beyond the law; and the nodal forces."""
+    part = model.linearised(state)
+    if not np.isfinite(part.forces).all():
+        return None, part.forces
+    equations = [constraint(model, state) for constraint in constraints]
+    try:
+        return Tangent(model, part, state, free, equations), part.forces
+    except (RuntimeError, ValueError, np.linalg.LinAlgError):
+        return None, part.forces
 
 
 def moved(model: Model, state: State, motion: Parts, fraction: float = 1.0,
@@ -173,9 +229,8 @@ def _work(residual: Parts, motion: Parts) -> float:
     return float(residual[0] @ motion[0] + residual[1] @ motion[1])
 
 
-def _unbalanced(model: Model, subspace: Subspace, state: State) -> float:
+def _unbalanced(model: Model, subspace: Subspace, state: State, forces: Array) -> float:
     """Largest unbalanced force over the largest nodal one; moments over the half extent."""
-    forces = model.nodal_forces(state)
     inner, plate = subspace.project(model.residual(forces, state))
     arms = np.where(np.array(model.plate_freedoms, dtype=int) < 3, 1.0, model.size)
     largest = max(np.abs(inner).max(initial=0.0), (np.abs(plate) / arms).max(initial=0.0))

@@ -199,12 +199,22 @@ def inner(a: Array, b: Array) -> Array:
 def _weights(rate: Array) -> tuple[Array, Array]:
     """Integrals over s in (0, 1) of e^(κ(s−1)) times 1 − s and s."""
     slow = rate < _SLOW
+    if slow.all():
+        return _slow_weights(rate)
     k = np.where(slow, 1.0, rate)
     first, last = (1 - np.exp(-k) * (1 + k)) / k**2, (k - 1 + np.exp(-k)) / k**2
     if slow.any():
-        powers = [(-np.minimum(rate, _SLOW)) ** n / factorial(n + 2) for n in range(_TERMS)]
-        first = np.where(slow, sum((n + 1) * power for n, power in enumerate(powers)), first)
-        last = np.where(slow, sum(powers), last)
+        series = _slow_weights(np.minimum(rate, _SLOW))
+        first, last = np.where(slow, series[0], first), np.where(slow, series[1], last)
+    return first, last
+
+
+def _slow_weights(rate: Array) -> tuple[Array, Array]:
+    """The same by their series Σ (n + 1) (−κ)ⁿ/(n + 2)! and Σ (−κ)ⁿ/(n + 2)!."""
+    first, last = np.zeros_like(rate), np.zeros_like(rate)
+    for n in reversed(range(_TERMS)):
+        first = (n + 1) / factorial(n + 2) - rate * first
+        last = 1 / factorial(n + 2) - rate * last
     return first, last
 
 

@@ -10,7 +10,7 @@ Nørsett and Wanner, *Solving Ordinary Differential Equations I*, §II.4).
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
@@ -19,13 +19,20 @@ from typing import Any, Literal, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from tympan.fem.equilibrium.constraints import difference, held_charge, length
-from tympan.fem.equilibrium.newton import NewtonSettings, Solution, moved, newton
+from tympan.fem.equilibrium.constraints import Constraint, difference, held_charge, length
+from tympan.fem.equilibrium.newton import (
+    NewtonSettings,
+    Solution,
+    Tangent,
+    moved,
+    newton,
+    simplified_newton,
+)
 from tympan.fem.film.density import from_virgin, small_strain_modulus
 from tympan.fem.film.memory import Memory, determinant
 from tympan.fem.membrane.model import Model, Parts
 from tympan.fem.membrane.rigid_plate import RigidPlate, Swing
-from tympan.fem.membrane.state import HEAVE, State
+from tympan.fem.membrane.state import HEAVE, Load, State
 
 Array = NDArray[np.float64]
 
@@ -41,6 +48,9 @@ _CLOSER = 1e-3
 
 #: A voltage that moves no film [V].
 _NO_VOLTAGE = 1e-3
+
+#: What gives way where the film's charge is given.
+_VOLTAGE: tuple[Load, ...] = ("voltage",)
 
 #: Shortest part of a jump of loads that is tried.
 _PART = 1e-4
@@ -114,6 +124,14 @@ class Moment:
     current: float = 0.0
 
 
+@dataclass(frozen=True, eq=False)
+class ImplicitStep:
+    """Where a step ends, and a tangent of the film near there."""
+
+    moment: Moment
+    tangent: Tangent | None
+
+
 class Stopped(ArithmeticError):
     """The motion goes no further than a ``time`` [s]: the film pulls in or thins without bound."""
 
@@ -164,7 +182,7 @@ class Transient:
         while past[-1].time < end:
             rest = end - past[-1].time
             duration = rest if step >= rest else min(step, rest / 2)
-            following, error = self._doubled(past, piece, duration)
+            following, error = self.step(past, piece, duration)
             if following is not None and error <= settings.error:
                 if duration == rest:  # halves may add up to a little less
                     following = replace(following, time=end)
@@ -235,14 +253,16 @@ class Transient:
                 raise self._stopped(moment)
         return state
 
-    def _doubled(self, past: list[Moment], piece: int, duration: float
-                 ) -> tuple[Moment | None, float]:
-        """The moment after a duration [s], and the error of reaching it in halves, relative."""
-        whole = self._step(past, piece, duration)
-        middle = None if whole is None else self._step(past, piece, duration / 2)
-        halves = None if middle is None else self._step([*past, middle], piece, duration / 2)
-        if whole is None or middle is None or halves is None:
+    def step(self, past: list[Moment], piece: int, duration: float
+             ) -> tuple[Moment | None, float]:
+        """The moment after a duration [s], from a whole step and two halves, and their error.
+
+        None where the film cannot be followed.
+        """
+        steps = self._whole_and_halves(past, piece, duration)
+        if steps is None:
             return None, np.inf
+        whole, middle, halves = steps
         gap = difference(self.model, halves.state, whole.state)
         viscous, change = halves.memory.viscous, halves.memory.viscous - whole.memory.viscous
         along = np.stack([viscous[0], viscous[1], np.sqrt(viscous[0] * viscous[1]), viscous[3]])
@@ -267,6 +287,23 @@ class Transient:
             charge=halves.charge + (halves.charge - whole.charge) / 3,
             current=halves.current + (halves.current - whole.current) / 3), error
 
+    def _whole_and_halves(self, past: list[Moment], piece: int, duration: float
+                          ) -> tuple[Moment, Moment, Moment] | None:
+        """The end of a step made whole, and middle and end of it made in halves.
+
+        These begin where the whole one leads, and with its tangent.
+        """
+        whole = self.implicit_step(past, piece, duration)
+        if whole is None:
+            return None
+        tangent = whole.tangent
+        middle = self.implicit_step(past, piece, duration / 2, [whole.moment], tangent)
+        if middle is None:
+            return None
+        halves = self.implicit_step([*past, middle.moment], piece, duration / 2, [whole.moment],
+                            middle.tangent)
+        return None if halves is None else (whole.moment, middle.moment, halves.moment)
+
     def _between(self, past: list[Moment], middle: Moment, end: Moment) -> float:
         """How far the plate is, in a step's middle, from the curve through what is kept."""
         kept = [*past[-3:], end]
@@ -275,17 +312,21 @@ class Transient:
                     for share, moment in zip(shares, kept, strict=True))
         return float(abs(middle.state.plate.deflection - curve)) / self.model.size
 
-    def _step(self, past: list[Moment], piece: int, duration: float) -> Moment | None:
-        """The moment after a duration [s], None where the film cannot be followed."""
+    def implicit_step(self, past: list[Moment], piece: int, duration: float,
+                      ahead: Sequence[Moment] = (), tangent: Tangent | None = None
+                      ) -> ImplicitStep | None:
+        """The moment after a duration [s], None where the film cannot be followed.
+
+        Moments ``ahead`` make a better guess; a tangent near it may do without another.
+        """
         moment = past[-1]
         time = moment.time + duration
         source = float(self.signal.within(piece, time))
         flow = moment.memory.step(self._strain(moment.state), duration)
         model = self._moving(replace(self.model, flow=flow), moment, duration)
-        guess = self.state_at(past[-3:], time).under(force=self.force)
-        solution = (self._charged(model, guess, moment, source, duration)
-                    if self.circuit.resistance else
-                    newton(model, guess.under(voltage=source**2), settings=self.settings.close))
+        guess = self.state_at([*past[len(ahead) - 3:], *ahead], time).under(force=self.force)
+        voltage, charge = self._electrodes(model, guess, moment, source, duration)
+        solution = self._solved(model, guess.under(voltage=voltage**2), charge, tangent)
         if not solution.converged or not (solution.stable or self.circuit.resistance):
             return None
         state, swing = solution.state, model.loading.swing
@@ -297,19 +338,27 @@ class Transient:
             voltage = float(np.sqrt(state.voltage_squared))
             following = replace(following, current=self.circuit.current(source, voltage),
                                 charge=float(self.model.capacitance(state)) * voltage)
-        return following
+        return ImplicitStep(following, solution.tangent)
 
-    def _charged(self, model: Model, guess: State, moment: Moment, source: float, duration: float
-                 ) -> Solution:
-        """Under the voltage that the charge of the step's end makes, by the trapezoidal rule."""
+    def _electrodes(self, model: Model, guess: State, moment: Moment, source: float,
+                    duration: float) -> tuple[float, tuple[Constraint, ...]]:
+        """A film's voltage [V], and what it must meet if the circuit's charge makes it.
+
+        The charge of the step's end is that of the trapezoidal rule.
+        """
         circuit = self.circuit
+        if not circuit.resistance:
+            return source, ()
         charge = moment.charge + duration / 2 * (moment.current + source / circuit.resistance)
         further = duration / 2 * circuit.conductance
         voltage = charge / (float(model.capacitance(guess)) + further)
-        if not voltage:
-            return newton(model, guess.under(voltage=0.0), settings=self.settings.close)
-        return newton(model, guess.under(voltage=voltage**2), ("voltage",),
-                      (held_charge(charge, further),), self.settings.close)
+        return voltage, (held_charge(charge, further),) if voltage else ()
+
+    def _solved(self, model: Model, guess: State, charge: tuple[Constraint, ...],
+                tangent: Tangent | None) -> Solution:
+        """By the tangent given or that of the guess; by as many as it takes if that will not do."""
+        problem = model, guess, _VOLTAGE if charge else (), charge, self.settings.close
+        return simplified_newton(*problem, tangent) or newton(*problem)
 
     def _moving(self, model: Model, moment: Moment, duration: float) -> Model:
         """With the plate's part in a step."""

@@ -1,0 +1,53 @@
+"""Newton's method by one tangent, that of another state near or far."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tests.support.models import model
+from tests.support.specimens import circular
+from tympan.fem.equilibrium.constraints import held_charge, held_plate
+from tympan.fem.equilibrium.newton import NewtonSettings, newton, simplified_newton
+from tympan.fem.equilibrium.ramp import equilibrium
+from tympan.fem.film.laws import NeoHooke
+
+FORCE = 0.1755
+SETTINGS = NewtonSettings()
+
+
+@pytest.fixture(scope="module")
+def film():
+    return model(circular(NeoHooke(20e3)), refine=0.7)
+
+
+def test_it_ends_where_newtons_method_does(film) -> None:
+    start = equilibrium(film, FORCE, 5e3).solution
+    guess = start.state.under(voltage=5.1e3**2)
+    full = newton(film, guess)
+    simple = simplified_newton(film, guess, tangent=start.tangent)
+    assert simple.converged
+    assert simple.tangent is start.tangent
+    assert np.abs(simple.state.positions - full.state.positions).max() < 1e-6 * film.size
+    fresh = simplified_newton(film, guess)
+    assert fresh.tangent is not start.tangent
+    assert np.abs(fresh.state.positions - full.state.positions).max() < 1e-6 * film.size
+
+
+def test_a_load_that_is_not_given_is_found(film) -> None:
+    start = equilibrium(film, FORCE, 5e3).solution
+    charge = float(film.capacitance(start.state)) * 5.1e3
+    simple = simplified_newton(film, start.state, ("voltage",), (held_charge(charge),))
+    voltage = np.sqrt(simple.state.voltage_squared)
+    assert film.capacitance(simple.state) * voltage == pytest.approx(charge, rel=1e-9)
+    raised = simplified_newton(film, start.state, ("force",), (held_plate(4e-3),), tangent=
+                             start.tangent)
+    assert raised.state.plate.deflection == pytest.approx(4e-3, rel=1e-9)
+    assert raised.tangent.free == ("force",)
+
+
+def test_a_tangent_from_afar_is_given_up(film) -> None:
+    flat = newton(film, film.mounted())
+    guess = equilibrium(film, FORCE, 5e3).state.under(voltage=6.5e3**2)
+    assert simplified_newton(film, guess, tangent=flat.tangent) is None
+    assert newton(film, guess).converged
