@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
 
 from tympan.fem.equilibrium.newton import Solution
 from tympan.fem.equilibrium.ramp import Outcome, Status, equilibrium
@@ -22,6 +21,7 @@ from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.rigid_plate import RigidPlate
 from tympan.fem.membrane.state import State
 from tympan.fem.rig import Rig, checked_load
+from tympan.fem.transient.dense_output import curve
 from tympan.fem.transient.energy import Energy, EnergyBalance
 from tympan.fem.transient.integrate import Circuit, Moment, StepSettings, Stopped, Transient
 from tympan.geometry.errors import InputError
@@ -137,10 +137,7 @@ class History:
         for begin, end in zip([0, *starts], [*starts, len(self.time)], strict=True):
             times, last = self.time[begin:end], end == len(self.time)
             within = (when >= times[0]) & ((when < times[-1]) | last)
-            if len(times) > 1:
-                result[within] = CubicSpline(times, values[begin:end])(when[within])
-            else:
-                result[within] = values[begin]
+            result[within] = curve(times, values[begin:end])(when[within])
         return result
 
 

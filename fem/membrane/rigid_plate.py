@@ -89,6 +89,15 @@ class Swing:
     def on_plate(self, plate: PlateMotion) -> tuple[Any, Array, Array]:
         """A potential [J] and its derivatives by the six freedoms, as far as these do not turn."""
         motion, (velocity, acceleration) = self.motion(plate), self.after(plate)
-        stiffness = 2 / self.duration * (2 / self.duration * self.mass + self.damping)
+        stiffness = self._stiffness
         first = self.mass @ acceleration + self.damping @ velocity
         return motion @ (first - stiffness @ motion / 2), first, stiffness
+
+    def rounding(self, size: float) -> Array:
+        """Forces by how exactly a plate within a size [m] of its rest can be placed, shape (6,)."""
+        lengths = np.array([size, size, size, 1.0, 1.0, 1.0])
+        return np.asarray(np.finfo(float).eps * (np.abs(self._stiffness) @ lengths))
+
+    @property
+    def _stiffness(self) -> Array:
+        return 2 / self.duration * (2 / self.duration * self.mass + self.damping)

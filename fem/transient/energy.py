@@ -6,10 +6,10 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
 
 from tympan.fem.film.density import from_virgin
 from tympan.fem.membrane.state import HEAVE
+from tympan.fem.transient.dense_output import curve
 from tympan.fem.transient.integrate import Moment, Transient
 
 Array = NDArray[np.float64]
@@ -103,6 +103,6 @@ def _integrals(piece: Array) -> tuple[float, float]:
     nodes, weights = np.polynomial.legendre.leggauss(_POINTS)
     half = np.diff(time)[:, None] / 2
     at = (time[:-1, None] + half) + half * nodes
-    power = CubicSpline(time, voltage)(at) * CubicSpline(time, charge)(at, 1)
+    power = curve(time, voltage)(at) * curve(time, charge)(at, 1)
     return (float((power * weights * half).sum()),
-            float((CubicSpline(time, loss)(at) * weights * half).sum()))
+            float((curve(time, loss)(at) * weights * half).sum()))

@@ -33,6 +33,7 @@ from tympan.fem.film.memory import Memory, determinant
 from tympan.fem.membrane.model import Model, Parts
 from tympan.fem.membrane.rigid_plate import RigidPlate, Swing
 from tympan.fem.membrane.state import HEAVE, Load, State
+from tympan.fem.transient.dense_output import weights
 
 Array = NDArray[np.float64]
 
@@ -269,10 +270,9 @@ class Transient:
         strain = np.sqrt(np.mean((change / along) ** 2)) if viscous.size else 0.0
         error = max(length(self.model, gap), _STRAIN * float(strain)) / 3
         if self.circuit.resistance:
-            most = self._highest * float(self.model.capacitance(halves.state))
-            error = max(error, _CHARGE * abs(halves.charge - whole.charge) / 3 / most)
-        if self.plate is None:  # what swings is followed closely anyway
-            error = max(error, self._between(past, middle, halves))
+            error = max(error, _CHARGE * abs(halves.charge - whole.charge) / 3
+                        / self._most_charge(halves))
+        error = max(error, self._between(past, middle, halves))
         beyond = viscous + change / 3
         beyond = beyond / np.cbrt(determinant(beyond)) if viscous.size else viscous
         state = moved(self.model, halves.state, gap, 1 / 3)
@@ -305,12 +305,18 @@ class Transient:
         return None if halves is None else (whole.moment, middle.moment, halves.moment)
 
     def _between(self, past: list[Moment], middle: Moment, end: Moment) -> float:
-        """How far the plate is, in a step's middle, from the curve through what is kept."""
-        kept = [*past[-3:], end]
-        shares = _lagrange([moment.time for moment in kept], middle.time)
-        curve = sum(share * moment.state.plate.deflection
-                    for share, moment in zip(shares, kept, strict=True))
-        return float(abs(middle.state.plate.deflection - curve)) / self.model.size
+        """How far plate and charge are, in a step's middle, from the curve through what is kept."""
+        shares = list(_shares([*past[-3:], end], middle.time))
+        heave = sum(share * moment.state.plate.deflection for moment, share in shares)
+        miss = abs(middle.state.plate.deflection - heave) / self.model.size
+        if self.circuit.resistance:
+            charge = sum(share * moment.charge for moment, share in shares)
+            miss = max(miss, _CHARGE * abs(middle.charge - charge) / self._most_charge(end))
+        return float(miss)
+
+    def _most_charge(self, moment: Moment) -> float:
+        """On a film that stands as at a moment, under the highest voltage [C]."""
+        return self._highest * float(self.model.capacitance(moment.state))
 
     def implicit_step(self, past: list[Moment], piece: int, duration: float,
                       ahead: Sequence[Moment] = (), tangent: Tangent | None = None
@@ -374,17 +380,15 @@ class Transient:
         last = past[-1]
         motion: Parts = (np.zeros(self.model.discretisation.free_count),
                          np.zeros(len(self.model.plate_freedoms)))
-        for moment, share in zip(past, _lagrange([moment.time for moment in past], time),
-                                 strict=True):
+        for moment, share in _shares(past, time):
             film, plate = difference(self.model, moment.state, last.state)
             motion = motion[0] + share * film, motion[1] + share * plate
         return moved(self.model, last.state, motion)
 
     def moment_at(self, past: list[Moment], time: float) -> Moment:
         """State and memory at a time by the polynomial through some moments."""
-        shares = _lagrange([moment.time for moment in past], time)
         viscous = np.asarray(sum(share * moment.memory.viscous
-                                 for share, moment in zip(shares, past, strict=True)))
+                                 for moment, share in _shares(past, time)))
         return Moment(time, self.state_at(past, time), replace(past[-1].memory, viscous=viscous))
 
     def remembering(self, moment: Moment) -> Model:
@@ -412,7 +416,7 @@ class Transient:
                            self.model.specimen.membrane.prestretch)
 
 
-def _lagrange(times: list[float], time: float) -> list[float]:
-    """Weights of values at some times in their polynomial's value at another one."""
-    return [float(np.prod([(time - other) / (each - other) for other in times if other != each]))
-            for each in times]
+
+def _shares(moments: Sequence[Moment], time: float) -> Iterator[tuple[Moment, float]]:
+    """Each moment with its weight in the curve through them at a time [s]."""
+    return zip(moments, weights([moment.time for moment in moments], time), strict=True)

@@ -1,0 +1,36 @@
+"""What is between the moments of a motion: a cubic spline that does without a knot at its ends.
+
+Through two, three or four moments that is their polynomial, so a motion under way and one that is
+over are looked at in the same way.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import prod
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+Array = NDArray[Any]
+
+
+def curve(times: Sequence[float] | Array, values: Array) -> CubicSpline:
+    """Through values along the first axis, at ascending times; constant where there is one."""
+    if len(times) == 1:
+        return CubicSpline([times[0], times[0] + 1.0], np.repeat(values, 2, axis=0))
+    return CubicSpline(times, values)
+
+
+def weights(times: Sequence[float], when: float) -> list[float]:
+    """Of the values at up to four times, in their curve's at another.
+
+    Examples
+    --------
+    >>> weights([0.0, 1.0, 2.0], 1.5)
+    [-0.125, 0.75, 0.375]
+    """
+    return [prod((when - other) / (time - other) for other in times if other != time)
+            for time in times]
