@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tympan.geometry.errors import InputError
-from tympan.geometry.fields import Key, Registry, takes_units
+from tympan.geometry.fields import Key, Registry, read, takes_units
 from tympan.geometry.outlines import OUTLINES, Circle, Ellipse, Outline, check_outline
 from tympan.geometry.paths import any_complex
-from tympan.geometry.toml_reader import NON_NEGATIVE, POSITIVE, Rule
+from tympan.geometry.toml_reader import NON_NEGATIVE, POSITIVE, Rule, Table
 
 Stretch = NDArray[np.float64] | NDArray[np.complex128]
 Pair = tuple[float, float]
@@ -63,9 +63,47 @@ class Strength(Protocol):
         """The true field at breakdown [V/m] at stretches and stretched thickness [m]."""
 
 
+class FlowLaw(Protocol):
+    """How a viscous branch flows; ``flow`` is its name in specimen files."""
+
+    flow: ClassVar[str]
+
+    def relative_viscosity(self, stretch: Any, stress_squared: Any) -> Any:
+        """Over that of the branch's time, at tr C_v and (tr X² − (tr X)²/3) μ²/2 [Pa²].
+
+        X = C C_v⁻¹. Positive, and 1 of a dashpot that is not stretched under no stress.
+        """
+
+
 #: Laws and strengths that files may name; :mod:`tympan.fem.film` fills both.
 LAWS: Registry[Any] = Registry("law")
 STRENGTHS: Registry[Any] = Registry("law")
+
+
+class FlowRegistry(Registry[Any]):
+    """Flows; a branch whose table does not say has a constant viscosity."""
+
+    def read(self, table: Table) -> Any:
+        cls = table.choice(self.tag, self, ConstantFlow.flow)
+        return read(cls, table)
+
+    def write(self, value: Any, plain: bool = False) -> dict[str, Any]:
+        return {} if value == ConstantFlow() else super().write(value, plain)
+
+
+#: Flows that files may name; :mod:`tympan.fem.film` adds to them.
+FLOWS = FlowRegistry("flow")
+
+
+@FLOWS.register
+@dataclass(frozen=True)
+class ConstantFlow:
+    """The viscosity is always the same."""
+
+    flow: ClassVar[str] = "constant"
+
+    def relative_viscosity(self, stretch: Any, stress_squared: Any) -> Any:
+        return 1.0
 
 
 @takes_units
@@ -113,6 +151,8 @@ class ViscousBranch:
 
     modulus: Annotated[float, Key("shear modulus per virgin volume", "stress", POSITIVE)]
     time: Annotated[float, Key("in which it relaxes, by a factor e", "time", POSITIVE)]
+    flow: Annotated[FlowLaw, Key("how its viscosity depends on stretch and stress", kinds=FLOWS,
+                                 inline=True)] = ConstantFlow()
 
 
 @takes_units

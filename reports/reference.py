@@ -17,7 +17,16 @@ from tympan.fem.rig import Rig
 from tympan.geometry.fields import Field, Registry, fields_of
 from tympan.geometry.outlines import OUTLINES, Rotated
 from tympan.geometry.outlines.pieces import PIECES
-from tympan.geometry.specimen import STRENGTHS, Electrode, Film, Plate, Region, Specimen
+from tympan.geometry.specimen import (
+    FLOWS,
+    STRENGTHS,
+    Electrode,
+    Film,
+    Plate,
+    Region,
+    Specimen,
+    ViscousBranch,
+)
 from tympan.geometry.toml_reader import FINITE
 from tympan.geometry.units import DIMENSIONS, quantity_text
 from tympan.reports.template import template
@@ -27,13 +36,14 @@ from tympan.studies.sweep.asked import QUANTITIES
 #: Where the kinds of a table are listed.
 _SECTIONS: tuple[tuple[str, Registry[Any]], ...] = (
     ("Outlines", OUTLINES), ("Pieces of drawn outlines", PIECES), ("Laws", LAWS),
-    ("Strengths", STRENGTHS), ("Bias mechanisms", BIASES))
+    ("Strengths", STRENGTHS), ("Flows", FLOWS), ("Bias mechanisms", BIASES))
 
 
 def page(rig: type[Rig] = Rig) -> str:
     """The page's text; ``rig`` is the rig whose keys it lists."""
     tables = (("specimen.toml", Specimen), ("[frame], [plate]: any outline, and", Rotated),
-              ("[plate]", Plate), ("[membrane]", Film), ("[electrode]", Electrode),
+              ("[plate]", Plate), ("[membrane]", Film),
+              ("[[membrane.branch]]: any flow, and", ViscousBranch), ("[electrode]", Electrode),
               ("[electrode.outline]", Region), ("rig.toml", rig))
     return template("reports/reference.txt", summary=_summary, named=listing.named).render(
         tables=tables, sections=_SECTIONS, rows=_rows, effects=EFFECTS, quantities=QUANTITIES,

@@ -130,11 +130,12 @@ def modes(case: Case, settings: Settings, count: int = 6, point_mass: float = 0.
 
 
 def carried(case: Case, point_mass: float = 0.0) -> RigidPlate:
-    """The plate of a case with its mass, and the rig's unaccounted, as :func:`modes` has it."""
-    mass = case.mass + case.rig.unaccounted_mass
+    """The plate of a case with its mass, the rig's unaccounted and the added one."""
+    mass = case.mass + case.rig.unaccounted_mass + case.rig.added_mass
     if point_mass > mass:
         raise InputError(f"must not exceed the mass on the plate, {mass:g} kg with the rig's "
-                         "unaccounted mass", key="--point-mass", given=f"{point_mass:g} kg")
+                         "unaccounted and added mass", key="--point-mass",
+                         given=f"{point_mass:g} kg")
     return RigidPlate.uniform(case.specimen.plate.outline, mass, point_mass,
                               case.rig.weight_offset)
 

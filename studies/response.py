@@ -24,6 +24,9 @@ _COUNT, _SLOW, _FAST = 241, 0.01, 10.0
 #: Lowest frequency asked of a film without branches, relative to the plate's own.
 _LOWEST = 1e-3
 
+#: tr C_v at which a viscosity is asked whether it grows with stretch.
+_STRETCHED = 6.0
+
 #: How far from no swing at all a swing's voltage is looked at [V].
 _SLOPE = 1e-2
 
@@ -64,12 +67,14 @@ def response(case: Case, settings: Settings, frequencies: tuple[float, ...] = ()
     ------
     InputError
         Where the voltage is 0: forces go with its square, so a small swing about 0 moves nothing.
+        Where a branch's viscosity is another at every place of the film at rest.
     """
     began = time.perf_counter()
     if not case.film_voltage:
         raise InputError("must not be 0: forces go with the square of the voltage, so a small "
                          "swing about 0 moves nothing", key="--voltage",
                          given=f"{case.voltage:g} V")
+    _check_flows(case)
     model, outcome = equilibrate(case, settings)
     result = ResponseResult(
         specimen=case.specimen.name, mass_kg=case.mass, voltage_V=case.voltage,
@@ -78,7 +83,6 @@ def response(case: Case, settings: Settings, frequencies: tuple[float, ...] = ()
         return replace(result, warnings=(failure_reason(outcome),))
     rig = case.rig
     plate = carried(case)
-    plate = replace(plate, mass=plate.mass + rig.added_mass)
     harmonic = Harmonic(model, outcome.state, plate, rig.plate_damping,
                         Circuit(rig.series_resistance, rig.leakage_resistance))
     undamped = float(vibrations(model, outcome.state, plate, 1).frequencies_Hz[0])
@@ -95,6 +99,14 @@ def response(case: Case, settings: Settings, frequencies: tuple[float, ...] = ()
         frequency_Hz=tuple(asked.tolist()), amplitude_m_per_V=_listed(np.abs(reading)),
         phase_deg=_listed(np.degrees(np.unwrap(np.angle(reading)))),
         film_voltage_V_per_V=_listed(np.abs(voltage)), wall_s=time.perf_counter() - began)
+
+
+def _check_flows(case: Case) -> None:
+    for branch in case.specimen.membrane.branches:
+        if branch.flow.relative_viscosity(_STRETCHED, 0.0) != 1.0:
+            raise InputError("must be 0: the frequency response takes the viscosity of a film at "
+                             "rest as the same everywhere", key="membrane.branch.stretch_gain",
+                             given=f"flow {branch.flow.flow}")
 
 
 def _listed(values: NDArray[np.float64]) -> tuple[float, ...]:

@@ -18,7 +18,6 @@ from tympan.fem.equilibrium.ramp import Outcome, Status, equilibrium
 from tympan.fem.film.density import from_virgin
 from tympan.fem.film.memory import Memory
 from tympan.fem.membrane.model import Model
-from tympan.fem.membrane.rigid_plate import RigidPlate
 from tympan.fem.membrane.state import State
 from tympan.fem.rig import Rig, checked_load
 from tympan.fem.transient.dense_output import curve
@@ -40,6 +39,7 @@ from tympan.studies.files import to_json, write_text
 from tympan.studies.film_surface import FilmSurface, film_surface
 from tympan.studies.limits.voltages import first_limit
 from tympan.studies.lumped.simulate import SampledResponse, SimulationResult, settling_time
+from tympan.studies.modes import carried
 from tympan.studies.signals import Pieces, Signal, ramp
 
 Array = NDArray[np.float64]
@@ -170,7 +170,7 @@ def history(case: TransientCase, settings: Settings, films: tuple[float, ...] = 
     if not record:
         raise InputError("the film has no equilibrium at once after the mass is put on",
                          key="mass", given=f"{case.mass:g} kg")
-    balance = EnergyBalance.of(energies, transient.force, before)
+    balance = EnergyBalance.of(energies, before)
     times, deflection, voltage, capacitance, tilt = np.array(record).T
     return History(times, deflection, voltage, capacitance, tilt, stopped, slack, balance, pictures)
 
@@ -211,12 +211,12 @@ def begun(case: TransientCase, settings: Settings) -> tuple[Transient, State, Me
     model = build_model(case.specimen, settings, rig.loading)
     force = float(rig.force(case.mass, model.plate_area))
     first = float(rig.film_voltage(case.signal.first))
-    plate = (RigidPlate(case.mass + rig.unaccounted_mass + rig.added_mass) if case.inertia
-             else None)
+    plate = carried(Case(case.specimen, mass=case.mass, rig=rig)) if case.inertia else None
     transient = Transient(model, force, _Supplied(case.signal, rig), plate, rig.plate_damping,
-                          Circuit(rig.series_resistance, rig.leakage_resistance), case.steps)
+                          Circuit(rig.series_resistance, rig.leakage_resistance), case.steps,
+                          rig.gas_pressure)
     if case.rested == inf:
-        outcome = equilibrium(model, force, first)
+        outcome = equilibrium(model, force, first, rig.gas_pressure)
         if outcome.status != "equilibrium":
             raise InputError("must have an equilibrium under the signal's first voltage: "
                              f"{failure_reason(outcome)}", key="mass", given=f"{case.mass:g} kg")
@@ -227,7 +227,7 @@ def begun(case: TransientCase, settings: Settings) -> tuple[Transient, State, Me
     if not case.rested:
         return transient, flat, memory
     resting = Transient(model, force, Pieces(np.array([0.0, case.rested]), np.full(2, first)),
-                        settings=case.steps)
+                        settings=case.steps, pressure=rig.gas_pressure)
     try:
         *_, last = resting.moments(flat, memory)
     except Stopped as ending:

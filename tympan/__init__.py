@@ -25,7 +25,8 @@ __all__ = [
     "ArrudaBoyce", "Case", "Circle", "ClosedSpline", "Electrode", "Ellipse", "Film", "Gent",
     "InputError", "Magnet", "MeshSettings", "MooneyRivlin", "NeoHooke", "Ogden", "Plate", "Polygon",
     "Region", "RegularPolygon", "Result", "Rig", "Rotated", "RoundedRectangle", "Settings",
-    "Specimen", "Spring", "Stadium", "Superellipse", "ViscousBranch", "Yeoh", "__version__",
+    "ShearThinning", "Specimen", "Spring", "Stadium", "Superellipse", "ViscousBranch", "Yeoh",
+    "__version__",
     "alpha", "curve", "diagnose", "draw", "load", "lumped", "material", "modes", "optimise", "path",
     "sensitivity", "solve", "study", "sweep",
 ]

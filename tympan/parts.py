@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from tympan.fem.film.flows import ShearThinning as ShearThinning
 from tympan.fem.film.laws import ArrudaBoyce as ArrudaBoyce
 from tympan.fem.film.laws import Gent as Gent
 from tympan.fem.film.laws import MooneyRivlin as MooneyRivlin

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from typing import Literal
 
+from tympan.fem.film.flows import ShearThinning as AnyShearThinning
 from tympan.fem.film.laws import ArrudaBoyce as AnyArrudaBoyce
 from tympan.fem.film.laws import Gent as AnyGent
 from tympan.fem.film.laws import MooneyRivlin as AnyMooneyRivlin
@@ -25,7 +26,7 @@ from tympan.geometry.outlines import Stadium as AnyStadium
 from tympan.geometry.outlines import Superellipse as AnySuperellipse
 from tympan.geometry.specimen import Electrode as AnyElectrode
 from tympan.geometry.specimen import Film as AnyFilm
-from tympan.geometry.specimen import Material, Strength
+from tympan.geometry.specimen import FlowLaw, Material, Strength
 from tympan.geometry.specimen import Plate as AnyPlate
 from tympan.geometry.specimen import Region as AnyRegion
 from tympan.geometry.specimen import Specimen as Specimen
@@ -33,6 +34,11 @@ from tympan.geometry.specimen import ViscousBranch as AnyViscousBranch
 
 Quantity = float | str
 Pair = tuple[Quantity, Quantity]
+
+class ShearThinning(AnyShearThinning):
+    def __init__(self, thinning_stress: Quantity, thinning_exponent: float, least_viscosity:
+                 float = ..., stretch_gain: float = ..., stretch_exponent: float
+                 = ...) -> None: ...
 
 class ArrudaBoyce(AnyArrudaBoyce):
     def __init__(self, mu: Quantity, lambda_lock: float) -> None: ...
@@ -115,4 +121,4 @@ class Region(AnyRegion):
     def __init__(self, outline: Outline, offset: Pair = ...) -> None: ...
 
 class ViscousBranch(AnyViscousBranch):
-    def __init__(self, modulus: Quantity, time: Quantity) -> None: ...
+    def __init__(self, modulus: Quantity, time: Quantity, flow: FlowLaw = ...) -> None: ...

@@ -17,12 +17,13 @@ import sys
 import time
 import traceback
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from functools import partial
 from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import TypeVar
+from typing import Generic, Protocol, TypeVar
 
 from benchmarks.trials.other_direction import Verdict, along_heaves, oracle, voltage_first
 from benchmarks.trials.random_specimens import Drawn, design
@@ -34,6 +35,8 @@ from tympan.geometry.mesher import MeshSettings
 from tympan.studies.case import Settings, build_model, equilibrate
 
 Result = TypeVar("Result")
+Case = TypeVar("Case")
+Kept = TypeVar("Kept", bound="Trial")
 
 MESH = MeshSettings().refined(0.5)
 SECONDS = 60.0  #: of processor time, the longest a search may take
@@ -126,29 +129,59 @@ def _verdicts(model: Model, drawn: Drawn, outcome: Outcome, sample: int) -> Iter
             yield along_heaves(model, drawn, outcome)
 
 
-def _serve(pipe: Connection, sample: int) -> None:
-    while True:
-        drawn = pipe.recv()
+class Trial(Protocol):
+    """What became of one of many: its number, status in a word, why, and what is wrong, if so."""
+
+    number: int
+    status: str
+    words: str
+    seconds: float
+    case: str
+
+    @property
+    def wrong(self) -> str: ...
+
+
+@dataclass(frozen=True)
+class Judge(Generic[Case, Kept]):
+    """How one of many is judged, and what is kept of one that has no record of its own.
+
+    That is "refused" for wrong input, "raised" or "hung". Both functions are found by name in
+    another process.
+    """
+
+    judged: Callable[[Case], Kept]
+    failed: Callable[[Case, str, str], Kept]
+
+    def __call__(self, case: Case) -> Kept:
+        """The record, whatever happens."""
         try:
-            pipe.send(judged(drawn, sample=sample))
+            return self.judged(case)
         except InputError as error:
-            pipe.send(Record(drawn.number, drawn.refused, "refused", str(error), case=str(drawn)))
+            return self.failed(case, "refused", str(error))
         except Exception as error:
-            pipe.send(Record(drawn.number, drawn.refused, "raised",
-                             f"{error!r} {traceback.format_exc()[-800:]}",
-                             case=str(drawn)))
+            return self.failed(case, "raised", f"{error!r} {traceback.format_exc()[-800:]}")
 
 
-class Worker:
+def _failed(drawn: Drawn, status: str, words: str) -> Record:
+    return Record(drawn.number, drawn.refused, status, words, case=str(drawn))
+
+
+def _serve(pipe: Connection, judge: Judge[Case, Kept]) -> None:
+    while True:
+        pipe.send(judge(pipe.recv()))
+
+
+class Worker(Generic[Case, Kept]):
     """A process that judges cases, started again where a case has hung."""
 
-    def __init__(self, sample: int) -> None:
-        self.sample = sample
+    def __init__(self, judge: Judge[Case, Kept]) -> None:
+        self._judge = judge
         self._start()
 
-    def judge(self, drawn: Drawn) -> Record:
+    def judge(self, case: Case) -> Kept:
         """The case's record, also where it raises, hangs or kills its process."""
-        self.pipe.send(drawn)
+        self.pipe.send(case)
         words = f"no answer within {PATIENCE:g} s"
         try:
             if self.pipe.poll(PATIENCE):
@@ -157,7 +190,7 @@ class Worker:
             words = "the process died"
         self.stop()
         self._start()
-        return Record(drawn.number, drawn.refused, "hung", words, PATIENCE, case=str(drawn))
+        return self._judge.failed(case, "hung", words)
 
     def stop(self) -> None:
         """End the process."""
@@ -167,7 +200,7 @@ class Worker:
     def _start(self) -> None:
         context = multiprocessing.get_context("spawn")
         self.pipe, other = context.Pipe()
-        self.process = context.Process(target=_serve, args=(other, self.sample), daemon=True)
+        self.process = context.Process(target=_serve, args=(other, self._judge), daemon=True)
         self.process.start()
         other.close()
 
@@ -175,12 +208,19 @@ class Worker:
 def study(count: int, seed: int, sample: int, workers: int,
           keep: Callable[[list[Record]], None] = lambda records: None) -> list[Record]:
     """All cases judged, progress on standard error; ``keep`` gets what is done after every 25."""
-    free = [Worker(sample) for _ in range(workers)]
-    done: list[Record] = []
+    judge = Judge(partial(judged, sample=sample), _failed)
+    return judged_by(judge, design(count, seed), workers, keep)
 
-    def judge(drawn: Drawn) -> Record:
+
+def judged_by(judge: Judge[Case, Kept], cases: Iterable[Case], workers: int,
+              keep: Callable[[list[Kept]], None] = lambda records: None) -> list[Kept]:
+    """Cases judged in processes of their own."""
+    free = [Worker(judge) for _ in range(workers)]
+    done: list[Kept] = []
+
+    def judge_one(case: Case) -> Kept:
         worker = free.pop()
-        record = worker.judge(drawn)
+        record = worker.judge(case)
         free.append(worker)
         print(f"{record.number:4d} {record.status:14s} {record.seconds:6.1f} s  {record.wrong}",
               file=sys.stderr)
@@ -192,7 +232,7 @@ def study(count: int, seed: int, sample: int, workers: int,
         return record
 
     with ThreadPoolExecutor(workers) as pool:
-        records = list(pool.map(judge, design(count, seed)))
+        records = list(pool.map(judge_one, cases))
     for worker in free:
         worker.stop()
     return records

@@ -10,6 +10,7 @@ from typing import Annotated
 
 from tympan.fem.film.admissibility import STRETCH_RANGE, checked
 from tympan.fem.film.breakdown import STRENGTH_LIBRARY
+from tympan.fem.film.flows import ShearThinning as ShearThinning  # so files may name it
 from tympan.fem.film.laws import LAWS
 from tympan.geometry.errors import InputError
 from tympan.geometry.fields import Key, Special, read

@@ -2,7 +2,8 @@
 
 Beside its law a film has branches of a modulus μ and a time τ. Each stores μ/2 (C : C_v⁻¹ − 3) per
 virgin volume, det C_v = 1, C₃₃ = 1/(C₁₁C₂₂ − C₁₂²), and flows: Ċ_v = (C − ⅓ (C : C_v⁻¹) C_v)/τ
-(Kumar and Lopez-Pamies, C. R. Mecanique 344, 2016, with a neo-Hookean branch).
+(Kumar and Lopez-Pamies, C. R. Mecanique 344, 2016, with a neo-Hookean branch), τ = η/μ, whose
+viscosity η may depend on C_v and the stress (:mod:`tympan.fem.film.flows`).
 
 So C_v = M/det(M)^⅓ of an M that grows along C, Ṁ = det(M)^⅓ C/τ. A step from C₀ to C leaves M = H +
 w C, where H is known before and w follows from the step's length, and what the branch then pulls
@@ -25,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from tympan.geometry.specimen import Film
+from tympan.geometry.specimen import ConstantFlow, Film, FlowLaw, ViscousBranch
 
 Array = NDArray[Any]
 
@@ -45,40 +46,53 @@ _COMPONENT = ((0, 2), (2, 1))
 
 @dataclass(frozen=True, eq=False)
 class Memory:
-    """The branches' C_v at points, shape (4, branches, *points), moduli [Pa] and times [s]."""
+    """The branches' C_v at points, shape (4, branches, *points), moduli [Pa] and times [s].
+
+    ``flows`` of the branches where any has another viscosity than a constant one, else none.
+    """
 
     moduli: Array
     times: Array
     viscous: Array
+    flows: tuple[FlowLaw, ...] = ()
 
     @classmethod
     def relaxed(cls, film: Film, c: Any) -> Memory:
         """At rest for ever at C of the virgin film, (C₁₁, C₂₂, C₁₂)."""
         full = incompressible(c)[:, None]
-        moduli, times = _constants(film)
-        return cls(moduli, times, np.broadcast_to(full, (4, len(times), *full.shape[2:])))
+        moduli, times, flows = _constants(film)
+        return cls(moduli, times, np.broadcast_to(full, (4, len(times), *full.shape[2:])), flows)
 
     @classmethod
     def mounted(cls, film: Film, points: tuple[int, ...]) -> Memory:
         """Of a flat film, stretched at once so long ago as it says, at points of a shape."""
         first, second = film.prestretch
         flat = incompressible((first**2, second**2, 0.0))
-        moduli, times = _constants(film)
+        moduli, times, flows = _constants(film)
         viscous = np.repeat(flat[:, None], len(times), axis=1)
         if film.mounted is not None:
-            shares = [_grown(flat, min(film.mounted / time, _LONG)) for time in times]
+            shares = [_grown(flat, film.mounted, branch) for branch in film.branches]
             viscous = np.stack([_UNIT + share * flat for share in shares], axis=1)
             viscous = viscous / np.cbrt(determinant(viscous))
         spread = viscous.reshape(4, len(times), *np.ones(len(points), dtype=int))
-        return cls(moduli, times, np.broadcast_to(spread, (4, len(times), *points)))
+        return cls(moduli, times, np.broadcast_to(spread, (4, len(times), *points)), flows)
 
-    def step(self, c: Any, duration: float) -> Flow:
+    def step(self, c: Any, duration: float, ahead: Any = None) -> Flow:
         """What a step of a duration [s] from C keeps of what was before.
 
-        In the step det(M)^⅓ grows exponentially, by its rate at the start.
+        In the step det(M)^⅓ grows exponentially, by its rate at the start. Where a viscosity is not
+        constant, its inverse is the mean of that at the start and of that at a C ``ahead``, where
+        the step is foreseen to end.
         """
+        fluidity = self._fluidity(c)
+        if self.flows and duration and ahead is not None:
+            foreseen = self._step(c, duration, fluidity).after(ahead)
+            fluidity = (fluidity + foreseen._fluidity(ahead)) / 2
+        return self._step(c, duration, fluidity)
+
+    def _step(self, c: Any, duration: float, fluidity: Any) -> Flow:
         before = incompressible(c)[:, None]
-        share = duration / self._each(self.times)
+        share = duration / self._each(self.times) * fluidity
         rate = share * inner(inverse(self.viscous), before) / 3
         first, last = _weights(rate)
         kept = np.exp(-rate) * self.viscous + share * first * before
@@ -94,14 +108,30 @@ class Memory:
 
         With X = C C_v⁻¹ that is (μ/2τ) (tr X² − (tr X)²/3).
         """
+        rate = self._each(self.moduli / self.times) * self._fluidity(c)
+        return np.asarray((rate * self._driving(c)).sum(0))
+
+    def _fluidity(self, c: Any) -> Any:
+        """Inverse viscosity at C, over that of the branches' times, shape (branches, *points)."""
+        if not self.flows:
+            return 1.0
+        stretch = self.viscous[0] + self.viscous[1] + self.viscous[3]
+        stress_squared = self._each(self.moduli) ** 2 * self._driving(c)
+        pairs = zip(self.flows, stretch, stress_squared, strict=True)
+        return np.stack([1 / (flow.relative_viscosity(*invariants) + np.zeros_like(stretch[0]))
+                         for flow, *invariants in pairs])
+
+    def _driving(self, c: Any) -> Array:
+        """(tr X² − (tr X)²/3)/2, X = C C_v⁻¹, shape (branches, *points)."""
         full, back = incompressible(c)[:, None], inverse(self.viscous)
         trace = inner(back, full)
         # tr X² = C C_v⁻¹ : (C C_v⁻¹)ᵀ, by components in the plane.
         first, last = full[0] * back[0] + full[2] * back[2], full[1] * back[1] + full[2] * back[2]
         above, below = full[0] * back[2] + full[2] * back[1], full[2] * back[0] + full[1] * back[2]
         square = first**2 + last**2 + 2 * above * below + (full[3] * back[3]) ** 2
-        rate = self._each(self.moduli / self.times / 2)
-        return np.asarray((rate * (square - trace**2 / 3)).sum(0))
+        driving = (square - trace**2 / 3) / 2
+        # Rounding may leave less than nothing where the branch is relaxed.
+        return np.where(np.real(driving) > 0, driving, 0.0)
 
     def _each(self, values: Array) -> Array:
         return values.reshape(-1, *np.ones(self.viscous.ndim - 2, dtype=int))
@@ -160,17 +190,31 @@ class Flow:
         return energy.sum(0), stress, bend
 
 
-def _constants(film: Film) -> tuple[Array, Array]:
-    """Moduli [Pa] and times [s] of a film's branches."""
+def _constants(film: Film) -> tuple[Array, Array, tuple[FlowLaw, ...]]:
+    """Moduli [Pa] and times [s] of a film's branches; their flows where any is not constant."""
+    flows = tuple(branch.flow for branch in film.branches)
+    constant = all(flow == ConstantFlow() for flow in flows)
     return (np.array([branch.modulus for branch in film.branches]),
-            np.array([branch.time for branch in film.branches]))
+            np.array([branch.time for branch in film.branches]), () if constant else flows)
 
 
-def _grown(flat: Array, age: float) -> float:
-    """The s of M = 1 + s C after C was held for an age in the branch's times; ds/dt = det(M)^⅓."""
+def _grown(flat: Array, age: float, branch: ViscousBranch) -> float:
+    """The s of M = 1 + s C after C was held for an age [s]; ds/dt = det(M)^⅓ φ/τ, φ = η₀/η."""
+    constants = np.array([branch.modulus]), np.array([branch.time])
+    flows = () if branch.flow == ConstantFlow() else (branch.flow,)
+
+    def fluidity(viscous: Array) -> Any:
+        return Memory(*constants, viscous[:, None], flows)._fluidity(flat[:3])
+
     # By the logarithm of 1 + s, since s grows exponentially.
-    done = solve_ivp(lambda _, log: np.cbrt(determinant(_UNIT + np.expm1(log) * flat))
-                     * np.exp(-log), (0.0, age), [0.0], "DOP853", rtol=1e-12, atol=1e-12)
+    def rate(_: float, log: Array) -> Array:
+        grown = _UNIT + np.expm1(log) * flat
+        size = np.cbrt(determinant(grown))
+        return np.asarray(size * np.exp(-log) * fluidity(grown / size))
+
+    longest = _LONG / float(np.squeeze(fluidity(flat)))
+    done = solve_ivp(rate, (0.0, min(age / branch.time, longest)), [0.0], "DOP853", rtol=1e-12,
+                     atol=1e-12)
     return float(np.expm1(done.y[0, -1]))
 
 

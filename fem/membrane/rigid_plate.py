@@ -59,18 +59,29 @@ class RigidPlate:
         return np.asarray(result)
 
 
+def carried_along(velocity: Array, momentum: Array) -> Array:
+    """Moment that turns momentum about a centre in motion, on the six freedoms [N, N m].
+
+    Angular momentum about the plate's centre changes by moments less v × p, which is not zero where
+    the centre of mass is elsewhere.
+    """
+    return np.concatenate([np.zeros(3), np.cross(velocity[:3], momentum[:3])])
+
+
 @dataclass(frozen=True, eq=False)
 class Swing:
     """The plate's inertia and damper over a step of a ``duration`` [s], by the trapezoidal rule.
 
-    ``velocity`` and ``acceleration`` of the six freedoms at its start, shape (6,) [m/s, rad/s];
-    ``mass`` and ``damping`` [kg, N s/m], shape (6, 6). So at the step's end the plate is pulled
+    ``velocity`` of the six freedoms at its start [m/s, rad/s], their ``momentum`` [kg m/s,
+    kg m²/s] and its ``rate`` [N, N m], all of shape (6,); ``mass`` at the step's end, as far as it
+    is foreseen, and ``damping`` [kg, N s/m], shape (6, 6). So at the step's end the plate is pulled
     back as by a spring whose rest is where it would fly to by itself.
     """
 
     origin: PlateMotion
     velocity: Array
-    acceleration: Array
+    momentum: Array
+    rate: Array
     mass: Array
     damping: Array
     duration: float
@@ -81,16 +92,16 @@ class Swing:
                                turned(plate, self.origin)])
 
     def after(self, plate: PlateMotion) -> tuple[Array, Array]:
-        """Velocity and acceleration at the step's end."""
-        motion, duration = self.motion(plate), self.duration
-        velocity = 2 / duration * motion - self.velocity
-        return velocity, 2 / duration * (velocity - self.velocity) - self.acceleration
+        """Velocity and the momentum's rate at the step's end."""
+        velocity = 2 / self.duration * self.motion(plate) - self.velocity
+        gained = self.mass @ velocity - self.momentum
+        return velocity, 2 / self.duration * gained - self.rate
 
     def on_plate(self, plate: PlateMotion) -> tuple[Any, Array, Array]:
         """A potential [J] and its derivatives by the six freedoms, as far as these do not turn."""
-        motion, (velocity, acceleration) = self.motion(plate), self.after(plate)
+        motion, (velocity, rate) = self.motion(plate), self.after(plate)
         stiffness = self._stiffness
-        first = self.mass @ acceleration + self.damping @ velocity
+        first = rate + self.damping @ velocity + carried_along(velocity, self.mass @ velocity)
         return motion @ (first - stiffness @ motion / 2), first, stiffness
 
     def rounding(self, size: float) -> Array:

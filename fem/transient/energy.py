@@ -8,7 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tympan.fem.film.density import from_virgin
-from tympan.fem.membrane.state import HEAVE
+from tympan.fem.membrane.loading import film_volume
+from tympan.fem.membrane.model import Model
+from tympan.fem.membrane.state import HEAVE, State
 from tympan.fem.transient.dense_output import curve
 from tympan.fem.transient.integrate import Moment, Transient
 
@@ -22,9 +24,9 @@ _POINTS = 4
 class Energy:
     """Of the whole film and its plate at a ``time`` [s].
 
-    ``stored``: elastic, that of the branches, and electrostatic [J]; ``kinetic`` [J]; ``loss``:
-    what branches and damper turn into heat [W]; ``charge`` [C] at a ``voltage`` [V]; ``deflection``
-    [m].
+    ``stored``: elastic, that of branches and biases, and electrostatic [J]; ``kinetic`` [J];
+    ``loss``: what branches and damper turn into heat [W]; ``charge`` [C] at a ``voltage`` [V];
+    ``work`` that weights and gas do from the flat film on [J].
     """
 
     time: float
@@ -33,7 +35,7 @@ class Energy:
     loss: float
     charge: float
     voltage: float
-    deflection: float
+    work: float
 
     @classmethod
     def of(cls, transient: Transient, moment: Moment) -> Energy:
@@ -50,8 +52,11 @@ class Energy:
         strain = from_virgin(model.cauchy_green(state.positions), prestretch)
         heat = (moment.memory.dissipation(strain) * model.volumes).sum() * mesh.mirrored
         damped = transient.damper * float(speed[HEAVE]) ** 2
-        return cls(moment.time, potential + charge * voltage, float(kinetic), float(heat) + damped,
-                   charge, voltage, state.plate.deflection)
+        biases = sum(bias.derivatives(state.plate.deflection)[0] for bias in model.loading.biases)
+        return cls(moment.time, potential + charge * voltage + float(biases), float(kinetic),
+                   float(heat) + damped, charge, voltage,
+                   _work(model, state.under(force=transient.force, pressure=transient.pressure))
+                   + float(biases))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,7 +65,8 @@ class EnergyBalance:
 
     Work of the load on the plate, and of what charges the film; how much more is stored, and moves;
     what branches and damper turned into heat; what is lost at once where the voltage or the load
-    jumps; and what is left unexplained, by errors of the steps.
+    jumps; and what is left unexplained, by errors of the steps or because a film without mass snaps
+    where it wrinkles.
     """
 
     load_work_J: float
@@ -72,8 +78,8 @@ class EnergyBalance:
     unexplained_J: float
 
     @classmethod
-    def of(cls, energies: list[Energy], force: float, before: Energy) -> EnergyBalance:
-        """Under a force on the plate [N], from its state before the first moment."""
+    def of(cls, energies: list[Energy], before: Energy) -> EnergyBalance:
+        """From its state before the first moment on."""
         every = np.array([[getattr(energy, item.name) for item in fields(Energy)]
                           for energy in energies])
         starts = np.flatnonzero(np.diff(every[:, 0]) == 0) + 1
@@ -82,19 +88,28 @@ class EnergyBalance:
             charging, dissipated = _integrals(piece) if len(piece) > 1 else (0.0, 0.0)
             change = piece[-1] - piece[0]
             electrical, heat = electrical + charging, heat + dissipated
-            smooth += force * change[6] + charging - dissipated - change[1] - change[2]
+            smooth += change[6] + charging - dissipated - change[1] - change[2]
         jumps = 0.0
         ends = [before, *(energies[start - 1] for start in starts)]
         for end, start in zip(ends, (energies[number] for number in [0, *starts]), strict=True):
             charging = start.voltage * (start.charge - end.charge)
             electrical += charging
-            jumps += (charging + force * (start.deflection - end.deflection)
+            jumps += (charging + (start.work - end.work)
                       - (start.stored - end.stored) - (start.kinetic - end.kinetic))
         last = energies[-1]
-        return cls(load_work_J=force * (last.deflection - before.deflection),
+        return cls(load_work_J=last.work - before.work,
                    electrical_work_J=electrical, stored_J=last.stored - before.stored,
                    kinetic_J=last.kinetic - before.kinetic, heat_J=heat, jumps_J=jumps,
                    unexplained_J=smooth)
+
+
+def _work(model: Model, state: State) -> float:
+    """Of loads that stay as they are on film and plate, less what biases store [J]."""
+    mesh = model.discretisation
+    on_film = (model.weight[:, 2] @ state.positions[:, 2]
+               + state.pressure * film_volume(mesh, state.positions)[0])
+    on_plate = -model.loading.on_plate(state, model.centre, model.plate_area)[0]
+    return float(on_film * mesh.mirrored + on_plate)
 
 
 def _integrals(piece: Array) -> tuple[float, float]:

@@ -31,7 +31,7 @@ from tympan.fem.equilibrium.newton import (
 from tympan.fem.film.density import from_virgin, small_strain_modulus
 from tympan.fem.film.memory import Memory, determinant
 from tympan.fem.membrane.model import Model, Parts
-from tympan.fem.membrane.rigid_plate import RigidPlate, Swing
+from tympan.fem.membrane.rigid_plate import RigidPlate, Swing, carried_along
 from tympan.fem.membrane.state import HEAVE, Load, State
 from tympan.fem.transient.dense_output import weights
 
@@ -44,8 +44,8 @@ _STRAIN, _CHARGE = 0.1, 0.1
 #: Safety of a step's length, and by how much it may shrink and grow at most.
 _SAFE, _SHRINK, _GROWTH = 0.85, 0.2, 5.0
 
-#: How much closer than the error of a step Newton must come.
-_CLOSER = 1e-3
+#: How much closer than the error of a step Newton must come, and in how many iterations.
+_CLOSER, _ITERATIONS = 1e-3, 10
 
 #: A voltage that moves no film [V].
 _NO_VOLTAGE = 1e-3
@@ -97,14 +97,15 @@ class StepSettings:
 
     error: float = 1e-5
     first: float = 1e-2
-    shortest: float = 1e-9
+    shortest: float = 1e-7
     reach: float = 1.5
     newton: NewtonSettings = field(default_factory=NewtonSettings)
 
     @property
     def close(self) -> NewtonSettings:
-        """Newton's for such errors."""
-        return replace(self.newton, correction=min(self.newton.correction, _CLOSER * self.error),
+        """Newton's for such errors; a step that takes it long is too long."""
+        return replace(self.newton, iterations=min(self.newton.iterations, _ITERATIONS),
+                       correction=min(self.newton.correction, _CLOSER * self.error),
                        residual=min(self.newton.residual, _CLOSER * self.error))
 
 
@@ -112,15 +113,15 @@ class StepSettings:
 class Moment:
     """Film and plate at a time [s].
 
-    ``velocity`` and ``acceleration`` of the plate's six freedoms; ``charge`` on the electrodes [C]
-    and the ``current`` into them [A], both 0 without a circuit.
+    ``velocity`` of the plate's six freedoms and the ``rate`` of their momentum; ``charge`` on
+    the electrodes [C] and the ``current`` into them [A], both 0 without a circuit.
     """
 
     time: float
     state: State
     memory: Memory
     velocity: Array = field(default_factory=lambda: np.zeros(6))
-    acceleration: Array = field(default_factory=lambda: np.zeros(6))
+    rate: Array = field(default_factory=lambda: np.zeros(6))
     charge: float = 0.0
     current: float = 0.0
 
@@ -143,7 +144,7 @@ class Stopped(ArithmeticError):
 
 @dataclass(frozen=True, eq=False)
 class Transient:
-    """A film under a force [N] and a source's signal.
+    """A film under a force [N], a gas ``pressure`` [Pa] and a source's signal.
 
     ``plate``: its mass, None for one without inertia; ``damper`` on its heave [N s/m].
     """
@@ -155,6 +156,7 @@ class Transient:
     damper: float = 0.0
     circuit: Circuit = Circuit()
     settings: StepSettings = StepSettings()
+    pressure: float = 0.0
 
     def moments(self, state: State, memory: Memory) -> Iterator[Moment]:
         """From a state at the signal's beginning to its end; after a jump the same time again.
@@ -224,30 +226,30 @@ class Transient:
         else:
             clamped = replace(model, loading=replace(model.loading, guide="fixed"))
             film = self._jumped(clamped, moment, squared)
-            moment = replace(moment, acceleration=self._accelerated(model, film, moment.velocity))
+            moment = replace(moment, rate=self._pushed(model, film, moment.velocity))
         current = self.circuit.current(source, float(np.sqrt(squared)))
         return replace(moment, state=film, current=current)
 
-    def _accelerated(self, model: Model, film: State, velocity: Array) -> Array:
-        """Of the plate [m/s², rad/s²], from the forces it is not in balance with."""
+    def _pushed(self, model: Model, film: State, velocity: Array) -> Array:
+        """The rate of the plate's momentum [N, N m], from what it is not in balance with."""
         assert self.plate is not None
         _, outer = model.residual(model.nodal_forces(film), film)
+        rate = -self._damping @ velocity
+        rate -= carried_along(velocity, self.plate.matrix(film.plate) @ velocity)
         allowed = list(model.plate_freedoms)
-        mass = self.plate.matrix(film.plate)[np.ix_(allowed, allowed)]
-        push = -outer * model.discretisation.mirrored - (self._damping @ velocity)[allowed]
-        acceleration = np.zeros(6)
-        acceleration[allowed] = np.linalg.solve(mass, push)
-        return acceleration
+        rate[allowed] -= outer * model.discretisation.mirrored
+        return np.where(np.isin(np.arange(6), allowed), rate, 0.0)
 
     def _jumped(self, model: Model, moment: Moment, squared: float) -> State:
-        """The state under the force and another U² at once, in as many steps as it takes."""
+        """The state under force, gas and another U² at once, in as many steps as it takes."""
+        targets: dict[Load, float] = {"force": self.force, "pressure": self.pressure,
+                                      "voltage": squared}
         share, step, state, before = 0.0, 1.0, moment.state, moment.state
         while share < 1:
             ahead = min(1.0, share + step)
-            force = before.force + ahead * (self.force - before.force)
-            u2 = before.voltage_squared + ahead * (squared - before.voltage_squared)
-            solution = newton(model, state.under(force=force, voltage=u2),
-                              settings=self.settings.close)
+            loads = {name: before.load(name) + ahead * (target - before.load(name))
+                     for name, target in targets.items()}
+            solution = newton(model, state.under(**loads), settings=self.settings.close)
             if solution.converged and solution.stable:
                 state, share, step = solution.state, ahead, 2 * step
             elif (step := step / 2) < _PART:
@@ -278,12 +280,13 @@ class Transient:
         state = moved(self.model, halves.state, gap, 1 / 3)
         squared = halves.state.voltage_squared
         if self.circuit.resistance:
-            squared += (squared - whole.state.voltage_squared) / 3
+            ends = np.sqrt([squared, whole.state.voltage_squared])
+            squared = max(float(ends[0] + (ends[0] - ends[1]) / 3), 0.0) ** 2
         return replace(
             halves, state=state.under(voltage=squared),
             memory=replace(halves.memory, viscous=beyond),
             velocity=halves.velocity + (halves.velocity - whole.velocity) / 3,
-            acceleration=halves.acceleration + (halves.acceleration - whole.acceleration) / 3,
+            rate=halves.rate + (halves.rate - whole.rate) / 3,
             charge=halves.charge + (halves.charge - whole.charge) / 3,
             current=halves.current + (halves.current - whole.current) / 3), error
 
@@ -328,18 +331,21 @@ class Transient:
         moment = past[-1]
         time = moment.time + duration
         source = float(self.signal.within(piece, time))
-        flow = moment.memory.step(self._strain(moment.state), duration)
-        model = self._moving(replace(self.model, flow=flow), moment, duration)
         guess = self.state_at([*past[len(ahead) - 3:], *ahead], time).under(force=self.force)
+        flow = moment.memory.step(self._strain(moment.state), duration,
+                                  self._strain(guess) if moment.memory.flows else None)
+        model = self._moving(replace(self.model, flow=flow), moment, guess, duration)
         voltage, charge = self._electrodes(model, guess, moment, source, duration)
         solution = self._solved(model, guess.under(voltage=voltage**2), charge, tangent)
         if not solution.converged or not (solution.stable or self.circuit.resistance):
             return None
         state, swing = solution.state, model.loading.swing
+        if state.voltage_squared < 0:  # of a film that is all but discharged
+            state = state.under(voltage=0.0)
         following = Moment(time, state, flow.after(self._strain(state)))
         if swing is not None:
-            velocity, acceleration = swing.after(state.plate)
-            following = replace(following, velocity=velocity, acceleration=acceleration)
+            velocity, rate = swing.after(state.plate)
+            following = replace(following, velocity=velocity, rate=rate)
         if self.circuit.resistance:
             voltage = float(np.sqrt(state.voltage_squared))
             following = replace(following, current=self.circuit.current(source, voltage),
@@ -366,13 +372,14 @@ class Transient:
         problem = model, guess, _VOLTAGE if charge else (), charge, self.settings.close
         return simplified_newton(*problem, tangent) or newton(*problem)
 
-    def _moving(self, model: Model, moment: Moment, duration: float) -> Model:
+    def _moving(self, model: Model, moment: Moment, guess: State, duration: float) -> Model:
         """With the plate's part in a step."""
         if self.plate is None and not self.damper:
             return model
-        mass = np.zeros((6, 6)) if self.plate is None else self.plate.matrix(moment.state.plate)
-        swing = Swing(moment.state.plate, moment.velocity, moment.acceleration, mass,
-                      self._damping, duration)
+        before, after = ((np.zeros((6, 6)),) * 2 if self.plate is None else
+                         (self.plate.matrix(state.plate) for state in (moment.state, guess)))
+        swing = Swing(moment.state.plate, moment.velocity, before @ moment.velocity, moment.rate,
+                      after, self._damping, duration)
         return replace(model, loading=replace(model.loading, swing=swing))
 
     def state_at(self, past: list[Moment], time: float) -> State:

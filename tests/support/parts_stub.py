@@ -33,7 +33,7 @@ def stub() -> str:
     imports = [f"from {module} import {name} as {name if not fields(name) else 'Any' + name}"
                for name, module in places.items()]
     used = {"Bias": "tympan.fem.membrane.loading", "Outline": "tympan.geometry.outlines",
-            "Material, Strength": "tympan.geometry.specimen"}
+            "FlowLaw, Material, Strength": "tympan.geometry.specimen"}
     imports += [f"from {module} import {name}" for name, module in used.items()]
     classes = [f"\nclass {name}(Any{name}):\n    def __init__({arguments(name)}) -> None: ...\n"
                for name in places if fields(name)]

@@ -24,6 +24,9 @@ from tympan.options import (
     read_specimens,
 )
 
+#: Pictures of an animation.
+_FRAMES = 48
+
 
 @command("transient", argument("specimens", type=Path, nargs="+", metavar="SPECIMEN.toml"), *SIGNAL,
          argument("--mass", default="17.9 g", help="on the plate"),
@@ -32,7 +35,9 @@ from tympan.options import (
                        "or not at all where the film says when it was mounted)"),
          argument("--swing", action="store_true",
                   help="the plate has inertia; else it follows the film at once"),
-         argument("--at", metavar="TIMES", help="also store the film at these times (VTU)"), RIG,
+         argument("--at", metavar="TIMES", help="also store the film at these times (VTU)"),
+         argument("--animate", action="store_true",
+                  help="also draw the film as it moves, with -o (GIF)"), RIG,
          output("write a dataset, transient.csv and dataset.toml, transient.json and figures"),
          JSON, MESH, example='oval.toml --mass "17.9 g" --signal step --high "5 kV" -o step')
 def transient(options: argparse.Namespace) -> None:
@@ -48,6 +53,10 @@ def transient(options: argparse.Namespace) -> None:
     rest = None if options.rest is None else parse_quantity(options.rest, "time", "--rest")
     films = parse_quantities(options.at or "", "time", "--at")
     rig, settings = read_rig(options.rig), read_settings(options)
+    if options.animate and options.output is None:
+        raise InputError("must be given to say where the pictures go", key="-o")
+    shown = (tuple(signal.end * number / (_FRAMES - 1) for number in range(_FRAMES))
+             if options.animate else ())
     responses = []
     specimens = read_specimens(options.specimens)
     with bar(len(specimens)) as progress:
@@ -56,10 +65,18 @@ def transient(options: argparse.Namespace) -> None:
             case = TransientCase(specimen, signal, mass=mass, rig=rig, rest=rest,
                                  inertia=options.swing)
             responses.append(respond(case, settings, interval, period, options.signal == "step",
-                                     films))
+                                     (*films, *shown)))
+    stored = tuple({time: film for time, film in done.films.items() if time in films}
+                   for _, done in responses)
+    if options.animate:
+        from tympan.reports.figures.animation import animate
+
+        options.output.mkdir(parents=True, exist_ok=True)
+        for response, done in responses:
+            frames = {time: film for time, film in done.films.items() if time in shown}
+            animate(response, frames, options.output)
     finish(options, TransientResult(tuple(response for response, _ in responses),
-                                    tuple(specimens), rig,
-                                    tuple(done.films for _, done in responses)))
+                                    tuple(specimens), rig, stored))
 
 
 @command("response",

@@ -97,6 +97,41 @@ def test_fast_branches_and_slow_ones_leave_the_film_elastic() -> None:
     assert none.deflection[-1] == pytest.approx(at_rest, rel=1e-9)
 
 
+def test_equal_steps_are_of_second_order_and_what_is_gone_on_from_of_third() -> None:
+    end, stiff = 30.0, replace(EXACT, branch=1e6)
+    exact = stiff.history((FORCE, 0.0), (FORCE, 7e3), np.array([end]))[-1]
+    case = TransientCase(film(ViscousBranch(1e6, 10.0)), stepped(0.0, 7e3, np.array([end])),
+                         mass=MASS, steps=StepSettings(error=1e-6))
+    transient, state, memory = begun(case, Settings())
+    start = next(transient.moments(state, memory))
+
+    def miss(count: int, doubled: bool) -> float:
+        past = [start]
+        for _ in range(count):
+            following = (transient.step(past[-3:], 0, end / count)[0] if doubled else
+                         transient.implicit_step(past[-3:], 0, end / count).moment)
+            past.append(following)
+        return abs(past[-1].state.plate.deflection - exact)
+
+    single = [miss(count, False) for count in (4, 8, 16)]
+    assert -np.diff(np.log2(single)) == pytest.approx([2.0, 2.0], abs=0.15)
+    twice = [miss(count, True) for count in (2, 4)]
+    assert np.log2(twice[0] / twice[1]) > 2.6
+    assert twice[1] < single[1] / 50
+
+
+def test_a_turned_specimen_moves_alike() -> None:
+    """By a quarter of a circle, with unequal prestretches that still relax."""
+    heaves = []
+    for axes, prestretch in (((60e-3, 45e-3), (2.4, 2.0)), ((45e-3, 60e-3), (2.0, 2.4))):
+        membrane = replace(CREEPS.membrane, prestretch=prestretch, mounted=5.0)
+        turned = replace(CREEPS, frame=Ellipse(axes), membrane=membrane)
+        done = moved(turned, stepped(0.0, 5e3, np.array([20.0])))
+        heaves.append(done.at(done.deflection, np.linspace(0.0, 20.0, 9)))
+    assert heaves[0] == pytest.approx(heaves[1], rel=2e-6)
+    assert np.ptp(heaves[0]) > 1e-4
+
+
 def test_a_film_mounted_a_while_ago_is_stiffer() -> None:
     """Its branches still pull with the prestretch; after long they are relaxed."""
     end = np.array([1e-3])

@@ -1,0 +1,95 @@
+"""A film in motion: pictures of the deformed film with its voltage and deflection in time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+from PIL import Image
+
+from tympan.reports import look as style
+from tympan.reports.scales import AxisScale, bar_length, round_scale
+from tympan.reports.scene import View, film_picture
+from tympan.studies.files import write_atomically
+from tympan.studies.film_surface import FilmSurface
+from tympan.studies.lumped.simulate import SampledResponse
+
+#: Sizes of a picture [mm], its resolution [pixels per inch], and how long all of them take [s].
+_WIDTH, _FILM, _BAR, _VOLTAGE, _RESPONSE = 120.0, 112.0, 16.0, 14.0, 26.0
+_LEFT, _RIGHT, _TOP, _AXIS, _GAP = 14.0, 4.0, 4.0, 11.0, 4.0
+_DPI, _LENGTH = 110, 5.0
+_COLOURS, _INK = "viridis", "white"
+
+
+def animate(response: SampledResponse, films: dict[float, FilmSurface], folder: Path) -> Path:
+    """Write folder/NAME.gif with a picture for each film, by time [s]; answers the file."""
+    times, surfaces = list(films), list(films.values())
+    heaves = [1e3 * film.values["displacement"][:, 2] for film in surfaces]
+    scale = round_scale(min(0.0, *(float(heave.min()) for heave in heaves)),
+                        max(float(heave.max()) for heave in heaves))
+    half = np.abs(surfaces[0].mounted[:, :2]).max(0)
+    wide = 2e3 * float(half.max())
+    view = View(1.5 * _DPI * style.MM * _FILM / wide, 1.0, _COLOURS, scale, bar_length(wide) / 2,
+                style.SHORT, style.LONG, elevation=38.0, ink=_INK)
+    pictures = [film_picture(film, heave, view, bool(half[1] > half[0]))
+                for film, heave in zip(surfaces, heaves, strict=True)]
+    with style.figure_style():
+        frames = [_pixels(_compose(picture, response, time, scale, _extent(pictures)))
+                  for time, picture in zip(times, pictures, strict=True)]
+    file = folder / f"{response.numbers['specimen']}.gif"
+    write_atomically(file, partial(_save, frames))
+    return file
+
+
+def _save(frames: Sequence[NDArray[np.uint8]], file: Path) -> None:
+    # Rare colours count, such as a curve's.
+    first, *others = [Image.fromarray(frame).quantize(256, Image.Quantize.MAXCOVERAGE)
+                      for frame in frames]
+    first.save(file, format="GIF", save_all=True, append_images=others, loop=0,
+               duration=max(20, round(1e3 * _LENGTH / len(frames))))
+
+
+def _extent(pictures: Sequence[style.Picture]) -> tuple[float, float, float, float]:
+    west, east, bottom, top = zip(*(extent for _, extent in pictures), strict=True)
+    return min(west), max(east), min(bottom), max(top)
+
+
+def _compose(picture: style.Picture, response: SampledResponse, time: float, scale: AxisScale,
+             extent: tuple[float, float, float, float]) -> Figure:
+    west, east, bottom, top = extent
+    height = _FILM * (top - bottom) / (east - west)
+    below = _TOP + height + _BAR
+    figure = style.new_figure(below + _VOLTAGE + _GAP + _RESPONSE + _AXIS, _WIDTH)
+    axes = style.place_axes(figure, (_WIDTH - _FILM) / 2, _TOP, _FILM, height)
+    style.show_picture(axes, picture)
+    axes.set(xlim=(west, east), ylim=(bottom, top))
+    style.colour_bar(figure, (_WIDTH - 60) / 2, _TOP + height + 3, (60, 2.4), scale, _COLOURS,
+                     "deflection (mm)")
+    _add_traces(figure, response, time, below)
+    return figure
+
+
+def _add_traces(figure: Figure, response: SampledResponse, time: float, top: float) -> None:
+    """Voltage and displacement so far in colour, what is to come in grey."""
+    when, voltage, reading = response.samples[["t", "voltage", "displacement"]].to_numpy().T
+    pair = style.place_pair(figure, _LEFT, top, _WIDTH - _LEFT - _RIGHT,
+                            (_VOLTAGE, _GAP, _RESPONSE))
+    for axes, values, words in zip(pair, (1e-3 * voltage, 1e3 * reading),
+                                   ("voltage (kV)", "displacement (mm)"), strict=True):
+        axes.plot(when, values, color="#c9ccd1", linewidth=1.0)
+        past = when <= time
+        axes.plot(when[past], values[past], color=style.colour_of(0), linewidth=1.3)
+        axes.plot(time, np.interp(time, when, values), "o", color=style.colour_of(1), markersize=4)
+        style.describe(axes, "", words)
+        axes.set_xlim(when[0], when[-1])
+    pair[1].set_xlabel("time (s)")
+
+
+def _pixels(figure: Figure) -> NDArray[np.uint8]:
+    figure.set_dpi(_DPI)
+    figure.canvas.draw()
+    return np.array(figure.canvas.buffer_rgba())[..., :3]  # type: ignore[attr-defined]
