@@ -37,8 +37,8 @@ from tympan.studies.transient import TransientCase, begun, history
 
 Result = TypeVar("Result")
 
-ACTUATOR = Path(__file__).parent.parent / "studies/paper/actuators/elliptical-large.toml"
-PEER = Path(__file__).parent / "peers/felupe_transient.py"
+ACTUATOR = Path(__file__).parents[2] / "studies/paper/actuators/elliptical-large.toml"
+PEER = Path(__file__).parents[1] / "peers/felupe_transient.py"
 
 #: Largest ratio of a time step to an elastic one; processor time of response and levels [s].
 MOST_RATIO, MOST_RESPONSE, MOST_LEVELS = 2.0, 2.0, 20.0

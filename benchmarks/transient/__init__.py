@@ -1,0 +1,1 @@
+"""What films in time cost."""
