@@ -82,8 +82,9 @@ def _shown(result: object, choices: dict[str, Any]) -> Axes:
     """On pyplot's axes, which notebooks and ``pyplot.show()`` show."""
     from matplotlib import pyplot
 
+    # Before the style, with which what a notebook sets as it starts to draw would be taken back.
+    figure = pyplot.figure(figsize=(1.3 * _WIDTH * look.MM, 1.3 * _HEIGHT * look.MM), dpi=150)
     with look.figure_style():
-        figure = pyplot.figure(figsize=(1.3 * _WIDTH * look.MM, 1.3 * _HEIGHT * look.MM), dpi=150)
         axes: Axes = figure.add_subplot()
         try:
             draw(result, axes, **choices)
