@@ -111,6 +111,7 @@ def _(specimen: Specimen, axes: Axes) -> None:
 def _(result: CaseResult, axes: Axes) -> None:
     film = _film(result.film, result.warnings)
     _map(axes, film, film.values["stress_1"] / 1e3, "largest true stress (kPa)")
+    _hatch_slack(axes, film)
     axes.set_title(f"{result.specimen}: {1e3 * result.mass_kg:.4g} g, "
                    f"{1e-3 * result.voltage_V:.4g} kV, deflection "
                    f"{1e3 * (result.deflection_m or 0.0):.4g} mm")
@@ -222,6 +223,17 @@ def _(result: OptimiseResult, axes: Axes) -> None:
               label="accepted")
     axes.set(xlabel="trial", ylabel="stroke (mm)")
     axes.legend()
+
+
+def _hatch_slack(axes: Axes, film: FilmSurface) -> None:
+    """Hatch where the film has lost tension, and say so."""
+    loose = film.values["tension"]
+    if loose.max() > 0:
+        x, y, _ = 1e3 * film.mounted.T
+        axes.tricontourf(Triangulation(x, y, film.triangles), loose, [0.5, 2.5], colors="none",
+                         hatches=["////"])
+        axes.annotate("hatched: wrinkled or slack", (0.01, 0.01), xycoords="axes fraction",
+                      fontsize=6.5)
 
 
 def _film(film: FilmSurface | None, warnings: tuple[str, ...]) -> FilmSurface:

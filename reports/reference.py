@@ -32,7 +32,7 @@ _SECTIONS: tuple[tuple[str, Registry[Any]], ...] = (
 
 def page(rig: type[Rig] = Rig) -> str:
     """The page's text; ``rig`` is the rig whose keys it lists."""
-    tables = (("specimen.toml", Specimen), ("[frame], [plate]: any outline, and", Rotated),
+    tables = (("specimen.toml", Specimen), ("[frame], [plate]: any outline, turned", Rotated),
               ("[plate]", Plate), ("[membrane]", Film), ("[electrode]", Electrode),
               ("[electrode.outline]", Region), ("rig.toml", rig))
     return template("reports/reference.txt", summary=_summary, named=listing.named).render(
