@@ -111,10 +111,10 @@ def _(specimen: Specimen, axes: Axes) -> None:
 def _(result: CaseResult, axes: Axes) -> None:
     film = _film(result.film, result.warnings)
     _map(axes, film, film.values["stress_1"] / 1e3, "largest true stress (kPa)")
-    _hatch_slack(axes, film)
+    hatched = "\nhatched: wrinkled or slack" if _hatch_slack(axes, film) else ""
     axes.set_title(f"{result.specimen}: {1e3 * result.mass_kg:.4g} g, "
                    f"{1e-3 * result.voltage_V:.4g} kV, deflection "
-                   f"{1e3 * (result.deflection_m or 0.0):.4g} mm")
+                   f"{1e3 * (result.deflection_m or 0.0):.4g} mm{hatched}")
 
 
 @draw.register
@@ -225,15 +225,16 @@ def _(result: OptimiseResult, axes: Axes) -> None:
     axes.legend()
 
 
-def _hatch_slack(axes: Axes, film: FilmSurface) -> None:
-    """Hatch where the film has lost tension, and say so."""
+def _hatch_slack(axes: Axes, film: FilmSurface) -> bool:
+    """Hatch where the film has lost tension; answers whether it has."""
     loose = film.values["tension"]
     if loose.max() > 0:
         x, y, _ = 1e3 * film.mounted.T
+        limits = axes.axis()
         axes.tricontourf(Triangulation(x, y, film.triangles), loose, [0.5, 2.5], colors="none",
                          hatches=["////"])
-        axes.annotate("hatched: wrinkled or slack", (0.01, 0.01), xycoords="axes fraction",
-                      fontsize=6.5)
+        axes.axis(limits)
+    return bool(loose.max() > 0)
 
 
 def _film(film: FilmSurface | None, warnings: tuple[str, ...]) -> FilmSurface:
