@@ -11,7 +11,8 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 ROOT = Path(__file__).parents[2]
-SCRIPT, FILE = ROOT / "docs/gallery/plot_1_first_actuator.py", ROOT / "examples/first_actuator.ipynb"
+SCRIPT = ROOT / "docs/gallery/plot_1_first_actuator.py"
+FILE = ROOT / "examples/first_actuator.ipynb"
 
 
 def markdown(text: str) -> str:
@@ -28,7 +29,7 @@ def cells(script: str) -> list[Any]:
     head, _, blocks = script.removeprefix('"""\n').partition('"""\n')
     made = [new_markdown_cell(markdown(head), id="head")]
     for number, block in enumerate(blocks.split("# %%\n")[1:]):
-        text, code = re.fullmatch(r"((?:#.*\n)*)(.*)", block, re.DOTALL).groups()
+        text, code = re.fullmatch(r"((?:#[^\n]*\n)*)(.*)", block, re.DOTALL).groups()
         made.append(new_markdown_cell(markdown(re.sub("^# ?", "", text, flags=re.MULTILINE)),
                                       id=f"text-{number}"))
         if code.strip():
