@@ -263,7 +263,7 @@ def _entry(key: str, value: object) -> tuple[str, str]:
     si = unit_of(key)
     name = key if si is None else key.removesuffix(suffix_of(si))
     unit, factor = _SHOWN.get(si or "", (si or "", 1.0))
-    numbers = value if isinstance(value, list | tuple) else [value]
+    numbers: list[Any] = list(value) if isinstance(value, list | tuple) else [value]
     if numbers and all(isinstance(number, float) for number in numbers):
         value = f"{', '.join(f'{factor * number:.5g}' for number in numbers)} {unit}".rstrip()
     return name.replace("_", " "), str(value)
