@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 from math import factorial
 from typing import Any
 
@@ -30,7 +31,9 @@ from tympan.geometry.specimen import Film
 Array = NDArray[Any]
 
 #: Rates below which the weights of a step are their series, and its terms.
-_SLOW, _TERMS = 0.5, 12
+_SLOW = 0.5
+_SERIES = [((n + 1) * (-1) ** n / factorial(n + 2), (-1) ** n / factorial(n + 2))
+           for n in range(12)]
 
 #: After so many of its times a branch is relaxed to the last digit.
 _LONG = 80.0
@@ -137,19 +140,22 @@ class Flow:
         is 0 where nothing is strained; without flow it is what the branches store.
         """
         full = incompressible(c)[:, None]
-        moduli = self.memory.moduli.reshape(-1, *np.ones(full.ndim - 2, dtype=int))
-        # The potential is the same for any multiple of H and w: of det H = 1 it has a limit.
-        unit = _cube_root(determinant(self.kept))
-        kept = _aligned(self.kept / unit, 2, full.ndim)
-        weight = _aligned(self.weight / unit, 1, full.ndim - 1)
+        moduli, kept, weight = self._scaled(full.ndim)
+        growth = _cube_root(determinant(kept + weight * full))
+        excess = _excess(kept, weight, full) / (1 + growth + growth**2) - 1
+        return ((1.5 * moduli * excess).sum(0), *self.stress(c, tangent=tangent))
+
+    def stress(self, c: Any, *, tangent: bool = True) -> tuple[Array, Array | None]:
+        """S and ∂S/∂E of :meth:`density` alone."""
+        full = incompressible(c)[:, None]
+        moduli, kept, weight = self._scaled(full.ndim)
         grown = kept + weight * full
         growth = _cube_root(determinant(grown))
-        energy = 1.5 * moduli * (_excess(kept, weight, full) / (1 + growth + growth**2) - 1)
         by_grown, by_full, ratio = inverse(grown), inverse(full), full[3] / grown[3]
         pull, strength = (by_grown - ratio * by_full)[:3], moduli * growth
         stress = (strength * pull).sum(1)
         if not tangent:
-            return energy.sum(0), stress, None
+            return stress, None
         bend = np.empty((3, 3, *stress.shape[1:]), dtype=stress.dtype)
         stiffening = ratio * (1 - weight * ratio)
         for i in range(3):
@@ -157,7 +163,19 @@ class Flow:
                 part = (weight / 3 * pull[i] * pull[j] - weight * _between(by_grown, i, j)
                         + stiffening * by_full[i] * by_full[j] + ratio * _between(by_full, i, j))
                 bend[i, j] = bend[j, i] = 2 * (strength * part).sum(0)
-        return energy.sum(0), stress, bend
+        return stress, bend
+
+    def _scaled(self, axes: int) -> tuple[Array, Array, Array]:
+        """Moduli, H and w of det H = 1, for tensors of so many axes."""
+        moduli = self.memory.moduli.reshape(-1, *np.ones(axes - 2, dtype=int))
+        kept, weight = self._unit
+        return moduli, _aligned(kept, 2, axes), _aligned(weight, 1, axes - 1)
+
+    @cached_property
+    def _unit(self) -> tuple[Array, Array]:
+        # The potential is the same for any multiple of H and w: of det H = 1 it has a limit.
+        unit = _cube_root(determinant(self.kept))
+        return self.kept / unit, self.weight / unit
 
 
 def _constants(film: Film) -> tuple[Array, Array]:
@@ -177,7 +195,10 @@ def _grown(flat: Array, age: float) -> float:
 def incompressible(c: Any) -> Array:
     """C of (C₁₁, C₂₂, C₁₂) with the C₃₃ that keeps the volume, shape (4, *points)."""
     c11, c22, c12 = c
-    return np.stack(np.broadcast_arrays(c11, c22, c12, 1 / (c11 * c22 - c12 * c12)))
+    across = 1 / (c11 * c22 - c12 * c12)
+    full = np.empty((4, *np.shape(across)), np.result_type(across))
+    full[0], full[1], full[2], full[3] = c11, c22, c12, across
+    return full
 
 
 def determinant(a: Array) -> Array:
@@ -188,7 +209,9 @@ def determinant(a: Array) -> Array:
 def inverse(a: Array) -> Array:
     """Of symmetric tensors, in their shape."""
     plane = a[0] * a[1] - a[2] * a[2]
-    return np.stack([a[1] / plane, a[0] / plane, -a[2] / plane, 1 / a[3]])
+    result = np.empty_like(a)
+    result[0], result[1], result[2], result[3] = a[1] / plane, a[0] / plane, -a[2] / plane, 1 / a[3]
+    return result
 
 
 def inner(a: Array, b: Array) -> Array:
@@ -199,12 +222,22 @@ def inner(a: Array, b: Array) -> Array:
 def _weights(rate: Array) -> tuple[Array, Array]:
     """Integrals over s in (0, 1) of e^(κ(s−1)) times 1 − s and s."""
     slow = rate < _SLOW
+    if slow.all():
+        return _slow_weights(rate)
     k = np.where(slow, 1.0, rate)
-    first, last = (1 - np.exp(-k) * (1 + k)) / k**2, (k - 1 + np.exp(-k)) / k**2
+    grown = np.exp(-k)
+    first, last = (1 - grown * (1 + k)) / k**2, (k - 1 + grown) / k**2
     if slow.any():
-        powers = [(-np.minimum(rate, _SLOW)) ** n / factorial(n + 2) for n in range(_TERMS)]
-        first = np.where(slow, sum((n + 1) * power for n, power in enumerate(powers)), first)
-        last = np.where(slow, sum(powers), last)
+        near = _slow_weights(np.minimum(rate, _SLOW))
+        return np.where(slow, near[0], first), np.where(slow, near[1], last)
+    return first, last
+
+
+def _slow_weights(rate: Array) -> tuple[Array, Array]:
+    """The same of small rates, by their series: Σ (n + 1) (−κ)ⁿ/(n + 2)! and Σ (−κ)ⁿ/(n + 2)!."""
+    first = last = np.zeros_like(rate)
+    for by_first, by_last in reversed(_SERIES):
+        first, last = first * rate + by_first, last * rate + by_last
     return first, last
 
 
