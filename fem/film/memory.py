@@ -32,8 +32,7 @@ Array = NDArray[Any]
 
 #: Rates below which the weights of a step are their series, and its terms.
 _SLOW = 0.5
-_SERIES = [((n + 1) * (-1) ** n / factorial(n + 2), (-1) ** n / factorial(n + 2))
-           for n in range(12)]
+_SERIES = [(-1) ** n / factorial(n + 2) for n in range(12)]
 
 #: After so many of its times a branch is relaxed to the last digit.
 _LONG = 80.0
@@ -156,13 +155,15 @@ class Flow:
         stress = (strength * pull).sum(1)
         if not tangent:
             return stress, None
+        twice = 2 * strength
+        pulled, stiffened = twice * weight / 3 * pull, twice * ratio * (1 - weight * ratio) * by_full
+        softer, stiffer = strength * weight * by_grown, strength * ratio * by_full
         bend = np.empty((3, 3, *stress.shape[1:]), dtype=stress.dtype)
-        stiffening = ratio * (1 - weight * ratio)
         for i in range(3):
             for j in range(i, 3):
-                part = (weight / 3 * pull[i] * pull[j] - weight * _between(by_grown, i, j)
-                        + stiffening * by_full[i] * by_full[j] + ratio * _between(by_full, i, j))
-                bend[i, j] = bend[j, i] = 2 * (strength * part).sum(0)
+                part = (pulled[i] * pull[j] + stiffened[i] * by_full[j]
+                        + _between(stiffer, by_full, i, j) - _between(softer, by_grown, i, j))
+                bend[i, j] = bend[j, i] = part.sum(0)
         return stress, bend
 
     def _scaled(self, axes: int) -> tuple[Array, Array, Array]:
@@ -225,20 +226,20 @@ def _weights(rate: Array) -> tuple[Array, Array]:
     if slow.all():
         return _slow_weights(rate)
     k = np.where(slow, 1.0, rate)
-    grown = np.exp(-k)
-    first, last = (1 - grown * (1 + k)) / k**2, (k - 1 + grown) / k**2
+    fading = np.exp(-k)
+    first, last = (1 - fading * (1 + k)) / k**2, (k - 1 + fading) / k**2
     if slow.any():
         near = _slow_weights(np.minimum(rate, _SLOW))
-        return np.where(slow, near[0], first), np.where(slow, near[1], last)
+        first, last = np.where(slow, near[0], first), np.where(slow, near[1], last)
     return first, last
 
 
 def _slow_weights(rate: Array) -> tuple[Array, Array]:
-    """The same of small rates, by their series: Σ (n + 1) (−κ)ⁿ/(n + 2)! and Σ (−κ)ⁿ/(n + 2)!."""
-    first = last = np.zeros_like(rate)
-    for by_first, by_last in reversed(_SERIES):
-        first, last = first * rate + by_first, last * rate + by_last
-    return first, last
+    """The same of small rates: of s by its series Σ (−κ)ⁿ/(n + 2)!, of 1 − s what is left."""
+    last = np.full_like(rate, _SERIES[-1])
+    for term in _SERIES[-2::-1]:
+        last = last * rate + term
+    return 1 - last * (1 + rate), last
 
 
 def _excess(kept: Array, weight: Array, full: Array) -> Array:
@@ -247,11 +248,11 @@ def _excess(kept: Array, weight: Array, full: Array) -> Array:
                       + weight * (inner(inverse(full), kept) + weight))
 
 
-def _between(a: Array, i: int, j: int) -> Array:
-    """Of A dC A by dC, symmetric in both pairs, the Voigt components i and j."""
+def _between(a: Array, b: Array, i: int, j: int) -> Array:
+    """Twice A dC B by dC, symmetric in both pairs, of tensors alike; the components i and j."""
     (p, q), (r, s) = _PLACES[i], _PLACES[j]
-    return np.asarray(a[_COMPONENT[p][r]] * a[_COMPONENT[q][s]]
-                      + a[_COMPONENT[p][s]] * a[_COMPONENT[q][r]]) / 2
+    return np.asarray(a[_COMPONENT[p][r]] * b[_COMPONENT[q][s]]
+                      + a[_COMPONENT[p][s]] * b[_COMPONENT[q][r]])
 
 
 def _aligned(values: Array, first: int, axes: int) -> Array:

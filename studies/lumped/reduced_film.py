@@ -29,9 +29,8 @@ from tympan.geometry.specimen import Specimen
 
 Array = NDArray[np.float64]
 
-#: The most corrections, how small the last one must be over the gap, and its square where the next
-#: one would be of that size.
-_ITERATIONS, _SQUARE = 12, 1e-3
+#: The most corrections of a state, and the last one over the gap: of the next its square is left.
+_ITERATIONS, _LAST = 12, 1e-4
 
 #: Shortest part of a change of loads that is tried.
 _PART = 1e-3
@@ -192,10 +191,11 @@ class ReducedFilm:
         return Memory.mounted(self.specimen.membrane, self.volumes.shape)
 
     def balanced(self, q: Array, loads: FilmLoads, flow: Flow | None = None,
-                 drive: Drive | None = _STILL) -> tuple[Array, Array]:
-        """q in equilibrium near a guess, and the stiffness there or close by [N/m].
+                 drive: Drive | None = _STILL, last: float = _LAST) -> Array:
+        """q in equilibrium near a guess.
 
-        With no ``drive`` the plate is held.
+        With no ``drive`` the plate is held. ``last``: the largest correction, over the gap, after
+        which no other follows.
 
         Raises
         ------
@@ -218,18 +218,18 @@ class ReducedFilm:
             if unstable or not size < 1:
                 break
             q = q - step
-            if size < _SQUARE:
-                return q, stiffness
+            if size < last:
+                return q
         raise NoBalance
 
     def carried(self, q: Array, before: FilmLoads, after: FilmLoads, flow: Flow | None = None,
-                drive: Drive | None = _STILL) -> Array:
+                drive: Drive | None = _STILL, last: float = _LAST) -> Array:
         """q after the loads changed at once, in as many steps as it takes."""
         share, step = 0.0, 1.0
         while share < 1:
             ahead = min(1.0, share + step)
             try:
-                q, _ = self.balanced(q, before.towards(after, ahead), flow, drive)
+                q = self.balanced(q, before.towards(after, ahead), flow, drive, last)
                 share, step = ahead, 2 * step
             except NoBalance:
                 step /= 2
@@ -237,8 +237,8 @@ class ReducedFilm:
                     raise
         return q
 
-    def at_rest(self, loads: FilmLoads) -> Array:
+    def at_rest(self, loads: FilmLoads, last: float = _LAST) -> Array:
         """q at rest for ever under loads."""
         unloaded, weight = FilmLoads(0.0, 0.0), replace(loads, voltage_squared=0.0)
-        weighed = self.carried(self.flat, unloaded, weight)
-        return self.carried(weighed, weight, loads) if loads.voltage_squared else weighed
+        weighed = self.carried(self.flat, unloaded, weight, last=last)
+        return self.carried(weighed, weight, loads, last=last) if loads.voltage_squared else weighed
