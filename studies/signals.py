@@ -7,6 +7,7 @@ time)`` its voltage [V] at times of pieces between two breaks (by number), their
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -130,6 +131,29 @@ class Supplied:
 
     def within(self, piece: Any, time: Any) -> Any:
         return self.rig.film_voltage(self.signal.within(piece, time))
+
+
+@dataclass(frozen=True, eq=False)
+class Together:
+    """Signals of several runs at once, with the same breaks; voltages have the shape (runs,)."""
+
+    signals: Sequence[Signal | Supplied | Together]
+
+    def __post_init__(self) -> None:
+        first, *others = (signal.breaks for signal in self.signals)
+        if any(breaks.shape != first.shape or (breaks != first).any() for breaks in others):
+            raise InputError("of several runs must have the same breaks", key="signal")
+
+    @property
+    def breaks(self) -> Array:
+        return self.signals[0].breaks
+
+    @property
+    def first(self) -> Array:
+        return np.array([signal.first for signal in self.signals])
+
+    def within(self, piece: Any, time: Any) -> Array:
+        return np.array([signal.within(piece, time) for signal in self.signals])
 
 
 def step(low: float, high: float, at: float, end: float) -> Pieces:

@@ -155,8 +155,8 @@ class Flow:
         stress = (strength * pull).sum(1)
         if not tangent:
             return stress, None
-        twice = 2 * strength
-        pulled, stiffened = twice * weight / 3 * pull, twice * ratio * (1 - weight * ratio) * by_full
+        stiffening = 2 * strength * ratio * (1 - weight * ratio)
+        pulled, stiffened = 2 * strength * weight / 3 * pull, stiffening * by_full
         softer, stiffer = strength * weight * by_grown, strength * ratio * by_full
         bend = np.empty((3, 3, *stress.shape[1:]), dtype=stress.dtype)
         for i in range(3):

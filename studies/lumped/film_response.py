@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from tympan.fem.rig import Rig, checked_load
 from tympan.geometry.errors import InputError
@@ -12,7 +16,52 @@ from tympan.studies.lumped.reduced_film import NoBalance, ReducedFilm
 from tympan.studies.lumped.reduced_motion import ERROR, PulledIn, ReducedMoment, ReducedMotion
 from tympan.studies.lumped.sampling import in_time, last_loop
 from tympan.studies.lumped.simulate import SampledResponse, settling_time
-from tympan.studies.signals import Signal, Supplied, lagging, nominal
+from tympan.studies.signals import Signal, Supplied, Together, lagging, nominal
+
+Array = NDArray[np.float64]
+
+
+def film_deflections(film: ReducedFilm, signals: Sequence[Signal], masses: Sequence[float],
+                     when: Array, rig: Rig = Rig()) -> Array:
+    """Deflections [m] at times [s] of many runs, each under a signal and a mass [kg].
+
+    Shape (runs, times); nan from where a film has pulled in. The signals must have the same breaks,
+    so that the runs share their steps: thirty cost about three.
+    """
+    motions = [film_motion(film, signal, mass, rig)
+               for signal, mass in zip(signals, masses, strict=True)]
+    return _deflections(motions, when)
+
+
+def _deflections(motions: Sequence[ReducedMotion], when: Array) -> Array:
+    first, *others = motions
+    together = first if not others else replace(
+        first, force=np.array([motion.force for motion in motions]),
+        signal=Together([motion.signal for motion in motions]))
+    try:
+        moments, stopped = _followed(together)
+    except NoBalance:
+        moments, stopped = [], 0.0
+    if stopped is not None and others:
+        half = len(motions) // 2
+        return np.concatenate([_deflections(motions[:half], when),
+                               _deflections(motions[half:], when)])
+    if len(moments) < 2:
+        return np.full((1, len(when)), np.nan)
+    time = np.array([moment.time for moment in moments])
+    heaves = np.array([moment.heave for moment in moments]).reshape(len(time), -1)
+    return np.array([in_time(time, heave, when) for heave in heaves.T])
+
+
+def _followed(motion: ReducedMotion) -> tuple[list[ReducedMoment], float | None]:
+    """The moments of a motion, and when the film pulled in [s], None where it does not."""
+    moments = list[ReducedMoment]()
+    try:
+        for moment in motion.moments():
+            moments.append(moment)
+    except PulledIn as ending:
+        return moments, ending.time
+    return moments, None
 
 
 def film_motion(film: ReducedFilm, signal: Signal, mass: float, rig: Rig = Rig(),
@@ -46,17 +95,19 @@ def film_response(model: LumpedModel, signal: Signal, mass: float, rig: Rig, int
     """
     assert model.film is not None
     motion, name = film_motion(model.film, signal, mass, rig, inertia), model.specimen.name
-    moments, stopped, warnings = list[ReducedMoment](), None, list[str]()
+    warnings = []
     try:
-        moments.extend(motion.moments())
+        moments, stopped = _followed(motion)
     except NoBalance:
         raise InputError("must have an equilibrium under the signal's first voltage", key="mass",
                          given=f"{mass:g} kg") from None
-    except PulledIn as ending:
-        stopped = ending.time
+    if not moments:
+        raise InputError("the film has no equilibrium at once after the mass is put on",
+                         key="mass", given=f"{mass:g} kg")
+    if stopped is not None:
         warnings.append(f"the film pulls in after {stopped:.4g} s; lower the voltage")
     time = np.array([moment.time for moment in moments])
-    deflection = np.array([moment.q[0] for moment in moments])
+    deflection = np.array([moment.heave for moment in moments])
     when = np.linspace(time[0], time[-1], max(2, round(time[-1] / interval) + 1))
     sampled = in_time(time, deflection, when)
     loop = area = None

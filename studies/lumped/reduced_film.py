@@ -42,11 +42,19 @@ class NoBalance(ArithmeticError):
 
 @dataclass(frozen=True, eq=False)
 class FilmLoads:
-    """The force on the plate [N], U² across the film [V²], a spring on the plate [N/m]."""
+    """The force on the plate [N], U² across the film [V²], a spring on the plate [N/m].
 
-    force: float
-    voltage_squared: float
+    Numbers, or arrays of several runs.
+    """
+
+    force: Any
+    voltage_squared: Any
     spring: float = 0.0
+
+    def differ(self, other: FilmLoads) -> bool:
+        """Whether a force or a voltage is another one."""
+        return bool(np.any(self.force != other.force)
+                    or np.any(self.voltage_squared != other.voltage_squared))
 
     def towards(self, other: FilmLoads, share: float) -> FilmLoads:
         """Between these and others, whose spring it has."""
@@ -59,7 +67,7 @@ class FilmLoads:
 class Drive:
     """What a step of motion adds to the plate's balance: a force c + k y [N] against the heave."""
 
-    constant: float = 0.0
+    constant: Any = 0.0
     slope: float = 0.0
 
 
@@ -68,7 +76,7 @@ _STILL = Drive()
 
 @dataclass(frozen=True, eq=False)
 class ReducedFilm:
-    """A specimen's film at points.
+    """A specimen's film at points; states q have the shape (..., shapes), of several runs at once.
 
     ``volumes`` [m³] and ``covered``, 1 under the electrode, shape (points,); ``gradients``: ∂φ/∂X
     of the heave's shape and the others [1/m], shape (shapes, points, 3, 2). ``errors``: the largest
@@ -93,55 +101,53 @@ class ReducedFilm:
 
     @cached_property
     def _slope(self) -> Array:
-        """∂E/∂q of the flat film, shape (shapes, 3 points).
+        """∂E/∂q of the flat film, shape (shapes, points × 3).
 
         In Voigt form and of the virgin film, as all strains and stresses here.
         """
         g = self.gradients
-        parts = np.stack([g[:, :, 0, 0], g[:, :, 1, 1], g[:, :, 0, 1] + g[:, :, 1, 0]], 1)
+        parts = np.stack([g[:, :, 0, 0], g[:, :, 1, 1], g[:, :, 0, 1] + g[:, :, 1, 0]], -1)
         return (parts * self._scale).reshape(self.count, -1)
 
     @cached_property
     def _bend(self) -> Array:
-        """∂²E/∂q∂q, shape (shapes, shapes, 3 points)."""
+        """∂²E/∂q∂q, shape (shapes, shapes, points × 3)."""
         first, second = self.gradients[..., 0], self.gradients[..., 1]
         parts = [np.einsum("kpi,lpi->klp", *pair)
                  for pair in ((first, first), (second, second), (first, second))]
         parts[2] = parts[2] + parts[2].swapaxes(0, 1)
-        return (np.stack(parts, 2) * self._scale).reshape(self.count, self.count, -1)
+        return (np.stack(parts, -1) * self._scale).reshape(self.count, self.count, -1)
 
     @cached_property
     def _scale(self) -> Array:
-        """Of E of the virgin film over that of the mounted one, shape (3, 1)."""
+        """Of E of the virgin film over that of the mounted one, shape (3,)."""
         first, second = self.specimen.membrane.prestretch
-        return np.array([[first * first], [second * second], [first * second]])
+        return np.array([first * first, second * second, first * second])
 
     @cached_property
-    def _forms(self) -> tuple[Array, Array, Array]:
-        """∂²E/∂q∂q by the last shape and by pairs, and C over ½ q·(slopes), as flat arrays."""
+    def _forms(self) -> tuple[Array, Array, Array, Array]:
+        """For :meth:`_strained` and :meth:`pull`, flat.
+
+        ∂²E/∂q∂q by one shape, by pairs; C of the flat film, and over ½ q · (its slopes, before and
+        after).
+        """
         count, points = self.count, len(self.volumes)
-        by_last = self._bend.transpose(0, 2, 1).reshape(-1, count)
-        by_shear = np.repeat([1.0, 1.0, 0.5], points)
-        return (np.ascontiguousarray(by_last), self._bend.reshape(count * count, -1),
-                by_shear)
-
-    @cached_property
-    def _flat_strain(self) -> Array:
-        """C of the flat film, shape (3, points)."""
-        return np.repeat(self._scale * [[1.0], [1.0], [0.0]], len(self.volumes), axis=1)
+        return (self._bend.reshape(count, -1), self._bend.reshape(count * count, -1).T.copy(),
+                np.tile(self._scale * [1.0, 1.0, 0.0], points), np.tile([1.0, 1.0, 0.5], points))
 
     def strain(self, q: Array) -> Array:
-        """C₁₁, C₂₂, C₁₂ of the virgin film at the points, shape (3, points)."""
+        """C₁₁, C₂₂, C₁₂ of the virgin film at the points, shape (3, ..., points)."""
         return self._strained(q)[1]
 
     def _strained(self, q: Array) -> tuple[Array, Array]:
-        """∂E/∂q, shape (shapes, 3 points), and C."""
-        by_last, _, by_shear = self._forms
-        slope = self._slope + (by_last @ q).reshape(self.count, -1)
-        change = (q @ (self._slope + slope)) * by_shear
-        return slope, self._flat_strain + change.reshape(3, -1)
+        """∂E/∂q, shape (..., shapes, points × 3), and C, (3, ..., points)."""
+        by_shape, _, flat, by_shear = self._forms
+        slope = self._slope + (q @ by_shape).reshape(*q.shape, -1)
+        change = (q[..., None, :] @ (self._slope + slope))[..., 0, :]
+        c = (flat + change * by_shear).reshape(*q.shape[:-1], -1, 3)
+        return slope, _first(c)
 
-    def pull(self, q: Array, voltage_squared: float, flow: Flow | None = None
+    def pull(self, q: Array, voltage_squared: Any, flow: Flow | None = None
              ) -> tuple[Array, Array]:
         """The film's generalised forces against q [N] and their derivatives [N/m].
 
@@ -149,46 +155,42 @@ class ReducedFilm:
         """
         slope, c = self._strained(q)
         stress, tangent = self._stressed(c, voltage_squared, flow)
-        count, points = self.count, len(self.volumes)
-        stress = (stress * self.volumes).ravel()
-        by_point = slope.reshape(count, 3, points).transpose(2, 1, 0)
+        lead, count = q.shape[:-1], self.count
+        stress = (stress * self.volumes[:, None]).reshape(*lead, -1)
+        by_point = np.swapaxes(slope.reshape(*lead, count, -1, 3), -3, -1).swapaxes(-3, -2)
         bent = np.matmul(tangent * self.volumes[:, None, None], by_point)
-        stiffness = slope @ bent.transpose(1, 0, 2).reshape(-1, count)
-        stiffness += (self._forms[1] @ stress).reshape(count, count)
-        return slope @ stress, stiffness
+        stiffness = slope @ bent.reshape(*lead, -1, count)
+        stiffness = stiffness + (stress @ self._forms[1]).reshape(stiffness.shape)
+        return (slope @ stress[..., None])[..., 0], stiffness
 
-    def _stressed(self, c: Array, voltage_squared: float, flow: Flow | None
-                  ) -> tuple[Array, Array]:
-        """S [Pa], shape (3, points), and ∂S/∂E, (points, 3, 3), of the virgin film."""
+    def _stressed(self, c: Array, voltage_squared: Any, flow: Flow | None) -> tuple[Array, Array]:
+        """S [Pa], shape (..., points, 3), and ∂S/∂E, (..., points, 3, 3), of the virgin film."""
         first, second = self.specimen.membrane.prestretch
-        film = FilmDensity(self.specimen, voltage_squared, self.covered)
+        film = FilmDensity(self.specimen, _each(voltage_squared), self.covered)
         stress: Any = 0.0
         tangent: Any = 0.0
         for material, (along, across) in film.parts:
             part = plane_stress(material, (c[0], c[1], c[2]), (along / first, across / second))
-            stress, tangent = stress + part.stress.T, tangent + part.tangent
+            stress, tangent = stress + part.stress, tangent + part.tangent
         if flow is not None:
             viscous, bend = flow.stress(c)
             assert bend is not None
-            stress, tangent = stress + viscous, tangent + bend.transpose(2, 0, 1)
+            last = tuple(range(2, bend.ndim))
+            stress = stress + viscous.transpose(*range(1, viscous.ndim), 0)
+            tangent = tangent + bend.transpose(*last, 0, 1)
         return stress, tangent
 
-    def capacitance(self, q: Array, voltage_squared: float = 0.0) -> float:
+    def capacitance(self, q: Array, voltage_squared: Any = 0.0) -> Any:
         """Of the film [F], wrinkles included."""
-        density = FilmDensity(self.specimen, voltage_squared, self.covered)
+        density = FilmDensity(self.specimen, _each(voltage_squared), self.covered)
         seen = principal_stretches(tuple(self.strain(q)), (1.0, 1.0))
         charged = maxwell(self.specimen, 1.0, self.covered)
         energy = charged.derivatives(*density.material.natural(*seen))[0]
-        return float(-2 * (energy * self.volumes).sum())
+        return -2 * (energy * self.volumes).sum(-1)
 
     def relaxed(self, q: Array) -> Memory:
         """The memory of branches that have rested at q for ever."""
         return Memory.relaxed(self.specimen.membrane, self.strain(q))
-
-    @property
-    def mounted(self) -> Memory:
-        """The memory of the flat film's branches, stretched so long ago as the film says."""
-        return Memory.mounted(self.specimen.membrane, self.volumes.shape)
 
     def balanced(self, q: Array, loads: FilmLoads, flow: Flow | None = None,
                  drive: Drive | None = _STILL, last: float = _LAST) -> Array:
@@ -206,16 +208,15 @@ class ReducedFilm:
         for _ in range(_ITERATIONS):
             pull, stiffness = self.pull(q, loads.voltage_squared, flow)
             if drive is None:
-                pull[0], stiffness[0], stiffness[:, 0], stiffness[0, 0] = 0.0, 0.0, 0.0, 1.0
+                pull[..., 0], stiffness[..., 0, :], stiffness[..., :, 0] = 0.0, 0.0, 0.0
+                stiffness[..., 0, 0] = 1.0
             else:
                 slope = drive.slope + loads.spring
-                pull[0] += drive.constant + slope * q[0] - loads.force
-                stiffness[0, 0] += slope
-            if not np.isfinite(pull).all():
-                break
-            _, step, unstable = dposv(stiffness, pull)
+                pull[..., 0] += drive.constant + slope * q[..., 0] - loads.force
+                stiffness[..., 0, 0] += slope
+            step = _solved(stiffness, pull)
             size = float(np.abs(step).max()) / scale
-            if unstable or not size < 1:
+            if not size < 1:
                 break
             q = q - step
             if size < last:
@@ -240,5 +241,33 @@ class ReducedFilm:
     def at_rest(self, loads: FilmLoads, last: float = _LAST) -> Array:
         """q at rest for ever under loads."""
         unloaded, weight = FilmLoads(0.0, 0.0), replace(loads, voltage_squared=0.0)
-        weighed = self.carried(self.flat, unloaded, weight, last=last)
-        return self.carried(weighed, weight, loads, last=last) if loads.voltage_squared else weighed
+        runs = np.broadcast_shapes(np.shape(loads.force), np.shape(loads.voltage_squared))
+        weighed = self.carried(np.broadcast_to(self.flat, (*runs, self.count)), unloaded, weight,
+                               last=last)
+        if not np.any(loads.voltage_squared):
+            return weighed
+        return self.carried(weighed, weight, loads, last=last)
+
+
+def _solved(stiffness: Array, pull: Array) -> Array:
+    """The solution, shape (..., n), of symmetric positive definite systems (..., n, n)."""
+    if pull.ndim == 1:
+        _, step, unstable = dposv(stiffness, pull)
+        if unstable:
+            raise NoBalance
+        return np.asarray(step)
+    try:
+        np.linalg.cholesky(stiffness)
+    except np.linalg.LinAlgError:
+        raise NoBalance from None
+    return np.asarray(np.linalg.solve(stiffness, pull[..., None])[..., 0])
+
+
+def _each(values: Any) -> Any:
+    """Of every run, for all of its points."""
+    return values[..., None] if np.ndim(values) else values
+
+
+def _first(values: Array) -> Array:
+    """A view whose last axis is the first."""
+    return values.transpose(-1, *range(values.ndim - 1))

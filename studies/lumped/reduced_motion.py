@@ -9,25 +9,26 @@ also made in halves and extrapolated, as the field model is: over many swings ph
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tympan.fem.film.memory import Memory, determinant
 from tympan.studies.lumped.reduced_film import Drive, FilmLoads, NoBalance, ReducedFilm
-from tympan.studies.signals import Signal, Supplied
+from tympan.studies.signals import Signal, Supplied, Together
 
 Array = NDArray[np.float64]
 
 #: Safety of a step's length, by how much it may shrink and grow, the first and the shortest as
 #: shares of the shortest time that matters.
-_SAFE, _SHRINK, _GROWTH, _FIRST, _SHORTEST = 0.9, 0.2, 5.0, 2e-2, 1e-9
+_SAFE, _SHRINK, _GROWTH, _FIRST, _SHORTEST = 0.8, 0.2, 5.0, 2e-2, 1e-9
 
 #: The last correction of a state over the root of a step's error.
-_CLOSER = 0.1
+_CLOSER = 0.2
 
 #: By how much more closely what swings is followed.
 _PHASES = 5.0
@@ -41,14 +42,22 @@ _REACH = 1.5
 
 @dataclass(frozen=True, eq=False)
 class ReducedMoment:
-    """A reduced film at a time [s]: q, its loads and memory; the plate's velocity, acceleration."""
+    """A reduced film at a time [s]: q, its loads and memory; the plate's velocity, acceleration.
+
+    Of one run or, as arrays, of several.
+    """
 
     time: float
     q: Array
     loads: FilmLoads
     memory: Memory
-    velocity: float = 0.0
-    acceleration: float = 0.0
+    velocity: Any = 0.0
+    acceleration: Any = 0.0
+
+    @property
+    def heave(self) -> Any:
+        """The plate's deflection [m]."""
+        return self.q[..., 0]
 
 
 class PulledIn(ArithmeticError):
@@ -61,15 +70,18 @@ class PulledIn(ArithmeticError):
 
 @dataclass(frozen=True, eq=False)
 class ReducedMotion:
-    """A reduced film under a force [N] and a signal of the voltage across it.
+    """A reduced film under a force [N] and a signal of the voltage across it, or several runs.
+
+    These have forces of shape (runs,), or signals :class:`~tympan.studies.signals.Together`; they
+    share their steps.
 
     ``spring`` on the plate [N/m]; its ``mass`` [kg], None for one that follows the film at once;
     ``damper`` on it [N s/m]; ``error``: of a step, relative to the gap between plate and frame.
     """
 
     film: ReducedFilm
-    force: float
-    signal: Signal | Supplied
+    force: Any
+    signal: Signal | Supplied | Together
     spring: float = 0.0
     mass: float | None = None
     damper: float = 0.0
@@ -86,10 +98,16 @@ class ReducedMotion:
         """
         film, time = self.film, float(self.signal.breaks[0])
         if film.specimen.membrane.mounted is not None:
-            return ReducedMoment(time, film.flat, FilmLoads(0.0, 0.0), film.mounted)
+            return self._mounted(time)
         loads = FilmLoads(self.force, self.signal.first**2, self.spring)
         q = film.at_rest(loads, self._last)
         return ReducedMoment(time, q, loads, film.relaxed(q))
+
+    def _mounted(self, time: float) -> ReducedMoment:
+        film = self.film
+        runs = np.broadcast_shapes(np.shape(self.force), np.shape(self.signal.first))
+        memory = Memory.mounted(film.specimen.membrane, (*runs, len(film.volumes)))
+        return ReducedMoment(time, np.zeros((*runs, film.count)), FilmLoads(0.0, 0.0), memory)
 
     def moments(self, begin: ReducedMoment | None = None) -> Iterator[ReducedMoment]:
         """From a moment, by default its ``begin``, to the signal's end.
@@ -101,12 +119,16 @@ class ReducedMotion:
         PulledIn
             Where the film has no equilibrium any more, or the plate is gone.
         """
-        moment = begin or self.begin
+        past, step = [begin or self.begin], 0.0
         for piece, (start, end) in enumerate(pairwise(self.signal.breaks.tolist())):
-            jumped = self._after_jump(moment, self._loads(piece, start))
-            yield jumped
-            for moment in self._through(jumped, piece, end):
-                yield moment
+            loads = self._loads(piece, start)
+            jumps = loads.differ(past[-1].loads)
+            if jumps:
+                past = [self._after_jump(past[-1], loads)]
+            if jumps or not step:
+                step = _FIRST * min([end - start, *self._times(past[-1])])
+            yield past[-1]
+            past, step = yield from self._through(past, step, piece, end)
 
     @property
     def _last(self) -> float:
@@ -114,14 +136,13 @@ class ReducedMotion:
         return _CLOSER * float(np.sqrt(self.error))
 
     def _loads(self, piece: int, time: float) -> FilmLoads:
-        return FilmLoads(self.force, float(self.signal.within(piece, time)) ** 2, self.spring)
+        return FilmLoads(self.force, self.signal.within(piece, time) ** 2, self.spring)
 
-    def _through(self, moment: ReducedMoment, piece: int, end: float) -> Iterator[ReducedMoment]:
-        """A piece of the signal, in steps."""
-        past, gap = [moment], self.film.specimen.gap
+    def _through(self, past: list[ReducedMoment], step: float, piece: int, end: float
+                 ) -> Generator[ReducedMoment, None, tuple[list[ReducedMoment], float]]:
+        """A piece of the signal, in steps; the last moments and the next step's length [s]."""
         advance = self._step if self.mass is None else self._doubled
-        scale = min([end - moment.time, *self._times(moment)])
-        step = _FIRST * scale
+        shortest = _SHORTEST * step
         while past[-1].time < end:
             rest = end - past[-1].time
             duration = rest if step >= rest else min(step, rest / 2)
@@ -129,26 +150,24 @@ class ReducedMotion:
                 following, error = advance(past, piece, duration)
             except NoBalance:
                 error = np.inf
-            if error <= self.error:
-                if duration == rest:
-                    following = replace(following, time=end)
-                yield following
-                if abs(following.q[0]) > _REACH * gap:
-                    raise PulledIn(following.time)
-            elif duration < _SHORTEST * scale:
-                raise PulledIn(past[-1].time)
             order = len(past) if self.mass is None else 3
             change = _SAFE * (self.error / max(error, 1e-300)) ** (1 / order)
             step = duration * min(max(change, _SHRINK), _GROWTH)
             if error <= self.error:
-                past = [*past[-2:], following]
+                past = [*past[-2:], replace(following, time=end) if duration == rest else following]
+                yield past[-1]
+                if np.abs(past[-1].heave).max() > _REACH * self.film.specimen.gap:
+                    raise PulledIn(past[-1].time)
+            elif duration < shortest:
+                raise PulledIn(past[-1].time)
+        return past, step
 
     def _times(self, moment: ReducedMoment) -> list[float]:
         """Times that matter [s]: of the branches, of the plate's swing."""
         times: list[float] = moment.memory.times.tolist()
         if self.mass is not None:
             _, stiffness = self.film.pull(moment.q, moment.loads.voltage_squared)
-            times.append(float(np.sqrt(self.mass / abs(stiffness[0, 0]))))
+            times.append(float(np.sqrt(self.mass / np.abs(stiffness[..., 0, 0]).max())))
         return times
 
     def _after_jump(self, moment: ReducedMoment, loads: FilmLoads) -> ReducedMoment:
@@ -163,8 +182,8 @@ class ReducedMotion:
         except NoBalance:
             raise PulledIn(moment.time) from None
         pull, _ = film.pull(q, loads.voltage_squared, flow)
-        push = loads.force - pull[0] - self.spring * q[0] - self.damper * moment.velocity
-        return replace(moment, q=q, loads=loads, acceleration=float(push) / self.mass)
+        push = loads.force - pull[..., 0] - self.spring * q[..., 0] - self.damper * moment.velocity
+        return replace(moment, q=q, loads=loads, acceleration=push / self.mass)
 
     def _step(self, past: list[ReducedMoment], piece: int, duration: float
               ) -> tuple[ReducedMoment, float]:
@@ -176,10 +195,10 @@ class ReducedMotion:
         guess = _extrapolated(past, time)
         q = film.balanced(guess, loads, flow, self._drive(moment, duration),
                           self._last)
-        velocity = 2 / duration * (q[0] - moment.q[0]) - moment.velocity
+        velocity = 2 / duration * (q[..., 0] - moment.heave) - moment.velocity
         acceleration = 2 / duration * (velocity - moment.velocity) - moment.acceleration
-        following = ReducedMoment(time, q, loads, flow.after(film.strain(q)), float(velocity),
-                           float(acceleration))
+        following = ReducedMoment(time, q, loads, flow.after(film.strain(q)), velocity,
+                                  acceleration)
         error = float(np.abs(q - guess).max()) / film.specimen.gap
         return following, error * _share(past, time)
 
@@ -201,10 +220,10 @@ class ReducedMotion:
 
     def _drive(self, moment: ReducedMoment, duration: float) -> Drive:
         """What inertia and damper add to the plate's balance by the trapezoidal rule."""
-        mass, y, v = self.mass or 0.0, moment.q[0], moment.velocity
+        mass, y, v = self.mass or 0.0, moment.heave, moment.velocity
         slope = 4 * mass / duration**2 + 2 * self.damper / duration
         back = mass * (4 / duration * v + moment.acceleration) + self.damper * v
-        return Drive(float(-slope * y - back), slope)
+        return Drive(-slope * y - back, slope)
 
 
 def _extrapolated(past: list[ReducedMoment], time: float) -> Array:

@@ -144,8 +144,8 @@ def error_of(film: ReducedFilm, model: Model, force: float, signal: Signal, spri
     exact = in_time(np.array([moment.time for moment in field]),
                     np.array([moment.state.plate.deflection for moment in field]), when)
     near = in_time(np.array([moment.time for moment in moments]),
-                   np.array([moment.q[0] for moment in moments]), when)
-    before = motion.begin.q[0]
+                   np.array([moment.heave for moment in moments]), when)
+    before = motion.begin.heave
     return float(np.abs(near - exact).max() / np.ptp(np.append(exact, before)))
 
 

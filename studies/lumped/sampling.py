@@ -18,13 +18,13 @@ _CLOSED, _POINTS = 0.01, 401
 def in_time(time: Array, values: Array, when: Array) -> Array:
     """Values at some times [s] of those at others, where a time that stands twice is a jump.
 
-    By cubic splines between the jumps; at a jump what comes after it.
+    By cubic splines between the jumps; at a jump what comes after it. Nan beyond the last.
     """
     starts = np.flatnonzero(np.diff(time) == 0) + 1
-    result = np.empty(len(when))
+    result = np.full(len(when), np.nan)
     for begin, end in zip([0, *starts], [*starts, len(time)], strict=True):
         times, last = time[begin:end], end == len(time)
-        within = (when >= times[0]) & ((when < times[-1]) | last)
+        within = (when >= times[0]) & ((when < times[-1]) | (last & (when <= times[-1])))
         if len(times) > 1:
             result[within] = CubicSpline(times, values[begin:end])(when[within])
         else:

@@ -26,7 +26,7 @@ from tympan.geometry.specimen import Electrode, Specimen, ViscousBranch
 from tympan.studies.case import Case, Settings, build_model, solve
 from tympan.studies.limits import limits
 from tympan.studies.lumped.build import BuildSettings, build
-from tympan.studies.lumped.film_response import film_motion, film_response
+from tympan.studies.lumped.film_response import film_deflections, film_motion, film_response
 from tympan.studies.lumped.model_file import STILL, LumpedModel, read_model, write_model
 from tympan.studies.lumped.reduced_film import FilmLoads, NoBalance, ReducedFilm
 from tympan.studies.lumped.reduced_motion import PulledIn, ReducedMoment
@@ -61,7 +61,7 @@ def moved(film: ReducedFilm, signal: Any, times: np.ndarray, mass: float = MASS,
           ) -> np.ndarray:
     moments = list(film_motion(film, signal, mass, **more).moments())
     return in_time(np.array([moment.time for moment in moments]),
-                   np.array([moment.q[0] for moment in moments]), times)
+                   np.array([moment.heave for moment in moments]), times)
 
 
 def stepped(low: float, high: float, end: float) -> Pieces:
@@ -159,6 +159,21 @@ def test_it_never_gains_energy(specimen: Specimen) -> None:
     missing = energy[0] + work - energy[-1]
     assert missing == pytest.approx(total(heat, time), rel=0.02)
     assert missing > 0
+
+
+def test_many_runs_together_are_each_its_own() -> None:
+    """Their steps are shared; who pulls in is nan from then on and takes nobody along."""
+    film, when = of(NEO), np.linspace(0.0, 120.0, 25)
+    cases = [(mass, high) for mass in (MASS, HEAVY) for high in (0.0, 3e3, 6.5e3, 14e3)]
+    signals = [random_steps(0.0, high, 40.0, 3, 5) for _, high in cases]
+    together = film_deflections(film, signals, [mass for mass, _ in cases], when)
+    for row, signal, (mass, high) in zip(together, signals, cases, strict=True):
+        alone, = film_deflections(film, [signal], [mass], when)
+        assert np.isnan(row).any() == (high > 9e3)
+        assert (np.isnan(row) == np.isnan(alone)).all()
+        assert np.nan_to_num(row) == pytest.approx(np.nan_to_num(alone), rel=1e-3)
+    with pytest.raises(InputError, match="the same breaks"):
+        film_deflections(film, [stepped(0.0, 1e3, 1.0), stepped(0.0, 1e3, 2.0)], [MASS] * 2, when)
 
 
 def test_stiffness_derives_from_the_forces() -> None:
