@@ -58,7 +58,8 @@ def main() -> None:
         _swing(film)
     if output is not None:
         with look.figure_style():
-            look.save_figure(output, "reduced-film", lambda: _compose(drawn))
+            *_, vectors = look.save_figure(output, "reduced-film", lambda: _compose(drawn))
+        vectors.unlink()
 
 
 def _specimens() -> Iterator[Specimen]:

@@ -106,7 +106,7 @@ class Memory:
         return np.asarray((rate * (square - trace**2 / 3)).sum(0))
 
     def _each(self, values: Array) -> Array:
-        return values.reshape(-1, *np.ones(self.viscous.ndim - 2, dtype=int))
+        return values.reshape(-1, *(1,) * (self.viscous.ndim - 2))
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,39 +138,44 @@ class Flow:
         Shapes (*points), (3, *points), (3, 3, *points), those of several films first. The potential
         is 0 where nothing is strained; without flow it is what the branches store.
         """
-        full = incompressible(c)[:, None]
-        moduli, kept, weight = self._scaled(full.ndim)
-        growth = _cube_root(determinant(kept + weight * full))
+        full, weight, grown, growth = self._grown(c)
+        moduli, kept = self._moduli(full.ndim), _aligned(self._unit[0], 2, full.ndim)
         excess = _excess(kept, weight, full) / (1 + growth + growth**2) - 1
-        return ((1.5 * moduli * excess).sum(0), *self.stress(c, tangent=tangent))
+        return ((1.5 * moduli * excess).sum(0),
+                *self._stress(full, weight, grown, growth, tangent))
 
     def stress(self, c: Any, *, tangent: bool = True) -> tuple[Array, Array | None]:
         """S and ∂S/∂E of :meth:`density` alone."""
+        return self._stress(*self._grown(c), tangent)
+
+    def _grown(self, c: Any) -> tuple[Array, Array, Array, Array]:
+        """C, w, H + w C and det(H + w C)^⅓, of det H = 1."""
         full = incompressible(c)[:, None]
-        moduli, kept, weight = self._scaled(full.ndim)
-        grown = kept + weight * full
-        growth = _cube_root(determinant(grown))
+        kept, weight = self._unit
+        weight = _aligned(weight, 1, full.ndim - 1)
+        grown = _aligned(kept, 2, full.ndim) + weight * full
+        return full, weight, grown, _cube_root(determinant(grown))
+
+    def _stress(self, full: Array, weight: Array, grown: Array, growth: Array, tangent: bool
+                ) -> tuple[Array, Array | None]:
         by_grown, by_full, ratio = inverse(grown), inverse(full), full[3] / grown[3]
-        pull, strength = (by_grown - ratio * by_full)[:3], moduli * growth
+        pull, strength = (by_grown - ratio * by_full)[:3], self._moduli(full.ndim) * growth
         stress = (strength * pull).sum(1)
         if not tangent:
             return stress, None
-        stiffening = 2 * strength * ratio * (1 - weight * ratio)
-        pulled, stiffened = 2 * strength * weight / 3 * pull, stiffening * by_full
-        softer, stiffer = strength * weight * by_grown, strength * ratio * by_full
+        softer, stiffer = strength * weight, strength * ratio
+        by_pull, by_stretch = 2 / 3 * softer, 2 * stiffer * (1 - weight * ratio)
         bend = np.empty((3, 3, *stress.shape[1:]), dtype=stress.dtype)
         for i in range(3):
             for j in range(i, 3):
-                part = (pulled[i] * pull[j] + stiffened[i] * by_full[j]
-                        + _between(stiffer, by_full, i, j) - _between(softer, by_grown, i, j))
+                part = (by_pull * pull[i] * pull[j] + by_stretch * by_full[i] * by_full[j]
+                        + stiffer * _between(by_full, i, j) - softer * _between(by_grown, i, j))
                 bend[i, j] = bend[j, i] = part.sum(0)
         return stress, bend
 
-    def _scaled(self, axes: int) -> tuple[Array, Array, Array]:
-        """Moduli, H and w of det H = 1, for tensors of so many axes."""
-        moduli = self.memory.moduli.reshape(-1, *np.ones(axes - 2, dtype=int))
-        kept, weight = self._unit
-        return moduli, _aligned(kept, 2, axes), _aligned(weight, 1, axes - 1)
+    def _moduli(self, axes: int) -> Array:
+        """Of the branches, for tensors of so many axes."""
+        return self.memory.moduli.reshape(-1, *(1,) * (axes - 2))
 
     @cached_property
     def _unit(self) -> tuple[Array, Array]:
@@ -248,16 +253,16 @@ def _excess(kept: Array, weight: Array, full: Array) -> Array:
                       + weight * (inner(inverse(full), kept) + weight))
 
 
-def _between(a: Array, b: Array, i: int, j: int) -> Array:
-    """Twice A dC B by dC, symmetric in both pairs, of tensors alike; the components i and j."""
+def _between(a: Array, i: int, j: int) -> Array:
+    """Twice A dC A by dC, symmetric in both pairs, the Voigt components i and j."""
     (p, q), (r, s) = _PLACES[i], _PLACES[j]
-    return np.asarray(a[_COMPONENT[p][r]] * b[_COMPONENT[q][s]]
-                      + a[_COMPONENT[p][s]] * b[_COMPONENT[q][r]])
+    return np.asarray(a[_COMPONENT[p][r]] * a[_COMPONENT[q][s]]
+                      + a[_COMPONENT[p][s]] * a[_COMPONENT[q][r]])
 
 
 def _aligned(values: Array, first: int, axes: int) -> Array:
     """With so many axes in all, new ones after the first."""
-    new = np.ones(axes - values.ndim, dtype=int)
+    new = (1,) * (axes - values.ndim)
     return values.reshape(*values.shape[:first], *new, *values.shape[first:])
 
 
