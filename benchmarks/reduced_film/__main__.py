@@ -7,6 +7,8 @@ under a mass and in signals that the film was not made from. One run alone, and 
 from __future__ import annotations
 
 import argparse
+import shutil
+import tempfile
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -57,9 +59,9 @@ def main() -> None:
         drawn = {name: _row(film, name, spent) for name in _SIGNALS}
         _swing(film)
     if output is not None:
-        with look.figure_style():
-            *_, vectors = look.save_figure(output, "reduced-film", lambda: _compose(drawn))
-        vectors.unlink()
+        with tempfile.TemporaryDirectory() as folder:
+            picture, *_ = look.save_figure(Path(folder), "reduced-film", lambda: _compose(drawn))
+            shutil.copy(picture, output)
 
 
 def _specimens() -> Iterator[Specimen]:

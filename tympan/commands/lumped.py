@@ -51,8 +51,9 @@ if TYPE_CHECKING:
          argument("--radii", choices=("semi_axes", "sectors", "fit"), default="semi_axes",
                   help="of the circles, as for `tympan alpha`"),
          argument("--viscous", metavar="K1,ETA1,ETA2",
-                  help='of the branch and the damper of films without branches, such as "23.5 MPa,177.2 MPa s,62.4 kPa s" '
-                       "(default: these, the paper's)"), RIG,
+                  help="of the branch and the damper of films that have no branches of their own, "
+                       'such as "23.5 MPa,177.2 MPa s,62.4 kPa s" (default: these, the '
+                       "paper's)"), RIG,
          output("write NAME.lumped.toml for each, build.json, statics.csv and a figure"), JSON,
          MESH,
          example="oval.toml -o lumped")
