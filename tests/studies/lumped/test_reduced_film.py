@@ -282,7 +282,7 @@ def test_build_and_simulate(tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
     file, rig = tmp_path / "tape.toml", tmp_path / "rig.toml"
     file.write_text((ACTUATORS / "circular.toml").read_text(encoding="utf-8")
                     + '\n[[membrane.branch]]\nmodulus = "1 MPa"\ntime = "30 s"\n')
-    rig.write_text('spring = "3 N/m"\namplifier_gain = 0.05\nsensor_lag = "0.5 s"\n')
+    rig.write_text('spring = "3 N/m"\namplifier_gain = 0.05\n')
     assert not main(["lumped", "build", str(file), "--mass", "17.9 g,22.45 g", "--voltages",
                      "0 kV..6 kV", "--count", "3", "--rig", str(rig), "-o", str(tmp_path),
                      "--json"])
