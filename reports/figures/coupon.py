@@ -20,16 +20,17 @@ from tympan.studies.material.result import MaterialFitResult
 
 _TITLE, _PANEL, _AXIS, _LEGEND = 7.0, 52.0, 11.0, 11.0  # heights [mm]
 _LEFT, _RIGHT, _GAP = 14.0, 3.0, 11.0
-_HISTORY, _LINE, _COLUMNS = 72.0, 4.0, 6  # height of tests in time, of a line of their legend [mm]
+_HISTORY, _LINE = 72.0, 4.0  # height of tests in time, of a line of their legend [mm]
+_KEY, _LETTER = 14.0, 1.5  # width of a legend's line without words, of a letter [mm]
 _STRESS = "nominal stress (kPa)"
 
 
-def draw_fit(result: MaterialFitResult, folder: Path) -> list[Path]:
+def draw_fit(result: MaterialFitResult, folder: Path, dpi: int = style.DPI) -> list[Path]:
     """Draw readings and fits as folder/fit.png and .svg; answers the files.
 
     A panel for each mode; those without readings show what the fits foretell.
     """
-    return style.save_figure(folder, "fit", lambda: _compose(result))
+    return style.save_figure(folder, "fit", lambda: _compose(result), dpi=dpi)
 
 
 def _compose(result: MaterialFitResult) -> Figure:
@@ -51,7 +52,7 @@ def _compose(result: MaterialFitResult) -> Figure:
 
 
 def _panel(axes: Axes, result: MaterialFitResult, mode: str, up: str) -> None:
-    coupons = result.coupons[result.coupons.mode == mode]
+    every = coupons = result.coupons[result.coupons.mode == mode]
     if result.histories is not None:
         coupons = coupons[np.isnan(coupons.time)]
     for index, name in enumerate(dict.fromkeys(coupons.specimen)):
@@ -67,7 +68,7 @@ def _panel(axes: Axes, result: MaterialFitResult, mode: str, up: str) -> None:
     lowest = min(0.0, float(coupons.stress.min()) / 1e3) if tested else 0.0
     axes.set_ylim(1.1 * lowest - 0.02 * highest, 1.25 * highest)
     title = (mode.replace("_", " ") + (", at rest" if result.histories is not None else "")
-             + ("" if tested else ", not tested"))
+             + ("" if len(every) else ", not tested"))
     style.describe(axes, "stretch", up, title, bold=True)
 
 
@@ -88,12 +89,19 @@ def _curve(axes: Axes, result: MaterialFitResult, law: str, mode: str, colour: s
 
 
 def _run_names(histories: Mapping[str, NDArray[Any]]) -> list[str]:
-    pairs = zip(histories["specimen"].tolist(), histories["run"].tolist(), strict=True)
-    return [" ".join(filter(None, pair)) or "readings" for pair in pairs]
+    specimens, runs = (histories[name].tolist() for name in ("specimen", "run"))
+    if len(set(specimens)) == 1:
+        return [run or "readings" for run in runs]
+    return [" ".join(filter(None, pair)) for pair in zip(specimens, runs, strict=True)]
+
+
+def _legend_columns(runs: tuple[str, ...]) -> int:
+    widest = _KEY + _LETTER * max(map(len, runs))
+    return max(1, int((style.WIDTH - _LEFT) / widest))
 
 
 def _row_height(runs: tuple[str, ...]) -> float:
-    return _LINE * (1 + (len(runs) + 1) // _COLUMNS)
+    return _LINE * (1 + -(-len(runs) // _legend_columns(runs)))
 
 
 def _draw_histories(figure: Figure, histories: Mapping[str, NDArray[Any]],
@@ -121,5 +129,6 @@ def _draw_histories(figure: Figure, histories: Mapping[str, NDArray[Any]],
     if np.median(time) < 0.1 * time.max():
         panels[1].set_xscale("log", nonpositive="mask")
     height = figure.get_size_inches()[1] / style.MM
-    figure.legend(*panels[0].get_legend_handles_labels(), loc="upper center", ncols=_COLUMNS,
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="upper center",
+                  ncols=_legend_columns(runs),
                   bbox_to_anchor=(0.5, 1 - (_HISTORY + _AXIS - 2) / height))

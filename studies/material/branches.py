@@ -35,12 +35,13 @@ from tympan.studies.material.relaxation import BranchStress
 
 Array = NDArray[Any]
 
-#: Most branches tried; and the share above the least misfit of held-out runs at which fewer do.
-MOST_BRANCHES, ALIKE = 3, 0.05
-#: Times per factor e of the search, and from how many of its best choices a fit begins.
+#: Most branches tried.
+MOST_BRANCHES = 4
+#: Times per factor e of the search; from how many of its best choices a fit begins, if the law has
+#: no shape constants to begin from.
 _COARSE, _BEST = 1.2, 3
 #: Searches per shape constant of a law, of all readings and without held-out runs.
-_STARTS, _FEWER = 6, 3
+_STARTS, _FEWER = 10, 6
 #: Stretch levels (over 1) and rates that differ by less than these factors are the same.
 _SAME_LEVEL, _SAME_RATE = 1.15, 1.25
 #: Stress in a search is in units of so much of the readings.
@@ -112,9 +113,8 @@ def compare_in_time(coupons: Coupons, names: Sequence[str] | None = None,
         When a name is unknown, times do not ascend or the readings are too few.
     """
     stress = BranchStress.of(coupons)
-    most = MOST_BRANCHES if branches is None else branches
     simple = (name for name, family in FAMILIES.items() if len(family.shape) < 2)
-    families = [named_family(name, len(coupons), 2 * most)
+    families = [named_family(name, len(coupons), 2 * (branches or 0))
                 for name in dict.fromkeys(names or simple)]
     fits = [_chosen(TimedTests(coupons, stress, family), noise, branches) for family in families]
     return tuple(sorted(fits, key=lambda fit: fit.foretold or fit.law.rmse))
@@ -252,9 +252,9 @@ class TimedTests:
         shaped = len(self.family.shape)
         least, most = self.family.starts(largest_excess(*self.coupons.in_plane))
         shapes = seeded_starts(least, most, shaped, starts * max(1, shaped))
-        scanned = [choice for shape in shapes for choice in self._scanned(count, shape)]
-        scanned.sort(key=lambda choice: choice[0])
-        begin = np.array([values for _, values in scanned[:max(_BEST, len(shapes) // 2)]])
+        each = _BEST if len(shapes) == 1 else 1
+        begin = np.array([values for shape in shapes
+                          for values in self._scanned(count, shape, each)])
         ends = minima(self.problem(count, _FINE * self.size), begin)
         law, moduli, times = self._split(ends[0])
         order = np.argsort(times)
@@ -265,8 +265,8 @@ class TimedTests:
         moduli, times = np.split(branches, 2)
         return law, moduli, times
 
-    def _scanned(self, count: int, shape: Array) -> Iterator[tuple[float, Array]]:
-        """Sums of squares and unknowns of the best choices of times on a grid."""
+    def _scanned(self, count: int, shape: Array, best: int) -> Iterator[Array]:
+        """Unknowns of so many of the best choices of times on a grid."""
         linear = len(self.family.linear)
         fast, slow = self.stress.bounds
         grid = np.linspace(fast, slow, max(int(_COARSE * (slow - fast)), count) + 2)[1:-1]
@@ -283,26 +283,60 @@ class TimedTests:
         linears = np.linalg.solve(matrix, against[every][..., None])[..., 0]
         cost = self.read @ self.read - np.sum(against[every] * linears, axis=1)
         cost = np.where((linears[:, linear:] > 0).all(axis=1), cost, np.inf)
-        for index in np.argsort(cost)[:_BEST]:
+        for index in np.argsort(cost)[:best]:
             constants = np.maximum(linears[index] / scale[every[index]],
                                    np.where(np.arange(linear + count) < linear, -np.inf, 0.0))
-            yield float(cost[index]), np.concatenate([
-                constants[:linear], shape, constants[linear:], grid[choices[index]]])
+            yield np.concatenate([constants[:linear], shape, constants[linear:],
+                                  grid[choices[index]]])
 
 
 def _chosen(tests: TimedTests, noise: float | None, branches: int | None) -> BranchFit:
-    """With the fewest branches that foretell held-out runs about as well as any number tried."""
+    """With the fewest branches that foretell held-out runs as well as any number tried.
+
+    That is within one standard error of the least mean square (Breiman, Friedman, Olshen and Stone,
+    *Classification and Regression Trees*, 1984, §3.4.3).
+    """
     groups = held_out_groups(tests.coupons)
-    counts = range(MOST_BRANCHES + 1) if branches is None and groups else [
-        MOST_BRANCHES if branches is None else branches]
+    if branches is None and not groups:
+        return _by_criterion([fit_branches(tests, count, noise) for count in _counts(tests)])
+    counts = _counts(tests) if branches is None else range(branches, branches + 1)
     errors = {count: _held_out(tests, count, groups) for count in counts}
     foretold = {count: _overall(error) for count, error in errors.items()}
-    least = min((value for value in foretold.values() if value is not None), default=None)
-    count = next((count for count, value in foretold.items()
-                  if value is not None and least is not None and value <= (1 + ALIKE) * least),
-                 max(counts))
-    return replace(fit_branches(tests, count, noise, errors[count]), foretold=foretold[count],
+    overall = {count: error for count, error in foretold.items() if error is not None}
+    chosen = max(counts)
+    if overall:
+        best = min(overall, key=lambda count: overall[count])
+        squares = np.square([error for error in errors[best].values() if error is not None])
+        enough = np.sqrt(squares.mean() + squares.std(ddof=1) / len(squares) ** 0.5)
+        chosen = next(count for count, error in overall.items() if error <= enough)
+    return replace(fit_branches(tests, chosen, noise, errors[chosen]), foretold=foretold[chosen],
                    tried=foretold)
+
+
+def _counts(tests: TimedTests) -> range:
+    """Numbers of branches to try: no more constants than a third of the readings."""
+    most = (len(tests.read) // 3 - tests.laws) // 2
+    return range(max(min(MOST_BRANCHES, most), 0) + 1)
+
+
+def _by_criterion(fits: Sequence[BranchFit]) -> BranchFit:
+    """Where nothing can be held out: by Akaike's corrected criterion.
+
+    Readings count as as many as are independent beside the most branches.
+    """
+    last = fits[-1]
+    count = len(last.stress) * (1 - last.correlation) / (1 + last.correlation)
+
+    def criterion(fit: BranchFit) -> float:
+        constants = len(fit.law.values) + len(fit.values) + 1
+        spare = count - constants - 1
+        least = 1e-9 * np.abs(fit.stress).max()
+        misfit = 2 * count * np.log(max(fit.law.rmse, least))
+        return float(misfit + 2 * constants * count / spare if spare > 0 else np.inf)
+
+    best = min(fits, key=criterion)
+    notes = (*best.law.notes, NOTES["nothing_held_out"])
+    return replace(best, law=replace(best.law, notes=notes))
 
 
 def _overall(errors: dict[str, float | None]) -> float | None:

@@ -35,6 +35,8 @@ Judged = tuple[Array, Material | None, tuple[float, float] | None]
 CORRELATED = 0.95
 #: So are intervals whose half is more than this share of the constant.
 WIDE = 0.5
+#: Laws whose stresses in an untested mode differ by more than this factor are told.
+DIFFERING = 1.5
 #: Terms of an Ogden law that cancel to less than this part are a limit of the law, not constants to
 #: compute with.
 CANCELLING = 50.0
@@ -138,11 +140,25 @@ def warnings(coupons: Coupons, fits: Sequence[LawFit], at_rest: bool = False) ->
         words.append(NOTES["best_not_offered"].format(name=first.family.name))
     if "equibiaxial" not in coupons.modes:
         words.append(NOTES["no_equibiaxial"])
+        words += _differing(coupons, [fit for fit in fits if fit.offered])
     words += _overfitted(best, [fit for fit in fits if fit.offered])
     times = coupons.time[np.isfinite(coupons.time)]
     if not at_rest and len(times) and np.ptp(times) > 0:
         words.append(NOTES["relaxation"].format(first=times.min(), last=times.max()))
     return words
+
+
+def _differing(coupons: Coupons, offered: Sequence[LawFit]) -> Iterator[str]:
+    """Where laws that all may be offered say very different things of an equibiaxial film."""
+    stretch = np.array([1 + (coupons.stretch_range[1] - 1) / 2])
+    with np.errstate(all="ignore"):
+        stresses = {fit.family.name: float(fit.family.stress(stretch, stretch, fit.values).item())
+                    for fit in offered}
+    finite = {name: stress for name, stress in stresses.items() if np.isfinite(stress)}
+    if len(finite) > 1 and max(finite.values()) > DIFFERING * min(finite.values()):
+        least, most = (pick(finite, key=lambda name: finite[name]) for pick in (min, max))
+        yield NOTES["differing"].format(stretch=stretch[0], least=least, most=most,
+                                        low=finite[least] / 1e3, high=finite[most] / 1e3)
 
 
 def _overfitted(best: LawFit, offered: Sequence[LawFit]) -> Iterator[str]:

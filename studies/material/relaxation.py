@@ -29,7 +29,7 @@ March = tuple[Array, Array, Array]
 _DENSITY, _DEGREE = 5.0, 5
 #: Shortest time of a branch over the shortest interval between readings that strain the film, and
 #: longest over the longest test: beyond, it is one with no branch or with the law.
-_SHORTEST, _SLOWEST = 0.3, 10.0
+_SHORTEST, _SLOWEST = 0.3, 3.0
 #: Largest change of a stretch's logarithm in a step, and the largest error of a step's end over the
 #: size of the stress before extrapolation, which takes away all but its square; so many halvings.
 _LARGEST, _EXACT, _HALVINGS = 0.05, 5e-5, 6

@@ -15,11 +15,11 @@ from scipy.stats import binom
 
 from tympan.cli import main
 from tympan.fem.film.laws import NeoHooke
-from tympan.fem.film.library import load_specimen
+from tympan.fem.film.library import MATERIALS, load_specimen
 from tympan.fem.film.memory import Memory
 from tympan.geometry.specimen import Film, ViscousBranch
 from tympan.studies.columns import write_sheet
-from tympan.studies.data.coupon import COLUMNS, MODES, Coupons
+from tympan.studies.data.coupon import COLUMNS, MODES, Coupons, read_coupons
 from tympan.studies.material.branches import (
     TimedTests,
     compare_in_time,
@@ -30,6 +30,7 @@ from tympan.studies.material.families import FAMILIES
 from tympan.studies.material.relaxation import BranchStress, integrate_branches
 from tympan.studies.material.result import MaterialFitResult, fit_coupons
 
+VHB = Path(__file__).parents[3] / "benchmarks" / "vhb"
 LAW, BRANCHES = 13.4e3, ((31.2e3, 6.5), (11.6e3, 140.0))
 TRUTH = np.array([LAW, 31.2e3, 11.6e3, 6.5, 140.0])
 HISTORIES = ((0.05, 2.5), (0.01, 2.5), (0.002, 2.5), (0.05, 1.6))
@@ -205,6 +206,15 @@ def test_runs_held_out_say_how_many_branches() -> None:
     assert fit.foretold == pytest.approx(300.0, rel=0.2)
 
 
+def test_a_single_run_has_as_many_branches_as_the_criterion_finds() -> None:
+    one = noisy(300.0, 6)
+    run = one[one.run == "0.002/s to 2.5"]
+    fit, = compare_in_time(run, ["neo_hooke"])
+    assert fit.foretold is None
+    assert 1 <= fit.count <= 2
+    assert any("none can be held out" in note for note in fit.law.notes)
+
+
 def test_what_is_held_out_is_a_whole_level_or_rate() -> None:
     coupons = cycles()
     groups = held_out_groups(coupons)
@@ -277,6 +287,36 @@ def test_long_records_are_thinned_where_little_happens() -> None:
 def saved(folder: Path, coupons: Coupons) -> Path:
     write_sheet(folder / "coupon.csv", COLUMNS, coupons.columns)
     return folder / "coupon.csv"
+
+
+@pytest.mark.parametrize("tape", ["vhb-4910", "vhb-4905"])
+def test_library_s_branches_are_those_of_its_tests(tape: str) -> None:
+    """Fitted again to the readings beside the script that made the entry; and in its limits."""
+    coupons = read_coupons(VHB / f"{tape}.csv")
+    entry = MATERIALS[f"{tape}-viscous"]
+    fit, = compare_in_time(coupons, ["neo_hooke"], branches=len(entry.branches))
+    constants = [entry.material.mu, *(branch.modulus for branch in entry.branches),
+                 *(branch.time for branch in entry.branches)]
+    assert constants == pytest.approx(values_of(fit).tolist(), rel=1e-3)
+    assert fit.law.rmse < 2700.0
+    assert fit.foretold == pytest.approx({"vhb-4910": 2930.0, "vhb-4905": 3730.0}[tape], rel=0.02)
+
+
+def test_a_specimen_of_a_library_tape_has_its_branches(tmp_path: Path) -> None:
+    file = tmp_path / "x.toml"
+    for lines, count in (("", 2), ("branch = []\n", 0),
+                         ('[[membrane.branch]]\nmodulus = "1 kPa"\ntime = "1 s"\n', 1)):
+        file.write_text(f'{PLAIN}material = "vhb-4910-viscous"\n{lines}', encoding="utf-8")
+        film = load_specimen(file).membrane
+        assert len(film.branches) == count
+    file.write_text(f'{PLAIN}material = "vhb-4910"\n', encoding="utf-8")
+    assert load_specimen(file).membrane.branches == ()
+
+
+def test_laws_that_differ_where_nothing_is_tested_are_told(tmp_path: Path, capsys) -> None:
+    laws = ("--law", "neo_hooke", "--law", "mooney_rivlin", "--branches", "3")
+    assert main(["material", "fit", str(VHB / "vhb-4905.csv"), *laws]) == 0
+    assert "in equibiaxial at stretch 2.5, not tested, neo_hooke says" in capsys.readouterr().out
 
 
 PLAIN = ('name = "x"\n[frame]\nshape = "circle"\nradius = "4 cm"\n'
