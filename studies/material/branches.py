@@ -42,8 +42,10 @@ MOST_BRANCHES = 4
 _COARSE, _BEST = 1.2, 3
 #: Searches per shape constant of a law, of all readings and without held-out runs.
 _STARTS, _FEWER = 10, 6
-#: Stretch levels (over 1) and rates that differ by less than these factors are the same.
+#: Stretch levels (over 1), loads and rates that differ by less than these factors are the same.
 _SAME_LEVEL, _SAME_RATE = 1.15, 1.25
+#: A stress, or a stretch over its level, that varies by less than this share is held.
+_STEADY = 0.02
 #: Stress in a search is in units of so much of the readings.
 _FINE = 1e-6
 
@@ -136,24 +138,35 @@ def branch_lines(branches: Sequence[ViscousBranch]) -> str:
 
 
 def held_out_groups(coupons: Coupons) -> dict[str, Array]:
-    """Masks of the readings held out together: runs of a stretch level, runs of a rate.
+    """Masks of the readings held out together: runs of a stretch level, of a rate, of a creep load.
 
     Of a kind of which there is one group only, none: nothing of it would remain.
     """
-    levels, rates = {}, {}
+    levels, rates, loads = {}, {}, {}
     for name, run in coupons.timed_runs.items():
-        stretch, time = coupons.stretch[run], coupons.time[run]
-        levels[name] = float(np.abs(stretch - 1).max())
-        path = float(np.abs(np.diff(stretch)).sum())
-        if path > 0 and np.ptp(time) > 0:
-            rates[name] = path / float(np.ptp(time))
+        stretch, stress = coupons.stretch[run], coupons.stress[run]
+        level = float(np.abs(stretch - 1).max())
+        if np.ptp(stress) < _STEADY * np.abs(stress).max():
+            loads[name] = float(np.mean(stress))
+            continue
+        levels[name] = level
+        if np.ptp(stretch) > _STEADY * level:
+            rates[name] = _rate(coupons.time[run], stretch)
     groups = _alike(levels, _SAME_LEVEL, lambda size: f"stretch level {1 + size:.3g}")
     groups |= _alike(rates, _SAME_RATE, lambda size: f"rate {size:.2g}/s")
+    groups |= _alike(loads, _SAME_LEVEL, lambda size: f"creep under {size / 1e3:.3g} kPa")
     masks = {}
     for label, members in groups.items():
         masks[label] = np.zeros(len(coupons), bool)
         masks[label][np.concatenate([coupons.timed_runs[name] for name in members])] = True
     return masks
+
+
+def _rate(time: Array, stretch: Array) -> float:
+    """Mean rate of stretching along the path [1/s], whatever rests there are."""
+    steps, path = np.diff(time), np.abs(np.diff(stretch))
+    moving = steps > 0
+    return float(np.sum(path[moving] ** 2 / steps[moving]) / max(path[moving].sum(), 1e-300))
 
 
 def _alike(sizes: dict[str, float], factor: float, label: Any) -> dict[str, list[str]]:

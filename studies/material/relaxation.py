@@ -1,9 +1,9 @@
 """What viscous branches pull with in coupon tests, by their time: integrated once, then looked up.
 
-The stretches of a test are known, so what a branch pulls with is its modulus times what its time
-alone determines. That is computed here for times on a logarithmic grid, all tests and all times in
-one march, and is smooth between them: a fit that asks for any time gets it, with its derivative,
-from a spline.
+The stretches of a test are known (of a creep test those it was read at), so what a branch pulls
+with is its modulus times what its time alone determines. That is computed here for times on a
+logarithmic grid, all tests and all times in one march, and is smooth between them: a fit that asks
+for any time gets it, with its derivative, from a spline.
 """
 
 from __future__ import annotations

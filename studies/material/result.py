@@ -15,7 +15,14 @@ from tympan.studies.columns import Column, read_own_sheet, write_sheet
 from tympan.studies.data.coupon import COLUMNS, MODES, Coupons, read_coupons
 from tympan.studies.files import read_json, remove, write_json, write_text
 from tympan.studies.material.branches import BranchFit, branch_lines, compare_in_time
-from tympan.studies.material.fit import LawFit, best_offered, compare, material_lines, warnings
+from tympan.studies.material.fit import (
+    NOTES,
+    LawFit,
+    best_offered,
+    compare,
+    material_lines,
+    warnings,
+)
 
 #: The columns of curves.csv: nominal stress of each law and half its 95 % band.
 CURVES: tuple[Column, ...] = (
@@ -92,8 +99,11 @@ def fit_coupons(file: Path, names: Sequence[str] | None = None, noise: float | N
     coupons = read_coupons(file)
     try:
         if branches != 0 and coupons.in_time:
-            coupons = coupons.thinned()
-            result = _fitted_in_time(coupons, compare_in_time(coupons, names, noise, branches))
+            thin = coupons.thinned()
+            result = _fitted_in_time(thin, compare_in_time(thin, names, noise, branches))
+            if thin is not coupons:
+                result.numbers["warnings"].append(NOTES["thinned"].format(
+                    every=len(coupons), kept=len(thin)))
         elif branches:
             raise InputError("needs the column t_s with several times in a run", key="--branches",
                              given=branches)

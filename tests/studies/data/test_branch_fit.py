@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.integrate import quad, solve_ivp
+from scipy.optimize import brentq
 from scipy.stats import binom
 
 from tympan.cli import main
@@ -197,6 +198,39 @@ def covers(seeds: range, correlation: float) -> None:
     assert hits.mean() >= binom.ppf(0.01, len(seeds), 0.95)
 
 
+def crept(load: float, time: np.ndarray) -> np.ndarray:
+    """Stretch of a strip under constant nominal stress, by DOP853 and a root at each time."""
+    moduli, taus = np.array(BRANCHES).T
+
+    def stretch_at(a: np.ndarray) -> float:
+        return brentq(lambda x: LAW * (x - x**-2) + np.sum(moduli * (x / a - a**0.5 / x**2)) - load,
+                      1.0, 12.0, xtol=1e-13)
+
+    def flow(_: float, a: np.ndarray) -> np.ndarray:
+        x = stretch_at(a)
+        return (x**2 - (x**2 / a + 2 * a**0.5 / x) / 3 * a) / taus
+
+    states = solve_ivp(flow, (0, time[-1]), [1.0, 1.0], "DOP853", t_eval=time, rtol=1e-9,
+                       atol=1e-10).y.T
+    return np.array([stretch_at(a) for a in states])
+
+
+def test_creep_gives_the_constants_back() -> None:
+    """Limits hold the truth as often as they say with stretch read to 0.004, in 6 seeds."""
+    time, loads = np.append(0.0, np.geomspace(1, 1500, 39)), (15e3, 30e3, 45e3)
+    base = coupons_of([(f"{load:g} Pa", time, crept(load, time)) for load in loads])
+    base = replace(base, stress=np.repeat(loads, len(time)))
+    assert set(held_out_groups(base)) == {f"creep under {x} kPa" for x in (15, 30, 45)}
+    hits = np.zeros(len(TRUTH), int)
+    for seed in range(6):
+        errors = 0.004 * np.random.default_rng(seed).standard_normal(len(base))
+        coupons = replace(base, stretch=base.stretch + errors)
+        fit = fit_branches(TimedTests(coupons, BranchStress.of(coupons), FAMILIES["neo_hooke"]), 2)
+        assert values_of(fit) == pytest.approx(TRUTH, rel=0.1)
+        hits += [low < true < high for (low, high), true in zip(limits_of(fit), TRUTH, strict=True)]
+    assert (hits >= binom.ppf(0.001, 6, 0.95)).all()
+
+
 def test_runs_held_out_say_how_many_branches() -> None:
     fit, = compare_in_time(noisy(300.0, 1), ["neo_hooke"])
     assert fit.count == 2
@@ -207,8 +241,8 @@ def test_runs_held_out_say_how_many_branches() -> None:
 
 
 def test_a_single_run_has_as_many_branches_as_the_criterion_finds() -> None:
-    one = noisy(300.0, 6)
-    run = one[one.run == "0.002/s to 2.5"]
+    every = noisy(300.0, 6)
+    run = every[every.run == "0.002/s to 2.5"]
     fit, = compare_in_time(run, ["neo_hooke"])
     assert fit.foretold is None
     assert 1 <= fit.count <= 2
@@ -342,10 +376,15 @@ def test_command_writes_branches_a_specimen_reads(tmp_path: Path, capsys) -> Non
     branches = load_specimen(specimen).membrane.branches
     assert [branch.time for branch in branches] == pytest.approx(
         [branch["time"]["value"] for branch in fit["branches"]], rel=1e-9)
+    picture = (folder / "fit.png").read_bytes()
+    (folder / "fit.png").unlink()
+    assert main(["report", str(folder)]) == 0
+    assert (folder / "fit.png").read_bytes() == picture
     again = MaterialFitResult.load(folder)
     assert again.histories is not None
     missed = again.histories["fitted_stress"] - again.histories["nominal_stress"]
     assert np.sqrt(np.mean(missed**2)) == pytest.approx(fit["rmse_Pa"], rel=1e-6)
+    capsys.readouterr()
     assert main(["material", "fit", str(file), "--law", "neo_hooke", "--branches", "1"]) == 0
     printed = capsys.readouterr().out
     assert "[[membrane.branch]]" in printed
