@@ -109,8 +109,8 @@ class Coupons:
     def thinned(self, most: int = 150) -> Coupons:
         """With about so many readings in each timed run, all others as they are.
 
-        Two thirds of them are evenly spaced, others where the stretch, drawn straight between them in
-        time, is farthest off, down to 0.5 % of its range.
+        Two thirds of them are evenly spaced, others where the stretch drawn straight between them
+        in time is farthest off, down to 0.5 % of its range.
         """
         kept = np.ones(len(self), bool)
         for run in self.timed_runs.values():
