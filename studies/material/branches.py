@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import ViscousBranch
 from tympan.studies.data.coupon import Coupons
 from tympan.studies.estimation.correlation import CorrelatedNoise
@@ -46,6 +47,8 @@ _STARTS, _FEWER = 10, 6
 _SAME_LEVEL, _SAME_RATE = 1.15, 1.25
 #: A stress, or a stretch over its level, that varies by less than this share is held.
 _STEADY = 0.02
+#: A run that leaves its virgin length by less is not stretched.
+_UNSTRETCHED = 1e-6
 #: Stress in a search is in units of so much of the readings.
 _FINE = 1e-6
 
@@ -114,6 +117,9 @@ def compare_in_time(coupons: Coupons, names: Sequence[str] | None = None,
     InputError
         When a name is unknown, times do not ascend or the readings are too few.
     """
+    if np.abs(coupons.stretch - 1).max() < _UNSTRETCHED:
+        raise InputError("none of the readings is stretched", key="stretch",
+                         given=coupons.stretch_range[1])
     stress = BranchStress.of(coupons)
     simple = (name for name, family in FAMILIES.items() if len(family.shape) < 2)
     families = [named_family(name, len(coupons), 2 * (branches or 0))
@@ -146,6 +152,8 @@ def held_out_groups(coupons: Coupons) -> dict[str, Array]:
     for name, run in coupons.timed_runs.items():
         stretch, stress = coupons.stretch[run], coupons.stress[run]
         level = float(np.abs(stretch - 1).max())
+        if level < _UNSTRETCHED:
+            continue
         if np.ptp(stress) < _STEADY * np.abs(stress).max():
             loads[name] = float(np.mean(stress))
             continue
@@ -286,7 +294,8 @@ class TimedTests:
         columns = np.hstack([self.family.columns(*self._stretches, shape),
                              self.stress.columns(grid)[self.rows]])
         scale = np.linalg.norm(columns, axis=0)
-        columns = columns / np.where(scale > 0, scale, 1.0)
+        scale = np.where(scale > 0, scale, 1.0)
+        columns = columns / scale
         products, against = columns.T @ columns, columns.T @ self.read
         choices = np.array(list(combinations(range(len(grid)), count)), int)
         choices = choices.reshape(comb(len(grid), count), count)

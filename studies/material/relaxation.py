@@ -30,6 +30,8 @@ _DENSITY, _DEGREE = 5.0, 5
 #: Shortest time of a branch over the shortest interval between readings that strain the film, and
 #: longest over the longest test: beyond, it is one with no branch or with the law.
 _SHORTEST, _SLOWEST = 0.3, 3.0
+#: Least shortest time over the longest, whatever readings stand as good as together.
+_SPAN = 1e-9
 #: Largest change of a stretch's logarithm in a step, and the largest error of a step's end over the
 #: size of the stress before extrapolation, which takes away all but its square; so many halvings.
 _LARGEST, _EXACT, _HALVINGS = 0.05, 5e-5, 6
@@ -86,7 +88,8 @@ def time_range(coupons: Coupons) -> tuple[float, float]:
         steps = np.diff(time)
         intervals.append(steps[steps > 0].min(initial=np.inf))
         ends.append(time[-1])
-    return _SHORTEST * float(min(intervals)), _SLOWEST * float(max(ends))
+    fast, slow = _SHORTEST * float(min(intervals)), _SLOWEST * float(max(ends))
+    return max(fast, _SPAN * slow), slow
 
 
 def integrate_branches(coupons: Coupons, times: Array) -> tuple[Array, float]:

@@ -42,7 +42,8 @@ def material_show(options: argparse.Namespace) -> None:
          argument("coupons", type=Path, metavar="COUPON.csv",
                   help="columns mode, stretch, nominal_stress_kPa; also specimen, t_s, run"),
          argument("--law", action="append", metavar="NAME",
-                  help="may be given several times; all (default) compares every law"),
+                  help="may be given several times; all (default) compares every law, beside "
+                       "branches those with at most one constant that stress is not linear in"),
          argument("--noise", metavar="STRESS",
                   help='standard deviation of one reading, such as "2 kPa"; without it, estimated '
                        "from the residuals"),

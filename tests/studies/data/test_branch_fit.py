@@ -401,6 +401,7 @@ def test_no_branches_are_fitted_where_none_are_asked_for(tmp_path: Path) -> None
 @pytest.mark.parametrize(("change", "arguments", "message"), [
     ({}, ("--branches", "9"), "--branches: given 9: must be from 0 to 4"),
     ({"time": np.nan}, ("--branches", "1"), "needs the column t_s"),
+    ({"stretch": 1.0}, ("--law", "neo_hooke"), "none of the readings is stretched"),
     ({"time": -1.0}, (), "must not be negative, and ascend within a run"),
     ({"mode": "pure_shear"}, (), "must be the same in all readings of a run"),
 ])
@@ -408,7 +409,7 @@ def test_bad_histories_are_told(tmp_path: Path, capsys, change, arguments, messa
     coupons = exact()
     for name, value in change.items():
         values = getattr(coupons, name).astype(object if name == "mode" else float)
-        values[:: 1 if name == "time" and np.isnan(value) else 7] = value
+        values[:: 7 if value in (-1.0, "pure_shear") else 1] = value
         coupons = replace(coupons, **{name: values})
     assert main(["material", "fit", str(saved(tmp_path, coupons)), *arguments]) == 2
     out, err = capsys.readouterr()
