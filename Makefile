@@ -5,7 +5,7 @@ PYTHON ?= $(shell for p in python3.12 python3.13 python3.11 python3; do \
   $$p -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))' 2>/dev/null && echo $$p && break; done)
 OUT ?= out
 
-.PHONY: study test benchmarks scaling verification robustness films-in-time hidden fuzz optimum outlines map lumped-build paper house docs clean
+.PHONY: study test benchmarks scaling verification robustness films-in-time hidden fuzz optimum outlines map lumped-build paper coupons house docs clean
 
 study: .venv/ready
 	.venv/bin/tympan study -o "$(OUT)"
@@ -55,6 +55,9 @@ optimum: .venv/ready
 
 lumped-build: .venv/ready
 	.venv/bin/python -m benchmarks.lumped_build
+
+coupons: .venv/ready
+	.venv/bin/python -m benchmarks.vhb
 
 house: .venv/ready
 	.venv/bin/python -m benchmarks.house

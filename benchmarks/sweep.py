@@ -143,6 +143,7 @@ def main() -> None:
     parser.add_argument("--every", type=int, default=8, help="which share of them to compare on")
     parser.add_argument("--rounds", type=int, default=3, help="how often they are compared")
     options = parser.parse_args()
+    os.environ["TYMPAN_CACHE"] = ""  # every round meshes its films anew
     several = partial(processes, workers=options.workers)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)

@@ -67,7 +67,7 @@ copyright = "the tympan authors, BSD-3-Clause"
 
 def write_commands(app: Any) -> None:
     """The help of every command as docs/commands.md."""
-    os.environ["COLUMNS"] = "92"
+    os.environ["COLUMNS"] = "84"
     parsers = {"": _parser()}
     lines = ["# Commands", "", "What `tympan COMMAND --help` prints.", ""]
     for heading, commands in HEADINGS.items():

@@ -177,7 +177,8 @@ class Film:
         "library; left out, that of the library's material", name="breakdown",
         kinds=STRENGTHS)] = None
     branches: Annotated[tuple[ViscousBranch, ...], Key(
-        "viscous branches beside the material's law; what is at rest does not feel them",
+        "viscous branches beside the material's law, which nothing at rest feels; left out, those "
+        "of the library's material",
         name="branch")] = ()
     mounted: Annotated[float | None, Key(
         "time since the film was stretched; left out, so long ago that its branches are relaxed",

@@ -82,8 +82,9 @@ def _shown(result: object, choices: dict[str, Any]) -> Axes:
     """On pyplot's axes, which notebooks and ``pyplot.show()`` show."""
     from matplotlib import pyplot
 
+    # Before the style, with which what a notebook sets as it starts to draw would be taken back.
+    figure = pyplot.figure(figsize=(1.3 * _WIDTH * look.MM, 1.3 * _HEIGHT * look.MM), dpi=150)
     with look.figure_style():
-        figure = pyplot.figure(figsize=(1.3 * _WIDTH * look.MM, 1.3 * _HEIGHT * look.MM), dpi=150)
         axes: Axes = figure.add_subplot()
         try:
             draw(result, axes, **choices)
@@ -110,9 +111,10 @@ def _(specimen: Specimen, axes: Axes) -> None:
 def _(result: CaseResult, axes: Axes) -> None:
     film = _film(result.film, result.warnings)
     _map(axes, film, film.values["stress_1"] / 1e3, "largest true stress (kPa)")
+    hatched = "\nhatched: wrinkled or slack" if _hatch_slack(axes, film) else ""
     axes.set_title(f"{result.specimen}: {1e3 * result.mass_kg:.4g} g, "
                    f"{1e-3 * result.voltage_V:.4g} kV, deflection "
-                   f"{1e3 * (result.deflection_m or 0.0):.4g} mm")
+                   f"{1e3 * (result.deflection_m or 0.0):.4g} mm{hatched}")
 
 
 @draw.register
@@ -221,6 +223,18 @@ def _(result: OptimiseResult, axes: Axes) -> None:
               label="accepted")
     axes.set(xlabel="trial", ylabel="stroke (mm)")
     axes.legend()
+
+
+def _hatch_slack(axes: Axes, film: FilmSurface) -> bool:
+    """Hatch where the film has lost tension; answers whether it has."""
+    loose = film.values["tension"]
+    if loose.max() > 0:
+        x, y, _ = 1e3 * film.mounted.T
+        limits = axes.axis()
+        axes.tricontourf(Triangulation(x, y, film.triangles), loose, [0.5, 2.5], colors="none",
+                         hatches=["////"])
+        axes.axis(limits)
+    return bool(loose.max() > 0)
 
 
 def _film(film: FilmSurface | None, warnings: tuple[str, ...]) -> FilmSurface:

@@ -41,7 +41,7 @@ _SECTIONS: tuple[tuple[str, Registry[Any]], ...] = (
 
 def page(rig: type[Rig] = Rig) -> str:
     """The page's text; ``rig`` is the rig whose keys it lists."""
-    tables = (("specimen.toml", Specimen), ("[frame], [plate]: any outline, and", Rotated),
+    tables = (("specimen.toml", Specimen), ("[frame], [plate]: any outline, turned", Rotated),
               ("[plate]", Plate), ("[membrane]", Film),
               ("[[membrane.branch]]: any flow, and", ViscousBranch), ("[electrode]", Electrode),
               ("[electrode.outline]", Region), ("rig.toml", rig))

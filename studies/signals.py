@@ -7,6 +7,7 @@ time)`` its voltage [V] at times of pieces between two breaks (by number), their
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -15,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tympan.fem.rig import Rig
 from tympan.geometry.errors import InputError
 from tympan.geometry.toml_reader import Rule
 from tympan.studies.columns import Column, read_sheet
@@ -112,6 +114,48 @@ class Sine:
 Signal = Pieces | Sine
 
 
+@dataclass(frozen=True, eq=False)
+class Supplied:
+    """What a rig gives the film of a signal of nominal voltages."""
+
+    signal: Signal
+    rig: Rig
+
+    @property
+    def breaks(self) -> Array:
+        return self.signal.breaks
+
+    @property
+    def first(self) -> float:
+        return float(self.rig.film_voltage(self.signal.first))
+
+    def within(self, piece: Any, time: Any) -> Any:
+        return self.rig.film_voltage(self.signal.within(piece, time))
+
+
+@dataclass(frozen=True, eq=False)
+class Together:
+    """Signals of several runs at once, with the same breaks; voltages have the shape (runs,)."""
+
+    signals: Sequence[Signal | Supplied | Together]
+
+    def __post_init__(self) -> None:
+        first, *others = (signal.breaks for signal in self.signals)
+        if any(breaks.shape != first.shape or (breaks != first).any() for breaks in others):
+            raise InputError("of several runs must have the same breaks", key="signal")
+
+    @property
+    def breaks(self) -> Array:
+        return self.signals[0].breaks
+
+    @property
+    def first(self) -> Array:
+        return np.array([signal.first for signal in self.signals])
+
+    def within(self, piece: Any, time: Any) -> Array:
+        return np.array([signal.within(piece, time) for signal in self.signals])
+
+
 def step(low: float, high: float, at: float, end: float) -> Pieces:
     """From one voltage to another at a time; at 0 it comes at once, after the rest at ``low``."""
     return Pieces(np.array([0.0, at, at, end]), np.array([low, low, high, high]))
@@ -160,3 +204,26 @@ def through(time: Array, voltage: Array) -> Pieces:
     keep = np.ones(len(time), bool)
     keep[1:-1] = bent | (width[1:] == 0) | (width[:-1] == 0)
     return Pieces(time[keep], voltage[keep])
+
+
+def nominal(signal: Signal, when: Array) -> Array:
+    """The signal at times [V]; at a jump what comes after it."""
+    breaks = signal.breaks
+    piece = np.clip(np.searchsorted(breaks, when, "right") - 1, 0, len(breaks) - 2)
+    return np.asarray(signal.within(piece, when))
+
+
+def lagging(when: Array, value: Array, lag: float) -> Array:
+    """What follows a value, straight between samples, in a time [s], by a factor e."""
+    if not lag:
+        return value
+    step = np.diff(when)
+    kept = np.exp(-step / lag)
+    slope = np.diff(value) / step
+    shown = value.copy()
+    for number in range(len(step)):
+        # Exact for a straight line.
+        settled = value[number + 1] - lag * slope[number]
+        shown[number + 1] = settled + (shown[number] - value[number] + lag * slope[number]) * kept[
+            number]
+    return shown

@@ -7,7 +7,7 @@ from dataclasses import KW_ONLY, dataclass, field, replace
 from itertools import islice
 from math import inf
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 import pandas as pd
@@ -38,17 +38,15 @@ from tympan.studies.case import (
 from tympan.studies.files import to_json, write_text
 from tympan.studies.film_surface import FilmSurface, film_surface
 from tympan.studies.limits.voltages import first_limit
+from tympan.studies.lumped.sampling import in_time, last_loop
 from tympan.studies.lumped.simulate import SampledResponse, SimulationResult, settling_time
 from tympan.studies.modes import carried
-from tympan.studies.signals import Pieces, Signal, ramp
+from tympan.studies.signals import Pieces, Signal, Supplied, lagging, nominal, ramp
 
 Array = NDArray[np.float64]
 
 #: Where a loop turns, as a share of the first limit, and how many samples it has.
 _NEAR_LIMIT, _SAMPLES = 0.95, 2000
-
-#: A loop that drifts by less than this share of its range counts as closed.
-_CLOSED = 0.01
 
 
 @takes_units
@@ -92,21 +90,6 @@ class TransientCase:
 
 
 @dataclass(frozen=True, eq=False)
-class _Supplied:
-    """What the rig gives of a signal of nominal voltages."""
-
-    signal: Signal
-    rig: Rig
-
-    @property
-    def breaks(self) -> Array:
-        return self.signal.breaks
-
-    def within(self, piece: Any, at: Any) -> Any:
-        return self.rig.film_voltage(self.signal.within(piece, at))
-
-
-@dataclass(frozen=True, eq=False)
 class History:
     """What a film did, moment by moment; after a jump of the voltage the same time twice.
 
@@ -132,13 +115,7 @@ class History:
 
     def at(self, values: Array, when: Array) -> Array:
         """One of its values at times [s]; at a jump what comes after it."""
-        starts = np.flatnonzero(np.diff(self.time) == 0) + 1
-        result = np.empty(len(when))
-        for begin, end in zip([0, *starts], [*starts, len(self.time)], strict=True):
-            times, last = self.time[begin:end], end == len(self.time)
-            within = (when >= times[0]) & ((when < times[-1]) | last)
-            result[within] = curve(times, values[begin:end])(when[within])
-        return result
+        return in_time(self.time, values, when)
 
 
 def history(case: TransientCase, settings: Settings, films: tuple[float, ...] = ()) -> History:
@@ -210,9 +187,10 @@ def begun(case: TransientCase, settings: Settings) -> tuple[Transient, State, Me
     rig, film = case.rig, case.specimen.membrane
     model = build_model(case.specimen, settings, rig.loading)
     force = float(rig.force(case.mass, model.plate_area))
-    first = float(rig.film_voltage(case.signal.first))
+    supplied = Supplied(case.signal, rig)
+    first = supplied.first
     plate = carried(Case(case.specimen, mass=case.mass, rig=rig)) if case.inertia else None
-    transient = Transient(model, force, _Supplied(case.signal, rig), plate, rig.plate_damping,
+    transient = Transient(model, force, supplied, plate, rig.plate_damping,
                           Circuit(rig.series_resistance, rig.leakage_resistance), case.steps,
                           rig.gas_pressure)
     if case.rested == inf:
@@ -276,7 +254,7 @@ def respond(case: TransientCase, settings: Settings, interval: float, period: fl
     done = history(case, settings, films)
     when = np.linspace(0.0, done.end, max(2, round(done.end / interval) + 1))
     deflection = done.at(done.deflection, when)
-    voltage = _nominal(case.signal, when)
+    voltage = nominal(case.signal, when)
     warnings = []
     if done.stopped is not None:
         warnings.append(_ending(done.stopped))
@@ -285,13 +263,9 @@ def respond(case: TransientCase, settings: Settings, interval: float, period: fl
                         "branches then resist compression")
     loop = area = None
     if period is not None and done.stopped is None:
-        last = np.linspace(done.end - period, done.end, 401)
-        u, y = _nominal(case.signal, last), done.at(done.deflection, last)
-        loop = pd.DataFrame({"specimen": case.specimen.name, "voltage": u, "deflection": y})
-        area = float(-np.sum((y[1:] + y[:-1]) / 2 * np.diff(u)))
-        if abs(y[-1] - y[0]) > _CLOSED * np.ptp(y):
-            warnings.append(f"the last period ends {1e6 * (y[-1] - y[0]):+.3g} um from where it "
-                            "began: the film still creeps; more periods (--count) close the loop")
+        loop, area, open_loop = last_loop(case.specimen.name, case.signal, period, done.time,
+                                          done.deflection)
+        warnings += open_loop
     settled = settling_time(when, deflection) if step and case.inertia else np.nan
     numbers = {
         "specimen": case.specimen.name,
@@ -312,7 +286,7 @@ def respond(case: TransientCase, settings: Settings, interval: float, period: fl
         "wall_s": time.perf_counter() - began,
         "warnings": warnings,
     }
-    shown = _lagging(when, case.rig.reading(deflection, when), case.rig.sensor_lag)
+    shown = lagging(when, case.rig.reading(deflection, when), case.rig.sensor_lag)
     samples = pd.DataFrame({
         "specimen": case.specimen.name, "mass": case.mass, "run": "simulated", "t": when,
         "voltage": voltage, "displacement": shown})
@@ -337,26 +311,3 @@ def loop(case: Case, rate: float, turn: float | None, settings: Settings) -> Tra
                            rig=case.rig)
     response, _ = respond(ramped, settings, duration / _SAMPLES, duration)
     return TransientResult((response,))
-
-
-def _nominal(signal: Signal, when: Array) -> Array:
-    """The signal at times [V]; at a jump what comes after it."""
-    breaks = signal.breaks
-    piece = np.clip(np.searchsorted(breaks, when, "right") - 1, 0, len(breaks) - 2)
-    return np.asarray(signal.within(piece, when))
-
-
-def _lagging(when: Array, value: Array, lag: float) -> Array:
-    """What follows a value, straight between samples, in a time [s], by a factor e."""
-    if not lag:
-        return value
-    step = np.diff(when)
-    kept = np.exp(-step / lag)
-    slope = np.diff(value) / step
-    shown = value.copy()
-    for number in range(len(step)):
-        # Exact for a straight line.
-        settled = value[number + 1] - lag * slope[number]
-        shown[number + 1] = settled + (shown[number] - value[number] + lag * slope[number]) * kept[
-            number]
-    return shown

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import runpy
 import shlex
@@ -144,3 +145,17 @@ def test_the_site_is_built_without_warnings(tmp_path: Path) -> None:
     site = (tmp_path / "site").rglob("*.html")
     pages = "".join(page.read_text(encoding="utf-8") for page in site)
     assert not re.findall(r"<(?:script|link|img)[^>]+(?:src|href)=\"https?://[^\"]+", pages)
+
+
+def test_the_example_notebook_is_the_first_tutorial() -> None:
+    """Its code is that script's, run from top to bottom, with its pictures in it."""
+    text = (ROOT / "examples/first_actuator.ipynb").read_text(encoding="utf-8")
+    cells = [cell for cell in json.loads(text)["cells"] if cell["cell_type"] == "code"]
+    script = SCRIPTS[0].read_text(encoding="utf-8").split('"""\n', 2)[2]
+    lines = [line for line in script.splitlines() if line and not line.startswith("#")]
+    assert [line for cell in cells for line in "".join(cell["source"]).splitlines()
+            if line] == lines
+    assert [cell["execution_count"] for cell in cells] == list(range(1, len(cells) + 1))
+    outputs = [output for cell in cells for output in cell["outputs"]]
+    assert sum("image/png" in output.get("data", {}) for output in outputs) == 3
+    assert any("text/html" in output.get("data", {}) for output in outputs)

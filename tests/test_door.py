@@ -111,6 +111,20 @@ def test_a_result_is_saved_drawn_and_tabulated(solved: tympan.Result[CaseResult]
         solved.plot(tmp_path / "a.xyz")
 
 
+def test_film_that_has_lost_tension_is_hatched(solved: tympan.Result[CaseResult]) -> None:
+    film = solved.numbers.film
+    assert film is not None
+    assert "hatched" not in solved.plot(Figure().add_subplot()).get_title()
+    right = np.where(film.mounted[:, 0] > 20e-3, 1.0, 0.0)
+    loose = replace(film, values={**film.values, "tension": right})
+    axes = tympan.Result(replace(solved.numbers, film=loose)).plot(Figure().add_subplot())
+    assert axes.get_title().endswith("\nhatched: wrinkled or slack")
+    assert axes.get_xlim()[1] > 45
+    hatched, = (part for part in axes.collections if getattr(part, "hatches", None))
+    west, _, east, _ = hatched.get_datalim(axes.transData).extents
+    assert (west, east) == pytest.approx((20, 45), abs=4)
+
+
 def test_past_pull_in_there_is_nothing_to_draw(tmp_path: Path) -> None:
     gone = tympan.solve(circular(), COARSE, mass="17.9 g", voltage="20 kV")
     assert gone.status == "no_equilibrium"

@@ -257,10 +257,13 @@ def _entry(key: str, value: object) -> tuple[str, str]:
     --------
     >>> _entry("max_field_V_per_m", 17767503.3), _entry("dofs", 1426)
     (('max field', '17.768 MV/m'), ('dofs', '1426'))
+    >>> _entry("semi_axes_m", [0.06, 0.045])
+    ('semi axes', '60, 45 mm')
     """
     si = unit_of(key)
     name = key if si is None else key.removesuffix(suffix_of(si))
-    if isinstance(value, float):
-        unit, factor = _SHOWN.get(si or "", (si or "", 1.0))
-        value = f"{factor * value:.5g} {unit}".rstrip()
+    unit, factor = _SHOWN.get(si or "", (si or "", 1.0))
+    numbers: list[Any] = list(value) if isinstance(value, list | tuple) else [value]
+    if numbers and all(isinstance(number, float) for number in numbers):
+        value = f"{', '.join(f'{factor * number:.5g}' for number in numbers)} {unit}".rstrip()
     return name.replace("_", " "), str(value)

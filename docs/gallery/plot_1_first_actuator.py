@@ -54,3 +54,7 @@ curve.plot()
 # %%
 # Every result is also a table.
 print(curve.to_pandas()[["mass", "voltage", "deflection"]].tail(3).to_string())
+
+# %%
+# A notebook shows it as one by itself; this page is also ``examples/first_actuator.ipynb``.
+result

@@ -29,10 +29,12 @@ built.plot()
 # About a point of work
 # ---------------------
 # Force goes with the square of the voltage: about 0 V the gain is nil, so linearise where you work.
-# ``plant.to_control()`` is the same as a python-control system, where that is installed.
+# ``plant.to_control()`` is the same as a python-control system, where that is installed; on the
+# command line ``tympan lumped linearise oval.toml --at "3 kV"``.
 actuator = built.models[0].actuator(17.9e-3)
 plant = linearise(actuator, 3e3)
-print("poles [1/s]:", np.round(plant.poles, 2))
+for pole in plant.named_poles:
+    print(f"{pole.name}: {pole.value:.4g} 1/s, {pole.share:.2f} of the gain")
 print(f"in the end {1e6 * plant.gain:.3f} µm/V")
 time, deflection = step(StateSpace(plant.a, plant.b, plant.c, plant.d), T=np.linspace(0, 1, 2000))
 axes = plt.figure().add_subplot()

@@ -14,7 +14,14 @@ from tympan.fem.film.flows import ShearThinning as ShearThinning  # so files may
 from tympan.fem.film.laws import LAWS
 from tympan.geometry.errors import InputError
 from tympan.geometry.fields import Key, Special, read
-from tympan.geometry.specimen import STRENGTHS, Film, Material, Specimen, Strength
+from tympan.geometry.specimen import (
+    STRENGTHS,
+    Film,
+    Material,
+    Specimen,
+    Strength,
+    ViscousBranch,
+)
 from tympan.geometry.toml_reader import POSITIVE, Table
 
 
@@ -25,6 +32,8 @@ class LibraryMaterial:
     material: Annotated[Material, Key("the law with its constants", kinds=LAWS)]
     source: Annotated[str, Key("where the constants come from")]
     caveat: Annotated[str, Key("what to beware of")]
+    branches: Annotated[tuple[ViscousBranch, ...], Key(
+        "viscous branches beside the law", name="branch")] = ()
     density: Annotated[float | None, Key("of the film", "density")] = None
     relative_permittivity: Annotated[float | None, Key("of the film")] = None
     breakdown: Annotated[str, Key("name of the film's electric strength")] = ""
@@ -99,8 +108,18 @@ def read_strength(table: Table, key: str) -> Strength | None:
     return strength
 
 
+def read_branches(table: Table, key: str) -> tuple[ViscousBranch, ...]:
+    """The branches under a key; without it those of the library material named in the table."""
+    if key not in table:
+        table.asked.add(key)
+        film = MATERIALS.get(str(table.data.get("material")))
+        return film.branches if film else ()
+    return tuple(read(ViscousBranch, branch) for branch in table.tables(key))
+
+
 #: Readers of what of a film a file may also name.
-READERS: Special = {(Film, "material"): read_material, (Film, "strength"): read_strength}
+READERS: Special = {(Film, "material"): read_material, (Film, "strength"): read_strength,
+                    (Film, "branches"): read_branches}
 
 
 def load_specimen(source: Table | Path | str) -> Specimen:

@@ -19,6 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 from math import factorial
 from typing import Any
 
@@ -31,7 +32,8 @@ from tympan.geometry.specimen import ConstantFlow, Film, FlowLaw, ViscousBranch
 Array = NDArray[Any]
 
 #: Rates below which the weights of a step are their series, and its terms.
-_SLOW, _TERMS = 0.5, 12
+_SLOW = 0.5
+_SERIES = [(-1) ** n / factorial(n + 2) for n in range(12)]
 
 #: After so many of its times a branch is relaxed to the last digit.
 _LONG = 80.0
@@ -134,7 +136,7 @@ class Memory:
         return np.where(np.real(driving) > 0, driving, 0.0)
 
     def _each(self, values: Array) -> Array:
-        return values.reshape(-1, *np.ones(self.viscous.ndim - 2, dtype=int))
+        return values.reshape(-1, *(1,) * (self.viscous.ndim - 2))
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,28 +168,50 @@ class Flow:
         Shapes (*points), (3, *points), (3, 3, *points), those of several films first. The potential
         is 0 where nothing is strained; without flow it is what the branches store.
         """
+        full, weight, grown, growth = self._grown(c)
+        moduli, kept = self._moduli(full.ndim), _aligned(self._unit[0], 2, full.ndim)
+        excess = _excess(kept, weight, full) / (1 + growth + growth**2) - 1
+        return ((1.5 * moduli * excess).sum(0),
+                *self._stress(full, weight, grown, growth, tangent))
+
+    def stress(self, c: Any, *, tangent: bool = True) -> tuple[Array, Array | None]:
+        """S and ∂S/∂E of :meth:`density` alone."""
+        return self._stress(*self._grown(c), tangent)
+
+    def _grown(self, c: Any) -> tuple[Array, Array, Array, Array]:
+        """C, w, H + w C and det(H + w C)^⅓, of det H = 1."""
         full = incompressible(c)[:, None]
-        moduli = self.memory.moduli.reshape(-1, *np.ones(full.ndim - 2, dtype=int))
-        # The potential is the same for any multiple of H and w: of det H = 1 it has a limit.
-        unit = _cube_root(determinant(self.kept))
-        kept = _aligned(self.kept / unit, 2, full.ndim)
-        weight = _aligned(self.weight / unit, 1, full.ndim - 1)
-        grown = kept + weight * full
-        growth = _cube_root(determinant(grown))
-        energy = 1.5 * moduli * (_excess(kept, weight, full) / (1 + growth + growth**2) - 1)
+        kept, weight = self._unit
+        weight = _aligned(weight, 1, full.ndim - 1)
+        grown = _aligned(kept, 2, full.ndim) + weight * full
+        return full, weight, grown, _cube_root(determinant(grown))
+
+    def _stress(self, full: Array, weight: Array, grown: Array, growth: Array, tangent: bool
+                ) -> tuple[Array, Array | None]:
         by_grown, by_full, ratio = inverse(grown), inverse(full), full[3] / grown[3]
-        pull, strength = (by_grown - ratio * by_full)[:3], moduli * growth
+        pull, strength = (by_grown - ratio * by_full)[:3], self._moduli(full.ndim) * growth
         stress = (strength * pull).sum(1)
         if not tangent:
-            return energy.sum(0), stress, None
+            return stress, None
+        softer, stiffer = strength * weight, strength * ratio
+        by_pull, by_stretch = 2 / 3 * softer, 2 * stiffer * (1 - weight * ratio)
         bend = np.empty((3, 3, *stress.shape[1:]), dtype=stress.dtype)
-        stiffening = ratio * (1 - weight * ratio)
         for i in range(3):
             for j in range(i, 3):
-                part = (weight / 3 * pull[i] * pull[j] - weight * _between(by_grown, i, j)
-                        + stiffening * by_full[i] * by_full[j] + ratio * _between(by_full, i, j))
-                bend[i, j] = bend[j, i] = 2 * (strength * part).sum(0)
-        return energy.sum(0), stress, bend
+                part = (by_pull * pull[i] * pull[j] + by_stretch * by_full[i] * by_full[j]
+                        + stiffer * _between(by_full, i, j) - softer * _between(by_grown, i, j))
+                bend[i, j] = bend[j, i] = part.sum(0)
+        return stress, bend
+
+    def _moduli(self, axes: int) -> Array:
+        """Of the branches, for tensors of so many axes."""
+        return self.memory.moduli.reshape(-1, *(1,) * (axes - 2))
+
+    @cached_property
+    def _unit(self) -> tuple[Array, Array]:
+        # The potential is the same for any multiple of H and w: of det H = 1 it has a limit.
+        unit = _cube_root(determinant(self.kept))
+        return self.kept / unit, self.weight / unit
 
 
 def _constants(film: Film) -> tuple[Array, Array, tuple[FlowLaw, ...]]:
@@ -221,7 +245,10 @@ def _grown(flat: Array, age: float, branch: ViscousBranch) -> float:
 def incompressible(c: Any) -> Array:
     """C of (C₁₁, C₂₂, C₁₂) with the C₃₃ that keeps the volume, shape (4, *points)."""
     c11, c22, c12 = c
-    return np.stack(np.broadcast_arrays(c11, c22, c12, 1 / (c11 * c22 - c12 * c12)))
+    across = 1 / (c11 * c22 - c12 * c12)
+    full = np.empty((4, *np.shape(across)), np.result_type(across))
+    full[0], full[1], full[2], full[3] = c11, c22, c12, across
+    return full
 
 
 def determinant(a: Array) -> Array:
@@ -232,7 +259,9 @@ def determinant(a: Array) -> Array:
 def inverse(a: Array) -> Array:
     """Of symmetric tensors, in their shape."""
     plane = a[0] * a[1] - a[2] * a[2]
-    return np.stack([a[1] / plane, a[0] / plane, -a[2] / plane, 1 / a[3]])
+    result = np.empty_like(a)
+    result[0], result[1], result[2], result[3] = a[1] / plane, a[0] / plane, -a[2] / plane, 1 / a[3]
+    return result
 
 
 def inner(a: Array, b: Array) -> Array:
@@ -246,20 +275,20 @@ def _weights(rate: Array) -> tuple[Array, Array]:
     if slow.all():
         return _slow_weights(rate)
     k = np.where(slow, 1.0, rate)
-    first, last = (1 - np.exp(-k) * (1 + k)) / k**2, (k - 1 + np.exp(-k)) / k**2
+    fading = np.exp(-k)
+    first, last = (1 - fading * (1 + k)) / k**2, (k - 1 + fading) / k**2
     if slow.any():
-        series = _slow_weights(np.minimum(rate, _SLOW))
-        first, last = np.where(slow, series[0], first), np.where(slow, series[1], last)
+        near = _slow_weights(np.minimum(rate, _SLOW))
+        first, last = np.where(slow, near[0], first), np.where(slow, near[1], last)
     return first, last
 
 
 def _slow_weights(rate: Array) -> tuple[Array, Array]:
-    """The same by their series Σ (n + 1) (−κ)ⁿ/(n + 2)! and Σ (−κ)ⁿ/(n + 2)!."""
-    first, last = np.zeros_like(rate), np.zeros_like(rate)
-    for n in reversed(range(_TERMS)):
-        first = (n + 1) / factorial(n + 2) - rate * first
-        last = 1 / factorial(n + 2) - rate * last
-    return first, last
+    """The same of small rates: of s by its series Σ (−κ)ⁿ/(n + 2)!, of 1 − s what is left."""
+    last = np.full_like(rate, _SERIES[-1])
+    for term in _SERIES[-2::-1]:
+        last = last * rate + term
+    return 1 - last * (1 + rate), last
 
 
 def _excess(kept: Array, weight: Array, full: Array) -> Array:
@@ -269,15 +298,15 @@ def _excess(kept: Array, weight: Array, full: Array) -> Array:
 
 
 def _between(a: Array, i: int, j: int) -> Array:
-    """Of A dC A by dC, symmetric in both pairs, the Voigt components i and j."""
+    """Twice A dC A by dC, symmetric in both pairs, the Voigt components i and j."""
     (p, q), (r, s) = _PLACES[i], _PLACES[j]
     return np.asarray(a[_COMPONENT[p][r]] * a[_COMPONENT[q][s]]
-                      + a[_COMPONENT[p][s]] * a[_COMPONENT[q][r]]) / 2
+                      + a[_COMPONENT[p][s]] * a[_COMPONENT[q][r]])
 
 
 def _aligned(values: Array, first: int, axes: int) -> Array:
     """With so many axes in all, new ones after the first."""
-    new = np.ones(axes - values.ndim, dtype=int)
+    new = (1,) * (axes - values.ndim)
     return values.reshape(*values.shape[:first], *new, *values.shape[first:])
 
 

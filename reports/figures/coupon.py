@@ -1,13 +1,18 @@
-"""Coupon tests and the laws fitted to them: one panel per mode, the best law with its 95 % band."""
+"""Coupon tests and the laws fitted to them: one panel per mode, the best law with its 95 % band.
 
+Of tests in time, above: every run against stretch and against time with the law and its branches.
+"""
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 from tympan.reports import look as style
 from tympan.studies.data.coupon import MODES
@@ -15,23 +20,31 @@ from tympan.studies.material.result import MaterialFitResult
 
 _TITLE, _PANEL, _AXIS, _LEGEND = 7.0, 52.0, 11.0, 11.0  # heights [mm]
 _LEFT, _RIGHT, _GAP = 14.0, 3.0, 11.0
+_HISTORY, _LINE = 72.0, 4.0  # height of tests in time, of a line of their legend [mm]
+_KEY, _LETTER = 14.0, 1.5  # width of a legend's line without words, of a letter [mm]
+_STRESS = "nominal stress (kPa)"
 
 
-def draw_fit(result: MaterialFitResult, folder: Path) -> list[Path]:
+def draw_fit(result: MaterialFitResult, folder: Path, dpi: int = style.DPI) -> list[Path]:
     """Draw readings and fits as folder/fit.png and .svg; answers the files.
 
     A panel for each mode; those without readings show what the fits foretell.
     """
-    return style.save_figure(folder, "fit", lambda: _compose(result))
+    return style.save_figure(folder, "fit", lambda: _compose(result), dpi=dpi)
 
 
 def _compose(result: MaterialFitResult) -> Figure:
-    figure = style.new_figure(_TITLE + _PANEL + _AXIS + _LEGEND)
+    runs = () if result.histories is None else tuple(dict.fromkeys(_run_names(result.histories)))
+    above = _HISTORY + _AXIS + _row_height(runs) if runs else 0.0
+    figure = style.new_figure(above + _TITLE + _PANEL + _AXIS + _LEGEND)
+    if result.histories is not None:
+        _draw_histories(figure, result.histories, runs)
     entries: dict[str, Artist] = {}
     width = (style.WIDTH - _LEFT - _RIGHT - 2 * _GAP) / 3
     for number, mode in enumerate(MODES):
-        axes = style.place_axes(figure, _LEFT + number * (width + _GAP), _TITLE, width, _PANEL)
-        _panel(axes, result, mode, "nominal stress (kPa)" if number == 0 else "")
+        axes = style.place_axes(figure, _LEFT + number * (width + _GAP), above + _TITLE, width,
+                                 _PANEL)
+        _panel(axes, result, mode, _STRESS if number == 0 else "")
         handles, words = axes.get_legend_handles_labels()
         entries |= dict(zip(words, handles, strict=True))
     figure.legend(entries.values(), entries.keys(), loc="lower center", ncols=5)
@@ -39,7 +52,9 @@ def _compose(result: MaterialFitResult) -> Figure:
 
 
 def _panel(axes: Axes, result: MaterialFitResult, mode: str, up: str) -> None:
-    coupons = result.coupons[result.coupons.mode == mode]
+    every = coupons = result.coupons[result.coupons.mode == mode]
+    if result.histories is not None:
+        coupons = coupons[np.isnan(coupons.time)]
     for index, name in enumerate(dict.fromkeys(coupons.specimen)):
         read = coupons[coupons.specimen == name]
         axes.plot(read.stretch, read.stress / 1e3, style.marker_of(index), color="black",
@@ -52,7 +67,8 @@ def _panel(axes: Axes, result: MaterialFitResult, mode: str, up: str) -> None:
     highest = max((float(coupons.stress.max()) / 1e3 if tested else 0.0), tops[0])
     lowest = min(0.0, float(coupons.stress.min()) / 1e3) if tested else 0.0
     axes.set_ylim(1.1 * lowest - 0.02 * highest, 1.25 * highest)
-    title = mode.replace("_", " ") + ("" if tested else ", not tested")
+    title = (mode.replace("_", " ") + (", at rest" if result.histories is not None else "")
+             + ("" if len(every) else ", not tested"))
     style.describe(axes, "stretch", up, title, bold=True)
 
 
@@ -70,3 +86,49 @@ def _curve(axes: Axes, result: MaterialFitResult, law: str, mode: str, colour: s
         axes.fill_between(stretch, stress - half, stress + half, color=colour, alpha=0.2,
                           linewidth=0, zorder=1)
     return float(np.nanquantile(stress, 0.9)) if np.isfinite(stress).any() else 1.0
+
+
+def _run_names(histories: Mapping[str, NDArray[Any]]) -> list[str]:
+    specimens, runs = (histories[name].tolist() for name in ("specimen", "run"))
+    if len(set(specimens)) == 1:
+        return [run or "readings" for run in runs]
+    return [" ".join(filter(None, pair)) for pair in zip(specimens, runs, strict=True)]
+
+
+def _legend_columns(runs: tuple[str, ...]) -> int:
+    widest = _KEY + _LETTER * max(map(len, runs))
+    return max(1, int((style.WIDTH - _LEFT) / widest))
+
+
+def _row_height(runs: tuple[str, ...]) -> float:
+    return _LINE * (1 + -(-len(runs) // _legend_columns(runs)))
+
+
+def _draw_histories(figure: Figure, histories: Mapping[str, NDArray[Any]],
+                    runs: tuple[str, ...]) -> None:
+    """Every run against stretch and against time: readings as points, the fit as a line."""
+    width = (style.WIDTH - _LEFT - _RIGHT - _GAP) / 2
+    names, panels = np.array(_run_names(histories)), []
+    for number, (column, across, title) in enumerate((
+            ("stretch", "stretch", "tests in time: points, and the law with branches: lines"),
+            ("t", "time (s)", ""))):
+        axes = style.place_axes(figure, _LEFT + number * (width + _GAP), _TITLE, width,
+                                _HISTORY - _TITLE)
+        style.describe(axes, across, "" if number else _STRESS, title, bold=True)
+        for index, run in enumerate(runs):
+            part = names == run
+            colour, line = style.colour_of(index), "-" if index < len(style.PALETTE) else "--"
+            at = histories[column][part]
+            axes.plot(at, histories["nominal_stress"][part] / 1e3, style.marker_of(index),
+                      color=colour, markersize=2, markerfacecolor="none", markeredgewidth=0.4,
+                      alpha=0.6)
+            axes.plot(at, histories["fitted_stress"][part] / 1e3, line, color=colour,
+                      linewidth=1.0, label=run)
+        panels.append(axes)
+    time = histories["t"]
+    if np.median(time) < 0.1 * time.max():
+        panels[1].set_xscale("log", nonpositive="mask")
+    height = figure.get_size_inches()[1] / style.MM
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="upper center",
+                  ncols=_legend_columns(runs),
+                  bbox_to_anchor=(0.5, 1 - (_HISTORY + _AXIS - 2) / height))

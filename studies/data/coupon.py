@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tympan.geometry.errors import InputError
 from tympan.geometry.toml_reader import Rule
 from tympan.studies.columns import Column, Sheet, read_sheet
 
@@ -59,6 +60,12 @@ class Coupons:
         return Coupons(*(getattr(self, item.name)[choice] for item in fields(self)))
 
     @property
+    def columns(self) -> dict[str, NDArray[Any]]:
+        """The readings by the columns of :data:`COLUMNS`."""
+        return {"mode": self.mode, "stretch": self.stretch, "nominal_stress": self.stress,
+                "specimen": self.specimen, "t": self.time, "run": self.run}
+
+    @property
     def modes(self) -> tuple[str, ...]:
         return tuple(mode for mode in MODES if mode in self.mode)
 
@@ -68,11 +75,73 @@ class Coupons:
         powers = np.array([MODES[mode] for mode in self.mode])
         return self.stretch, self.stretch**powers
 
+    @cached_property
+    def series(self) -> dict[str, NDArray[np.int64]]:
+        """Numbers of the readings of each run, by specimen and run."""
+        names = np.array([" ".join(filter(None, pair)) for pair in
+                          zip(self.specimen.tolist(), self.run.tolist(), strict=True)])
+        return {name: np.flatnonzero(names == name) for name in dict.fromkeys(names.tolist())}
+
+    @cached_property
+    def timed_runs(self) -> dict[str, NDArray[np.int64]]:
+        """Numbers of the readings of each run that has times, in order, by specimen and run.
+
+        Raises
+        ------
+        InputError
+            Where times are negative or do not ascend within a run, or it changes its mode.
+        """
+        timed = np.isfinite(self.time)
+        runs = {name: part[timed[part]] for name, part in self.series.items()}
+        runs = {name: part for name, part in runs.items() if len(part)}
+        for name, run in runs.items():
+            time = self.time[run]
+            if (np.diff(time) < 0).any() or time[0] < 0:
+                raise InputError("must not be negative, and ascend within a run, which "
+                                 "specimen and run name", key="t_s",
+                                 given=f"run {name!r}")
+            if len(set(self.mode[run].tolist())) > 1:
+                raise InputError("must be the same in all readings of a run, which specimen "
+                                 "and run name", key="mode",
+                                 given=f"run {name!r}")
+        return runs
+
+    def thinned(self, most: int = 150) -> Coupons:
+        """With about so many readings in each timed run, all others as they are.
+
+        Two thirds of them are evenly spaced, others where the stretch drawn straight between them
+        in time is farthest off, down to 0.5 % of its range.
+        """
+        kept = np.ones(len(self), bool)
+        for run in self.timed_runs.values():
+            if len(run) > most:
+                kept[run] = False
+                kept[run[_corners(self.time[run], self.stretch[run], most)]] = True
+        return self if kept.all() else self[kept]
+
+    @property
+    def in_time(self) -> bool:
+        """Whether any run has readings at several times."""
+        return any(np.ptp(self.time[run]) > 0 for run in self.timed_runs.values())
+
     @property
     def stretch_range(self) -> tuple[float, float]:
         """Smallest and largest in-plane stretch the tests reach, the virgin state included."""
         both = np.concatenate([*self.in_plane, [1.0]])
         return float(both.min()), float(both.max())
+
+
+def _corners(time: Array, stretch: Array, most: int) -> NDArray[np.bool_]:
+    """Which points of a history to keep; see :meth:`Coupons.thinned`."""
+    kept = np.zeros(len(time), bool)
+    kept[np.linspace(0, len(time) - 1, 2 * most // 3).round().astype(int)] = True
+    for _ in range(most // 3):
+        off = np.abs(np.interp(time, time[kept], stretch[kept]) - stretch)
+        off[kept] = 0
+        if off.max() <= 0.005 * np.ptp(stretch):
+            break
+        kept[off.argmax()] = True
+    return kept
 
 
 def read_coupons(file: Path | str) -> Coupons:

@@ -326,9 +326,10 @@ def profile(problem: LeastSquares, best: Array, index: int, quantile: float,
     point = problem.at(best)
     least = point.squares
     others = np.arange(len(best)) != index
-    # How the others move with it, to first order: the start of every fit.
+    # How the others move with it, to first order: the start of every fit. Those at a bound stay.
+    moving = others & (problem.low < best) & (best < problem.high)
     along = np.zeros(len(best))
-    along[others] = -np.linalg.lstsq(point.jacobian[:, others], point.jacobian[:, index],
+    along[moving] = -np.linalg.lstsq(point.jacobian[:, moving], point.jacobian[:, index],
                                      rcond=1e-12)[0]
     along[index] = 1.0
     exact, evaluations = _EXACT * met / _MET, 0

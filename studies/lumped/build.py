@@ -25,7 +25,8 @@ from tympan.studies.files import read_json, remove, write_json
 from tympan.studies.limits.loads import usual_masses, usual_voltages
 from tympan.studies.lumped.actuator import Actuator, Viscous
 from tympan.studies.lumped.equilibria import pull_in, rest, rest_curve
-from tympan.studies.lumped.model_file import LumpedModel, read_model, write_model
+from tympan.studies.lumped.model_file import STILL, LumpedModel, read_model, write_model
+from tympan.studies.lumped.reduction import reduced_film
 from tympan.studies.lumped.remarks import origin
 from tympan.studies.modes import modes
 
@@ -54,8 +55,8 @@ class BuildSettings:
     """Masses [kg] and voltages [V] the model is for, and its circles, as for α.
 
     It is fitted on the first mass alone, at the lowest, the middle and the highest voltage; at all
-    other loads it is tested. ``viscous`` is taken over as it is: a field model at rest says nothing
-    about it.
+    other loads it is tested. ``viscous`` is taken over as it is where the film has no branches of
+    its own: a field model of such a film says nothing about it.
     """
 
     masses: tuple[float, ...]
@@ -177,6 +178,9 @@ class Built:
         if spread is not None and spread > NEAR:
             warnings.append(f"the capacitance is up to {spread:.1%} off: covered film also moves "
                             "in its plane, which the model does not know")
+        worst = max(self.model.film.errors.values(), default=0.0) if self.model.film else 0.0
+        if worst > NEAR:
+            warnings.append(f"in time the deflection is up to {worst:.1%} of its range off")
         if self.model.specimen.membrane.density:
             warnings.append("the lumped model has no film mass: its frequencies are those of plate "
                             "and weight alone")
@@ -206,6 +210,9 @@ class Built:
             "stiffness": model.stiffness,
             "permittivity": model.permittivity,
             "flat_capacitance_F": model.flat_capacitance,
+            "film": None if model.film is None else {
+                "shapes": model.film.count, "points": len(model.film.volumes),
+                "error": dict(model.film.errors)},
             "cone": {"alpha": list(self.alpha.by_basis["cone"].alpha),
                      "scale": self.alpha.cone_scale,
                      "scaled_alpha": list(self.alpha.by_basis["cone_scaled"].alpha)},
@@ -219,7 +226,8 @@ class Built:
                        for mass in self.settings.masses] for kind in ("cone", "corrected")},
             "frequency_Hz": {name: [value if np.isfinite(value) else None for value in pair]
                              for name, pair in self.frequencies.items()},
-            "warnings": [*self.warnings, *origin(self.actuator("corrected", 1.0))],
+            "warnings": [*self.warnings, *([] if model.film else
+                                           origin(self.actuator("corrected", 1.0)))],
         }
 
 
@@ -228,12 +236,13 @@ def _largest(errors: Array) -> float | None:
 
 
 def build(specimen: Specimen, settings: Settings, chosen: BuildSettings | None = None,
-          rig: Rig = Rig(), progress: Progress = lambda _: None) -> Built:
+          rig: Rig = Rig(), progress: Progress = lambda _: None, in_time: bool = True) -> Built:
     """A specimen's lumped model from its field model alone, by default for loads that suit it.
 
     The circles and α are those of :func:`tympan.studies.alpha.alpha` on membrane circles. Against
     the forces of the fit's loads two factors are found, one on the film's and one on the voltage's
-    energy: least squares of relative force.
+    energy: least squares of relative force. A film with viscous branches also gets its reduced film
+    in time (:mod:`tympan.studies.lumped.reduction`), unless it is not asked for.
     """
     Actuator.of(specimen, 1.0, rig=rig)  # refuses a rig that the model does not have
     progress(f"{specimen.name}: field model")
@@ -243,9 +252,14 @@ def build(specimen: Specimen, settings: Settings, chosen: BuildSettings | None =
     weights = alpha(specimen, settings,
                     AlphaSettings(chosen.fit, LoadGrid((), ()), chosen.circles, chosen.radii),
                     rig, progress)
+    highest = rig.film_voltage(chosen.voltages[-1])
+    film, viscous = None, chosen.viscous
+    if in_time and specimen.membrane.branches:
+        progress(f"{specimen.name}: in time")
+        forces = [float(rig.force(mass)) for mass in chosen.masses]
+        film, viscous = reduced_film(model, forces, highest, rig.spring), STILL
     plain = LumpedModel(specimen, weights.circles, weights.by_basis["membrane"].alpha,
-                        model.capacitance(model.mounted()),
-                        rig.film_voltage(chosen.voltages[-1]), viscous=chosen.viscous)
+                        model.capacitance(model.mounted()), highest, viscous=viscous, film=film)
     samples = equilibria(model, chosen.fit, rig, settings, 1, [])
     stiffness, permittivity = _factors(plain, samples)
     lumped = replace(plain, stiffness=stiffness, permittivity=permittivity)

@@ -1,6 +1,7 @@
 """A lumped model as a file to take away: TOML with plain SI numbers; it reads back equal.
 
-The formulas that are written above them stand in ``model_file.txt``.
+The formulas that are written above them stand in ``model_file.txt``, those of a film in time in
+``reduced_film.txt``.
 """
 
 from __future__ import annotations
@@ -8,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from importlib import resources
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -20,8 +22,12 @@ from tympan.geometry.toml_reader import NON_NEGATIVE, POSITIVE, Rule, Table
 from tympan.studies.circles import MembraneCircle
 from tympan.studies.files import write_text
 from tympan.studies.lumped.actuator import Actuator, Viscous
+from tympan.studies.lumped.reduced_film import ReducedFilm
 
 _WEIGHT: Rule = (lambda x: 0 <= x <= 1, "must be from 0 to 1")
+
+#: Of circles whose film has branches of its own.
+STILL = Viscous(0.0, 1.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -42,6 +48,7 @@ class LumpedModel:
     stiffness: float = 1.0
     permittivity: float = 1.0
     viscous: Viscous = field(default_factory=Viscous)
+    film: ReducedFilm | None = None
 
     @property
     def circles(self) -> MembraneCircle:
@@ -67,13 +74,27 @@ def write_model(file: Path, model: LumpedModel) -> None:
     content = {
         "stiffness": model.stiffness, "permittivity": model.permittivity,
         "flat_capacitance_F": model.flat_capacitance, "highest_voltage_V": model.highest_voltage,
-        "viscous": {"k1_Pa": viscous.k1, "eta1_Pa_s": viscous.eta1, "eta2_Pa_s": viscous.eta2},
+        **({} if model.film else {"viscous": {
+            "k1_Pa": viscous.k1, "eta1_Pa_s": viscous.eta1, "eta2_Pa_s": viscous.eta2}}),
         "circle": [{"radius_m": radius, "alpha": weight}
                    for radius, weight in zip(model.radii, model.weights, strict=True)],
+        **({"film": _film_content(model.film)} if model.film else {}),
         "specimen": specimen_content(model.specimen, plain=True),
     }
-    formulas = resources.files("tympan.studies.lumped").joinpath("model_file.txt")
-    write_text(file, formulas.read_text(encoding="utf-8") + toml(content))
+    texts = ("model_file.txt", "reduced_film.txt" if model.film else "viscous.txt", "limits.txt")
+    formulas = (resources.files("tympan.studies.lumped").joinpath(name) for name in texts)
+    write_text(file, "".join(text.read_text(encoding="utf-8") for text in formulas)
+               + toml(content))
+
+
+def _film_content(film: ReducedFilm) -> dict[str, Any]:
+    """The tables of a reduced film: gradients by shape, each 11, 12, 21, 22, 31, 32."""
+    gradients = film.gradients.transpose(1, 0, 2, 3).reshape(len(film.volumes), -1)
+    return {"error": dict(film.errors),
+            "point": [{"volume_m3": volume, "covered": covered, "gradient_per_m": gradient}
+                      for volume, covered, gradient in zip(
+                          film.volumes.tolist(), film.covered.tolist(), gradients.tolist(),
+                          strict=True)]}
 
 
 def read_model(file: Path | str) -> LumpedModel:
@@ -89,16 +110,43 @@ def read_model(file: Path | str) -> LumpedModel:
     if min(radii) <= inside:
         raise table.error("circle", f"radii must be larger than the plate's, {inside:g} m",
                           min(radii))
-    viscous = table.table("viscous")
+    film = _film(table.table("film"), specimen) if specimen.membrane.branches else None
     model = LumpedModel(
         specimen, radii, weights, table.number("flat_capacitance_F", rule=NON_NEGATIVE),
         table.number("highest_voltage_V", rule=POSITIVE), table.number("stiffness", rule=POSITIVE),
         table.number("permittivity", rule=NON_NEGATIVE),
-        Viscous(viscous.number("k1_Pa", rule=NON_NEGATIVE),
-                viscous.number("eta1_Pa_s", rule=POSITIVE),
-                viscous.number("eta2_Pa_s", rule=NON_NEGATIVE)))
-    for part in (*circles, viscous, table):
+        STILL if film else _viscous(table.table("viscous")), film)
+    for part in (*circles, table):
         part.done()
     if abs(sum(weights) - 1) > 1e-9:
         raise table.error("circle", "alpha of all circles must add up to 1", sum(weights))
     return model
+
+
+def _viscous(table: Table) -> Viscous:
+    viscous = Viscous(table.number("k1_Pa", rule=NON_NEGATIVE),
+                      table.number("eta1_Pa_s", rule=POSITIVE),
+                      table.number("eta2_Pa_s", rule=NON_NEGATIVE))
+    table.done()
+    return viscous
+
+
+def _film(table: Table, specimen: Specimen) -> ReducedFilm:
+    errors = table.table("error")
+    points = table.tables("point")
+    if not points:
+        raise table.error("point", "must be at least one point")
+    volumes = np.array([point.number("volume_m3", rule=POSITIVE) for point in points])
+    covered = np.array([point.number("covered", rule=_WEIGHT) for point in points])
+    gradients = [point.numbers("gradient_per_m") for point in points]
+    count = len(gradients[0])
+    for point, gradient in zip(points, gradients, strict=True):
+        if len(gradient) != count or count % 6 or not count:
+            raise point.error("gradient_per_m", "must be six numbers for each shape, as many at "
+                                                "every point", len(gradient))
+        point.done()
+    shaped = np.array(gradients).reshape(len(points), -1, 3, 2).transpose(1, 0, 2, 3)
+    film = ReducedFilm(specimen, volumes, covered, np.ascontiguousarray(shaped),
+                       {name: errors.number(name, rule=NON_NEGATIVE) for name in errors.data})
+    table.done()
+    return film

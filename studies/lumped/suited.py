@@ -23,8 +23,9 @@ def suited_model(specimen: Specimen, mass: float, voltage: float, settings: Sett
                  ) -> LumpedModel:
     """What ``tympan lumped build`` makes of a specimen under a mass [kg], 0 to a voltage [V].
 
-    Its viscous constants are those of :class:`tympan.studies.lumped.actuator.Viscous`. It is kept
-    on disk, so that the next time it is there at once.
+    Without a reduced film: its viscous constants are those of
+    :class:`tympan.studies.lumped.actuator.Viscous`. It is kept on disk, so that the next time it is
+    there at once.
 
     Raises
     ------
@@ -36,7 +37,8 @@ def suited_model(specimen: Specimen, mass: float, voltage: float, settings: Sett
     key = digest("lumped", specimen, settings, rig, mass, voltage, *_sources())
     content = _STORE.read(key)
     if content is None:
-        model = build(specimen, settings, BuildSettings((mass,), voltages), rig, progress).model
+        model = build(specimen, settings, BuildSettings((mass,), voltages), rig, progress,
+                      in_time=False).model
         content = json.dumps([model.radii, model.weights, model.flat_capacitance,
                               model.highest_voltage, model.stiffness, model.permittivity]).encode()
         _STORE.keep(key, content)

@@ -35,6 +35,8 @@ Judged = tuple[Array, Material | None, tuple[float, float] | None]
 CORRELATED = 0.95
 #: So are intervals whose half is more than this share of the constant.
 WIDE = 0.5
+#: Laws whose stresses in an untested mode differ by more than this factor are told.
+DIFFERING = 1.5
 #: Terms of an Ogden law that cancel to less than this part are a limit of the law, not constants to
 #: compute with.
 CANCELLING = 50.0
@@ -111,7 +113,7 @@ def compare(coupons: Coupons, names: Sequence[str] | None = None,
     InputError
         When a name is unknown or the readings are fewer than a named law needs.
     """
-    families = [_family(name, len(coupons)) for name in dict.fromkeys(names)] if names else [
+    families = [named_family(name, len(coupons)) for name in dict.fromkeys(names)] if names else [
         family for family in FAMILIES.values() if len(coupons) >= _needed(family)]
     if not families:
         raise InputError(f"must be at least {_needed(FAMILIES['neo_hooke'])} to fit any law",
@@ -128,8 +130,8 @@ def best_offered(fits: Sequence[LawFit]) -> LawFit | None:
     return next((fit for fit in fits if fit.offered), None)
 
 
-def warnings(coupons: Coupons, fits: Sequence[LawFit]) -> list[str]:
-    """What stands between the best fit and its use."""
+def warnings(coupons: Coupons, fits: Sequence[LawFit], at_rest: bool = False) -> list[str]:
+    """What stands between the best fit and its use; ``at_rest``: fitted beside branches."""
     best, first = best_offered(fits), fits[0]
     if best is None:
         return [NOTES["none_offered"]]
@@ -138,11 +140,25 @@ def warnings(coupons: Coupons, fits: Sequence[LawFit]) -> list[str]:
         words.append(NOTES["best_not_offered"].format(name=first.family.name))
     if "equibiaxial" not in coupons.modes:
         words.append(NOTES["no_equibiaxial"])
+        words += _differing(coupons, [fit for fit in fits if fit.offered])
     words += _overfitted(best, [fit for fit in fits if fit.offered])
     times = coupons.time[np.isfinite(coupons.time)]
-    if len(times) and np.ptp(times) > 0:
+    if not at_rest and len(times) and np.ptp(times) > 0:
         words.append(NOTES["relaxation"].format(first=times.min(), last=times.max()))
     return words
+
+
+def _differing(coupons: Coupons, offered: Sequence[LawFit]) -> Iterator[str]:
+    """Where laws that all may be offered say very different things of an equibiaxial film."""
+    stretch = np.array([1 + (coupons.stretch_range[1] - 1) / 2])
+    with np.errstate(all="ignore"):
+        stresses = {fit.family.name: float(fit.family.stress(stretch, stretch, fit.values).item())
+                    for fit in offered}
+    finite = {name: stress for name, stress in stresses.items() if np.isfinite(stress)}
+    if len(finite) > 1 and max(finite.values()) > DIFFERING * min(finite.values()):
+        least, most = (pick(finite, key=lambda name: finite[name]) for pick in (min, max))
+        yield NOTES["differing"].format(stretch=stretch[0], least=least, most=most,
+                                        low=finite[least] / 1e3, high=finite[most] / 1e3)
 
 
 def _overfitted(best: LawFit, offered: Sequence[LawFit]) -> Iterator[str]:
@@ -273,27 +289,29 @@ def material_lines(material: Material, stretch_range: tuple[float, float] | None
     return "\n".join(lines) + "\n"
 
 
-def _needed(family: Family) -> int:
-    """Readings without which the criterion has no value."""
-    return len(family.constants) + 3
+def _needed(family: Family, more: int = 0) -> int:
+    """Readings without which the criterion has no value, with so many more constants."""
+    return len(family.constants) + more + 3
 
 
-def _family(name: str, readings: int) -> Family:
+def named_family(name: str, readings: int, more: int = 0) -> Family:
+    """The law of a name, or an InputError where readings are too few for it and more constants."""
     if name not in FAMILIES:
         raise InputError(f"must be all or one of {', '.join(FAMILIES)}", key="--law", given=name)
     family = FAMILIES[name]
-    if readings < _needed(family):
-        raise InputError(f"needs at least {_needed(family)} readings, there are {readings}",
+    if readings < _needed(family, more):
+        raise InputError(f"needs at least {_needed(family, more)} readings, there are {readings}",
                          key="--law", given=name)
     return family
 
 
 def _admissible(ends: list[Array], family: Family, coupons: Coupons) -> Judged:
-    judged = [_judged(family, values, coupons) for values in ends]
-    return next((item for item in judged if item[1] is not None and item[2] is None), judged[0])
+    every = [judged(family, values, coupons) for values in ends]
+    return next((item for item in every if item[1] is not None and item[2] is None), every[0])
 
 
-def _judged(family: Family, values: Array, coupons: Coupons) -> Judged:
+def judged(family: Family, values: Array, coupons: Coupons) -> Judged:
+    """Constants, what they make, if anything, and where that is not admissible in the tests."""
     terms = values[:len(family.linear)] * values[len(family.linear):] if family.alike else values
     if family.alike and np.abs(terms).sum() > CANCELLING * abs(terms.sum()):
         return values, None, None
@@ -326,7 +344,9 @@ def _held_out(coupons: Coupons, family: Family, starts: int) -> dict[str, float 
 
 
 def _notes(fit: LawFit, coupons: Coupons, worse: bool) -> Iterator[str]:
-    yield from _open_constants(fit)
+    family = fit.family
+    units = ["Pa"] * len(family.linear) + ["1"] * len(family.shape)
+    yield from open_constants(family.constants, units, fit.values, fit.limits, fit.covariance)
     yield from _open_modes(fit, coupons)
     if fit.material is None:
         yield NOTES["no_meaning"]
@@ -338,23 +358,23 @@ def _notes(fit: LawFit, coupons: Coupons, worse: bool) -> Iterator[str]:
         yield NOTES["systematic"]
 
 
-def _open_constants(fit: LawFit) -> Iterator[str]:
-    names, linear = fit.family.constants, len(fit.family.linear)
-    for index, (name, value, (low, high)) in enumerate(zip(names, fit.values, fit.limits,
-                                                           strict=True)):
-        unit, size = (" kPa", 1e3) if index < linear else ("", 1.0)
+def open_constants(names: Sequence[str], units: Sequence[str], values: Array,
+                   limits: Sequence[Limits], spread: Array) -> Iterator[str]:
+    """Words for each constant that tests determine poorly, or only together with another."""
+    for name, unit, value, (low, high) in zip(names, units, values, limits, strict=True):
+        words, size = {"Pa": (" kPa", 1e3), "1": ("", 1.0)}.get(unit, (f" {unit}", 1.0))
         if low is None or high is None:
             sides = " and ".join(side for side, limit in (("lower", low), ("upper", high))
                                  if limit is None)
             yield NOTES["open"].format(name=name, sides=sides)
         elif high - low > 2 * WIDE * abs(value):
-            yield NOTES["wide"].format(name=name, unit=unit, value=value / size, low=low / size,
+            yield NOTES["wide"].format(name=name, unit=words, value=value / size, low=low / size,
                                        high=high / size)
-    spread = np.sqrt(np.diag(fit.covariance))
+    deviations = np.sqrt(np.diag(spread))
     for first, second in combinations(range(len(names)), 2):
-        product = spread[first] * spread[second]
-        if np.isfinite(spread[[first, second]]).all() and product > 0:
-            correlation = fit.covariance[first, second] / product
+        product = deviations[first] * deviations[second]
+        if np.isfinite(deviations[[first, second]]).all() and product > 0:
+            correlation = spread[first, second] / product
             if abs(correlation) > CORRELATED:
                 yield NOTES["correlated"].format(first=names[first], second=names[second],
                                                  correlation=correlation)

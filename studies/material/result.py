@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +14,15 @@ from tympan.geometry.errors import InputError
 from tympan.studies.columns import Column, read_own_sheet, write_sheet
 from tympan.studies.data.coupon import COLUMNS, MODES, Coupons, read_coupons
 from tympan.studies.files import read_json, remove, write_json, write_text
-from tympan.studies.material.fit import LawFit, best_offered, compare, material_lines, warnings
+from tympan.studies.material.branches import BranchFit, branch_lines, compare_in_time
+from tympan.studies.material.fit import (
+    NOTES,
+    LawFit,
+    best_offered,
+    compare,
+    material_lines,
+    warnings,
+)
 
 #: The columns of curves.csv: nominal stress of each law and half its 95 % band.
 CURVES: tuple[Column, ...] = (
@@ -25,6 +33,13 @@ CURVES: tuple[Column, ...] = (
     Column("nominal_stress", "kPa", required=False),
     Column("half_band", "kPa", required=False),
 )
+#: The columns of histories.csv: of every reading in time what the best law with branches says, and
+#: half its 95 % band.
+HISTORIES: tuple[Column, ...] = (
+    *COLUMNS,
+    Column("fitted_stress", "kPa"),
+    Column("half_band", "kPa"),
+)
 #: So many laws have curves, the best first.
 _DRAWN = 6
 _POINTS = 201
@@ -34,25 +49,30 @@ _POINTS = 201
 class MaterialFitResult:
     """The numbers of ``material fit --json``, the readings, and the laws' curves.
 
-    ``curves`` has the columns of :data:`CURVES` in SI, shape (rows,), the best law first.
+    ``curves`` has the columns of :data:`CURVES` in SI, shape (rows,), the best law first;
+    where branches were fitted they are those at rest, and ``histories`` has the columns of
+    :data:`HISTORIES`.
     """
 
     numbers: dict[str, Any]
     coupons: Coupons
     curves: Mapping[str, NDArray[Any]]
+    histories: Mapping[str, NDArray[Any]] | None = None
 
     def json(self) -> dict[str, Any]:
         """As a JSON object."""
         return self.numbers
 
     def save(self, folder: Path) -> None:
-        """Write fit.json, coupon.csv, curves.csv and, if a law is offered, material.toml."""
-        remove(folder, "fit.json", "fit.png", "fit.svg", "material.toml")
-        readings = {"mode": self.coupons.mode, "stretch": self.coupons.stretch,
-                    "nominal_stress": self.coupons.stress, "specimen": self.coupons.specimen,
-                    "t": self.coupons.time, "run": self.coupons.run}
-        write_sheet(folder / "coupon.csv", COLUMNS, readings)
+        """Write fit.json, coupon.csv, curves.csv and, if a law is offered, material.toml.
+
+        Of tests in time histories.csv as well.
+        """
+        remove(folder, "fit.json", "fit.png", "fit.svg", "material.toml", "histories.csv")
+        write_sheet(folder / "coupon.csv", COLUMNS, self.coupons.columns)
         write_sheet(folder / "curves.csv", CURVES, self.curves)
+        if self.histories is not None:
+            write_sheet(folder / "histories.csv", HISTORIES, self.histories)
         if self.numbers["material_toml"]:
             write_text(folder / "material.toml", self.numbers["material_toml"])
         write_json(folder / "fit.json", self.numbers)
@@ -60,31 +80,64 @@ class MaterialFitResult:
     @classmethod
     def load(cls, folder: Path) -> MaterialFitResult:
         """What was saved."""
+        histories = folder / "histories.csv"
         return cls(read_json(folder / "fit.json"),
                    read_coupons(folder / "coupon.csv"),
-                   read_own_sheet(folder / "curves.csv", CURVES))
+                   read_own_sheet(folder / "curves.csv", CURVES),
+                   read_own_sheet(histories, HISTORIES) if histories.exists() else None)
 
 
-def fit_coupons(file: Path, names: Sequence[str] | None = None,
-                 noise: float | None = None) -> MaterialFitResult:
-    """What laws fitted to a file of readings say; see :func:`~tympan.studies.material.fit.compare`.
+def fit_coupons(file: Path, names: Sequence[str] | None = None, noise: float | None = None,
+                branches: int | None = None) -> MaterialFitResult:
+    """What laws fitted to a file of readings say.
 
-    An :class:`InputError` names the file.
+    Where a run has readings at several times, laws with ``branches``, or as many as held-out runs
+    choose, are fitted: see :func:`~tympan.studies.material.branches.compare_in_time`. Otherwise, or
+    with 0 branches, laws without: :func:`~tympan.studies.material.fit.compare`. An
+    :class:`InputError` names the file.
     """
     coupons = read_coupons(file)
     try:
-        fits = compare(coupons, names, noise)
+        if branches != 0 and coupons.in_time:
+            thin = coupons.thinned()
+            result = _fitted_in_time(thin, compare_in_time(thin, names, noise, branches))
+            if thin is not coupons:
+                result.numbers["warnings"].append(NOTES["thinned"].format(
+                    every=len(coupons), kept=len(thin)))
+        elif branches:
+            raise InputError("needs the column t_s with several times in a run", key="--branches",
+                             given=branches)
+        else:
+            result = _fitted(coupons, compare(coupons, names, noise))
     except InputError as error:
         raise error.located(file=file) from None
+    result.numbers["file"] = str(file)
+    return result
+
+
+def _fitted_in_time(coupons: Coupons, fits: Sequence[BranchFit]) -> MaterialFitResult:
+    laws = [fit.law for fit in fits]
+    best = next((fit for fit in fits if fit.law.offered), fits[0])
+    result = _fitted(coupons, laws, at_rest=True)
+    text = result.numbers["material_toml"]
+    result.numbers.update({"material_toml": text and text + branch_lines(best.branches),
+                           "fits": [fit.json() for fit in fits]})
+    timed = np.isfinite(coupons.time)
+    histories = coupons[timed].columns | {"fitted_stress": best.stress[timed],
+                                          "half_band": best.half[timed]}
+    return replace(result, histories=histories)
+
+
+def _fitted(coupons: Coupons, fits: Sequence[LawFit], at_rest: bool = False) -> MaterialFitResult:
     best = best_offered(fits)
     numbers = {
-        "file": str(file),
+        "file": "",
         "readings": {mode: int((coupons.mode == mode).sum()) for mode in coupons.modes},
         "best": None if best is None else best.family.name,
         "material_toml": (None if best is None or best.material is None
                           else material_lines(best.material, best.range)),
         "noise_Pa": (best or fits[0]).noise.sigma,
-        "fits": [fit.json() for fit in fits], "warnings": warnings(coupons, fits)}
+        "fits": [fit.json() for fit in fits], "warnings": warnings(coupons, fits, at_rest)}
     first = best or fits[0]
     drawn = [first, *(fit for fit in fits if fit is not first)][:_DRAWN]
     return MaterialFitResult(numbers, coupons, _curves(coupons, drawn))

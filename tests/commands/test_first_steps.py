@@ -113,6 +113,19 @@ def test_solve_says_what_it_read_and_found_in_units_of_the_bench(oval: str, caps
     assert "None" not in capsys.readouterr().out
 
 
+@pytest.mark.parametrize("more", [(), ("--basis", "cone"), ("--uncertainty",)])
+def test_alpha_says_weights_and_radii_on_lines(more: tuple[str, ...], oval: str, capsys) -> None:
+    arguments = ["alpha", oval, "--refine", "0.5", *more]
+    assert main([*arguments, "--json"]) == 0
+    record = json.loads(capsys.readouterr().out)
+    assert main(arguments) == 0
+    text = capsys.readouterr().out
+    for number, (weight, radius) in enumerate(zip(record["alpha"], record["circles"], strict=True)):
+        assert f"α{number + 1} = {weight:.4f} of a circle of {1e3 * radius:.4g} mm" in text
+    assert not set("[]{}") & set(text)
+    assert ("with a finer mesh: " in text) == ("--uncertainty" in more)
+
+
 def test_the_doctor_finds_this_machine_in_order(capsys) -> None:
     assert main(["doctor", "--json"]) == 0
     record = json.loads(capsys.readouterr().out)

@@ -51,8 +51,9 @@ if TYPE_CHECKING:
          argument("--radii", choices=("semi_axes", "sectors", "fit"), default="semi_axes",
                   help="of the circles, as for `tympan alpha`"),
          argument("--viscous", metavar="K1,ETA1,ETA2",
-                  help='of the branch and the damper, such as "23.5 MPa,177.2 MPa s,62.4 kPa s" '
-                       "(default: these, the paper's)"), RIG,
+                  help="of the branch and the damper of films that have no branches of their own, "
+                       'such as "23.5 MPa,177.2 MPa s,62.4 kPa s" (default: these, the '
+                       "paper's)"), RIG,
          output("write NAME.lumped.toml for each, build.json, statics.csv and a figure"), JSON,
          MESH,
          example="oval.toml -o lumped")
@@ -69,10 +70,14 @@ def lumped_build(options: argparse.Namespace) -> None:
     voltages = _voltages(options) if options.voltages is not None else None
     settings, rig = read_settings(options), read_rig(options.rig)
     specimens = read_specimens(options.specimens)
+    branched = [item.name for item in specimens if item.membrane.branches]
+    if branched and options.viscous is not None:
+        raise InputError("is for films without branches: theirs come from the field model",
+                         key="--viscous", given=", ".join(branched))
     chosen = BuildSettings.suited(specimens, settings, rig, masses=masses, voltages=voltages,
                                   count=options.count, circles=options.circles, radii=options.radii,
                                   viscous=_viscous(options.viscous))
-    with bar(4 * len(specimens)) as progress:
+    with bar(4 * len(specimens) + len(branched)) as progress:
         models = [build(specimen, settings, chosen, rig, progress) for specimen in specimens]
     finish(options, BuildResult.of(models), kinematics=KINEMATICS)
 
@@ -192,11 +197,16 @@ def _membranes(options: argparse.Namespace, specimens: Sequence[Specimen], mass:
 
 
 @command("lumped simulate", *_ACTUATORS, *SIGNAL,
+         argument("--swing", action="store_true",
+                  help="the plate of a model whose film has branches has inertia; else it follows "
+                       "the film at once"),
          output("write a dataset, transient.csv and dataset.toml, simulate.json and figures"), JSON,
          MESH, example='oval.toml --signal step --high "3.5 kV" -o step')
 def lumped_simulate(options: argparse.Namespace) -> None:
     """Response to a step, ramp, sine, random steps or a CSV file. Deflections count downwards."""
     from tympan.progress import bar
+    from tympan.studies.lumped.film_response import film_response
+    from tympan.studies.lumped.model_file import read_model
     from tympan.studies.lumped.simulate import (
         SampledResponse,
         SimulationResult,
@@ -210,10 +220,15 @@ def lumped_simulate(options: argparse.Namespace) -> None:
     sample_count(signal.end, interval)
     rig = read_rig(options.rig)
     actuators, remarks = _actuators(options, signal.peak, rig)
+    films = {model.specimen.name: model for model in map(read_model, options.model) if model.film}
     responses: list[SampledResponse] = []
     with bar(len(actuators)) as progress:
         for actuator in actuators:
             progress(actuator.specimen.name)
+            if model := films.get(actuator.specimen.name):
+                responses.append(film_response(model, signal, actuator.mass, rig, interval, period,
+                                               options.signal == "step", options.swing))
+                continue
             responses.append(sample(simulate(actuator, signal), interval, period,
                                     options.signal == "step", remarks))
     # Eq. (8) with Table 1's constants can be the film of no specimen file.

@@ -42,19 +42,24 @@ def material_show(options: argparse.Namespace) -> None:
          argument("coupons", type=Path, metavar="COUPON.csv",
                   help="columns mode, stretch, nominal_stress_kPa; also specimen, t_s, run"),
          argument("--law", action="append", metavar="NAME",
-                  help="may be given several times; all (default) compares every law"),
+                  help="may be given several times; all (default) compares every law, beside "
+                       "branches those with at most one constant that stress is not linear in"),
          argument("--noise", metavar="STRESS",
                   help='standard deviation of one reading, such as "2 kPa"; without it, estimated '
                        "from the residuals"),
+         argument("--branches", type=int, metavar="N", within=(0, 4),
+                  help="viscous branches beside each law, where a run has several times (t_s); "
+                       "left out, as few as foretell about best the runs of a stretch level or a "
+                       "rate that are held out; 0 takes readings as elastic"),
          output("also store the fits (JSON), their curves (CSV), a figure, and the best law for "
                 "specimen files (TOML)"), JSON,
          example="coupon.csv -o fit")
 def material_fit(options: argparse.Namespace) -> None:
-    """Fit laws to uniaxial, equibiaxial and pure-shear tests."""
+    """Fit laws, and viscous branches in time, to uniaxial, equibiaxial and pure-shear tests."""
     from tympan.studies.material.result import fit_coupons
 
     noise = None if options.noise is None else parse_quantity(options.noise, "stress", "--noise")
     if noise is not None and not 1e-6 <= noise <= 1e9:
         raise InputError("must be from 1e-6 Pa to 1 GPa", key="--noise", given=options.noise)
     names = None if not options.law or "all" in options.law else options.law
-    finish(options, fit_coupons(options.coupons, names, noise))
+    finish(options, fit_coupons(options.coupons, names, noise, options.branches))

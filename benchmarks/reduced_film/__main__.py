@@ -1,0 +1,152 @@
+"""The reduced film with memory beside its field model: error, processor time, and a picture.
+
+``python -m benchmarks.reduced_film [-o docs]``: the paper's three actuators with two branches each,
+under a mass and in signals that the film was not made from. One run alone, and thirty together.
+"""
+
+from __future__ import annotations
+
+import argparse
+import shutil
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from tympan.fem.film.library import load_specimen
+from tympan.geometry.specimen import Specimen, ViscousBranch
+from tympan.reports import look
+from tympan.studies.case import Settings, build_model
+from tympan.studies.lumped.film_response import film_deflections, film_motion
+from tympan.studies.lumped.reduced_film import ReducedFilm
+from tympan.studies.lumped.reduction import reduced_film
+from tympan.studies.paper.published import MASSES
+from tympan.studies.signals import Sine, nominal, ramp, random_steps, step
+from tympan.studies.transient import TransientCase, history
+
+Array = NDArray[np.float64]
+_NAMES = ("circular", "elliptical-small", "elliptical-large")
+_BRANCHES = (ViscousBranch(200e3, 10.0), ViscousBranch(1e6, 30.0))
+_LEFT, _GAP = 15.0, 10.0  # [mm]
+_GRAVITY, _HIGHEST, _BETWEEN, _TOGETHER = 9.80665, 7e3, 20e-3, 30
+
+#: By name, for a highest voltage.
+_SIGNALS: dict[str, Callable[[float], Any]] = {
+    "step": lambda high: step(0.0, high, 0.0, 30.0),
+    "sine": lambda high: Sine(high / 2, high / 2, 10.0, 3.0),
+    "ramp": lambda high: ramp(0.0, high, 60.0),
+    "random": lambda high: random_steps(0.0, high, 30.0, 6, 11)}
+
+_HEAD = ("film, branch                    signal field ms  reduced ms  times alone  together"
+         "  error of range  of deflection")
+
+
+def main() -> None:
+    """Print the table, one row for every film and signal, and draw the last film."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("-o", type=Path, dest="output", help="folder of reduced-film.png")
+    output = parser.parse_args().output
+    print(_HEAD)
+    for specimen in _specimens():
+        film, spent = _timed(lambda item=specimen: _reduced(item), 1)
+        drawn = {name: _row(film, name, spent) for name in _SIGNALS}
+        _swing(film)
+    if output is not None:
+        with tempfile.TemporaryDirectory() as folder:
+            picture, *_ = look.save_figure(Path(folder), "reduced-film", lambda: _compose(drawn))
+            shutil.copy(picture, output)
+
+
+def _specimens() -> Iterator[Specimen]:
+    folder = resources.files("tympan.studies.paper") / "actuators"
+    for name in _NAMES:
+        specimen = load_specimen(str(folder / f"{name}.toml"))
+        for branch in _BRANCHES:
+            yield replace(specimen, membrane=replace(specimen.membrane, branches=(branch,)))
+
+
+def _reduced(specimen: Specimen) -> ReducedFilm:
+    return reduced_film(build_model(specimen, Settings()), [mass * _GRAVITY for mass in MASSES],
+                        _HIGHEST)
+
+
+def _timed(work: Callable[[], Any], times: int) -> tuple[Any, float]:
+    """What work gives, and the least processor time it takes [s]."""
+    spent = []
+    for _ in range(times):
+        began = time.process_time()
+        result = work()
+        spent.append(time.process_time() - began)
+    return result, min(spent)
+
+
+def _row(film: ReducedFilm, name: str, made: float) -> tuple[Any, Array, Array, Array]:
+    signal, specimen = _SIGNALS[name](0.9 * _HIGHEST), film.specimen
+    case = TransientCase(specimen, signal, mass=_BETWEEN)
+    field, exact_time = _timed(lambda: history(case, Settings()), 2)
+    _, alone = _timed(lambda: list(film_motion(film, signal, _BETWEEN).moments()), 7)
+    when = np.linspace(0.0, signal.end, 1001)
+    near, = film_deflections(film, [signal], [_BETWEEN], when)
+    many = [_SIGNALS[name](share * _HIGHEST) for share in np.linspace(0.2, 0.9, _TOGETHER)]
+    _, shared = _timed(
+        lambda: film_deflections(film, many, [_BETWEEN] * _TOGETHER, when[:2]), 5)
+    exact = field.at(field.deflection, when)
+    before = film_motion(film, signal, _BETWEEN).begin.heave
+    error = np.abs(near - exact).max() / np.ptp(np.append(exact, before))
+    branch, = specimen.membrane.branches
+    words = f"{specimen.name}, {branch.modulus / 1e6:g} MPa {branch.time:g} s"
+    share = 100 * np.abs(near / exact - 1).max()
+    print(f"{words:32s}{name:7s}{1e3 * exact_time:8.0f}{1e3 * alone:12.2f}"
+          f"{exact_time / alone:13.0f}{exact_time / (shared / _TOGETHER):10.0f}"
+          f"{100 * error:14.3f} %{share:13.3f} %", flush=True)
+    if name == "step":
+        print(f"    {film.count} shapes, {len(film.volumes)} points, made in {made:.1f} s")
+    return signal, when, exact, near
+
+
+def _swing(film: ReducedFilm) -> None:
+    """The same with the plate's inertia, for 0.5 s."""
+    signal = step(0.0, 0.9 * _HIGHEST, 0.0, 0.5)
+    case = TransientCase(film.specimen, signal, mass=_BETWEEN, inertia=True)
+    field, exact_time = _timed(lambda: history(case, Settings()), 1)
+    motion = film_motion(film, signal, _BETWEEN, inertia=True)
+    moments, alone = _timed(lambda: list(motion.moments()), 3)
+    exact = field.at(field.deflection, np.array([moment.time for moment in moments]))
+    error = np.abs(np.array([moment.heave for moment in moments]) - exact).max() / np.ptp(exact)
+    print(f"{'':32s}{'swing':7s}{1e3 * exact_time:8.0f}{1e3 * alone:12.2f}"
+          f"{exact_time / alone:13.0f}{'':10s}{100 * error:14.3f} %", flush=True)
+
+
+def _compose(drawn: dict[str, tuple[Any, Array, Array, Array]]) -> Figure:
+    """Voltage, deflection of field model and reduced film, and their difference."""
+    figure = look.new_figure(122.0)
+    pitch = (look.WIDTH - _LEFT) / len(drawn)
+    for number, (name, (signal, when, exact, near)) in enumerate(drawn.items()):
+        edge, width = _LEFT + number * pitch, pitch - _GAP
+        voltage = look.place_axes(figure, edge, 6.0, width, 18.0)
+        above, below = look.place_pair(figure, edge, 32.0, width, (45.0, 5.0, 26.0))
+        voltage.plot(np.append(0.0, when), 1e-3 * np.append(signal.first, nominal(signal, when)),
+                     color="black", linewidth=0.8)
+        above.plot(when, 1e3 * near, color=look.colour_of(1), linewidth=1.0, label="reduced")
+        above.plot(when[::25], 1e3 * exact[::25], "o", color="black", markersize=2.5,
+                   markerfacecolor="none", label="field model")
+        below.plot(when, 1e6 * (near - exact), color=look.colour_of(1), linewidth=0.8)
+        words = ("voltage (kV)", "deflection (mm)", "difference (µm)")
+        across, up, apart = words if number == 0 else ("", "", "")
+        look.describe(voltage, "", across, name, bold=True)
+        look.describe(above, "", up)
+        look.describe(below, "time (s)", apart)
+        if number == 0:
+            above.legend(loc="lower right")
+    return figure
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""Coupon tests of VHB tape, and what `tympan material fit` makes of them."""

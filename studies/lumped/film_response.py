@@ -1,0 +1,137 @@
+"""What a model with a reduced film does under a signal, sampled as all responses are."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from tympan.fem.rig import Rig, checked_load
+from tympan.geometry.errors import InputError
+from tympan.studies.lumped.model_file import LumpedModel
+from tympan.studies.lumped.reduced_film import NoBalance, ReducedFilm
+from tympan.studies.lumped.reduced_motion import ERROR, PulledIn, ReducedMoment, ReducedMotion
+from tympan.studies.lumped.sampling import in_time, last_loop
+from tympan.studies.lumped.simulate import SampledResponse, settling_time
+from tympan.studies.signals import Signal, Supplied, Together, lagging, nominal
+
+Array = NDArray[np.float64]
+
+
+def film_deflections(film: ReducedFilm, signals: Sequence[Signal], masses: Sequence[float],
+                     when: Array, rig: Rig = Rig()) -> Array:
+    """Deflections [m] at times [s] of many runs, each under a signal and a mass [kg].
+
+    Shape (runs, times); nan from where a film has pulled in. The signals must have the same breaks,
+    so that the runs share their steps: thirty cost about three.
+    """
+    motions = [film_motion(film, signal, mass, rig)
+               for signal, mass in zip(signals, masses, strict=True)]
+    return _deflections(motions, when)
+
+
+def _deflections(motions: Sequence[ReducedMotion], when: Array) -> Array:
+    first, *others = motions
+    together = first if not others else replace(
+        first, force=np.array([motion.force for motion in motions]),
+        signal=Together([motion.signal for motion in motions]))
+    try:
+        moments, stopped = _followed(together)
+    except NoBalance:
+        moments, stopped = [], 0.0
+    if stopped is not None and others:
+        half = len(motions) // 2
+        return np.concatenate([_deflections(motions[:half], when),
+                               _deflections(motions[half:], when)])
+    if len(moments) < 2:
+        return np.full((1, len(when)), np.nan)
+    time = np.array([moment.time for moment in moments])
+    heaves = np.array([moment.heave for moment in moments]).reshape(len(time), -1)
+    return np.array([in_time(time, heave, when) for heave in heaves.T])
+
+
+def _followed(motion: ReducedMotion) -> tuple[list[ReducedMoment], float | None]:
+    """The moments of a motion, and when the film pulled in [s], None where it does not."""
+    moments = list[ReducedMoment]()
+    try:
+        for moment in motion.moments():
+            moments.append(moment)
+    except PulledIn as ending:
+        return moments, ending.time
+    return moments, None
+
+
+def film_motion(film: ReducedFilm, signal: Signal, mass: float, rig: Rig = Rig(),
+                inertia: bool = False, error: float = ERROR) -> ReducedMotion:
+    """A reduced film under a nominal mass [kg] and signal on a rig; ``inertia``: its plate swings.
+
+    Raises
+    ------
+    InputError
+        When the rig has what the reduced film does not know.
+    """
+    checked_load(mass, signal.peak)
+    if any((rig.biases, rig.gas_pressure, rig.plate_pressure, rig.lag_voltage, rig.friction,
+            any(rig.weight_offset), rig.series_resistance)):
+        raise InputError("the reduced film has no bias, gas or plate pressure, lag, friction, "
+                         "weight beside the centre, resistance: take tympan transient", key="rig")
+    moved = mass + rig.unaccounted_mass + rig.added_mass
+    if inertia and moved <= 0:
+        raise InputError("must be positive where the plate swings: the film has no inertia",
+                         key="mass", given=f"{mass:g} kg")
+    return ReducedMotion(film, float(rig.force(mass)), Supplied(signal, rig), rig.spring,
+                         moved if inertia else None, rig.plate_damping, error)
+
+
+def film_response(model: LumpedModel, signal: Signal, mass: float, rig: Rig, interval: float,
+                  period: float | None = None, step: bool = False, inertia: bool = False
+                  ) -> SampledResponse:
+    """The response of a model with a film in time, sampled with an interval [s].
+
+    ``period`` is its signal's [s] if it has one; ``step`` says that the signal is a step.
+    """
+    assert model.film is not None
+    motion, name = film_motion(model.film, signal, mass, rig, inertia), model.specimen.name
+    warnings = []
+    try:
+        moments, stopped = _followed(motion)
+    except NoBalance:
+        raise InputError("must have an equilibrium under the signal's first voltage", key="mass",
+                         given=f"{mass:g} kg") from None
+    if not moments:
+        raise InputError("the film has no equilibrium at once after the mass is put on",
+                         key="mass", given=f"{mass:g} kg")
+    if stopped is not None:
+        warnings.append(f"the film pulls in after {stopped:.4g} s; lower the voltage")
+    time = np.array([moment.time for moment in moments])
+    deflection = np.array([moment.heave for moment in moments])
+    when = np.linspace(time[0], time[-1], max(2, round(time[-1] / interval) + 1))
+    sampled = in_time(time, deflection, when)
+    loop = area = None
+    if period is not None and stopped is None:
+        loop, area, open_loop = last_loop(name, signal, period, time, deflection)
+        warnings += open_loop
+    settled = settling_time(when, sampled) if step and inertia else np.nan
+    numbers = {
+        "specimen": name,
+        "mass_kg": mass,
+        "status": "done" if stopped is None else "pull_in",
+        "first_voltage_V": signal.first,
+        "first_m": float(sampled[0]),
+        "last_m": float(sampled[-1]),
+        "range_m": float(np.ptp(deflection)),
+        "settling_time_s": settled if np.isfinite(settled) else None,
+        "hysteresis_area_V_m": area,
+        "stopped_s": stopped,
+        "film_error": dict(model.film.errors),
+        "steps": len(moments),
+        "warnings": warnings,
+    }
+    shown = lagging(when, rig.reading(sampled, when), rig.sensor_lag)
+    samples = pd.DataFrame({
+        "specimen": name, "mass": mass, "run": "simulated", "t": when,
+        "voltage": nominal(signal, when), "displacement": shown})
+    return SampledResponse(numbers, samples, loop)

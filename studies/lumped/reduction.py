@@ -1,0 +1,229 @@
+"""A reduced film from a field model: from which states, with what shapes and points, how near.
+
+It is made from a few runs of the field model: the film at rest under some loads, and one motion
+there and back. How near it comes is measured on other runs, under other masses and signals.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import nnls
+
+from tympan.fem.equilibrium.ramp import equilibrium
+from tympan.fem.film.density import from_virgin, principal_stretches
+from tympan.fem.film.memory import Memory
+from tympan.fem.membrane.model import Model
+from tympan.fem.membrane.state import State
+from tympan.fem.transient.integrate import Moment, Stopped, Transient
+from tympan.geometry.errors import InputError
+from tympan.studies.lumped.reduced_film import ReducedFilm
+from tympan.studies.lumped.reduced_motion import PulledIn, ReducedMotion
+from tympan.studies.lumped.sampling import in_time
+from tympan.studies.signals import Pieces, Signal, Sine, ramp, random_steps, step
+
+Array = NDArray[np.float64]
+
+#: How long the voltage of the motion it is made from stays, in times of the slowest branch.
+_LONG = 3.0
+
+#: Of the force and the highest voltage: where the film is also looked at, at rest.
+_LIGHTER, _BETWEEN = (0.3, 0.65), (0.0, 0.7)
+
+#: The runs it is held against: shares of the highest voltage, levels and their seed, samples.
+_LOW, _HIGH, _LEVELS, _SEED, _SAMPLES = 0.05, 0.85, 5, 7, 401
+
+
+@dataclass(frozen=True)
+class ReductionSettings:
+    """How closely shapes and points stand for the states they are made from, relative.
+
+    ``shapes``: the largest part of a deformation that they leave out, over the largest; at most
+    ``most`` of them. ``points``: the part of the virtual work that they leave out.
+    """
+
+    shapes: float = 1e-4
+    points: float = 1e-4
+    most: int = 8
+
+
+@dataclass(frozen=True, eq=False)
+class Snapshot:
+    """A state of a film, and what its branches remember, None of one without."""
+
+    state: State
+    memory: Memory | None = None
+
+
+def reduced_film(model: Model, forces: Sequence[float], voltage: float, spring: float = 0.0,
+                 settings: ReductionSettings = ReductionSettings()) -> ReducedFilm:
+    """The film of a model, for forces [N] up to a voltage across it [V], and how near it comes.
+
+    ``spring``: of the model's loading, if there is one on its plate [N/m]. Made under the first
+    force, and from states at rest under all; held against the model under the last.
+
+    Raises
+    ------
+    InputError
+        When the film pulls in at such loads.
+    """
+    run = _there_and_back(model, voltage)
+    snapshots = [*_at_rest(model, forces, voltage), *_in_motion(model, forces[0], run)]
+    film = reduced(model, snapshots, settings)
+    errors = {name: error_of(film, model, forces[-1], signal, spring)
+              for name, signal in held_out(model, voltage).items()}
+    return replace(film, errors=errors)
+
+
+def _there_and_back(model: Model, voltage: float) -> Pieces:
+    length = _LONG * max(branch.time for branch in model.specimen.membrane.branches)
+    return Pieces(length * np.array([0.0, 0.0, 1.0, 1.0, 2.0]),
+                  voltage * np.array([0.0, 1.0, 1.0, 0.0, 0.0]))
+
+
+def _at_rest(model: Model, forces: Sequence[float], voltage: float) -> list[Snapshot]:
+    """Equilibria under parts of the loads, and under all."""
+    loads = [*((share * forces[0], 0.0) for share in _LIGHTER),
+             *((force, share * voltage) for force in forces for share in (*_BETWEEN, 1.0))]
+    outcomes = [equilibrium(model, *load) for load in loads]
+    return [Snapshot(outcome.state) for outcome in outcomes if outcome.status == "equilibrium"]
+
+
+def _in_motion(model: Model, force: float, signal: Signal) -> list[Snapshot]:
+    try:
+        return [Snapshot(moment.state, moment.memory)
+                for moment in _field_motion(model, force, signal)]
+    except Stopped as ending:
+        raise InputError(f"the film pulls in after {ending.time:.4g} s at the highest voltage: "
+                         "take a lower one", key="voltage",
+                         given=f"{signal.peak / 1e3:.5g} kV") from None
+
+
+def _field_motion(model: Model, force: float, signal: Signal) -> list[Moment]:
+    """The field model's moments; relaxed under force and first voltage, or mounted and flat."""
+    film, state = model.specimen.membrane, model.mounted()
+    if film.mounted is None:
+        outcome = equilibrium(model, force, signal.first)
+        if outcome.status != "equilibrium":
+            raise Stopped("pull_in", 0.0)
+        state = outcome.state
+        memory = Memory.relaxed(film, from_virgin(model.cauchy_green(state.positions),
+                                                  film.prestretch))
+    else:
+        memory = Memory.mounted(film, model.volumes.shape)
+    return list(Transient(model, force, signal).moments(state, memory))
+
+
+def held_out(model: Model, voltage: float) -> dict[str, Signal]:
+    """Signals that it is held against, by name; as long as the branches' times say."""
+    times = [branch.time for branch in model.specimen.membrane.branches]
+    slow, middle = max(times), float(np.exp(np.mean(np.log(times))))
+    low, high = _LOW * voltage, _HIGH * voltage
+    return {"step": step(low, high, 0.0, slow),
+            "sine": Sine((low + high) / 2, (high - low) / 2, middle, 2.0),
+            "ramp": ramp(low, voltage, 2 * slow),
+            "random": random_steps(low, voltage, middle / 2, _LEVELS, _SEED)}
+
+
+def error_of(film: ReducedFilm, model: Model, force: float, signal: Signal, spring: float = 0.0
+             ) -> float:
+    """The largest error of the deflection under a force [N] and a signal, over the field's range.
+
+    The range includes the deflection before the signal begins. Infinite where a film pulls in.
+    """
+    when = np.linspace(float(signal.breaks[0]), float(signal.breaks[-1]), _SAMPLES)
+    motion = ReducedMotion(film, force, signal, spring)
+    try:
+        field, moments = _field_motion(model, force, signal), list(motion.moments())
+    except (Stopped, PulledIn):
+        return float("inf")
+    exact = in_time(np.array([moment.time for moment in field]),
+                    np.array([moment.state.plate.deflection for moment in field]), when)
+    near = in_time(np.array([moment.time for moment in moments]),
+                   np.array([moment.heave for moment in moments]), when)
+    before = motion.begin.heave
+    return float(np.abs(near - exact).max() / np.ptp(np.append(exact, before)))
+
+
+def reduced(model: Model, snapshots: Sequence[Snapshot],
+            settings: ReductionSettings = ReductionSettings()) -> ReducedFilm:
+    """The film of a model, reduced to what its snapshots do."""
+    mesh = model.discretisation
+    volumes = model.volumes.ravel() * mesh.mirrored
+    covered = np.broadcast_to(mesh.covered, model.volumes.shape).ravel()
+    flat = mesh.deformation(mesh.reference)
+    moved = np.array([(mesh.deformation(snapshot.state.positions) - flat).reshape(-1, 3, 2)
+                      for snapshot in snapshots])
+    heave = np.array([snapshot.state.plate.deflection for snapshot in snapshots])
+    gradients = _shapes(moved, heave, volumes, settings)
+    whole = ReducedFilm(model.specimen, volumes, covered, gradients)
+    squared = max(snapshot.state.voltage_squared for snapshot in snapshots)
+    works = np.concatenate([_works(whole, model, snapshot, squared) for snapshot in snapshots])
+    weights = _cubature(works, volumes, settings.points)
+    kept = np.flatnonzero(weights)
+    return ReducedFilm(model.specimen, weights[kept], covered[kept], gradients[:, kept])
+
+
+def _shapes(moved: Array, heave: Array, volumes: Array, settings: ReductionSettings) -> Array:
+    """∂φ/∂X of the heave's shape and of those that the snapshots deviate by from it."""
+    first = np.tensordot(heave, moved, 1) / (heave @ heave)
+    root = np.sqrt(volumes)[:, None, None]
+    apart = (moved - np.multiply.outer(heave, first)) * root
+    _, sizes, rows = np.linalg.svd(apart.reshape(len(moved), -1), full_matrices=False)
+    largest = np.sqrt(((moved * root) ** 2).sum((1, 2, 3)).max())
+    count = min(int((sizes > settings.shapes * largest).sum()), settings.most - 1)
+    # As large as the heave's shape, so that all q are alike.
+    unit = np.linalg.norm(first * root)
+    others = unit * rows[:count].reshape(count, *first.shape) / root
+    return np.concatenate([first[None], others])
+
+
+def _works(film: ReducedFilm, model: Model, snapshot: Snapshot, voltage_squared: float) -> Array:
+    """What each point of the model adds to what those kept are to reproduce, shape (rows, points).
+
+    The virtual work of law, voltage and branches in each shape apart, the capacitance, the volume.
+    Rows are relative to what they would be if nothing in them cancelled.
+    """
+    c = model.cauchy_green(snapshot.state.positions)
+    at_rest = _stress(model, c)
+    stresses = [at_rest, _stress(model, c, voltage_squared) - at_rest]
+    if snapshot.memory is not None:
+        flow = snapshot.memory.step(from_virgin(c, model.specimen.membrane.prestretch), 0.0)
+        stresses.append(_stress(replace(model, flow=flow), c) - at_rest)
+    slope = _slopes(film, model.discretisation.deformation(snapshot.state.positions))
+    rows = [np.einsum("kip,pi->kp", slope, stress) for stress in stresses]
+    stretches = principal_stretches(c, model.specimen.membrane.prestretch)
+    charged = model.density(1.0).maxwell.derivatives(*stretches)[0].ravel()
+    works = np.concatenate([*rows, charged[None], np.ones((1, len(charged)))]) * film.volumes
+    sizes = np.abs(works).sum(1)
+    return np.asarray(works[sizes > 0] / sizes[sizes > 0, None])
+
+
+def _stress(model: Model, c: Any, voltage_squared: float = 0.0) -> Array:
+    """S of the film at the model's points [Pa], shape (points, 3)."""
+    return np.asarray(model.density(voltage_squared)(c, tangent=False).stress).reshape(-1, 3)
+
+
+def _slopes(film: ReducedFilm, f: Array) -> Array:
+    """∂E/∂q in Voigt form at F, shape (shapes, 3, points)."""
+    along, across = f.reshape(-1, 3, 2).transpose(2, 0, 1)
+    first, second = film.gradients[..., 0], film.gradients[..., 1]
+    return np.stack([(first * along).sum(-1), (second * across).sum(-1),
+                     (first * across + second * along).sum(-1)], 1)
+
+
+def _cubature(works: Array, volumes: Array, precision: float) -> Array:
+    """Volumes of few points that give the sums of all rows, 0 at the others, shape (points,).
+
+    Non-negative least squares on the rows' principal directions: as many points, at most, as there
+    are of these.
+    """
+    _, sizes, rows = np.linalg.svd(works, full_matrices=False)
+    count = int((sizes > precision * sizes[0]).sum())
+    matrix = sizes[:count, None] * rows[:count]
+    shares, _ = nnls(matrix, matrix.sum(1), maxiter=50 * count)
+    return np.asarray(shares * volumes)

@@ -1,0 +1,45 @@
+"""Motions in steps as samples: values at even times, the last period of a loop."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from tympan.fem.transient.dense_output import curve
+from tympan.studies.signals import Signal, nominal
+
+Array = NDArray[np.float64]
+
+#: A loop that drifts by less than this share of its range counts as closed; points of a loop.
+_CLOSED, _POINTS = 0.01, 401
+
+
+def in_time(time: Array, values: Array, when: Array) -> Array:
+    """Values at some times [s] of those at others, where a time that stands twice is a jump.
+
+    By cubic splines between the jumps; at a jump what comes after it. Nan beyond the last.
+    """
+    starts = np.flatnonzero(np.diff(time) == 0) + 1
+    result = np.full(len(when), np.nan)
+    for begin, end in zip([0, *starts], [*starts, len(time)], strict=True):
+        times, last = time[begin:end], end == len(time)
+        within = (when >= times[0]) & ((when < times[-1]) | (last & (when <= times[-1])))
+        result[within] = curve(times, values[begin:end])(when[within])
+    return result
+
+
+def last_loop(name: str, signal: Signal, period: float, time: Array, deflection: Array
+              ) -> tuple[pd.DataFrame, float, list[str]]:
+    """The last period [s] of a motion, ∮ y du [V m], and a warning where it does not close.
+
+    The area is positive where the deflection lags behind.
+    """
+    when = np.linspace(time[-1] - period, time[-1], _POINTS)
+    u, y = nominal(signal, when), in_time(time, deflection, when)
+    warnings = []
+    if abs(y[-1] - y[0]) > _CLOSED * np.ptp(y):
+        warnings.append(f"the last period ends {1e6 * (y[-1] - y[0]):+.3g} um from where it "
+                        "began: the film still creeps; more periods (--count) close the loop")
+    area = float(-np.sum((y[1:] + y[:-1]) / 2 * np.diff(u)))
+    return pd.DataFrame({"specimen": name, "voltage": u, "deflection": y}), area, warnings

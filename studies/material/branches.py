@@ -1,0 +1,440 @@
+"""Laws with viscous branches fitted to coupon tests in time.
+
+Stress is linear in the moduli of branches as in a law's linear constants; the times are found as a
+law's shape constants are, from the best of all choices on a grid. How many branches there are is
+chosen by runs held out: all of one stretch level, or all of one rate, never single readings.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import combinations
+from math import comb
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tympan.geometry.errors import InputError
+from tympan.geometry.specimen import ViscousBranch
+from tympan.studies.data.coupon import Coupons
+from tympan.studies.estimation.correlation import CorrelatedNoise
+from tympan.studies.estimation.identifiability import Noise, profile
+from tympan.studies.estimation.least_squares import LeastSquares, minima, seeded_starts
+from tympan.studies.material.families import FAMILIES, Family, largest_excess
+from tympan.studies.material.fit import (
+    NOTES,
+    LawFit,
+    Limits,
+    judged,
+    named_family,
+    open_constants,
+)
+from tympan.studies.material.relaxation import BranchStress
+
+Array = NDArray[Any]
+
+#: Most branches tried.
+MOST_BRANCHES = 4
+#: Times per factor e of the search; from how many of its best choices a fit begins, if the law has
+#: no shape constants to begin from.
+_COARSE, _BEST = 1.2, 3
+#: Searches per shape constant of a law, of all readings and without held-out runs.
+_STARTS, _FEWER = 10, 6
+#: Stretch levels (over 1), loads and rates that differ by less than these factors are the same.
+_SAME_LEVEL, _SAME_RATE = 1.15, 1.25
+#: A stress, or a stretch over its level, that varies by less than this share is held.
+_STEADY = 0.02
+#: A run that leaves its virgin length by less is not stretched.
+_UNSTRETCHED = 1e-6
+#: Stress in a search is in units of so much of the readings.
+_FINE = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class BranchFit:
+    """A law at rest and the branches beside it, fitted together.
+
+    ``values`` are the moduli [Pa] and times [s] of the branches, ``limits`` their 95 % limits, None
+    where the tests set none; the law's own are in ``law``, whose ``held_out`` is by stretch level
+    and rate. ``foretold`` is the root mean square error [Pa] over these, each counting alike, None
+    where nothing could be held out; ``tried`` is that by number of branches. ``correlation`` of
+    neighbouring residuals. ``stress`` and ``half``: what is predicted in the readings and half its
+    95 % band, linearised [Pa].
+    """
+
+    law: LawFit
+    values: Array
+    limits: tuple[Limits, ...]
+    foretold: float | None
+    correlation: float
+    stress: Array
+    half: Array
+    tried: dict[int, float | None]
+
+    @property
+    def count(self) -> int:
+        """Number of branches."""
+        return len(self.values) // 2
+
+    @property
+    def branches(self) -> tuple[ViscousBranch, ...]:
+        """The branches that pull at all, the fastest first."""
+        pairs = zip(*np.split(self.values, 2), strict=True)
+        return tuple(ViscousBranch(float(modulus), float(time)) for modulus, time in pairs
+                     if modulus > 0)
+
+    def json(self) -> dict[str, Any]:
+        """As a JSON object: as that of a law, and what is of the branches."""
+        moduli, times = ([{"value": float(value), "low": low, "high": high, "unit": unit}
+                          for value, (low, high) in pairs]
+                         for unit, pairs in zip(("Pa", "s"), self._halves, strict=True))
+        return self.law.json() | {
+            "branches": [{"modulus": modulus, "time": time}
+                         for modulus, time in zip(moduli, times, strict=True)],
+            "held_out_Pa": self.foretold, "correlation": self.correlation,
+            "held_out_Pa_by_branches": {str(count): value for count, value in self.tried.items()}}
+
+    @property
+    def _halves(self) -> list[list[tuple[float, Limits]]]:
+        pairs = list(zip(self.values.tolist(), self.limits, strict=True))
+        return [pairs[:self.count], pairs[self.count:]]
+
+
+def compare_in_time(coupons: Coupons, names: Sequence[str] | None = None,
+                    noise: float | None = None, branches: int | None = None
+                    ) -> tuple[BranchFit, ...]:
+    """Fits of laws with branches, the one that foretells held-out runs best first.
+
+    Of all laws with at most one shape constant if none is named (branches leave little for more),
+    each with the number of branches that held-out runs choose unless it is given. ``noise`` is the
+    standard deviation of a reading [Pa], estimated where None.
+
+    Raises
+    ------
+    InputError
+        When a name is unknown, times do not ascend or the readings are too few.
+    """
+    if np.abs(coupons.stretch - 1).max() < _UNSTRETCHED:
+        raise InputError("none of the readings is stretched", key="stretch",
+                         given=coupons.stretch_range[1])
+    stress = BranchStress.of(coupons)
+    simple = (name for name, family in FAMILIES.items() if len(family.shape) < 2)
+    families = [named_family(name, len(coupons), 2 * (branches or 0))
+                for name in dict.fromkeys(names or simple)]
+    fits = [_chosen(TimedTests(coupons, stress, family), noise, branches) for family in families]
+    return tuple(sorted(fits, key=lambda fit: fit.foretold or fit.law.rmse))
+
+
+def branch_lines(branches: Sequence[ViscousBranch]) -> str:
+    """The ``[[membrane.branch]]`` tables of a specimen file.
+
+    Examples
+    --------
+    >>> print(branch_lines([ViscousBranch(31.2e3, 6.5)]), end="")
+    <BLANKLINE>
+    [[membrane.branch]]
+    modulus = "31.2 kPa"
+    time = "6.5 s"
+    """
+    return "".join(f'\n[[membrane.branch]]\nmodulus = "{branch.modulus / 1e3:.10g} kPa"\n'
+                   f'time = "{branch.time:.10g} s"\n' for branch in branches)
+
+
+def held_out_groups(coupons: Coupons) -> dict[str, Array]:
+    """Masks of the readings held out together: runs of a stretch level, of a rate, of a creep load.
+
+    Of a kind of which there is one group only, none: nothing of it would remain.
+    """
+    levels, rates, loads = {}, {}, {}
+    for name, run in coupons.timed_runs.items():
+        stretch, stress = coupons.stretch[run], coupons.stress[run]
+        level = float(np.abs(stretch - 1).max())
+        if level < _UNSTRETCHED:
+            continue
+        if np.ptp(stress) < _STEADY * np.abs(stress).max():
+            loads[name] = float(np.mean(stress))
+            continue
+        levels[name] = level
+        if np.ptp(stretch) > _STEADY * level:
+            rates[name] = _rate(coupons.time[run], stretch)
+    groups = _alike(levels, _SAME_LEVEL, lambda size: f"stretch level {1 + size:.3g}")
+    groups |= _alike(rates, _SAME_RATE, lambda size: f"rate {size:.2g}/s")
+    groups |= _alike(loads, _SAME_LEVEL, lambda size: f"creep under {size / 1e3:.3g} kPa")
+    masks = {}
+    for label, members in groups.items():
+        masks[label] = np.zeros(len(coupons), bool)
+        masks[label][np.concatenate([coupons.timed_runs[name] for name in members])] = True
+    return masks
+
+
+def _rate(time: Array, stretch: Array) -> float:
+    """Mean rate of stretching along the path [1/s], whatever rests there are."""
+    steps, path = np.diff(time), np.abs(np.diff(stretch))
+    moving = steps > 0
+    return float(np.sum(path[moving] ** 2 / steps[moving]) / max(path[moving].sum(), 1e-300))
+
+
+def _alike(sizes: dict[str, float], factor: float, label: Any) -> dict[str, list[str]]:
+    """Runs of about the same size, by the label of its mean; none if all are."""
+    order = sorted(sizes, key=lambda name: sizes[name])
+    groups: list[list[str]] = []
+    for name in order:
+        if groups and sizes[name] <= factor * sizes[groups[-1][-1]]:
+            groups[-1].append(name)
+        else:
+            groups.append([name])
+    if len(groups) < 2:
+        return {}
+    return {label(float(np.mean([sizes[name] for name in group]))): group for group in groups}
+
+
+@dataclass(frozen=True, eq=False)
+class TimedTests:
+    """Readings and a law to fit to those in ``rows``, with branches whose stress is looked up.
+
+    Unknowns are the law's linear constants [Pa], its shape constants, moduli [Pa] and logarithms
+    of times [s] of branches.
+    """
+
+    coupons: Coupons
+    stress: BranchStress
+    family: Family
+    rows: Any = ...
+
+    @cached_property
+    def _stretches(self) -> tuple[Array, Array]:
+        l1, l2 = self.coupons.in_plane
+        return l1[self.rows], l2[self.rows]
+
+    @cached_property
+    def read(self) -> Array:
+        """Stress as read [Pa], shape (rows,)."""
+        return np.asarray(self.coupons.stress[self.rows])
+
+    @cached_property
+    def size(self) -> float:
+        """Root mean square stress [Pa]."""
+        return float(np.sqrt(np.mean(self.read**2))) or 1.0
+
+    @property
+    def laws(self) -> int:
+        """Number of the law's constants."""
+        return len(self.family.constants)
+
+    def names(self, count: int) -> list[str]:
+        """Of the unknowns with a number of branches."""
+        numbers = range(1, count + 1)
+        return [*self.family.constants, *(f"branch {number} modulus" for number in numbers),
+                *(f"branch {number} time" for number in numbers)]
+
+    def units(self, count: int) -> list[str]:
+        """Of the unknowns, times themselves instead of their logarithms."""
+        return (["Pa"] * len(self.family.linear) + ["1"] * len(self.family.shape)
+                + ["Pa"] * count + ["s"] * count)
+
+    def natural(self, values: Array) -> Array:
+        """The unknowns, times themselves instead of their logarithms."""
+        law, moduli, times = self._split(values)
+        return np.concatenate([law, moduli, np.exp(times)])
+
+    def predict(self, values: Array) -> Array:
+        """Nominal stress [Pa]."""
+        law, moduli, times = self._split(values)
+        return np.asarray(self.family.stress(*self._stretches, law)
+                          + self.stress.columns(times)[self.rows] @ moduli)
+
+    def jacobian(self, values: Array) -> Array:
+        """Its derivative by the unknowns."""
+        law, moduli, times = self._split(values)
+        return np.hstack([self.family.jacobian(*self._stretches, law),
+                          self.stress.columns(times)[self.rows],
+                          self.stress.slopes(times)[self.rows] * moduli])
+
+    def residual(self, values: Array) -> Array:
+        """Predicted minus read stress [Pa]."""
+        return self.predict(values) - self.read
+
+    def problem(self, count: int, unit: float) -> LeastSquares:
+        """Least squares for a number of branches, stress in units of ``unit`` [Pa]."""
+        linear, shaped = len(self.family.linear), len(self.family.shape)
+        least, most = self.family.bounds(largest_excess(*self.coupons.in_plane))
+        fast, slow = self.stress.bounds
+        low = [-np.inf] * linear + [least] * shaped + [0.0] * count + [fast] * count
+        high = [np.inf] * (linear) + [most] * shaped + [np.inf] * count + [slow] * count
+        return LeastSquares.of(
+            lambda values: (self.residual(values) / unit, self.jacobian(values) / unit),
+            np.array(low), np.array(high), tuple(range(linear)))
+
+    def best(self, count: int, starts: int) -> Array:
+        """The best minimum with a number of branches, these in order of their times."""
+        shaped = len(self.family.shape)
+        least, most = self.family.starts(largest_excess(*self.coupons.in_plane))
+        shapes = seeded_starts(least, most, shaped, starts * max(1, shaped))
+        each = _BEST if len(shapes) == 1 else 1
+        begin = np.array([values for shape in shapes
+                          for values in self._scanned(count, shape, each)])
+        ends = minima(self.problem(count, _FINE * self.size), begin)
+        law, moduli, times = self._split(ends[0])
+        order = np.argsort(times)
+        return np.concatenate([self.family.ordered(law), moduli[order], times[order]])
+
+    def _split(self, values: Array) -> tuple[Array, Array, Array]:
+        law, branches = np.split(values, [self.laws])
+        moduli, times = np.split(branches, 2)
+        return law, moduli, times
+
+    def _scanned(self, count: int, shape: Array, best: int) -> Iterator[Array]:
+        """Unknowns of so many of the best choices of times on a grid."""
+        linear = len(self.family.linear)
+        fast, slow = self.stress.bounds
+        grid = np.linspace(fast, slow, max(int(_COARSE * (slow - fast)), count) + 2)[1:-1]
+        columns = np.hstack([self.family.columns(*self._stretches, shape),
+                             self.stress.columns(grid)[self.rows]])
+        scale = np.linalg.norm(columns, axis=0)
+        scale = np.where(scale > 0, scale, 1.0)
+        columns = columns / scale
+        products, against = columns.T @ columns, columns.T @ self.read
+        choices = np.array(list(combinations(range(len(grid)), count)), int)
+        choices = choices.reshape(comb(len(grid), count), count)
+        every = np.hstack([np.tile(np.arange(linear), (len(choices), 1)), linear + choices])
+        # A trace on the diagonal keeps choices alive that the readings cannot tell apart.
+        matrix = products[every[:, :, None], every[:, None, :]] + 1e-10 * np.eye(linear + count)
+        linears = np.linalg.solve(matrix, against[every][..., None])[..., 0]
+        cost = self.read @ self.read - np.sum(against[every] * linears, axis=1)
+        cost = np.where((linears[:, linear:] > 0).all(axis=1), cost, np.inf)
+        for index in np.argsort(cost)[:best]:
+            constants = np.maximum(linears[index] / scale[every[index]],
+                                   np.where(np.arange(linear + count) < linear, -np.inf, 0.0))
+            yield np.concatenate([constants[:linear], shape, constants[linear:],
+                                  grid[choices[index]]])
+
+
+def _chosen(tests: TimedTests, noise: float | None, branches: int | None) -> BranchFit:
+    """With the fewest branches that foretell held-out runs as well as any number tried.
+
+    That is within one standard error of the least mean square (Breiman, Friedman, Olshen and Stone,
+    *Classification and Regression Trees*, 1984, §3.4.3).
+    """
+    groups = held_out_groups(tests.coupons)
+    if branches is None and not groups:
+        return _by_criterion([fit_branches(tests, count, noise) for count in _counts(tests)])
+    counts = _counts(tests) if branches is None else range(branches, branches + 1)
+    errors = {count: _held_out(tests, count, groups) for count in counts}
+    foretold = {count: _overall(error) for count, error in errors.items()}
+    overall = {count: error for count, error in foretold.items() if error is not None}
+    chosen = max(counts)
+    if overall:
+        best = min(overall, key=lambda count: overall[count])
+        squares = np.square([error for error in errors[best].values() if error is not None])
+        enough = np.sqrt(squares.mean() + squares.std(ddof=1) / len(squares) ** 0.5)
+        chosen = next(count for count, error in overall.items() if error <= enough)
+    return replace(fit_branches(tests, chosen, noise, errors[chosen]), foretold=foretold[chosen],
+                   tried=foretold)
+
+
+def _counts(tests: TimedTests) -> range:
+    """Numbers of branches to try: no more constants than a third of the readings."""
+    most = (len(tests.read) // 3 - tests.laws) // 2
+    return range(max(min(MOST_BRANCHES, most), 0) + 1)
+
+
+def _by_criterion(fits: Sequence[BranchFit]) -> BranchFit:
+    """Where nothing can be held out: by Akaike's corrected criterion.
+
+    Readings count as as many as are independent beside the most branches.
+    """
+    last = fits[-1]
+    count = len(last.stress) * (1 - last.correlation) / (1 + last.correlation)
+
+    def criterion(fit: BranchFit) -> float:
+        constants = len(fit.law.values) + len(fit.values) + 1
+        spare = count - constants - 1
+        least = 1e-9 * np.abs(fit.stress).max()
+        misfit = 2 * count * np.log(max(fit.law.rmse, least))
+        return float(misfit + 2 * constants * count / spare if spare > 0 else np.inf)
+
+    best = min(fits, key=criterion)
+    notes = (*best.law.notes, NOTES["nothing_held_out"])
+    return replace(best, law=replace(best.law, notes=notes))
+
+
+def _overall(errors: dict[str, float | None]) -> float | None:
+    values = [np.nan if error is None else error for error in errors.values()]
+    overall = float(np.sqrt(np.mean(np.square(values)))) if values else np.nan
+    return overall if np.isfinite(overall) else None
+
+
+def _held_out(tests: TimedTests, count: int, groups: dict[str, Array]) -> dict[str, float | None]:
+    """Root mean square error [Pa] on each group after a fit to the others."""
+    errors: dict[str, float | None] = {}
+    for label, tested in groups.items():
+        values = replace(tests, rows=~tested).best(count, _FEWER)
+        missed = replace(tests, rows=tested).residual(values)
+        errors[label] = float(np.sqrt(np.mean(missed**2))) if np.isfinite(missed).all() else None
+    return errors
+
+
+def fit_branches(tests: TimedTests, count: int, noise: float | None = None,
+                 errors: Mapping[str, float | None] | None = None) -> BranchFit:
+    """Fit a law with a number of branches; ``errors`` are those of held-out runs [Pa]."""
+    values = tests.best(count, _STARTS)
+    residual, jacobian = tests.residual(values), tests.jacobian(values)
+    # Exact readings have the noise of rounding.
+    floor = 1e-9 * tests.size
+    seen = np.where(np.abs(residual) > floor, residual, floor)
+    errors_of = CorrelatedNoise.of(jacobian, seen, list(tests.coupons.series.values()), noise)
+    natural = tests.natural(values)
+    limits = _limits(tests, values, errors_of)
+    law = _law_at_rest(tests, natural, limits, errors_of, residual, jacobian, errors or {})
+    notes = (*open_constants(tests.names(count), tests.units(count), natural, limits,
+                             errors_of.covariance), *_notes(tests.coupons, law, errors_of))
+    return BranchFit(law=replace(law, notes=notes), values=natural[tests.laws:],
+                     limits=limits[tests.laws:], foretold=None,
+                     correlation=errors_of.correlation, stress=tests.predict(values),
+                     half=errors_of.quantile * errors_of.deviations(jacobian), tried={})
+
+
+def _limits(tests: TimedTests, values: Array, noise: CorrelatedNoise) -> tuple[Limits, ...]:
+    """95 % limits by profiles, as wide as correlated errors make them; none without meaning."""
+    count = (len(values) - tests.laws) // 2
+    if judged(tests.family, values[:tests.laws], tests.coupons)[1] is None:
+        return ((None, None),) * len(values)
+    problem, limits = tests.problem(count, noise.sigma), []
+    for index, widening in enumerate(noise.widening):
+        line = profile(problem, values, index, noise.quantile * widening)
+        low, high = line.low, line.high
+        if index >= tests.laws + count:
+            low, high = (None if end is None else float(np.exp(end)) for end in (low, high))
+        limits.append((low, high))
+    return tuple(limits)
+
+
+def _law_at_rest(tests: TimedTests, values: Array, limits: tuple[Limits, ...],
+                 noise: CorrelatedNoise, residual: Array, jacobian: Array,
+                 errors: Mapping[str, float | None]) -> LawFit:
+    law = slice(0, tests.laws)
+    _, material, failing = judged(tests.family, values[law], tests.coupons)
+    mean = float(residual @ residual) / len(residual)
+    independent = len(residual) * (1 - noise.correlation) / (1 + noise.correlation)
+    lengths = np.linalg.norm(jacobian, axis=0)
+    condition = np.linalg.cond(jacobian / lengths) if lengths.all() else np.inf
+    return LawFit(
+        family=tests.family, material=material, values=values[law], limits=limits[law],
+        covariance=noise.covariance[law, law], noise=Noise(noise.sigma, noise.quantile),
+        rmse=mean**0.5,
+        criterion=float(independent * np.log(max(mean, 1e-300)) + 2 * (len(values) + 1)),
+        condition=float(min(condition, 1e300)), held_out=dict(errors),
+        range=tests.coupons.stretch_range, inadmissible=failing)
+
+
+def _notes(coupons: Coupons, law: LawFit, noise: CorrelatedNoise) -> Iterator[str]:
+    if law.material is None:
+        yield NOTES["no_meaning"]
+    if law.inadmissible is not None:
+        yield NOTES["inadmissible"].format(at=law.inadmissible, range=law.range)
+    if noise.correlation > 0.5:
+        yield NOTES["alike"].format(correlation=noise.correlation,
+                                    readings=len(coupons), independent=round(noise.freedom))

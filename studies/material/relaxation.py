@@ -1,0 +1,187 @@
+"""What viscous branches pull with in coupon tests, by their time: integrated once, then looked up.
+
+The stretches of a test are known (of a creep test those it was read at), so what a branch pulls
+with is its modulus times what its time alone determines. That is computed here for times on a
+logarithmic grid, all tests and all times in one march, and is smooth between them: a fit that asks
+for any time gets it, with its derivative, from a spline.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import BSpline, make_interp_spline
+
+from tympan.fem.film.laws import NeoHooke
+from tympan.fem.film.memory import Memory
+from tympan.geometry.specimen import Film, ViscousBranch
+from tympan.studies.data.coupon import MODES, Coupons
+
+Array = NDArray[Any]
+#: Of every step its duration [s] and the stretch at its end; of every reading the step it ends.
+March = tuple[Array, Array, Array]
+
+#: Times per factor e of the grid, and the degree of the spline between them.
+_DENSITY, _DEGREE = 5.0, 5
+#: Shortest time of a branch over the shortest interval between readings that strain the film, and
+#: longest over the longest test: beyond, it is one with no branch or with the law.
+_SHORTEST, _SLOWEST = 0.3, 3.0
+#: Least shortest time over the longest, whatever readings stand as good as together.
+_SPAN = 1e-9
+#: Largest change of a stretch's logarithm in a step, and the largest error of a step's end over the
+#: size of the stress before extrapolation, which takes away all but its square; so many halvings.
+_LARGEST, _EXACT, _HALVINGS = 0.05, 5e-5, 6
+#: Where the rate of stretching changes by more than this factor, steps begin small.
+_TURN = 1.5
+
+
+@dataclass(frozen=True, eq=False)
+class BranchStress:
+    """Nominal stress of branches of unit modulus in the readings of coupons.
+
+    ``spline`` goes from the logarithm of a time [s] to readings, shape (readings,); it is 0 in
+    readings without time, which are taken at rest. ``error`` is the integration's, over the largest
+    stress.
+    """
+
+    spline: BSpline
+    error: float
+
+    @classmethod
+    def of(cls, coupons: Coupons, shortest: float | None = None, longest: float | None = None
+           ) -> BranchStress:
+        """From times ``shortest`` to ``longest`` [s], by default those the tests may see."""
+        fast, slow = time_range(coupons)
+        low, high = np.log(shortest or fast), np.log(longest or slow)
+        count = max(int(_DENSITY * (high - low)) + 2, _DEGREE + 2)
+        grid = np.linspace(low, high, count)
+        stress, error = integrate_branches(coupons, np.exp(grid))
+        return cls(make_interp_spline(grid, stress.T, _DEGREE), error)
+
+    @property
+    def bounds(self) -> tuple[float, float]:
+        """Logarithms of the shortest and the longest time."""
+        return float(self.spline.t[0]), float(self.spline.t[-1])
+
+    @cached_property
+    def _slope(self) -> BSpline:
+        return self.spline.derivative()
+
+    def columns(self, log_times: Array) -> Array:
+        """Stress over modulus at logarithms of times, shape (readings, branches)."""
+        return np.asarray(self.spline(log_times)).T
+
+    def slopes(self, log_times: Array) -> Array:
+        """Derivative of the columns by the logarithms, shape (readings, branches)."""
+        return np.asarray(self._slope(log_times)).T
+
+
+def time_range(coupons: Coupons) -> tuple[float, float]:
+    """Shortest and longest time of a branch that tests may see [s]."""
+    intervals, ends = [], []
+    for part in coupons.timed_runs.values():
+        time = np.append(0.0, coupons.time[part])
+        steps = np.diff(time)
+        intervals.append(steps[steps > 0].min(initial=np.inf))
+        ends.append(time[-1])
+    fast, slow = _SHORTEST * float(min(intervals)), _SLOWEST * float(max(ends))
+    return max(fast, _SPAN * slow), slow
+
+
+def integrate_branches(coupons: Coupons, times: Array) -> tuple[Array, float]:
+    """Stress over modulus of branches of these times [s], shape (readings, times), and its error.
+
+    A test's film is unstretched before its time 0, stretched at once there to its first reading,
+    and evenly between readings. Steps are of second order and extrapolated from halving them, which
+    is repeated until that changes little; the error, over the largest stress, is of what is not
+    extrapolated.
+    """
+    runs = list(coupons.timed_runs.values())
+    coarse = _marched(coupons, runs, times, 1)
+    for halving in range(1, _HALVINGS + 1):
+        fine = _marched(coupons, runs, times, 2**halving)
+        error = float(np.abs(fine - coarse).max() / max(np.abs(fine).max(), 1e-300)) / 3
+        result, coarse = fine + (fine - coarse) / 3, fine
+        if error < _EXACT:
+            break
+    return result, error
+
+
+def _marched(coupons: Coupons, runs: list[Array], times: Array, fineness: int) -> Array:
+    """By so many parts of every step, all tests side by side, the shorter ones waiting."""
+    marches = [_march(coupons, run, float(times.min()), fineness) for run in runs]
+    durations, along = (np.stack(padded, axis=1) for padded in _side_by_side(marches))
+    powers = np.array([MODES[str(coupons.mode[run[0]])] for run in runs])
+    across = along**powers
+    memory = Memory.relaxed(_unit_film(times), (*np.ones((2, len(runs))), np.zeros(len(runs))))
+    pull = np.empty((len(along), len(times), len(runs)))
+    before = _strain(np.ones(len(runs)), np.ones(len(runs)))
+    for row, duration in enumerate(durations):
+        now = _strain(along[row], across[row])
+        memory = memory.step(before, duration).after(now)
+        before = now
+        pull[row] = (along[row] / memory.viscous[0]
+                     - 1 / (along[row] ** 3 * across[row] ** 2 * memory.viscous[3]))
+    result = np.zeros((len(coupons), len(times)))
+    for number, (run, (_, _, ends)) in enumerate(zip(runs, marches, strict=True)):
+        result[run] = pull[ends, :, number]
+    return result
+
+
+def _side_by_side(marches: list[March]) -> tuple[list[Array], list[Array]]:
+    """Durations and stretches of equal lengths: a test that is over stays as it is."""
+    length = max(len(durations) for durations, *_ in marches)
+    return ([np.pad(durations, (0, length - len(durations))) for durations, *_ in marches],
+            [np.pad(along, (0, length - len(along)), "edge") for _, along, _ in marches])
+
+
+def _march(coupons: Coupons, run: Array, shortest: float, fineness: int) -> March:
+    """Steps of a test: their durations [s], the stretch at their ends, which ends are readings.
+
+    The first one is the sudden stretch at time 0.
+    """
+    time, stretch = np.append(0.0, coupons.time[run]), coupons.stretch[run]
+    stretch = np.append(stretch[0], stretch)
+    durations, along, ends = [np.zeros(1)], [stretch[:1]], []
+    rate, last = np.inf, 0
+    for duration, begin, end in zip(np.diff(time), stretch, stretch[1:], strict=False):
+        turned, rate = rate, (end - begin) / duration if duration > 0 else np.inf
+        shares = _shares(np.log(end / begin), duration / shortest if _turns(turned, rate) else 0.0,
+                         fineness)
+        durations.append(np.diff(shares) * duration)
+        along.append(begin + shares[1:] * (end - begin))
+        last += len(shares) - 1
+        ends.append(last)
+    return np.concatenate(durations), np.concatenate(along), np.array(ends)
+
+
+def _turns(before: float, after: float) -> bool:
+    """Whether the rate of stretching changes much."""
+    small, large = sorted((abs(before), abs(after)))
+    return (before < 0) != (after < 0) or large > _TURN * small
+
+
+def _shares(change: float, slowness: float, fineness: int) -> Array:
+    """From 0 to 1, the shares of an interval at which its steps end.
+
+    After a change of rate, steps double from the shortest time of a branch on.
+    """
+    halvings = int(np.ceil(np.log2(max(slowness, 1.0))))
+    ends = np.append(0.0, 2.0 ** -np.arange(halvings, -1, -1))
+    parts = fineness * max(1, int(np.ceil(abs(change) / _LARGEST)))
+    within = ends[:-1, None] + np.diff(ends)[:, None] * np.arange(parts) / parts
+    return np.append(within, 1.0)
+
+
+def _unit_film(times: Array) -> Film:
+    """A film of branches of unit modulus, not stretched."""
+    branches = tuple(ViscousBranch(1.0, time) for time in times.tolist())
+    return Film(1e-3, (1.0, 1.0), NeoHooke(1.0), 1.0, branches=branches)
+
+
+def _strain(along: Array, across: Array) -> tuple[Array, Array, Array]:
+    return along**2, across**2, np.zeros_like(along)

@@ -1,0 +1,324 @@
+"""The reduced film with memory: against other solvers, the field model, and its own file."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.constants import epsilon_0
+
+from tests.oracles.creep import CreepingFilm
+from tests.support.specimens import circular, elliptical
+from tympan.cli import main
+from tympan.fem.film.density import FilmDensity
+from tympan.fem.film.laws import NeoHooke, Ogden
+from tympan.fem.film.library import load_specimen
+from tympan.fem.rig import Rig
+from tympan.geometry.errors import InputError
+from tympan.geometry.specimen import Electrode, Specimen, ViscousBranch
+from tympan.studies.case import Case, Settings, build_model, solve
+from tympan.studies.limits import limits
+from tympan.studies.lumped.build import BuildSettings, build
+from tympan.studies.lumped.film_response import film_deflections, film_motion, film_response
+from tympan.studies.lumped.model_file import STILL, LumpedModel, read_model, write_model
+from tympan.studies.lumped.reduced_film import FilmLoads, NoBalance, ReducedFilm
+from tympan.studies.lumped.reduced_motion import PulledIn, ReducedMoment
+from tympan.studies.lumped.reduction import error_of, held_out, reduced_film
+from tympan.studies.lumped.sampling import in_time
+from tympan.studies.signals import Pieces, Sine, ramp, random_steps, step
+from tympan.studies.transient import TransientCase, history
+
+ACTUATORS = Path(__file__).parents[3] / "studies" / "paper" / "actuators"
+MASS, HEAVY, HIGH = 17.9e-3, 22.45e-3, 7e3
+FORCES = MASS * 9.80665, HEAVY * 9.80665
+ROOT5 = 5**0.5
+
+
+def branched(specimen: Specimen, *branches: ViscousBranch, **more: Any) -> Specimen:
+    return replace(specimen, membrane=replace(specimen.membrane, branches=branches, **more))
+
+
+NEO = branched(circular(NeoHooke(20e3)), ViscousBranch(200e3, 10.0))
+EXACT = CreepingFilm(10e-3, 45e-3, 1e-3, ROOT5, 20e3, 200e3, 10.0, 4.7)
+TAPE = Ogden((18.4e3, 210.0), (2.0, 4.0))
+BAND = replace(branched(elliptical(75e-3, TAPE), ViscousBranch(1e6, 30.0),
+                        ViscousBranch(50e3, 2.0)), electrode=Electrode(8e-3, 0.0))
+
+
+@cache
+def of(specimen: Specimen, voltage: float = HIGH) -> ReducedFilm:
+    return reduced_film(build_model(specimen, Settings()), FORCES, voltage)
+
+
+def moved(film: ReducedFilm, signal: Any, times: np.ndarray, mass: float = MASS, **more: Any
+          ) -> np.ndarray:
+    moments = list(film_motion(film, signal, mass, **more).moments())
+    return in_time(np.array([moment.time for moment in moments]),
+                   np.array([moment.heave for moment in moments]), times)
+
+
+def stepped(low: float, high: float, end: float) -> Pieces:
+    return Pieces(np.array([0.0, 0.0, end]), np.array([low, high, high]))
+
+
+def test_creep_against_the_axisymmetric_equations() -> None:
+    """Of which the film knows nothing: finite elements made it, these are solved by other means."""
+    times = np.array([0.0, 1.0, 10.0, 30.0, 100.0])
+    exact = EXACT.history((FORCES[0], 0.0), (FORCES[0], 7e3), times[1:])
+    assert moved(of(NEO), stepped(0.0, 7e3, 100.0), times) == pytest.approx(exact, rel=2e-4)
+    exact = EXACT.history((FORCES[1], 0.0), (FORCES[1], 4.2e3), times[1:])
+    assert moved(of(NEO), stepped(0.0, 4.2e3, 100.0), times, HEAVY) == pytest.approx(exact,
+                                                                                     rel=2e-4)
+
+
+def test_the_plates_swing_against_the_axisymmetric_equations() -> None:
+    times = 1e-3 * np.array([10, 20, 50, 100, 200, 300])
+    exact = EXACT.swing(MASS, FORCES[0], 3500.0, times)
+    near = moved(of(NEO), stepped(0.0, 3500.0, 0.3), times, inertia=True)
+    assert np.abs(near - exact).max() < 2e-3 * np.ptp(exact)
+
+
+@pytest.mark.parametrize("specimen", [NEO, BAND], ids=["circle", "band"])
+def test_at_rest_it_is_the_field_model(specimen: Specimen) -> None:
+    """At loads that it was not made from, its capacitance too; no more volume than the film has."""
+    film = of(specimen)
+    for mass, voltage in ((MASS, 3e3), (20e-3, 5.5e3), (HEAVY, 1e3)):
+        field = solve(Case(specimen, mass=mass, voltage=voltage), Settings())
+        q = film.at_rest(FilmLoads(mass * 9.80665, voltage**2))
+        assert q[0] == pytest.approx(field.deflection_m, rel=1e-3)
+        assert film.capacitance(q, voltage**2) == pytest.approx(field.capacitance_F, rel=1e-3)
+    assert (film.volumes > 0).all()
+    model = build_model(specimen, Settings())
+    whole = model.volumes.sum() * model.discretisation.mirrored
+    assert film.volumes.sum() == pytest.approx(whole, rel=1e-3)
+
+
+def test_pull_in_is_the_fields() -> None:
+    """Beyond the voltages that it was made from."""
+    film, field = of(NEO), limits(Case(NEO, mass=MASS), Settings())
+    low, high = HIGH, 12e3
+    while high - low > 1.0:
+        middle = (low + high) / 2
+        try:
+            film.at_rest(FilmLoads(FORCES[0], middle**2))
+            low = middle
+        except NoBalance:
+            high = middle
+    assert field.pull_in is not None
+    assert low == pytest.approx(field.pull_in.voltage_V, rel=2e-3)
+
+
+def test_fast_branches_leave_it_elastic_and_slow_ones_as_it_begins() -> None:
+    """τ → 0: the field at rest; τ → ∞: the field at once. The same points: τ is no part of them."""
+    film, end = of(NEO), np.array([1.0])
+    fast = replace(film, specimen=branched(NEO, ViscousBranch(200e3, 1e-6)))
+    rest = solve(Case(NEO, mass=HEAVY, voltage=5e3), Settings()).deflection_m
+    assert moved(fast, stepped(0.0, 5e3, 1.0), end, HEAVY) == pytest.approx([rest], rel=1e-3)
+    slow = branched(NEO, ViscousBranch(200e3, 1e9))
+    at_once = history(TransientCase(slow, stepped(0.0, 5e3, 1.0), mass=HEAVY), Settings())
+    assert moved(replace(film, specimen=slow), stepped(0.0, 5e3, 1.0), end, HEAVY) == \
+        pytest.approx([at_once.deflection[-1]], rel=1e-3)
+
+
+def _energy(film: ReducedFilm, moment: ReducedMoment) -> float:
+    c = film.strain(moment.q)
+    virgin = replace(film.specimen, membrane=replace(film.specimen.membrane,
+                                                     prestretch=(1.0, 1.0)))
+    density = FilmDensity(virgin, moment.loads.voltage_squared, film.covered)
+    stored = density(tuple(c), tangent=False).energy + moment.memory.energy(c)
+    return float((stored * film.volumes).sum()) - moment.loads.force * moment.q[0]
+
+
+@pytest.mark.parametrize("specimen", [NEO, BAND], ids=["circle", "band"])
+def test_it_never_gains_energy(specimen: Specimen) -> None:
+    """What the branches turn to heat is never negative, and is what is missing in the balance."""
+    film = of(specimen)
+    signal = ramp(0.0, 6e3, 20.0)
+    moments = list(film_motion(film, signal, MASS, error=1e-6).moments())
+    time = np.array([moment.time for moment in moments])
+    energy = np.array([_energy(film, moment) for moment in moments])
+    heat = np.array([(moment.memory.dissipation(film.strain(moment.q)) * film.volumes).sum()
+                     for moment in moments])
+    assert (heat >= -1e-9 * heat.max()).all()
+    charge = np.array([film.capacitance(moment.q, moment.loads.voltage_squared)
+                       for moment in moments])
+    squared = np.array([moment.loads.voltage_squared for moment in moments])
+
+    def total(values: np.ndarray, by: np.ndarray) -> float:
+        return float(((values[1:] + values[:-1]) / 2 * np.diff(by)).sum())
+
+    # The energy counts the film's charge at constant voltage: dE = −½ C dU² − heat dt.
+    work = -total(charge, squared) / 2
+    missing = energy[0] + work - energy[-1]
+    assert missing == pytest.approx(total(heat, time), rel=0.02)
+    assert missing > 0
+
+
+def test_many_runs_together_are_each_its_own() -> None:
+    """Their steps are shared; who pulls in is nan from then on and takes nobody along."""
+    film, when = of(NEO), np.linspace(0.0, 120.0, 25)
+    cases = [(mass, high) for mass in (MASS, HEAVY) for high in (0.0, 3e3, 6.5e3, 14e3)]
+    signals = [random_steps(0.0, high, 40.0, 3, 5) for _, high in cases]
+    together = film_deflections(film, signals, [mass for mass, _ in cases], when)
+    for row, signal, (mass, high) in zip(together, signals, cases, strict=True):
+        alone, = film_deflections(film, [signal], [mass], when)
+        assert np.isnan(row).any() == (high > 9e3)
+        assert (np.isnan(row) == np.isnan(alone)).all()
+        assert np.nan_to_num(row) == pytest.approx(np.nan_to_num(alone), rel=1e-3)
+    with pytest.raises(InputError, match="the same breaks"):
+        film_deflections(film, [stepped(0.0, 1e3, 1.0), stepped(0.0, 1e3, 2.0)], [MASS] * 2, when)
+
+
+def test_stiffness_derives_from_the_forces() -> None:
+    film, q = of(BAND), np.array([3e-3, 2e-4, -1e-4, *np.zeros(of(BAND).count - 3)])
+    flow = film.relaxed(0.9 * q).step(film.strain(0.9 * q), 3.0)
+    _, stiffness = film.pull(q, 25e6, flow)
+    for number, change in enumerate(1e-8 * np.eye(film.count)):
+        difference = film.pull(q + change, 25e6, flow)[0] - film.pull(q - change, 25e6, flow)[0]
+        assert difference / 2e-8 == pytest.approx(stiffness[number],
+                                                  abs=1e-5 * np.abs(stiffness).max())
+
+
+def lumped(film: ReducedFilm) -> LumpedModel:
+    return LumpedModel(film.specimen, (45e-3,), (1.0,), 1.26e-9, HIGH, viscous=STILL, film=film)
+
+
+def test_the_files_formulas_give_the_same(tmp_path: Path) -> None:
+    """The comment at the head of the file, typed again on nothing but its numbers."""
+    film = of(NEO)
+    write_model(tmp_path / "a.lumped.toml", lumped(film))
+    text = (tmp_path / "a.lumped.toml").read_text(encoding="utf-8")
+    assert "dB_i/dt = (C_p - (C_p : B_i^-1) B_i/3)/t_i" in text
+    read = tomllib.loads(text)
+    foil = read["specimen"]["membrane"]
+    (branch,), stretch = foil["branch"], np.diag(foil["prestretch"])
+    mu, eps = foil["material"]["mu_Pa"], epsilon_0 * foil["relative_permittivity"]
+    before, u = np.array([2e-3, 1e-4, *np.zeros(film.count - 2)]), 5e3
+
+    def right(q: np.ndarray, point: dict[str, Any]) -> np.ndarray:
+        f = np.eye(3, 2) + np.tensordot(q, np.reshape(point["gradient_per_m"], (-1, 3, 2)), 1)
+        return stretch @ f.T @ f @ stretch
+
+    def energy(q: np.ndarray) -> Any:
+        whole: Any = 0.0
+        for point in read["film"]["point"]:
+            c, b = right(q, point), right(before, point)
+            c33, b33 = 1 / np.linalg.det(c), 1 / np.linalg.det(b)
+            law = mu / 2 * (np.trace(c) + c33 - 3)
+            voltage = point["covered"] / 2 * eps * (u / foil["thickness_m"]) ** 2 / c33
+            stored = branch["modulus_Pa"] / 2 * (np.trace(c @ np.linalg.inv(b)) + c33 / b33 - 3)
+            whole += point["volume_m3"] * (law - voltage + stored)
+        return whole
+
+    q = np.array([3e-3, -2e-4, *np.zeros(film.count - 2)])
+    pull, _ = film.pull(q, u**2, film.relaxed(before).step(film.strain(before), 0.0))
+    for number, change in enumerate(np.eye(film.count)):
+        assert energy(q + 1e-30j * change).imag / 1e-30 == pytest.approx(pull[number], rel=1e-9)
+
+
+def test_reads_back_equal_and_responds_the_same(tmp_path: Path) -> None:
+    model = lumped(of(BAND))
+    write_model(tmp_path / "a.lumped.toml", model)
+    read = read_model(tmp_path / "a.lumped.toml")
+    assert read.film is not None
+    assert model.film is not None
+    assert replace(read, film=None) == replace(model, film=None)
+    for name in ("volumes", "covered", "gradients"):
+        assert (getattr(read.film, name) == getattr(model.film, name)).all()
+    assert read.film.errors == model.film.errors
+    when = np.linspace(0.0, 10.0, 11)
+    assert (moved(read.film, stepped(0.0, 5e3, 10.0), when)
+            == moved(model.film, stepped(0.0, 5e3, 10.0), when)).all()
+
+
+@pytest.mark.parametrize(("old", "new", "words"), [
+    ("volume_m3 = ", "volume_m3 = -", "must be positive"),
+    ("gradient_per_m = [", "gradient_per_m = [1.0, ", "six numbers for each shape"),
+    ("covered = 1.0", "covered = 7.0", "from 0 to 1"),
+    ("[film.error]", "[film.errors]", "error"),
+    ("step = ", "step = -", "negative"),
+])
+def test_a_broken_file_names_its_key(old: str, new: str, words: str, tmp_path: Path) -> None:
+    file = tmp_path / "a.lumped.toml"
+    write_model(file, lumped(of(NEO)))
+    file.write_text(file.read_text(encoding="utf-8").replace(old, new, 1), encoding="utf-8")
+    with pytest.raises(InputError, match=words):
+        read_model(file)
+
+
+def test_a_film_that_pulls_in_says_when() -> None:
+    """And a step that the branches bear for a while is followed until they no longer do."""
+    film = of(NEO)
+    with pytest.raises(PulledIn) as ending:
+        list(film_motion(film, stepped(0.0, 9.5e3, 1e3), MASS).moments())
+    assert 0 <= ending.value.time < 1e3
+    response = film_response(lumped(film), stepped(0.0, 9.5e3, 1e3), MASS, Rig(), 1.0)
+    assert response.numbers["status"] == "pull_in"
+    assert response.numbers["stopped_s"] == ending.value.time
+    with pytest.raises(InputError, match="weight beside the centre"):
+        film_motion(film, stepped(0.0, 1e3, 1.0), MASS, Rig(weight_offset=(1e-3, 0.0)))
+
+
+def test_a_film_mounted_a_while_ago() -> None:
+    """It begins flat, with the prestress of its branches."""
+    specimen = branched(circular(TAPE), ViscousBranch(200e3, 10.0), mounted=60.0)
+    film = of(specimen, 5e3)
+    assert max(film.errors.values()) < 3e-3
+    field = history(TransientCase(specimen, stepped(0.0, 4e3, 20.0), mass=MASS), Settings())
+    when = np.linspace(0.0, 20.0, 21)
+    assert moved(film, stepped(0.0, 4e3, 20.0), when) == \
+        pytest.approx(field.at(field.deflection, when), rel=2e-3)
+
+
+def test_build_and_simulate(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The commands, beside `transient` on the same signal and rig."""
+    file, rig = tmp_path / "tape.toml", tmp_path / "rig.toml"
+    file.write_text((ACTUATORS / "circular.toml").read_text(encoding="utf-8")
+                    + '\n[[membrane.branch]]\nmodulus = "1 MPa"\ntime = "30 s"\n')
+    rig.write_text('spring = "3 N/m"\namplifier_gain = 0.05\n')
+    assert not main(["lumped", "build", str(file), "--mass", "17.9 g,22.45 g", "--voltages",
+                     "0 kV..6 kV", "--count", "3", "--rig", str(rig), "-o", str(tmp_path),
+                     "--json"])
+    built, = json.loads(capsys.readouterr().out)["built"]
+    assert max(built["film"]["error"].values()) < 5e-3
+    assert not built["warnings"]
+    common = ["--signal", "sine", "--high", "5.5 kV", "--count", "1", "--duration", "10 s",
+              "--interval", "0.1 s", "--rig", str(rig), "--mass", "20 g", "--json"]
+    model = str(tmp_path / "circular.lumped.toml")
+    answers = []
+    for command in (["lumped", "simulate", "--model", model], ["transient", str(file)]):
+        assert not main([*command, *common, "-o", str(tmp_path / command[-2])])
+        (response,) = json.loads(capsys.readouterr().out)["responses"]
+        answers.append(response)
+    for key in ("first_m", "last_m", "range_m", "hysteresis_area_V_m"):
+        assert answers[0][key] == pytest.approx(answers[1][key], rel=1e-2)
+    assert main(["lumped", "build", str(file), "--viscous", "1 MPa,2 MPa s,3 kPa s"]) == 2
+    assert "theirs come from the field model" in capsys.readouterr().err
+
+
+def _of_paper() -> Iterator[Any]:
+    for name in ("circular", "elliptical-small", "elliptical-large"):
+        for modulus, time in ((200e3, 10.0), (1e6, 30.0)):
+            yield pytest.param(name, ViscousBranch(modulus, time), id=f"{name}-{time:g}")
+
+
+@pytest.mark.study
+@pytest.mark.parametrize(("name", "branch"), list(_of_paper()))
+def test_the_papers_actuators_within_one_per_cent(name: str, branch: ViscousBranch) -> None:
+    """Of the motion's range, under both masses and one between, in signals never made from."""
+    specimen = branched(load_specimen(str(ACTUATORS / f"{name}.toml")), branch)
+    built = build(specimen, Settings(), BuildSettings((MASS, HEAVY), (0.0, 3.5e3, 7e3)))
+    film, model = built.model.film, build_model(specimen, Settings())
+    assert film is not None
+    signals = {**held_out(model, 7e3), "high": step(0.0, 7e3, 0.0, 30.0),
+               "slow": Sine(3.5e3, 3.5e3, 60.0, 2.0), "levels": random_steps(0, 7e3, 30.0, 8, 3)}
+    worst = {(mass, label): error_of(film, model, mass * 9.80665, signal)
+             for mass in (MASS, 20e-3, HEAVY) for label, signal in signals.items()}
+    assert max(worst.values()) < 0.01, worst
