@@ -20,7 +20,6 @@ from tympan.fem.film.memory import Memory
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import State
 from tympan.fem.rig import Rig, checked_load
-from tympan.fem.transient.dense_output import curve
 from tympan.fem.transient.energy import Energy, EnergyBalance
 from tympan.fem.transient.integrate import Circuit, Moment, StepSettings, Stopped, Transient
 from tympan.geometry.errors import InputError
