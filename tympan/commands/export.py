@@ -1,9 +1,13 @@
-"""``tympan export``: parts for laser cutting or printing, the film and its mesh."""
+"""``tympan export``: parts for laser cutting or printing, the film, its mesh and its equations."""
 
 from __future__ import annotations
 
 import argparse
+from itertools import product
+from pathlib import Path
+from typing import TYPE_CHECKING
 
+from tympan.geometry.errors import InputError
 from tympan.options import (
     MESH,
     SPECIMEN,
@@ -12,9 +16,14 @@ from tympan.options import (
     naming_options,
     option_name,
     output,
+    parse_quantities,
     parse_quantity,
     read_settings,
 )
+
+if TYPE_CHECKING:
+    from tympan.geometry.specimen import Specimen
+    from tympan.studies.case import Settings
 
 #: Sizes of the parts by the field of ``geometry.cad.parts.PartOptions``: default, what it is.
 SIZES = {
@@ -30,17 +39,39 @@ SIZES = {
 @command("export", SPECIMEN, output(required=True),
          *(argument(option_name(name), default=default, metavar="LENGTH", help=words)
            for name, (default, words) in SIZES.items()), MESH,
+         argument("--inp", action="store_true",
+                  help="instead: the prestretched film and plate as input of CalculiX or Abaqus"),
+         argument("--mass", help='with --inp: loads to put on, such as "10 g, 20 g", a step each'),
+         argument("--voltage", help='with --inp: voltages under the last of them, such as "3 kV"'),
          example='oval.toml -o parts --screw "4 mm"')
 def export(options: argparse.Namespace) -> None:
-    """Frame, clamp, plate and film as STEP, DXF and SVG; the mesh."""
+    """Frame, clamp, plate and film as STEP, DXF and SVG; the mesh; or finite-element input."""
     from tympan.fem.film.library import load_specimen
     from tympan.geometry.cad.parts import PartOptions
     from tympan.studies.export import export
 
     specimen, settings = load_specimen(options.specimen), read_settings(options)
+    if options.inp:
+        print(_export_input(options, specimen, settings))
+        return
+    for name in ("mass", "voltage"):
+        if getattr(options, name) is not None:
+            raise InputError("is for finite-element input: --inp must be given too",
+                             key=f"--{name}", given=getattr(options, name))
     sizes = {name: parse_quantity(getattr(options, name), "length", option_name(name))
              for name in SIZES}
     with naming_options(options):
         chosen = PartOptions(**sizes)
     for file in export(specimen, settings.mesh, options.output, chosen):
         print(file)
+
+
+def _export_input(options: argparse.Namespace, specimen: Specimen, settings: Settings) -> Path:
+    from tympan.fem.rig import checked_load
+    from tympan.studies.export import export_input
+
+    masses = parse_quantities(options.mass or "", "mass", "--mass")
+    voltages = parse_quantities(options.voltage or "", "voltage", "--voltage")
+    for mass, voltage in product(masses or (0.0,), voltages or (0.0,)):
+        checked_load(mass, voltage)
+    return export_input(specimen, settings.mesh, options.output, masses, sorted(voltages))

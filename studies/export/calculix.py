@@ -1,0 +1,355 @@
+"""A film as input of CalculiX: virgin, stretched, let go, loaded."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tympan.fem.discretisation.discretisation import Discretisation
+from tympan.fem.equilibrium.ramp import PathSettings
+from tympan.fem.membrane.model import Model
+from tympan.fem.rig import Rig
+from tympan.geometry.errors import InputError
+from tympan.geometry.mesh import CurvedTriangles, from_meshio
+from tympan.geometry.mesher import MeshSettings, mesh_film
+from tympan.geometry.specimen import Film, Specimen
+from tympan.geometry.units import METRE
+from tympan.studies.case import failure_reason, voltage_ramp
+from tympan.studies.export.hyperelastic import BULK_RATIO, bulk_modulus, hyperelastic
+from tympan.studies.files import write_text
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+#: First and largest increment of a load step and the growth between them: the fastest of those that
+#: converge.
+_INCREMENTS = "1e-3, 1., 1e-8, 0.12"
+_CONTROLS = ("*CONTROLS, PARAMETERS=TIME INCREMENTATION\n"
+             "4, 8, 9, 16, 10, 4, , 5, ,\n.25, .5, .75, .85, , , 2.")
+_OUTPUT = ("*NODE PRINT, NSET=PLATE, FREQUENCY=1000", "U", "*NODE PRINT, NSET=RIM, TOTALS=ONLY",
+           "RF", "*NODE FILE", "U", "*EL FILE", "S")
+_TONNE_PER_MM3 = 1e-12
+
+#: The plate as a solid [mm, MPa], so stiff beside a film that it is rigid.
+_PLATE_THICKNESS, _PLATE_MODULUS = 2.0, 1e6
+
+Term = tuple[int, int, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Sheet:
+    """The flat mounted film: ``points`` [m], (n, 2), ``triangles`` of six of them, (m, 6).
+
+    Corners counterclockwise, then the middles of the edges 12, 23, 31. ``plate`` and ``frame`` are
+    the points on these edges, ``centre`` the plate's [m].
+    """
+
+    points: Floats
+    triangles: Ints
+    plate: Ints
+    frame: Ints
+    centre: tuple[float, float] = (0.0, 0.0)
+
+    @classmethod
+    def of(cls, mesh: CurvedTriangles, centre: tuple[float, float]) -> Sheet:
+        """Of a second-order mesh of the whole film."""
+        points, triangles = mesh.doflocs.T, mesh.dofs.element_dofs.T.copy()
+        clockwise = _areas(points, triangles) < 0
+        triangles[clockwise] = triangles[clockwise][:, [0, 2, 1, 5, 4, 3]]
+        plate, frame = (np.unique(mesh.dofs.get_facet_dofs(mesh.boundaries[name]).flatten())
+                        for name in ("plate", "frame"))
+        return cls(points, triangles, plate, frame, centre)
+
+    def fan(self) -> tuple[Floats, Ints]:
+        """The plate as triangles around its centre, as of a sheet.
+
+        First the points of ``plate``, then the centre, then those halfway to it.
+        """
+        edges = self.triangles[:, [[0, 1, 3], [1, 2, 4], [2, 0, 5]]].reshape(-1, 3)
+        edges = np.searchsorted(self.plate, edges[np.isin(edges, self.plate).all(axis=1)])
+        corners = np.unique(edges[:, :2])
+        centre = np.full(len(edges), len(self.plate))
+        halfway = np.searchsorted(corners, edges[:, :2]) + len(self.plate) + 1
+        rim = self.points[self.plate]
+        points = np.vstack([rim, self.centre, (rim[corners] + self.centre) / 2])
+        triangles = np.column_stack([edges[:, 1], edges[:, 0], centre, edges[:, 2], halfway])
+        if (_areas(points, triangles) <= 0).any():
+            raise InputError("cannot be exported: its whole edge must be seen from its centre",
+                             key="plate", given=f"centre {self.centre} m")
+        return points, triangles
+
+
+@dataclass(frozen=True, eq=False)
+class _Layer:
+    """A layer of wedges [mm] over six-node triangles of flat points; nodes from ``first`` on.
+
+    First the lower ones, then the upper, then those between corners.
+    """
+
+    flat: Floats
+    triangles: Ints
+    thickness: float
+    first: int = 1
+
+    @cached_property
+    def corners(self) -> Ints:
+        return np.unique(self.triangles[:, :3])
+
+    @cached_property
+    def points(self) -> Floats:
+        """Nodes [mm], shape (nodes, 3)."""
+        half = self.thickness / 2
+        return np.vstack([_at(self.flat, -half), _at(self.flat, half),
+                          _at(self.flat[self.corners], 0.0)])
+
+    @property
+    def end(self) -> int:
+        """The number after the last node's."""
+        return self.first + len(self.points)
+
+    def faces(self, numbers: Any) -> tuple[Any, Any]:
+        """Lower and upper nodes at points."""
+        return numbers + self.first, numbers + self.first + len(self.flat)
+
+    def between(self, numbers: Any) -> Any:
+        """Nodes between the faces at corners."""
+        return np.searchsorted(self.corners, numbers) + self.first + 2 * len(self.flat)
+
+    def cards(self, name: str, first: int = 1) -> Iterator[str]:
+        """Nodes, and elements from the number ``first`` on."""
+        yield from (f"*NODE, NSET={name}", *_nodes(self.points, self.first))
+        yield f"*ELEMENT, TYPE=C3D15, ELSET={name}"
+        lower, upper = self.faces(self.triangles)
+        wedges = np.hstack([lower[:, :3], upper[:, :3], lower[:, 3:], upper[:, 3:],
+                            self.between(self.triangles[:, :3])])
+        yield from (", ".join(map(str, (number, *wedge)))
+                    for number, wedge in enumerate(wedges.tolist(), start=first))
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """Loads at a step's end, by the words that tell them in the file.
+
+    The plate carries a ``force`` [N] or is held at a ``deflection`` [m]. ``electric``: forces on
+    the sheet's points, (n, 3) [N].
+    """
+
+    words: str
+    force: float = 0.0
+    deflection: float | None = None
+    electric: Floats | None = None
+
+
+def export_input(specimen: Specimen, settings: MeshSettings, folder: Path,
+                 masses: Sequence[float] = (), voltages: Sequence[float] = ()) -> Path:
+    """Write the film as ``NAME.inp``, with a step for each mass [kg], then for each voltage [V].
+
+    Voltages ascend, under the last mass, in standard gravity.
+
+    Raises
+    ------
+    InputError
+        Where the specimen has what CalculiX has not, or no equilibrium under these loads.
+    """
+    if specimen.electrode.stiffness:
+        raise InputError("cannot be exported: no solid here is free of stress when mounted",
+                         key="electrode.stiffness", given=specimen.electrode.stiffness)
+    mesh = from_meshio(mesh_film(specimen, replace(settings, order=2), frozenset()))
+    weights = [Step(f"{mass * 1e3:g} g", force=Rig().force(mass)) for mass in masses]
+    actuated = _actuated(specimen, mesh, masses[-1] if masses else 0.0, voltages)
+    sheet = Sheet.of(mesh, specimen.plate.offset)
+    lines = film_input(specimen.name, sheet, specimen.membrane, [*weights, *actuated])
+    file = folder / f"{specimen.name}.inp"
+    write_text(file, "\n".join(lines) + "\n")
+    return file
+
+
+def _actuated(specimen: Specimen, mesh: CurvedTriangles, mass: float, voltages: Sequence[float]
+              ) -> Iterator[Step]:
+    """Steps of the electric forces that the same mesh has at its equilibria."""
+    rig = Rig()
+    model = Model(Discretisation.of(mesh), specimen, rig.loading)
+    for case, outcome in voltage_ramp(model, mass, voltages, rig, PathSettings()):
+        if outcome.status != "equilibrium":
+            raise InputError(f"must have an equilibrium: {failure_reason(outcome)}",
+                             key="--voltage", given=f"{case.voltage / 1e3:g} kV")
+        state = outcome.state
+        electric = (model.forces(state.positions, 0.0)
+                    - model.forces(state.positions, state.voltage_squared))
+        yield Step(f"{mass * 1e3:g} g, {case.voltage / 1e3:g} kV", rig.force(mass), None, electric)
+
+
+def film_input(name: str, sheet: Sheet, film: Film, steps: Sequence[Step]) -> Iterator[str]:
+    """Lines of an input file: stretch the film, let all but the rims go, then the steps."""
+    assembly = _Assembly(sheet, film)
+    yield _preamble(name, film, steps)
+    yield from assembly.cards()
+    yield from _stage("1., 1.", [*assembly.mounted(), *assembly.hold_film()])
+    yield from _stage("1., 1.", assembly.mounted())
+    for step in steps:
+        yield from _stage(f"{_INCREMENTS}\n{_CONTROLS}", assembly.loaded(step), _OUTPUT)
+
+
+def _preamble(name: str, film: Film, steps: Sequence[Step]) -> str:
+    text = resources.files("tympan.studies.export").joinpath("calculix.txt")
+    told = "\n".join(f"**   {number}: {step.words}" for number, step in enumerate(steps, start=3))
+    return text.read_text(encoding="utf-8").rstrip("\n").format(
+        name=name, steps=told or "**   none", law=film.material.law, bulk=BULK_RATIO)
+
+
+@dataclass(frozen=True)
+class _Assembly:
+    """The virgin film, the plate where it is mounted, and a node by which the film is mounted."""
+
+    sheet: Sheet
+    film: Film
+
+    @cached_property
+    def skin(self) -> _Layer:
+        """The virgin film."""
+        flat = METRE * self.sheet.points / np.array(self.film.prestretch)
+        return _Layer(flat, self.sheet.triangles, METRE * self.film.thickness)
+
+    @cached_property
+    def plate(self) -> _Layer:
+        points, triangles = self.sheet.fan()
+        return _Layer(METRE * points, triangles, _PLATE_THICKNESS, self.skin.end)
+
+    @property
+    def centre(self) -> int:
+        """Node in the plate's centre."""
+        return int(self.plate.between(len(self.sheet.plate)))
+
+    @property
+    def stretches(self) -> Floats:
+        """Of the penalised film where its faces are free, shape (3,).
+
+        Its pressure (σ₁ + σ₂)/3 gives it the volume J = 1 + pressure/K, up to the square of that.
+        """
+        l1, l2 = self.film.prestretch
+        material: Any = self.film.material
+        _, w1, w2, *_ = material.derivatives(np.asarray(l1), np.asarray(l2))
+        pressure = float(l1 * w1 + l2 * w2) / 3
+        return np.array([l1, l2, (1 + pressure / bulk_modulus(material)) / (l1 * l2)])
+
+    def cards(self) -> Iterator[str]:
+        """Nodes, elements, materials, and how rims, plate and mounting hang together."""
+        yield from self.skin.cards("FILM")
+        yield from self.plate.cards("PLATE", len(self.sheet.triangles) + 1)
+        yield from ("*NODE, NSET=MOUNT", f"{self.plate.end}, 0., 0., 0.")
+        yield from ("*NSET, NSET=REF", f"{self.centre},")
+        edge = [*self.skin.faces(self.sheet.plate), self.skin.between(self._rim_corners)]
+        yield from ("*NSET, NSET=RIM", *(f"{node}," for node in np.hstack(edge)))
+        yield from ("*MATERIAL, NAME=RUBBER", *hyperelastic(self.film.material))
+        if self.film.density:
+            yield from ("*DENSITY", f"{self.film.density * _TONNE_PER_MM3:.12g}")
+        yield from ("*MATERIAL, NAME=STIFF", "*ELASTIC", f"{_PLATE_MODULUS:g}, 0.3")
+        yield "*SOLID SECTION, ELSET=FILM, MATERIAL=RUBBER"
+        yield "*SOLID SECTION, ELSET=PLATE, MATERIAL=STIFF"
+        yield from self._hinges()
+
+    @property
+    def _rim_corners(self) -> Ints:
+        return np.intersect1d(self.sheet.plate, self.skin.corners)
+
+    def _hinges(self) -> Iterator[str]:
+        """Equations: a rim's mean between its faces is where mounting and plate have it."""
+        carriers = dict(zip(self.sheet.plate.tolist(),
+                            zip(*self.plate.faces(np.arange(len(self.sheet.plate))), strict=True),
+                            strict=True))
+        for point in (*self.sheet.frame.tolist(), *self.sheet.plate.tolist()):
+            pairs: list[tuple[int, ...]] = [self.skin.faces(point)]
+            if point in self.skin.corners:
+                pairs.append((int(self.skin.between(point)),))
+            for nodes in pairs:
+                yield from self._hinge(nodes, point, carriers.get(point, ()))
+
+    def _hinge(self, nodes: tuple[int, ...], point: int, carriers: tuple[int, ...]
+               ) -> Iterator[str]:
+        count = len(nodes)
+        for k in (1, 2, 3):
+            mounting = self.skin.flat[point, k - 1] if k < 3 else 0.0
+            yield from _equation([*((node, k, 1.0) for node in nodes),
+                                  *((node, k, -count / 2) for node in carriers),
+                                  (self.plate.end, k, -count * mounting)])
+
+    def mounted(self) -> list[str]:
+        """The plate held, the rims stretched."""
+        return [*self._stretched_rims(), "PLATE, 1, 3"]
+
+    def _stretched_rims(self) -> list[str]:
+        mount = self.plate.end
+        along = [f"{mount}, {k}, {k}, {self.film.prestretch[k - 1] - 1:.12g}" for k in (1, 2)]
+        return [*along, f"{mount}, 3, 3"]
+
+    def hold_film(self) -> Iterator[str]:
+        """All nodes of the film but those that equations set, in the flat mounted film."""
+        rim = np.concatenate([self.sheet.plate, self.sheet.frame])
+        dependent = np.hstack([self.skin.faces(rim)[0],
+                               self.skin.between(np.intersect1d(rim, self.skin.corners))])
+        numbers = np.arange(self.skin.first, self.skin.end)
+        free = ~np.isin(numbers, dependent)
+        displacements = self.skin.points[free] * (self.stretches - 1)
+        for number, row in zip(numbers[free].tolist(), displacements.tolist(), strict=True):
+            for k, displacement in enumerate(row, start=1):
+                yield f"{number}, {k}, {k}, {displacement:.12g}"
+
+    def loaded(self, step: Step) -> Iterator[str]:
+        """Boundary and loads at a step's end."""
+        yield from self._stretched_rims()
+        if step.deflection is not None:
+            yield from ("PLATE, 1, 2", f"PLATE, 3, 3, {METRE * step.deflection:.12g}")
+        forces = [f"{node}, {k}, {force:.12g}" for node, k, force in self._forces(step) if force]
+        if forces:
+            yield from ("*CLOAD, OP=NEW", *forces)
+        if self.film.density:
+            yield from ("*DLOAD, OP=NEW", f"FILM, GRAV, {METRE * Rig().gravity:.12g}, 0., 0., 1.")
+
+    def _forces(self, step: Step) -> Iterator[Term]:
+        """Forces [N] on nodes; of the electric ones half on either face."""
+        yield self.centre, 3, step.force
+        if step.electric is None:
+            return
+        inside = np.setdiff1d(np.arange(len(step.electric)),
+                              np.concatenate([self.sheet.plate, self.sheet.frame]))
+        for layer, at, points in ((self.skin, inside, inside),
+                                  (self.plate, np.arange(len(self.sheet.plate)), self.sheet.plate)):
+            for nodes in layer.faces(at):
+                for node, force in zip(nodes.tolist(), step.electric[points].tolist(), strict=True):
+                    yield from ((node, k, push / 2) for k, push in enumerate(force, start=1))
+
+
+def _areas(points: Floats, triangles: Ints) -> Floats:
+    """Twice the signed areas between corners."""
+    first, second, third = np.moveaxis(points[triangles[:, :3]], 1, 0)
+    (ax, ay), (bx, by) = (second - first).T, (third - first).T
+    return np.asarray(ax * by - ay * bx)
+
+
+def _at(flat: Floats, height: float) -> Floats:
+    return np.column_stack([flat, np.full(len(flat), height)])
+
+
+def _nodes(points: Floats, first: int) -> Iterator[str]:
+    """Node lines from the number ``first``; CalculiX reads no more than 20 characters a number."""
+    for number, point in enumerate(points.tolist(), start=first):
+        yield f"{number}, " + ", ".join(f"{x:.12g}" for x in point)
+
+
+def _equation(terms: Sequence[Term]) -> Iterator[str]:
+    nonzero = [term for term in terms if term[2]]
+    yield from ("*EQUATION", str(len(nonzero)))
+    yield ", ".join(f"{node}, {direction}, {factor:.12g}" for node, direction, factor in nonzero)
+
+
+def _stage(increments: str, loads: Iterable[str], output: Sequence[str] = ()) -> Iterator[str]:
+    """One static step in which only what is given is held."""
+    yield from ("*STEP, NLGEOM, INC=1000", "*STATIC", increments)
+    yield from ("*BOUNDARY, OP=NEW", *loads, *output, "*END STEP")
