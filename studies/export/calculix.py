@@ -44,7 +44,7 @@ Term = tuple[int, int, float]
 
 
 @dataclass(frozen=True, eq=False)
-class Sheet:
+class FlatFilm:
     """The flat mounted film: ``points`` [m], (n, 2), ``triangles`` of six of them, (m, 6).
 
     Corners counterclockwise, then the middles of the edges 12, 23, 31. ``plate`` and ``frame`` are
@@ -58,7 +58,7 @@ class Sheet:
     centre: tuple[float, float] = (0.0, 0.0)
 
     @classmethod
-    def of(cls, mesh: CurvedTriangles, centre: tuple[float, float]) -> Sheet:
+    def of(cls, mesh: CurvedTriangles, centre: tuple[float, float]) -> FlatFilm:
         """Of a second-order mesh of the whole film."""
         points, triangles = mesh.doflocs.T, mesh.dofs.element_dofs.T.copy()
         clockwise = _areas(points, triangles) < 0
@@ -164,7 +164,7 @@ def export_input(specimen: Specimen, settings: MeshSettings, folder: Path,
     mesh = from_meshio(mesh_film(specimen, replace(settings, order=2), frozenset()))
     weights = [Step(f"{mass * 1e3:g} g", force=Rig().force(mass)) for mass in masses]
     actuated = _actuated(specimen, mesh, masses[-1] if masses else 0.0, voltages)
-    sheet = Sheet.of(mesh, specimen.plate.offset)
+    sheet = FlatFilm.of(mesh, specimen.plate.offset)
     lines = film_input(specimen.name, sheet, specimen.membrane, [*weights, *actuated])
     file = folder / f"{specimen.name}.inp"
     write_text(file, "\n".join(lines) + "\n")
@@ -186,7 +186,7 @@ def _actuated(specimen: Specimen, mesh: CurvedTriangles, mass: float, voltages: 
         yield Step(f"{mass * 1e3:g} g, {case.voltage / 1e3:g} kV", rig.force(mass), None, electric)
 
 
-def film_input(name: str, sheet: Sheet, film: Film, steps: Sequence[Step]) -> Iterator[str]:
+def film_input(name: str, sheet: FlatFilm, film: Film, steps: Sequence[Step]) -> Iterator[str]:
     """Lines of an input file: stretch the film, let all but the rims go, then the steps."""
     assembly = _Assembly(sheet, film)
     yield _preamble(name, film, steps)
@@ -199,16 +199,16 @@ def film_input(name: str, sheet: Sheet, film: Film, steps: Sequence[Step]) -> It
 
 def _preamble(name: str, film: Film, steps: Sequence[Step]) -> str:
     text = resources.files("tympan.studies.export").joinpath("calculix.txt")
-    told = "\n".join(f"**   {number}: {step.words}" for number, step in enumerate(steps, start=3))
+    listed = "\n".join(f"**   {number}: {step.words}" for number, step in enumerate(steps, start=3))
     return text.read_text(encoding="utf-8").rstrip("\n").format(
-        name=name, steps=told or "**   none", law=film.material.law, bulk=BULK_RATIO)
+        name=name, steps=listed or "**   none", law=film.material.law, bulk=BULK_RATIO)
 
 
 @dataclass(frozen=True)
 class _Assembly:
     """The virgin film, the plate where it is mounted, and a node by which the film is mounted."""
 
-    sheet: Sheet
+    sheet: FlatFilm
     film: Film
 
     @cached_property
