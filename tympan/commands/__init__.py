@@ -8,6 +8,7 @@ from tympan.commands import (
     drawing,
     export,
     lumped,
+    lumped_export,
     material,
     runs,
     transient,
@@ -25,7 +26,7 @@ HEADINGS = {
     "data": (data.data, data.diagnose, material.material_fit),
     "lumped": (
         lumped.lumped_build, lumped.lumped_simulate, lumped.lumped_linearise,
-        lumped.lumped_identify, lumped.lumped_paper),
+        lumped.lumped_identify, lumped_export.lumped_export, lumped.lumped_paper),
 }
 COMMANDS = tuple(command for commands in HEADINGS.values() for command in commands)
 #: What the first words of two are for.

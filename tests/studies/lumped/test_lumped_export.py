@@ -1,0 +1,99 @@
+"""A lumped model as C: compiled by a C compiler, its rates and motion those of the model."""
+
+from __future__ import annotations
+
+import ctypes
+import shutil
+import subprocess
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from tests.support.lumped import OVAL
+from tests.support.specimens import circular
+from tympan.cli import main
+from tympan.fem.film.laws import Gent
+from tympan.studies.lumped.export_c import export_c
+from tympan.studies.lumped.model_file import LumpedModel, write_model
+from tympan.studies.lumped.simulate import simulate
+from tympan.studies.signals import Pieces
+
+COMPILER = shutil.which("cc")
+needs_compiler = pytest.mark.skipif(COMPILER is None, reason="there is no C compiler")
+
+MODELS = {
+    "ogden, two circles": LumpedModel(OVAL, (45e-3, 75e-3), (0.6, 0.4), 2e-9, 5e3, 1.03, 0.8),
+    "gent, falling permittivity": LumpedModel(
+        circular(Gent(18e3, 110.0), permittivity_exponent=0.4), (45e-3,), (1.0,), 1.2e-9, 5e3)}
+
+Rates = Callable[[np.ndarray, float, float], np.ndarray]
+
+
+def compiled(model: LumpedModel, folder: Path) -> tuple[ctypes.CDLL, str]:
+    header, source = export_c(model, folder)
+    library = folder / "model.so"
+    subprocess.run([str(COMPILER), "-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic",
+                    "-shared", "-fPIC", str(source), "-o", str(library), "-lm"], check=True)
+    return ctypes.CDLL(str(library)), header.stem
+
+
+def rates_of(library: ctypes.CDLL, name: str) -> Rates:
+    function = getattr(library, f"{name}_rates")
+    vector = ctypes.POINTER(ctypes.c_double)
+    function.argtypes = (vector, ctypes.c_double, ctypes.c_double, vector)
+    function.restype = None
+
+    def rates(state: np.ndarray, mass: float, voltage: float) -> np.ndarray:
+        state, result = np.ascontiguousarray(state), np.empty(len(state))
+        function(state.ctypes.data_as(vector), mass, voltage, result.ctypes.data_as(vector))
+        return result
+
+    return rates
+
+
+@needs_compiler
+@pytest.mark.parametrize("model", MODELS.values(), ids=MODELS.keys())
+def test_compiled_rates_are_the_models(model: LumpedModel, tmp_path: Path) -> None:
+    library, name = compiled(model, tmp_path)
+    rates, generator = rates_of(library, name), np.random.default_rng(1)
+    capacitance = getattr(library, f"{name}_capacitance")
+    capacitance.restype = ctypes.c_double
+    for mass in (5e-3, 17.9e-3):
+        actuator = model.actuator(mass)
+        for voltage in (0.0, 4.2e3):
+            state = np.array([*generator.uniform(-0.02, 0.02, 1), *generator.normal(size=1),
+                              *generator.uniform(0, 0.1, actuator.count)])
+            ours = actuator.linear(state, voltage)[0]
+            assert rates(state, mass, voltage) == pytest.approx(ours, rel=1e-10, abs=1e-10)
+            in_c = capacitance(state.ctypes.data_as(ctypes.POINTER(ctypes.c_double)))
+            assert in_c == pytest.approx(float(actuator.capacitance(state[0])), rel=1e-11)
+    beyond = np.array([1.0, *[0.0] * (1 + actuator.count)])
+    assert np.isnan(rates(beyond, 5e-3, 0.0)[1])
+
+
+@needs_compiler
+def test_compiled_model_moves_as_ours(tmp_path: Path) -> None:
+    """Under a step, by another integrator than the simulation's."""
+    model = MODELS["ogden, two circles"]
+    rates = rates_of(*compiled(model, tmp_path))
+    actuator = model.actuator(17.9e-3)
+    step = Pieces(np.array([0.0, 0.0, 0.5]), np.array([0.0, 4e3, 4e3]))
+    time = np.linspace(0, 0.5, 200)
+    ours = simulate(actuator, step, precision=1e-12).state(time)
+    motion = solve_ivp(lambda t, x: rates(x, 17.9e-3, 4e3), (0, 0.5), ours[0], "DOP853", time,
+                       rtol=1e-11, atol=1e-14)
+    assert np.ptp(ours[:, 0]) > 1e-4
+    assert motion.y[0] == pytest.approx(ours[:, 0], abs=1e-6 * np.ptp(ours[:, 0]))
+
+
+def test_command_writes_both_files(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    model = MODELS["ogden, two circles"]
+    named = replace(model, specimen=replace(model.specimen, name="2nd oval-1"))
+    write_model(tmp_path / "oval.lumped.toml", named)
+    assert main(["lumped", "export", str(tmp_path / "oval.lumped.toml"), "-o", str(tmp_path)]) == 0
+    printed = capsys.readouterr().out.split()
+    assert [Path(file).name for file in printed] == ["model_2nd_oval_1.h", "model_2nd_oval_1.c"]
