@@ -18,6 +18,7 @@ from tests.support.specimens import circular
 from tympan.cli import main
 from tympan.fem.film.laws import Gent
 from tympan.studies.lumped.export_c import export_c
+from tympan.studies.lumped.export_fmu import export_fmu
 from tympan.studies.lumped.model_file import LumpedModel, write_model
 from tympan.studies.lumped.simulate import simulate
 from tympan.studies.signals import Pieces
@@ -97,3 +98,32 @@ def test_command_writes_both_files(tmp_path: Path, capsys: pytest.CaptureFixture
     assert main(["lumped", "export", str(tmp_path / "oval.lumped.toml"), "-o", str(tmp_path)]) == 0
     printed = capsys.readouterr().out.split()
     assert [Path(file).name for file in printed] == ["model_2nd_oval_1.h", "model_2nd_oval_1.c"]
+
+
+def test_a_mass_without_fmu_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for wrong in (["--mass", "10 g"], ["--fmu"]):
+        assert main(["lumped", "export", "no.lumped.toml", "-o", str(tmp_path), *wrong]) == 2
+        assert "--mass" in capsys.readouterr().err
+
+
+@needs_compiler
+def test_fmu_runs_elsewhere_as_the_model_here(tmp_path: Path) -> None:
+    fmpy = pytest.importorskip("fmpy", reason="fmpy is not installed")
+    from fmpy.validation import validate_fmu
+
+    model = MODELS["ogden, two circles"]
+    file = export_fmu(model, tmp_path, 17.9e-3)
+    assert validate_fmu(str(file)) == []
+    step = Pieces(np.array([0.0, 0.0, 0.5]), np.array([0.0, 4e3, 4e3]))
+    response = simulate(model.actuator(17.9e-3), step, precision=1e-12)
+    start = response.state(np.array([0.0]))[0]
+    names = ["y", "speed", "strain[1]", "strain[2]"]
+    motion = fmpy.simulate_fmu(
+        str(file), stop_time=0.5, output_interval=1e-3, relative_tolerance=1e-10,
+        start_values={**dict(zip(names, start, strict=True)), "voltage": 4e3},
+        output=["deflection", "capacitance"])
+    ours = response.deflection(motion["time"])
+    assert np.ptp(ours) > 1e-4
+    assert motion["deflection"] == pytest.approx(ours, abs=1e-6 * np.abs(ours).max())
+    assert motion["capacitance"] == pytest.approx(model.actuator(17.9e-3).capacitance(ours),
+                                                  rel=1e-6)
