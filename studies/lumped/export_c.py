@@ -16,7 +16,7 @@ import numpy as np
 from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
-from tympan.geometry.errors import Failure
+from tympan.geometry.errors import Failure, InputError
 from tympan.studies.files import write_text
 from tympan.studies.lumped.model_file import LumpedModel
 
@@ -34,7 +34,12 @@ def export_c(model: LumpedModel, folder: Path) -> list[Path]:
     ------
     Failure
         Where no series follows the film as far as it is to.
+    InputError
+        Where the model is that of a film with viscous branches of its own.
     """
+    if model.film is not None:
+        raise InputError("must have [viscous]: the reduced film of a specimen with branches of its "
+                         "own is not exported", key="film", given=model.specimen.name)
     name = _identifier(model.specimen.name)
     words = _words(model, name)
     files = []

@@ -8,6 +8,7 @@ import subprocess
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 import pytest
@@ -17,9 +18,11 @@ from tests.support.lumped import OVAL
 from tests.support.specimens import circular
 from tympan.cli import main
 from tympan.fem.film.laws import Gent
+from tympan.geometry.errors import InputError
 from tympan.studies.lumped.export_c import export_c
 from tympan.studies.lumped.export_fmu import export_fmu
 from tympan.studies.lumped.model_file import LumpedModel, write_model
+from tympan.studies.lumped.reduced_film import ReducedFilm
 from tympan.studies.lumped.simulate import simulate
 from tympan.studies.signals import Pieces
 
@@ -98,6 +101,13 @@ def test_command_writes_both_files(tmp_path: Path, capsys: pytest.CaptureFixture
     assert main(["lumped", "export", str(tmp_path / "oval.lumped.toml"), "-o", str(tmp_path)]) == 0
     printed = capsys.readouterr().out.split()
     assert [Path(file).name for file in printed] == ["model_2nd_oval_1.h", "model_2nd_oval_1.c"]
+
+
+def test_a_film_with_memory_is_refused(tmp_path: Path) -> None:
+    film = cast(ReducedFilm, object())  # whichever it is
+    with pytest.raises(InputError, match="branches of its own"):
+        export_c(replace(MODELS["ogden, two circles"], film=film), tmp_path)
+    assert not list(tmp_path.iterdir())
 
 
 def test_a_mass_without_fmu_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
