@@ -16,7 +16,7 @@ from tympan.options import argument, command, output, parse_quantity
          output(required=True), example="lumped/oval.lumped.toml -o controller")
 def lumped_export(options: argparse.Namespace) -> None:
     """A lumped model for a controller: rates of its state, deflection, capacitance; C99 or FMU."""
-    from tympan.studies.lumped.export_c import export_c
+    from tympan.studies.lumped.export.c_source import export_c
     from tympan.studies.lumped.model_file import read_model
 
     if options.fmu != (options.mass is not None):
@@ -24,7 +24,7 @@ def lumped_export(options: argparse.Namespace) -> None:
                          key="--mass", given=options.mass)
     model = read_model(options.model)
     if options.fmu:
-        from tympan.studies.lumped.export_fmu import export_fmu
+        from tympan.studies.lumped.export.fmu import export_fmu
 
         print(export_fmu(model, options.output, parse_quantity(options.mass, "mass", "--mass")))
         return

@@ -19,8 +19,8 @@ from tests.support.specimens import circular
 from tympan.cli import main
 from tympan.fem.film.laws import Gent
 from tympan.geometry.errors import InputError
-from tympan.studies.lumped.export_c import export_c
-from tympan.studies.lumped.export_fmu import export_fmu
+from tympan.studies.lumped.export.c_source import export_c
+from tympan.studies.lumped.export.fmu import export_fmu
 from tympan.studies.lumped.model_file import LumpedModel, write_model
 from tympan.studies.lumped.reduced_film import ReducedFilm
 from tympan.studies.lumped.simulate import simulate

@@ -43,8 +43,8 @@ def export_c(model: LumpedModel, folder: Path) -> list[Path]:
     name = _identifier(model.specimen.name)
     words = _words(model, name)
     files = []
-    for kind in ("h", "c"):
-        template = resources.files("tympan.studies.lumped").joinpath(f"export_c.{kind}.txt")
+    for kind, text in (("h", "header"), ("c", "source")):
+        template = resources.files("tympan.studies.lumped.export").joinpath(f"{text}.txt")
         file = folder / f"{name}.{kind}"
         write_text(file, Template(template.read_text(encoding="utf-8")).substitute(words))
         files.append(file)

@@ -16,7 +16,7 @@ from xml.etree import ElementTree as Xml
 
 from tympan.geometry.errors import Failure, InputError
 from tympan.studies.files import write_atomically
-from tympan.studies.lumped.export_c import export_c
+from tympan.studies.lumped.export.c_source import export_c
 from tympan.studies.lumped.model_file import LumpedModel
 
 _SUFFIX = {"linux": "so", "darwin": "dylib", "win32": "dll"}
@@ -39,7 +39,7 @@ def export_fmu(model: LumpedModel, folder: Path, mass: float) -> Path:
         title, states = header.stem, 2 + len(model.radii)
         # The same model has the same name: results can be compared.
         guid = str(uuid.uuid5(uuid.NAMESPACE_OID, f"{source.read_text(encoding='utf-8')}{mass!r}"))
-        template = resources.files("tympan.studies.lumped").joinpath("export_fmu.c.txt")
+        template = resources.files("tympan.studies.lumped.export").joinpath("fmu.txt")
         wrapper = work / f"{title}_fmu.c"
         wrapper.write_text(Template(template.read_text(encoding="utf-8")).substitute(
             name=title, prefix=title.upper(), guid=guid, mass=repr(mass)), encoding="utf-8")

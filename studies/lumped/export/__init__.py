@@ -1,0 +1,1 @@
+"""A lumped model for a controller: as C99, as FMU."""
