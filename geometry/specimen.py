@@ -27,6 +27,7 @@ _STRETCH: Rule = (lambda x: 0.2 <= x <= 10,
 _EXPONENT: Rule = (lambda x: -10 <= x <= 10, "must be from -10 to 10")
 _DENSITY: Rule = (lambda x: x == 0 or 1 <= x <= 30e3,
                   "must be 0 (weightless) or from 1 to 30000 kg/m^3")
+_ELECTRODE: Rule = (lambda x: 0 <= x <= 100, "must be from 0 (weightless) to 100 kg/m^2")
 _THICKNESS: Rule = (lambda x: 1e-7 <= x <= 0.1, "must be positive, from 0.1 um to 10 cm")
 _PERMITTIVITY: Rule = (lambda x: 1 <= x <= 1000, "must be at least 1 (vacuum) and at most 1000")
 
@@ -206,6 +207,8 @@ class Electrode:
         "neo-Hookean modulus per virgin volume, without stress when mounted", "stress",
         NON_NEGATIVE)] = 0.0
     outline: Annotated[Region | None, Key("only the film within this outline is covered")] = None
+    mass: Annotated[float, Key(
+        "of the electrodes on both sides, per mounted area", "mass per area", _ELECTRODE)] = 0.0
 
     @property
     def everywhere(self) -> bool:

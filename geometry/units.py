@@ -50,6 +50,7 @@ DIMENSIONS: dict[str, Dimension] = {
     "acceleration": Dimension("m/s^2", "9.80665 m/s^2"),
     "stiffness per length": Dimension("N/m", "5 N/m"),
     "density": Dimension("kg/m^3", "960 kg/m^3"),
+    "mass per area": Dimension("kg/m^2", "0.03 kg/m^2"),
     "force": Dimension("N", "0.2 N"),
     "field": Dimension("V/m", "30 MV/m", ("MV/m",)),
     "speed": Dimension("m/s", "1 um/min", ("um/min",)),
@@ -66,6 +67,10 @@ DIMENSIONS: dict[str, Dimension] = {
 }
 
 METRE = 1e3  #: in cadquery's model unit, the millimetre
+
+#: Units that pint takes for the 1 in 1/s, 2π too small or too large.
+_ANGLES = {"radian", "degree", "revolution", "turn", "cycle", "revolutions_per_minute",
+           "revolutions_per_second", "counts_per_second"}
 
 #: A longer text is no quantity.
 _LONGEST = 100
@@ -141,6 +146,8 @@ def pint_factor(unit: str, dimension: str) -> float:
     registry, powers = _registry(), Counter[str]()
     for name, power in _powers(unit.translate(_SIGNS)):
         powers[registry.get_name(name)] += power
+    if dimension == "frequency" and powers.keys() & _ANGLES:
+        raise ValueError(f"an angle per time is no frequency: {unit}")
     whole = registry.Quantity(1.0, registry.UnitsContainer(powers))
     return float(whole.to(DIMENSIONS[dimension].si).magnitude)
 

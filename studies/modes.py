@@ -94,7 +94,7 @@ def modes(case: Case, settings: Settings, count: int = 6, point_mass: float = 0.
 
     The mass on the plate, the rig's unaccounted mass included, is that of a uniform plate, except
     for ``point_mass`` [kg] of it, without inertia of its own; their centre of mass is where the rig
-    hangs the weight.
+    hangs the weight. The rig's added mass moves with it and does not turn.
     """
     began = time.perf_counter()
     plate = carried(case, point_mass)
@@ -151,7 +151,7 @@ def _mode(computed: Modes, number: int, name: str, longest: float) -> Mode:
 
 def _warnings(case: Case, computed: Modes) -> list[str]:
     warnings = []
-    if not case.specimen.membrane.density:
+    if not (case.specimen.membrane.density or case.specimen.electrode.mass):
         warnings.append("the film has no mass (membrane.density is 0): only the plate's modes are "
                         "there")
     if computed.unstable:

@@ -105,7 +105,8 @@ class Superellipse(AnySuperellipse):
 
 class Electrode(AnyElectrode):
     def __init__(self, margin_frame: Quantity = ..., margin_plate: Quantity = ..., stiffness:
-                 Quantity = ..., outline: AnyRegion | None = ...) -> None: ...
+                 Quantity = ..., outline: AnyRegion | None = ..., mass: Quantity
+                 = ...) -> None: ...
 
 class Film(AnyFilm):
     def __init__(self, thickness: Quantity, prestretch: tuple[float, float], material: Material,

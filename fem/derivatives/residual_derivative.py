@@ -126,7 +126,7 @@ class ResidualDerivative:
         """
         mine = self.at.model
         result = self._by_film(model, state)
-        if model.pull != mine.pull:
+        if np.any(model.pull != mine.pull):
             result = result - self._nodal[:, :, 2] @ model.weight[:, 2].imag
         if np.imag(state.pressure):
             nodes = mine.discretisation.connectivity

@@ -112,7 +112,8 @@ def _length(path: Sequence[str]) -> ModelParameter:
 def film_names(specimen: Specimen) -> tuple[str, ...]:
     """Names of numbers of film and electrode that move nothing, such as membrane.material.mu.0."""
     # Strength decides nothing but breakdown.
-    return (*numbers(replace(specimen.membrane, strength=None), "membrane"), "electrode.stiffness")
+    return (*numbers(replace(specimen.membrane, strength=None), "membrane"), "electrode.stiffness",
+            "electrode.mass")
 
 
 @lru_cache(maxsize=64)

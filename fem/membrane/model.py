@@ -103,15 +103,21 @@ class Model:
         """Area of the whole plate [m²]."""
         return area(self.specimen.plate.outline)
 
+    @cached_property
+    def mass_per_area(self) -> Any:
+        """Mass of film and electrodes per mounted area [kg/m²], shape (elements, 1)."""
+        film = self.specimen.membrane
+        bare = film.density * (film.thickness / film.area_prestretch)
+        return bare + self.specimen.electrode.mass * self.discretisation.covered
+
     @property
     def pull(self) -> Any:
-        """The film's own weight per mounted area [Pa]."""
-        film = self.specimen.membrane
-        return film.density * self.loading.gravity * (film.thickness / film.area_prestretch)
+        """Weight of film and electrodes per mounted area [Pa], shape (elements, 1)."""
+        return self.loading.gravity * self.mass_per_area
 
     @cached_property
     def weight(self) -> Array:
-        """Nodal forces of the film's own mass [N], shape (nodes, 3)."""
+        """Nodal forces of the mass of film and electrodes [N], shape (nodes, 3)."""
         mesh, pull = self.discretisation, self.pull
         elements = np.zeros((*mesh.connectivity.shape, 3), dtype=np.result_type(mesh.weights, pull))
         elements[..., 2] = pull * np.matmul(mesh.weights, mesh.shapes)

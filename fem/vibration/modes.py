@@ -106,8 +106,12 @@ def vibrations(model: Model, state: State, plate: RigidPlate, count: int = 6) ->
 
 
 def film_mass(model: Model) -> csr_matrix:
-    """Consistent mass matrix of the meshed film for one component [kg], shape (nodes, nodes)."""
-    weights, shapes = model.volumes * model.specimen.membrane.density, model.discretisation.shapes
+    """Consistent mass matrix of the meshed film for one component [kg], shape (nodes, nodes).
+
+    Its electrodes move with it.
+    """
+    mesh = model.discretisation
+    weights, shapes = mesh.weights * model.mass_per_area, mesh.shapes
     elements = np.einsum("pa,pb,ep->eab", shapes, shapes, weights, optimize=True)
     return model.discretisation.nodal_matrix(elements)
 

@@ -22,12 +22,17 @@ WORDS = words_beside(__file__)
 #: the upper one (tympan.fem.film.breakdown).
 _FIELDS = (1e5, 1e9)
 
+#: Factor beyond which a frequency is none of a weight on a spring that gives way so far: films
+#: stiffen, and mass is missing, by less.
+_APART = 4.0
+
 
 def summary(dataset: Dataset) -> dict[str, Any]:
     """What a dataset holds, as plain values for JSON, SI; voltages of transients are left out."""
     static, ranges, transients = dataset.static, dataset.ranges, dataset.transients
-    loads = [table for table in (static, ranges, transients) if table is not None]
-    voltages = [static.voltage] if static is not None else []
+    frequencies = dataset.frequencies
+    loads = [table for table in (static, ranges, transients, frequencies) if table is not None]
+    voltages = [table.voltage for table in (static, frequencies) if table is not None]
     voltages += [ranges.voltage_min, ranges.voltage_max] if ranges is not None else []
     runs = [] if transients is None else zip(*(
         transients[name].tolist() for name in ("specimen", "mass", "run")), strict=True)
@@ -59,7 +64,7 @@ def summary(dataset: Dataset) -> dict[str, Any]:
 def dataset_warnings(dataset: Dataset) -> list[str]:
     """One sentence for each thing that limits, or may spoil, what the data can tell."""
     return [*dataset.remarks, *_too_little(dataset), *_static_warnings(dataset),
-            *slips_of_unit(dataset)]
+            *_frequency_warnings(dataset), *slips_of_unit(dataset)]
 
 
 def _distinct(values: list[NDArray[np.float64]]) -> list[float]:
@@ -68,7 +73,8 @@ def _distinct(values: list[NDArray[np.float64]]) -> list[float]:
 
 def _too_little(dataset: Dataset) -> Iterator[str]:
     tables = [table for table in (dataset.static, dataset.ranges) if table is not None]
-    read = {name for table in (*tables, dataset.transients) if table is not None
+    others = dataset.transients, dataset.frequencies
+    read = {name for table in (*tables, *others) if table is not None
             for name in table.specimen.tolist()}
     idle = [specimen.name for specimen in dataset.specimens if specimen.name not in read]
     if read and idle:
@@ -109,6 +115,18 @@ def _static_warnings(dataset: Dataset) -> Iterator[str]:
         yield WORDS["scatter"].format(ratio=ratio)
 
 
+def _frequency_warnings(dataset: Dataset) -> Iterator[str]:
+    read = dataset.frequencies
+    if read is None:
+        return
+    if len(set(zip(read.specimen.tolist(), read.mass.tolist(), strict=True))) == 1:
+        yield WORDS["one_load_swings"]
+    light = [specimen.name for specimen in dataset.specimens
+             if specimen.name in read.specimen and not specimen.membrane.density]
+    if light:
+        yield WORDS["massless"].format(names=", ".join(light))
+
+
 def _only_up(static: Sheet) -> bool:
     """Whether no voltage of a specimen, mass, run and repeat is below the one read before."""
     when = static.order if np.isfinite(static.order).all() else static.elapsed
@@ -136,6 +154,27 @@ def slips_of_unit(dataset: Dataset) -> Iterator[str]:
                     yield WORDS["slip"].format(
                         file=name, column=column, specimen=specimen.name, unit=unit,
                         largest=largest * factor, low=low * factor, high=high * factor)
+    yield from _slips_of_frequency(dataset)
+
+
+def _slips_of_frequency(dataset: Dataset) -> Iterator[str]:
+    """Frequencies that a plate at rest so far down cannot have.
+
+    A weight on a spring has 2πf = √(g/y); rad/s for Hz are 6.3 times as many, rpm 60.
+    """
+    read, static, rig = dataset.frequencies, dataset.static, dataset.rig
+    if read is None or static is None or rig.gas_pressure or rig.biases:
+        return
+    for specimen in dataset.specimens:
+        here, there = read.specimen == specimen.name, static.specimen == specimen.name
+        loads = set(read.mass[here].tolist()) & set(static.mass[there].tolist())
+        for mass in sorted(loads):
+            low = static.displacement[there & (static.mass == mass)].min()
+            largest = float(read.frequency[here & (read.mass == mass)].max())
+            usual = float(np.sqrt(rig.gravity / max(low, 1e-9))) / (2 * np.pi)
+            if not usual / _APART < largest < usual * _APART:
+                yield WORDS["no_frequency"].format(specimen=specimen.name, largest=largest,
+                                                   usual=usual, mass=1e3 * mass)
 
 
 def _limits(specimen: Specimen) -> dict[str, tuple[float, float, str, float]]:

@@ -24,6 +24,8 @@ from tympan.studies.data.coupon import Coupons
 _VOLTAGE: Rule = (lambda x: 0 <= x <= 1e6, "must be from 0 to 1000 kV; the film's pull has no sign")
 _MASS: Rule = (lambda x: 0 <= x <= 100, "must be from 0 to 100 kg")
 _DISPLACEMENT: Rule = (lambda x: abs(x) <= 10, "must be within 10 m")
+_FREQUENCY: Rule = (lambda x: 0 < x <= 1e6, "must be above 0 Hz, to 1 MHz")
+_QUALITY: Rule = (lambda x: x > 0.5, "must be above 0.5: a plate more damped does not swing")
 _TIME: Rule = (lambda x: abs(x) <= 1e9, "must be within 1e9 s")
 #: Times of a run are so far apart [s].
 _APART = 1e-9
@@ -68,9 +70,21 @@ TRANSIENT: tuple[Column, ...] = (
     Column("displacement", "mm", _DISPLACEMENT),
 )
 
+#: The columns of frequency.csv: natural frequencies of small vibrations at rest under mass and
+#: voltage. ``mode``: only the lowest one of the plate up and down is known; ``quality``: the
+#: resonance's, f over the width at half the power; ``sigma``: standard deviation of the frequency.
+FREQUENCY: tuple[Column, ...] = (
+    *_LOAD,
+    Column("voltage", "kV", _VOLTAGE),
+    Column.labels("mode", ("heave",)),
+    Column("frequency", "Hz", _FREQUENCY),
+    Column("quality", rule=_QUALITY, required=False),
+    Column("sigma", "Hz", POSITIVE, required=False),
+)
+
 #: The files of readings a dataset may hold, and their columns.
 FILES = {"static.csv": STATIC, "range.csv": RANGE, "transient.csv": TRANSIENT,
-         "coupon.csv": coupon.COLUMNS}
+         "coupon.csv": coupon.COLUMNS, "frequency.csv": FREQUENCY}
 
 #: Columns of static.csv with what else may be measured besides the displacement.
 _CHANNELS = ("capacitance", "film_voltage", "tilt")
@@ -80,9 +94,9 @@ _CHANNELS = ("capacitance", "film_voltage", "tilt")
 class Dataset:
     """Measured readings with the specimens and the rig they came from.
 
-    ``static``, ``ranges`` and ``transients`` have the columns of :data:`STATIC`, :data:`RANGE` and
-    :data:`TRANSIENT`. ``files`` are those read, with the SHA-256 of their bytes; ``remarks`` what
-    reading found odd.
+    ``static``, ``ranges``, ``transients`` and ``frequencies`` have the columns of :data:`STATIC`,
+    :data:`RANGE`, :data:`TRANSIENT` and :data:`FREQUENCY`. ``files`` are those read, with the
+    SHA-256 of their bytes; ``remarks`` what reading found odd.
     """
 
     name: Annotated[str, Key("what messages call it")]
@@ -95,13 +109,15 @@ class Dataset:
     ranges: Sheet | None = None
     transients: Sheet | None = None
     coupons: Coupons | None = None
+    frequencies: Sheet | None = None
     files: Mapping[str, str] = field(default_factory=dict)
     remarks: tuple[str, ...] = ()
 
     @property
     def tables(self) -> dict[str, Sheet | Coupons]:
         """What there is, by file name."""
-        every = zip(FILES, (self.static, self.ranges, self.transients, self.coupons), strict=True)
+        every = zip(FILES, (self.static, self.ranges, self.transients, self.coupons,
+                            self.frequencies), strict=True)
         return {name: table for name, table in every if table is not None}
 
 
@@ -124,7 +140,7 @@ def read_dataset(folder: Path | str, planned: bool = False) -> Dataset:
     stems = {Path(name).stem: name for name in FILES}
     remarks = [f"{name} is not read: {did_you_mean(Path(name).stem.lower(), stems)}known are "
                f"{', '.join(FILES)}" for name in there if name not in FILES]
-    later = ("displacement", "range") if planned else ()
+    later = ("displacement", "range", "frequency") if planned else ()
     sheets: dict[str, Sheet] = {}
     for name, columns in FILES.items():
         if not (folder / name).exists():
@@ -136,7 +152,7 @@ def read_dataset(folder: Path | str, planned: bool = False) -> Dataset:
         if SPECIMEN in columns:
             _check_specimens(sheet, [specimen.name for specimen in dataset.specimens])
             remarks += _identical(sheet, name)
-    static, ranges, transients, coupons = map(sheets.get, FILES)
+    static, ranges, transients, coupons, frequencies = map(sheets.get, FILES)
     if ranges is not None:
         for row in np.flatnonzero(ranges.voltage_max <= ranges.voltage_min):
             raise ranges.error(int(row), "voltage_max", "must be above voltage_min")
@@ -147,6 +163,7 @@ def read_dataset(folder: Path | str, planned: bool = False) -> Dataset:
         raise InputError(f"must hold at least one of {', '.join(FILES)}{words}", file=folder)
     return replace(dataset, static=static, ranges=ranges, transients=transients, files=files,
                    coupons=None if coupons is None else Coupons.of(coupons),
+                   frequencies=frequencies,
                    remarks=tuple(remarks))
 
 

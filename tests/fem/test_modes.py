@@ -33,6 +33,7 @@ from tympan.fem.membrane.loading import Loading, Spring
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import FREEDOMS, HEAVE, PlateMotion, State
 from tympan.fem.results.fields import whole
+from tympan.fem.rig import Rig
 from tympan.fem.vibration.modes import (
     Modes,
     RigidPlate,
@@ -43,8 +44,9 @@ from tympan.fem.vibration.modes import (
     vibrations,
 )
 from tympan.geometry.errors import InputError
+from tympan.geometry.mesher import MeshSettings
 from tympan.geometry.outlines import Circle, Ellipse, moments
-from tympan.geometry.specimen import Plate
+from tympan.geometry.specimen import Electrode, Plate
 from tympan.studies.case import Case, Settings
 from tympan.studies.modes import modes as solve_modes
 
@@ -131,6 +133,33 @@ def test_heave_of_a_heavy_disc_on_a_flat_film(mass) -> None:
     exact = hertz(annulus_modes.heaving(2, INNER, OUTER, mass / PER_AREA))
     assert modes.frequencies_Hz[even[0]] == pytest.approx(exact[0], rel=1e-7)
     assert modes.frequencies_Hz[even[1]] == pytest.approx(exact[1], rel=1e-5)
+
+
+def test_electrodes_have_the_inertia_of_as_heavy_a_film() -> None:
+    """Grease alone on a weightless film, then half of the mass in either."""
+    exact = hertz(annulus_modes.heaving(1, INNER, OUTER, 1e-3 / PER_AREA))[0]
+    for grease in (PER_AREA, PER_AREA / 2):
+        specimen = replace(circular(density=DENSITY * (1 - grease / PER_AREA)),
+                           electrode=Electrode(mass=grease))
+        film = model(specimen, refine=2.0)
+        modes = vibrations(film, film.mounted(), plate_of(1e-3), count=1)
+        assert modes.frequencies_Hz[0] == pytest.approx(exact, rel=1e-7)
+
+
+def test_electrodes_weigh_where_they_cover_the_film() -> None:
+    coated = replace(circular(), electrode=Electrode(margin_frame=5e-3, mass=0.05))
+    film = replace(model(coated), loading=Loading(gravity=9.80665))
+    weight = film.weight.sum(0) * film.discretisation.mirrored
+    covered = np.pi * ((OUTER - 5e-3) ** 2 - INNER**2)
+    assert weight == pytest.approx([0, 0, 0.05 * 9.80665 * covered], rel=1e-6, abs=1e-15)
+
+
+def test_added_mass_moves_without_weight() -> None:
+    """Half as much again on the plate: the same rest, √1.5 slower on a weightless film."""
+    bare, loaded = (solve_modes(Case(circular(), mass=MASS, voltage=3e3, rig=Rig(added_mass=more)),
+                                Settings(MeshSettings(order=2)), count=1) for more in (0, MASS / 2))
+    assert loaded.deflection_m == bare.deflection_m
+    assert bare.modes[0].frequency_Hz / loaded.modes[0].frequency_Hz == pytest.approx(1.5**0.5)
 
 
 @pytest.mark.parametrize("mass", [1e-3, MASS])

@@ -26,8 +26,8 @@ if TYPE_CHECKING:
 
 @command("data",
          argument("dataset", type=Path, metavar="DATASET",
-                  help="folder with dataset.toml and static.csv, range.csv, transient.csv or "
-                       "coupon.csv"), JSON,
+                  help="folder with dataset.toml and static.csv, range.csv, transient.csv, "
+                       "coupon.csv or frequency.csv"), JSON,
          example="readings")
 def data(options: argparse.Namespace) -> None:
     """Check a dataset of measurements and say what is in it."""

@@ -115,7 +115,7 @@ class HeldFilm:
         Mechanisms between plate and ground act on the heave alone and are left out.
         """
         specimen, loading = setup.specimen(name), replace(setup.rig.loading, biases=())
-        if not specimen.membrane.density:
+        if not (specimen.membrane.density or specimen.electrode.mass):
             loading = replace(loading, gravity=0.0)
         return cls(specimen, loading, setup.rig.gas_pressure)
 

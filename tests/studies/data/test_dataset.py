@@ -34,9 +34,10 @@ UNITS = {
     "capacitance": {"pF": 1e-12, "nF": 1e-9, "F": 1},
     "angle": {"mrad": 1e-3, "rad": 1, "deg": np.pi / 180},
     "stress": {"kPa": 1e3, "Pa": 1, "MPa": 1e6},
+    "frequency": {"Hz": 1, "kHz": 1e3, "mHz": 1e-3},
 }
 #: Between which numbers are drawn, where columns have limits of their own.
-LIMITS = {"displacement": (1e-9, 10), "stretch": (0.05, 20)}
+LIMITS = {"quality": (0.51, 1e3), "displacement": (1e-9, 10), "stretch": (0.05, 20)}
 FILES = {Path(name).stem: columns for name, columns in dataset.FILES.items()}
 
 
@@ -106,11 +107,13 @@ def test_every_field_of_a_dataset_is_the_one_of_its_column(tmp_path) -> None:
                "voltage_kV,mass_g,specimen\n\n1,2,3,4,down,5,6,seventh,eighth,9,10,11,B\n,,,,,,,,,-1,0,2,A\n",
         range="specimen,mass_kg,voltage_min_V,voltage_max_kV,range_um\nB,0.5,1,2,3\n",
         transient="specimen,mass_g,run,t_min,voltage_kV,displacement_mm\nA,1,x,2,3,4\n",
-        coupon="mode,stretch,nominal_stress_kPa,run,t_s,specimen\nuniaxial,2,35,r,4,strip\n"))
+        coupon="mode,stretch,nominal_stress_kPa,run,t_s,specimen\nuniaxial,2,35,r,4,strip\n",
+        frequency="quality,mode,frequency_kHz,sigma_Hz,voltage_kV,mass_g,specimen\n"
+                  "9,heave,0.011,0.5,2,7,B\n"))
     assert (data.name, data.source, data.noise) == ("test", "lab book 7", pytest.approx(50e-6))
     assert (data.rig.gravity, data.rig.spring) == (9.81, 5)
     assert [specimen.name for specimen in data.specimens] == ["A", "B"]
-    static, ranges, transients, coupons = data.tables.values()
+    static, ranges, transients, coupons, frequencies = data.tables.values()
     first = {name: values[0] for name, values in (static.values | {"line": static.line}).items()}
     assert first == {
         "specimen": "B", "mass": pytest.approx(11e-3), "voltage": 10e3,
@@ -126,11 +129,14 @@ def test_every_field_of_a_dataset_is_the_one_of_its_column(tmp_path) -> None:
         "A", pytest.approx(1e-3), "x", 120, 3e3, pytest.approx(4e-3)]
     assert transients.line[0] == 2
     assert (coupons.stress[0], coupons.time[0], coupons.run[0]) == (35e3, 4, "r")
+    assert [values[0] for values in frequencies.values.values()] == [
+        "B", pytest.approx(7e-3), 2e3, "heave", pytest.approx(11), 9, 0.5]
     for name, sha256 in data.files.items():
         assert sha256 == hashlib.sha256((tmp_path / "d" / name).read_bytes()).hexdigest()
     assert list(data.files) == ["dataset.toml", *data.tables]
 
 
+SWINGS = "specimen,mass_g,voltage_kV,mode,frequency_Hz\n"
 STATIC_MESSAGES = [
     ("", "static.csv: is empty"),
     (TOP, "static.csv: has no readings below"),
@@ -194,9 +200,19 @@ MESSAGES = [
      "it stands in line 2 too"),
     ({"coupon": "mode,stretch,nominal_stress_kPa\nbiaxial,2,3\n"},
      "coupon.csv: line 2, column 1 (mode)"),
-    ({}, "must hold at least one of static.csv, range.csv, transient.csv, coupon.csv\n"),
+    ({"frequency": SWINGS + "A,17.9,0,tilt,11\n"},
+     "frequency.csv: line 2, column 4 (mode): given 'tilt': must be one of heave"),
+    ({"frequency": SWINGS + "A,17.9,0,heave,0\n"}, "given '0': must be above 0 Hz"),
+    ({"frequency": SWINGS.replace("_Hz", "_rpm") + "A,17.9,0,heave,660\n"},
+     "column 5: given 'frequency_rpm'"),
+    ({"frequency": SWINGS[:-1] + ",quality\nA,17.9,0,heave,11,0.4\n"},
+     "given '0.4': must be above 0.5: a plate more damped does not swing"),
+    ({"frequency": SWINGS[:-1] + ",sigma_Hz\nA,17.9,0,heave,11,0\n"},
+     "column 6 (sigma_Hz): given '0': must be positive"),
+    ({"frequency": SWINGS + "C,17.9,0,heave,11\n"}, "given 'C': unknown specimen"),
+    ({}, f"must hold at least one of {', '.join(dataset.FILES)}\n"),
     ({"statics": TOP + ROW},
-     "one of static.csv, range.csv, transient.csv, coupon.csv; there: statics.csv\n"),
+     f"one of {', '.join(dataset.FILES)}; there: statics.csv\n"),
     ({"head": HEAD + "colour = 1\n", "static": TOP + ROW}, "dataset.toml: colour: unknown key"),
     ({"head": "", "static": TOP + ROW}, "dataset.toml: name: is missing"),
     ({"head": HEAD + 'noise = "0 mm"\n', "static": TOP + ROW},
@@ -276,6 +292,11 @@ WARNINGS = [
     ({"static": TOP.replace("kV", "V") + "A,17.9,7,1\n"}, "the largest voltage of A is 0.007 kV"),
     ({"range": "specimen,mass_g,voltage_min_kV,voltage_max_kV,range_mm\nA,17.9,0,7,1640\n"},
      "the largest range of A"),
+    ({"frequency": SWINGS + "A,17.9,0,heave,11\n"}, "frequencies of one specimen under one mass"),
+    ({"frequency": SWINGS + "A,17.9,0,heave,11\n"}, "membrane.density of A is 0"),
+    ({"static": TOP + "A,17.9,0,2\n", "frequency": SWINGS + "A,17.9,0,heave,70\n"},
+     "A under 17.9 g has up to 70 Hz, where a weight that rests as far down as static.csv says "
+     "has about 11.1 Hz"),
 ]
 
 
