@@ -19,6 +19,8 @@ _SAG: Rule = (lambda x: x >= 1, "must be at least 1 V; inf for none")
 
 _LEAKAGE: Rule = (lambda x: x > 0, "must be positive; inf for none")
 
+_AIR: Rule = (lambda x: 0 <= x <= 1000, "must be from 0 (none) to 1000 kg/m^3")
+
 #: Loads that such a film could bear; others are slips of a unit.
 MASSES: Rule = (lambda x: 0 <= x <= 100, "must be from 0 to 100 kg")
 VOLTAGES: Rule = (lambda x: 0 <= x <= 1e6, "must be from 0 to 1000 kV")
@@ -65,6 +67,9 @@ class Rig:
                                              _LEAKAGE)] = inf
     sensor_lag: Annotated[float, Key("in which the sensor follows, by a factor e", "time",
                                      NON_NEGATIVE)] = 0.0
+    air: Annotated[float, Key("density of the still air that swings with film and plate, on both "
+                              "sides, as if frame and stand were a wall; 0 for none", "density",
+                              _AIR)] = 0.0
 
     @classmethod
     def from_table(cls, table: Table) -> Self:

@@ -10,9 +10,11 @@ from typing import Self
 import numpy as np
 
 from tympan.fem.equilibrium.ramp import Status
+from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.rigid_plate import RigidPlate
-from tympan.fem.membrane.state import FREEDOMS
+from tympan.fem.membrane.state import FREEDOMS, HEAVE, State
 from tympan.fem.results.fields import whole
+from tympan.fem.vibration.heave import following
 from tympan.fem.vibration.modes import Modes, film_mass, mode_names, vibrations
 from tympan.geometry.errors import InputError
 from tympan.studies.case import (
@@ -106,6 +108,7 @@ def modes(case: Case, settings: Settings, count: int = 6, point_mass: float = 0.
         warnings=(), semi_axes_m=case.specimen.frame.semi_axes)
     if outcome.status != "equilibrium":
         return replace(result, warnings=(failure_reason(outcome),))
+    plate = _with_air(case, model, state, plate)
     computed = vibrations(model, state, plate, count)
     full, whole_state = whole(model, state)
     points, triangles = cut_triangles(full, _PARTS)
@@ -127,6 +130,28 @@ def modes(case: Case, settings: Settings, count: int = 6, point_mass: float = 0.
         wall_s=time.perf_counter() - began,
         warnings=(*_warnings(case, computed), *state_warnings(model, state)), film=film)
 
+
+
+def heave_frequency(case: Case, settings: Settings, count: int = 12) -> float | None:
+    """Frequency [Hz] of the mode in which the plate mostly moves up and down.
+
+    None where the case has no equilibrium, or no such mode is among the lowest ``count``.
+    """
+    model, outcome = equilibrate(case, settings)
+    if outcome.status != "equilibrium":
+        return None
+    plate = _with_air(case, model, outcome.state, carried(case))
+    computed = vibrations(model, outcome.state, plate, count)
+    heaving = int(np.argmax(computed.shares[:, HEAVE]))
+    stable = not computed.growth[heaving] and computed.shares[heaving, HEAVE] > 0.5
+    return float(computed.frequencies_Hz[heaving]) if stable else None
+
+
+def _with_air(case: Case, model: Model, state: State, plate: RigidPlate) -> RigidPlate:
+    """The plate with the mass of the air that heaves with it."""
+    if not case.rig.air:
+        return plate
+    return replace(plate, mass=plate.mass + following(model, state).air_mass(case.rig.air))
 
 
 def carried(case: Case, point_mass: float = 0.0) -> RigidPlate:

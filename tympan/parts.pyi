@@ -74,7 +74,8 @@ class Rig(AnyRig):
                  biases: Sequence[Bias] = ..., lag_voltage: Quantity = ...,
                  friction: Quantity = ..., plate_damping: Quantity = ...,
                  added_mass: Quantity = ..., series_resistance: Quantity = ...,
-                 leakage_resistance: Quantity = ..., sensor_lag: Quantity = ...) -> None: ...
+                 leakage_resistance: Quantity = ..., sensor_lag: Quantity = ...,
+                 air: Quantity = ...) -> None: ...
 
 class Circle(AnyCircle):
     def __init__(self, radius: Quantity) -> None: ...

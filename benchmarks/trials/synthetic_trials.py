@@ -124,7 +124,8 @@ def design_of(name: str, setup: Setup, states: States, effects: Sequence[str] = 
     """Displacements of states, and the effects that ramps like theirs can show."""
     both = states.direction.min() < 0
     causes = tuple(Cause(name, which) for name in effects for which in EFFECTS[name].choices(setup)
-                   if both or "direction" not in EFFECTS[name].columns)
+                   if (both or "direction" not in EFFECTS[name].columns)
+                   and "frequency_Hz" not in EFFECTS[name].columns)
     return Design(name, setup, _read(states), causes)
 
 

@@ -15,6 +15,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import chain, combinations
+from typing import Any
 
 import numpy as np
 import scipy.linalg
@@ -110,10 +111,15 @@ def film_mass(model: Model) -> csr_matrix:
 
     Its electrodes move with it.
     """
+    return mass_matrix(model, model.mass_per_area)
+
+
+def mass_matrix(model: Model, per_area: Any) -> csr_matrix:
+    """The same of any mass per mounted area [kg/m²], broadcastable to (elements, points)."""
     mesh = model.discretisation
-    weights, shapes = mesh.weights * model.mass_per_area, mesh.shapes
+    weights, shapes = mesh.weights * per_area, mesh.shapes
     elements = np.einsum("pa,pb,ep->eab", shapes, shapes, weights, optimize=True)
-    return model.discretisation.nodal_matrix(elements)
+    return mesh.nodal_matrix(elements)
 
 
 #: Lowest eigenvalues ω², their vectors as columns, vᵀMv = 1, and the number of all negative ones.

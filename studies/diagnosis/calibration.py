@@ -12,7 +12,7 @@ from tympan.fem.equilibrium.ramp import equilibrium, held
 from tympan.fem.film.laws.stiffened import scaled
 from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Film
-from tympan.studies.case import build_model
+from tympan.studies.case import Case, build_model
 from tympan.studies.diagnosis.inference.posterior import Fit, nominal_fit, nominal_fits
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.readings import FEWEST
@@ -30,7 +30,9 @@ from tympan.studies.diagnosis.reduced.simulation import (
     Prediction,
     Simulation,
 )
+from tympan.studies.diagnosis.reduced.swinging import SwingingMasses
 from tympan.studies.effects import Setup, extended
+from tympan.studies.modes import heave_frequency
 
 Array = NDArray[np.float64]
 
@@ -71,6 +73,7 @@ def calibrated(setup: Setup, table: ReadingTable) -> Calibration:
     An :class:`InputError` when the films cannot be solved, or too few readings are left.
     """
     simulation = reaching(setup, table, lambda simulation: _safest(simulation, table).unknowns)
+    simulation = with_masses(simulation, table)
     fit = nominal_fit(simulation, table)
     if fit.possible:
         doubtful = by_ramp(setup, table, slack(simulation, fit, table))
@@ -87,6 +90,15 @@ def calibrated(setup: Setup, table: ReadingTable) -> Calibration:
                          key="readings", given="; ".join(remarks))
     rest = calibrated(setup, kept)
     return replace(rest, remarks=(*remarks, *rest.remarks))
+
+
+def with_masses(simulation: Simulation, table: ReadingTable) -> Simulation:
+    """With what swings and weighs beside the plates, where a table's readings show that."""
+    setup = simulation.setup
+    heavy = any(specimen.electrode.mass for specimen in setup.specimens)
+    if not heavy and "frequency" not in table.kind:
+        return simulation
+    return replace(simulation, masses=SwingingMasses.of(setup, COARSE))
 
 
 def _safest(simulation: Simulation, table: ReadingTable) -> Fit:
@@ -244,6 +256,25 @@ def law_error(simulation: Simulation, fit: Fit, table: ReadingTable, count: int 
         outcome = equilibrium(model, force, voltage, rig.gas_pressure)
         if outcome.status == "equilibrium":
             worst = max(worst, abs(outcome.state.plate.deflection - float(fit.heave[state])))
+    return worst
+
+
+def frequency_error(simulation: Simulation, fit: Fit, table: ReadingTable, count: int = 4) -> float:
+    """Largest error of the reduced frequencies at a fit, as a share of the finite elements' own.
+
+    At ``count`` of those read, from low to high; what the finite elements do not reach is left out.
+    """
+    if "frequency" not in table.kind:
+        return 0.0
+    setup, rows = extended_setup(simulation, fit.hypothesis, fit.unknowns), table.rows_of
+    shown, worst = simulation.predict(fit.hypothesis, fit.unknowns, table), 0.0
+    order = rows["frequency"][np.argsort(shown[rows["frequency"]])]
+    for row in order[np.unique(np.linspace(0, len(order) - 1, count).round().astype(int))]:
+        case = Case(setup.specimens[int(table.specimen[row])], mass=float(table.mass[row]),
+                    voltage=float(table.voltage[row]), rig=setup.rig)
+        exact = heave_frequency(case, FINE)
+        if exact is not None:
+            worst = max(worst, abs(float(shown[row]) / exact - 1))
     return worst
 
 

@@ -11,10 +11,13 @@ import numpy as np
 from tympan.geometry.errors import InputError
 from tympan.studies.data.dataset import Dataset
 from tympan.studies.diagnosis.calibration import (
+    Calibration,
     calibrated,
+    frequency_error,
     law_error,
     reaching,
     with_effects,
+    with_masses,
 )
 from tympan.studies.diagnosis.inference.identifiability import (
     classes_of,
@@ -34,7 +37,7 @@ _LATER = 2
 
 def diagnose(dataset: Dataset, workers: int = 1, seed: int = 0,
              progress: Callable[[int, int], None] = lambda done, all_of_them: None) -> Diagnosis:
-    """Diagnose a dataset's static readings and ranges.
+    """Diagnose a dataset's static readings, ranges and frequencies.
 
     Parameters
     ----------
@@ -54,7 +57,7 @@ def diagnose(dataset: Dataset, workers: int = 1, seed: int = 0,
     readings = prepared_readings(dataset)
     nominal = calibrated(readings.setup, readings.table)
     error = law_error(nominal.simulation, nominal.fit, nominal.table)
-    table = _with_model_error(nominal.table, error)
+    table = _with_model_error(nominal.table, error, nominal)
     readings = replace(readings, table=table, remarks=(*readings.remarks, *nominal.remarks))
     films = 1
 
@@ -90,7 +93,7 @@ def plan_readings(dataset: Dataset, workers: int = 1,
     simulation = with_effects(nominal.simulation, progress, workers)
     signs = signatures(simulation, table, nominal.fit.unknowns, readings.causes)
     invisible, classes = classes_of(signs)
-    noisy = _with_model_error(table, law_error(nominal.simulation, nominal.fit, table))
+    noisy = _with_model_error(table, law_error(nominal.simulation, nominal.fit, table), nominal)
     bench = Bench(simulation, nominal.fit.unknowns, noisy, readings.causes, readings.stated)
     return {
         "dataset": dataset.name,
@@ -103,13 +106,17 @@ def plan_readings(dataset: Dataset, workers: int = 1,
     }, bench
 
 
-def _with_model_error(table: ReadingTable, error: float) -> ReadingTable:
-    """The reduced model's error [m] is noise of the lengths."""
-    return table.with_sigma(np.hypot(table.sigma, np.where(table.lengths, error, 0.0)))
+def _with_model_error(table: ReadingTable, error: float, nominal: Calibration) -> ReadingTable:
+    """The reduced model's errors are noise: that of the lengths [m], and a share of frequencies."""
+    share = frequency_error(nominal.simulation, nominal.fit, table)
+    errors = np.where(table.lengths, error, np.where(table.kind == "frequency", share, 0.0)
+                      * table.value)
+    return table.with_sigma(np.hypot(table.sigma, errors))
 
 
 def _predicted(setup: Setup, table: ReadingTable) -> ReadingTable:
     simulation = reaching(setup, table, lambda simulation: np.zeros(2))
+    simulation = with_masses(simulation, table)
     values = simulation.predict((), np.zeros(2), table)
     if np.isfinite(values).all():
         return table.with_values(values)

@@ -14,9 +14,9 @@ Array = NDArray[np.float64]
 Numbers = NDArray[np.int64]
 
 #: What a row is a reading of: displacement [m], difference of two displacements [m], capacitance
-#: [F], voltage on the film [V], tilt of the plate, whichever way [rad], force that holds the plate
-#: at a heave [N].
-Kind = Literal["displacement", "range", "capacitance", "film_voltage", "tilt", "force"]
+#: [F], voltage on the film [V], tilt of the plate, whichever way [rad], frequency of small heaves
+#: [Hz], force that holds the plate at a heave [N].
+Kind = Literal["displacement", "range", "capacitance", "film_voltage", "tilt", "frequency", "force"]
 
 #: Kinds of rows that are lengths, on which errors are counted.
 LENGTHS = ("displacement", "range")

@@ -56,20 +56,21 @@ class PreparedReadings:
         """Effects that these readings could show."""
         states = self.table.states
         there = {"elapsed_s": bool(np.ptp(states.elapsed) > 0),
-                 "direction": bool(np.any(states.direction != 0))}
+                 "direction": bool(np.any(states.direction != 0)),
+                 "frequency_Hz": "frequency" in self.table.kind}
         return tuple(Cause(name, which) for name, effect in EFFECTS.items()
                      if all(there.get(column, False) for column in effect.columns)
                      for which in effect.choices(self.setup))
 
 
 def prepared_readings(dataset: Dataset) -> PreparedReadings:
-    """The static readings and ranges of a dataset.
+    """The static readings, ranges and frequencies of a dataset.
 
     An :class:`InputError` when they are too few to conclude anything, nothing loads the film, or a
     column is off by a unit.
     """
-    static, ranges = dataset.static, dataset.ranges
-    sheets = [sheet for sheet in (static, ranges) if sheet is not None]
+    static, ranges, frequencies = dataset.static, dataset.ranges, dataset.frequencies
+    sheets = [sheet for sheet in (static, ranges, frequencies) if sheet is not None]
     used = {name for sheet in sheets for name in sheet.specimen.tolist()}
     setup = Setup(tuple(specimen for specimen in dataset.specimens if specimen.name in used),
                   dataset.rig)
@@ -77,6 +78,9 @@ def prepared_readings(dataset: Dataset) -> PreparedReadings:
     if count < FEWEST:
         raise InputError(f"needs at least {FEWEST} readings in static.csv and range.csv: stiffness "
                          "and permittivity alone take two of them", key="readings", given=count)
+    if static is None and ranges is None:
+        raise InputError("must have static.csv or range.csv beside frequency.csv: by frequencies "
+                         "alone no mass is told from a stiffness", key=dataset.name)
     masses = np.concatenate([sheet.mass for sheet in sheets])
     if not (dataset.rig.force(masses, 1.0).any() or dataset.rig.gas_pressure or dataset.rig.biases):
         raise InputError("must be above 0 in some reading: a film that nothing loads stays flat "
@@ -89,6 +93,8 @@ def prepared_readings(dataset: Dataset) -> PreparedReadings:
         parts += _static(static, numbers, reading_sigma(dataset))
     if ranges is not None:
         parts.append(_ranges(ranges, numbers))
+    if frequencies is not None:
+        parts.append(_frequencies(frequencies, numbers))
     table = reduce(ReadingTable.joined, parts)
     planned = bool(np.isnan(table.value).any())
     unknown = np.isnan(table.sigma)
@@ -140,6 +146,16 @@ def _ranges(ranges: Sheet, numbers: dict[str, int]) -> ReadingTable:
     table = rows(states[len(ranges) + np.arange(len(ranges))], "range", ranges.sigma, ranges.range,
                  file="range.csv", line=ranges.line)
     return replace(table, states=states, state=len(ranges) + table.state, since=table.state)
+
+
+def _frequencies(read: Sheet, numbers: dict[str, int]) -> ReadingTable:
+    # Damping of quality Q moves a peak by 1/(4 Q²) of its frequency.
+    quality = np.nan_to_num(read.quality, nan=np.inf)
+    share = np.maximum(CHANNEL, 0.25 / quality**2)
+    sigma = np.where(np.isnan(read.sigma), share * read.frequency, read.sigma)
+    states = States.of([numbers[name] for name in read.specimen.tolist()], read.mass, read.voltage,
+                       run=np.arange(len(read)))
+    return rows(states, "frequency", sigma, read.frequency, file="frequency.csv", line=read.line)
 
 
 def averaged(table: ReadingTable) -> ReadingTable:

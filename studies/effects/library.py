@@ -251,6 +251,43 @@ def drift(setup: Setup, rate: Annotated[float, EffectParameter(
     return setup.with_rig(drift=setup.rig.drift + rate)
 
 
+@effect("The electrodes' mass swings and weighs with the film.",
+        finding="The electrodes have a mass of {rho} of the mounted film, both sides together",
+        check="weigh one specimen before and after its electrodes are wiped off",
+        columns=("frequency_Hz",))
+def electrode_mass(setup: Setup, rho: Annotated[float, EffectParameter(
+        "mass of both electrodes per mounted area", "g/m^2", width=0.05, low=0.0, high=100.0,
+        reason="25 µm of carbon grease of 1 g/cm³ on both sides; no source")]) -> Setup:
+    return setup.with_specimens(lambda specimen: replace(specimen, electrode=replace(
+        specimen.electrode, mass=specimen.electrode.mass + rho)))
+
+
+@effect("Something moves with the plate that does not weigh on it: a lead, a counterweight, a "
+        "guide.",
+        finding="A mass of {m_a} moves with the plate and does not weigh on it",
+        check="look for what moves with the plate but hangs or stands elsewhere, and measure a "
+              "frequency without it",
+        columns=("frequency_Hz",))
+def added_mass(setup: Setup, m_a: Annotated[float, EffectParameter(
+        "inertia without weight", "g", width=1e-3, low=0.0, high=10.0, reason=(
+            "a third of a copper lead of 0.5 mm² and 30 cm moves with its end: 0.4 g; a linear "
+            "guide's slide weighs grams; no source"))]) -> Setup:
+    return setup.with_rig(added_mass=setup.rig.added_mass + m_a)
+
+
+@effect("The air on both sides swings with film and plate.",
+        finding="The gas on both sides swings with the film as one of {rho_a} behind a baffle",
+        check="measure a frequency in a partial vacuum, or with a board held close to the film, "
+              "which makes it lower",
+        columns=("frequency_Hz",))
+def air_mass(setup: Setup, rho_a: Annotated[float, EffectParameter(
+        "density of the air that film and plate move on both sides, frame and stand for a baffle",
+        "kg/m^3", width=1.2, low=0.0, high=1000.0, reason=(
+            "air of 20 °C and 1 bar: 8/3 ρ r³ on each side of a piston in a baffle (Rayleigh, "
+            "The Theory of Sound II, 1896, § 302), half of it on a free disc"))]) -> Setup:
+    return setup.with_rig(air=setup.rig.air + rho_a)
+
+
 @effect("The film between plate and frame is not the lumped model's straight cone but hollow, "
         "steepest at the plate.",
         finding="The film is hollow: {c} of the way from the lumped model's straight cone to a "

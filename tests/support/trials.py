@@ -13,9 +13,9 @@ MASSES = (17.9e-3, 22.45e-3)
 
 
 def every_cause(simulation: Simulation) -> list[Cause]:
-    """All but those that only a way up and down shows."""
+    """All but those that only a way up and down or a frequency shows."""
     return [Cause(name, which) for name, effect in EFFECTS.items()
-            if "direction" not in effect.columns
+            if not {"direction", "frequency_Hz"} & set(effect.columns)
             for which in effect.choices(simulation.setup)]
 
 

@@ -112,10 +112,13 @@ class HeldFilm:
     def of(cls, setup: Setup, name: str) -> HeldFilm:
         """A specimen of a setup.
 
-        Mechanisms between plate and ground act on the heave alone and are left out.
+        Mechanisms between plate and ground act on the heave alone and are left out, and so is the
+        electrodes' mass, which acts as one on the plate.
         """
         specimen, loading = setup.specimen(name), replace(setup.rig.loading, biases=())
-        if not (specimen.membrane.density or specimen.electrode.mass):
+        if specimen.electrode.mass:
+            specimen = replace(specimen, electrode=replace(specimen.electrode, mass=0.0))
+        if not specimen.membrane.density:
             loading = replace(loading, gravity=0.0)
         return cls(specimen, loading, setup.rig.gas_pressure)
 

@@ -35,6 +35,10 @@ _DEGREE = 4
 #: Ratio of the next larger to a largest heave or U² to which grids are rounded.
 _STEP = 1.15
 
+#: How far beyond its largest heave and U² a force law is trusted, and how near to that U² its slope
+#: there is taken, as shares.
+BEYOND, _NEAR = 0.15, 1e-4
+
 #: What is sampled at a node: force [N], capacitance [F], square of the plate's tilt [rad²].
 FORCE, CAPACITANCE, TILT = 0, 1, 2
 
@@ -356,3 +360,22 @@ def _sum_of(terms: Mapping[tuple[int, ...], Term], coordinates: Mapping[int, flo
               for group in combinations(coordinates, count) if group in terms)
     return sum((terms[group].value([coordinates[number] for number in group])
                 for group in groups), 0.0)
+
+
+@lru_cache
+def in_powers(count: int) -> Array:
+    """Chebyshev polynomials by powers, shape (polynomials, powers)."""
+    return np.stack([np.pad(chebyshev.cheb2poly(row), (0, count - 1 - degree))
+                     for degree, row in enumerate(np.eye(count))])
+
+
+def continued(surface: ForceSurface, voltage_squared: Array) -> Array:
+    """Coefficients of the force by the heave's polynomials, continued by a line in U²."""
+    top = (1 + BEYOND) * surface.grid.voltage_squared
+    within = np.minimum(voltage_squared, top)
+    coefficients = surface.by_heave(within)
+    if np.all(voltage_squared <= top):
+        return coefficients
+    ends = surface.by_heave(top * np.array([1 - _NEAR, 1.0]))
+    share = (voltage_squared - within) / (_NEAR * top)
+    return np.asarray(coefficients + share[:, None] * (ends[1] - ends[0]))

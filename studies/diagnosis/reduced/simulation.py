@@ -8,18 +8,23 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property, lru_cache, partial
+from functools import cached_property, partial
 
 import numpy as np
-from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
-from tympan.fem.rig import Rig
 from tympan.geometry.outlines import area
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.reduced.axes import Axis
-from tympan.studies.diagnosis.reduced.force_law import ForceLaw, ForceSurface
+from tympan.studies.diagnosis.reduced.force_law import (
+    BEYOND,
+    ForceLaw,
+    ForceSurface,
+    continued,
+    in_powers,
+)
 from tympan.studies.diagnosis.reduced.resting_place import play, resting_place
+from tympan.studies.diagnosis.reduced.swinging import SwingingMasses, mass_effects
 from tympan.studies.effects import EFFECTS, Effect, EffectParameter, Setup, Use
 
 Array = NDArray[np.float64]
@@ -29,15 +34,15 @@ Numbers = NDArray[np.int64]
 #: The logarithm of the largest factor on stiffness or permittivity.
 _FACTOR = np.log(20.0)
 
-#: How far beyond its largest heave and U², and below no heave, a force law is trusted, as shares.
-_BEYOND, _BELOW = 0.15, 0.2
+#: How far below no heave a force law is trusted, as a share of the largest.
+_BELOW = 0.2
 
 #: The stiffness that missing force is over, at least, as a share of the flat film's; the least of
 #: that [N/m]; the heave that a film certainly has at its limit, as a share of a linear film's.
 _SOFT, _LEAST, _LINEAR = 0.1, 1e-6, 1.0
 
-#: How near to its largest U² its slope there is taken, and derivatives by U², as shares.
-_NEAR, _TINY = 1e-4, 1e-4
+#: How near derivatives by U² are taken, as a share of the largest.
+_TINY = 1e-4
 
 #: What every hypothesis has: the two factors; and the sizes of its effects.
 STIFFNESS, PERMITTIVITY = 0, 1
@@ -90,10 +95,11 @@ def hypotheses_of(causes: Sequence[Cause]) -> tuple[Hypothesis, ...]:
 
 @dataclass(frozen=True, eq=False)
 class Simulation:
-    """A setup with the force laws of its films."""
+    """A setup with the force laws of its films, and what of them swings where that is read."""
 
     setup: Setup
     laws: tuple[ForceLaw, ...]
+    masses: SwingingMasses | None = None
 
     def uses(self, hypothesis: Hypothesis, unknowns: Array) -> tuple[Use, ...]:
         """The effects with their values."""
@@ -114,6 +120,11 @@ class Simulation:
         return frozenset(name for name, effect in EFFECTS.items() if not effect.on_one and bare
                          != effect.at(bare, [item.deviation for item in effect.parameters]))
 
+    @cached_property
+    def outer_effects(self) -> frozenset[str]:
+        """Effects that change no film with its plate held: those of the rig, and of masses."""
+        return self.rig_effects | mass_effects(self.setup)
+
 
 class Prediction:
     """What a simulation shows at some unknowns.
@@ -130,7 +141,8 @@ class Prediction:
         self.table, states = table, table.states
         self.stiffness = float(np.exp(unknowns[STIFFNESS]))
         self.permittivity = float(np.exp(unknowns[PERMITTIVITY]))
-        self.rig = _rig(simulation, hypothesis, unknowns)
+        self.setup = _outer(simulation, hypothesis, unknowns)
+        self.rig = self.setup.rig
         # A probe shows what the supply gives, without the film's lag.
         self.supplied = np.asarray(self.rig.film_voltage(states.voltage))
         seen = np.asarray(self.rig.film_voltage(states.voltage, states.direction))
@@ -138,12 +150,14 @@ class Prediction:
         areas = np.array([area(specimen.plate.outline) if self.rig.plate_pressure else 0.0
                           for specimen in simulation.setup.specimens])
         self.load: Array = self.rig.force(states.mass, areas[states.specimen])
+        if simulation.masses is not None:
+            self.load = self.load + simulation.masses.weight(self.setup)[states.specimen]
         grids = [law.grid for law in simulation.laws]
         self.reach = np.array([grid.heave for grid in grids])[states.specimen]
         self.odd = np.array([grid.odd for grid in grids])[states.specimen]
-        self.low, self.high = -_BELOW * self.reach, (1 + _BEYOND) * self.reach
+        self.low, self.high = -_BELOW * self.reach, (1 + BEYOND) * self.reach
         self.free = np.isnan(states.heave)
-        self.top = (1 + _BEYOND) * np.array(
+        self.top = (1 + BEYOND) * np.array(
             [grid.voltage_squared for grid in grids])[states.specimen]
         if like is not None:
             self.films: list[tuple[Numbers, ForceSurface]] = like.films
@@ -163,8 +177,8 @@ class Prediction:
         """
         powers = np.empty((len(self.low), self.simulation.laws[0].grid.heaves))
         for rows, surface in self.films:
-            powers[rows] = _by_heave(surface, voltage_squared[rows])
-        return np.asarray((powers @ _in_powers(powers.shape[1])).T)
+            powers[rows] = continued(surface, voltage_squared[rows])
+        return np.asarray((powers @ in_powers(powers.shape[1])).T)
 
     @cached_property
     def powers_by_voltage(self) -> Array:
@@ -179,7 +193,7 @@ class Prediction:
             return any(parameter.dimension == "stress" for parameter in
                        parameters_of(self.hypothesis))
         return number >= SIZES.start and not any(
-            cause.name in self.simulation.rig_effects
+            cause.name in self.simulation.outer_effects
             for cause in self.hypothesis
             if sizes_of(self.hypothesis, cause).start <= number
             < sizes_of(self.hypothesis, cause).stop)
@@ -189,7 +203,7 @@ class Prediction:
         """As ``came``; where plates rest that move that way, or nearest to it; whether they do."""
         states, sizes = self.table.states, [item.deviation for item in
                                             parameters_of(self.hypothesis)]
-        may = _rig(self.simulation, self.hypothesis, np.array([0.0, 0.0, *sizes]))
+        may = _outer(self.simulation, self.hypothesis, np.array([0.0, 0.0, *sizes])).rig
         if not self.rig.friction and not may.friction:
             return np.arange(len(states)), np.zeros(len(states)), *self._resting(0.0)
         (first, above), (last, below) = self._resting(1.0), self._resting(-1.0)
@@ -264,6 +278,14 @@ class Prediction:
                                           np.minimum(at, np.maximum(least, self.low))))
         force, rate = self.balance(at)
         return np.where(rests, at, at - force / np.maximum(rate, _SOFT * flat))
+
+    @property
+    def moving(self) -> Array:
+        """What swings with the plate [kg], shape (states,)."""
+        mass = self.table.states.mass + self.rig.unaccounted_mass + self.rig.added_mass
+        if self.simulation.masses is not None:
+            mass = self.simulation.masses.moving(self.setup, self.table.states.specimen, mass)
+        return np.maximum(mass, _LEAST)
 
     @property
     def _flat_stiffness(self) -> Array:
@@ -362,17 +384,22 @@ class Prediction:
                                else np.sqrt(np.maximum(of_states, 0.0)))[at]
             elif kind == "film_voltage":
                 shown[rows] = self.supplied[at]
+            elif kind == "frequency":
+                stiffness = np.maximum(self.balance(heave, 0.0)[1], _LEAST)
+                shown[rows] = (np.sqrt(stiffness / self.moving) / (2 * np.pi))[at]
             else:
                 shown[rows] = (self.balance(heave, 0.0)[0] + self.load)[at]
         return shown
 
 
-def _rig(simulation: Simulation, hypothesis: Hypothesis, unknowns: Array) -> Rig:
-    setup = Setup((), simulation.setup.rig)
+def _outer(simulation: Simulation, hypothesis: Hypothesis, unknowns: Array) -> Setup:
+    """The setup with the effects that change no film with its plate held."""
+    setup = simulation.setup
     for cause in sorted(hypothesis, key=lambda cause: list(EFFECTS).index(cause.name)):
-        if cause.name in simulation.rig_effects:
-            setup = cause.effect.at(setup, unknowns[sizes_of(hypothesis, cause)].tolist())
-    return setup.rig
+        if cause.name in simulation.outer_effects:
+            sizes = unknowns[sizes_of(hypothesis, cause)].tolist()
+            setup = cause.effect.at(setup, sizes, cause.which)
+    return setup
 
 
 def _surface_of(simulation: Simulation, number: int, hypothesis: Hypothesis, unknowns: Array,
@@ -403,25 +430,6 @@ def affected(simulation: Simulation, cause: Cause, index: int) -> list[tuple[int
             if cause.which in (None, specimen.name)
             for place, axis in enumerate(law.axes)
             if (axis.effect, axis.index) == (cause.name, index)]
-
-
-@lru_cache
-def _in_powers(count: int) -> Array:
-    """Chebyshev polynomials by powers, shape (polynomials, powers)."""
-    return np.stack([np.pad(chebyshev.cheb2poly(row), (0, count - 1 - degree))
-                     for degree, row in enumerate(np.eye(count))])
-
-
-def _by_heave(surface: ForceSurface, voltage_squared: Array) -> Array:
-    """Coefficients of the force by the heave's polynomials, continued by a line in U²."""
-    top = (1 + _BEYOND) * surface.grid.voltage_squared
-    within = np.minimum(voltage_squared, top)
-    coefficients = surface.by_heave(within)
-    if np.all(voltage_squared <= top):
-        return coefficients
-    ends = surface.by_heave(top * np.array([1 - _NEAR, 1.0]))
-    share = (voltage_squared - within) / (_NEAR * top)
-    return np.asarray(coefficients + share[:, None] * (ends[1] - ends[0]))
 
 
 def bounds_of(simulation: Simulation, hypothesis: Hypothesis) -> Array:

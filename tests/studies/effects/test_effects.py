@@ -24,6 +24,7 @@ from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Case, Settings, equilibrate, solve
 from tympan.studies.effects import EFFECTS, Effect, Setup, Use, extended
 from tympan.studies.effects.findings import FoundSize, finding, limits_told
+from tympan.studies.modes import heave_frequency, modes
 
 MATERIAL = NeoHooke(20e3)
 NOMINAL = Setup((circular(MATERIAL), elliptical(60e-3, MATERIAL)), Rig())
@@ -75,6 +76,21 @@ def readings(setup: Setup, settings: Settings = FINE) -> np.ndarray:
     return np.array([[result.reading_m for result in row] for row in results])
 
 
+@cache
+def frequencies(setup: Setup, settings: Settings) -> np.ndarray:
+    """Of the plates' heaves, shape (specimens, readings) [Hz]."""
+    return np.array([[heave_frequency(case_of(setup, specimen, load), settings)
+                      for load in READINGS] for specimen in setup.specimens])
+
+
+def readings_for(effect: Effect, setup: Setup, settings: Settings = FINE) -> np.ndarray:
+    """What can show an effect: where it takes frequencies these too, a hertz counted as 1 mm."""
+    at_rest = readings(setup, settings)
+    if "frequency_Hz" not in effect.columns:
+        return at_rest
+    return np.hstack([at_rest, 1e-3 * frequencies(setup, settings)])
+
+
 def sizes(effect: Effect, number: int, size: float) -> list[float]:
     """One parameter at a size, the others at none."""
     return [size * (index == number) for index in range(len(effect.parameters))]
@@ -90,14 +106,16 @@ def test_no_effect_changes_no_number(effect: Effect) -> None:
     """Bit for bit, also where the setup has some of it already."""
     for which in effect.choices(TAKEN):
         none = effect.at(TAKEN, [0.0] * len(effect.parameters), which)
-        assert np.array_equal(readings(none, COARSE), readings(TAKEN, COARSE))
+        assert np.array_equal(readings_for(effect, none, COARSE),
+                              readings_for(effect, TAKEN, COARSE))
 
 
 @each_parameter
 def test_a_typical_size_is_seen(effect: Effect, number: int) -> None:
     """By more than 0.1 µm somewhere, a hundred times what two meshes of one specimen differ by."""
     size = max(effect.parameters[number].deviation, effect.parameters[number].least)
-    moved = np.abs(readings(changed(effect, number, size)) - readings(NOMINAL))
+    moved = np.abs(readings_for(effect, changed(effect, number, size))
+                   - readings_for(effect, NOMINAL))
     assert moved.max() > 0.1e-6
     if effect.on_one:
         assert moved[0].max() > 0.1e-6
@@ -112,7 +130,8 @@ def test_readings_are_smooth_in_the_size(effect: Effect, number: int) -> None:
     middle = max(item.deviation, 2 * item.least)
     slopes = []
     for step in (middle / 2, middle / 4):
-        high, low = (readings(changed(effect, number, middle + sign * step)) for sign in (1, -1))
+        high, low = (readings_for(effect, changed(effect, number, middle + sign * step))
+                     for sign in (1, -1))
         slopes.append((high - low) / (2 * step))
     scale = np.abs(slopes[1]).max()
     assert scale > 0
@@ -123,7 +142,8 @@ def test_readings_are_smooth_in_the_size(effect: Effect, number: int) -> None:
 def test_readings_tend_to_those_without_it(effect: Effect, number: int) -> None:
     item = effect.parameters[number]
     near = max(1e-3 * item.deviation, item.least)
-    full, small = (np.abs(readings(changed(effect, number, size)) - readings(NOMINAL)).max()
+    full, small = (np.abs(readings_for(effect, changed(effect, number, size))
+                          - readings_for(effect, NOMINAL)).max()
                    for size in (item.deviation, near))
     assert small < 2 * near / item.deviation * full + 2e-9
 
@@ -139,11 +159,11 @@ def test_sign_rule(effect: Effect, number: int) -> None:
             effect.apply(NOMINAL, [-1.0] * len(effect.parameters), effect.choices(NOMINAL)[0])
         return
     assert low < 0 < high
-    up, down = (readings(changed(effect, number, sign * size)) for sign in (1, -1))
+    up, down = (readings_for(effect, changed(effect, number, sign * size)) for sign in (1, -1))
     if item.sign == "even":
         assert np.allclose(up, down, rtol=0, atol=1e-9)
     else:
-        moved = up - readings(NOMINAL)
+        moved = up - readings_for(effect, NOMINAL)
         assert np.abs(down - up).max() > np.abs(moved).max()
 
 
@@ -160,6 +180,16 @@ def test_files_give_the_same_number(effect: Effect, tmp_path: Path,
     rig.write_text(rig_to_toml(setup.rig), encoding="utf-8")
     assert load_specimen(films) == specimen
     assert Rig.read(rig) == setup.rig
+    if "frequency_Hz" in effect.columns:
+        command = ["modes", str(films), "--rig", str(rig), "--mass", "20 g", "--voltage", "3 kV"]
+        assert main([*command, "--json", "--refine", "0.5"]) == 0
+        printed = json.loads(capsys.readouterr().out)["modes"][0]["frequency_Hz"]
+        settings, load = Settings(MeshSettings().refined(0.5)), Reading(20e-3, 3e3, 0.0, 0.0)
+        here, taken = (modes(case_of(edited, edited.specimen(specimen.name), load),
+                             settings).modes[0].frequency_Hz for edited in (setup, TAKEN))
+        assert printed == here
+        assert here != taken
+        return
     command = ["solve", str(films), "--rig", str(rig), "--mass", "20 g", "--voltage", "3 kV",
                "--elapsed", "30 min",
                "--direction", "down"]
