@@ -47,7 +47,7 @@ def registered() -> Iterator[None]:
     LAWS.register(Dummy)
     OUTLINES.register(Squashed)
     BIASES.register(Cubic)
-    effect("The plate has a tail.", finding="The plate has a tail of {length}",
+    effect("The plate has a tail.", finding="The plate has a tail of {weight}",
            check="look at the plate")(tail)
     yield
     for kinds, items in before:

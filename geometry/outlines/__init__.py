@@ -13,6 +13,7 @@ from tympan.geometry.outlines.ellipses import Circle, Ellipse, Superellipse
 from tympan.geometry.outlines.outline import OUTLINES, Outline, Rotated, check_outline
 from tympan.geometry.outlines.pieces import Array
 from tympan.geometry.outlines.polygons import Polygon, RegularPolygon, RoundedRectangle, Stadium
+from tympan.geometry.plugins import load_plugins
 from tympan.geometry.toml_reader import Table
 
 __all__ = [
@@ -20,6 +21,8 @@ __all__ = [
     "Polygon", "RegularPolygon", "Rotated", "RoundedRectangle", "Stadium", "StepFile",
     "Superellipse", "area", "check_outline", "examples", "moments", "perimeter",
 ]
+
+load_plugins("tympan.outlines", OUTLINES)
 
 
 def examples() -> dict[str, Outline]:

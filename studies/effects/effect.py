@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import inf
+from string import Formatter
 from typing import Any, Literal, get_type_hints
 
 from tympan.fem.rig import Rig
@@ -185,8 +186,16 @@ def effect(explanation: str, *, finding: str, check: str, columns: tuple[str, ..
     def registered(edit: Callable[..., Setup]) -> Effect:
         hints = get_type_hints(edit, include_extras=True)
         parameters = tuple(replace(note, name=name) for name in inspect.signature(edit).parameters
-                           for note in getattr(hints[name], "__metadata__", ())
+                           for note in getattr(hints.get(name), "__metadata__", ())
                            if isinstance(note, EffectParameter))
+        if not parameters:
+            raise TypeError(f"the effect {edit.__name__} needs an argument annotated with an "
+                            "EffectParameter")
+        names = {item.name for item in parameters} | {"which"}
+        unknown = {name for _, name, *_ in Formatter().parse(finding) if name} - names
+        if unknown:
+            raise TypeError(f"the finding of {edit.__name__} speaks of {', '.join(unknown)}, which "
+                            "is no argument of it")
         made = Effect(edit.__name__, explanation, finding, check, parameters, edit,
                       on_one="which" in hints, columns=columns, lumped=lumped)
         EFFECTS.register(made)

@@ -43,6 +43,7 @@ class Hidden:
     added: float = 0.0
     spring: float = 0.0
     air: float = 0.0
+    tether: float = 0.0
     stiffness: float = 1.06
     permittivity: float = 0.96
 
@@ -62,13 +63,15 @@ def states_of(shape: tuple[float, float], mass: float, hidden: Hidden) -> list[t
     for voltage in VOLTAGES + SWUNG[1:]:
         for _ in range(40):
             at = ritz.equilibrium(at.c, at.deflection, voltage**2) or at
-            step = (load - hidden.spring * at.deflection - at.force) / (at.stiffness
-                                                                       + hidden.spring)
+            # A tether is stated by its pull at 1 mm.
+            pull = hidden.spring * at.deflection + hidden.tether * (1e3 * at.deflection) ** 3
+            outer = hidden.spring + 3e3 * hidden.tether * (1e3 * at.deflection) ** 2
+            step = (load - pull - at.force) / (at.stiffness + outer)
             step = float(np.clip(step, -2e-3, 2e-3))
             if abs(step) < 1e-10:
                 break
             at = ritz.equilibrium(at.c + at.tangent_w * step, at.deflection + step, voltage**2)
-        frequency = ((at.stiffness + hidden.spring) / swinging) ** 0.5 / (2 * np.pi)
+        frequency = ((at.stiffness + outer) / swinging) ** 0.5 / (2 * np.pi)
         states.append((voltage, at.deflection, frequency))
     return states
 
