@@ -27,9 +27,10 @@ from tympan.studies.case import Case
 MOST_MASS = 0.1  #: kg
 GRAVITY = 9.80665
 
-#: Every registered law, and every film of the library.
+#: Every registered law, and every film of the library that is elastic: no draw changes with others.
 MATERIALS_DRAWN: tuple[Material, ...] = (*(sample.law for sample in SAMPLES.values()),
-                                         *(entry.material for entry in MATERIALS.values()))
+                                         *(entry.material for entry in MATERIALS.values()
+                                           if not entry.branches))
 
 
 @dataclass(frozen=True)

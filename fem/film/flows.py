@@ -29,8 +29,8 @@ class ShearThinning:
     --------
     Where the stress is σ, half of what falls has fallen:
 
-    >>> ShearThinning(1e3, 2.0, least_viscosity=0.2).relative_viscosity(3.0, 1e6)
-    0.6
+    >>> ShearThinning(1e3, 2.0, least_viscosity=0.5).relative_viscosity(3.0, 1e6)
+    0.75
     """
 
     flow: ClassVar[str] = "shear_thinning"

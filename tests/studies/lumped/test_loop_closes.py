@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.oracles.lumped import LumpedFile
+from tests.oracles.lumped_model import LumpedFile
 from tests.support.lumped import MODELS, clean
 from tests.support.specimens import elliptical, specimen_toml
 from tympan.cli import main

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.oracles.lumped import equations
+from tests.oracles.lumped_model import equations
 from tests.support.lumped import MODELS, OVAL, free_energy
 from tests.support.specimens import circular
 from tympan.fem.rig import Rig

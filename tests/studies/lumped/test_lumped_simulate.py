@@ -11,7 +11,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
-from tests.oracles.lumped import equations
+from tests.oracles.lumped_model import equations
 from tests.support.lumped import MODELS, free_energy
 from tympan.cli import main
 from tympan.geometry.errors import InputError
