@@ -120,9 +120,16 @@ def _registry() -> Any:
 @cache
 def _factor(unit: str, dimension: str) -> float:
     usual = _product(unit.translate(_SIGNS)), _product(DIMENSIONS[dimension].si)
-    if usual[0] is not None and usual[1] is not None and usual[0][1] == usual[1][1]:
-        return usual[0][0]
-    return pint_factor(unit, dimension)
+    if usual[0] is None or usual[1] is None or usual[0][1] != usual[1][1]:
+        return pint_factor(unit, dimension)
+    if dimension == "frequency" and _turns(unit):
+        raise ValueError(f"an angle per time is no frequency: {unit}")
+    return usual[0][0]
+
+
+def _turns(unit: str) -> bool:
+    """Whether an angle is among usual units."""
+    return any(name in _MULTIPLES["rad"] for name, _ in _powers(unit.translate(_SIGNS)))
 
 
 def _product(unit: str) -> tuple[float, tuple[int, ...]] | None:

@@ -51,7 +51,7 @@ class FollowingFilm:
         Examples
         --------
         >>> none = (0.0, 0.0), ((0.0, 0.0), (0.0, 0.0))
-        >>> FollowingFilm(*none, 0.0, 0.0, 0.0).mass(0.02, 0.2, 0.05)
+        >>> FollowingFilm(*none, 0.0, 0.0, 0.0).mass(0.02, 0.2, 0.05).item()
         0.02
         """
         coats = np.array([film, electrode])

@@ -205,6 +205,10 @@ def test_usual_units_are_those_of_pint(unit: str) -> None:
                 expected = pint_factor(written, dimension)
             except pint.DimensionalityError:
                 continue
+            except ValueError:  # an angle per time is no frequency
+                with pytest.raises(ValueError, match="an angle per time"):
+                    unit_factor(written, dimension)
+                continue
             assert unit_factor(written, dimension) == pytest.approx(expected, rel=1e-15)
             agreed += 1
     assert agreed > 0
