@@ -49,6 +49,7 @@ map: .venv/ready
 paper: .venv/ready
 	.venv/bin/tympan lumped paper -o "$(OUT)/paper"
 	.venv/bin/python -m benchmarks.paper "$(OUT)/paper"
+	.venv/bin/python -m benchmarks.paper_in_time -o docs
 
 optimum: .venv/ready
 	.venv/bin/python -m benchmarks.optimum

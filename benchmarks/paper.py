@@ -60,7 +60,8 @@ def page(content: Any, seeds: list[str]) -> str:
         "# The paper's lumped model, computed again", "",
         "Written by `make paper`; `tympan lumped paper -o DIR` computes it, with figures 7 to 14 "
         "and an HTML page. "
-        "Figure 4 and α from the fields: `make study`.", "",
+        "Figure 4 and α from the fields: `make study`. The same measurements by the field model in "
+        "time: [here](paper-in-time.md).", "",
         "## What the paper does not say", "", *(f"* {words}" for words in content["chosen"]), "",
         "## Table 2: ranges of motion", "",
         *_table(("actuator", "mass [g]", "paper [mm]", "ends of figure 14's levels [mm]",

@@ -1,0 +1,33 @@
+"""What the fitted film does in figures 13 and 14."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from benchmarks.paper_in_time.compare import Comparison
+from tympan.reports import look
+from tympan.studies.paper import published
+from tympan.studies.signals import nominal
+
+
+def compose(comparison: Comparison) -> Figure:
+    """Deflections over the levels under both masses, the voltage below; a loop on the right."""
+    figure = look.new_figure(116.0)
+    when, deflections = comparison.levels
+    loop = look.place_axes(figure, 133.0, 8.0, 40.0, 68.0)
+    below = look.place_axes(figure, 15.0, 88.0, 98.0, 14.0)
+    for row, mass in enumerate(published.MASSES):
+        axes = look.place_axes(figure, 15.0, 8.0 + 40.0 * row, 98.0, 28.0)
+        for number, deflection in enumerate(deflections[:, row]):
+            axes.plot(when, 1e3 * deflection, color=look.colour_of(number), linewidth=0.8)
+        look.describe(axes, "", "deflection (mm)", f"{1e3 * mass:g} g", bold=True)
+    steps = np.asarray(nominal(comparison.signal, when))
+    below.plot(when, 1e-3 * steps, color="black", linewidth=0.8)
+    look.describe(below, "time (s)", "voltage (kV)")
+    for number, (voltage, deflection) in enumerate(comparison.loops):
+        loop.plot(1e-3 * voltage, 1e3 * deflection, color=look.colour_of(number), linewidth=1.0,
+                  label=published.NAMES[number])
+    look.describe(loop, "voltage (kV)", "deflection (mm)", "a loop under 17.9 g", bold=True)
+    loop.legend(loc="upper left")
+    return figure
