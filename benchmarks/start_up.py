@@ -72,6 +72,7 @@ def first_and_again(tree: Path, command: tuple[str, ...], repeats: int) -> tuple
 
 
 def main() -> None:
+    """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--before", type=Path, metavar="TREE")
     parser.add_argument("--repeats", type=int, default=5)

@@ -17,7 +17,7 @@ from scipy.interpolate import CubicSpline
 Array = NDArray[Any]
 
 
-def curve(times: Sequence[float] | Array, values: Array) -> CubicSpline:
+def spline(times: Sequence[float] | Array, values: Array) -> CubicSpline:
     """Through values along the first axis, at ascending times; constant where there is one."""
     if len(times) == 1:
         return CubicSpline([times[0], times[0] + 1.0], np.repeat(values, 2, axis=0))

@@ -11,7 +11,7 @@ from tympan.fem.film.density import from_virgin
 from tympan.fem.membrane.loading import film_volume
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import HEAVE, State
-from tympan.fem.transient.dense_output import curve
+from tympan.fem.transient.dense_output import spline
 from tympan.fem.transient.integrate import Moment, Transient
 
 Array = NDArray[np.float64]
@@ -118,6 +118,6 @@ def _integrals(piece: Array) -> tuple[float, float]:
     nodes, weights = np.polynomial.legendre.leggauss(_POINTS)
     half = np.diff(time)[:, None] / 2
     at = (time[:-1, None] + half) + half * nodes
-    power = curve(time, voltage)(at) * curve(time, charge)(at, 1)
+    power = spline(time, voltage)(at) * spline(time, charge)(at, 1)
     return (float((power * weights * half).sum()),
-            float((curve(time, loss)(at) * weights * half).sum()))
+            float((spline(time, loss)(at) * weights * half).sum()))

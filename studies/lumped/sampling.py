@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from tympan.fem.transient.dense_output import curve
+from tympan.fem.transient.dense_output import spline
 from tympan.studies.signals import Signal, nominal
 
 Array = NDArray[np.float64]
@@ -25,7 +25,7 @@ def in_time(time: Array, values: Array, when: Array) -> Array:
     for begin, end in zip([0, *starts], [*starts, len(time)], strict=True):
         times, last = time[begin:end], end == len(time)
         within = (when >= times[0]) & ((when < times[-1]) | (last & (when <= times[-1])))
-        result[within] = curve(times, values[begin:end])(when[within])
+        result[within] = spline(times, values[begin:end])(when[within])
     return result
 
 
