@@ -108,6 +108,10 @@ USUAL = {name: (*fraction, _POWERS[base]) for base, names in _MULTIPLES.items()
          for name, fraction in names.items()}
 
 
+class WrongDimension(ValueError):
+    """A unit of another dimension."""
+
+
 @cache
 def _registry() -> Any:
     import pint
@@ -119,12 +123,14 @@ def _registry() -> Any:
 
 @cache
 def _factor(unit: str, dimension: str) -> float:
-    usual = _product(unit.translate(_SIGNS)), _product(DIMENSIONS[dimension].si)
-    if usual[0] is None or usual[1] is None or usual[0][1] != usual[1][1]:
+    usual, wanted = _product(unit.translate(_SIGNS)), _product(DIMENSIONS[dimension].si)
+    if usual is None or wanted is None:
         return pint_factor(unit, dimension)
+    if usual[1] != wanted[1]:
+        raise WrongDimension(unit)
     if dimension == "frequency" and _turns(unit):
         raise ValueError(f"an angle per time is no frequency: {unit}")
-    return usual[0][0]
+    return usual[0]
 
 
 def _turns(unit: str) -> bool:
@@ -149,14 +155,19 @@ def _product(unit: str) -> tuple[float, tuple[int, ...]] | None:
 
 
 def pint_factor(unit: str, dimension: str) -> float:
-    """The SI value of one unit of a dimension; raises whatever pint raises."""
+    """The SI value of one unit of a dimension; raises :class:`WrongDimension` or as pint does."""
+    import pint
+
     registry, powers = _registry(), Counter[str]()
     for name, power in _powers(unit.translate(_SIGNS)):
         powers[registry.get_name(name)] += power
     if dimension == "frequency" and powers.keys() & _ANGLES:
         raise ValueError(f"an angle per time is no frequency: {unit}")
     whole = registry.Quantity(1.0, registry.UnitsContainer(powers))
-    return float(whole.to(DIMENSIONS[dimension].si).magnitude)
+    try:
+        return float(whole.to(DIMENSIONS[dimension].si).magnitude)
+    except pint.DimensionalityError:
+        raise WrongDimension(unit) from None
 
 
 def _powers(unit: str, sign: int = 1) -> Iterator[tuple[str, int]]:
@@ -176,14 +187,8 @@ def _si_value(unit: str, dimension: str, allowed: str, given: str) -> float:
     try:
         return _factor(unit, dimension)
     except Exception as error:  # pint raises whatever its tables of names and offsets raise
-        wrong = "wrong dimension" if _is_dimensional(error) else "unknown unit"
+        wrong = "wrong dimension" if isinstance(error, WrongDimension) else "unknown unit"
         raise InputError(f"{wrong}: {allowed}", given=given) from None
-
-
-def _is_dimensional(error: Exception) -> bool:
-    import pint
-
-    return isinstance(error, pint.DimensionalityError)
 
 
 def quantity(text: object, dimension: str) -> float:
