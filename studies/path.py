@@ -228,9 +228,9 @@ class Stop:
     def before(self, what: What, along: Along) -> float:
         """A number that is positive before something happens and negative after it."""
         if what == "tension lost":
-            return self.station.least_stress_Pa
+            return float(self.pressed.stress_2.min())
         if what == "breakdown":
-            return 1 - self.station.breakdown_share
+            return float(1 - self.fields.breakdown_share.max())
         return self.point.rate if along != "charge" else self._charging
 
     @property
@@ -311,7 +311,7 @@ def _passed(case: Case, branch: Branch, before: Stop, after: Stop, along: Along)
         def value(point: PathPoint, what: What = what) -> float:
             return Stop(branch.model, point).before(what, along)
 
-        point = branch.where(before.point, after.point, value)
+        point = branch.where(before.point, after.point, value, of_state=what != "limit")
         if point is not None:
             passed.append(_happening(case, Stop(branch.model, point), what, along,
                                      (before, after)))

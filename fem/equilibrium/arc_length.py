@@ -81,38 +81,62 @@ class Branch:
             step = min(1.6 * step if turn < self.arc.turn / 3 else step, self.arc.longest)
             point = following
 
-    def at(self, point: PathPoint, step: float) -> PathPoint | None:
-        """The point a length along the direction of another, if Newton finds it."""
-        guess = moved(self.model, point.state, point.direction, step, {self.load: point.rate})
+    def at(self, point: PathPoint, step: float, near: PathPoint | None = None,
+           ) -> PathPoint | None:
+        """The point a length along the direction of another, if Newton finds it.
+
+        It is looked for from a point ``near`` it, at first from the other itself.
+        """
+        near = near or point
+        motion = difference(self.model, near.state, point.state)
+        further = step - product(self.model, point.direction, motion)
+        further /= product(self.model, point.direction, near.direction)
+        guess = moved(self.model, near.state, near.direction, further,
+                      {self.load: near.rate * further})
         point.solution.release()
+        near.solution.release()
         return self._solved(guess, arc_length(point.state, point.direction, step))
 
     def where(self, before: PathPoint, after: PathPoint,
-              value: Callable[[PathPoint], float]) -> PathPoint | None:
+              value: Callable[[PathPoint], float], of_state: bool = False) -> PathPoint | None:
         """The point between two others where a function vanishes; None without change of sign.
 
-        Where that is the rate, the point is a limit and its direction the critical mode.
+        Where that is the rate, the point is a limit and its direction the critical mode. A function
+        ``of_state`` looks at no tangent.
         """
         motion = difference(self.model, after.state, before.state)
         end = product(self.model, before.direction, motion)
-        points: dict[float, PathPoint] = {0.0: before}
-        after.solution.release()
+        points: dict[float, PathPoint] = {0.0: before, end: after}
 
         def at(step: float) -> float:
-            point = points.get(step) or self.at(before, step)
-            if point is None:
-                raise LookupError
-            points[step] = point = self._renewed(point)
-            result = value(point)
-            point.solution.release()
+            if step not in points:
+                nearest = min(points, key=lambda known: abs(known - step))
+                point = self.at(before, step, points[nearest])
+                if point is None:
+                    raise LookupError
+                points[step] = point
+            if not of_state:
+                points[step] = self._renewed(points[step])
+            result = value(points[step])
+            points[step].solution.release()
             return result
 
         try:
             if at(0.0) * at(end) > 0:
                 return None
-            return points[float(brentq(at, 0.0, end, xtol=1e-7, rtol=1e-6, maxiter=60))]
+            root = float(brentq(at, 0.0, end, xtol=1e-7, rtol=1e-6, maxiter=60))
         except LookupError:
             return None
+        return self._renewed(points[root])
+
+    def _renewed(self, point: PathPoint) -> PathPoint:
+        """The point with its own tangent: Newton's, an iterate's, is too far off for limits."""
+        state = point.state
+        point.solution.release()
+        arc = arc_length(state, point.direction, 0.0)(self.model, state)
+        tangent = Tangent(self.model, self.model.linearised(state), state, (self.load,), [arc],
+                          self.subspace)
+        return self._point(replace(point.solution, tangent=tangent))
 
     def _first(self, start: State, sense: int) -> PathPoint | None:
         at_loads = newton(self.model, start, settings=self.newton, subspace=self.subspace)
@@ -134,15 +158,6 @@ class Branch:
         motion, loads = solution.tangent.along()
         direction, scale = self._unit(motion)
         return PathPoint(solution, direction, loads[self.load] / scale)
-
-    def _renewed(self, point: PathPoint) -> PathPoint:
-        """The point with the tangent there: Newton's, an iterate's, is too far off for limits."""
-        state = point.state
-        point.solution.release()
-        arc = arc_length(state, point.direction, 0.0)(self.model, state)
-        tangent = Tangent(self.model, self.model.linearised(state), state, (self.load,), [arc],
-                          self.subspace)
-        return self._point(replace(point.solution, tangent=tangent))
 
     def _unit(self, motion: Parts) -> tuple[Parts, float]:
         scale = length(self.model, motion)

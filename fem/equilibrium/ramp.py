@@ -359,7 +359,7 @@ class Ramp:
                 return Outcome("not_converged", stable, f"{_SLACK} under its loads")
             if self._margin(after) < 0:
                 # Near its end a film softens so fast that only points on both sides may be had.
-                thin = branch.where(before, after, self._margin) or before
+                thin = branch.where(before, after, self._margin, of_state=True) or before
                 if sense * thin.rate < 0:
                     break
                 if sense * thin.state.load(load) < sense * target:
@@ -374,7 +374,7 @@ class Ramp:
                 after = critical  # the target is before it, if not before the point after it
             if sense * after.state.load(load) >= sense * target:
                 return self._landed(stable, branch.where(
-                    before, after, lambda point: point.state.load(load) - target))
+                    before, after, lambda point: point.state.load(load) - target, of_state=True))
             # Where the film by itself resists no more, the plate's stiffness passes a pole: its
             # sign tells nothing.
             if not after.solution.stable and after.solution.wrinkling == 0:
