@@ -1,4 +1,4 @@
-"""What users' own packages add, by entry points: effects, laws, outlines.
+"""What users' own packages add, by entry points: effects, laws, outlines, formats of tables.
 
 A package registers a module, or anything in one, under a group of :data:`GROUPS`; loading it
 registers what is in it, as tympan's own modules do. In its pyproject.toml::
@@ -17,7 +17,8 @@ from tympan.geometry.errors import InputError
 from tympan.geometry.fields import Registry
 
 #: Groups of entry points, and what their values are called.
-GROUPS = {"tympan.effects": "an effect", "tympan.laws": "a law", "tympan.outlines": "an outline"}
+GROUPS = {"tympan.effects": "an effect", "tympan.laws": "a law", "tympan.outlines": "an outline",
+          "tympan.formats": "a format"}
 
 
 def load_plugins(group: str, kinds: Registry[Any]) -> None:

@@ -7,10 +7,8 @@ numbers are SI.
 
 from __future__ import annotations
 
-import csv
 import difflib
 import hashlib
-import io
 import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
@@ -27,9 +25,9 @@ from tympan.geometry.read_file import file_bytes
 from tympan.geometry.toml_reader import FINITE, Rule
 from tympan.geometry.units import any_quantity, bounded, quantity, unit_factor
 from tympan.studies.files import read_text, write_csv
+from tympan.studies.formats import DECIMAL_COMMA, read_rows, unfolded
 
 _NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?", re.ASCII)
-_DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+(?:[eE][-+]?\d+)?", re.ASCII)
 
 
 @dataclass(frozen=True)
@@ -120,7 +118,7 @@ class Sheet:
     Columns are attributes too, as in pandas: ``sheet.mass`` is ``sheet["mass"]``. ``sha256`` is of
     the bytes read, ``line`` the line of each row (the first of a file is 1), ``titles`` the names
     of the columns as written, ``places`` where each stands, ``cells`` the rows as written, without
-    blanks around the cells.
+    blanks around the cells. Of a ``wide`` table, which was unfolded, several rows have one line.
     """
 
     file: Path
@@ -130,6 +128,7 @@ class Sheet:
     titles: tuple[str, ...]
     places: dict[str, int]
     cells: list[list[str]]
+    wide: bool = False
 
     def __len__(self) -> int:
         return len(self.line)
@@ -145,25 +144,27 @@ class Sheet:
 
     def error(self, row: int, name: str, allowed: str) -> InputError:
         """An error about one cell."""
-        place = self.places[name]
-        return InputError(allowed, file=self.file, given=self.cells[row][place],
-                          key=f"line {self.line[row]}, column {place + 1} ({self.titles[place]})")
+        place, cells = self.places[name], self.cells[row]
+        column = f"column {place + 1} ({self.titles[place]})"
+        if self.wide:
+            load = f"{float(cells[self.places['mass']]) * 1e3:g} g"
+            column = f"{cells[self.places['specimen']]} {load} {self.titles[place]}"
+        return InputError(allowed, file=self.file, given=cells[place],
+                          key=f"line {self.line[row]}, {column}")
 
 
 def read_sheet(file: Path | str, columns: Sequence[Column]) -> Sheet:
-    """Read a CSV file that may have the given columns, and no others.
+    """Read a table that may have the given columns, and no others, in any of the formats.
 
-    Blank lines are skipped; a byte-order mark and any line ends are taken. An :class:`InputError`
-    names line and column of what cannot be used, what was given and what is allowed.
+    A wide table of specimens is unfolded (:func:`tympan.studies.formats.unfolded`). An
+    :class:`InputError` names line and column of what cannot be used, what was given and what is
+    allowed.
     """
     file = Path(file)
     raw = file_bytes(file)
-    try:
-        text = raw.decode("utf-8-sig").replace("\r\n", "\n").replace("\r", "\n")
-    except UnicodeDecodeError as error:
-        raise InputError(f"is not UTF-8 text (byte {error.start}): save it as CSV in UTF-8",
-                         file=file) from None
-    lines = _lines(file, text)
+    lines = read_rows(file, raw)
+    long = unfolded(file, lines) if any(column.name == "specimen" for column in columns) else None
+    lines = lines if long is None else long
     if not lines:
         raise InputError("is empty: a first line with the names of the columns is needed",
                          file=file)
@@ -180,7 +181,7 @@ def read_sheet(file: Path | str, columns: Sequence[Column]) -> Sheet:
     sheet = Sheet(file, hashlib.sha256(raw).hexdigest(), np.array([line for line, _ in rows]),
                   {column.name: np.full(len(rows), column.blank) for column in columns},
                   tuple(titles), {column.name: place for place, (column, _) in enumerate(header)},
-                  [row for _, row in rows])
+                  [row for _, row in rows], wide=long is not None)
     for place, (column, factor) in enumerate(header):
         values = []
         for number, (_, row) in enumerate(rows):
@@ -205,29 +206,9 @@ def read_own_sheet(file: Path, columns: Sequence[Column]) -> dict[str, NDArray[A
     return read_sheet(file, columns).values
 
 
-def _lines(file: Path, text: str) -> list[tuple[int, list[str]]]:
-    rows = csv.reader(io.StringIO(text), skipinitialspace=True, strict=True)
-    lines, begin = [], 1
-    try:
-        for row in rows:
-            cells = [cell.strip() for cell in row]
-            if any(cells):
-                lines.append((begin, cells))
-            begin = rows.line_num + 1
-    except csv.Error as error:
-        raise InputError(f"is not comma-separated text: {error}; is a quotation mark left open?",
-                         file=file, key=f"line {begin}") from None
-    return lines
-
-
 def _header(file: Path, line: int, titles: Sequence[str],
             columns: Sequence[Column]) -> list[tuple[Column, float]]:
     """What each name of the first line stands for, and the SI value of its unit."""
-    for mark, name in ((";", "semicolons"), ("\t", "tabs")):
-        if any(mark in title for title in titles):
-            raise InputError(f"columns must be separated by commas, not {name}: save it with "
-                             "commas, and with decimal points in numbers", file=file,
-                             key=f"line {line}", given=",".join(titles))
     header: list[tuple[Column, float]] = []
     for place, title in enumerate(titles):
         try:
@@ -279,7 +260,7 @@ def did_you_mean(word: str, spelled: Mapping[str, str]) -> str:
 def _no_number(cell: str) -> str:
     if cell.lower().lstrip("+-") in ("nan", "inf", "infinity"):
         return "must be finite"
-    if _DECIMAL_COMMA.fullmatch(cell):
+    if DECIMAL_COMMA.fullmatch(cell):
         return f"must be a number with a decimal point, such as {cell.replace(',', '.')}"
     start = _NUMBER.match(cell)
     if start and cell[start.end():].strip().isalpha():

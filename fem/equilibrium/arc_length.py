@@ -110,7 +110,7 @@ class Branch:
 
         def at(step: float) -> float:
             if step not in points:
-                nearest = min(points, key=lambda known: abs(known - step))
+                nearest = min(points, key=lambda other: abs(other - step))
                 point = self.at(before, step, points[nearest])
                 if point is None:
                     raise LookupError

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -37,11 +38,11 @@ def summary(dataset: Dataset) -> dict[str, Any]:
     runs = [] if transients is None else zip(*(
         transients[name].tolist() for name in ("specimen", "mass", "run")), strict=True)
     scatter = repeat_noise(dataset)
+    readings = {Path(name).stem: len(table) for name, table in dataset.tables.items()}
     return {
         "dataset": dataset.name,
         "source": dataset.source,
-        "files": [{"name": name, "sha256": sha256,
-                   "readings": len(dataset.tables[name]) if name in dataset.tables else None}
+        "files": [{"name": name, "sha256": sha256, "readings": readings.get(Path(name).stem)}
                   for name, sha256 in dataset.files.items()],
         "specimens": [specimen.name for specimen in dataset.specimens],
         "masses_kg": _distinct([table.mass for table in loads]),

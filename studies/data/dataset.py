@@ -20,6 +20,7 @@ from tympan.geometry.toml_reader import FINITE, NON_NEGATIVE, POSITIVE, Rule, Ta
 from tympan.studies.columns import Column, Sheet, did_you_mean, read_sheet
 from tympan.studies.data import coupon
 from tympan.studies.data.coupon import Coupons
+from tympan.studies.formats import FORMATS
 
 _VOLTAGE: Rule = (lambda x: 0 <= x <= 1e6, "must be from 0 to 1000 kV; the film's pull has no sign")
 _MASS: Rule = (lambda x: 0 <= x <= 100, "must be from 0 to 100 kg")
@@ -136,22 +137,23 @@ def read_dataset(folder: Path | str, planned: bool = False) -> Dataset:
     dataset = read(Dataset, Table.read(about), {(Dataset, "specimens"): _specimens,
                                                 (Dataset, "rig"): _rig})
     files = {about.name: hashlib.sha256(file_bytes(about)).hexdigest()}
-    there = sorted(file.name for file in folder.iterdir() if file.suffix.lower() == ".csv")
+    there = sorted(file.name for file in folder.iterdir() if file.suffix.lower() in FORMATS)
     stems = {Path(name).stem: name for name in FILES}
     remarks = [f"{name} is not read: {did_you_mean(Path(name).stem.lower(), stems)}known are "
-               f"{', '.join(FILES)}" for name in there if name not in FILES]
+               f"{', '.join(FILES)}" for name in there if Path(name).stem not in stems]
     later = ("displacement", "range", "frequency") if planned else ()
     sheets: dict[str, Sheet] = {}
     for name, columns in FILES.items():
-        if not (folder / name).exists():
+        file = _file_of(folder, name)
+        if file is None:
             continue
-        sheet = sheets[name] = read_sheet(folder / name, [
+        sheet = sheets[name] = read_sheet(file, [
             replace(column, required=column.required and column.name not in later)
             for column in columns])
-        files[name] = sheet.sha256
+        files[file.name] = sheet.sha256
         if SPECIMEN in columns:
             _check_specimens(sheet, [specimen.name for specimen in dataset.specimens])
-            remarks += _identical(sheet, name)
+            remarks += _identical(sheet)
     static, ranges, transients, coupons, frequencies = map(sheets.get, FILES)
     if ranges is not None:
         for row in np.flatnonzero(ranges.voltage_max <= ranges.voltage_min):
@@ -165,6 +167,17 @@ def read_dataset(folder: Path | str, planned: bool = False) -> Dataset:
                    coupons=None if coupons is None else Coupons.of(coupons),
                    frequencies=frequencies,
                    remarks=tuple(remarks))
+
+
+def _file_of(folder: Path, name: str) -> Path | None:
+    """The file of readings of that name, whatever its format."""
+    stem = Path(name).stem
+    files = [file for suffix in FORMATS if (file := folder / f"{stem}{suffix}").exists()]
+    if len(files) > 1:
+        names = " and ".join(file.name for file in files)
+        raise InputError(f"must stand there once, in one format: there are {names}", file=folder,
+                         key=stem)
+    return files[0] if files else None
 
 
 def channels(static: Sheet) -> tuple[str, ...]:
@@ -214,7 +227,7 @@ def _check_times(transients: Sheet) -> None:
                                f"{transients.line[other]} too, within 1 ns")
 
 
-def _identical(sheet: Sheet, name: str) -> list[str]:
+def _identical(sheet: Sheet) -> list[str]:
     """Refuse rows that stand twice where a row has a mark of its own; remark on them elsewhere."""
     first: dict[tuple[str, ...], int] = {}
     earlier_rows = [first.setdefault(tuple(cells), row) for row, cells in enumerate(sheet.cells)]
@@ -227,6 +240,6 @@ def _identical(sheet: Sheet, name: str) -> list[str]:
     if not pairs:
         return []
     row, earlier = pairs[0]
-    return [f"{name}: {len(pairs)} rows are the same as an earlier one in every cell, first line "
-            f"{sheet.line[row]} as line {sheet.line[earlier]}: they count as repeats; if pasted "
-            "twice, the noise is understated"]
+    return [f"{sheet.file.name}: {len(pairs)} rows are the same as an earlier one in every cell, "
+            f"first line {sheet.line[row]} as line {sheet.line[earlier]}: they count as repeats; "
+            "if pasted twice, the noise is understated"]

@@ -121,7 +121,7 @@ def _static(readings: Sheet, numbers: dict[str, int], sigma: Array) -> list[Read
     states = States.of([numbers[name] for name in readings.specimen.tolist()], readings.mass,
                        readings.voltage, np.nan_to_num(readings.elapsed), direction,
                        np.unique(readings.run, return_inverse=True)[1])
-    origin = readings.order, readings.run, "static.csv", readings.line
+    origin = readings.order, readings.run, readings.file.name, readings.line
     tables = [rows(states, "displacement", sigma, readings.displacement, *origin)]
     kinds: tuple[Kind, ...] = ("capacitance", "film_voltage", "tilt")
     for kind in kinds:
@@ -144,7 +144,7 @@ def _ranges(ranges: Sheet, numbers: dict[str, int]) -> ReadingTable:
     mass, voltage = np.tile(ranges.mass, 2), np.r_[ranges.voltage_min, ranges.voltage_max]
     states = States.of(specimen, mass, voltage, run=np.tile(np.arange(len(ranges)), 2))
     table = rows(states[len(ranges) + np.arange(len(ranges))], "range", ranges.sigma, ranges.range,
-                 file="range.csv", line=ranges.line)
+                 file=ranges.file.name, line=ranges.line)
     return replace(table, states=states, state=len(ranges) + table.state, since=table.state)
 
 
@@ -155,7 +155,7 @@ def _frequencies(read: Sheet, numbers: dict[str, int]) -> ReadingTable:
     sigma = np.where(np.isnan(read.sigma), share * read.frequency, read.sigma)
     states = States.of([numbers[name] for name in read.specimen.tolist()], read.mass, read.voltage,
                        run=np.arange(len(read)))
-    return rows(states, "frequency", sigma, read.frequency, file="frequency.csv", line=read.line)
+    return rows(states, "frequency", sigma, read.frequency, file=read.file.name, line=read.line)
 
 
 def averaged(table: ReadingTable) -> ReadingTable:

@@ -141,9 +141,9 @@ STATIC_MESSAGES = [
     ("", "static.csv: is empty"),
     (TOP, "static.csv: has no readings below"),
     (b"specimen,\xff\n", "static.csv: is not UTF-8 text (byte 9): save it as CSV in UTF-8"),
-    ("specimen;mass_g;voltage_kV;displacement_mm\nA;17,9;0;1,64\n",
-     "must be separated by commas, not semicolons"),
-    ("specimen\tmass_g\n", "must be separated by commas, not tabs"),
+    ("specimen;mass_g;voltage_kV;displacement_mm\nA;17,9;0;1.640,5\n",
+     "line 2, column 4 (displacement_mm): given '1.640,5': must be a number"),
+    ("specimen\tmass_g\n", "the columns voltage_kV, displacement_mm are missing"),
     ("specimen,mass_g,voltage_kV\n",
      "static.csv: line 1: given 'specimen, mass_g, voltage_kV': the column "
                                      "displacement_mm is missing"),

@@ -5,8 +5,6 @@ from __future__ import annotations
 
 import json
 import os
-import subprocess
-import sys
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
@@ -14,31 +12,13 @@ from pathlib import Path
 import pytest
 
 from tests.support import swinging
+from tests.support.packages import installed, run
 from tests.support.swinging import Hidden
 from tympan.geometry.errors import InputError
 from tympan.geometry.plugins import load_plugins
 from tympan.studies.effects import EFFECTS
 
 EXAMPLE = Path(__file__).parents[3] / "examples" / "tympan-tether"
-
-
-def installed(folder: Path, package: str, points: dict[str, dict[str, str]]) -> Path:
-    """What an installer leaves of a package in a folder, but for its modules."""
-    info = folder / f"{package.replace('-', '_')}-0.1.0.dist-info"
-    info.mkdir(parents=True)
-    (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {package}\nVersion: 0.1.0\n")
-    (info / "entry_points.txt").write_text("".join(
-        f"[{group}]\n" + "".join(f"{name} = {value}\n" for name, value in values.items())
-        for group, values in points.items()))
-    return folder
-
-
-def run(*words: str, path: tuple[Path, ...], cache: str) -> subprocess.CompletedProcess[str]:
-    paths = [*map(str, path), os.environ.get("PYTHONPATH", ""), str(EXAMPLE.parents[1])]
-    environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, paths)),
-                                "TYMPAN_CACHE": cache}
-    return subprocess.run([sys.executable, "-m", "tympan", *words], env=environment, check=False,
-                          capture_output=True, text=True)
 
 
 def test_the_example_is_named_by_the_unchanged_command(tmp_path: Path) -> None:
