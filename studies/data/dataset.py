@@ -20,6 +20,7 @@ from tympan.geometry.toml_reader import FINITE, NON_NEGATIVE, POSITIVE, Rule, Ta
 from tympan.studies.columns import Column, Sheet, did_you_mean, read_sheet
 from tympan.studies.data import coupon
 from tympan.studies.data.coupon import Coupons
+from tympan.studies.data.effort import Effort
 from tympan.studies.formats import FORMATS
 
 _VOLTAGE: Rule = (lambda x: 0 <= x <= 1e6, "must be from 0 to 1000 kV; the film's pull has no sign")
@@ -106,6 +107,7 @@ class Dataset:
     source: Annotated[str, Key("where the data are from")] = "not stated"
     noise: Annotated[float | None, Key(
         "standard deviation of one reading of the displacement", "length", POSITIVE)] = None
+    effort: Annotated[Effort, Key("what readings cost whoever makes them")] = Effort()
     static: Sheet | None = None
     ranges: Sheet | None = None
     transients: Sheet | None = None

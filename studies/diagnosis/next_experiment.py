@@ -1,4 +1,4 @@
-"""Which experiment would tell the rivals apart: the expected Δχ² of each on a menu.
+"""Which experiment would tell the rivals apart: the expected Δχ² of each on a menu, by the work.
 
 If one rival is true, new readings will be about what its fit predicts, and another rival, refitted
 to old and new ones together, will fit them worse. How much worse is what an experiment is worth for
@@ -16,10 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
+from tympan.geometry.specimen import Specimen
+from tympan.studies.data.effort import Effort
 from tympan.studies.diagnosis.inference.identifiability import SEEN, TOLD
 from tympan.studies.diagnosis.inference.posterior import Fit, Posterior
 from tympan.studies.diagnosis.inference.verdict import Judgement
 from tympan.studies.diagnosis.reading_table import ReadingTable, States, rows
+from tympan.studies.diagnosis.reduced.sampling import COARSE
 from tympan.studies.diagnosis.reduced.simulation import (
     FACTORS,
     Cause,
@@ -27,6 +30,7 @@ from tympan.studies.diagnosis.reduced.simulation import (
     Prediction,
     Simulation,
 )
+from tympan.studies.diagnosis.reduced.swinging import SwingingMasses
 from tympan.studies.files import words_beside
 
 Array = NDArray[np.float64]
@@ -34,7 +38,7 @@ Array = NDArray[np.float64]
 #: What to do and what it tells, in words.
 WORDS = words_beside(__file__)
 
-_HOUR = 3600.0
+_MINUTE, _HOUR = 60.0, 3600.0
 _FORCE = 1e-3
 
 #: How far below the voltage at which any rival pulls in new readings stay, as a share.
@@ -101,17 +105,30 @@ class Experiment:
 
     ``what`` are the words for it, which may hold the largest {mass} and {voltage} of the rows and
     the {time} of the first; ``rows`` makes them, with their noise and no values yet, or None where
-    the experiment makes no sense.
+    the experiment makes no sense. ``sets_up`` is what it takes besides readings, a field of
+    :class:`~tympan.studies.data.effort.Effort`.
     """
 
     what: str
     rows: Callable[[Readout], ReadingTable | None]
+    sets_up: str = ""
 
     def words(self, table: ReadingTable) -> str:
         """What to do, for those of the rows that remain."""
         return self.what.format(mass=f"{1e3 * table.mass.max():.4g} g",
                                 voltage=f"{table.voltage.max() / 1e3:.3g} kV",
                                 time=f"{np.nan_to_num(table.states.elapsed).min() / _HOUR:.2g} h")
+
+    def work(self, readout: Readout, table: ReadingTable, effort: Effort) -> float:
+        """What those of the rows that remain cost [s]."""
+        states = table.compact().states
+        runs = np.unique(np.stack([states.specimen, states.mass, states.run], 1), axis=0)
+        pause = float(np.nan_to_num(states.elapsed).min()
+                      - np.nan_to_num(readout.states.elapsed).max())
+        return (len(table) * effort.reading + len(runs) * effort.load
+                + len(np.unique(states.specimen)) * effort.specimen
+                + (getattr(effort, self.sets_up) if self.sets_up else 0.0)
+                + max(pause, 0.0) * effort.waiting)
 
 
 def _repeated(readout: Readout) -> ReadingTable:
@@ -182,8 +199,14 @@ def _blocked_force(readout: Readout, share: float = 0.01) -> ReadingTable:
     return table.with_sigma(np.maximum(share * np.abs(readout.shown(table)), _FORCE))
 
 
-#: What is on offer, with less effort first. Another shape is not: its film's force law would have
-#: to be computed.
+def _taps(readout: Readout, share: float = 0.01) -> ReadingTable | None:
+    if readout.simulation.masses is None:
+        return None
+    table = rows(readout.states, "frequency", 1.0)
+    return table.with_sigma(share * np.abs(readout.shown(table)))
+
+
+#: What is on offer. Another shape is not: its film's force law would have to be computed.
 MENU = (
     Experiment(WORDS["repeated"], _repeated),
     Experiment(WORDS["between"], _between),
@@ -192,9 +215,10 @@ MENU = (
     *(Experiment(WORDS["hang"], partial(_other_mass, factor=factor)) for factor in (0.5, 1.5, 2.0)),
     *(Experiment(WORDS["raise"], partial(_higher_voltages, factor=factor))
       for factor in (1.15, 1.4)),
-    Experiment(WORDS["capacitance"], _capacitance),
-    Experiment(WORDS["film_voltage"], _film_voltage),
-    Experiment(WORDS["blocked_force"], _blocked_force),
+    Experiment(WORDS["capacitance"], _capacitance, "capacitance"),
+    Experiment(WORDS["film_voltage"], _film_voltage, "probe"),
+    Experiment(WORDS["blocked_force"], _blocked_force, "force"),
+    Experiment(WORDS["taps"], _taps, "tap"),
 )
 
 
@@ -206,7 +230,7 @@ class Proposal:
     nearest to telling apart, in words, each without the causes they share; ``expected``: Δχ²
     between these two, whichever of them is true; ``value`` and ``mean``: mean Δχ² over which rival
     is true and which one is told from it, by their probabilities, each pair counted up to where it
-    is told beyond doubt, and in full.
+    is told beyond doubt, and in full; ``work``: what it costs [s].
     """
 
     what: str
@@ -214,16 +238,23 @@ class Proposal:
     expected: float
     value: float
     mean: float
+    work: float
 
     @property
     def enough(self) -> bool:
         """Whether the pair is told apart at odds of a hundred to one."""
         return self.expected >= TOLD
 
+    @property
+    def minutes(self) -> float:
+        """What it costs."""
+        return self.work / _MINUTE
+
 
 def propose(simulation: Simulation, judgement: Judgement, causes: Sequence[Cause],
-            menu: Sequence[Experiment] = MENU) -> tuple[tuple[Proposal, ...], str]:
-    """All that is possible of a menu, the most telling first, and what to do in one sentence.
+            menu: Sequence[Experiment] = MENU, effort: Effort = Effort(),
+            ) -> tuple[tuple[Proposal, ...], str]:
+    """All that is possible of a menu, that first which tells most per minute; what to do in words.
 
     ``causes`` may be wrong: rivals that hold another one are left out.
     """
@@ -232,11 +263,20 @@ def propose(simulation: Simulation, judgement: Judgement, causes: Sequence[Cause
     fits, weights = rivals(judgement.posterior, causes)
     if len(fits) < 2:
         return (), WORDS["one_explanation"]
-    readout = Readout(simulation, judgement.table, judgement.nominal)
-    worths = [_proposal(experiment, readout, fits, weights) for experiment in menu]
-    ranked = tuple(sorted((proposal for proposal in worths if proposal), reverse=True,
-                          key=lambda proposal: (round(proposal.value, 3), proposal.mean)))
+    readout = Readout(swinging(simulation), judgement.table, judgement.nominal)
+    worths = [_proposal(experiment, readout, fits, weights, effort) for experiment in menu]
+    ranked = tuple(sorted(
+        (proposal for proposal in worths if proposal), reverse=True,
+        key=lambda proposal: (round(proposal.value / proposal.minutes, 6), proposal.mean)))
     return ranked, _sentence(ranked, _apart(fits[0].hypothesis, fits[1].hypothesis))
+
+
+def swinging(simulation: Simulation) -> Simulation:
+    """With what swings beside the plates, of films that frequencies could be read of."""
+    films = [specimen for specimen in simulation.setup.specimens if isinstance(specimen, Specimen)]
+    if simulation.masses is not None or len(films) < len(simulation.setup.specimens):
+        return simulation
+    return replace(simulation, masses=SwingingMasses.of(simulation.setup, COARSE))
 
 
 def rivals(posterior: Posterior, causes: Sequence[Cause]) -> tuple[tuple[Fit, ...], Array]:
@@ -262,8 +302,8 @@ def rivals(posterior: Posterior, causes: Sequence[Cause]) -> tuple[tuple[Fit, ..
     return tuple(chosen), total / max(total.sum(), 1e-300)
 
 
-def _proposal(experiment: Experiment, readout: Readout, fits: Sequence[Fit],
-              weights: Array) -> Proposal | None:
+def _proposal(experiment: Experiment, readout: Readout, fits: Sequence[Fit], weights: Array,
+              effort: Effort) -> Proposal | None:
     table = possible(experiment, readout, fits)
     if table is None:
         return None
@@ -280,7 +320,8 @@ def _proposal(experiment: Experiment, readout: Readout, fits: Sequence[Fit],
                     _apart(fits[first].hypothesis, fits[second].hypothesis),
                     float(worst[first, second]),
                     float(np.sum(chance * np.minimum(distances, SEEN)) / chance.sum()),
-                    float(np.sum(chance * distances) / chance.sum()))
+                    float(np.sum(chance * distances) / chance.sum()),
+                    experiment.work(readout, table, effort))
 
 
 def possible(experiment: Experiment, readout: Readout, fits: Sequence[Fit]) -> ReadingTable | None:
@@ -349,6 +390,7 @@ def _sentence(ranked: Sequence[Proposal], pair: tuple[str, str]) -> str:
     if not able:
         return none
     first, second = able[0].separates
-    words = WORDS["best"].format(what=able[0].what, first=_plain(first), second=_plain(second))
+    words = WORDS["best"].format(what=able[0].what, first=_plain(first), second=_plain(second),
+                                 minutes=f"{able[0].minutes:.2g}")
     apart = any(proposal.separates == pair for proposal in able)
     return words if apart else f"{words}; {none}"

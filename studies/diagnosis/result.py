@@ -98,7 +98,7 @@ class Diagnosis:
         causes = readings.causes
         return cls(dataset, readings, judgement, model_error, judgement.chosen,
                    gain_of(judgement.simulation, readings.table, causes, judgement, seed),
-                   *propose(judgement.simulation, judgement, causes),
+                   *propose(judgement.simulation, judgement, causes, effort=dataset.effort),
                    single_effects(judgement),
                    detectable_effects(judgement.signatures))
 
@@ -261,7 +261,8 @@ class Diagnosis:
         if self.verdict == "unexplained" or not self.proposals:
             return {**step, "separates": [], "expected_chi_squared": None, "menu": []}
         menu = [{"what": proposal.what, "separates": list(proposal.separates),
-                 "expected_chi_squared": proposal.expected, "enough": proposal.enough}
+                 "expected_chi_squared": proposal.expected, "enough": proposal.enough,
+                 "minutes": proposal.minutes}
                 for proposal in self.proposals]
         best = next((entry for entry in menu if entry["enough"]), menu[0])
         return {**step, "separates": best["separates"],

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from tests.support.trials import design, every_cause, read, size_of
+from tympan.studies.data.effort import Effort
 from tympan.studies.diagnosis.inference.identifiability import SEEN, TOLD
 from tympan.studies.diagnosis.inference.posterior import Fit, Posterior, fit
 from tympan.studies.diagnosis.inference.verdict import Judgement, judge
@@ -19,14 +20,16 @@ from tympan.studies.diagnosis.next_experiment import (
     possible,
     propose,
     rivals,
+    swinging,
 )
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.reduced.simulation import Cause, Hypothesis, Simulation
 
 SIGMA = 20e-6
-CAPACITANCE, PROBE = (next(experiment for experiment in MENU if part in experiment.what)
-                      for part in ("capacitance", "probe"))
+CAPACITANCE, PROBE, TAP = (next(experiment for experiment in MENU if part in experiment.what)
+                           for part in ("capacitance", "probe", "tap the plate"))
 REPEAT, BETWEEN, BACKWARDS, LATER = MENU[:4]
+SET_UP = Effort(capacitance=0.0, probe=0.0)  # where everything stands ready
 
 
 def judged_between(simulation: Simulation, table: ReadingTable, causes: list[Cause]) -> Judgement:
@@ -54,12 +57,13 @@ def test_expected_worth_is_that_of_refits(three_shapes: Simulation, experiment: 
     judgement = judged_between(three_shapes, table, causes)
     assert judgement.posterior is not None
     fits = judgement.posterior.fits
-    new = possible(experiment, Readout(three_shapes, table, judgement.nominal), fits)
+    tapped = swinging(three_shapes)
+    new = possible(experiment, Readout(tapped, table, judgement.nominal), fits)
     assert new is not None
-    distances = expected(three_shapes, fits, new)
+    distances = expected(tapped, fits, new)
     for true, other in ((0, 1), (1, 0), (1, 2), (2, 1)):
-        values = three_shapes.predict(fits[true].hypothesis, fits[true].unknowns, new)
-        full = refitted(three_shapes, fits[other], table, new.with_values(values))
+        values = tapped.predict(fits[true].hypothesis, fits[true].unknowns, new)
+        full = refitted(tapped, fits[other], table, new.with_values(values))
         assert distances[true, other] == pytest.approx(full, rel=0.1, abs=0.1 * TOLD)
 
 
@@ -70,9 +74,10 @@ def test_drift_is_told_by_time(three_shapes: Simulation) -> None:
     table = read(three_shapes, design(SIGMA / 4), (causes[0],), [size_of(causes[0], 2.0)], seed=4)
     proposals, _ = propose(three_shapes, judged_between(three_shapes, table, causes), causes,
                            (REPEAT, BETWEEN, BACKWARDS, LATER))
-    assert proposals[0].enough
-    assert proposals[0].what == BACKWARDS.what or proposals[0].what.startswith("wait")
-    assert proposals[0].mean > 3 * max(proposal.mean for proposal in proposals
+    best = max(proposals, key=lambda proposal: proposal.mean)
+    assert best.enough
+    assert best.what == BACKWARDS.what or best.what.startswith("wait")
+    assert best.mean > 3 * max(proposal.mean for proposal in proposals
                                        if proposal.what in (REPEAT.what, BETWEEN.what))
 
 
@@ -87,11 +92,52 @@ def test_a_new_channel_is_proposed_where_it_shows_the_cause(three_shapes: Simula
     causes = [Cause(true), Cause(rival)]
     table = read(three_shapes, design(SIGMA), (causes[0],), [size_of(causes[0], 2.0)], seed=4)
     ranked, words = propose(three_shapes, judged_between(three_shapes, table, causes), causes,
-                            (REPEAT, BETWEEN, channel))
+                            (REPEAT, BETWEEN, channel), SET_UP)
     assert ranked[0].what == channel.what
     assert ranked[0].enough
     assert set(ranked[0].separates) == {true, rival}
     assert words.startswith(channel.what)
+
+
+def test_a_tap_tells_a_sensor_from_a_load(three_shapes: Simulation) -> None:
+    """More weight makes slower swings, a wrong scale none."""
+    causes = [Cause("sensor_gain"), Cause("unaccounted_mass")]
+    table = read(three_shapes, design(5 * SIGMA), (causes[1],), [2e-3], seed=4)
+    judgement = judged_between(three_shapes, table, causes)
+    ranked, words = propose(three_shapes, judgement, causes, (REPEAT, TAP))
+    assert ranked[0].what == TAP.what
+    assert ranked[0].enough
+    assert set(ranked[0].separates) == {"sensor_gain", "unaccounted_mass"}
+    assert f"some {ranked[0].minutes:.2g} minutes" in words
+
+
+def test_work_is_what_a_person_would_count(three_shapes: Simulation) -> None:
+    """Readings, runs, specimens, the set-up, and a part of a pause."""
+    effort = Effort(reading=60.0, load=600.0, specimen=0.0, probe=1800.0, waiting=0.5)
+    table = read(three_shapes, design(SIGMA), (), [], seed=1)
+    readout = Readout(three_shapes, table, fit(three_shapes, (), table))
+    runs = len(set(zip(table.specimen.tolist(), table.mass.tolist(), strict=True)))
+    probe = PROBE.rows(readout)
+    assert probe is not None
+    assert PROBE.work(readout, probe, effort) == 60 * len(probe) + 600 * runs + 1800
+    later = LATER.rows(readout)
+    assert later is not None
+    pause = later.states.elapsed.min() - table.states.elapsed.max()
+    assert pause > 0
+    assert LATER.work(readout, later, effort) == pytest.approx(
+        60 * len(later) + 600 * runs + 0.5 * pause)
+
+
+def test_what_work_costs_decides_between_experiments(three_shapes: Simulation) -> None:
+    causes = [Cause("voltage_sag"), Cause("permittivity_stretch")]
+    table = read(three_shapes, design(SIGMA), (causes[0],), [size_of(causes[0], 2.0)], seed=4)
+    judgement = judged_between(three_shapes, table, causes)
+
+    def first(effort: Effort) -> str:
+        return propose(three_shapes, judgement, causes, (PROBE, CAPACITANCE), effort)[0][0].what
+
+    assert first(Effort(probe=0.0, capacitance=1e6)) == PROBE.what
+    assert first(Effort(probe=1e6, capacitance=0.0)) == CAPACITANCE.what
 
 
 def test_that_nothing_on_the_menu_helps_is_said(three_shapes: Simulation) -> None:
@@ -178,15 +224,17 @@ def tried(simulation: Simulation, seed: int) -> Trial | None:
               if cause not in rival.hypothesis]
     if len(others) == len(fits) or not others:
         return None
-    readout = Readout(simulation, judgement.table, judgement.nominal)
+    readout = Readout(swinging(simulation), judgement.table, judgement.nominal)
     worths = {}
     for experiment in MENU:
         new = possible(experiment, readout, fits)
         if new is not None:
-            worths[experiment.words(new)] = worth(simulation, judgement, (cause,), unknowns, new,
-                                                  others)
-    best, proposed = max(worths.values()), worths[propose(simulation, judgement, causes)[0][0].what]
-    return Trial(proposed / max(best, 1e-9), best >= TOLD)
+            worths[experiment.words(new)] = worth(readout.simulation, judgement, (cause,),
+                                                  unknowns, new, others)
+    proposals, _ = propose(simulation, judgement, causes)
+    per_minute = {proposal.what: worths[proposal.what] / proposal.minutes for proposal in proposals}
+    return Trial(per_minute[proposals[0].what] / max(*per_minute.values(), 1e-9),
+                 max(worths.values()) >= TOLD)
 
 
 def rate(simulation: Simulation, wanted: int, first: int) -> float:
