@@ -5,7 +5,7 @@ PYTHON ?= $(shell for p in python3.12 python3.13 python3.11 python3; do \
   $$p -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))' 2>/dev/null && echo $$p && break; done)
 OUT ?= out
 
-.PHONY: study test benchmarks scaling verification robustness films-in-time hidden fuzz optimum outlines map lumped-build paper coupons house docs clean
+.PHONY: study test benchmarks scaling verification robustness films-in-time hidden verdict-cases fuzz optimum outlines map lumped-build paper coupons house docs clean
 
 study: .venv/ready
 	.venv/bin/tympan study -o "$(OUT)"
@@ -35,6 +35,9 @@ films-in-time: .venv/ready
 
 hidden: .venv/ready
 	OPENBLAS_NUM_THREADS=1 .venv/bin/python -m benchmarks.trials.hidden_effects --workers 2 --keep hidden-trials.jsonl -o docs/hidden-effects.md
+
+verdict-cases: .venv/ready
+	.venv/bin/python -m benchmarks.verdict_cases
 
 # Hostile files for MINUTES, from a SEED where one is given; its seeds and count are printed.
 fuzz: .venv/ready

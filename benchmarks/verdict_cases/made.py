@@ -1,0 +1,121 @@
+"""Makes the folders: readings by the axisymmetric equations, none of the project's solvers is used.
+
+python -m benchmarks.verdict_cases.made
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.trials import axisymmetric_readings
+from benchmarks.trials.synthetic_trials import NOBODY, NOISE, Design, Stranger, Truth, circles
+from benchmarks.trials.unmodelled_faults import Jump
+from tympan.fem.toml_writer import specimen_to_toml
+from tympan.studies.columns import write_sheet
+from tympan.studies.data.dataset import STATIC
+from tympan.studies.diagnosis.reduced.simulation import Cause
+from tympan.studies.effects import EFFECTS
+
+FOLDER = Path(__file__).parent / "cases"
+
+
+@dataclass(frozen=True)
+class HiddenCase:
+    """What is hidden: effects with their values in SI, or something no effect is."""
+
+    name: str
+    words: str
+    verdict: tuple[str, ...]
+    effects: tuple[tuple[str, float, str | None], ...] = ()
+    stranger: Stranger = NOBODY
+
+    @property
+    def causes(self) -> tuple[Cause, ...]:
+        """The effects."""
+        return tuple(Cause(name, which) for name, _, which in self.effects)
+
+    @property
+    def truth(self) -> Truth:
+        """With a film a little stiffer and less permittive than is stated."""
+        sizes = tuple(EFFECTS[name].parameters[0].size(value) for name, value, _ in self.effects)
+        return Truth(1.06, 0.97, self.causes, sizes, "equations", stranger=self.stranger)
+
+
+NAMED, EITHER = ("named",), ("named", "ambiguous")
+CASES = (
+    HiddenCase("nothing", "nothing but noise, and a film 6 % stiffer than stated", ("nothing",)),
+    HiddenCase("spring", "a spring of 4 N/m holds the plate", NAMED,
+               (("parallel_spring", 4.0, None),)),
+    HiddenCase("stiff-spring", "a spring of 40 N/m holds the plate", NAMED,
+               (("parallel_spring", 40.0, None),)),
+    HiddenCase("hook", "a hook of 1.5 g hangs with every weight", NAMED,
+               (("unaccounted_mass", 1.5e-3, None),)),
+    HiddenCase("zero", "the sensor was not zero at the flat film", NAMED,
+               (("sensor_zero", 120e-6, None),)),
+    HiddenCase("far-zero", "the sensor's zero is 2 mm off", NAMED,
+               (("sensor_zero", 2e-3, None),)),
+    HiddenCase("drift", "readings rise by 2 µm a minute", NAMED, (("drift", 2e-6 / 60, None),)),
+    HiddenCase("loose-film", "one film has lost 3 % of its prestretch", NAMED,
+               (("prestretch_loss", 0.03, "B"),)),
+    # Of films that hardly grow (2 - n)/2 times the permittivity does the same: the equations with
+    # it leave χ² = 0.1 of 90 readings.
+    HiddenCase("falling-permittivity", "the permittivity falls with the area stretch, which is "
+               "what a lower one would do", ("nothing",), (("permittivity_stretch", 0.6, None),)),
+    HiddenCase("sagging-supply", "the supply sags under its load", EITHER,
+               (("voltage_sag", 12e3, None),)),
+    HiddenCase("wrong-gain", "the amplifier gives 5 % too much, which is what a higher "
+               "permittivity would do", ("nothing",), (("amplifier_gain", 0.05, None),)),
+    HiddenCase("two", "a spring of 5 N/m, and a sensor that was not zero", EITHER,
+               (("parallel_spring", 5.0, None), ("sensor_zero", 200e-6, None))),
+    HiddenCase("knocked", "the sensor was knocked half-way and reads 0.4 mm more from then on: no "
+               "effect of the library", ("unexplained",), stranger=Jump(0.4e-3, 40)),
+)
+
+
+def readings(case: HiddenCase, design: Design) -> np.ndarray:
+    """Readings with noise [m]."""
+    shown = axisymmetric_readings.readings(design, case.truth)
+    if shown is None:
+        raise SystemExit(f"{case.name}: a state has no equilibrium")
+    noise = NOISE * np.random.default_rng(CASES.index(case)).standard_normal(len(shown))
+    return np.asarray(case.stranger.shown(shown, design.table.states) + noise)
+
+
+def expected(case: HiddenCase) -> dict[str, object]:
+    """What expected.json says."""
+    parameters = {}
+    for name, value, _ in case.effects:
+        item = EFFECTS[name].parameters[0]
+        parameters[name] = {item.name: {"value": item.shown(value), "unit": item.unit}}
+    return {"hidden": case.words, "verdict": list(case.verdict),
+            "causes": [] if case.verdict == ("nothing",) else [name for name, *_ in case.effects],
+            "parameters": parameters}
+
+
+def write(case: HiddenCase, design: Design, folder: Path) -> None:
+    """A case's folder."""
+    folder.mkdir(parents=True, exist_ok=True)
+    head = (f'name = "{case.name}"\nsource = "axisymmetric equations"\n'
+            f'noise = "{NOISE * 1e6:g} um"\n')
+    specimens = "".join(
+        "\n[[specimen]]\n" + specimen_to_toml(specimen).replace("\n[", "\n[specimen.")
+        for specimen in design.setup.specimens)
+    (folder / "dataset.toml").write_text(head + specimens, encoding="utf-8")
+    states = design.table.states
+    names = [specimen.name for specimen in design.setup.specimens]
+    columns = {"specimen": [names[number] for number in states.specimen.tolist()],
+               "mass": states.mass, "voltage": states.voltage, "elapsed": states.elapsed,
+               "order": design.table.order, "displacement": readings(case, design)}
+    write_sheet(folder / "static.csv", [column for column in STATIC if column.name in columns],
+                columns)
+    (folder / "expected.json").write_text(json.dumps(expected(case), indent=1) + "\n",
+                                          encoding="utf-8")
+
+
+if __name__ == "__main__":
+    for hidden in CASES:
+        write(hidden, circles(), FOLDER / hidden.name)

@@ -1,0 +1,71 @@
+"""The verdict cases: a program's answers are judged rightly, and folders are those of their script.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+import pytest
+
+from benchmarks.trials.synthetic_trials import circles
+from benchmarks.verdict_cases.__main__ import PROGRAM, right, said_by, within
+from benchmarks.verdict_cases.made import CASES, FOLDER, write
+
+SPRING = {"effect": "parallel_spring",
+          "parameters": {"k": {"value": 4.1, "unit": "N/m", "low": 3.9, "high": 4.3}}}
+ZERO = {"effect": "sensor_zero",
+        "parameters": {"y_0": {"value": 1.0, "unit": "um", "low": 0.0, "high": 2.0}}}
+
+
+def expected(name: str) -> dict[str, object]:
+    content: dict[str, object] = json.loads((FOLDER / name / "expected.json").read_text())
+    return content
+
+
+@pytest.mark.parametrize(("case", "verdict", "causes", "correct"), [
+    ("spring", "named", [SPRING, ZERO], True), ("spring", "named", [ZERO, SPRING], False),
+    ("spring", "ambiguous", [SPRING, ZERO], False), ("spring", "nothing", [], False),
+    ("two", "named", [ZERO, SPRING], True), ("two", "named", [ZERO], False),
+    ("two", "ambiguous", [SPRING], False), ("sagging-supply", "ambiguous", [SPRING], False),
+    ("nothing", "nothing", [], True), ("nothing", "named", [SPRING], False),
+    ("knocked", "unexplained", [ZERO], True), ("knocked", "named", [ZERO], False)])
+def test_answers_are_judged(case: str, verdict: str, causes: list[dict[str, object]],
+                            correct: bool) -> None:
+    assert right({"verdict": verdict, "causes": causes}, expected(case)) is correct
+
+
+def test_limits_are_held_against_what_is_hidden() -> None:
+    assert within({"causes": [SPRING]}, expected("spring")) == [True]
+    assert within({"causes": [SPRING]}, expected("stiff-spring")) == [False]
+    assert within({"causes": [ZERO]}, expected("spring")) == []
+
+
+def test_another_program_is_tried_the_same_way(tmp_path: Path) -> None:
+    program = tmp_path / "guess.py"
+    program.write_text("import json\nprint(json.dumps({'verdict': 'nothing', 'causes': []}))\n")
+    said = said_by(f"{sys.executable} {program} {{dataset}}", FOLDER / "spring")
+    assert not right(said, expected("spring"))
+
+
+def test_the_program_itself_is_right_where_nothing_is_hidden() -> None:
+    assert right(said_by(PROGRAM, FOLDER / "nothing"), expected("nothing"))
+
+
+@pytest.mark.parametrize("name", ["spring", "knocked"])
+def test_a_folder_is_what_its_script_makes(tmp_path: Path, name: str) -> None:
+    case, = (case for case in CASES if case.name == name)
+    write(case, circles(), tmp_path / name)
+    for file in ("dataset.toml", "expected.json"):
+        assert (tmp_path / name / file).read_text() == (FOLDER / name / file).read_text()
+    lines = [(folder / name / "static.csv").read_text().splitlines()
+             for folder in (tmp_path, FOLDER)]
+    assert lines[0][0] == lines[1][0]
+    for made, kept in zip(*(part[1:] for part in lines), strict=True):
+        assert made.split(",")[:3] == kept.split(",")[:3]
+        assert float(made.split(",")[3]) == pytest.approx(float(kept.split(",")[3]), abs=1e-6)
+
+
+def test_there_is_a_folder_for_every_case() -> None:
+    assert sorted(case.name for case in CASES) == sorted(folder.name for folder in FOLDER.iterdir())
