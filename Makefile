@@ -37,7 +37,7 @@ hidden: .venv/ready
 	OPENBLAS_NUM_THREADS=1 .venv/bin/python -m benchmarks.trials.hidden_effects --workers 2 --keep hidden-trials.jsonl -o docs/hidden-effects.md
 
 verdict-cases: .venv/ready
-	.venv/bin/python -m benchmarks.verdict_cases
+	.venv/bin/python -m benchmarks.trials.verdict_cases
 
 # Hostile files for MINUTES, from a SEED where one is given; its seeds and count are printed.
 fuzz: .venv/ready

@@ -105,22 +105,22 @@ def slow_fast(actuator: Actuator, highest: float) -> SlowFast:
         s0, k, alpha, omega = np.exp(x).tolist()
         return SlowFast(polynomial, s0, s0 / k, alpha, omega, k, highest)
 
-    held = _HELD / start[0]
-    signal = _staircase(highest * np.array(_STEPS), held)
+    pause = _HELD / start[0]
+    signal = _staircase(highest * np.array(_STEPS), pause)
     time = _looked_at(signal, 1 / start[3])
     wanted = simulate(actuator, signal).deflection(time)
     span = float(np.ptp(Polynomial(polynomial)(np.array([0.0, highest]))))
     fitted = form(least_squares(
         lambda x: (form(x).deflection(signal, time) - wanted) / span, np.log(start)).x)
-    return _judged(fitted, actuator, held, span)
+    return _judged(fitted, actuator, pause, span)
 
 
-def _judged(fitted: SlowFast, actuator: Actuator, held: float, span: float) -> SlowFast:
+def _judged(fitted: SlowFast, actuator: Actuator, pause: float, span: float) -> SlowFast:
     """With its errors, on voltages between and on steps of other heights and lengths."""
     highest = fitted.highest_voltage
     between = np.linspace(0.0, highest, 4 * _RESTS)
     resting = np.array([rest(actuator, voltage) for voltage in between.tolist()])
-    signal = random_steps(0.0, highest, held / 3, 8, seed=1)
+    signal = random_steps(0.0, highest, pause / 3, 8, seed=1)
     time = _looked_at(signal, 1 / fitted.omega)
     response: Response = simulate(actuator, signal)
     missed = (fitted.deflection(signal, time) - response.deflection(time)) / span
@@ -141,8 +141,8 @@ def _polynomial(actuator: Actuator, highest: float) -> tuple[float, ...]:
     return tuple(fitted.convert().coef.tolist())
 
 
-def _staircase(levels: Array, held: float) -> Pieces:
-    times = held * np.repeat(np.arange(len(levels) + 2.0), 2)[1:-1]
+def _staircase(levels: Array, pause: float) -> Pieces:
+    times = pause * np.repeat(np.arange(len(levels) + 2.0), 2)[1:-1]
     return Pieces(times, np.repeat(np.append(0.0, levels), 2))
 
 

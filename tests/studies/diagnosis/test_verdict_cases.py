@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 from benchmarks.trials.synthetic_trials import circles
-from benchmarks.verdict_cases.__main__ import PROGRAM, right, said_by, within
-from benchmarks.verdict_cases.made import CASES, FOLDER, write
+from benchmarks.trials.verdict_cases.__main__ import PROGRAM, right, said_by, within
+from benchmarks.trials.verdict_cases.made import CASES, FOLDER, write
 
 SPRING = {"effect": "parallel_spring",
           "parameters": {"k": {"value": 4.1, "unit": "N/m", "low": 3.9, "high": 4.3}}}

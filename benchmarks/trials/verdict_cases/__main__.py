@@ -1,6 +1,6 @@
 """Tries a program on the verdict cases: what it says against what is hidden.
 
-    python -m benchmarks.verdict_cases [--program "tympan diagnose {dataset} -o {output} --json"]
+    python -m benchmarks.trials.verdict_cases [--program "tympan diagnose {dataset} -o {output} --json"]
         [CASE ...]
 
 The program prints what ``tympan diagnose --json`` prints.
@@ -19,7 +19,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from benchmarks.verdict_cases.made import FOLDER
+from benchmarks.trials.verdict_cases.made import FOLDER
 
 PROGRAM = f"{sys.executable} -m tympan diagnose {{dataset}} -o {{output}} --json"
 

@@ -1,6 +1,6 @@
 """Makes the folders: readings by the axisymmetric equations, none of the project's solvers is used.
 
-python -m benchmarks.verdict_cases.made
+python -m benchmarks.trials.verdict_cases.made
 """
 
 from __future__ import annotations
