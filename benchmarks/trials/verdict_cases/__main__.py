@@ -1,7 +1,7 @@
 """Tries a program on the verdict cases: what it says against what is hidden.
 
-    python -m benchmarks.trials.verdict_cases [--program "tympan diagnose {dataset} -o {output} --json"]
-        [CASE ...]
+    python -m benchmarks.trials.verdict_cases [CASE ...]
+        [--program "tympan diagnose {dataset} -o {output} --json"]
 
 The program prints what ``tympan diagnose --json`` prints.
 """
