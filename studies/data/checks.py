@@ -31,9 +31,10 @@ _APART = 4.0
 def summary(dataset: Dataset) -> dict[str, Any]:
     """What a dataset holds, as plain values for JSON, SI; voltages of transients are left out."""
     static, ranges, transients = dataset.static, dataset.ranges, dataset.transients
-    frequencies = dataset.frequencies
-    loads = [table for table in (static, ranges, transients, frequencies) if table is not None]
-    voltages = [table.voltage for table in (static, frequencies) if table is not None]
+    frequencies, fields = dataset.frequencies, dataset.fields
+    loads = [table for table in (static, ranges, transients, frequencies, fields)
+             if table is not None]
+    voltages = [table.voltage for table in (static, frequencies, fields) if table is not None]
     voltages += [ranges.voltage_min, ranges.voltage_max] if ranges is not None else []
     runs = [] if transients is None else zip(*(
         transients[name].tolist() for name in ("specimen", "mass", "run")), strict=True)
@@ -74,7 +75,7 @@ def _distinct(values: list[NDArray[np.float64]]) -> list[float]:
 
 def _too_little(dataset: Dataset) -> Iterator[str]:
     tables = [table for table in (dataset.static, dataset.ranges) if table is not None]
-    others = dataset.transients, dataset.frequencies
+    others = dataset.transients, dataset.frequencies, dataset.fields
     read = {name for table in (*tables, *others) if table is not None
             for name in table.specimen.tolist()}
     idle = [specimen.name for specimen in dataset.specimens if specimen.name not in read]

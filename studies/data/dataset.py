@@ -6,7 +6,7 @@ import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import numpy as np
 
@@ -84,9 +84,29 @@ FREQUENCY: tuple[Column, ...] = (
     Column("sigma", "Hz", POSITIVE, required=False),
 )
 
+#: The columns of field.csv: the film at places, from a laser line or image correlation.
+#: ``x``, ``y``: along the frame's axes from its centre, or from the plate's (``field_frame``);
+#: where ``u`` or ``v``, displacements along x and y, were read they are of what moved from there,
+#: else of what stands there; ``repeat``: which line or picture of several in one state.
+FIELD: tuple[Column, ...] = (
+    *_LOAD,
+    Column("voltage", "kV", _VOLTAGE),
+    Column("x", "mm", _DISPLACEMENT),
+    Column("y", "mm", _DISPLACEMENT),
+    Column("displacement", "mm", _DISPLACEMENT),
+    Column("u", "mm", _DISPLACEMENT, required=False),
+    Column("v", "mm", _DISPLACEMENT, required=False),
+    Column.labels("repeat", required=False),
+    _SIGMA,
+)
+
 #: The files of readings a dataset may hold, and their columns.
 FILES = {"static.csv": STATIC, "range.csv": RANGE, "transient.csv": TRANSIENT,
-         "coupon.csv": coupon.COLUMNS, "frequency.csv": FREQUENCY}
+         "coupon.csv": coupon.COLUMNS, "frequency.csv": FREQUENCY, "field.csv": FIELD}
+
+#: How far outside the frame places may lie that are read on the film's edge, and where the plate
+#: may sit elsewhere, as shares of the frame's larger half extent.
+_OUTSIDE = {"table": 5e-3, "plate": 0.1}
 
 #: Columns of static.csv with what else may be measured besides the displacement.
 _CHANNELS = ("capacitance", "film_voltage", "tilt")
@@ -96,9 +116,9 @@ _CHANNELS = ("capacitance", "film_voltage", "tilt")
 class Dataset:
     """Measured readings with the specimens and the rig they came from.
 
-    ``static``, ``ranges``, ``transients`` and ``frequencies`` have the columns of :data:`STATIC`,
-    :data:`RANGE`, :data:`TRANSIENT` and :data:`FREQUENCY`. ``files`` are those read, with the
-    SHA-256 of their bytes; ``remarks`` what reading found odd.
+    ``static``, ``ranges``, ``transients``, ``frequencies`` and ``fields`` have the columns of
+    :data:`STATIC`, :data:`RANGE`, :data:`TRANSIENT`, :data:`FREQUENCY` and :data:`FIELD`.
+    ``files`` are those read, with the SHA-256 of their bytes; ``remarks`` what reading found odd.
     """
 
     name: Annotated[str, Key("what messages call it")]
@@ -108,11 +128,14 @@ class Dataset:
     noise: Annotated[float | None, Key(
         "standard deviation of one reading of the displacement", "length", POSITIVE)] = None
     effort: Annotated[Effort, Key("what readings cost whoever makes them")] = Effort()
+    field_frame: Annotated[Literal["table", "plate"], Key(
+        "from where places in field.csv are counted: the frame's centre, or the plate's")] = "table"
     static: Sheet | None = None
     ranges: Sheet | None = None
     transients: Sheet | None = None
     coupons: Coupons | None = None
     frequencies: Sheet | None = None
+    fields: Sheet | None = None
     files: Mapping[str, str] = field(default_factory=dict)
     remarks: tuple[str, ...] = ()
 
@@ -120,7 +143,7 @@ class Dataset:
     def tables(self) -> dict[str, Sheet | Coupons]:
         """What there is, by file name."""
         every = zip(FILES, (self.static, self.ranges, self.transients, self.coupons,
-                            self.frequencies), strict=True)
+                            self.frequencies, self.fields), strict=True)
         return {name: table for name, table in every if table is not None}
 
 
@@ -156,18 +179,20 @@ def read_dataset(folder: Path | str, planned: bool = False) -> Dataset:
         if SPECIMEN in columns:
             _check_specimens(sheet, [specimen.name for specimen in dataset.specimens])
             remarks += _identical(sheet)
-    static, ranges, transients, coupons, frequencies = map(sheets.get, FILES)
+    static, ranges, transients, coupons, frequencies, fields = map(sheets.get, FILES)
     if ranges is not None:
         for row in np.flatnonzero(ranges.voltage_max <= ranges.voltage_min):
             raise ranges.error(int(row), "voltage_max", "must be above voltage_min")
     if transients is not None:
         _check_times(transients)
+    if fields is not None:
+        _check_places(fields, dataset)
     if not sheets:
         words = f"; there: {', '.join(there)}" if there else ""
         raise InputError(f"must hold at least one of {', '.join(FILES)}{words}", file=folder)
     return replace(dataset, static=static, ranges=ranges, transients=transients, files=files,
                    coupons=None if coupons is None else Coupons.of(coupons),
-                   frequencies=frequencies,
+                   frequencies=frequencies, fields=fields,
                    remarks=tuple(remarks))
 
 
@@ -227,6 +252,23 @@ def _check_times(transients: Sheet) -> None:
         row, other = max(earlier, later), min(earlier, later)
         raise transients.error(int(row), "t", "must be there once in a run: it stands in line "
                                f"{transients.line[other]} too, within 1 ns")
+
+
+def _check_places(fields: Sheet, dataset: Dataset) -> None:
+    """Refuse places that lie outside the frame."""
+    for specimen in dataset.specimens:
+        rows = np.flatnonzero(fields.specimen == specimen.name)
+        size, offset = max(specimen.frame.semi_axes), specimen.plate.offset
+        x, y = ((fields.x, fields.y) if dataset.field_frame == "table"
+                else (fields.x + offset[0], fields.y + offset[1]))
+        beyond = specimen.frame.level(x[rows], y[rows]) > _OUTSIDE[dataset.field_frame] * size
+        for row in rows[beyond]:
+            name = "x" if abs(fields.x[row]) >= abs(fields.y[row]) else "y"
+            reach = " by ".join(f"{2e3 * half:.4g}" for half in specimen.frame.semi_axes)
+            raise fields.error(int(row), name, "must lie on the film or the plate, in mm from the "
+                               f"{'frame' if dataset.field_frame == 'table' else 'plate'}'s centre "
+                               f"(field_frame = {dataset.field_frame!r}); the frame of "
+                               f"{specimen.name} is {reach} mm wide")
 
 
 def _identical(sheet: Sheet) -> list[str]:

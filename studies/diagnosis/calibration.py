@@ -14,16 +14,18 @@ from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Film
 from tympan.studies.case import Case, build_model
 from tympan.studies.diagnosis.inference.posterior import Fit, nominal_fit, nominal_fits
-from tympan.studies.diagnosis.reading_table import ReadingTable
+from tympan.studies.diagnosis.reading_table import COMPONENTS, ReadingTable
 from tympan.studies.diagnosis.readings import FEWEST
 from tympan.studies.diagnosis.reduced.force_law import ForceLaw
 from tympan.studies.diagnosis.reduced.sampling import (
     COARSE,
     FINE,
+    FiniteElements,
     NotSampled,
     force_laws,
     nominal_law,
 )
+from tympan.studies.diagnosis.reduced.seen_film import scanned_exactly
 from tympan.studies.diagnosis.reduced.simulation import (
     FACTORS,
     Hypothesis,
@@ -148,12 +150,13 @@ def reaching(setup: Setup, table: ReadingTable, unknowns_of: Callable[[Simulatio
     names = [specimen.name for specimen in setup.specimens]
     needed = _needed(setup, table)
     room = np.repeat(np.array([_ROOM]).T, len(names), axis=1)
+    solver = FiniteElements(bool(table.scans))
     laws: dict[tuple[str, float, float], ForceLaw] = {}
     for _ in range(_ROUNDS):
         asked = list(zip(names, *(room * needed).tolist(), strict=True))
         for reach in asked:
             if reach not in laws:
-                laws[reach] = _nominal_law(setup, *reach)
+                laws[reach] = _nominal_law(setup, solver, *reach)
         simulation = Simulation(setup, tuple(laws[reach] for reach in asked))
         have = np.array([[law.grid.heave, law.grid.voltage_squared]
                          for law in simulation.laws]).T
@@ -170,12 +173,13 @@ def reaching(setup: Setup, table: ReadingTable, unknowns_of: Callable[[Simulatio
     return simulation
 
 
-def _nominal_law(setup: Setup, name: str, heave: float, voltage_squared: float) -> ForceLaw:
+def _nominal_law(setup: Setup, solver: FiniteElements, name: str, heave: float,
+                 voltage_squared: float) -> ForceLaw:
     """A film's force law without effects, up to a heave [m] and a U² [V²], or as far as it goes."""
     least = _LEAST * setup.specimen(name).gap
     while True:
         try:
-            return nominal_law(setup, name, heave, voltage_squared)
+            return nominal_law(setup, name, heave, voltage_squared, solver)
         except NotSampled as error:
             if heave <= least:
                 raise InputError(f"the nominal film cannot be solved: {error}", key="specimen",
@@ -222,7 +226,9 @@ def with_effects(calibration: Simulation, progress: Callable[[int, int], None],
                  workers: int) -> Simulation:
     """The same simulation with the effects of the library."""
     grids = [law.grid for law in calibration.laws]
-    return replace(calibration, laws=force_laws(calibration.setup, grids, workers, progress))
+    shapes = calibration.laws[0].solver == FiniteElements(shapes=True)
+    return replace(calibration, laws=force_laws(calibration.setup, grids, workers, progress,
+                                                shapes))
 
 
 def extended_setup(simulation: Simulation, hypothesis: Hypothesis, unknowns: Array) -> Setup:
@@ -275,6 +281,33 @@ def frequency_error(simulation: Simulation, fit: Fit, table: ReadingTable, count
         exact = heave_frequency(case, FINE)
         if exact is not None:
             worst = max(worst, abs(float(shown[row]) / exact - 1))
+    return worst
+
+
+def film_error(simulation: Simulation, fit: Fit, table: ReadingTable, count: int = 4
+               ) -> dict[str, float]:
+    """Largest error of each component of scans at a fit [m], against a fine mesh.
+
+    Of ``count`` scans, from small to large heaves; what finite elements do not reach is left out.
+    """
+    if not table.scans:
+        return {}
+    setup, worst = extended_setup(simulation, fit.hypothesis, fit.unknowns), dict[str, float]()
+    shown = simulation.predict(fit.hypothesis, fit.unknowns, table)
+    states = np.array([table.state[table.scan == number][0] for number in np.unique(table.scan)
+                       if number >= 0], np.int64)
+    order = np.argsort(fit.heave[states])
+    for place in order[np.unique(np.linspace(0, len(order) - 1, count).round().astype(int))]:
+        rows = np.flatnonzero((table.state == states[place]) & (table.point >= 0))
+        specimen = setup.specimens[int(table.specimen[rows[0]])]
+        exact = scanned_exactly(specimen, setup.rig, float(table.mass[rows[0]]), float(
+            table.voltage[rows[0]]), table.scans[table.scan[rows[0]]], FINE)
+        for kind in COMPONENTS if exact is not None else ():
+            some = rows[table.kind[rows] == kind]
+            if len(some) and exact is not None:
+                point = table.point[some] - table.first_points[table.scan[some[0]]]
+                error = np.abs(exact[COMPONENTS.index(kind), point] - shown[some]).max()
+                worst[kind] = max(worst.get(kind, 0.0), float(error))
     return worst
 
 

@@ -13,6 +13,7 @@ from tympan.studies.data.dataset import Dataset
 from tympan.studies.diagnosis.calibration import (
     Calibration,
     calibrated,
+    film_error,
     frequency_error,
     law_error,
     reaching,
@@ -37,7 +38,7 @@ _LATER = 2
 
 def diagnose(dataset: Dataset, workers: int = 1, seed: int = 0,
              progress: Callable[[int, int], None] = lambda done, all_of_them: None) -> Diagnosis:
-    """Diagnose a dataset's static readings, ranges and frequencies.
+    """Diagnose a dataset's static readings, ranges, frequencies and scans of films.
 
     Parameters
     ----------
@@ -107,10 +108,15 @@ def plan_readings(dataset: Dataset, workers: int = 1,
 
 
 def _with_model_error(table: ReadingTable, error: float, nominal: Calibration) -> ReadingTable:
-    """The reduced model's errors are noise: that of the lengths [m], and a share of frequencies."""
+    """The reduced model's errors are noise: that of the lengths [m], and a share of frequencies.
+
+    And those of films' shapes [m].
+    """
     share = frequency_error(nominal.simulation, nominal.fit, table)
     errors = np.where(table.lengths, error, np.where(table.kind == "frequency", share, 0.0)
                       * table.value)
+    for kind, largest in film_error(nominal.simulation, nominal.fit, table).items():
+        errors = np.where(table.kind == kind, largest, errors)
     return table.with_sigma(np.hypot(table.sigma, errors))
 
 

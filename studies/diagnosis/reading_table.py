@@ -15,11 +15,41 @@ Numbers = NDArray[np.int64]
 
 #: What a row is a reading of: displacement [m], difference of two displacements [m], capacitance
 #: [F], voltage on the film [V], tilt of the plate, whichever way [rad], frequency of small heaves
-#: [Hz], force that holds the plate at a heave [N].
-Kind = Literal["displacement", "range", "capacitance", "film_voltage", "tilt", "frequency", "force"]
+#: [Hz], force that holds the plate at a heave [N], deflection at a place of a scan of the film, and
+#: displacements within its plane there [m].
+Kind = Literal["displacement", "range", "capacitance", "film_voltage", "tilt", "frequency", "force",
+               "film", "film_x", "film_y"]
 
 #: Kinds of rows that are lengths, on which errors are counted.
 LENGTHS = ("displacement", "range")
+
+#: Kinds of rows of scans: the components of displacements at places, deflections last.
+COMPONENTS: tuple[Kind, ...] = ("film_x", "film_y", "film")
+
+
+@dataclass(frozen=True, eq=False)
+class Scan:
+    """Places of a film that were read in one state.
+
+    ``place``: on the table, or from the plate's centre if ``centred`` [m], shape (n, 2), of what
+    stands there or, if it ``follows`` the film, of what was there when the film was flat;
+    ``on_plate``, (n,), as the specimen is stated. Rows are of displacements less a ``share`` of
+    their mean over the scan: all that is off by the same length in it is off by as much less, and
+    what is left is independent.
+    """
+
+    place: Array
+    follows: bool
+    on_plate: NDArray[np.bool_]
+    centred: bool
+    share: float
+
+    def __len__(self) -> int:
+        return len(self.place)
+
+    def without_zero(self, values: Array) -> Array:
+        """Values less the share of their mean, shape (..., n)."""
+        return np.asarray(values - self.share * values.mean(axis=-1, keepdims=True))
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,7 +121,8 @@ class ReadingTable:
 
     For a range also the state it is counted from (``since``, else -1). ``value`` is what was read
     and ``sigma`` its standard deviation, in SI; ``order`` the place in the sequence, nan where not
-    known; ``file`` and ``line`` say where a row is from; ``run`` which ramp it belongs to.
+    known; ``file`` and ``line`` say where a row is from; ``run`` which ramp it belongs to;
+    ``point`` which place of all the ``scans`` it is of, else -1.
     """
 
     states: States
@@ -104,15 +135,19 @@ class ReadingTable:
     run: NDArray[np.str_]
     file: NDArray[np.str_]
     line: Numbers
+    point: Numbers
+    scans: tuple[Scan, ...] = ()
 
     def __len__(self) -> int:
         return len(self.state)
 
     def __getitem__(self, rows: NDArray[np.bool_] | Numbers) -> ReadingTable:
-        """Some of the rows; states are all kept."""
-        return ReadingTable(self.states, *(getattr(self, name)[rows]
-                                           for name in self.__dataclass_fields__
-                                           if name != "states"))
+        """Some of the rows; states and scans are all kept."""
+        return replace(self, **{name: getattr(self, name)[rows] for name in self._columns})
+
+    @property
+    def _columns(self) -> list[str]:
+        return [name for name in self.__dataclass_fields__ if name not in ("states", "scans")]
 
     @property
     def specimen(self) -> Numbers:
@@ -135,6 +170,17 @@ class ReadingTable:
         """Number of the specimen and mass of each row."""
         keys = np.stack([self.specimen.astype(float), self.mass], 1)
         return np.unique(keys, axis=0, return_inverse=True)[1].ravel()
+
+    @cached_property
+    def first_points(self) -> Numbers:
+        """Number of the first place of each scan."""
+        return np.cumsum([0, *(len(scan) for scan in self.scans)], dtype=np.int64)[:-1]
+
+    @cached_property
+    def scan(self) -> Numbers:
+        """Number of the scan of each row, -1 of others."""
+        return np.where(self.point < 0, -1,
+                        np.searchsorted(self.first_points, self.point, "right") - 1)
 
     @cached_property
     def rows_of(self) -> dict[str, Numbers]:
@@ -166,11 +212,14 @@ class ReadingTable:
         """These rows, and others in runs of their own."""
         count, runs = len(self.states), 1 + self.states.run.max(initial=-1)
         states = replace(other.states, run=other.states.run + runs)
+        places = sum(map(len, self.scans))
         moved = replace(other, states=states, state=other.state + count,
-                        since=np.where(other.since < 0, -1, other.since + count))
-        return ReadingTable(self.states.joined(moved.states), *(
-            np.concatenate([getattr(self, name), getattr(moved, name)])
-            for name in self.__dataclass_fields__ if name != "states"))
+                        since=np.where(other.since < 0, -1, other.since + count),
+                        point=np.where(other.point < 0, -1, other.point + places))
+        return replace(self, states=self.states.joined(moved.states),
+                       scans=(*self.scans, *other.scans),
+                       **{name: np.concatenate([getattr(self, name), getattr(moved, name)])
+                          for name in self._columns})
 
 
 def rows(states: States, kind: Kind, sigma: float | Array, value: float | Array = 0.0,
@@ -181,4 +230,4 @@ def rows(states: States, kind: Kind, sigma: float | Array, value: float | Array 
     values, sigmas, orders = (np.full(count, part, float) for part in (value, sigma, order))
     return ReadingTable(states, np.full(count, kind), np.arange(count), np.full(count, -1), values,
                         sigmas, orders, np.full(count, run), np.full(count, file),
-                        np.full(count, line))
+                        np.full(count, line), np.full(count, -1))

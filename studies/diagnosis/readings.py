@@ -13,6 +13,7 @@ from tympan.studies.columns import Sheet
 from tympan.studies.data.checks import slips_of_unit
 from tympan.studies.data.dataset import Dataset
 from tympan.studies.data.noise import reading_sigma, repeat_noise
+from tympan.studies.diagnosis.film_readings import film_rows
 from tympan.studies.diagnosis.inference.residual_tests import STATED
 from tympan.studies.diagnosis.reading_table import Kind, ReadingTable, States, rows
 from tympan.studies.diagnosis.reduced.simulation import Cause
@@ -57,20 +58,22 @@ class PreparedReadings:
         states = self.table.states
         there = {"elapsed_s": bool(np.ptp(states.elapsed) > 0),
                  "direction": bool(np.any(states.direction != 0)),
-                 "frequency_Hz": "frequency" in self.table.kind}
+                 "frequency_Hz": "frequency" in self.table.kind,
+                 "x_mm": bool(self.table.scans)}
         return tuple(Cause(name, which) for name, effect in EFFECTS.items()
                      if all(there.get(column, False) for column in effect.columns)
                      for which in effect.choices(self.setup))
 
 
 def prepared_readings(dataset: Dataset) -> PreparedReadings:
-    """The static readings, ranges and frequencies of a dataset.
+    """The static readings, ranges, frequencies and scans of films of a dataset.
 
     An :class:`InputError` when they are too few to conclude anything, nothing loads the film, or a
     column is off by a unit.
     """
     static, ranges, frequencies = dataset.static, dataset.ranges, dataset.frequencies
-    sheets = [sheet for sheet in (static, ranges, frequencies) if sheet is not None]
+    sheets = [sheet for sheet in (static, ranges, frequencies, dataset.fields)
+              if sheet is not None]
     used = {name for sheet in sheets for name in sheet.specimen.tolist()}
     setup = Setup(tuple(specimen for specimen in dataset.specimens if specimen.name in used),
                   dataset.rig)
@@ -79,8 +82,9 @@ def prepared_readings(dataset: Dataset) -> PreparedReadings:
         raise InputError(f"needs at least {FEWEST} readings in static.csv and range.csv: stiffness "
                          "and permittivity alone take two of them", key="readings", given=count)
     if static is None and ranges is None:
-        raise InputError("must have static.csv or range.csv beside frequency.csv: by frequencies "
-                         "alone no mass is told from a stiffness", key=dataset.name)
+        other = "field.csv" if frequencies is None else "frequency.csv"
+        raise InputError(f"must have static.csv or range.csv beside {other}: by that alone no mass "
+                         "is told from a stiffness", key=dataset.name)
     masses = np.concatenate([sheet.mass for sheet in sheets])
     if not (dataset.rig.force(masses, 1.0).any() or dataset.rig.gas_pressure or dataset.rig.biases):
         raise InputError("must be above 0 in some reading: a film that nothing loads stays flat "
@@ -113,6 +117,9 @@ def prepared_readings(dataset: Dataset) -> PreparedReadings:
     if len(table) > MANY:
         before, table = len(table), averaged(table)
         remarks.append(f"{before} readings were averaged to {len(table)} of nearly the same state")
+    if (scans := film_rows(replace(dataset, specimens=setup.specimens))) is not None:
+        table = table.joined(scans[0])
+        remarks += scans[1]
     return PreparedReadings(setup, table, stated, noise_from, tuple(remarks))
 
 
@@ -191,5 +198,6 @@ def averaged(table: ReadingTable) -> ReadingTable:
     if np.isfinite(table.order).all():
         order = mean(table.order)
     fewer = ReadingTable(merged, table.kind[first], np.arange(len(first)), since, mean(table.value),
-                         sigma, order, table.run[first], table.file[first], table.line[first])
+                         sigma, order, table.run[first], table.file[first], table.line[first],
+                         table.point[first], table.scans)
     return fewer.reached(np.argsort(np.r_[at, table.since[first][origin]], kind="stable"))

@@ -18,11 +18,12 @@ from numpy.polynomial import legendre
 from numpy.typing import NDArray
 from scipy.stats import f as f_distribution
 
-from tympan.studies.diagnosis.reading_table import ReadingTable
+from tympan.studies.diagnosis.inference.film_patterns import film_patterns
+from tympan.studies.diagnosis.reading_table import COMPONENTS, ReadingTable
 
 Array = NDArray[np.float64]
 
-#: What a misfit is, by the first word of its pattern's name; {1} is the rest of it.
+#: What a misfit is, by its pattern's name or the first word of it; {1} is the rest of it.
 WORDS = {
     "level": "all readings are off by about the same length",
     "voltage": "the way it depends on voltage is wrong",
@@ -34,6 +35,9 @@ WORDS = {
     "fitted": "large deflections are off against small ones",
     "ramps": "single ramps are off in different ways",
     "channel": "readings of {1} are off",
+    "channel film": "the film's shape is off",
+    "channel film_x": "displacements within the film along x are off",
+    "channel film_y": "displacements within the film along y are off",
     "step": "from one reading on, readings are shifted",
     "shifted": "from reading {0} on, readings are shifted",
     "stick": "the readings stick and jump, as a plate does that rubs",
@@ -65,7 +69,7 @@ _ROUGH = 1e-3
 
 def words_of(name: str) -> str:
     """What a misfit of a pattern is, in words."""
-    return WORDS[name.split()[0]].format(*name.split(" ", 1))
+    return WORDS.get(name, WORDS[name.split()[0]]).format(*name.split(" ", 1))
 
 
 def patterns(table: ReadingTable, names: Sequence[str], predicted: Array) -> dict[str, Array]:
@@ -79,7 +83,10 @@ def patterns(table: ReadingTable, names: Sequence[str], predicted: Array) -> dic
         columns = {name: _among(lengths, values) for name, values in _patterns_of_lengths(
             table[lengths], names, predicted[lengths]).items()}
     for kind, rows in table.rows_of.items():
-        if not lengths[rows[0]]:
+        if kind in COMPONENTS:
+            columns[f"channel {kind}"] = _among(table.kind == kind,
+                                                film_patterns(table[rows], predicted[rows]))
+        elif not lengths[rows[0]]:
             channel, typical = table[rows], float(np.sqrt(np.mean(predicted[rows] ** 2)))
             size = np.full(len(rows), typical or float(channel.sigma.max()))
             voltage = _legendre(channel.voltage**2)

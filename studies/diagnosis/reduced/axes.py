@@ -14,6 +14,9 @@ from tympan.studies.effects import EFFECTS, Effect, EffectParameter, Setup
 #: Where a film is solved: numbers of some axes and the sizes there, the others 0.
 Sample = tuple[tuple[int, float], ...]
 
+#: The column of effects that only the film's shape shows.
+SHAPES_ALONE = "x_mm"
+
 #: The largest size at which a film is sampled first, in standard deviations of the prior; and all
 #: of them, of parameters with two signs and of those with one.
 FIRST_SPAN = 3.0
@@ -144,19 +147,24 @@ def sampled_film(setup: Setup, name: str, axes: Sequence[Axis], sample: Sample) 
     return HeldFilm.of(setup, name)
 
 
-def film_axes(setup: Setup, name: str) -> tuple[Axis, ...]:
-    """The axes of a specimen's film, with their first places."""
+def film_axes(setup: Setup, name: str, shapes: bool = False) -> tuple[Axis, ...]:
+    """The axes of a specimen's film, with their first places.
+
+    With ``shapes`` those of effects, too, that only the film's shape shows; in it no sign changes
+    nothing.
+    """
     nominal = HeldFilm.of(setup, name)
-    axes = (_axis(setup, name, effect, index) for effect in EFFECTS.values()
+    axes = (_axis(setup, name, effect, index, shapes) for effect in EFFECTS.values()
+            if shapes or SHAPES_ALONE not in effect.columns
             for index in range(len(effect.parameters)))
     return tuple(axis for axis in axes if axis.places
                  and sampled_film(setup, name, (axis,), ((0, axis.places[-1]),)) != nominal)
 
 
-def _axis(setup: Setup, name: str, effect: Effect, index: int) -> Axis:
+def _axis(setup: Setup, name: str, effect: Effect, index: int, shapes: bool) -> Axis:
     """The axis of a parameter, as far as the specimen can be built."""
     parameter = effect.parameters[index]
-    planes = setup.specimen(name).mirror_planes
+    planes = frozenset() if shapes else setup.specimen(name).mirror_planes
     folded = parameter.sign == "even" and parameter.name[-1] in planes
     axis = Axis(effect.name, index, (), (0.0, 0.0), ("", ""), folded)
 

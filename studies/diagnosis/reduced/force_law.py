@@ -42,6 +42,9 @@ BEYOND, _NEAR = 0.15, 1e-4
 #: What is sampled at a node: force [N], capacitance [F], square of the plate's tilt [rad²].
 FORCE, CAPACITANCE, TILT = 0, 1, 2
 
+#: Where displacements of a film's lattice begin, if they are sampled, component by component.
+SHAPE = 3
+
 
 @dataclass(frozen=True)
 class Grid:
@@ -121,7 +124,8 @@ class Solver(Protocol):
     """What solves films with their plates held.
 
     Answers have the shape (3, heaves, voltages) of a grid's nodes: force [N], capacitance [F],
-    squared tilt [rad²]; nan where there is none.
+    squared tilt [rad²]; nan where there is none. Below them there may be displacements [m] of a
+    :class:`~tympan.studies.diagnosis.reduced.film_shape.Lattice`.
     """
 
     def stored(self, film: HeldFilm, grid: Grid) -> Array | None:
@@ -162,20 +166,29 @@ def _rounded(value: float) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Sampled:
-    """Force [N], capacitance [F] and squared tilt [rad²] of a film, (3, heaves, voltages)."""
+    """Force [N], capacitance [F], squared tilt [rad²] of a film and, if asked for, its shape.
+
+    ``values``: (3, heaves, voltages) or more.
+    """
 
     grid: Grid
     values: Array
 
     def coefficients(self, grid: Grid, less: Array | None = None) -> Array:
-        """Of polynomials on a grid, ``less`` some others; of the force, if odd, over the heave."""
+        """Of polynomials on a grid, ``less`` some others; of what is odd over the heave."""
         values = self.values.copy()
         if self.grid.odd:
-            values[FORCE] /= self.grid.nodes[0][:, None]
+            values[odd_values(len(values))] /= self.grid.nodes[0][:, None]
         if less is not None:
             values -= grid.values(less, self.grid)
         full = replace(grid, some=False)
         return full.coefficients(self.grid.values(self.grid.coefficients(values), full))
+
+
+def odd_values(count: int) -> Numbers:
+    """Which of so many values change their sign with the heave where the force does."""
+    deflections = np.arange(SHAPE + 2 * (count - SHAPE) // 3, count)
+    return np.append(FORCE, deflections)
 
 
 @dataclass(frozen=True, eq=False)
@@ -338,6 +351,15 @@ class ForceSurface:
         At heaves [m] and U² [V²]; by the errors of interpolation it may lie a little below 0.
         """
         return self._value(TILT, heave, voltage_squared)
+
+    def shape(self, heave: float, voltage_squared: float) -> Array:
+        """Displacements of the lattice [m] at a heave [m] and a U² [V²], shape (3, points)."""
+        v, _ = self.grid.of_heave(np.array([heave]))
+        u = self.grid.of_voltage(np.array([voltage_squared]))
+        values = np.asarray(v[0] @ (self.coefficients[SHAPE:] @ u[0]).T).reshape(3, -1)
+        if self.grid.odd:
+            values[2] *= heave
+        return values
 
     def _value(self, which: int, heave: Array, voltage_squared: Array) -> Array:
         v, _ = self.grid.of_heave(heave)

@@ -6,6 +6,7 @@ from collections import OrderedDict
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -16,11 +17,13 @@ from tympan.fem.equilibrium.newton import NewtonSettings, Solution, newton
 from tympan.fem.equilibrium.ramp import PathSettings, held
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import State
+from tympan.fem.results.places import Places
 from tympan.geometry.mesher import MeshSettings
 from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Settings, build_model
-from tympan.studies.diagnosis.reduced.axes import HeldFilm
-from tympan.studies.diagnosis.reduced.force_law import ForceLaw, Grid, Sampled
+from tympan.studies.diagnosis.reduced.axes import HeldFilm, film_axes
+from tympan.studies.diagnosis.reduced.film_shape import ALONG, AROUND, COUNT, lattice_of
+from tympan.studies.diagnosis.reduced.force_law import SHAPE, ForceLaw, Grid, Sampled
 from tympan.studies.diagnosis.reduced.growth import first_laws
 from tympan.studies.effects import Setup
 from tympan.studies.kept.store import Store, digest
@@ -44,6 +47,9 @@ _FEWEST = 2
 #: Values of solved films on disk, some 20 MB.
 _FILMS = Store("films", 30_000)
 
+#: Those with their shapes, some 100 MB.
+_SHAPES = Store("shapes", 1000)
+
 #: How many films' states this process keeps for others to begin with.
 _MOST = 24
 
@@ -65,8 +71,9 @@ class NotSampled(ArithmeticError):
 class Nodes:
     """A film's model, force [N], capacitance [F] and squared tilt [rad²], and its states.
 
-    ``values``: shape (3, heaves, voltages), nan beyond the voltage at which it could not be solved;
-    ``states`` by the numbers of the grid's Chebyshev points.
+    ``values``: shape (3, heaves, voltages), nan beyond the voltage at which it could not be solved,
+    and where shapes were asked for the lattice's displacements below them; ``states`` by the
+    numbers of the grid's Chebyshev points.
     """
 
     model: Model
@@ -74,11 +81,13 @@ class Nodes:
     states: dict[tuple[int, int], State] = field(default_factory=dict)
 
 
-def at_nodes(film: HeldFilm, grid: Grid, near: Nodes | None = None, strict: bool = False) -> Nodes:
+def at_nodes(film: HeldFilm, grid: Grid, near: Nodes | None = None, strict: bool = False,
+             shapes: bool = False) -> Nodes:
     """Solve a film at the nodes of a grid, beginning from a similar one on the same mesh.
 
-    Beyond the lowest voltage that has none at some heave no node is tried. A :class:`NotSampled`
-    where hardly any node has a solution, or, if ``strict``, where one has none.
+    With ``shapes`` also where the film is. Beyond the lowest voltage that has none at some heave
+    no node is tried. A :class:`NotSampled` where hardly any node has a solution, or, if ``strict``,
+    where one has none.
     """
     if near is not None:
         model = replace(near.model, specimen=film.specimen, loading=film.loading)
@@ -86,7 +95,7 @@ def at_nodes(film: HeldFilm, grid: Grid, near: Nodes | None = None, strict: bool
         model = build_model(film.specimen, COARSE, film.loading)
     heaves, voltages_squared = grid.nodes
     rows, columns = grid.numbers
-    nodes = Nodes(model, np.full((3, len(heaves), len(voltages_squared)), np.nan))
+    nodes = Nodes(model, np.full((SHAPE, len(heaves), len(voltages_squared)), np.nan))
     reached = len(voltages_squared)
     for i, heave in enumerate(heaves.tolist()):
         for j, voltage_squared in enumerate(voltages_squared[:reached].tolist()):
@@ -104,7 +113,21 @@ def at_nodes(film: HeldFilm, grid: Grid, near: Nodes | None = None, strict: bool
     fewest = np.isfinite(nodes.values[0]).sum(1) >= _FEWEST
     if fewest.sum() < _FEWEST:
         raise NotSampled(voltages_squared[_FEWEST - 1])
-    return nodes
+    return with_shapes(nodes, grid) if shapes else nodes
+
+
+def with_shapes(nodes: Nodes, grid: Grid) -> Nodes:
+    """With the displacements of the lattice's points, shape (3 + COUNT, heaves, voltages)."""
+    model, (rows, columns) = nodes.model, grid.numbers
+    specimen = model.specimen
+    lattice = Places.of(model.discretisation, lattice_of(specimen.frame, specimen.plate).flat)
+    shapes = np.full((COUNT, *nodes.values.shape[1:]), np.nan)
+    for i, row in enumerate(rows.tolist()):
+        for j, column in enumerate(columns.tolist()):
+            state = nodes.states.get((row, column))
+            if state is not None:
+                shapes[:, i, j] = lattice.displacement(model, state).T.ravel()
+    return replace(nodes, values=np.concatenate([nodes.values, shapes]))
 
 
 def meshed_outlines(specimen: Specimen) -> tuple[object, ...]:
@@ -158,12 +181,18 @@ def _solved(model: Model, guess: State | None, last: State | None, heave: float,
 
 @dataclass(frozen=True)
 class FiniteElements:
-    """The solver of films as they are; what it solved is kept on disk."""
+    """The solver of films as they are, with their ``shapes``; what it solved is kept on disk."""
+
+    shapes: bool = False
+
+    @property
+    def store(self) -> Store:
+        return _SHAPES if self.shapes else _FILMS
 
     def stored(self, film: HeldFilm, grid: Grid) -> Array | None:
         key = _key(film, grid)
-        shape = (3, *map(len, grid.numbers))
-        content = None if key is None else _FILMS.read(key)
+        shape = (SHAPE + self.shapes * COUNT, *map(len, grid.numbers))
+        content = None if key is None else self.store.read(key)
         if content is None or len(content) != 8 * int(np.prod(shape)):
             return None
         return np.frombuffer(content).reshape(shape)
@@ -171,7 +200,19 @@ class FiniteElements:
     def solved(self, film: HeldFilm, grid: Grid, near: Sequence[HeldFilm]) -> Array:
         if (values := self.stored(film, grid)) is not None:
             return values
-        return _kept(film, grid, at_nodes(film, grid, self._similar(film, grid, near)))
+        return self.kept(film, grid, at_nodes(film, grid, self._similar(film, grid, near),
+                                              shapes=self.shapes))
+
+    def kept(self, film: HeldFilm, grid: Grid, nodes: Nodes) -> Array:
+        """The values of a film, kept on disk, its states in this process."""
+        _states[film, grid.heave] = nodes
+        _states.move_to_end((film, grid.heave))
+        while len(_states) > _MOST:
+            _states.popitem(last=False)
+        if (key := _key(film, grid)) is not None:
+            values = np.ascontiguousarray(nodes.values, dtype=np.float64)
+            self.store.keep(key, values.tobytes())
+        return nodes.values
 
     def _similar(self, film: HeldFilm, grid: Grid, near: Sequence[HeldFilm]) -> Nodes | None:
         """The nearest film on the same mesh that has been solved, else the farthest, solved now."""
@@ -182,8 +223,8 @@ class FiniteElements:
                 return nodes
         if not alike:
             return None
-        nodes = at_nodes(alike[0], grid)
-        _kept(alike[0], grid, nodes)
+        nodes = at_nodes(alike[0], grid, shapes=self.shapes)
+        self.kept(alike[0], grid, nodes)
         return nodes
 
 
@@ -191,37 +232,29 @@ class FiniteElements:
 _states: OrderedDict[tuple[HeldFilm, float], Nodes] = OrderedDict()
 
 
-def _kept(film: HeldFilm, grid: Grid, nodes: Nodes) -> Array:
-    """The values of a film, kept on disk, its states in this process."""
-    _states[film, grid.heave] = nodes
-    _states.move_to_end((film, grid.heave))
-    while len(_states) > _MOST:
-        _states.popitem(last=False)
-    if (key := _key(film, grid)) is not None:
-        _FILMS.keep(key, np.ascontiguousarray(nodes.values, dtype=np.float64).tobytes())
-    return nodes.values
-
-
 def _key(film: HeldFilm, grid: Grid) -> bytes | None:
     """Of all that a film's values depend on; its name is not among it."""
     nameless = replace(film, specimen=replace(film.specimen, name="film"))
     with suppress(TypeError):
-        return digest(nameless, grid.nodes, COARSE, Path(__file__).read_text(encoding="utf-8"))
+        return digest(nameless, grid.nodes, COARSE, (ALONG, AROUND),
+                      Path(__file__).read_text(encoding="utf-8"))
     return None
 
 
-def nominal_law(setup: Setup, name: str, heave: float, voltage_squared: float) -> ForceLaw:
+def nominal_law(setup: Setup, name: str, heave: float, voltage_squared: float,
+                solver: FiniteElements = FiniteElements()) -> ForceLaw:
     """The force law of a film without effects up to a heave [m] and a U² [V²], or less.
 
     Or a little more: the grid is :attr:`Grid.rounded`.
     """
-    film, solver = HeldFilm.of(setup, name), FiniteElements()
+    film = HeldFilm.of(setup, name)
     grid = Grid(heave, voltage_squared, film.odd).rounded
     while True:
         try:
             values = solver.stored(film, grid)
             if values is None:
-                values = _kept(film, grid, at_nodes(film, grid, strict=True))
+                values = solver.kept(film, grid, at_nodes(film, grid, strict=True,
+                                                          shapes=solver.shapes))
         except NotSampled as error:
             grid = replace(grid, voltage_squared=min(0.9 * grid.voltage_squared,
                                                      error.voltage_squared))
@@ -232,9 +265,11 @@ def nominal_law(setup: Setup, name: str, heave: float, voltage_squared: float) -
 
 
 def force_laws(setup: Setup, grids: Sequence[Grid], workers: int = 1,
-               progress: Callable[[int, int], None] = lambda done, all_of_them: None
-               ) -> tuple[ForceLaw, ...]:
+               progress: Callable[[int, int], None] = lambda done, all_of_them: None,
+               shapes: bool = False) -> tuple[ForceLaw, ...]:
     """The force law of every specimen, with the axes of every effect in the library.
+
+    With ``shapes`` also where the films are, and the axes of effects that only these show.
 
     Each effect alone, at sizes about its prior's; :mod:`growth` adds larger ones and several
     together.
@@ -244,4 +279,5 @@ def force_laws(setup: Setup, grids: Sequence[Grid], workers: int = 1,
     NotSampled
         Where a film has no solution within its grid.
     """
-    return first_laws(FiniteElements(), setup, grids, workers, progress)
+    return first_laws(FiniteElements(shapes), setup, grids, workers, progress,
+                      partial(film_axes, shapes=shapes))

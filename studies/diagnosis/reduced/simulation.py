@@ -14,8 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tympan.geometry.outlines import area
-from tympan.studies.diagnosis.reading_table import ReadingTable
+from tympan.studies.diagnosis.reading_table import COMPONENTS, ReadingTable
 from tympan.studies.diagnosis.reduced.axes import Axis
+from tympan.studies.diagnosis.reduced.film_shape import Lattice
 from tympan.studies.diagnosis.reduced.force_law import (
     BEYOND,
     ForceLaw,
@@ -24,6 +25,7 @@ from tympan.studies.diagnosis.reduced.force_law import (
     in_powers,
 )
 from tympan.studies.diagnosis.reduced.resting_place import play, resting_place
+from tympan.studies.diagnosis.reduced.seen_film import Sight, shown_by_scans
 from tympan.studies.diagnosis.reduced.swinging import SwingingMasses, mass_effects
 from tympan.studies.effects import EFFECTS, Effect, EffectParameter, Setup, Use
 
@@ -108,6 +110,12 @@ class Simulation:
                 cause.effect.parameters, unknowns[sizes_of(hypothesis, cause)].tolist(),
                 strict=True)), cause.which)
             for cause in hypothesis)
+
+    @cached_property
+    def sights(self) -> tuple[Sight, ...]:
+        """Where each film's lattice lies."""
+        return tuple(Sight(self.setup, specimen.name, law.axes) for specimen, law in zip(
+            self.setup.specimens, self.laws, strict=True))
 
     def predict(self, hypothesis: Hypothesis, unknowns: Array, table: ReadingTable) -> Array:
         """What each row of a table shows."""
@@ -387,9 +395,20 @@ class Prediction:
             elif kind == "frequency":
                 stiffness = np.maximum(self.balance(heave, 0.0)[1], _LEAST)
                 shown[rows] = (np.sqrt(stiffness / self.moving) / (2 * np.pi))[at]
+            elif kind in COMPONENTS:
+                shown[rows] = shown_by_scans(table, kind, rows, self._sights, within, squared)
             else:
                 shown[rows] = (self.balance(heave, 0.0)[0] + self.load)[at]
         return shown
+
+    @cached_property
+    def _sights(self) -> dict[int, tuple[ForceSurface, Lattice]]:
+        """Of every specimen, by number, its film and where that lies flat."""
+        states, simulation = self.table.states, self.simulation
+        return {number: (surface, simulation.sights[number].lattice(sizes_on(
+                    simulation, number, self.hypothesis, self.unknowns, self.stiffness)))
+                for group, surface in self.films
+                for number in [int(states.specimen[group[0]])]}
 
 
 def _outer(simulation: Simulation, hypothesis: Hypothesis, unknowns: Array) -> Setup:

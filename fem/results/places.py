@@ -1,0 +1,102 @@
+"""Where points of the flat film lie in a mesh, and nodal fields there."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from tympan.fem.discretisation.discretisation import Discretisation
+from tympan.fem.discretisation.isoparametric import tabulated
+from tympan.fem.membrane.model import Model
+from tympan.fem.membrane.state import State
+
+Array = NDArray[Any]
+
+#: Elements whose nodes are the nearest to a point, that may hold it.
+_NEAREST = 8
+#: Steps of Newton's method within an element, and how far beyond it they are kept.
+_STEPS, _BEYOND = 12, 0.3
+#: A step that is the last, and how far outside an element a point is still within it.
+_SMALL, _INSIDE = 1e-10, 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class Places:
+    """Points of the whole flat film in the part of it that is meshed.
+
+    ``nodes`` of the element of each, (points, local), ``shapes`` its shape functions there, and the
+    ``signs`` by which components of vectors turn in the mirror, (points, 3). Points a little beyond
+    the mesh's edges, which approximate the outlines', are its nearest element's continued.
+    """
+
+    nodes: Array
+    shapes: Array
+    signs: Array
+
+    @classmethod
+    def of(cls, mesh: Discretisation, points: Array) -> Places:
+        """Of points of the flat film [m], shape (points, 2)."""
+        signs = np.ones((len(points), 3))
+        for axis, plane in enumerate("xy"):
+            if plane in mesh.planes:
+                signs[points[:, axis] < 0, axis] = -1.0
+        folded = points * signs[:, :2]
+        cells, local = _located(mesh, folded)
+        return cls(mesh.connectivity[cells], tabulated(mesh.mesh.order, local.T)[0].T, signs)
+
+    def displacement(self, model: Model, state: State) -> Array:
+        """Displacements of the points [m], shape (points, 3)."""
+        moved = state.positions - model.discretisation.reference
+        return np.asarray(self.signs * np.einsum("nl,nli->ni", self.shapes, moved[self.nodes]))
+
+
+def _located(mesh: Discretisation, points: Array) -> tuple[Array, Array]:
+    """Elements of points and their reference coordinates, (points, 2)."""
+    nodes = mesh.reference[mesh.connectivity, :2]
+    tree = cKDTree(nodes.reshape(-1, 2))
+    local = nodes.shape[1]
+    near = tree.query(points, min(_NEAREST * local, len(nodes) * local))[1] // local
+    best, at = np.zeros(len(points), dtype=np.int64), np.full((len(points), 2), 1 / 3)
+    excess = np.full(len(points), np.inf)
+    for candidates in _distinct(near).T:
+        sought = np.flatnonzero(excess > _INSIDE)
+        if not len(sought):
+            break
+        where = _within(mesh, nodes[candidates[sought]], points[sought])
+        outside = _outside(where)
+        nearer = outside < excess[sought]
+        some = sought[nearer]
+        best[some], at[some], excess[some] = candidates[some], where[nearer], outside[nearer]
+    return best, at
+
+
+def _distinct(near: Array) -> Array:
+    """The first few different elements of each row, repeated where there are fewer."""
+    rows = []
+    for candidates in near.tolist():
+        some = list(dict.fromkeys(candidates))[:_NEAREST]
+        rows.append(some + some[-1:] * (_NEAREST - len(some)))
+    return np.array(rows)
+
+
+def _within(mesh: Discretisation, nodes: Array, points: Array) -> Array:
+    """Reference coordinates of points in elements with these nodes, by Newton's method."""
+    at = np.full((len(points), 2), 1 / 3)
+    for _ in range(_STEPS):
+        shapes, slopes = tabulated(mesh.mesh.order, at.T)
+        missing = points - np.einsum("ln,nli->ni", shapes, nodes)
+        jacobian = np.einsum("nlk,nli->nik", slopes, nodes)
+        step = np.linalg.solve(jacobian, missing[..., None])[..., 0]
+        at = np.clip(at + step, -_BEYOND, 1 + _BEYOND)
+        if np.abs(step).max() < _SMALL:
+            break
+    return at
+
+
+def _outside(at: Array) -> Array:
+    """How far reference coordinates are outside the reference triangle."""
+    return np.asarray(np.maximum(np.maximum(-at.min(axis=1), at.sum(axis=1) - 1), 0.0))

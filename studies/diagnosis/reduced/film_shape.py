@@ -1,0 +1,206 @@
+"""The shape of a film as a reduced model: displacements on a lattice between plate and frame.
+
+Rays from the plate's centre meet plate and frame; Chebyshev points along each and cubic splines
+around are the lattice. It follows a plate that sits elsewhere, so that what lattice points do is a
+smooth function of everything that changes the film, and no reading crosses the plate's edge in
+it. What a sensor that looks down on a place of the table sees is a point of the film that was
+elsewhere when the film was flat: it is found on the deformed lattice.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.polynomial import chebyshev
+from numpy.typing import NDArray
+
+from tympan.geometry.errors import InputError
+from tympan.geometry.outlines import Outline
+from tympan.geometry.specimen import Plate
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+#: Points along each ray, both ends included, and rays.
+ALONG, AROUND = 12, 48
+#: Numbers of a lattice: three components at each point.
+COUNT = 3 * ALONG * AROUND
+
+#: Places on a ray between which an outline is looked for; halvings of where it is.
+_SOUGHT, _HALVINGS = 400, 50
+#: Steps of Newton's method, at most, on the lattice; a step that is the last, in its coordinates;
+#: how far beyond plate and frame the lattice is continued, as a share of a ray.
+_STEPS, _SMALL, _BEYOND = 12, 1e-9, 0.02
+
+
+@dataclass(frozen=True, eq=False)
+class Lattice:
+    """Points of a flat film on rays from its plate's ``centre`` [m].
+
+    ``points``: shape (2, ALONG, AROUND) [m], from plate to frame. ``plate`` lies within them.
+    """
+
+    plate: Plate
+    points: Array
+
+    @property
+    def centre(self) -> Array:
+        return np.array(self.plate.offset)
+
+    @property
+    def flat(self) -> Array:
+        """The points, shape (ALONG · AROUND, 2)."""
+        return np.ascontiguousarray(self.points.reshape(2, -1).T)
+
+
+@lru_cache(maxsize=256)
+def lattice_of(frame: Outline, plate: Plate) -> Lattice:
+    """The lattice of a film between two outlines.
+
+    An :class:`InputError` where some of the film is not seen from the plate's centre.
+    """
+    angle = 2 * np.pi * np.arange(AROUND) / AROUND
+    way = np.stack([np.cos(angle), np.sin(angle)])
+    centre = np.array(plate.offset)[:, None]
+    inner = _crossing(plate, centre, way, 2.5 * max(plate.outline.semi_axes))
+    outer = _crossing(frame, centre, way, 2.5 * max(frame.semi_axes) + float(np.abs(centre).max()))
+    share = (1 - np.cos(np.pi * np.arange(ALONG) / (ALONG - 1))) / 2
+    radius = inner + share[:, None] * (outer - inner)
+    return Lattice(plate, centre[:, None] + way[:, None] * radius)
+
+
+def _crossing(outline: Outline | Plate, centre: Array, way: Array, far: float) -> Array:
+    """Where rays leave an outline [m], shape (AROUND,)."""
+    radius = np.linspace(0, far, _SOUGHT)[:, None]
+    outside = outline.level(*(centre[:, None] + way[:, None] * radius)) > 0
+    if np.any(np.diff(outside.astype(int), axis=0) < 0) or not outside[-1].all():
+        raise InputError("must be one whose whole edge is seen from the plate's centre, for "
+                         "field.csv to be judged", key="frame, plate", given=str(outline))
+    first = outside.argmax(axis=0)
+    low, high = radius[first - 1, 0], radius[first, 0]
+    for _ in range(_HALVINGS):
+        middle = (low + high) / 2
+        beyond = outline.level(*(centre + way * middle)) > 0
+        low, high = np.where(beyond, low, middle), np.where(beyond, middle, high)
+    return np.asarray((low + high) / 2)
+
+
+@lru_cache
+def _rules() -> tuple[Array, Array]:
+    """From values to coefficients: of Chebyshev polynomials, and of periodic cubic splines."""
+    nodes = -np.cos(np.pi * np.arange(ALONG) / (ALONG - 1))
+    rays = np.eye(AROUND)
+    around = 4 / 6 * rays + (np.roll(rays, 1, axis=0) + np.roll(rays, -1, axis=0)) / 6
+    along = np.asarray(np.linalg.inv(chebyshev.chebvander(nodes, ALONG - 1)), float)
+    return along, np.asarray(np.linalg.inv(around), float)
+
+
+def coefficients(values: Array) -> Array:
+    """Of lattice values, shape (..., ALONG, AROUND)."""
+    along, around = _rules()
+    return np.asarray(along @ values @ around.T)
+
+
+def _along(share: Array) -> tuple[Array, Array]:
+    """Chebyshev polynomials of places on rays, 0 at the plate, 1 at the frame; and derivatives."""
+    x = 2 * share - 1
+    value, rate = np.ones((len(x), ALONG)), np.zeros((len(x), ALONG))
+    value[:, 1], rate[:, 1] = x, 2.0
+    for n in range(2, ALONG):
+        value[:, n] = 2 * x * value[:, n - 1] - value[:, n - 2]
+        rate[:, n] = 4 * value[:, n - 1] + 2 * x * rate[:, n - 1] - rate[:, n - 2]
+    return value, rate
+
+
+def _around(turn: Array) -> tuple[NDArray[np.int64], Array, Array]:
+    """The four splines at places around, counted in rays: numbers, values and derivatives."""
+    first = np.floor(turn).astype(np.int64)
+    t = (turn - first)[:, None]
+    value = np.hstack([(1 - t) ** 3, 3 * t**3 - 6 * t**2 + 4, -3 * t**3 + 3 * t**2 + 3 * t + 1,
+                       t**3]) / 6
+    rate = np.hstack([-(1 - t) ** 2, 3 * t**2 - 4 * t, -3 * t**2 + 2 * t + 1, t**2]) / 2
+    return (first[:, None] + np.arange(-1, 3)) % AROUND, value, rate
+
+
+@dataclass(frozen=True, eq=False)
+class FilmShape:
+    """A film as it stands: coefficients of the flat lattice (2) and its displacements (3).
+
+    ``coefficients``: shape (5, ALONG, AROUND) [m].
+    """
+
+    lattice: Lattice
+    coefficients: Array
+    plane: Array  #: of the plate: its edge's heights are these times 1, x, y
+
+    @classmethod
+    def of(cls, lattice: Lattice, displacement: Array) -> FilmShape:
+        """Of displacements [m] at the lattice's points, shape (3, ALONG, AROUND)."""
+        rim = lattice.points[:, 0] + displacement[:2, 0]
+        design = np.stack([np.ones(AROUND), *rim], axis=1)
+        plane = np.linalg.lstsq(design, displacement[2, 0], rcond=None)[0]
+        return cls(lattice, coefficients(np.concatenate([lattice.points, displacement])), plane)
+
+    def heights(self, places: Array) -> Array:
+        """What a sensor above places of the table sees [m]; places (n, 2) [m]."""
+        share, turn = self._sought(places, moved=True)
+        film = self._at(share, turn)[0][4]
+        plate = self.plane[0] + places @ self.plane[1:]
+        return np.where(share < 0, plate, np.where(share > 1, 0.0, film))
+
+    def origins(self, places: Array) -> tuple[Array, Mask]:
+        """Where in the flat film that lay which now stands at places (n, 2) [m]; which is film."""
+        share, turn = self._sought(places, moved=True)
+        return self._at(share, turn)[0][:2].T, (share > 0) & (share < 1)
+
+    def displacements(self, places: Array) -> Array:
+        """Those of the points that lay there in the flat film [m], shape (3, n)."""
+        share, turn = self._sought(places, moved=False)
+        film = self._at(share, turn)[0][2:]
+        moved = self._at(np.zeros(AROUND), np.arange(AROUND, dtype=float))[0][2:4].mean(axis=1)
+        on_plate = np.concatenate([np.tile(moved[:, None], len(places)),
+                                   [self.plane[0] + (places + moved) @ self.plane[1:]]])
+        return np.where(share < 0, on_plate, np.where(share > 1, 0.0, film))
+
+    def _at(self, share: Array, turn: Array) -> tuple[Array, Array, Array]:
+        """Flat place and displacement, (5, n), and derivatives by share and turn."""
+        along, slope = _along(share)
+        number, around, rate = _around(turn)
+        local = self.coefficients[:, :, number]
+        in_turn = np.einsum("fanr,nr->fan", local, around)
+        by_turn = np.einsum("fanr,nr->fan", local, rate)
+        return (np.einsum("fan,na->fn", in_turn, along), np.einsum("fan,na->fn", in_turn, slope),
+                np.einsum("fan,na->fn", by_turn, along))
+
+    def _sought(self, places: Array, moved: bool) -> tuple[Array, Array]:
+        """Lattice coordinates of places, on the film as it stands or, else, on the flat one.
+
+        Below 0 on the plate, above 1 beyond the frame.
+        """
+        away = places - self.lattice.centre
+        turn = np.arctan2(away[:, 1], away[:, 0]) * AROUND / (2 * np.pi) % AROUND
+        rim, edge = (np.hypot(*(self._at(np.full(len(turn), end), turn)[0][:2]
+                                - self.lattice.centre[:, None])) for end in (0.0, 1.0))
+        share = (np.hypot(*away.T) - rim) / (edge - rim)
+        near = (share > -_BEYOND) & (share < 1 + _BEYOND)
+        if not near.any():
+            return share, turn
+        share[near], turn[near] = self._newton(share[near], turn[near], places[near], moved)
+        return share, turn
+
+    def _newton(self, share: Array, turn: Array, places: Array, moved: bool
+                ) -> tuple[Array, Array]:
+        for _ in range(_STEPS):
+            value, by_share, by_turn = (part[:2] + moved * part[2:4]
+                                        for part in self._at(share, turn))
+            missing = places.T - value
+            determinant = by_share[0] * by_turn[1] - by_share[1] * by_turn[0]
+            step = np.stack([by_turn[1] * missing[0] - by_turn[0] * missing[1],
+                             by_share[0] * missing[1] - by_share[1] * missing[0]]) / determinant
+            share = np.clip(share + step[0], -2 * _BEYOND, 1 + 2 * _BEYOND)
+            turn = (turn + step[1]) % AROUND
+            if np.abs(step).max(initial=0.0) < _SMALL * AROUND:
+                break
+        return share, turn

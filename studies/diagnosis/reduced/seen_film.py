@@ -1,0 +1,126 @@
+"""What scans of films show: shapes of the reduced model at places of table or plate."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tympan.fem.equilibrium.ramp import equilibrium
+from tympan.fem.results.places import Places
+from tympan.fem.rig import Rig
+from tympan.geometry.errors import InputError
+from tympan.geometry.specimen import Specimen
+from tympan.studies.case import Settings, build_model
+from tympan.studies.diagnosis.reading_table import COMPONENTS, ReadingTable, Scan
+from tympan.studies.diagnosis.reduced.axes import Axis, Sample, sampled_film
+from tympan.studies.diagnosis.reduced.film_shape import (
+    ALONG,
+    AROUND,
+    FilmShape,
+    Lattice,
+    lattice_of,
+)
+from tympan.studies.diagnosis.reduced.force_law import ForceSurface
+from tympan.studies.effects import Setup
+
+Array = NDArray[np.float64]
+
+#: Halvings of sizes of which together no specimen can be built.
+_TRIES = 20
+
+
+@dataclass(frozen=True, eq=False)
+class Sight:
+    """The flat lattices of a specimen of that name, whatever the sizes of its law's axes."""
+
+    setup: Setup
+    name: str
+    axes: tuple[Axis, ...]
+
+    def lattice(self, sizes: Array) -> Lattice:
+        """At sizes of the axes on the nominal film, shape (axes,)."""
+        return _lattice(self, tuple((number, float(sizes[number])) for number in self._moving
+                                    if sizes[number]))
+
+    @cached_property
+    def _moving(self) -> tuple[int, ...]:
+        """Axes along which frame or plate are elsewhere."""
+        nominal = self.setup.specimen(self.name)
+        films = [self.film(((number, axis.places[-1]),)) for number, axis in enumerate(self.axes)]
+        return tuple(number for number, film in enumerate(films)
+                     if (film.frame, film.plate) != (nominal.frame, nominal.plate))
+
+    def film(self, sample: Sample) -> Specimen:
+        return sampled_film(self.setup, self.name, self.axes, sample).specimen
+
+
+@lru_cache(maxsize=1024)
+def _lattice(sight: Sight, sample: Sample) -> Lattice:
+    for _ in range(_TRIES):
+        try:
+            film = sight.film(sample)
+            return lattice_of(film.frame, film.plate)
+        except InputError:
+            sample = tuple((number, size / 2) for number, size in sample)
+    return _lattice(sight, ())
+
+
+def shown_by_scans(table: ReadingTable, kind: str, rows: NDArray[np.int64],
+                   sights: Mapping[int, tuple[ForceSurface, Lattice]], heave: Array,
+                   voltage_squared: Array) -> Array:
+    """What rows of one of the :data:`COMPONENTS` show, of states at heaves [m] and U² [V²]."""
+    shown = np.empty(len(rows))
+    for number in np.unique(table.scan[rows]):
+        mine = table.scan[rows] == number
+        state = table.state[rows[mine][0]]
+        values = scanned(*sights[int(table.states.specimen[state])], table.scans[number],
+                         float(heave[state]), float(voltage_squared[state]))
+        point = table.point[rows[mine]] - table.first_points[number]
+        shown[mine] = values[COMPONENTS.index(kind), point]
+    return shown
+
+
+@lru_cache(maxsize=1024)
+def scanned(surface: ForceSurface, lattice: Lattice, scan: Scan, heave: float,
+            voltage_squared: float) -> Array:
+    """Displacements at a scan's places [m], its zero taken off: shape (3, n), deflections last.
+
+    nan where there is no heave.
+    """
+    if not np.isfinite(heave):
+        return np.full((3, len(scan)), np.nan)
+    values = surface.shape(heave, voltage_squared).reshape(3, ALONG, AROUND)
+    shape = FilmShape.of(lattice, values)
+    place = scan.place + lattice.centre if scan.centred else scan.place
+    if scan.follows:
+        return scan.without_zero(shape.displacements(place))
+    heights = shape.heights(place)
+    return scan.without_zero(np.stack([np.zeros_like(heights), np.zeros_like(heights), heights]))
+
+
+def scanned_exactly(specimen: Specimen, rig: Rig, mass: float, voltage: float, scan: Scan,
+                    settings: Settings) -> Array | None:
+    """The same by finite elements of a specimen at rest under a mass [kg] and a voltage [V].
+
+    The lattice only finds what stands where. None where there is no equilibrium.
+    """
+    model = build_model(specimen, settings, rig.loading)
+    force = rig.force(mass, model.plate_area)
+    outcome = equilibrium(model, force, rig.film_voltage(voltage), rig.gas_pressure)
+    if outcome.status != "equilibrium":
+        return None
+    lattice = lattice_of(specimen.frame, specimen.plate)
+    moved = Places.of(model.discretisation, lattice.flat).displacement(model, outcome.state)
+    shape = FilmShape.of(lattice, moved.T.reshape(3, ALONG, AROUND))
+    place = scan.place + lattice.centre if scan.centred else scan.place
+    shown = shape.displacements(place) if scan.follows else np.stack(
+        [np.zeros(len(scan)), np.zeros(len(scan)), shape.heights(place)])
+    origin, film = (place, (specimen.plate.level(*place.T) > 0) & (
+        specimen.frame.level(*place.T) < 0)) if scan.follows else shape.origins(place)
+    shown[:, film] = Places.of(model.discretisation, origin[film]).displacement(
+        model, outcome.state).T
+    return scan.without_zero(shown)

@@ -1,0 +1,155 @@
+"""Readings over the film: shapes against the axisymmetric membrane and the whole field model on
+other meshes, and what they tell that heaves do not."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.oracles.axisymmetric import solve_deflection
+from tests.support import film_lines
+from tests.support.datasets import HEAD, write_dataset
+from tests.support.specimens import circular, reference_film, skewed
+from tympan.cli import main
+from tympan.fem.equilibrium.ramp import equilibrium, held
+from tympan.fem.membrane.model import Model
+from tympan.fem.membrane.state import State
+from tympan.fem.results.places import Places
+from tympan.geometry.mesher import MeshSettings
+from tympan.studies.case import Settings, build_model
+from tympan.studies.data.dataset import read_dataset
+from tympan.studies.diagnosis.calibration import calibrated, film_error
+from tympan.studies.diagnosis.diagnose import diagnose
+from tympan.studies.diagnosis.readings import prepared_readings
+from tympan.studies.diagnosis.reduced.film_shape import ALONG, AROUND, FilmShape, lattice_of
+from tympan.studies.diagnosis.reduced.sampling import COARSE
+from tympan.studies.diagnosis.reduced.simulation import Cause, Prediction
+
+STATIC = "specimen,mass_g,voltage_kV,displacement_mm\n" + "".join(
+    f"A,17.9,{kv},{2 + 0.03 * kv**2}\n" for kv in range(5))
+FIELD = "specimen,mass_g,voltage_kV,x_mm,y_mm,displacement_mm"
+
+
+def shape_of(film: Model, state: State) -> FilmShape:
+    lattice = lattice_of(film.specimen.frame, film.specimen.plate)
+    moved = Places.of(film.discretisation, lattice.flat).displacement(film, state)
+    return FilmShape.of(lattice, moved.T.reshape(3, ALONG, AROUND))
+
+
+@pytest.mark.parametrize(("heave", "voltage"), [(3e-3, 0.0), (12e-3, 3e3)])
+def test_a_laser_sees_the_axisymmetric_membrane(heave: float, voltage: float) -> None:
+    """Within 2 µm, and not what lay there in the flat film."""
+    exact = solve_deflection(reference_film(circular().membrane.material), heave, voltage)
+    mounted = np.linspace(10e-3, 45e-3, 400)
+    film = build_model(circular(), Settings(mesh=MeshSettings(around_plate=16, growth=0.5)))
+    outcome = held(film, heave, voltage)
+    seen = shape_of(film, outcome.state)
+    radius = np.linspace(11e-3, 44.5e-3, 50)
+    for angle in (0.0, 0.4, 2.0):
+        places = radius[:, None] * np.array([np.cos(angle), np.sin(angle)])
+        there = np.interp(radius, exact.r(mounted), exact.z(mounted))
+        assert seen.heights(places) == pytest.approx(there, abs=2e-6)
+        moved = seen.displacements(places)
+        assert moved[2] == pytest.approx(exact.z(radius), abs=2e-6)
+        assert np.hypot(*(places + moved[:2].T).T) == pytest.approx(exact.r(radius), abs=2e-6)
+    assert seen.heights(np.array([[0.0, 0.0], [5e-3, -6e-3]])) == pytest.approx(heave)
+    assert seen.heights(np.array([[46e-3, 0.0]])) == pytest.approx(0.0)
+    if heave > 10e-3:
+        assert np.abs(seen.heights(places) - moved[2]).max() > 20e-6
+
+
+def test_a_laser_sees_a_tilted_plate_and_a_film_without_symmetry() -> None:
+    """Against places sought step by step in the whole field model on a mesh of another order."""
+    films = [build_model(skewed(), settings) for settings in (COARSE, film_lines.OTHER)]
+    states = [equilibrium(film, 0.1, 2e3).state for film in films]
+    assert states[0].plate.tilt > 4e-3
+    places = np.concatenate([film_lines.cross(skewed()), skewed().plate.points(40).T])
+    seen = shape_of(films[0], states[0]).heights(places)
+    assert seen == pytest.approx(film_lines.heights(films[1], states[1], places), abs=5e-6)
+
+
+def test_shapes_of_the_reduced_model_and_their_derivatives(tmp_path: Path) -> None:
+    """Against finite elements on a fine mesh within 3 µm, and differences of themselves."""
+    data = film_lines.write(tmp_path / "d", seed=3, shapes=["round"])
+    readings = prepared_readings(read_dataset(data))
+    nominal = calibrated(readings.setup, readings.table)
+    assert 0 < film_error(nominal.simulation, nominal.fit, nominal.table)["film"] < 3e-6
+    hypothesis = (Cause("parallel_spring"), Cause("sensor_gain"))
+    centre = np.array([0.05, -0.03, 4.0, 0.02])
+    jacobian = Prediction(nominal.simulation, hypothesis, centre, nominal.table).jacobian
+    rows = nominal.table.rows_of["film"]
+    for number, step in enumerate(1e-3 * np.abs(centre)):
+        ends = [nominal.simulation.predict(hypothesis, centre + sign * step * np.eye(4)[number],
+                                           nominal.table)[rows] for sign in (1, -1)]
+        slope = (ends[0] - ends[1]) / (2 * step)
+        assert jacobian[rows, number] == pytest.approx(slope, rel=2e-3,
+                                                       abs=1e-4 * np.abs(slope).max() + 1e-9)
+    assert not jacobian[rows, 3].any(), "the sensor of the plate does not read the line"
+
+
+def test_lines_have_a_zero_of_their_own(tmp_path: Path) -> None:
+    """A length added to all of a line, here some 0.2 mm, moves what is judged by its 500th."""
+    tables = [prepared_readings(read_dataset(film_lines.write(
+        tmp_path / name, seed=3, shapes=["round"], zero=zero))).table
+        for name, zero in (("none", 0.0), ("some", 0.2e-3))]
+    rows = tables[0].rows_of["film"]
+    apart = np.abs(tables[1].value[rows] - tables[0].value[rows])
+    assert 0 < apart.max() < 1e-6
+
+
+@pytest.mark.parametrize(("effect", "sizes"), [
+    ("plate_eccentricity", (1e-3, -0.5e-3)), ("prestretch_anisotropy", (0.03,))])
+def test_what_heaves_do_not_tell_a_line_names(tmp_path: Path, effect: str,
+                                              sizes: tuple[float, ...]) -> None:
+    hidden = [(effect, sizes, None)]
+    verdicts = {}
+    for name, places in (("heaves", None), ("line", film_lines.cross)):
+        data = film_lines.write(tmp_path / name, hidden, 1, shapes=["round"], places=places)
+        verdicts[name] = diagnose(read_dataset(data)).json()
+    assert verdicts["heaves"]["verdict"] != "named"
+    assert verdicts["line"]["verdict"] == "named"
+    cause = verdicts["line"]["causes"][0]
+    assert cause["effect"] == effect
+    for parameter, size in zip(cause["parameters"].values(), sizes, strict=True):
+        unit = {"mm": 1e-3}.get(parameter["unit"], 1.0)
+        assert parameter["value"] * unit == pytest.approx(size, rel=0.1, abs=0.05e-3)
+
+
+def test_nothing_hidden_in_lines_is_nothing_found(tmp_path: Path) -> None:
+    data = film_lines.write(tmp_path / "d", seed=2, shapes=["round"])
+    assert diagnose(read_dataset(data)).json()["verdict"] == "nothing"
+
+
+def test_places_off_the_film_get_line_and_column(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for place, column in (("50,0", "column 4 (x_mm)"), ("10,-46", "column 5 (y_mm)")):
+        data = write_dataset(tmp_path / "d", 'noise = "20 um"\n' + HEAD, static=STATIC,
+                             field=f"{FIELD}\nA,17.9,0,10,0,1.9\nA,17.9,0,{place},1.9\n")
+        assert main(["diagnose", str(data), "-o", str(tmp_path / "out")]) == 2
+        err = capsys.readouterr().err
+        assert f"line 3, {column}" in err
+        assert "must lie on the film or the plate" in err
+        assert err.count("\n") == 1
+
+
+def test_places_may_be_counted_from_the_plate(tmp_path: Path) -> None:
+    """The same readings with the plate off centre, in both frames."""
+    offset = ', offset = ["4 mm", "-2 mm"]'
+
+    def moved(places: np.ndarray) -> np.ndarray:
+        return places - [4e-3, -2e-3]
+
+    def inside(specimen: object) -> np.ndarray:
+        return film_lines.cross(circular())[5:-5] * 0.8
+
+    fits = []
+    for name, more, change in (("table", "", lambda places: places),
+                               ("plate", 'field_frame = "plate"\n', moved)):
+        data = film_lines.write(tmp_path / name, seed=3, shapes=["round"], offset=offset, more=more,
+                                places=inside, change=change)
+        readings = prepared_readings(read_dataset(data))
+        fits.append(calibrated(readings.setup, readings.table).fit)
+    assert fits[0].residual == pytest.approx(fits[1].residual, abs=1e-3)
+    assert fits[0].chi_squared < 1.3 * len(fits[0].residual)
