@@ -28,9 +28,13 @@ _EXPONENT: Rule = (lambda x: -10 <= x <= 10, "must be from -10 to 10")
 _DENSITY: Rule = (lambda x: x == 0 or 1 <= x <= 30e3,
                   "must be 0 (weightless) or from 1 to 30000 kg/m^3")
 _ELECTRODE: Rule = (lambda x: 0 <= x <= 100, "must be from 0 (weightless) to 100 kg/m^2")
+_UNEVEN: Rule = (lambda x: -0.9 <= x <= 0.9, "must be from -0.9 to 0.9")
 _THICKNESS: Rule = (lambda x: 1e-7 <= x <= 0.1, "must be positive, from 0.1 um to 10 cm")
 _PERMITTIVITY: Rule = (lambda x: 1 <= x <= 1000, "must be at least 1 (vacuum) and at most 1000")
 
+
+#: The most by which a film may be thinner somewhere than it is stated, as a share.
+_UNEVENNESS = 0.9
 
 #: Least width of an uncovered band along an edge, as a share of the gap between plate and frame.
 NARROWEST = 0.01
@@ -181,6 +185,9 @@ class Film:
         "viscous branches beside the material's law, which nothing at rest feels; left out, those "
         "of the library's material",
         name="branch")] = ()
+    thickness_gradient: Annotated[Pair, Key(
+        "by which shares the virgin film is thicker than in the middle where the mounted one "
+        "reaches the frame's half extents along x and y", rule=_UNEVEN)] = (0.0, 0.0)
     mounted: Annotated[float | None, Key(
         "time since the film was stretched; left out, so long ago that its branches are relaxed",
         "time", NON_NEGATIVE)] = None
@@ -264,6 +271,10 @@ class Specimen:
         if self.electrode.outline is not None and not self._meets(self.electrode.outline):
             raise InputError("must cover some of the film between plate and frame",
                              key="electrode.outline", given=str(self.electrode.outline))
+        if sum(map(abs, self.membrane.thickness_gradient)) > _UNEVENNESS:
+            raise InputError("must leave some film everywhere: shares must add up to 0.9 at most",
+                             key="membrane.thickness_gradient",
+                             given=self.membrane.thickness_gradient)
         stretch = np.real(self.membrane.prestretch)
         with np.errstate(all="ignore"):
             energy = self.membrane.material.derivatives(*stretch)[0]
@@ -284,18 +295,30 @@ class Specimen:
     @property
     def axisymmetric(self) -> bool:
         """Whether a rotation about the frame's centre changes nothing."""
+        even = self.membrane.thickness_gradient == (0.0, 0.0)
         round_edges = all(outline.semi_axes[0] == outline.semi_axes[1]
                           and isinstance(outline, Circle | Ellipse)
                           for outline in (self.frame, self.plate.outline))
         film = self.membrane.prestretch
-        return round_edges and self.plate.offset == (0.0, 0.0) and film[0] == film[1]
+        centred = self.plate.offset == (0.0, 0.0)
+        return even and round_edges and centred and film[0] == film[1]
 
     @property
     def mirror_planes(self) -> frozenset[str]:
         """Axes whose coordinate may change sign without changing the specimen."""
         parts = (self.frame, self.plate, self.electrode.outline)
+        uneven = {axis for axis, share in zip("xy", self.membrane.thickness_gradient, strict=True)
+                  if share}
         return frozenset("xy").intersection(*(part.mirror_planes for part in parts
-                                              if part is not None))
+                                              if part is not None)) - uneven
+
+    def relative_thickness(self, x: Any, y: Any) -> Any:
+        """Virgin thickness over the stated one at places of the mounted film [m]; 1 if even."""
+        along, across = self.membrane.thickness_gradient
+        if not (along or across):
+            return 1.0
+        a, b = self.frame.semi_axes
+        return 1 + along * x / a + across * y / b
 
     def _meets(self, region: Region) -> bool:
         """Whether film lies within: the region's edge is on it, or it holds the film whole."""

@@ -113,8 +113,8 @@ class Film(AnyFilm):
     def __init__(self, thickness: Quantity, prestretch: tuple[float, float], material: Material,
                  relative_permittivity: float, permittivity_exponent: float =
                  ..., density: Quantity = ..., strength: Strength | None = ...,
-                 branches: Sequence[AnyViscousBranch] = ..., mounted: Quantity |
-                 None = ...) -> None: ...
+                 branches: Sequence[AnyViscousBranch] = ..., thickness_gradient:
+                 tuple[float, float] = ..., mounted: Quantity | None = ...) -> None: ...
 
 class Plate(AnyPlate):
     def __init__(self, outline: Outline, offset: Pair = ...) -> None: ...

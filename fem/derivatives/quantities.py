@@ -81,7 +81,8 @@ def true_field(model: Model, voltage_squared: Any, c: tuple[Any, Any, Any]) -> A
     """U over the stretched thickness under the electrode, 0 outside [V/m]."""
     film = model.specimen.membrane
     area = np.sqrt(c[0] * c[1] - c[2] ** 2) * film.area_prestretch
-    return model.discretisation.covered * np.sqrt(voltage_squared) * area / film.thickness
+    thickness = film.thickness * model.relative_thickness
+    return model.discretisation.covered * np.sqrt(voltage_squared) * area / thickness
 
 
 def largest(field: Field, power: int = 64) -> Quantity:
@@ -132,7 +133,8 @@ def _at_nodes(model: Model, state: State) -> tuple[Array, Any]:
 
 def _thinning_margins(model: Model, voltage_squared: Any, c: tuple[Any, Any, Any]) -> Any:
     stretches = principal_stretches(c, model.specimen.membrane.prestretch)
-    return model.density(voltage_squared).material.thinning_margin(*stretches)
+    density = model.density(voltage_squared, nodal=True)
+    return density.material.thinning_margin(*stretches)
 
 
 def _thinning_slope(model: Model, state: State) -> Parts:

@@ -161,7 +161,8 @@ class ResidualDerivative:
         # Where stretches are all but equal, directions have no derivative by another prestretch;
         # the stress has.
         stress = plane_stress(material, self.at.c, prestretch, tangent=False).stress
-        weights = self.at.model.discretisation.weights[..., None]
+        model = self.at.model
+        weights = (model.discretisation.weights * model.relative_thickness)[..., None]
         return np.tensordot(self._strains, stress * weights, axes=3)
 
     def _by_shape(self, model: Model, state: State) -> Array:
@@ -218,7 +219,7 @@ class ResidualDerivative:
         by, model = np.moveaxis(self._strains, -1, 0), self.at.model
         changes = 2 * by[0], 2 * by[1], by[2]
         return virtual_work(self.at.c, changes, model.specimen.membrane.prestretch,
-                            model.discretisation.weights)
+                            model.discretisation.weights * model.relative_thickness)
 
 
 def _matrix(triple: Array) -> Array:

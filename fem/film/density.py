@@ -66,7 +66,8 @@ class FilmDensity:
     """The film's energy at a voltage: elastic, and electrostatic and electrode where covered.
 
     ``covered`` is 1 under the electrode and 0 elsewhere, broadcastable against the quadrature
-    points. With ``wrinkles`` the film wrinkles rather than carry compression
+    points, and so is ``thickness``, that of the virgin film over the stated one. With ``wrinkles``
+    the film wrinkles rather than carry compression
     (:class:`~tympan.fem.film.tension_field.TensionField`), without it carries any.
     """
 
@@ -75,11 +76,12 @@ class FilmDensity:
     covered: Any
     wrinkles: bool = True
     flow: Flow | None = None
+    thickness: Any = 1.0
 
     @property
     def maxwell(self) -> Maxwell:
         """The electrostatic part."""
-        return maxwell(self.specimen, self.voltage_squared, self.covered)
+        return maxwell(self.specimen, self.voltage_squared, self.covered / self.thickness**2)
 
     @property
     def parts(self) -> list[Part]:

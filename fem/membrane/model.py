@@ -61,7 +61,15 @@ class Model:
     def volumes(self) -> Array:
         """Virgin volume of every quadrature point of this mesh [m³], shape (elements, points)."""
         film = self.specimen.membrane
-        return np.asarray(self.discretisation.weights * (film.thickness / film.area_prestretch))
+        even = self.discretisation.weights * (film.thickness / film.area_prestretch)
+        return np.asarray(even * self.relative_thickness)
+
+    @cached_property
+    def relative_thickness(self) -> Any:
+        """Virgin thickness over the stated one, 1 or of shape (elements, points)."""
+        mesh = self.discretisation
+        x, y, _ = np.moveaxis(mesh.shapes @ mesh.reference[mesh.connectivity], -1, 0)
+        return self.specimen.relative_thickness(x, y)
 
     @property
     def centre(self) -> Array:
@@ -105,14 +113,15 @@ class Model:
 
     @cached_property
     def mass_per_area(self) -> Any:
-        """Mass of film and electrodes per mounted area [kg/m²], shape (elements, 1)."""
+        """Mass of film and electrodes per mounted area [kg/m²], shape (elements, 1 or points)."""
         film = self.specimen.membrane
         bare = film.density * (film.thickness / film.area_prestretch)
+        bare = bare * self.relative_thickness
         return bare + self.specimen.electrode.mass * self.discretisation.covered
 
     @property
     def pull(self) -> Any:
-        """Weight of film and electrodes per mounted area [Pa], shape (elements, 1)."""
+        """Weight of film and electrodes per mounted area [Pa], as :attr:`mass_per_area`."""
         return self.loading.gravity * self.mass_per_area
 
     @cached_property
@@ -120,7 +129,7 @@ class Model:
         """Nodal forces of the mass of film and electrodes [N], shape (nodes, 3)."""
         mesh, pull = self.discretisation, self.pull
         elements = np.zeros((*mesh.connectivity.shape, 3), dtype=np.result_type(mesh.weights, pull))
-        elements[..., 2] = pull * np.matmul(mesh.weights, mesh.shapes)
+        elements[..., 2] = np.matmul(pull * mesh.weights, mesh.shapes)
         return mesh.scatter(elements)
 
     def place(self, positions: Array, plate: PlateMotion) -> Array:
@@ -133,10 +142,14 @@ class Model:
         """C₁₁, C₂₂, C₁₂ from the mounted film at the quadrature points, (elements, points)."""
         return cauchy_green(self.discretisation.deformation(positions))
 
-    def density(self, voltage_squared: Any) -> FilmDensity:
-        """The film's energy density at U² [V²]."""
-        return FilmDensity(self.specimen, voltage_squared, self.discretisation.covered,
-                           self.wrinkles, self.flow)
+    def density(self, voltage_squared: Any, *, nodal: bool = False) -> FilmDensity:
+        """The film's energy density at U² [V²] at quadrature points, or nodes of the elements."""
+        mesh, thickness = self.discretisation, self.relative_thickness
+        if nodal:
+            x, y, _ = np.moveaxis(mesh.reference[mesh.connectivity], -1, 0)
+            thickness = self.specimen.relative_thickness(x, y)
+        return FilmDensity(self.specimen, voltage_squared, mesh.covered, self.wrinkles, self.flow,
+                           thickness)
 
     def in_tension(self, state: State) -> bool:
         """Whether the film is in tension everywhere, at the quadrature points."""
@@ -153,7 +166,8 @@ class Model:
         At the nodes of every element, so that the film's edges count; negative where the film thins
         without bound.
         """
-        mesh, material = self.discretisation, self.density(state.voltage_squared).material
+        mesh = self.discretisation
+        material = self.density(state.voltage_squared, nodal=True).material
         c = cauchy_green(deformation(mesh.nodal_gradients,
                                      state.positions[mesh.connectivity]))
         stretches = principal_stretches(c, self.specimen.membrane.prestretch)

@@ -225,8 +225,10 @@ def _tension(model: Model, states: Sequence[State], gradients: Array, points: Ar
     positions = np.stack([state.positions for state in states])
     c = cauchy_green(deformation(gradients, positions[:, mesh.connectivity[cells]]))
     squared = np.array([state.voltage_squared for state in states])[:, None, None]
+    there = tabulated(mesh.mesh.order, points)[0].T @ mesh.reference[mesh.connectivity[cells]]
     density = FilmDensity(model.specimen, squared, mesh.covered[cells], model.wrinkles,
-                          _flow_at(model, cells, points))
+                          _flow_at(model, cells, points),
+                          model.specimen.relative_thickness(there[..., 0], there[..., 1]))
     # As the eigenvalues of S C.
     s = np.moveaxis(density(c, tangent=False).stress, -1, 0)
     mean = (s[0] * c[0] + s[1] * c[1]) / 2 + s[2] * c[2]
@@ -265,7 +267,8 @@ def _fields(model: Model, states: Sequence[State], cells: Array, points: Array,
     if flow is not None:
         flow = flow.at(lambda values: values.reshape(*values.shape[:-2], -1))
         assert len(states) == 1
-    density = FilmDensity(model.specimen, voltage_squared, covered, model.wrinkles, flow)
+    relative = model.specimen.relative_thickness(reference[:, 0], reference[:, 1])
+    density = FilmDensity(model.specimen, voltage_squared, covered, model.wrinkles, flow, relative)
     stress = density(c, tangent=False).stress
     l1, l2, tense = density.stretches(c)
     inward = model.centre[:2] - reference[:, :2]
@@ -275,7 +278,8 @@ def _fields(model: Model, states: Sequence[State], cells: Array, points: Array,
     cut = inward if along is None else _normal(along.reshape(-1, 2), inward)
     traction = np.einsum("kni,nk->ni", first_piola(f, stress), cut)
     w1 = density.maxwell.derivatives(l1, l2)[1]
-    thickness = film.thickness / (l1 * l2)
+    thickness = film.thickness * relative / (l1 * l2)
+    mounted = film.thickness / film.area_prestretch * np.broadcast_to(relative, len(reference))
     return Fields(
         position=reference, displacement=current - reference, stretch_1=l1, stretch_2=l2,
         thickness=thickness,
@@ -283,7 +287,7 @@ def _fields(model: Model, states: Sequence[State], cells: Array, points: Array,
         breakdown_strength=strength(film, l1, l2, thickness), maxwell_stress=-l1 * w1,
         stress_1=mean + radius, stress_2=mean - radius, stress_radial=s11,
         stress_circumferential=s22, stress_shear=s12,
-        plate_traction=traction * (film.thickness / film.area_prestretch),
+        plate_traction=traction * mounted[:, None],
         tension=tension_state(mean + radius, mean - radius, tense))
 
 

@@ -20,6 +20,7 @@ from tympan.studies.diagnosis.calibration import (
     with_effects,
     with_masses,
 )
+from tympan.studies.diagnosis.frame_check import check_frame
 from tympan.studies.diagnosis.inference.identifiability import (
     classes_of,
     detectable_effects,
@@ -53,12 +54,14 @@ def diagnose(dataset: Dataset, workers: int = 1, seed: int = 0,
     ------
     InputError
         When nothing can be concluded: too few readings, a column off by a unit, films that cannot
-        be solved.
+        be solved, scans in another frame than is said.
     """
     readings = prepared_readings(dataset)
     nominal = calibrated(readings.setup, readings.table)
+    check_frame(nominal.simulation, nominal.table,
+                "frame" if dataset.field_frame == "table" else "plate")
     error = law_error(nominal.simulation, nominal.fit, nominal.table)
-    table = _with_model_error(nominal.table, error, nominal)
+    table = with_model_error(nominal.table, error, nominal)
     readings = replace(readings, table=table, remarks=(*readings.remarks, *nominal.remarks))
     films = 1
 
@@ -94,7 +97,7 @@ def plan_readings(dataset: Dataset, workers: int = 1,
     simulation = with_effects(nominal.simulation, progress, workers)
     signs = signatures(simulation, table, nominal.fit.unknowns, readings.causes)
     invisible, classes = classes_of(signs)
-    noisy = _with_model_error(table, law_error(nominal.simulation, nominal.fit, table), nominal)
+    noisy = with_model_error(table, law_error(nominal.simulation, nominal.fit, table), nominal)
     bench = Bench(simulation, nominal.fit.unknowns, noisy, readings.causes, readings.stated)
     return {
         "dataset": dataset.name,
@@ -107,7 +110,7 @@ def plan_readings(dataset: Dataset, workers: int = 1,
     }, bench
 
 
-def _with_model_error(table: ReadingTable, error: float, nominal: Calibration) -> ReadingTable:
+def with_model_error(table: ReadingTable, error: float, nominal: Calibration) -> ReadingTable:
     """The reduced model's errors are noise: that of the lengths [m], and a share of frequencies.
 
     And those of films' shapes [m].

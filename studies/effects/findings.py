@@ -21,7 +21,8 @@ class FoundSize:
     """A parameter's value with its 95 % limits, in SI, and how a sentence gives them.
 
     Formatted without a specification it is a size with its unit, or what it is at least or less
-    than where it lies on a limit; formatted with two words, as in ``{m_0:heavier/lighter}``, the
+    than where it lies on a limit, with its sign only where no words give that (``even``);
+    formatted with two words, as in ``{m_0:heavier/lighter}``, the
     first one where it is positive, else the second.
     """
 
@@ -39,7 +40,11 @@ class FoundSize:
             return f"less than {_rounded(max(-low, high), 2)}{unit}"
         if low < value == high or low == value < high:
             return f"at least {_rounded(min(abs(low), abs(high)), 2)}{unit}"
-        return f"{self._text(abs(value))}{unit}"
+        return f"{self._text(value if self._signed else abs(value))}{unit}"
+
+    @property
+    def _signed(self) -> bool:
+        return self.parameter.sign == "even"
 
     @property
     def small(self) -> bool:
@@ -61,7 +66,7 @@ class FoundSize:
         value, low, high = self._told
         if self.small or value in (low, high):
             return ""
-        if high < 0:
+        if high < 0 and not self._signed:
             low, high = -high, -low
         return f"{self._text(low)} to {self._text(high)}{self._unit}"
 

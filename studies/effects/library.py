@@ -85,6 +85,28 @@ def prestretch_loss(setup: Setup, delta: Annotated[float, EffectParameter(
     return setup.with_films(change, which)
 
 
+def _uneven(axis: str) -> EffectParameter:
+    return EffectParameter(
+        f"share by which films are thicker where {axis} ends at the frame than in the middle", "",
+        width=0.03, low=-0.9, high=0.9, reason=(
+            "makers of cast films and tapes state their thickness to 5 to 10 %, over the whole "
+            "roll; no source for a frame's width"), told_in="%")
+
+
+@effect("The virgin films are thicker on one side of the frames than on the other.",
+        finding="The films are thicker on one side, {gx} at the {gx:right/left} end of x and {gy} "
+                "at the {gy:upper/lower} end of y",
+        check="measure the film's thickness at both ends of the frame, or weigh pieces cut there",
+        columns=("x_mm",))
+def thickness_gradient(setup: Setup, gx: Annotated[float, _uneven("x")],
+                       gy: Annotated[float, _uneven("y")]) -> Setup:
+    def change(film: Film) -> Film:
+        x, y = film.thickness_gradient
+        return replace(film, thickness_gradient=(x + gx, y + gy))
+
+    return setup.with_films(change)
+
+
 @effect("The electrode does not reach the frame: an uncovered band along it carries no field.",
         finding="The electrodes end {d} short of the frame",
         check="measure with a ruler how far from the frame the electrodes end")

@@ -161,6 +161,10 @@ def export_input(specimen: Specimen, settings: MeshSettings, folder: Path,
     if specimen.electrode.stiffness:
         raise InputError("cannot be exported: no solid here is free of stress when mounted",
                          key="electrode.stiffness", given=specimen.electrode.stiffness)
+    if specimen.membrane.thickness_gradient != (0.0, 0.0):
+        raise InputError("cannot be exported: the film's layers are even",
+                         key="membrane.thickness_gradient",
+                         given=specimen.membrane.thickness_gradient)
     mesh = from_meshio(mesh_film(specimen, replace(settings, order=2), frozenset()))
     weights = [Step(f"{mass * 1e3:g} g", force=Rig().force(mass)) for mass in masses]
     actuated = _actuated(specimen, mesh, masses[-1] if masses else 0.0, voltages)

@@ -71,6 +71,10 @@ def reduced_film(model: Model, forces: Sequence[float], voltage: float, spring: 
     InputError
         When the film pulls in at such loads.
     """
+    uneven = model.specimen.membrane.thickness_gradient
+    if uneven != (0.0, 0.0):
+        raise InputError("must be 0, 0 for a reduced film", key="membrane.thickness_gradient",
+                         given=uneven)
     run = _there_and_back(model, voltage)
     snapshots = [*_at_rest(model, forces, voltage), *_in_motion(model, forces[0], run)]
     film = reduced(model, snapshots, settings)

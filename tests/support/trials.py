@@ -13,9 +13,9 @@ MASSES = (17.9e-3, 22.45e-3)
 
 
 def every_cause(simulation: Simulation) -> list[Cause]:
-    """All but those that only a way up and down or a frequency shows."""
+    """All but those that only a way up and down, a frequency or a line over the film shows."""
     return [Cause(name, which) for name, effect in EFFECTS.items()
-            if not {"direction", "frequency_Hz"} & set(effect.columns)
+            if not {"direction", "frequency_Hz", "x_mm"} & set(effect.columns)
             for which in effect.choices(simulation.setup)]
 
 

@@ -134,7 +134,7 @@ def meshed_outlines(specimen: Specimen) -> tuple[object, ...]:
     """All a specimen's mesh depends on."""
     electrode = specimen.electrode
     return (specimen.frame, specimen.plate, electrode.margin_frame, electrode.margin_plate,
-            electrode.outline)
+            electrode.outline, specimen.mirror_planes)
 
 
 def _guess(nodes: Nodes, near: Nodes | None, rows: list[int], columns: list[int]) -> State | None:

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmarks.film_lines import readings as film_lines
 from tests.oracles.axisymmetric import solve_deflection
-from tests.support import film_lines
 from tests.support.datasets import HEAD, write_dataset
 from tests.support.specimens import circular, reference_film, skewed
 from tympan.cli import main
@@ -17,6 +17,7 @@ from tympan.fem.equilibrium.ramp import equilibrium, held
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import State
 from tympan.fem.results.places import Places
+from tympan.geometry.errors import InputError
 from tympan.geometry.mesher import MeshSettings
 from tympan.studies.case import Settings, build_model
 from tympan.studies.data.dataset import read_dataset
@@ -153,3 +154,29 @@ def test_places_may_be_counted_from_the_plate(tmp_path: Path) -> None:
         fits.append(calibrated(readings.setup, readings.table).fit)
     assert fits[0].residual == pytest.approx(fits[1].residual, abs=1e-3)
     assert fits[0].chi_squared < 1.3 * len(fits[0].residual)
+
+
+WRITTEN = {
+    "x mirrored": [[-1, 0], [0, 1]], "y mirrored": [[1, 0], [0, -1]],
+    "half a turn": [[-1, 0], [0, -1]], "x and y swapped": [[0, 1], [1, 0]],
+    "90 degrees to the left": [[0, 1], [-1, 0]], "90 degrees to the right": [[0, -1], [1, 0]],
+    "in cm": [[0.1, 0], [0, 0.1]]}
+
+
+@pytest.mark.parametrize("frame", WRITTEN)
+def test_another_frame_is_told_before_it_gets_a_cause(tmp_path: Path, frame: str) -> None:
+    """A plate known to sit off centre makes every one of them another film."""
+    data = film_lines.write(tmp_path / "d", seed=3, shapes=["round"],
+                            offset=', offset = ["4 mm", "-2.5 mm"]',
+                            change=lambda places: places @ np.array(WRITTEN[frame]).T)
+    with pytest.raises(InputError, match=r"fits better with .* \(p below 1e-") as answer:
+        diagnose(read_dataset(data))
+    assert frame in str(answer.value)
+
+
+@pytest.mark.parametrize(("factor", "words"), [(-1.0, "opposite sign"), (0.1, "ten times")])
+def test_wrong_displacements_of_lines_are_told_as_such(tmp_path: Path, factor: float,
+                                                       words: str) -> None:
+    data = film_lines.write(tmp_path / "d", seed=3, shapes=["round"], scale=factor)
+    with pytest.raises(InputError, match=words):
+        diagnose(read_dataset(data))

@@ -80,12 +80,12 @@ def heights(model: Model, state: State, places: Array) -> Array:
 def write(folder: Path, uses: Sequence[Use] = (), seed: int = 0, *, noise: float = 10e-6,
           stiffness: float = 1.05, permittivity: float = 0.97, zero: float = 0.2e-3,
           places: Callable[[Specimen], Array] | None = cross, more: str = "", offset: str = "",
-          shapes: Sequence[str] = tuple(SHAPES),
+          shapes: Sequence[str] = tuple(SHAPES), scale: float = 1.0,
           change: Callable[[Array], Array] = lambda places: places) -> Path:
     """A dataset with effects hidden in it; each line has a zero of its own.
 
     Without ``places`` nothing is read over the films; ``change`` is what a wrong frame makes of
-    the places.
+    the places, ``scale`` what a wrong unit makes of lines.
     """
     random = np.random.default_rng(seed)
     folder.mkdir(parents=True, exist_ok=True)
@@ -119,7 +119,7 @@ def write(folder: Path, uses: Sequence[Use] = (), seed: int = 0, *, noise: float
                 at = places(nominal.specimen(specimen.name))
                 shown = heights(model, outcome.state, at) + zero * random.standard_normal()
                 shown = shown + noise * random.standard_normal(len(at))
-                for (x, y), z in zip(1e3 * change(at), 1e3 * shown, strict=True):
+                for (x, y), z in zip(1e3 * change(at), 1e3 * scale * shown, strict=True):
                     field.append(f"{start},{x:.9g},{y:.9g},{z:.9g}")
     (folder / "static.csv").write_text("\n".join(static) + "\n", encoding="utf-8")
     if places is not None:

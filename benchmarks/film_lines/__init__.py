@@ -1,0 +1,1 @@
+"""What lines over films tell that heaves do not."""
