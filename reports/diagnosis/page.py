@@ -11,6 +11,7 @@ from jinja2 import Template
 
 from tympan.reports import look as style
 from tympan.reports.diagnosis.figures import compose_readings, compose_residuals
+from tympan.reports.diagnosis.film_maps import compose_film_maps
 from tympan.reports.template import embedded_picture, sentence, template
 from tympan.studies.diagnosis.reading_table import LENGTHS
 from tympan.studies.diagnosis.result import load_diagnosis
@@ -31,21 +32,28 @@ def build_diagnosis_page(folder: Path) -> Path:
     """Write folder/diagnosis.html from what a diagnosis stored there; answers that file."""
     content, columns, curves = load_diagnosis(folder)
     lengths = np.isin(columns["kind"], LENGTHS)
+    film = {name: values[columns["kind"] == "film"] for name, values in columns.items()}
     columns = {name: values[lengths] for name, values in columns.items()}
     style.save_figure(folder, "curves", lambda: compose_readings(columns, curves), ("svg",))
     style.save_figure(folder, "residuals", lambda: compose_residuals(columns), ("svg",))
+    names = ["curves", "residuals"]
+    if len(film["kind"]):
+        names.append("film")
+        style.save_figure(folder, "film", lambda: compose_film_maps(film, content["films"]),
+                          ("svg",))
     file = folder / "diagnosis.html"
     write_text(file, render_diagnosis(content, *(embedded_picture(folder / f"{name}.svg")
-                                                 for name in ("curves", "residuals"))))
+                                                 for name in names)))
     return file
 
 
-def render_diagnosis(content: Content, readings: str, residuals: str) -> str:
+def render_diagnosis(content: Content, readings: str, residuals: str, film: str = "") -> str:
     """The page as text; the pictures as data URIs."""
     attempts = _explained(content["attempts"])
     tried = attempts[:_TRIED] if content["verdict"] == "unexplained" else []
     return _template("reports/diagnosis/diagnosis.html").render(
         diagnosis=content, verdict=verdict_words(content), readings=readings, residuals=residuals,
+        film=film,
         causes=_explained(content["causes"]), attempts=attempts, tried=tried,
         suspects=_suspects(content), gain=_said("gain", content), robust=_said("robust", content),
         noise=_said("noise", content["misfit"]))

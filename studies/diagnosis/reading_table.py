@@ -177,6 +177,13 @@ class ReadingTable:
         return np.cumsum([0, *(len(scan) for scan in self.scans)], dtype=np.int64)[:-1]
 
     @cached_property
+    def places(self) -> Array:
+        """Place of each row as it was written [m], shape (rows, 2), nan of those of no scan."""
+        every = np.concatenate([np.empty((0, 2)), *(scan.place for scan in self.scans),
+                                np.full((1, 2), np.nan)])
+        return every[self.point]
+
+    @cached_property
     def scan(self) -> Numbers:
         """Number of the scan of each row, -1 of others."""
         return np.where(self.point < 0, -1,

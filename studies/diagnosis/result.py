@@ -51,7 +51,8 @@ COLUMNS: tuple[Column, ...] = (
     Column.labels("file", required=False), Column("line"), Column.labels("kind"),
     Column.labels("specimen"), Column("mass", "g"), Column("voltage", "kV"), Column("elapsed", "s"),
     *(Column(name, required=False, absent="nan")
-      for name in ("order", "read", "sigma", "baseline", "extended")))
+      for name in ("order", "read", "sigma", "baseline", "extended")),
+    Column("x", "mm", required=False), Column("y", "mm", required=False))
 
 #: Causes of less than this probability are not listed.
 _LEAST = 0.01
@@ -62,6 +63,9 @@ _WORTH, _CHECKS = 0.5, 2
 _NOISIER = 1.5
 #: Scatter about smooth curves over the stated noise from which it is worth a word.
 _ROUGH = 1.4
+
+#: Points of an outline in a plan.
+_EDGE = 120
 
 #: Sentences, by key.
 WORDS = words_beside(__file__)
@@ -168,7 +172,20 @@ class Diagnosis:
             "knowable": self.detectable,
             "self_check": self.self_check,
             "warnings": self._limitations(),
+            "films": self._films(),
         }
+
+    def _films(self) -> Json:
+        """Plans of the films that were scanned, by specimen, in the places' frame [mm]."""
+        table, plans = self.judgement.table, {}
+        centred = self.dataset.field_frame == "plate"
+        for number in np.unique(table.specimen[table.point >= 0]):
+            specimen = self.simulation.setup.specimens[number]
+            origin = np.array(specimen.plate.offset if centred else (0.0, 0.0))
+            plans[specimen.name] = {
+                name: (1e3 * (outline.points(_EDGE).T - origin)).tolist()
+                for name, outline in (("frame", specimen.frame), ("plate", specimen.plate))}
+        return plans
 
     def save(self, folder: Path) -> None:
         """Write the readings, the extended model and, last, diagnosis.json to a folder."""
@@ -180,7 +197,8 @@ class Diagnosis:
             "elapsed": table.states.elapsed[table.state], "order": table.order,
             "read": table.value, "sigma": table.sigma,
             "baseline": table.value - nominal.residual * table.sigma,
-            "extended": table.value - (self.chosen or nominal).residual * table.sigma})
+            "extended": table.value - (self.chosen or nominal).residual * table.sigma,
+            **dict(zip("xy", table.places.T, strict=True))})
         write_sheet(folder / "curves.csv", CURVES,
                     curves(self.simulation, self.judgement, self.chosen))
         setup = self.extended

@@ -88,14 +88,14 @@ def prestretch_loss(setup: Setup, delta: Annotated[float, EffectParameter(
 def _uneven(axis: str) -> EffectParameter:
     return EffectParameter(
         f"share by which films are thicker where {axis} ends at the frame than in the middle", "",
-        width=0.03, low=-0.9, high=0.9, reason=(
+        width=0.03, low=-0.9, high=0.9, even=True, reason=(
             "makers of cast films and tapes state their thickness to 5 to 10 %, over the whole "
             "roll; no source for a frame's width"), told_in="%")
 
 
 @effect("The virgin films are thicker on one side of the frames than on the other.",
-        finding="The films are thicker on one side, {gx} at the {gx:right/left} end of x and {gy} "
-                "at the {gy:upper/lower} end of y",
+        finding="The films are thicker on one side than in the middle, by {gx} where x ends at the "
+                "frame and by {gy} where y does",
         check="measure the film's thickness at both ends of the frame, or weigh pieces cut there",
         columns=("x_mm",))
 def thickness_gradient(setup: Setup, gx: Annotated[float, _uneven("x")],

@@ -19,6 +19,7 @@ from tympan.fem.membrane.state import State
 from tympan.fem.results.places import Places
 from tympan.geometry.errors import InputError
 from tympan.geometry.mesher import MeshSettings
+from tympan.reports.diagnosis.page import build_diagnosis_page
 from tympan.studies.case import Settings, build_model
 from tympan.studies.data.dataset import read_dataset
 from tympan.studies.diagnosis.calibration import calibrated, film_error
@@ -101,16 +102,23 @@ def test_lines_have_a_zero_of_their_own(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("effect", "sizes"), [
-    ("plate_eccentricity", (1e-3, -0.5e-3)), ("prestretch_anisotropy", (0.03,))])
+    pytest.param("plate_eccentricity", (1e-3, -0.5e-3), marks=pytest.mark.study),
+    ("thickness_gradient", (0.05, -0.03)),
+    ("prestretch_anisotropy", (0.03,))])
 def test_what_heaves_do_not_tell_a_line_names(tmp_path: Path, effect: str,
                                               sizes: tuple[float, ...]) -> None:
     hidden = [(effect, sizes, None)]
     verdicts = {}
     for name, places in (("heaves", None), ("line", film_lines.cross)):
         data = film_lines.write(tmp_path / name, hidden, 1, shapes=["round"], places=places)
-        verdicts[name] = diagnose(read_dataset(data)).json()
+        diagnosis = diagnose(read_dataset(data))
+        verdicts[name] = diagnosis.json()
+        if places is not None:
+            diagnosis.save(tmp_path / "out")
     assert verdicts["heaves"]["verdict"] != "named"
     assert verdicts["line"]["verdict"] == "named"
+    page = build_diagnosis_page(tmp_path / "out").read_text(encoding="utf-8")
+    assert "What they leave over the films" in page
     cause = verdicts["line"]["causes"][0]
     assert cause["effect"] == effect
     for parameter, size in zip(cause["parameters"].values(), sizes, strict=True):

@@ -1,0 +1,67 @@
+"""What models leave of readings over the films, on the films' plans."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from tympan.reports import look as style
+
+Columns = Mapping[str, NDArray[Any]]
+
+_TITLE, _PANEL, _GAP, _BAR = 8.0, 46.0, 7.0, 17.0  # heights [mm]
+_LEFT, _RIGHT, _BETWEEN = 24.0, 3.0, 6.0
+_BAR_WIDTH, _BAR_HEIGHT = 60.0, 2.5
+
+#: Colours of what is above, below and at 0; share of residuals within the scale.
+_COLOURS, _SHARE = "RdBu_r", 0.98
+_GREY = "#5a6475"
+
+
+def compose_film_maps(readings: Columns, outlines: Mapping[str, Any]) -> Figure:
+    """Deflections less what each model says: a row a specimen and state, one scale about 0.
+
+    ``outlines``: of each specimen by name the points of "frame" and "plate" [mm], (n, 2).
+    """
+    states = list(dict.fromkeys(zip(*(readings[name].tolist() for name in
+                                      ("specimen", "mass", "voltage")), strict=True)))
+    residuals = [1e6 * (readings["read"] - readings[model]) for model in ("baseline", "extended")]
+    reach = max(float(np.quantile(np.abs(residuals[0]), _SHARE)), 1e-3)
+    figure = style.new_figure(_TITLE + len(states) * (_PANEL + _GAP) + _BAR)
+    width = (style.WIDTH - _LEFT - _RIGHT - _BETWEEN) / 2
+    titles = "nominal model, stiffness and permittivity fitted", "extended model"
+    for row, (name, mass, voltage) in enumerate(states):
+        rows = ((readings["specimen"] == name) & (readings["mass"] == mass)
+                & (readings["voltage"] == voltage))
+        for column, (title, values) in enumerate(zip(titles, residuals, strict=True)):
+            axes = style.place_axes(figure, _LEFT + column * (width + _BETWEEN),
+                                    _TITLE + row * (_PANEL + _GAP), width, _PANEL)
+            _plan(axes, outlines[name])
+            drawn = axes.scatter(1e3 * readings["x"][rows], 1e3 * readings["y"][rows],
+                                 c=values[rows], cmap=_COLOURS, vmin=-reach, vmax=reach, s=11,
+                                 linewidths=0.1, edgecolors=_GREY)
+            axes.set_title(title if row == 0 else "", loc="left", weight="bold")
+            words = f"{name}\n{1e3 * mass:.4g} g, {voltage / 1e3:.3g} kV\ny (mm)"
+            axes.set(ylabel=words if column == 0 else "",
+                     xlabel="x (mm)" if row == len(states) - 1 else "")
+            axes.tick_params(labelbottom=row == len(states) - 1, labelleft=column == 0)
+    top = _TITLE + len(states) * (_PANEL + _GAP)
+    bar = style.place_axes(figure, (style.WIDTH - _BAR_WIDTH) / 2, top + 5.0, _BAR_WIDTH,
+                           _BAR_HEIGHT)
+    figure.colorbar(drawn, cax=bar, orientation="horizontal", extend="both",
+                    label="read − model, each scan's zero taken off (µm)")
+    return figure
+
+
+def _plan(axes: Axes, outlines: Mapping[str, Any]) -> None:
+    """Frame and plate, to scale."""
+    for name in ("frame", "plate"):
+        points = np.array([*outlines[name], outlines[name][0]])
+        axes.plot(*points.T, color=_GREY, linewidth=0.8)
+    axes.set_aspect("equal")
+    axes.margins(0.04)
