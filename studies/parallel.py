@@ -124,10 +124,17 @@ def _alone(function: Callable[[Item], Value], item: Item) -> Value | NoValue:
 def _submitted(pool: ProcessPoolExecutor, function: Callable[[Item], Value], item: Item
                ) -> Future[Value]:
     """An item in a pool; processes started for it leave it to the parent to be ended."""
+    with signals_blocked():
+        return pool.submit(function, item)
+
+
+@contextmanager
+def signals_blocked() -> Iterator[None]:
+    """Processes started meanwhile leave it to the parent to end them."""
     resource_tracker.ensure_running()  # its start would lift the block
     before = signal.pthread_sigmask(signal.SIG_BLOCK, _ENDING)
     try:
-        return pool.submit(function, item)
+        yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
@@ -136,7 +143,7 @@ def _submitted(pool: ProcessPoolExecutor, function: Callable[[Item], Value], ite
 def _pool(workers: int) -> Iterator[ProcessPoolExecutor]:
     """A pool whose processes end with it, whatever ends it."""
     pool = ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn"),
-                               initializer=_begin)
+                               initializer=end_with_parent)
     try:
         yield pool
     finally:
@@ -145,7 +152,7 @@ def _pool(workers: int) -> Iterator[ProcessPoolExecutor]:
         pool.shutdown(wait=True, cancel_futures=True)
 
 
-def _begin() -> None:
+def end_with_parent() -> None:
     """In a new process: do not outlive the parent."""
     def follow(sentinel: int) -> None:
         wait_for([sentinel])

@@ -6,6 +6,7 @@ from tympan.commands import (
     data,
     doctor,
     drawing,
+    explore,
     export,
     lumped,
     lumped_export,
@@ -21,8 +22,8 @@ HEADINGS = {
         transient.transient, transient.response, alpha.alpha, runs.study, runs.sweep,
         runs.optimise, alpha.outlines, alpha.alpha_map),
     "look": (
-        drawing.draw, export.export, runs.report, material.materials, material.material_show,
-        data.effects, doctor.doctor),
+        drawing.draw, explore.explore, export.export, runs.report, material.materials,
+        material.material_show, data.effects, doctor.doctor),
     "data": (data.data, data.diagnose, material.material_fit),
     "lumped": (
         lumped.lumped_build, lumped.lumped_simulate, lumped.lumped_linearise,

@@ -1,0 +1,135 @@
+"""Deflection against voltage as a picture of the page, with readings and what is left of them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tympan.reports.explore.session import FollowedCurve, Readings
+from tympan.reports.figures.curve import VoltageCurve, voltage_curves
+from tympan.reports.scales import AxisScale, round_scale
+from tympan.reports.template import template
+
+Array = NDArray[Any]
+
+_WIDTH, _LEFT, _RIGHT, _TOP, _HIGH, _GAP, _LOW, _BELOW = 560, 52, 14, 22, 230, 30, 80, 38
+
+#: What a limit is called.
+LIMITS = {"tension": "loses tension", "breakdown": "breaks down", "pull_in": "pulls in"}
+
+
+@dataclass(frozen=True)
+class _Panel:
+    """Axes of a picture in its pixels."""
+
+    across: AxisScale
+    up: AxisScale
+    top: float
+    bottom: float
+
+    def place(self, x: float, y: float) -> tuple[float, float]:
+        """Pixels of a point."""
+        right = _WIDTH - _RIGHT
+        along = (x - self.across.low) / (self.across.high - self.across.low)
+        high = (y - self.up.low) / (self.up.high - self.up.low)
+        return (round(_LEFT + along * (right - _LEFT), 1),
+                round(self.bottom - high * (self.bottom - self.top), 1))
+
+    def path(self, x: Array, y: Array) -> str:
+        """A line through points."""
+        return "M" + "L".join(f"{a} {b}" for a, b in map(self.place, x.tolist(), y.tolist()))
+
+    def parts(self, words: str, named: bool, lines: Sequence[Any], points: Sequence[Any]
+              ) -> dict[str, Any]:
+        """What the template draws."""
+        return {
+            "left": _LEFT, "right": _WIDTH - _RIGHT, "top": self.top, "bottom": self.bottom,
+            "words": words, "named": named, "lines": lines, "points": points,
+            "across": [{"at": self.place(tick, self.up.low)[0], "text": self.across.text(tick)}
+                       for tick in self.across.ticks],
+            "up": [{"at": self.place(self.across.low, tick)[1], "text": self.up.text(tick)}
+                   for tick in self.up.ticks]}
+
+
+def drawn_curve(curve: FollowedCurve, here: tuple[float, float] | None) -> str:
+    """The curve as SVG; ``here`` is where the film is, in kV and mm."""
+    line, = voltage_curves(curve.curve)
+    readings = curve.readings
+    across = _scale(line.voltage, () if readings is None else readings.voltage / 1e3,
+                    () if here is None else here[:1])
+    up = _scale(line.deflection, () if readings is None else readings.measured * 1e3,
+                () if here is None else here[1:])
+    panel = _Panel(across, up, _TOP, _TOP + _HIGH)
+    panels = [panel.parts("deflection (mm)", readings is None, list(_lines(panel, line)),
+                          [*_readings(panel, readings), *_limits(panel, line),
+                           *([] if here is None else [_point(panel, *here, "here", 5)])])]
+    height = panel.bottom + _BELOW
+    if readings is not None:
+        panels.append(_residuals(across, readings, height - _BELOW + _GAP))
+        height += _GAP + _LOW
+    return template("reports/explore/curve.html").render(
+        width=_WIDTH, height=height, panels=panels, title=_title(line, readings))
+
+
+def _scale(*values: Any) -> AxisScale:
+    every = np.concatenate([np.asarray(part, float) for part in values])
+    every = every[np.isfinite(every)]
+    return round_scale(min(0.0, every.min(initial=0.0)), every.max(initial=0.0) or 1.0)
+
+
+def _lines(panel: _Panel, line: VoltageCurve) -> Iterator[dict[str, str]]:
+    """The curve; dotted where it is that of a film kept from wrinkling."""
+    if len(line.voltage) < 2:
+        return
+    x, y = line.line
+    tension = line.limits.tension
+    if line.limits.thins and tension is not None:
+        kept = x >= tension.voltage_V / 1e3 - 1e-9
+        kept |= np.maximum.accumulate(kept)
+        if (~kept).sum() > 1:
+            yield {"kind": "line", "path": panel.path(x[~kept], y[~kept])}
+        yield {"kind": "line kept", "path": panel.path(x[kept], y[kept])}
+    else:
+        yield {"kind": "line", "path": panel.path(x, y)}
+
+
+def _limits(panel: _Panel, line: VoltageCurve) -> Iterator[dict[str, Any]]:
+    limits = line.limits
+    for limit in (limits.tension, limits.breakdown, limits.pull_in):
+        if limit is not None and len(line.voltage):
+            nearest = int(np.argmin(np.abs(line.voltage - limit.voltage_V / 1e3)))
+            yield _point(panel, limit.voltage_V / 1e3, float(line.deflection[nearest]), "mark", 4,
+                         LIMITS[limit.kind])
+
+
+def _readings(panel: _Panel, readings: Readings | None) -> Iterator[dict[str, Any]]:
+    if readings is not None:
+        for voltage, measured in zip(readings.voltage, readings.measured, strict=True):
+            yield _point(panel, float(voltage) / 1e3, float(measured) * 1e3, "reading", 2.5)
+
+
+def _residuals(across: AxisScale, readings: Readings, top: float) -> dict[str, Any]:
+    """Measured minus simulated at every reading that has both."""
+    there = np.isfinite(readings.residual)
+    voltage, residual = readings.voltage[there] / 1e3, readings.residual[there] * 1e6
+    most = float(np.abs(residual).max(initial=0.0)) or 1.0
+    panel = _Panel(across, round_scale(-most, most, 3), top, top + _LOW)
+    lines = [{"kind": "axis", "path": panel.path(np.array([across.low, across.high]), np.zeros(2))}]
+    points = [_point(panel, float(x), float(y), "reading", 2.5)
+              for x, y in zip(voltage, residual, strict=True)]
+    return panel.parts("measured − simulated (µm)", True, lines, points)
+
+
+def _point(panel: _Panel, x: float, y: float, kind: str, r: float, word: str = ""
+           ) -> dict[str, Any]:
+    across, down = panel.place(x, y)
+    return {"kind": kind, "x": across, "y": down, "r": r, "word": word}
+
+
+def _title(line: VoltageCurve, readings: Readings | None) -> str:
+    words = f"deflection against voltage under {line.mass:g} g: {line.end}"
+    return words if readings is None else f"{words}; with {len(readings.voltage)} readings"

@@ -1,0 +1,159 @@
+"""A process that answers the newest question; what nobody asks any more is dropped."""
+
+from __future__ import annotations
+
+import asyncio
+import multiprocessing
+import signal
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from multiprocessing import forkserver
+from multiprocessing.connection import Connection
+from multiprocessing.context import ForkServerContext
+from multiprocessing.process import BaseProcess
+from typing import Any, TypeAlias
+
+from tympan.geometry.errors import InputError
+from tympan.studies.parallel import end_with_parent, signals_blocked
+
+#: Answers a question, in several parts where some come sooner.
+Answer: TypeAlias = Callable[[Any], Iterator[Any]]
+
+#: What processes hold when they start: to import it takes longer than to start one.
+_PRELOADED = ["cadquery", "gmsh", "tympan.reports.explore.session"]
+
+
+@dataclass(frozen=True)
+class Trouble:
+    """Why a question has no answer."""
+
+    words: str
+
+
+def prepared() -> ForkServerContext:
+    """The context that processes start from; the first call starts what they are forked of."""
+    context = multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload(_PRELOADED)
+    with signals_blocked():
+        forkserver.ensure_running()
+    return context
+
+
+class Latest:
+    """Answers of a process, each to the newest question there was when the last one was done.
+
+    ``make`` is called once in the process and makes what answers there. ``deliver`` gets each part
+    of an answer in this thread's event loop, and whether its question is the newest. A question
+    that is not the newest any more is given up after ``patience`` [s], and its process with it.
+    """
+
+    def __init__(self, make: Callable[[], Answer], deliver: Callable[[Any, bool], None],
+                 patience: float) -> None:
+        self._make, self._deliver, self._patience = make, deliver, patience
+        self._loop = asyncio.get_running_loop()
+        self._number = 0
+        self._waiting: tuple[int, Any] | None = None
+        self._running: int | None = None
+        self._process: BaseProcess | None = None
+        self._pipe: Connection | None = None
+
+    @property
+    def busy(self) -> bool:
+        """Whether an answer is to come."""
+        return self._running is not None
+
+    def ask(self, question: Any) -> None:
+        """Ask the newest question."""
+        self._number += 1
+        self._waiting = self._number, question
+        if self._running is None:
+            self._send()
+        else:
+            self._loop.call_later(self._patience, self._give_up, self._running)
+
+    def drop(self) -> None:
+        """Give up whatever was asked."""
+        self._waiting = None
+        self._number += 1
+        self._give_up(self._running)
+
+    def close(self) -> None:
+        """End the process."""
+        self._waiting = self._running = None
+        if self._pipe is not None:
+            self._loop.remove_reader(self._pipe.fileno())
+            self._pipe.close()
+        if self._process is not None:
+            self._process.kill()
+            self._process.join()
+            self._process.close()
+        self._pipe = self._process = None
+
+    def _send(self) -> None:
+        if self._waiting is None:
+            return
+        if self._pipe is None:
+            self._start()
+        assert self._pipe is not None
+        self._running = self._waiting[0]
+        self._pipe.send(self._waiting)
+        self._waiting = None
+
+    def _start(self) -> None:
+        context = prepared()
+        self._pipe, other = context.Pipe()
+        self._process = context.Process(target=_work, args=(self._make, other), daemon=True)
+        with signals_blocked():
+            self._process.start()
+        other.close()
+        self._loop.add_reader(self._pipe.fileno(), self._received)
+
+    def _give_up(self, number: int | None) -> None:
+        if number is not None and number == self._running and number != self._number:
+            self._restart()
+
+    def _restart(self) -> None:
+        waiting = self._waiting
+        self.close()
+        self._waiting = waiting
+        self._send()
+
+    def _received(self) -> None:
+        assert self._pipe is not None
+        number = self._running or 0
+        try:
+            number, part, done = self._pipe.recv()
+        except (EOFError, OSError):
+            self._restart()
+            self._deliver(Trouble("the process that solves ended: is there enough memory?"),
+                          number == self._number)
+            return
+        if done:
+            self._running = None
+            self._send()
+        else:
+            self._deliver(part, number == self._number)
+
+
+def _work(make: Callable[[], Answer], pipe: Connection) -> None:
+    """What the process does: it ends with its parent, whom alone signals are for."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    end_with_parent()
+    answer = make()
+    while True:
+        try:
+            number, question = pipe.recv()
+        except EOFError:
+            return
+        for part in _parts(answer, question):
+            pipe.send((number, part, False))
+        pipe.send((number, None, True))
+
+
+def _parts(answer: Answer, question: Any) -> Iterator[Any]:
+    try:
+        yield from answer(question)
+    except InputError as error:
+        yield Trouble(str(InputError(error.allowed, key=error.key, given=error.given)))
+    except Exception as error:  # the page must go on whatever a solver meets
+        yield Trouble(f"{type(error).__name__}: {error}")

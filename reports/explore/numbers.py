@@ -1,0 +1,72 @@
+"""The numbers of the page, in the units of the bench."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from tympan.reports.explore.curve import LIMITS
+from tympan.reports.explore.session import CircleWeights, FollowedCurve, Scene
+from tympan.reports.template import digits
+
+#: What of a result is shown: key, words, unit, how many make the SI unit.
+SHOWN = (
+    ("deflection_m", "deflection", "mm", 1e3), ("reading_m", "sensor reads", "mm", 1e3),
+    ("reaction_N", "force of the film", "mN", 1e3), ("tilt_rad", "tilt of the plate", "mrad", 1e3),
+    ("capacitance_F", "capacitance", "nF", 1e9),
+    ("max_true_stress_Pa", "largest stress", "kPa", 1e-3),
+    ("max_stretch", "largest stretch", "", 1),
+    ("max_field_V_per_m", "largest field", "MV/m", 1e-6),
+    ("breakdown_margin", "margin to breakdown", "", 1),
+    ("slack_area_m2", "film without tension", "mm²", 1e6))
+
+_DIGITS = 5
+
+
+def result_rows(scene: Scene) -> list[dict[str, str]]:
+    """Numbers of an equilibrium."""
+    rows = []
+    for key, words, unit, factor in SHOWN:
+        value = getattr(scene.result, key)
+        if value is not None and not (key == "reading_m" and value == scene.result.deflection_m):
+            rows.append(_row(key, words, f"{digits(factor * value, _DIGITS)} {unit}"))
+    return rows
+
+
+def limit_rows(curve: FollowedCurve | None, weights: CircleWeights | None) -> list[dict[str, str]]:
+    """Limits of the curve, what is left of readings, and α of the circles."""
+    return [*_limits(curve), *_weights(weights)]
+
+
+def loads_of(scene: Scene) -> str:
+    """Under what the numbers are."""
+    view = scene.view
+    return f"at {view.voltage / 1e3:.6g} kV under {view.mass * 1e3:.6g} g"
+
+
+def _limits(curve: FollowedCurve | None) -> Iterator[dict[str, str]]:
+    if curve is None:
+        return
+    limits = curve.curve.curves[0].limits
+    for kind, words in LIMITS.items():
+        limit = getattr(limits, kind)
+        text = "not reached" if limit is None else f"{digits(limit.voltage_V / 1e3, 4)} kV"
+        yield _row(kind, words, text)
+    if curve.readings is not None:
+        yield _row("rms", "rms of measured − simulated",
+                   f"{digits(1e6 * curve.readings.rms)} µm")
+
+
+def _weights(weights: CircleWeights | None) -> Iterator[dict[str, str]]:
+    if weights is None:
+        return
+    if weights.reason:
+        yield _row("alpha", "α of circles", weights.reason)
+    for number, (radius, weight) in enumerate(zip(weights.radii, weights.weights, strict=True)):
+        yield _row(f"alpha-{number + 1}", f"α{'₁₂₃₄₅₆₇₈₉'[number % 9]}, circle of "
+                                          f"{digits(1e3 * radius)} mm", digits(weight))
+
+
+def _row(key: str, name: str, text: str) -> dict[str, str]:
+    return {"key": key, "name": name, "text": text.strip()}
+
+

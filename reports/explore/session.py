@@ -1,0 +1,263 @@
+"""From a view to a scene: solved on the mesh at hand, from the equilibrium at hand where it may."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tympan.fem.equilibrium.newton import Solution
+from tympan.fem.equilibrium.ramp import Outcome, equilibrium
+from tympan.fem.membrane.model import Model
+from tympan.fem.membrane.state import State
+from tympan.fem.rig import DIRECTIONS, Rig
+from tympan.geometry.errors import InputError
+from tympan.geometry.specimen import Specimen
+from tympan.reports.explore.view import FilmView
+from tympan.studies.alpha import AlphaSettings, alpha
+from tympan.studies.case import Case, CaseResult, Settings, build_model, summaries
+from tympan.studies.columns import Sheet
+from tympan.studies.film_surface import FilmSurface, film_surface
+from tympan.studies.limits import CurveResult, curve
+
+Array = NDArray[Any]
+
+#: Every element of a film is drawn as so many triangles, squared.
+_PARTS = 3
+#: Points on the edges of frame and plate.
+_EDGE = 240
+#: Hatched lines across a film.
+_HATCHES = 60
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """A film as it is drawn, [m], z upwards, and its numbers.
+
+    ``film`` is None where there is no equilibrium: ``result.warnings`` say why. ``frame`` and
+    ``plate`` are closed edges, shape (n, 3); ``hatches`` lines on film without tension, shape (n,
+    2, 3).
+    """
+
+    view: FilmView
+    result: CaseResult
+    film: FilmSurface | None = None
+    frame: Array = field(default_factory=lambda: np.empty((0, 3)))
+    plate: Array = field(default_factory=lambda: np.empty((0, 3)))
+    hatches: Array = field(default_factory=lambda: np.empty((0, 2, 3)))
+
+
+class Session:
+    """Solves views; a mesh serves as long as the outlines are the same.
+
+    An equilibrium is the start of the next one where only mass or voltage differ. Where that does
+    not lead to one, the film is loaded anew, as ``tympan solve`` does.
+    """
+
+    def __init__(self, settings: Settings = Settings()) -> None:
+        self.settings = settings
+        self._outlines: object = None
+        self._model: Model | None = None
+        self._start: tuple[Specimen, Rig, Solution] | None = None
+
+    def scene(self, view: FilmView) -> Scene:
+        """The film of a view.
+
+        Raises
+        ------
+        InputError
+            When it cannot be meshed.
+        """
+        case = view.case
+        model = self._meshed(case)
+        outcome = self._equilibrium(model, case)
+        (result, _), = summaries(model, [(case, outcome)])
+        if outcome.status != "equilibrium":
+            return Scene(view, result)
+        return drawn(view, result, model, outcome.state)
+
+    def _meshed(self, case: Case) -> Model:
+        specimen, loading = case.specimen, case.rig.loading
+        outlines = specimen.frame, specimen.plate, specimen.electrode, loading
+        if self._model is None or outlines != self._outlines:
+            self._model, self._outlines = None, None  # not half of it where meshing fails
+            self._model = build_model(specimen, self.settings, loading)
+            self._outlines = outlines
+        if self._model.specimen != specimen:
+            self._model = replace(self._model, specimen=specimen)
+        return self._model
+
+    def _equilibrium(self, model: Model, case: Case) -> Outcome:
+        loads = (case.force(model.plate_area), case.film_voltage, case.rig.gas_pressure)
+        outcome = None
+        if self._start is not None and self._start[:2] == (case.specimen, case.rig):
+            outcome = equilibrium(model, *loads, self._start[2], self.settings.path)
+        if outcome is None or outcome.status != "equilibrium":
+            outcome = equilibrium(model, *loads, settings=self.settings.path)
+        self._start = ((case.specimen, case.rig, outcome.solution)
+                       if outcome.status == "equilibrium" else None)
+        return outcome
+
+
+def drawn(view: FilmView, result: CaseResult, model: Model, state: State) -> Scene:
+    """The scene of an equilibrium."""
+    film = film_surface(model, state, _PARTS)
+    specimen = view.specimen
+    flat = specimen.plate.points(_EDGE)
+    arms = np.vstack([flat, np.zeros(_EDGE)]).T - model.centre
+    frame = np.vstack([specimen.frame.points(_EDGE), np.zeros(_EDGE)]).T
+    plate = state.plate.positions(model.centre, arms)
+    hatches = hatched(film, 2 * max(specimen.frame.semi_axes) / _HATCHES)
+    upwards = np.array([1.0, 1.0, -1.0])
+    return Scene(view, result, replace(film, points=film.points * upwards), frame * upwards,
+                 plate * upwards, hatches * upwards)
+
+
+def hatched(film: FilmSurface, spacing: float) -> Array:
+    """Parallel lines ``spacing`` [m] apart on triangles without tension, shape (n, 2, 3) [m]."""
+    loose = (film.values["tension"] > 0)[film.triangles].all(axis=1)
+    corners = film.triangles[loose]
+    along = film.mounted[corners][..., :2].sum(axis=-1) / (np.sqrt(2) * spacing)
+    count = np.floor(along.max(axis=1)).astype(int) - np.floor(along.min(axis=1)).astype(int)
+    triangle = np.repeat(np.arange(len(corners)), count)
+    first = np.repeat(np.cumsum(count) - count, count)
+    level = np.floor(along.min(axis=1))[triangle] + 1 + np.arange(len(triangle)) - first
+    return _cuts(film.points[corners[triangle]], along[triangle], level)
+
+
+def _cuts(corners: Array, values: Array, level: Array) -> Array:
+    """Where a level crosses triangles, corners (n, 3, 3), values (n, 3): shape (n, 2, 3)."""
+    ends = np.full((len(level), 3, 3), np.nan)
+    for side, (start, end) in enumerate(((0, 1), (1, 2), (2, 0))):
+        low, high = values[:, start], values[:, end]
+        crossed = (low < level) != (high < level)
+        share = np.divide(level - low, high - low, where=crossed, out=np.zeros_like(level))
+        cut = corners[:, start] + share[:, None] * (corners[:, end] - corners[:, start])
+        ends[crossed, side] = cut[crossed]
+    order = np.argsort(np.isnan(ends[:, :, 0]), axis=1, kind="stable")[:, :2]
+    return np.asarray(np.take_along_axis(ends, order[:, :, None], axis=1))
+
+
+@dataclass(frozen=True, eq=False)
+class Readings:
+    """What was measured on a specimen under a mass, in SI, and what the simulation reads there.
+
+    ``simulated`` is NaN where the film has no equilibrium.
+    """
+
+    voltage: Array
+    measured: Array
+    simulated: Array
+
+    @property
+    def residual(self) -> Array:
+        """Measured minus simulated [m]."""
+        return np.asarray(self.measured - self.simulated)
+
+    @property
+    def rms(self) -> float:
+        """Root mean square of the residuals that there are [m], NaN of none."""
+        residual = self.residual[np.isfinite(self.residual)]
+        return float(np.sqrt((residual**2).mean())) if len(residual) else np.nan
+
+
+@dataclass(frozen=True)
+class Question:
+    """What a curve is asked for: its view, whose voltage is nothing to it, and readings to meet."""
+
+    view: FilmView
+    static: Sheet | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class FollowedCurve:
+    """The curve of a view and the readings under its mass, if any."""
+
+    view: FilmView
+    curve: CurveResult
+    readings: Readings | None = None
+
+
+@dataclass(frozen=True)
+class CircleWeights:
+    """The circles that stand for a specimen, or why there are none."""
+
+    radii: tuple[float, ...] = ()
+    weights: tuple[float, ...] = ()
+    reason: str = ""
+
+
+def followed(question: Question, settings: Settings = Settings()
+             ) -> Iterator[FollowedCurve | CircleWeights]:
+    """The curve to the film's limits, with readings; then the weights of its circles."""
+    view = question.view
+    specimen = view.actuator
+    along = curve(specimen, [view.mass], settings, view.rig)
+    readings = None
+    if question.static is not None:
+        end = along.curves[0].limits.end
+        readings = compared(view, question.static, settings,
+                            np.inf if end is None else end.voltage_V)
+    yield FollowedCurve(view, along, readings)
+    yield weights_of(specimen, view.rig, settings)
+
+
+def weights_of(specimen: Specimen, rig: Rig, settings: Settings) -> CircleWeights:
+    """α of a specimen."""
+    try:
+        numbers = alpha(specimen, settings, AlphaSettings(), rig)
+    except InputError as error:
+        return CircleWeights(reason=error.allowed)
+    return CircleWeights(tuple(numbers.circles), tuple(numbers.by_basis["membrane"].alpha))
+
+
+def compared(view: FilmView, static: Sheet, settings: Settings, highest: float) -> Readings | None:
+    """Readings of a view's specimen under its mass, beside the simulation's; None if none."""
+    rows = np.flatnonzero((static.specimen == view.specimen.name)
+                          & np.isclose(static.mass, view.mass, rtol=1e-6))
+    if not len(rows):
+        return None
+    rows = rows[np.argsort(static.voltage[rows], kind="stable")]
+    model = build_model(view.actuator, settings, view.rig.loading)
+    simulated = np.full(len(rows), np.nan)
+    solved: dict[tuple[float, float], Outcome] = {}
+    start = None
+    for number, row in enumerate(rows):
+        case = replace(view.case, voltage=float(static.voltage[row]),
+                       direction=DIRECTIONS[str(static.direction[row])],
+                       elapsed=float(np.nan_to_num(static.elapsed[row])))
+        if case.voltage > highest:
+            continue
+        key = case.voltage, case.direction
+        if key not in solved:
+            solved[key] = equilibrium(model, case.force(model.plate_area), case.film_voltage,
+                                      case.rig.gas_pressure, start, settings.path)
+        outcome = solved[key]
+        if outcome.status == "equilibrium":
+            start = outcome.solution
+            simulated[number] = case.rig.reading(outcome.state.plate.deflection, case.elapsed)
+    return Readings(static.voltage[rows], static.displacement[rows], simulated)
+
+
+def colours_of(film: FilmSurface) -> Mapping[str, Array]:
+    """What a film may be coloured by, in the unit of its name in :data:`COLOURINGS`."""
+    share = film.values["breakdown_share"]
+    margin = np.divide(1.0, share, where=share > 0, out=np.full(len(share), np.inf))
+    return {"stress": film.values["stress_1"] / 1e3,
+            "field": film.values["electric_field"] / 1e6,
+            "margin": np.minimum(margin, MOST_MARGIN),
+            "thickness": film.values["thickness"] * 1e6}
+
+
+#: Margins above it have one colour.
+MOST_MARGIN = 10.0
+
+#: What a film may be coloured by: words for the choice, and for the scale.
+COLOURINGS = {"stress": ("largest stress", "largest principal true stress (kPa)"),
+              "field": ("electric field", "electric field (MV/m)"),
+              "margin": ("breakdown margin",
+                         f"strength over field, to {MOST_MARGIN:g}: at 1 the film breaks down"),
+              "thickness": ("thickness", "thickness (µm)")}

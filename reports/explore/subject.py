@@ -1,0 +1,77 @@
+"""What is explored: a specimen, or those of a dataset with its readings, or those of a folder."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from tympan.fem.film.library import load_specimen
+from tympan.fem.rig import Rig
+from tympan.geometry.errors import InputError
+from tympan.geometry.specimen import Specimen
+from tympan.reports.explore.view import FilmView
+from tympan.studies.columns import Sheet
+from tympan.studies.data.dataset import read_dataset
+
+_RIG = "rig.toml"
+
+
+@dataclass(frozen=True, eq=False)
+class Subject:
+    """Specimens on a rig with the readings of them, if any.
+
+    ``files`` are those of specimens that have one, by name, and ``rig_file`` is the rig's.
+    """
+
+    name: str
+    specimens: tuple[Specimen, ...]
+    rig: Rig
+    static: Sheet | None = None
+    files: tuple[str, ...] = ()
+    rig_file: str = ""
+
+    def masses(self, number: int) -> list[float]:
+        """Masses [kg] under which a specimen was measured, the one with most readings first."""
+        if self.static is None:
+            return []
+        mass = self.static.mass[self.static.specimen == self.specimens[number].name]
+        values, counts = np.unique(mass, return_counts=True)
+        return [float(value) for value in values[np.argsort(-counts, kind="stable")]]
+
+    def view(self, number: int, mass: float | None = None) -> FilmView:
+        """Where one begins with a specimen: without voltage, under a mass that suits it."""
+        masses = self.masses(number)
+        mass = mass if mass is not None else masses[0] if masses else 20e-3
+        return FilmView(self.specimens[number], self.rig, mass)
+
+
+def read_subject(path: Path, rig: Path | None = None) -> Subject:
+    """A specimen's file, a dataset's folder, or a folder of specimens with, perhaps, a rig.toml.
+
+    A ``rig`` that is given is taken for that of the folder.
+    """
+    if not path.is_dir():
+        specimen = load_specimen(path)
+        return Subject(specimen.name, (specimen,), Rig() if rig is None else Rig.read(rig),
+                       files=(str(path),), rig_file="" if rig is None else str(rig))
+    subject = _dataset(path) if (path / "dataset.toml").exists() else _folder(path)
+    return subject if rig is None else replace(subject, rig=Rig.read(rig), rig_file=str(rig))
+
+
+def _dataset(folder: Path) -> Subject:
+    dataset = read_dataset(folder)
+    return Subject(dataset.name, dataset.specimens, dataset.rig, dataset.static)
+
+
+def _folder(folder: Path) -> Subject:
+    extended = folder / "extended"  # what a diagnosis leaves
+    folder = extended if extended.is_dir() else folder
+    files = sorted(file for file in folder.glob("*.toml") if file.name != _RIG)
+    if not files:
+        raise InputError("must hold dataset.toml or specimens (.toml)", file=folder)
+    specimens = tuple(map(load_specimen, files))
+    rig = folder / _RIG
+    return Subject(folder.resolve().name, specimens, Rig.read(rig) if rig.exists() else Rig(),
+                   files=tuple(map(str, files)), rig_file=str(rig) if rig.exists() else "")

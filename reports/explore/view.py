@@ -1,0 +1,287 @@
+"""What the page shows of a film at one moment, and the controls that change it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, fields, is_dataclass, replace
+from functools import lru_cache
+from pprint import pformat
+from typing import Any
+
+from tympan.fem.film.laws.stiffened import scaled
+from tympan.fem.film.library import load_specimen
+from tympan.fem.rig import Rig, checked_load
+from tympan.fem.toml_writer import specimen_content
+from tympan.geometry.errors import InputError
+from tympan.geometry.fields import Field, field_at
+from tympan.geometry.paths import at, numbers
+from tympan.geometry.specimen import Specimen
+from tympan.geometry.toml_reader import Table
+from tympan.geometry.units import quantity, quantity_text
+from tympan.studies.case import Case
+
+#: Units of the controls, by dimension, and how many of them make the SI unit.
+_UNITS = {"": ("", 1.0), "length": ("mm", 1e3), "mass": ("g", 1e3), "voltage": ("kV", 1e-3),
+          "angle": ("deg", 180 / 3.141592653589793)}
+
+#: An outline of more numbers is changed in its file.
+_MOST_NUMBERS = 8
+
+#: How far the sliders of sizes and factors go, relative to where they begin.
+_LEAST, _MOST = 0.5, 2.0
+
+#: How far the sliders of mass and voltage go where nothing else says so [kg], [V].
+_MASS, _VOLTAGE = 50e-3, 10e3
+
+#: Keys of a view that are none of its specimen.
+_LOADS = ("mass", "voltage", "stiffness")
+
+#: Positions of a slider from end to end, about.
+_POSITIONS = 400
+
+_NUMBER = re.compile(r"\s*[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?\s*", re.ASCII)
+
+
+@dataclass(frozen=True)
+class FilmView:
+    """A specimen on its rig under a mass [kg] and a voltage [V].
+
+    ``stiffness`` is a factor on all stresses of its material's law.
+    """
+
+    specimen: Specimen
+    rig: Rig = Rig()
+    mass: float = 0.0
+    voltage: float = 0.0
+    stiffness: float = 1.0
+
+    @property
+    def actuator(self) -> Specimen:
+        """The specimen with its factor."""
+        return _actuator(self.specimen, self.stiffness)
+
+    @property
+    def case(self) -> Case:
+        """What is solved."""
+        return Case(self.actuator, mass=self.mass, voltage=self.voltage, rig=self.rig)
+
+
+@lru_cache(maxsize=8)
+def _actuator(specimen: Specimen, factor: float) -> Specimen:
+    if factor == 1:
+        return specimen
+    film = specimen.membrane
+    return replace(specimen, membrane=replace(film, material=scaled(film.material, factor)))
+
+
+@dataclass(frozen=True)
+class Control:
+    """A slider and a number field for a value of a view.
+
+    ``key`` names the value; ``low``, ``high`` and ``step`` are the slider's, in its ``unit``, of
+    which ``factor`` make the SI unit; the field takes other values too.
+    """
+
+    key: str
+    label: str
+    dimension: str
+    low: float
+    high: float
+    step: float
+
+    @property
+    def unit(self) -> str:
+        """What stands behind the number."""
+        return _UNITS[self.dimension][0]
+
+    @property
+    def factor(self) -> float:
+        """How many of its units make the SI unit."""
+        return _UNITS[self.dimension][1]
+
+    def value(self, view: FilmView) -> float:
+        """Where a view has it, in its unit."""
+        return self.factor * value_of(view, self.key)
+
+    def position(self, view: FilmView) -> float:
+        """Where its slider stands."""
+        value = min(max(self.value(view), self.low), self.high)
+        return _on(value - self.low, self.step, self.low)
+
+    def text(self, view: FilmView) -> str:
+        """The number that stands in the field."""
+        return f"{self.value(view):.6g}"
+
+    def parsed(self, text: str) -> float:
+        """The SI value of a number in the field's unit, or of a quantity with its own.
+
+        Raises
+        ------
+        InputError
+            When it is neither, naming the key.
+        """
+        if _NUMBER.fullmatch(text):
+            return float(text) / self.factor
+        if not self.dimension:
+            raise InputError("must be a number", key=self.key, given=text)
+        try:
+            return quantity(text, self.dimension)
+        except InputError as error:
+            raise error.located(key=self.key) from None
+
+
+def value_of(view: FilmView, key: str) -> float:
+    """The value that a control of this key has in a view, in SI."""
+    if key in _LOADS:
+        return float(getattr(view, key))
+    return float(at(view.specimen, key.split(".")))
+
+
+def changed(view: FilmView, key: str, value: float) -> FilmView:
+    """A view with another value [SI].
+
+    Raises
+    ------
+    InputError
+        When such a film cannot be: as reading it from a file would say.
+    """
+    if key not in _LOADS:
+        specimen = _with_number(view.specimen, key.split("."), value)
+        return replace(view, specimen=checked_specimen(specimen))
+    if key == "stiffness":
+        if not 0.01 <= value <= 100:
+            raise InputError("must be from 0.01 to 100", key=key, given=f"{value:g}")
+        return replace(view, stiffness=value)
+    if key == "mass":
+        checked_load(value, 0.0)
+        return replace(view, mass=value)
+    checked_load(0.0, value)
+    return replace(view, voltage=value)
+
+
+def _with_number(value: Any, path: list[str], number: float) -> Any:
+    """A copy with a number at a path; :func:`with_change` would round it."""
+    if not path:
+        return number
+    name, rest = path[0], path[1:]
+    if isinstance(value, tuple):
+        return tuple(_with_number(item, rest, number) if str(index) == name else item
+                     for index, item in enumerate(value))
+    return replace(value, **{name: _with_number(getattr(value, name), rest, number)})
+
+
+def checked_specimen(specimen: Specimen) -> Specimen:
+    """The specimen as its own file reads, where all limits of its keys are looked at."""
+    return load_specimen(Table("", specimen_content(specimen)))
+
+
+def controls(view: FilmView, most_voltage: float = _VOLTAGE, most_mass: float = 0.0
+             ) -> tuple[Control, ...]:
+    """The controls of a film, about where it is; ``most_...`` [SI] end the sliders of its loads."""
+    reach = 1.0 if most_voltage <= 0 else most_voltage
+    loads = (_control("voltage", "voltage", "voltage", 0.0, reach),
+             _control("mass", "mass", "mass", 0.0, max(2 * view.mass, most_mass) or _MASS))
+    sizes = [_of_number(view, path) for path in _paths(view.specimen)]
+    factor = _control("stiffness", "stiffness factor", "", _LEAST, _MOST)
+    return (*loads, *sizes[:2], factor, *sizes[2:])
+
+
+def _paths(specimen: Specimen) -> Iterator[str]:
+    """Paths of the numbers that have controls: film, frame, plate."""
+    yield "membrane.prestretch.0"
+    yield "membrane.prestretch.1"
+    yield "membrane.relative_permittivity"
+    yield "membrane.thickness"
+    for part in ("frame", "plate.outline"):
+        inner = numbers(at(specimen, part.split(".")), part)
+        if len(inner) <= _MOST_NUMBERS:
+            yield from inner
+    yield "plate.offset.0"
+    yield "plate.offset.1"
+
+
+def _of_number(view: FilmView, path: str) -> Control:
+    keys = tuple(path.split("."))
+    field, value = field_at(view.specimen, keys), value_of(view, path)
+    dimension = field.says.dimension if field is not None else ""
+    low, high = _LEAST * value, _MOST * value
+    if keys[-2] == "offset":
+        high = max(abs(value), 0.5 * view.specimen.gap)
+        low = -high
+    elif "prestretch" in keys:
+        low, high = 1.0, max(6.0, value)
+    elif value == 0:
+        low, high = (-180 / 57.3, 180 / 57.3) if dimension == "angle" else (0.0, 1.0)
+    return _control(path, _label(keys, field), dimension, min(low, high), max(low, high))
+
+
+def _control(key: str, label: str, dimension: str, low: float, high: float) -> Control:
+    """A control from ``low`` to ``high`` [SI], in round steps."""
+    factor = _UNITS[dimension][1]
+    low, high = factor * low, factor * high
+    step = _round((high - low) / _POSITIONS)
+    return Control(key, label, dimension, _on(low, step), _on(high, step), step)
+
+
+def _round(step: float) -> float:
+    """The largest of 1, 2 and 5 times a power of ten that is not above."""
+    power = 10.0 ** (len(f"{int(step)}") - 1)
+    while power > step:
+        power /= 10
+    return float(f"{max(size * power for size in (1, 2, 5) if size * power <= step):.0e}")
+
+
+def _on(value: float, step: float, start: float = 0.0) -> float:
+    """The nearest multiple of a step, as a browser has it."""
+    return float(f"{start + round(value / step) * step:.12g}")
+
+
+def _label(keys: tuple[str, ...], field: Field | None) -> str:
+    """What a control is called: the part, the key, and the axis of a pair."""
+    part = {"membrane": "film"}.get(keys[0], keys[0])
+    name = (field.key if field is not None else keys[-1]).replace("_", " ")
+    pair = field is not None and field.count == 2
+    axis = f" {'xy'[int(keys[-1])]}" if pair else f" {int(keys[-1]) + 1}" if (
+        keys[-1].isdecimal()) else ""
+    plain = name in ("prestretch", "relative permittivity")
+    return f"{name}{axis}" if plain else f"{part}: {name}{axis}"
+
+
+def command_of(view: FilmView, file: str, rig_file: str = "") -> str:
+    """The command that solves a view whose specimen and rig are in files."""
+    rig = f" --rig {rig_file}" if rig_file else ""
+    return (f'tympan solve {file} --mass "{quantity_text(view.mass, "mass")}" '
+            f'--voltage "{quantity_text(view.voltage, "voltage")}"{rig}')
+
+
+def python_of(view: FilmView) -> str:
+    """A script that solves a view, with all that it holds."""
+    specimen = view.actuator
+    kinds = {kind for part in (specimen, view.rig) for kind in _kinds(part)}
+    imports = sorted(_import(kind) for kind in kinds)
+    rig = "" if view.rig == Rig() else ", rig=rig"
+    lines = ["from math import inf", *imports, "", "import tympan", "",
+             f"specimen = {pformat(specimen, width=88, indent=4)}"]
+    if rig:
+        lines += ["", f"rig = {pformat(view.rig, width=88, indent=4)}"]
+    lines += ["", f"result = tympan.solve(specimen, mass={view.mass!r}, "
+                  f"voltage={view.voltage!r}{rig})",
+              "print(result.status, result.deflection_m)", ""]
+    return "\n".join(lines)
+
+
+def _kinds(value: Any) -> Iterator[type]:
+    """Classes of all dataclasses within one."""
+    if isinstance(value, tuple):
+        for item in value:
+            yield from _kinds(item)
+    elif is_dataclass(value) and not isinstance(value, type):
+        yield type(value)
+        for item in fields(value):
+            yield from _kinds(getattr(value, item.name))
+
+
+def _import(kind: type) -> str:
+    return f"from {kind.__module__} import {kind.__qualname__}"
+

@@ -1,0 +1,381 @@
+"""The explorer without a browser: views, what is solved of them, and what is written of them."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import resource
+import time
+import tomllib
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.support.datasets import write_dataset
+from tests.support.moves import random_views
+from tests.support.specimens import circular, elliptical, skewed, specimen_toml
+from tympan.fem.film.library import load_specimen
+from tympan.fem.rig import Rig
+from tympan.fem.toml_writer import specimen_to_toml
+from tympan.geometry.errors import InputError
+from tympan.geometry.outlines import Circle, Polygon
+from tympan.geometry.specimen import Electrode, Plate, Specimen
+from tympan.geometry.toml_reader import Table
+from tympan.reports.explore import latest, picture
+from tympan.reports.explore.curve import drawn_curve
+from tympan.reports.explore.latest import Latest, Trouble
+from tympan.reports.explore.numbers import limit_rows, result_rows
+from tympan.reports.explore.session import (
+    MOST_MARGIN,
+    CircleWeights,
+    FollowedCurve,
+    Question,
+    Scene,
+    Session,
+    colours_of,
+    followed,
+    hatched,
+)
+from tympan.reports.explore.subject import read_subject
+from tympan.reports.explore.view import (
+    FilmView,
+    changed,
+    command_of,
+    controls,
+    python_of,
+    value_of,
+)
+from tympan.studies.case import Settings, solve
+from tympan.studies.film_surface import FilmSurface
+
+SETTINGS = Settings()
+
+
+def vhb_oval() -> Specimen:
+    """An oval of the library's film, which has a strength."""
+    return load_specimen(Table("oval.toml", tomllib.loads(specimen_toml())))
+
+
+START = FilmView(skewed(), mass=0.02, voltage=2000.0)
+OVAL = FilmView(elliptical(60e-3), mass=0.0179, voltage=2000.0)
+
+
+def same_as_solved(scene: Scene) -> None:
+    """A scene's numbers are those of ``tympan solve``; where that finds none, neither has it."""
+    expected = solve(scene.view.case, SETTINGS)
+    assert (scene.result.status == "equilibrium") == (expected.status == "equilibrium"), expected
+    for name in ("deflection_m", "capacitance_F", "max_true_stress_Pa", "breakdown_margin"):
+        if getattr(expected, name) is not None:
+            assert getattr(scene.result, name) == pytest.approx(getattr(expected, name), rel=1e-6)
+
+
+@pytest.mark.parametrize(("key", "value"), [
+    ("voltage", 3500.0), ("mass", 0.03), ("stiffness", 1.3), ("membrane.prestretch.0", 2.1),
+    ("membrane.relative_permittivity", 5.5), ("membrane.thickness", 0.8e-3),
+    ("frame.semi_axes.1", 50e-3), ("plate.outline.radius", 8e-3), ("plate.offset.0", -4e-3)])
+def test_a_moved_control_gives_what_solve_gives(key: str, value: float) -> None:
+    session = Session()
+    session.scene(START)
+    view = changed(START, key, value)
+    assert value_of(view, key) == value
+    scene = session.scene(view)
+    assert scene.result.deflection_m != session.scene(START).result.deflection_m
+    same_as_solved(scene)
+
+
+def test_random_moves_give_what_solve_gives() -> None:
+    session = Session()
+    for view in random_views(OVAL, 30, most_voltage=3e3):
+        same_as_solved(session.scene(view))
+
+
+def test_beyond_the_end_there_is_no_film_and_below_it_there_is_one_again() -> None:
+    session = Session()
+    scenes = [session.scene(replace(OVAL, voltage=voltage)) for voltage in (7e3, 12e3, 7e3)]
+    for scene in scenes:
+        same_as_solved(scene)
+    assert [scene.film is None for scene in scenes] == [False, True, False]
+    assert "thins without bound" in scenes[1].result.warnings[0]
+
+
+@pytest.mark.study
+def test_a_thousand_random_moves_leave_memory_as_it_was() -> None:
+    session, resident = Session(), []
+    for number, view in enumerate(random_views(OVAL, 1000, seed=1, most_voltage=5e3)):
+        scene = session.scene(view)
+        if number % 10 == 0:
+            same_as_solved(scene)
+        resident.append(resident_bytes())
+    assert max(resident[500:]) < max(resident[100:500]) + 30e6  # [bytes], of 300e6
+
+
+def resident_bytes() -> float:
+    """Memory of this process [bytes]."""
+    pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
+    return float(pages * resource.getpagesize())
+
+
+def test_the_mesh_serves_while_the_outlines_are_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    from tympan.reports.explore import session as module
+
+    made: list[str] = []
+    build = module.build_model
+
+    def counted(specimen: Any, *others: Any) -> Any:
+        made.append(specimen.name)
+        return build(specimen, *others)
+
+    monkeypatch.setattr(module, "build_model", counted)
+    session = Session()
+    for key, value in (("voltage", 1e3), ("mass", 0.01), ("membrane.thickness", 0.9e-3)):
+        session.scene(changed(START, key, value))
+    assert len(made) == 1
+    session.scene(changed(START, "plate.outline.radius", 9e-3))
+    assert len(made) == 2
+
+
+@pytest.mark.parametrize(("key", "text", "words"), [
+    ("voltage", "-1", "must be from 0 to 1000 kV"),
+    ("voltage", "3 g", "must be a voltage"),
+    ("mass", "much", "must be a mass"),
+    ("stiffness", "0", "must be from 0.01 to 100"),
+    ("stiffness", "2 mm", "must be a number"),
+    ("membrane.relative_permittivity", "0.2", "must be at least 1"),
+    ("membrane.prestretch.1", "0", "must be"),
+    ("plate.outline.radius", "50", "must lie inside the frame"),
+    ("plate.offset.0", "5.5 cm", "must lie inside the frame"),
+    ("frame.semi_axes.0", "1 um", "half extents must be")])
+def test_bad_values_are_told_as_in_a_file(key: str, text: str, words: str) -> None:
+    control = next(control for control in controls(START) if control.key == key)
+    with pytest.raises(InputError, match=words):
+        changed(START, key, control.parsed(text))
+
+
+def test_numbers_are_of_the_field_s_unit_or_of_their_own() -> None:
+    radius = next(control for control in controls(START) if control.key == "plate.outline.radius")
+    assert radius.unit == "mm"
+    assert radius.parsed("12.5") == radius.parsed("1.25 cm") == 12.5e-3
+    assert radius.text(changed(START, radius.key, radius.parsed(" 9 "))) == "9"
+
+
+def test_every_control_begins_within_its_slider_and_sliders_stand_on_steps() -> None:
+    for specimen in (skewed(), circular(), elliptical(70e-3)):
+        view = FilmView(specimen, mass=0.02)
+        for control in controls(view):
+            assert control.low <= control.value(view) * (1 + 1e-12) + 1e-12 <= control.high + 1e-9
+            steps = (control.position(view) - control.low) / control.step
+            assert steps == pytest.approx(round(steps), abs=1e-6)
+            assert abs(control.position(view) - control.value(view)) <= control.step / 2 + 1e-9
+            assert 100 <= (control.high - control.low) / control.step <= 2500
+
+
+def test_an_outline_of_many_numbers_has_no_sliders() -> None:
+    corners = tuple((40e-3 * np.cos(a), 40e-3 * np.sin(a)) for a in 2 * np.pi * np.arange(12) / 12)
+    view = FilmView(replace(skewed(), frame=Polygon(corners), plate=Plate(Circle(5e-3)),
+                        electrode=Electrode()))
+    keys = [control.key for control in controls(view)]
+    assert not [key for key in keys if key.startswith("frame")]
+    assert "plate.outline.radius" in keys
+
+
+def test_the_written_file_the_command_and_the_script_give_the_same_film(
+        tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+        ) -> None:
+    import json
+    import shlex
+
+    from tympan.cli import main
+
+    monkeypatch.chdir(tmp_path)
+    view = changed(changed(OVAL, "stiffness", 1.2), "frame.semi_axes.0", 58.2e-3)
+    expected = Session().scene(view).result.deflection_m
+    Path("oval.toml").write_text(specimen_to_toml(view.actuator), encoding="utf-8")
+    assert load_specimen(Path("oval.toml")) == view.actuator
+    main([*shlex.split(command_of(view, "oval.toml"))[1:], "--json"])
+    assert json.loads(capsys.readouterr().out)["deflection_m"] == expected
+    names: dict[str, Any] = {}
+    exec(python_of(replace(view, rig=Rig(spring=2.0))), names)
+    assert names["specimen"] == view.actuator
+    assert names["result"].deflection_m < expected
+
+
+def test_hatches_cross_the_film_that_lost_tension_and_no_other() -> None:
+    points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 5.0]])
+    values = {"displacement": points * [0, 0, 1], "tension": np.array([1, 1, 1, 0.0])}
+    film = FilmSurface(points, np.array([[0, 1, 2], [1, 3, 2]]), values)
+    lines = hatched(film, 0.1)
+    assert len(lines) == 7  # multiples of 0.1 √2 between 0 and 1 in x + y
+    across = lines[..., 0] + lines[..., 1]
+    assert np.allclose(across, across[:, :1])
+    assert np.allclose(across[:, 0], 0.1 * np.sqrt(2) * np.arange(1, 8))
+    assert (lines[..., 2] == 0).all()
+    assert np.allclose(lines.min(axis=1)[:, :2], 0)  # from edge to edge
+    assert len(hatched(replace(film, values=values | {"tension": np.zeros(4)}), 0.1)) == 0
+
+
+def test_a_wrinkled_film_is_hatched_where_solve_says_so() -> None:
+    view = FilmView(elliptical(75e-3), mass=17.9e-3, voltage=7e3)
+    scene = Session().scene(view)
+    assert scene.film is not None
+    assert scene.result.slack_area_m2 is not None
+    assert (scene.result.slack_area_m2 > 0) == (len(scene.hatches) > 0)
+
+
+def test_colours_are_those_numbers() -> None:
+    scene = Session().scene(FilmView(vhb_oval(), mass=0.02, voltage=3000.0))
+    assert scene.film is not None
+    colours = colours_of(scene.film)
+    assert colours["stress"].max() == pytest.approx(1e-3 * (scene.result.max_true_stress_Pa or 0),
+                                                    rel=1e-2)
+    assert colours["field"].max() == pytest.approx(1e-6 * (scene.result.max_field_V_per_m or 0),
+                                                   rel=1e-2)
+    assert colours["margin"].min() == pytest.approx(scene.result.breakdown_margin, rel=1e-2)
+    film = scene.view.specimen.membrane
+    flat = 1e6 * film.thickness / film.area_prestretch
+    assert 0.8 * flat < colours["thickness"].min() <= colours["thickness"].max() < 1.01 * flat
+    none = Session().scene(replace(scene.view, voltage=0.0))
+    assert none.film is not None
+    assert (colours_of(none.film)["margin"] == MOST_MARGIN).all()
+
+
+def test_what_is_drawn_lies_where_the_film_does() -> None:
+    scene = Session().scene(START)
+    assert scene.film is not None
+    deflection = scene.result.deflection_m or 0.0
+    assert scene.plate[:, 2].mean() == pytest.approx(-deflection, rel=1e-3)  # downwards
+    assert (scene.frame[:, 2] == 0).all()
+    assert scene.film.points[:, 2].min() >= scene.plate[:, 2].min() - 1e-6
+    state = picture.film_state(scene) | picture.colour_state(scene, "stress")
+    points = decoded(state["film_points"]).reshape(-1, 3)
+    assert np.allclose(points, 1e3 * scene.film.points, atol=1e-4)
+    cells = decoded(state["film_polys"]).reshape(-1, 4)
+    assert (cells[:, 0] == 3).all()
+    assert (cells[:, 1:] == scene.film.triangles).all()
+    lines = decoded(state["edge_lines"])
+    assert lines[0] == 241
+    assert lines[1] == lines[241] == 0
+    low, high = state["colour_range"]
+    values = decoded(state["film_field"]["values"])
+    assert low <= values.min() < values.max() <= high
+
+
+def decoded(array: dict[str, Any]) -> Any:
+    from base64 import b64decode
+
+    return np.frombuffer(b64decode(array["bvals"]), array["dtype"])
+
+
+def test_the_curve_ends_where_limits_says_and_meets_the_readings(tmp_path: Path) -> None:
+    from tympan.studies.case import Case
+    from tympan.studies.limits import limits
+
+    masses, voltages = (0.0179, 0.0179, 0.0179, 0.02), (0.0, 3000.0, 50e3, 0.0)
+    rows = "".join(f"A,{1e3 * mass},{voltage / 1e3},2.5\n"
+                   for mass, voltage in zip(masses, voltages, strict=True))
+    folder = write_dataset(tmp_path / "data", static="specimen,mass_g,voltage_kV,displacement_mm\n"
+                                                     + rows)
+    subject = read_subject(folder)
+    assert subject.masses(0) == [0.0179, 0.02]
+    assert subject.masses(1) == []
+    view = subject.view(0)
+    assert (view.mass, view.specimen.name) == (0.0179, "A")
+    curve, weights = followed(Question(view, subject.static))
+    assert isinstance(curve, FollowedCurve)
+    assert isinstance(weights, CircleWeights)
+    reached = limits(Case(view.specimen, mass=view.mass), SETTINGS)
+    assert curve.curve.curves[0].limits == reached
+    readings = curve.readings
+    assert readings is not None
+    expected = [solve(replace(view, voltage=voltage).case, SETTINGS).deflection_m or np.nan
+                for voltage in (0.0, 3000.0)]
+    assert readings.simulated[:2] == pytest.approx(expected, rel=1e-9)
+    assert np.isnan(readings.simulated[2])  # beyond the film's end
+    assert readings.residual[:2] == pytest.approx(2.5e-3 - np.array(expected), rel=1e-9)
+    assert readings.rms == pytest.approx(np.sqrt((readings.residual[:2] ** 2).mean()))
+    drawn = drawn_curve(curve, (3.0, 1e3 * expected[1]))
+    assert drawn.count('class="reading"') == 3 + 2  # and what is left of two
+    assert 'class="here"' in drawn
+    rows_shown = {row["key"]: row["text"] for row in limit_rows(curve, weights)}
+    assert rows_shown["rms"].endswith("µm")
+    assert float(rows_shown["alpha-1"]) == pytest.approx(1.0, abs=1e-3)  # a circle is itself
+
+
+def test_numbers_carry_their_units() -> None:
+    scene = Session().scene(START)
+    shown = {row["key"]: row["text"] for row in result_rows(scene)}
+    value, unit = shown["deflection_m"].split()
+    assert unit == "mm"
+    assert float(value) == pytest.approx(1e3 * (scene.result.deflection_m or 0.0), rel=1e-4)
+
+
+def test_a_folder_of_specimens_and_its_rig_are_explored_together(tmp_path: Path) -> None:
+    for name in ("a", "b"):
+        (tmp_path / f"{name}.toml").write_text(specimen_toml(name), encoding="utf-8")
+    (tmp_path / "rig.toml").write_text('spring = "3 N/m"\n', encoding="utf-8")
+    subject = read_subject(tmp_path)
+    assert [specimen.name for specimen in subject.specimens] == ["a", "b"]
+    assert subject.rig == Rig(spring=3.0)
+    assert read_subject(tmp_path / "b.toml").rig == Rig()
+    (tmp_path / "none").mkdir()
+    with pytest.raises(InputError, match=r"must hold dataset\.toml or specimens"):
+        read_subject(tmp_path / "none")
+
+
+def slow_square() -> Callable[[Any], Iterator[Any]]:
+    """Answers the square of a number after that many tenths of a second; 13 ends the process."""
+    def answer(number: int) -> Iterator[int]:
+        time.sleep(abs(number) / 10)
+        if number == 13:
+            os._exit(1)
+        if number < 0:
+            raise InputError("must not be negative", key="number", given=number)
+        yield number * number
+
+    return answer
+
+
+def asked(questions: list[tuple[float | None, int]], patience: float, enough: int
+          ) -> list[tuple[Any, bool]]:
+    """What is delivered of questions asked so long [s] after another, None after its answer."""
+    async def run() -> list[tuple[Any, bool]]:
+        parts: list[tuple[Any, bool]] = []
+        worker = Latest(slow_square, lambda part, newest: parts.append((part, newest)), patience)
+
+        async def until(count: int) -> None:
+            for _ in range(1200):
+                if len(parts) >= count:
+                    return
+                await asyncio.sleep(0.05)
+
+        try:
+            for pause, question in questions:
+                await (until(len(parts) + 1) if pause is None else asyncio.sleep(pause))
+                worker.ask(question)
+            await until(enough)
+            return parts
+        finally:
+            worker.close()
+
+    return asyncio.run(run())
+
+
+def test_the_newest_question_is_answered_and_those_between_are_dropped(
+        monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(latest, "_PRELOADED", [])
+    first, second = asked([(0, 3), (0, 1), (0, 2), (0, 4)], 60.0, 2)
+    assert (first, second) == ((9, False), (16, True))
+
+
+def test_what_nobody_waits_for_is_given_up_and_a_process_that_dies_is_replaced() -> None:
+    parts = asked([(0, 300), (0.1, 2)], 0.2, 1)
+    assert parts == [(4, True)]  # thirty seconds were not waited for
+    dead, after = asked([(0, 13), (None, 1)], 60.0, 2)
+    assert isinstance(dead[0], Trouble)
+    assert after == (1, True)
+    wrong, after = asked([(0, -1), (None, 1)], 60.0, 2)
+    assert wrong == (Trouble("number: given -1: must not be negative"), True)
+    assert after == (1, True)

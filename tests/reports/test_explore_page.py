@@ -1,0 +1,239 @@
+"""The explorer's page, as a browser meets it."""
+
+from __future__ import annotations
+
+import re
+import signal
+import sys
+import time
+import urllib.error
+import urllib.request
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.support.browser import Running, browsing, chromium, exploring, pixels
+from tests.support.specimens import specimen_toml
+from tympan.cli import main
+from tympan.fem.film.library import load_specimen
+from tympan.geometry.specimen import Specimen
+from tympan.reports.explore.view import FilmView, changed
+from tympan.studies.case import Settings, solve
+
+pytest.importorskip("trame_vtk", reason="trame is not installed")
+
+START = ("oval.toml", "--mass", "17.9 g", "--voltage", "2 kV")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a specimen."""
+    place = tmp_path_factory.mktemp("explore")
+    (place / "oval.toml").write_text(specimen_toml(), encoding="utf-8")
+    return place
+
+
+@pytest.fixture(scope="module")
+def oval(folder: Path) -> Specimen:
+    """The specimen that is explored."""
+    return load_specimen(folder / "oval.toml")
+
+
+@pytest.fixture(scope="module")
+def running(folder: Path) -> Iterator[Running]:
+    """The explorer of it."""
+    with exploring(folder, *START) as process:
+        yield process
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    """A headless Chromium, where there is one."""
+    pytest.importorskip("playwright", reason="playwright is not installed")
+    executable = chromium()
+    if executable is None:
+        pytest.skip("Chromium is not installed")
+    with browsing(executable) as chrome:
+        yield chrome
+
+
+@pytest.fixture
+def page(browser: Any, running: Running) -> Iterator[Any]:
+    """A page of its own, in a browser of its own, with its film drawn; it asks nobody else."""
+    context = browser.new_context(viewport={"width": 1300, "height": 900})
+    shown, asked, errors = context.new_page(), [], []
+    shown.on("request", lambda request: asked.append(request.url))
+    shown.on("pageerror", lambda error: errors.append(str(error)))
+    shown.goto(running.address)
+    shown.wait_for_selector("#result-deflection_m", timeout=120_000)
+    yield shown
+    assert not errors
+    assert len(asked) > 5
+    assert all(re.match(r"(http|ws)://127\.0\.0\.1:|blob:|data:", url) for url in asked)
+    context.close()
+
+
+def opened(address: str, **headers: str) -> Any:
+    """An address as a browser opens it, which keeps cookies on the way."""
+    opener = urllib.request.build_opener(urllib.request.HTTPCookieProcessor())
+    return opener.open(urllib.request.Request(address, headers=headers))
+
+
+def answered(address: str, **headers: str) -> int:
+    """The status with which an address answers."""
+    try:
+        with opened(address, **headers) as answer:
+            return int(answer.status)
+    except urllib.error.HTTPError as error:
+        return error.code
+
+
+def test_who_does_not_know_the_token_is_refused(running: Running) -> None:
+    for path in ("", "?token=", "?token=guess", "x/index.html", "x/ws", "%C3%A9?token=%C3%A9"):
+        assert answered(running.root + path) == 403
+    assert answered(running.root, Cookie="tympan-1=guess") == 403
+    assert answered(running.address, Origin="http://example.org") == 403
+    assert answered(running.address) == 200
+
+
+def test_files_beside_the_page_are_not_served(running: Running) -> None:
+    token = running.address.partition("?")[2]
+    with opened(running.address) as answer:
+        name = answer.url.removeprefix(running.root).partition("/")[0]
+    assert answered(f"{running.root}{name}/index.html?{token}") == 200
+    for path in ("..%2f..%2f..%2f..%2fetc%2fpasswd", "oval.toml", "__trame/..%2fx"):
+        assert answered(f"{running.root}{name}/{path}?{token}") == 404
+
+
+def waited(of: Callable[[], Any], wanted: Any, seconds: float = 60.0) -> None:
+    """Wait until something is as wanted."""
+    end = time.monotonic() + seconds
+    while of() != wanted:
+        assert time.monotonic() < end, (of(), wanted)
+        time.sleep(0.05)
+
+
+def deflection(page: Any) -> float:
+    """What stands on the page [m]."""
+    return float(page.inner_text("#result-deflection_m").split()[0]) / 1e3
+
+
+def camera(page: Any) -> Any:
+    """Where the eye is."""
+    return page.evaluate("() => trame.refs.view.getCamera().position")
+
+
+def test_a_slider_moved_by_keys_gives_the_film_of_solve(page: Any, oval: Specimen) -> None:
+    assert deflection(page) == pytest.approx(solved(FilmView(oval, mass=17.9e-3, voltage=2e3)),
+                                             rel=1e-4)
+    slider, eye = page.locator("#slider-voltage"), camera(page)
+    page.select_option("#depth", "10")
+    page.click("text=from the side")
+    waited(lambda: camera(page)[2] < eye[2], True)
+    time.sleep(1.0)
+    eye, before = camera(page), pixels(page)
+    slider.focus()
+    for _ in range(150):
+        page.keyboard.press("ArrowRight")
+    voltage = 1e3 * float(slider.input_value())
+    assert voltage > 3e3
+    waited(lambda: page.inner_text("#loads"), f"at {voltage / 1e3:.6g} kV under 17.9 g")
+    expected = solved(FilmView(oval, mass=17.9e-3, voltage=voltage))
+    assert deflection(page) == pytest.approx(expected, rel=1e-4)
+    assert page.input_value("#number-voltage") == f"{voltage / 1e3:.6g}"
+    time.sleep(1.0)
+    assert camera(page) == eye  # it stays
+    assert (pixels(page) != before).any()
+    assert sag(pixels(page)) == pytest.approx(10 * expected / (2 * 60e-3), rel=0.12)
+
+
+def solved(view: FilmView) -> float:
+    """The deflection of ``tympan solve`` [m]."""
+    result = solve(view.case, Settings())
+    assert result.deflection_m is not None
+    return result.deflection_m
+
+
+def sag(picture: Any) -> float:
+    """How high a film from the side is in a picture, over its width."""
+    drawn = (picture.astype(int).sum(axis=2) < 3 * 235)[4:-4, 4:-4]
+    rows, columns = np.flatnonzero(drawn.any(axis=1)), np.flatnonzero(drawn.any(axis=0))
+    return float(np.ptp(rows) / np.ptp(columns))
+
+
+def test_numbers_typed_make_another_film_and_another_browser_keeps_its_own(
+        page: Any, browser: Any, running: Running, oval: Specimen) -> None:
+    context = browser.new_context()
+    other = context.new_page()
+    other.goto(running.address)
+    other.wait_for_selector("#result-deflection_m", timeout=120_000)
+    began = deflection(other)
+    typed(page, "frame.semi_axes.0", "5.2 cm")
+    typed(page, "stiffness", "1.2")
+    view = changed(FilmView(oval, mass=17.9e-3, voltage=2e3), "frame.semi_axes.0", 52e-3)
+    expected = solved(changed(view, "stiffness", 1.2))
+    waited(lambda: deflection(page) == pytest.approx(expected, rel=1e-4), True)
+    assert float(page.input_value(r"#slider-frame\.semi_axes\.0")) == 52
+    assert deflection(other) == began
+    context.close()
+
+
+def typed(page: Any, key: str, text: str) -> None:
+    """Type into a number field."""
+    escaped = key.replace(".", r"\.")
+    page.fill(f"#number-{escaped}", text)
+    page.keyboard.press("Enter")
+
+
+def test_bad_values_are_told_in_place_and_the_last_film_stays(page: Any) -> None:
+    began = deflection(page)
+    typed(page, r"plate.outline.radius", "50")
+    waited(lambda: page.locator(".error").count(), 1)
+    assert "the plate must lie inside the frame" in page.inner_text(".error")
+    assert page.get_attribute(r"#number-plate\.outline\.radius", "aria-invalid") == "true"
+    typed(page, "plate.outline.radius", "10")
+    waited(lambda: page.locator(".error").count(), 0)
+    page.wait_for_selector("#limit-pull_in", timeout=60_000)
+    typed(page, "voltage", "20")
+    waited(lambda: "past the film's end" in page.inner_text("#message"), True)
+    assert "Shown is the last film, at 2 kV under 17.9 g" in page.inner_text("#message")
+    assert deflection(page) == began
+    assert page.locator("#curve svg .mark").count() >= 1
+
+
+def test_what_is_written_is_what_the_command_solves(
+        page: Any, folder: Path, monkeypatch: pytest.MonkeyPatch,
+        capsys: pytest.CaptureFixture[str]) -> None:
+    import json
+    import shlex
+
+    typed(page, "stiffness", "1.1")
+    waited(lambda: "oval-2.toml" in (page.text_content("#command-text") or ""), True)
+    page.click("#write")
+    waited(lambda: (folder / "oval-2.toml").exists(), True)
+    shown = deflection(page)
+    monkeypatch.chdir(folder)
+    command = page.text_content("#command-text")
+    main([*shlex.split(command)[1:], "--json"])
+    assert json.loads(capsys.readouterr().out)["deflection_m"] == pytest.approx(shown, rel=1e-4)
+
+
+def test_interrupting_it_ends_everything_with_one_line(folder: Path) -> None:
+    with exploring(folder, *START) as running:
+        assert answered(running.address) == 200  # so that there are processes
+        time.sleep(1.0)
+        running.process.send_signal(signal.SIGINT)
+        _, errors = running.process.communicate(timeout=30)
+        assert running.process.returncode == 130
+        assert errors.splitlines() == ["tympan: interrupted"]
+
+
+def test_without_trame_one_line_says_what_to_install(
+        folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.setitem(sys.modules, "trame_vtk", None)
+    assert main(["explore", str(folder / "oval.toml")]) == 1
+    assert capsys.readouterr().err == ("tympan: explore needs the package trame: pip install "
+                                       "'tympan[explore]'\n")

@@ -1,0 +1,82 @@
+"""``tympan explore``: a live page."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from tympan.geometry.errors import Failure, InputError
+from tympan.options import RIG, argument, command, parse_quantity
+
+if TYPE_CHECKING:
+    from tympan.reports.explore.server import Explorer
+
+_PORTS = (0, 65535)
+
+
+@command("explore", argument("subject", type=Path, metavar="SPECIMEN.toml|DATASET|DIR",
+                             help="a specimen, a folder of readings, or a folder of specimens"),
+         argument("--mass", help='on the plate at first, such as "17.9 g" (default: the one '
+                                 "measured most, or one that suits the film)"),
+         argument("--voltage", default="0 kV", help="across the film at first"), RIG,
+         argument("--port", type=int, default=0, within=_PORTS, metavar="N",
+                  help="to listen on (default: any that is free)"),
+         argument("--host", default="127.0.0.1", metavar="ADDRESS",
+                  help="to listen on; others than this machine's own let other machines in, who "
+                       "know the token"),
+         argument("--no-browser", action="store_true", help="print the address only"),
+         example="oval.toml")
+def explore(options: argparse.Namespace) -> None:
+    """Explore a film live in the browser: sliders, stress in 3-D, curve, readings, limits.
+
+    Nothing leaves this machine; Ctrl-C ends it.
+    """
+    import asyncio
+    import webbrowser
+
+    explorer = _explorer(options)
+
+    async def serve() -> None:
+        try:
+            await explorer.begin()
+        except OSError as error:
+            raise InputError(f"cannot be listened on: {error.strerror}", key="--port",
+                             given=f"{options.host}:{options.port}") from None
+        print(f"tympan: exploring {explorer.subject.name} at {explorer.address}; Ctrl-C ends it",
+              file=sys.stderr, flush=True)
+        if not options.no_browser:
+            webbrowser.open(explorer.address)
+        try:
+            await asyncio.Event().wait()
+        finally:
+            await explorer.end()
+
+    asyncio.run(serve())
+
+
+def _explorer(options: argparse.Namespace) -> Explorer:
+    try:
+        import trame_client  # noqa: F401
+        import trame_vtk  # noqa: F401
+    except ImportError:
+        raise Failure("explore needs the package trame: pip install 'tympan[explore]'") from None
+    from tympan.reports.explore.latest import prepared
+
+    prepared()  # while the rest is read
+    from tympan.reports.explore.server import Explorer
+    from tympan.reports.explore.subject import read_subject
+    from tympan.reports.explore.view import changed
+    from tympan.studies.case import Settings
+    from tympan.studies.limits.loads import usual_masses
+
+    subject = read_subject(options.subject, options.rig)
+    mass = None
+    if options.mass is not None:
+        mass = parse_quantity(options.mass, "mass", "--mass")
+    elif not subject.masses(0):
+        mass = usual_masses(subject.specimens[0], Settings(), subject.rig)[0]
+    start = changed(subject.view(0, mass), "mass", subject.view(0, mass).mass)
+    start = changed(start, "voltage", parse_quantity(options.voltage, "voltage", "--voltage"))
+    return Explorer(subject, start, options.host, options.port)
