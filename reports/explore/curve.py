@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import numpy as np
+from jinja2 import Template
 from numpy.typing import NDArray
 
 from tympan.reports.explore.session import FollowedCurve, Readings
@@ -71,8 +73,14 @@ def drawn_curve(curve: FollowedCurve, here: tuple[float, float] | None) -> str:
     if readings is not None:
         panels.append(_residuals(across, readings, height - _BELOW + _GAP))
         height += _GAP + _LOW
-    return template("reports/explore/curve.html").render(
+    return _picture().render(
         width=_WIDTH, height=height, panels=panels, title=_title(line, readings))
+
+
+@cache
+def _picture() -> Template:
+    """The picture's template; to compile it takes longer than to draw."""
+    return template("reports/explore/curve.html")
 
 
 def _scale(*values: Any) -> AxisScale:

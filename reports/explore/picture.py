@@ -29,6 +29,7 @@ LOOKS = {"oblique": ((0.0, -0.85, 0.62), (0.0, 0.0, 1.0)),
 
 #: How what is drawn takes the light.
 LOOK_OF = {
+    "mapped": {"interpolateScalarsBeforeMapping": True},
     "matt": {"ambient": 0.72, "diffuse": 0.36, "specular": 0.0},
     "plate_look": {"ambient": 0.8, "diffuse": 0.25, "specular": 0.0, "color": [0.84, 0.84, 0.85]},
     "edge_look": {"lighting": False, "color": [0.1, 0.1, 0.12], "lineWidth": 2},
@@ -49,7 +50,8 @@ def film_state(scene: Scene) -> dict[str, Any]:
     edges = (1e3 * scene.frame + before, 1e3 * scene.plate + before)
     hatches = 1e3 * scene.hatches.reshape(-1, 3) + before
     state: dict[str, Any] = {
-        "film_points": encoded(1e3 * scene.film.points),
+        # Both sides of an edge have points of their own, which rounding must not part.
+        "film_points": encoded(np.round(1e3 * scene.film.points, 4)),
         "film_polys": encoded(_cells(scene.film.triangles)),
         "plate_points": encoded(1e3 * scene.plate),
         "plate_polys": encoded(_cells(np.arange(len(scene.plate))[None])),

@@ -7,6 +7,7 @@ import hmac
 import os
 import secrets
 from collections.abc import Awaitable, Callable
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -183,5 +184,6 @@ class _Served:
         """End its processes and its server."""
         self.page.close()
         await self.handler.disconnectClients()
-        await self.server.stop()
-        await self.running
+        self.running.cancel()
+        with suppress(asyncio.CancelledError):
+            await self.running
