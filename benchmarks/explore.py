@@ -2,10 +2,11 @@
 
     python -m benchmarks.explore [--moves 40] [--moves-in-all 1000]
 
-Times run from the event in the page to the first frame whose canvas looks different, on a page of
-1440 by 900 pixels; the canvas is looked at in every frame, which itself takes some time that is
-measured too. Then sliders are moved at random, with the memory of the explorer's processes at the
-beginning and at the end.
+Times run from the event in the page to the frame after WebGL drew the film anew, on a page of 1440
+by 900 pixels, without a graphics card. That the picture is the right one is tested elsewhere
+(tests/reports/test_explore_page.py). Beside other work they say little; so the processor time of a
+move is printed too, that of all processes of the explorer and of the browser. Then sliders are
+moved at random, with the memory of the explorer's process at the beginning and at the end.
 """
 
 from __future__ import annotations
@@ -25,45 +26,27 @@ import numpy as np
 from tests.support.browser import Running, browsing, chromium, exploring
 from tests.support.specimens import specimen_toml
 
-#: Moves a slider by a step, as its user would, and answers when the canvas has changed [ms]. The
-#: canvas must rest before.
+#: Tells when WebGL draws; to look at the canvas in every frame would take most of the time.
+_WATCH = """() => {
+  const clear = WebGL2RenderingContext.prototype.clear;
+  WebGL2RenderingContext.prototype.clear = function (...values) {
+    if (window.drawn) { window.drawn(); window.drawn = null; }
+    return clear.apply(this, values);
+  };
+}"""
+
+#: Moves a slider as its user would, and answers when a frame has passed since a new picture was
+#: drawn [ms].
 _MOVE = """
 ([id, value]) => new Promise(done => {
-  const canvas = document.querySelector('.canvas canvas'), slider = document.getElementById(id);
-  const small = new OffscreenCanvas(240, 150);
-  const context = small.getContext('2d', {willReadFrequently: true});
-  const look = () => {
-    context.drawImage(canvas, 0, 0, 240, 150);
-    const data = context.getImageData(0, 0, 240, 150).data;
-    let sum = 0;
-    for (let i = 0; i < data.length; i += 4)
-      sum = (sum * 31 + data[i] + 7 * data[i + 1] + 13 * data[i + 2]) | 0;
-    return sum;
-  };
-  const before = look(), began = performance.now();
+  const slider = document.getElementById(id), began = performance.now();
+  const give_up = setTimeout(() => done(NaN), 10000);
+  window.drawn = () => requestAnimationFrame(() => {
+    clearTimeout(give_up);
+    done(performance.now() - began);
+  });
   slider.value = value;
   slider.dispatchEvent(new Event('input', {bubbles: true}));
-  const step = () => {
-    if (look() !== before) return done(performance.now() - began);
-    if (performance.now() - began > 10000) return done(NaN);
-    requestAnimationFrame(step);
-  };
-  requestAnimationFrame(step);
-})"""
-
-#: How long it takes to look at a canvas that does not change [ms].
-_LOOK = """
-() => new Promise(done => {
-  const canvas = document.querySelector('.canvas canvas'), small = new OffscreenCanvas(240, 150);
-  const context = small.getContext('2d', {willReadFrequently: true}), began = performance.now();
-  let count = 0;
-  const step = () => {
-    context.drawImage(canvas, 0, 0, 240, 150);
-    context.getImageData(0, 0, 240, 150);
-    if (++count === 60) return done((performance.now() - began) / 60);
-    requestAnimationFrame(step);
-  };
-  requestAnimationFrame(step);
 })"""
 
 #: Sliders that are measured, between values.
@@ -91,9 +74,13 @@ def main() -> None:
             print(f"first numbers after {time.perf_counter() - began:.1f} s; load "
                   f"{os.getloadavg()[0]:.1f}")
             page.wait_for_selector("#limit-alpha-1", timeout=60_000)
-            print(f"to look at the canvas, a frame: {page.evaluate(_LOOK):.0f} ms")
+            page.evaluate(_WATCH)
             for key, within in SLIDERS.items():
-                print_times(key, list(timed(page, key, within, options.moves)))
+                before = busy(running)
+                times = list(timed(page, key, within, options.moves))
+                shares = [1e3 * (after - start) / options.moves
+                          for start, after in zip(before, busy(running), strict=True)]
+                print_times(key, times, *shares)
             wander(page, running, options.moves_in_all)
 
 
@@ -105,11 +92,39 @@ def timed(page: Any, key: str, within: tuple[float, float], moves: int) -> Itera
         yield page.evaluate(_MOVE, [f"slider-{key}", f"{value:.2f}"])
 
 
-def print_times(key: str, times: list[float]) -> None:
+def print_times(key: str, times: list[float], server: float, browser: float) -> None:
     """One line."""
     ordered = sorted(times)
-    print(f"{key:<20} median {statistics.median(times):6.0f} ms, nine in ten below "
-          f"{ordered[int(0.9 * len(ordered))]:6.0f} ms, {len(times)} moves")
+    print(f"{key:<18} median {statistics.median(times):4.0f} ms, nine in ten below "
+          f"{ordered[int(0.9 * len(ordered))]:4.0f} ms; processor time of the explorer "
+          f"{server:.0f} ms, of the browser {browser:.0f} ms", flush=True)
+
+
+def busy(running: Running) -> tuple[float, float]:
+    """Processor time of the explorer's and of the browser's processes so far [s]."""
+    parents: dict[int, int] = {}
+    spent: dict[int, int] = {}
+    for entry in Path("/proc").iterdir():
+        if entry.name.isdecimal():
+            try:
+                words = (entry / "stat").read_text(encoding="utf-8").rpartition(") ")[2].split()
+            except OSError:  # it has ended
+                continue
+            parents[int(entry.name)] = int(words[1])
+            spent[int(entry.name)] = sum(map(int, words[11:15]))  # with children that ended
+    explorer = set(descendants(running.process.pid, parents))
+    mine = set(descendants(os.getpid(), parents)) - explorer - {os.getpid()}
+    ticks = os.sysconf("SC_CLK_TCK")
+    return (sum(spent[process] for process in explorer) / ticks,
+            sum(spent[process] for process in mine) / ticks)
+
+
+def descendants(process: int, parents: dict[int, int]) -> Iterator[int]:
+    """A process, its children and theirs."""
+    yield process
+    for child, parent in parents.items():
+        if parent == process:
+            yield from descendants(child, parents)
 
 
 def wander(page: Any, running: Running, moves: int) -> None:
@@ -121,7 +136,7 @@ def wander(page: Any, running: Running, moves: int) -> None:
     for move in range(moves):
         key = list(SLIDERS)[generator.integers(len(SLIDERS))]
         value = generator.uniform(*SLIDERS[key])
-        page.evaluate("""([id, value]) => { const slider = document.getElementById(id);
+        page.evaluate(r"""([id, value]) => { const slider = document.getElementById(id);
             slider.value = value; slider.dispatchEvent(new Event('input', {bubbles: true})); }""",
                       [f"slider-{key}", f"{value:.2f}"])
         page.wait_for_timeout(60)

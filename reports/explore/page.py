@@ -39,7 +39,7 @@ from tympan.studies.files import write_text
 
 #: How long a solve that nobody waits for any more may go on [s]; a curve is given up at once.
 _PATIENCE = 0.7
-#: How long the controls must rest before the curve is followed again [s].
+#: How long the controls must rest before what takes longer follows them [s].
 _REST = 0.15
 
 #: Where the slider of the voltage ends before the film's end is known [V].
@@ -107,7 +107,7 @@ class Page:
                 "message": "", "trouble": False, "following": False, "limits": [], "numbers": [],
                 "loads": "", "curve": "", "depth": 1, "actor": {"scale": [1, 1, 1]},
                 "scale": {"words": "", "ticks": []}, "colour_range": [0, 1], "film_field": None,
-                "described": "", **picture.LOOK_OF,
+                "described": "", "python": "", "command": "", "target": "", **picture.LOOK_OF,
                 **dict.fromkeys(("film_points", "film_polys", "plate_points", "plate_polys",
                                  "edge_points", "edge_lines", "hatch_points", "hatch_lines"))})
         self.scene = self.curve = self.weights = self._asked = None
@@ -169,14 +169,13 @@ class Page:
         return True
 
     def _change(self) -> None:
-        """Solve the view and tell what it is."""
+        """Solve the view; what is not of the picture can wait until the controls rest."""
         with self.server.state as state:
             state.texts = {control.key: control.text(self.view) for control in self.controls}
-            state.python = python_of(self.view)
-            self._name(state)
         self._solve()
-        if self._asked is None or not _same_film(self._asked, self.view):
-            self._follow_soon()
+        if self._resting is not None:
+            self._resting.cancel()
+        self._resting = asyncio.get_running_loop().call_later(_REST, self._rest)
 
     def _solve(self) -> None:
         end = self._end
@@ -185,8 +184,6 @@ class Page:
             self._beyond(end)
             return
         self._scenes.ask(self.view)
-        self.server.state.busy = True
-        self.server.state.flush()
 
     def _beyond(self, end: Limit) -> None:
         assert self.curve is not None
@@ -240,17 +237,17 @@ class Page:
         state.curve = drawn_curve(self.curve, here)
         state.limits = limit_rows(self.curve, self.weights)
 
-    def _follow_soon(self) -> None:
-        """Follow the curve of the view once the controls rest."""
-        if self._resting is not None:
-            self._resting.cancel()
-        self._resting = asyncio.get_running_loop().call_later(_REST, self._follow)
-
-    def _follow(self) -> None:
-        self._resting, self._asked = None, self.view
+    def _rest(self) -> None:
+        """The controls rest: say how the view is written, and follow its curve."""
+        self._resting = None
+        follow = self._asked is None or not _same_film(self._asked, self.view)
         with self.server.state as state:
-            state.following = True
-        self._curves.ask(Question(self.view, self.subject.static))
+            state.busy, state.python = self._scenes.busy, python_of(self.view)
+            state.following = state.following or follow
+            self._name(state)
+        if follow:
+            self._asked = self.view
+            self._curves.ask(Question(self.view, self.subject.static))
 
     def _followed(self, part: FollowedCurve | CircleWeights | Trouble, newest: bool) -> None:
         if not newest:
