@@ -63,7 +63,8 @@ class Page:
     """The state of one browser's page; ``server`` is its own trame server."""
 
     def __init__(self, server: Any, subject: Subject, start: FilmView) -> None:
-        self.server, self.subject, self.start = server, subject, start
+        self.server, self.subject, self._first = server, subject, start
+        self.start = start
         self.view = start
         self.controls: tuple[Control, ...] = controls(start)
         self.scene: Scene | None = None
@@ -94,8 +95,8 @@ class Page:
     def _begin(self, number: int) -> None:
         """Show a specimen as it was read."""
         masses = self.subject.masses(number)
-        self.start = self.start if number == 0 else self.subject.view(number, self.start.mass
-                                                                      if not masses else None)
+        mass = None if masses else self._first.mass
+        self.start = self.subject.view(number, mass) if number else self._first
         with self.server.state as state:
             state.update({
                 "title": self.subject.name, "chosen": number, "errors": {}, "written": "",
