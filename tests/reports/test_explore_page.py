@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.support.browser import Running, browsing, chromium, exploring, pixels
+from benchmarks.explore.browser import Running, browsing, chromium, exploring, pixels
 from tests.support.specimens import specimen_toml
 from tympan.cli import main
 from tympan.fem.film.library import load_specimen

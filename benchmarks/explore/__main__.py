@@ -23,8 +23,22 @@ from typing import Any
 
 import numpy as np
 
-from tests.support.browser import Running, browsing, chromium, exploring
-from tests.support.specimens import specimen_toml
+from benchmarks.explore.browser import Running, browsing, chromium, exploring
+
+OVAL = """
+name = "oval"
+[frame]
+shape = "ellipse"
+semi_axes = ["6 cm", "4.5 cm"]
+[plate]
+shape = "circle"
+radius = "1 cm"
+[membrane]
+thickness = "1 mm"
+prestretch = [2.236, 2.236]
+relative_permittivity = 4.7
+material = "vhb-4910"
+"""
 
 #: Tells when WebGL draws; to look at the canvas in every frame would take most of the time.
 _WATCH = """() => {
@@ -64,7 +78,7 @@ def main() -> None:
     if executable is None:
         sys.exit("Chromium is not installed")
     with TemporaryDirectory() as folder, browsing(executable) as browser:
-        Path(folder, "oval.toml").write_text(specimen_toml(), encoding="utf-8")
+        Path(folder, "oval.toml").write_text(OVAL, encoding="utf-8")
         with exploring(Path(folder), "oval.toml", "--mass", "17.9 g",
                        "--voltage", "2 kV") as running:
             page = browser.new_page(viewport={"width": 1440, "height": 900})

@@ -1,0 +1,1 @@
+"""How soon the explorer follows a slider (``python -m benchmarks.explore``)."""
