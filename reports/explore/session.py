@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import ctypes
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -18,7 +20,7 @@ from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Specimen
 from tympan.reports.explore.view import FilmView
 from tympan.studies.alpha import AlphaSettings, alpha
-from tympan.studies.case import Case, CaseResult, Settings, build_model, summaries
+from tympan.studies.case import Case, CaseResult, Settings, build_model, meshed, summaries
 from tympan.studies.columns import Sheet
 from tympan.studies.film_surface import FilmSurface, film_surface
 from tympan.studies.limits import CurveResult, curve
@@ -84,6 +86,7 @@ class Session:
         outlines = specimen.frame, specimen.plate, specimen.electrode, loading
         if self._model is None or outlines != self._outlines:
             self._model, self._outlines = None, None  # not half of it where meshing fails
+            _forget_films()
             self._model = build_model(specimen, self.settings, loading)
             self._outlines = outlines
         if self._model.specimen != specimen:
@@ -100,6 +103,13 @@ class Session:
         self._start = ((case.specimen, case.rig, outcome.solution)
                        if outcome.status == "equilibrium" else None)
         return outcome
+
+
+def _forget_films() -> None:
+    """Give memory back: outlines hardly come again, and films of all sizes leave it in pieces."""
+    meshed.cache_clear()
+    with suppress(OSError, AttributeError):  # of C libraries that have no such function
+        ctypes.CDLL(None).malloc_trim(0)
 
 
 def drawn(view: FilmView, result: CaseResult, model: Model, state: State) -> Scene:
@@ -193,6 +203,7 @@ class CircleWeights:
 def followed(question: Question, settings: Settings = Settings()
              ) -> Iterator[FollowedCurve | CircleWeights]:
     """The curve to the film's limits, with readings; then the weights of its circles."""
+    _forget_films()
     view = question.view
     specimen = view.actuator
     along = curve(specimen, [view.mass], settings, view.rig)

@@ -110,7 +110,8 @@ def test_a_thousand_random_moves_leave_memory_as_it_was() -> None:
         if number % 10 == 0:
             same_as_solved(scene)
         resident.append(resident_bytes())
-    assert max(resident[500:]) < max(resident[100:500]) + 30e6  # [bytes], of 300e6
+    early, late = np.median(resident[100:300]), np.median(resident[800:])
+    assert late < 1.1 * early, (early, late)  # narrow films on the way take more for a while
 
 
 def resident_bytes() -> float:
