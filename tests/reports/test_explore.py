@@ -380,3 +380,36 @@ def test_what_nobody_waits_for_is_given_up_and_a_process_that_dies_is_replaced()
     wrong, after = asked([(0, -1), (None, 1)], 60.0, 2)
     assert wrong == (Trouble("number: given -1: must not be negative"), True)
     assert after == (1, True)
+
+
+def test_each_specimen_begins_as_it_was_read_however_often_it_is_chosen(
+        tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("trame_vtk", reason="trame is not installed")
+    from tympan.reports.explore.server import _Served
+
+    monkeypatch.setenv("TRAME_ARGS", "--server")
+    monkeypatch.setattr(latest, "_PRELOADED", [])
+    for name, radius in (("a", "4 cm"), ("b", "5 cm")):
+        frame = f'shape = "circle"\nradius = "{radius}"'
+        (tmp_path / f"{name}.toml").write_text(specimen_toml(name, frame), encoding="utf-8")
+    subject = read_subject(tmp_path)
+
+    async def run() -> None:
+        start = changed(subject.view(0, 0.0179), "voltage", 1500.0)
+        served = _Served.of("page", subject, start)
+        page, state = served.page, served.server.state
+        page._typed("stiffness", "1.5")
+        for number, view in ((1, subject.view(1, 0.0179)), (0, start)):
+            page._choose(number)
+            assert page.view == view
+            assert state.texts["frame.radius"] == ("40", "50")[number]
+            assert state.sliders["voltage"] == view.voltage / 1e3
+        page._typed("frame.radius", "1 mm")
+        assert page.view == start
+        assert "must lie inside the frame" in state.errors["frame.radius"]
+        page._reset()
+        assert state.errors == {}
+        await asyncio.sleep(0)  # so that the server begins
+        await served.close()
+
+    asyncio.run(run())

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import re
 import signal
 import sys
@@ -220,40 +219,6 @@ def test_what_is_written_is_what_the_command_solves(
     command = page.text_content("#command-text")
     main([*shlex.split(command)[1:], "--json"])
     assert json.loads(capsys.readouterr().out)["deflection_m"] == pytest.approx(shown, rel=1e-4)
-
-
-def test_each_specimen_begins_as_it_was_read_however_often_it_is_chosen(
-        tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from tympan.reports.explore import latest
-    from tympan.reports.explore.server import _Served
-    from tympan.reports.explore.subject import read_subject
-
-    monkeypatch.setenv("TRAME_ARGS", "--server")
-    monkeypatch.setattr(latest, "_PRELOADED", [])
-    for name, radius in (("a", "4 cm"), ("b", "5 cm")):
-        frame = f'shape = "circle"\nradius = "{radius}"'
-        (tmp_path / f"{name}.toml").write_text(specimen_toml(name, frame), encoding="utf-8")
-    subject = read_subject(tmp_path)
-
-    async def run() -> None:
-        start = changed(subject.view(0, 0.0179), "voltage", 1500.0)
-        served = _Served.of("page", subject, start)
-        page, state = served.page, served.server.state
-        page._typed("stiffness", "1.5")
-        for number, view in ((1, subject.view(1, 0.0179)), (0, start)):
-            page._choose(number)
-            assert page.view == view
-            assert state.texts["frame.radius"] == ("40", "50")[number]
-            assert state.sliders["voltage"] == view.voltage / 1e3
-        page._typed("frame.radius", "1 mm")
-        assert page.view == start
-        assert "must lie inside the frame" in state.errors["frame.radius"]
-        page._reset()
-        assert state.errors == {}
-        await asyncio.sleep(0)  # so that the server begins
-        await served.close()
-
-    asyncio.run(run())
 
 
 def test_interrupting_it_ends_everything_with_one_line(folder: Path) -> None:
