@@ -147,22 +147,27 @@ class ResidualDerivative:
         if model.specimen is self.at.model.specimen and not np.imag(state.voltage_squared):
             return result
         thickness = film.thickness / film.area_prestretch
+        uneven = bool(np.any(np.imag(model.relative_thickness)))
+        relative = model.relative_thickness if uneven else self.at.model.relative_thickness
         for part in self._parts_of(model, state):
-            if part not in self._parts:
-                result = result + np.imag(thickness * self._virtual_work(*part))
+            if uneven or part not in self._parts:
+                result = result + np.imag(thickness * self._virtual_work(*part, relative))
             elif np.imag(thickness):
-                result = result + np.imag(thickness) * np.real(self._virtual_work(*part))
+                result = result + np.imag(thickness) * np.real(self._virtual_work(*part, relative))
         return result
 
-    def _virtual_work(self, material: Any, prestretch: tuple[Any, Any]) -> Any:
-        """∫ W₁δλ₁ + W₂δλ₂ over the mounted film for each motion [N]."""
+    def _virtual_work(self, material: Any, prestretch: tuple[Any, Any], relative: Any) -> Any:
+        """∫ W₁δλ₁ + W₂δλ₂ over the mounted film for each motion [N].
+
+        ``relative``: virgin thickness over the stated one.
+        """
         if prestretch == self.at.model.specimen.membrane.prestretch:
-            return self._stretching(material)
+            even = relative is self.at.model.relative_thickness
+            return (self._stretching if even else self._stretched(relative))(material)
         # Where stretches are all but equal, directions have no derivative by another prestretch;
         # the stress has.
         stress = plane_stress(material, self.at.c, prestretch, tangent=False).stress
-        model = self.at.model
-        weights = (model.discretisation.weights * model.relative_thickness)[..., None]
+        weights = (self.at.model.discretisation.weights * relative)[..., None]
         return np.tensordot(self._strains, stress * weights, axes=3)
 
     def _by_shape(self, model: Model, state: State) -> Array:
@@ -216,10 +221,13 @@ class ResidualDerivative:
 
     @cached_property
     def _stretching(self) -> Callable[[Any], Any]:
+        return self._stretched(self.at.model.relative_thickness)
+
+    def _stretched(self, relative: Any) -> Callable[[Any], Any]:
         by, model = np.moveaxis(self._strains, -1, 0), self.at.model
         changes = 2 * by[0], 2 * by[1], by[2]
         return virtual_work(self.at.c, changes, model.specimen.membrane.prestretch,
-                            model.discretisation.weights * model.relative_thickness)
+                            model.discretisation.weights * relative)
 
 
 def _matrix(triple: Array) -> Array:

@@ -78,12 +78,16 @@ def parameters(model: Model, names: Sequence[str] | None = None) -> dict[str, Mo
     return parameters if names is None else {name: parameters[name] for name in names}
 
 
+#: Names of pairs whose parts have the opposite effect in a mirror.
+_ODD = {"arm", "thickness_gradient"}
+
+
 def _number(path: Sequence[str]) -> ModelParameter:
-    """A number of film, electrode or surroundings; odd along the axis of an arm."""
+    """A number of film, electrode or surroundings; odd along the axis of an arm or a gradient."""
     return ModelParameter(
         lambda model, state: float(at(model, path)),
         lambda model, state, change: (with_change(model, path, change), state),
-        frozenset("xy"[int(path[-1])]) if "arm" in path else frozenset())
+        frozenset("xy"[int(path[-1])]) if _ODD & set(path) else frozenset())
 
 
 def _load(name: Load) -> ModelParameter:
