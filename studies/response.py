@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tympan.fem.equilibrium.ramp import Status
-from tympan.fem.transient.integrate import Circuit
+from tympan.fem.transient.circuit import Circuit
 from tympan.fem.vibration.harmonic import Harmonic
 from tympan.fem.vibration.modes import vibrations
 from tympan.geometry.errors import InputError

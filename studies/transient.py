@@ -20,8 +20,9 @@ from tympan.fem.film.memory import Memory
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import State
 from tympan.fem.rig import Rig, checked_load
+from tympan.fem.transient.circuit import Circuit
 from tympan.fem.transient.energy import Energy, EnergyBalance
-from tympan.fem.transient.integrate import Circuit, Moment, StepSettings, Stopped, Transient
+from tympan.fem.transient.integrate import Moment, StepSettings, Stopped, Transient
 from tympan.geometry.errors import InputError
 from tympan.geometry.fields import Key, require, takes_units
 from tympan.geometry.specimen import Specimen

@@ -224,7 +224,8 @@ def table(records: Sequence[MotionRecord]) -> str:
     slowest = max(moved, key=lambda record: record.seconds)
     lines += ["", f"processor time: median {np.median(times):.2f} s, 95 % below "
               f"{np.quantile(times, 0.95):.1f} s, slowest {slowest.seconds:.1f} s "
-              f"(#{slowest.number}, {slowest.moments} moments)", "", "refused"]
+              f"(#{slowest.number}, {slowest.moments} moments)",
+              f"  more than {SECONDS:g} s: {np.count_nonzero(times > SECONDS)}", "", "refused"]
     reasons = Counter(record.words.split(":")[0] for record in records
                       if record.status == "refused")
     lines += [f"{number:5d}  {words}" for words, number in reasons.most_common()] or ["  none"]

@@ -6,6 +6,7 @@ Its tangent is the film's, factorised, bordered by the plate's freedoms and by l
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -176,8 +177,9 @@ def simplified_newton(model: Model, guess: State, free: tuple[Load, ...] = (),
     state = replace(guess, positions=model.place(guess.positions, guess.plate))
     with np.errstate(all="ignore"):
         if tangent is None or tangent.free != free:
-            tangent, forces = _tangent_at(model, state, free, constraints)
+            tangent, forces = tangent_at(model, state, free, constraints)
         else:
+            tangent = tangent.adapted(model, [each(model, state) for each in constraints])
             forces = model.nodal_forces(state)
     before = settings.longest
     for iteration in range(1, _SIMPLIFIED + 1):
@@ -200,8 +202,8 @@ def simplified_newton(model: Model, guess: State, free: tuple[Load, ...] = (),
     return None
 
 
-def _tangent_at(model: Model, state: State, free: tuple[Load, ...],
-                constraints: tuple[Constraint, ...]) -> tuple[Tangent | None, Array]:
+def tangent_at(model: Model, state: State, free: tuple[Load, ...] = (),
+               constraints: tuple[Constraint, ...] = ()) -> tuple[Tangent | None, Array]:
     """At a state, None where it is singular or beyond the law; and the nodal forces."""
     part = model.linearised(state)
     if not np.isfinite(part.forces).all():
@@ -273,6 +275,24 @@ class Tangent:
               for row, equation in zip(rows, equations, strict=True))])
         self._influence = self._factor.solve(columns)
         self._schur = self._corner - self._rows @ self._influence
+
+    def adapted(self, model: Model, equations: Sequence[Equation]) -> Tangent:
+        """The same for another step of the plate's motion, and other derivatives by free loads.
+
+        The film's factors stay.
+        """
+        corner, plates = self._corner.copy(), self._plates
+        freedoms = np.ix_(model.plate_freedoms, model.plate_freedoms)
+        change = _inertia(model) - _inertia(self.model)
+        corner[:plates, :plates] += change[freedoms] / model.discretisation.mirrored
+        for row, equation in enumerate(equations, plates):
+            corner[row, plates:] = [equation.by_load.get(name, 0.0) for name in self.free]
+        if np.array_equal(corner, self._corner):
+            return self
+        result = copy(self)
+        result.model, result._corner = model, corner
+        result._schur = self._schur + (corner - self._corner)
+        return result
 
     def release(self) -> None:
         """Drop the factors of a large film; they are made anew should something ask for them."""
@@ -355,6 +375,12 @@ class Tangent:
         """Motion and changes of the free loads as the last equation's value grows by one."""
         zero = np.zeros(self.model.discretisation.free_count), np.zeros(self._plates)
         return self.correct(zero, [*np.zeros(len(self.free) - 1), -1.0])
+
+
+def _inertia(model: Model) -> Array:
+    """What a step of the plate's motion adds to its stiffness, shape (6, 6)."""
+    swing = model.loading.swing
+    return np.zeros((6, 6)) if swing is None else swing.stiffness
 
 
 def _dot(first: Parts, second: Parts) -> float:

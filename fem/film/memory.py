@@ -41,9 +41,9 @@ _LONG = 80.0
 #: C of a film that is not strained.
 _UNIT = np.array([1.0, 1.0, 0.0, 1.0])
 
-#: Places of the Voigt components 11, 22, 12 among themselves.
-_PLACES = ((0, 0), (1, 1), (0, 1))
-_COMPONENT = ((0, 2), (2, 1))
+#: Twice A dC A by dC, symmetric in both pairs, is 2 A ⊗ A and this times det A, in the plane by
+#: the components 11, 22, 12 (A_ik A_lj − A_ij A_lk = det A ε_il ε_kj).
+_ACROSS = ((0, -2, 0), (-2, 0, 0), (0, 0, 1))
 
 
 @dataclass(frozen=True, eq=False)
@@ -194,12 +194,15 @@ class Flow:
         if not tangent:
             return stress, None
         softer, stiffer = strength * weight, strength * ratio
-        by_pull, by_stretch = 2 / 3 * softer, 2 * stiffer * (1 - weight * ratio)
+        along, by_stretch = 2 / 3 * softer * pull, 2 * stiffer * (2 - weight * ratio) * by_full
+        by_growth, area = 2 * softer * by_grown, stiffer * _area(by_full) - softer * _area(by_grown)
         bend = np.empty((3, 3, *stress.shape[1:]), dtype=stress.dtype)
         for i in range(3):
             for j in range(i, 3):
-                part = (by_pull * pull[i] * pull[j] + by_stretch * by_full[i] * by_full[j]
-                        + stiffer * _between(by_full, i, j) - softer * _between(by_grown, i, j))
+                part = (along[i] * pull[j] + by_stretch[i] * by_full[j]
+                        - by_growth[i] * by_grown[j])
+                if _ACROSS[i][j]:
+                    part += _ACROSS[i][j] * area
                 bend[i, j] = bend[j, i] = part.sum(0)
         return stress, bend
 
@@ -297,11 +300,9 @@ def _excess(kept: Array, weight: Array, full: Array) -> Array:
                       + weight * (inner(inverse(full), kept) + weight))
 
 
-def _between(a: Array, i: int, j: int) -> Array:
-    """Twice A dC A by dC, symmetric in both pairs, the Voigt components i and j."""
-    (p, q), (r, s) = _PLACES[i], _PLACES[j]
-    return np.asarray(a[_COMPONENT[p][r]] * a[_COMPONENT[q][s]]
-                      + a[_COMPONENT[p][s]] * a[_COMPONENT[q][r]])
+def _area(a: Array) -> Array:
+    """Of symmetric tensors the determinant in the plane, shape (...)."""
+    return np.asarray(a[0] * a[1] - a[2] * a[2])
 
 
 def _aligned(values: Array, first: int, axes: int) -> Array:

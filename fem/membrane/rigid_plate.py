@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tympan.fem.membrane.state import PlateMotion, turned
+from tympan.fem.membrane.damped_rule import end_weights
+from tympan.fem.membrane.state import HEAVE, PlateMotion, turned
 from tympan.geometry.errors import InputError
 from tympan.geometry.outlines import Outline, moments
 
@@ -70,12 +72,15 @@ def carried_along(velocity: Array, momentum: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Swing:
-    """The plate's inertia and damper over a step of a ``duration`` [s], by the trapezoidal rule.
+    """The plate's inertia and damper over a step of a ``duration`` [s].
 
     ``velocity`` of the six freedoms at its start [m/s, rad/s], their ``momentum`` [kg m/s,
     kg m²/s] and its ``rate`` [N, N m], all of shape (6,); ``mass`` at the step's end, as far as it
     is foreseen, and ``damping`` [kg, N s/m], shape (6, 6). So at the step's end the plate is pulled
-    back as by a spring whose rest is where it would fly to by itself.
+    back as by a spring whose rest is where it would fly to by itself. The rule is the trapezoidal
+    one, damped where the damper stops things within the step
+    (:mod:`tympan.fem.membrane.damped_rule`); for that ``film`` is about how stiff the film is
+    against heave [N/m].
     """
 
     origin: PlateMotion
@@ -85,6 +90,7 @@ class Swing:
     mass: Array
     damping: Array
     duration: float
+    film: float = 0.0
 
     def motion(self, plate: PlateMotion) -> Array:
         """Of the plate over the step, shape (6,)."""
@@ -93,22 +99,32 @@ class Swing:
 
     def after(self, plate: PlateMotion) -> tuple[Array, Array]:
         """Velocity and the momentum's rate at the step's end."""
-        velocity = 2 / self.duration * self.motion(plate) - self.velocity
-        gained = self.mass @ velocity - self.momentum
-        return velocity, 2 / self.duration * gained - self.rate
+        motion, momentum = self._ends
+        velocity = self.motion(plate) / self.duration - (1 - motion) * self.velocity
+        velocity = velocity / motion
+        rate = (self.mass @ velocity - self.momentum) / self.duration - (1 - momentum) * self.rate
+        return velocity, rate / momentum
 
     def on_plate(self, plate: PlateMotion) -> tuple[Any, Array, Array]:
         """A potential [J] and its derivatives by the six freedoms, as far as these do not turn."""
         motion, (velocity, rate) = self.motion(plate), self.after(plate)
-        stiffness = self._stiffness
+        stiffness = self.stiffness
         first = rate + self.damping @ velocity + carried_along(velocity, self.mass @ velocity)
         return motion @ (first - stiffness @ motion / 2), first, stiffness
 
     def rounding(self, size: float) -> Array:
         """Forces by how exactly a plate within a size [m] of its rest can be placed, shape (6,)."""
         lengths = np.array([size, size, size, 1.0, 1.0, 1.0])
-        return np.asarray(np.finfo(float).eps * (np.abs(self._stiffness) @ lengths))
+        return np.asarray(np.finfo(float).eps * (np.abs(self.stiffness) @ lengths))
 
     @property
-    def _stiffness(self) -> Array:
-        return 2 / self.duration * (2 / self.duration * self.mass + self.damping)
+    def stiffness(self) -> Array:
+        """Derivative of what pulls the plate back by its motion [N/m, N m], shape (6, 6)."""
+        motion, momentum = self._ends
+        return (self.mass / (momentum * self.duration) + self.damping) / (motion * self.duration)
+
+    @cached_property
+    def _ends(self) -> tuple[float, float]:
+        """How much the end counts in the step's motion and in its change of momentum."""
+        return end_weights(self.duration, self.film, float(self.damping[HEAVE, HEAVE]),
+                           float(self.mass[HEAVE, HEAVE]))

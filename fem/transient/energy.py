@@ -25,8 +25,8 @@ class Energy:
     """Of the whole film and its plate at a ``time`` [s].
 
     ``stored``: elastic, that of branches and biases, and electrostatic [J]; ``kinetic`` [J];
-    ``loss``: what branches and damper turn into heat [W]; ``charge`` [C] at a ``voltage`` [V];
-    ``work`` that weights and gas do from the flat film on [J].
+    ``loss``: what branches turn into heat [W]; ``charge`` [C] at a ``voltage`` [V]; ``work`` that
+    weights and gas do from the flat film on [J]; ``drag``: the damper's heat is its square [√W].
     """
 
     time: float
@@ -36,6 +36,7 @@ class Energy:
     charge: float
     voltage: float
     work: float
+    drag: float
 
     @classmethod
     def of(cls, transient: Transient, moment: Moment) -> Energy:
@@ -51,12 +52,11 @@ class Energy:
         prestretch = model.specimen.membrane.prestretch
         strain = from_virgin(model.cauchy_green(state.positions), prestretch)
         heat = (moment.memory.dissipation(strain) * model.volumes).sum() * mesh.mirrored
-        damped = transient.damper * float(speed[HEAVE]) ** 2
         biases = sum(bias.derivatives(state.plate.deflection)[0] for bias in model.loading.biases)
         return cls(moment.time, potential + charge * voltage + float(biases), float(kinetic),
-                   float(heat) + damped, charge, voltage,
+                   float(heat), charge, voltage,
                    _work(model, state.under(force=transient.force, pressure=transient.pressure))
-                   + float(biases))
+                   + float(biases), float(np.sqrt(transient.damper) * speed[HEAVE]))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -113,11 +113,11 @@ def _work(model: Model, state: State) -> float:
 
 
 def _integrals(piece: Array) -> tuple[float, float]:
-    """∫U dQ and ∫loss dt [J] between moments, rows of energies' fields."""
-    time, loss, charge, voltage = piece[:, [0, 3, 4, 5]].T
+    """∫U dQ and ∫(loss + drag²) dt [J] between moments, rows of energies' fields."""
+    time, loss, charge, voltage, drag = piece[:, [0, 3, 4, 5, 7]].T
     nodes, weights = np.polynomial.legendre.leggauss(_POINTS)
     half = np.diff(time)[:, None] / 2
     at = (time[:-1, None] + half) + half * nodes
     power = spline(time, voltage)(at) * spline(time, charge)(at, 1)
-    return (float((power * weights * half).sum()),
-            float((spline(time, loss)(at) * weights * half).sum()))
+    heat = spline(time, loss)(at) + spline(time, drag)(at) ** 2
+    return float((power * weights * half).sum()), float((heat * weights * half).sum())

@@ -2,10 +2,13 @@
 
 A massless film is in equilibrium with the plate at every moment; its viscous branches flow
 (:mod:`tympan.fem.film.memory`), the plate moves by the trapezoidal rule
-(:class:`~tympan.fem.membrane.rigid_plate.Swing`), a circuit charges the film by the same rule. All
-are of second order. Every step is made once whole and once in halves: how far these end apart is
-the error that the steps' length follows, and (4 halves − whole)/3 is where it goes on from (Hairer,
-Nørsett and Wanner, *Solving Ordinary Differential Equations I*, §II.4).
+(:class:`~tympan.fem.membrane.rigid_plate.Swing`), a circuit charges the film by the same rule
+(:mod:`tympan.fem.transient.circuit`). All are of second order. Every step is made once whole and
+once in halves: how far these end apart is the error that the steps' length follows, and
+(4 halves − whole)/3 is where it goes on from (Hairer, Nørsett and Wanner, *Solving Ordinary
+Differential Equations I*, §II.4). By the trapezoidal rule what decays much faster than a step would
+grow by 5/3 in each: where damper or circuit do that the rule is damped
+(:mod:`tympan.fem.membrane.damped_rule`).
 """
 
 from __future__ import annotations
@@ -14,12 +17,18 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import Any, Literal, Protocol
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tympan.fem.equilibrium.constraints import Constraint, difference, held_charge, length
+from tympan.fem.equilibrium.constraints import (
+    Constraint,
+    difference,
+    held_charge,
+    held_plate,
+    length,
+)
 from tympan.fem.equilibrium.newton import (
     NewtonSettings,
     Solution,
@@ -27,12 +36,14 @@ from tympan.fem.equilibrium.newton import (
     moved,
     newton,
     simplified_newton,
+    tangent_at,
 )
 from tympan.fem.film.density import from_virgin, small_strain_modulus
 from tympan.fem.film.memory import Memory, determinant
 from tympan.fem.membrane.model import Model, Parts
 from tympan.fem.membrane.rigid_plate import RigidPlate, Swing, carried_along
 from tympan.fem.membrane.state import HEAVE, Load, State
+from tympan.fem.transient.circuit import Circuit, Signal
 from tympan.fem.transient.dense_output import weights
 
 Array = NDArray[np.float64]
@@ -50,39 +61,12 @@ _CLOSER, _ITERATIONS = 1e-3, 10
 #: A voltage that moves no film [V].
 _NO_VOLTAGE = 1e-3
 
-#: What gives way where the film's charge is given.
+#: What gives way where the film's charge is given, and where the plate's heave is.
 _VOLTAGE: tuple[Load, ...] = ("voltage",)
+_FORCE: tuple[Load, ...] = ("force",)
 
 #: Shortest part of a jump of loads that is tried.
 _PART = 1e-4
-
-
-class Signal(Protocol):
-    """A film's or source's voltage in time, smooth within pieces between ``breaks`` [s]."""
-
-    @property
-    def breaks(self) -> Array:
-        """Times between which it is smooth [s], shape (pieces + 1,)."""
-
-    def within(self, piece: Any, time: Any) -> Any:
-        """Voltages [V] at times of a piece, its ends included."""
-
-
-@dataclass(frozen=True)
-class Circuit:
-    """Between source and film: a series ``resistance`` and what ``leakage`` passes by it [Ω]."""
-
-    resistance: float = 0.0
-    leakage: float = np.inf
-
-    @property
-    def conductance(self) -> float:
-        """Of both from the film [1/Ω]."""
-        return 1 / self.resistance + 1 / self.leakage
-
-    def current(self, source: float, film: float) -> float:
-        """Into the electrodes [A] at voltages of source and film [V]; 0 without resistance."""
-        return (source - film) / self.resistance - film / self.leakage if self.resistance else 0.0
 
 
 @dataclass(frozen=True)
@@ -114,7 +98,8 @@ class Moment:
     """Film and plate at a time [s].
 
     ``velocity`` of the plate's six freedoms and the ``rate`` of their momentum; ``charge`` on
-    the electrodes [C] and the ``current`` into them [A], both 0 without a circuit.
+    the electrodes [C] and the ``current`` into them [A], both 0 without a circuit; ``stiffness`` of
+    the film against the heave of a plate that swings or is damped [N/m].
     """
 
     time: float
@@ -124,6 +109,7 @@ class Moment:
     rate: Array = field(default_factory=lambda: np.zeros(6))
     charge: float = 0.0
     current: float = 0.0
+    stiffness: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,7 +140,7 @@ class Transient:
     signal: Signal
     plate: RigidPlate | None = None
     damper: float = 0.0
-    circuit: Circuit = Circuit()
+    circuit: Circuit = field(default_factory=Circuit)
     settings: StepSettings = StepSettings()
     pressure: float = 0.0
 
@@ -179,14 +165,15 @@ class Transient:
 
     def _through(self, moment: Moment, piece: int, end: float) -> Iterator[Moment]:
         """A piece of the signal, in steps."""
-        settings, past = self.settings, [moment]
+        settings, past, tangent = self.settings, [moment], None
         scale = min([end - moment.time, *self._times(moment)])
         step = settings.first * scale
         while past[-1].time < end:
             rest = end - past[-1].time
             duration = rest if step >= rest else min(step, rest / 2)
-            following, error = self.step(past, piece, duration)
-            if following is not None and error <= settings.error:
+            ahead, error = self.step(past, piece, duration, tangent)
+            if ahead is not None and error <= settings.error:
+                following, tangent = ahead.moment, ahead.tangent
                 if duration == rest:  # halves may add up to a little less
                     following = replace(following, time=end)
                 yield following
@@ -199,15 +186,11 @@ class Transient:
             step = duration * min(max(change, _SHRINK), _GROWTH)
 
     def _times(self, moment: Moment) -> list[float]:
-        """Times that matter [s]: of the branches, of the plate's swing, of charging."""
+        """Times that matter [s]: of the branches, of the plate's swing or creep, of charging."""
         times = [float(time) for time in moment.memory.times]
-        if self.plate is not None:
-            tangent = newton(self.model, moment.state, settings=self.settings.close).tangent
-            heave = self.model.plate_freedoms.index(HEAVE)
-            stiffness = 0.0 if tangent is None else tangent.plate_stiffness[heave, heave]
-            if stiffness > 0:
-                whole = stiffness * self.model.discretisation.mirrored
-                times.append(float(np.sqrt(self.plate.mass / whole)))
+        if moment.stiffness > 0:
+            times.append(self.damper / moment.stiffness if self.plate is None
+                         else float(np.sqrt(self.plate.mass / moment.stiffness)))
         if self.circuit.resistance:
             times.append(float(self.model.capacitance(moment.state)) / self.circuit.conductance)
         return times
@@ -218,15 +201,25 @@ class Transient:
         return Stopped("thinning" if thin else "pull_in", moment.time)
 
     def _after_jump(self, moment: Moment, source: float) -> Moment:
-        """The film at once after the source's voltage jumped, the plate clamped by its inertia."""
+        """The film at once after the source's voltage jumped.
+
+        The plate is held by its inertia, and a damper holds its heave.
+        """
         squared = moment.state.voltage_squared if self.circuit.resistance else source**2
         model = self.remembering(moment)
-        if self.plate is None:
-            film = self._jumped(model, moment, squared)
-        else:
+        if self.plate is not None:
             clamped = replace(model, loading=replace(model.loading, guide="fixed"))
             film = self._jumped(clamped, moment, squared)
             moment = replace(moment, rate=self._pushed(model, film, moment.velocity))
+        elif self.damper:
+            film = self._jumped(model, moment, squared, heave=moment.state.plate.deflection)
+            velocity = (self.force - film.force) / self.damper * np.eye(6)[HEAVE]
+            film, moment = film.under(force=self.force), replace(moment, velocity=velocity)
+        else:
+            film = self._jumped(model, moment, squared)
+        if self.plate is not None or self.damper:
+            tangent, _ = tangent_at(model, film)
+            moment = replace(moment, stiffness=_stiffness(tangent) if tangent else 0.0)
         current = self.circuit.current(source, float(np.sqrt(squared)))
         return replace(moment, state=film, current=current)
 
@@ -240,32 +233,37 @@ class Transient:
         rate[allowed] -= outer * model.discretisation.mirrored
         return np.where(np.isin(np.arange(6), allowed), rate, 0.0)
 
-    def _jumped(self, model: Model, moment: Moment, squared: float) -> State:
-        """The state under force, gas and another U² at once, in as many steps as it takes."""
+    def _jumped(self, model: Model, moment: Moment, squared: float, heave: float | None = None
+                ) -> State:
+        """The state under force, gas and another U² at once, in as many steps as it takes.
+
+        With the plate at a ``heave`` [m] the force is what holds it there.
+        """
         targets: dict[Load, float] = {"force": self.force, "pressure": self.pressure,
                                       "voltage": squared}
+        free, constraints = ((), ()) if heave is None else (_FORCE, (held_plate(heave),))
         share, step, state, before = 0.0, 1.0, moment.state, moment.state
         while share < 1:
             ahead = min(1.0, share + step)
             loads = {name: before.load(name) + ahead * (target - before.load(name))
                      for name, target in targets.items()}
-            solution = newton(model, state.under(**loads), settings=self.settings.close)
-            if solution.converged and solution.stable:
+            solution = newton(model, state.under(**loads), free, constraints, self.settings.close)
+            if solution.converged and (solution.stable or heave is not None):
                 state, share, step = solution.state, ahead, 2 * step
             elif (step := step / 2) < _PART:
                 raise self._stopped(moment)
         return state
 
-    def step(self, past: list[Moment], piece: int, duration: float
-             ) -> tuple[Moment | None, float]:
+    def step(self, past: list[Moment], piece: int, duration: float,
+             tangent: Tangent | None = None) -> tuple[ImplicitStep | None, float]:
         """The moment after a duration [s], from a whole step and two halves, and their error.
 
-        None where the film cannot be followed.
+        None where the film cannot be followed. A tangent near where it begins may do.
         """
-        steps = self._whole_and_halves(past, piece, duration)
+        steps = self._whole_and_halves(past, piece, duration, tangent)
         if steps is None:
             return None, np.inf
-        whole, middle, halves = steps
+        whole, middle, halves, tangent = steps
         gap = difference(self.model, halves.state, whole.state)
         viscous, change = halves.memory.viscous, halves.memory.viscous - whole.memory.viscous
         along = np.stack([viscous[0], viscous[1], np.sqrt(viscous[0] * viscous[1]), viscous[3]])
@@ -282,30 +280,34 @@ class Transient:
         if self.circuit.resistance:
             ends = np.sqrt([squared, whole.state.voltage_squared])
             squared = max(float(ends[0] + (ends[0] - ends[1]) / 3), 0.0) ** 2
-        return replace(
+        return ImplicitStep(replace(
             halves, state=state.under(voltage=squared),
             memory=replace(halves.memory, viscous=beyond),
             velocity=halves.velocity + (halves.velocity - whole.velocity) / 3,
             rate=halves.rate + (halves.rate - whole.rate) / 3,
             charge=halves.charge + (halves.charge - whole.charge) / 3,
-            current=halves.current + (halves.current - whole.current) / 3), error
+            current=halves.current + (halves.current - whole.current) / 3,
+            stiffness=_stiffness(tangent) if self.damper and tangent else halves.stiffness),
+            tangent), error
 
-    def _whole_and_halves(self, past: list[Moment], piece: int, duration: float
-                          ) -> tuple[Moment, Moment, Moment] | None:
-        """The end of a step made whole, and middle and end of it made in halves.
+    def _whole_and_halves(
+            self, past: list[Moment], piece: int, duration: float, tangent: Tangent | None
+            ) -> tuple[Moment, Moment, Moment, Tangent | None] | None:
+        """The end of a step made whole, and middle and end of it made in halves; a tangent there.
 
-        These begin where the whole one leads, and with its tangent.
+        The halves begin where the whole one leads, and with its tangent.
         """
-        whole = self.implicit_step(past, piece, duration)
+        whole = self.implicit_step(past, piece, duration, tangent=tangent)
         if whole is None:
             return None
-        tangent = whole.tangent
-        middle = self.implicit_step(past, piece, duration / 2, [whole.moment], tangent)
+        middle = self.implicit_step(past, piece, duration / 2, [whole.moment], whole.tangent)
         if middle is None:
             return None
         halves = self.implicit_step([*past, middle.moment], piece, duration / 2, [whole.moment],
                             middle.tangent)
-        return None if halves is None else (whole.moment, middle.moment, halves.moment)
+        if halves is None:
+            return None
+        return whole.moment, middle.moment, halves.moment, halves.tangent
 
     def _between(self, past: list[Moment], middle: Moment, end: Moment) -> float:
         """How far plate and charge are, in a step's middle, from the curve through what is kept."""
@@ -342,7 +344,8 @@ class Transient:
         state, swing = solution.state, model.loading.swing
         if state.voltage_squared < 0:  # of a film that is all but discharged
             state = state.under(voltage=0.0)
-        following = Moment(time, state, flow.after(self._strain(state)))
+        following = Moment(time, state, flow.after(self._strain(state)),
+                           stiffness=moment.stiffness)
         if swing is not None:
             velocity, rate = swing.after(state.plate)
             following = replace(following, velocity=velocity, rate=rate)
@@ -354,23 +357,21 @@ class Transient:
 
     def _electrodes(self, model: Model, guess: State, moment: Moment, source: float,
                     duration: float) -> tuple[float, tuple[Constraint, ...]]:
-        """A film's voltage [V], and what it must meet if the circuit's charge makes it.
-
-        The charge of the step's end is that of the trapezoidal rule.
-        """
-        circuit = self.circuit
-        if not circuit.resistance:
+        """A film's voltage [V], and what it must meet if the circuit's charge makes it."""
+        if not self.circuit.resistance:
             return source, ()
-        charge = moment.charge + duration / 2 * (moment.current + source / circuit.resistance)
-        further = duration / 2 * circuit.conductance
-        voltage = charge / (float(model.capacitance(guess)) + further)
+        capacitance = float(model.capacitance(guess))
+        charge, further = self.circuit.charged(moment.charge, moment.current, source, duration,
+                                               capacitance)
+        voltage = charge / (capacitance + further)
         return voltage, (held_charge(charge, further),) if voltage else ()
 
     def _solved(self, model: Model, guess: State, charge: tuple[Constraint, ...],
                 tangent: Tangent | None) -> Solution:
         """By the tangent given or that of the guess; by as many as it takes if that will not do."""
         problem = model, guess, _VOLTAGE if charge else (), charge, self.settings.close
-        return simplified_newton(*problem, tangent) or newton(*problem)
+        near = None if tangent is None else simplified_newton(*problem, tangent)
+        return near or simplified_newton(*problem) or newton(*problem)
 
     def _moving(self, model: Model, moment: Moment, guess: State, duration: float) -> Model:
         """With the plate's part in a step."""
@@ -379,7 +380,7 @@ class Transient:
         before, after = ((np.zeros((6, 6)),) * 2 if self.plate is None else
                          (self.plate.matrix(state.plate) for state in (moment.state, guess)))
         swing = Swing(moment.state.plate, moment.velocity, before @ moment.velocity, moment.rate,
-                      after, self._damping, duration)
+                      after, self._damping, duration, moment.stiffness)
         return replace(model, loading=replace(model.loading, swing=swing))
 
     def state_at(self, past: list[Moment], time: float) -> State:
@@ -422,6 +423,14 @@ class Transient:
         return from_virgin(self.model.cauchy_green(state.positions),
                            self.model.specimen.membrane.prestretch)
 
+
+def _stiffness(tangent: Tangent) -> float:
+    """Of the whole film against the plate's heave [N/m], less what a step of motion adds."""
+    model = tangent.model
+    heave = model.plate_freedoms.index(HEAVE)
+    stiffness = float(tangent.plate_stiffness[heave, heave]) * model.discretisation.mirrored
+    swing = model.loading.swing
+    return stiffness - (float(swing.stiffness[HEAVE, HEAVE]) if swing is not None else 0.0)
 
 
 def _shares(moments: Sequence[Moment], time: float) -> Iterator[tuple[Moment, float]]:

@@ -23,7 +23,7 @@ from tympan.fem.film.memory import Memory
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.rigid_plate import RigidPlate
 from tympan.fem.membrane.state import HEAVE, State
-from tympan.fem.transient.integrate import Circuit
+from tympan.fem.transient.circuit import Circuit
 from tympan.fem.vibration.modes import System
 
 Array = NDArray[Any]

@@ -137,10 +137,12 @@ class CreepingFilm:
             result.append(self.at_rest(*after, column.reshape(2, points), start)[0][-1])
         return np.array(result)
 
-    def swing(self, mass: float, force: float, voltage: float, times: Array) -> Array:
+    def swing(self, mass: float, force: float, voltage: float, times: Array, damper: float = 0.0
+              ) -> Array:
         """Deflections [m] at times [s] of a plate of that mass, at rest until time 0.
 
-        Under the force; from then on also under the voltage.
+        Under the force; from then on also under the voltage. Without mass the ``damper`` [N s/m]
+        alone holds it.
         """
         start, i, j = self.at_rest(force, 0.0, None)
         points = len(i)
@@ -153,7 +155,9 @@ class CreepingFilm:
             (v, w), third = memory, 1 / (i * j)
             stretch = i / v + j / w + v * w * third
             flow = np.concatenate([i - stretch * v / 3, j - stretch * w / 3]) / self.time
-            return np.concatenate([[speed, (force - self.pull) / mass], flow])
+            push = force - self.pull
+            moved = [push / damper, 0.0] if not mass else [speed, (push - damper * speed) / mass]
+            return np.concatenate([moved, flow])
 
         begin = np.concatenate([[start[-1], 0.0], i, j])
         done = solve_ivp(rate, (0.0, times[-1]), begin, "DOP853", t_eval=times, rtol=1e-9,

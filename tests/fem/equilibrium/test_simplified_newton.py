@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from tests.support.models import model
 from tests.support.specimens import circular
 from tympan.fem.equilibrium.constraints import held_charge, held_plate
-from tympan.fem.equilibrium.newton import NewtonSettings, newton, simplified_newton
+from tympan.fem.equilibrium.newton import NewtonSettings, newton, simplified_newton, tangent_at
 from tympan.fem.equilibrium.ramp import equilibrium
 from tympan.fem.film.laws import NeoHooke
+from tympan.fem.membrane.rigid_plate import Swing
 
 FORCE = 0.1755
 SETTINGS = NewtonSettings()
@@ -44,6 +47,27 @@ def test_a_load_that_is_not_given_is_found(film) -> None:
                              start.tangent)
     assert raised.state.plate.deflection == pytest.approx(4e-3, rel=1e-9)
     assert raised.tangent.free == ("force",)
+
+
+def test_a_tangent_is_adapted_to_another_step_in_time(film) -> None:
+    """Of a plate that swings, damped, while its film charges."""
+    state = equilibrium(film, FORCE, 5e3).state
+    charge = float(film.capacitance(state)) * 5e3
+    tangents = []
+    for step, further in ((1e-2, 1e-9), (1e-3, 3e-8)):
+        swing = Swing(state.plate, *np.zeros((3, 6)), 0.02 * np.eye(6), 0.3 * np.eye(6), step)
+        moving = replace(film, loading=replace(film.loading, swing=swing))
+        tangents.append((moving, (held_charge(charge, further),)))
+    (first, charged), (second, recharged) = tangents
+    near, _ = tangent_at(first, state, ("voltage",), charged)
+    fresh, _ = tangent_at(second, state, ("voltage",), recharged)
+    adapted = near.adapted(second, [recharged[0](second, state)])
+    assert adapted.plate_stiffness == pytest.approx(fresh.plate_stiffness, rel=1e-9)
+    assert near.plate_stiffness != pytest.approx(fresh.plate_stiffness, rel=0.5)
+    residual = film.residual(film.nodal_forces(state.under(voltage=0.0)), state)
+    for motion, exact in zip(adapted.correct(residual, [1e-7])[0],
+                             fresh.correct(residual, [1e-7])[0], strict=True):
+        assert motion == pytest.approx(exact, rel=1e-7, abs=1e-12)
 
 
 def test_a_tangent_from_afar_is_given_up(film) -> None:

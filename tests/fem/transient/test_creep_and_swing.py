@@ -7,41 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.oracles.creep import CreepingFilm
-from tests.support.specimens import circular
-from tympan.fem.film.laws import NeoHooke
+from tests.support.creeping import CREEPS, EXACT, FORCE, MASS, TIMES, film, moved, stepped
 from tympan.fem.results.fields import edge_fields
 from tympan.fem.rig import Rig
 from tympan.fem.transient.integrate import StepSettings
 from tympan.geometry.outlines import Ellipse
 from tympan.geometry.specimen import Specimen, ViscousBranch
 from tympan.studies.case import Case, Settings, solve
-from tympan.studies.signals import Pieces
-from tympan.studies.transient import History, TransientCase, begun, history, solve_after
-
-ROOT5 = 5**0.5
-MASS = 17.9e-3
-FORCE = MASS * 9.80665
-TIMES = np.array([1.0, 10.0, 30.0, 100.0])
-EXACT = CreepingFilm(10e-3, 45e-3, 1e-3, ROOT5, 20e3, 200e3, 10.0, 4.7)
-
-
-def film(*branches: ViscousBranch) -> Specimen:
-    """That of the reference values, with other branches."""
-    specimen = circular(NeoHooke(20e3))
-    return replace(specimen, membrane=replace(specimen.membrane, branches=branches))
-
-
-CREEPS = film(ViscousBranch(200e3, 10.0))
-
-
-def stepped(low: float, high: float, times: np.ndarray) -> Pieces:
-    """From one voltage to another at once, with breaks at times."""
-    return Pieces(np.r_[0.0, 0.0, times], np.r_[low, np.full(len(times) + 1, high)])
-
-
-def moved(specimen: Specimen, signal: Pieces, **more) -> History:
-    return history(TransientCase(specimen, signal, mass=MASS, **more), Settings())
+from tympan.studies.transient import TransientCase, begun, history, solve_after
 
 
 def test_the_equations_give_the_references() -> None:
@@ -109,8 +82,8 @@ def test_equal_steps_are_of_second_order_and_what_is_gone_on_from_of_third() -> 
         past = [start]
         for _ in range(count):
             following = (transient.step(past[-3:], 0, end / count)[0] if doubled else
-                         transient.implicit_step(past[-3:], 0, end / count).moment)
-            past.append(following)
+                         transient.implicit_step(past[-3:], 0, end / count))
+            past.append(following.moment)
         return abs(past[-1].state.plate.deflection - exact)
 
     single = [miss(count, False) for count in (4, 8, 16)]

@@ -1,0 +1,52 @@
+"""A source of voltages, and what is between it and the film's electrodes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tympan.fem.membrane.damped_rule import end_weight
+
+Array = NDArray[np.float64]
+
+
+class Signal(Protocol):
+    """A film's or source's voltage in time, smooth within pieces between ``breaks`` [s]."""
+
+    @property
+    def breaks(self) -> Array:
+        """Times between which it is smooth [s], shape (pieces + 1,)."""
+
+    def within(self, piece: Any, time: Any) -> Any:
+        """Voltages [V] at times of a piece, its ends included."""
+
+
+@dataclass(frozen=True)
+class Circuit:
+    """Between source and film: a series ``resistance`` and what ``leakage`` passes by it [Ω]."""
+
+    resistance: float = 0.0
+    leakage: float = np.inf
+
+    @property
+    def conductance(self) -> float:
+        """Of both from the film [1/Ω]."""
+        return 1 / self.resistance + 1 / self.leakage
+
+    def current(self, source: float, film: float) -> float:
+        """Into the electrodes [A] at voltages of source and film [V]; 0 without resistance."""
+        return (source - film) / self.resistance - film / self.leakage if self.resistance else 0.0
+
+    def charged(self, charge: float, current: float, source: float, duration: float,
+                capacitance: float) -> tuple[float, float]:
+        """What a film's charge is after a duration [s] at a voltage U of it, as Q − C U [C, F].
+
+        By the damped trapezoidal rule of a film of a ``capacitance`` [F], from its ``charge`` [C]
+        and ``current`` [A] before, under the source's voltage [V] at the end.
+        """
+        later = end_weight(duration * self.conductance / capacitance)
+        at_no_voltage = (1 - later) * current + later * source / self.resistance
+        return charge + duration * at_no_voltage, duration * later * self.conductance
