@@ -1,10 +1,11 @@
 """Motion of a reduced film in time, in steps as long as an error estimate allows.
 
 As the field model moves (:mod:`tympan.fem.transient.integrate`), with the same step of its memory
-and the same rule for the plate, the trapezoidal. A step begins at the polynomial through the
-moments before it; how far it ends from there is the error its length follows (Milne's device:
-Hairer, Nørsett and Wanner, *Solving Ordinary Differential Equations I*, §III.1). What swings is
-also made in halves and extrapolated, as the field model is: over many swings phases add up.
+and the same rule for the plate, the trapezoidal, damped where its damper stops it within a step
+(:mod:`tympan.fem.membrane.damped_rule`). A step begins at the polynomial through the moments before
+it; how far it ends from there is the error its length follows (Milne's device: Hairer, Nørsett and
+Wanner, *Solving Ordinary Differential Equations I*, §III.1). What swings is also made in halves and
+extrapolated, as the field model is: over many swings phases add up.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tympan.fem.film.memory import Memory, determinant
+from tympan.fem.membrane.damped_rule import end_weights
 from tympan.studies.lumped.reduced_film import Drive, FilmLoads, NoBalance, ReducedFilm
 from tympan.studies.signals import Signal, Supplied, Together
 
@@ -44,7 +46,8 @@ _REACH = 1.5
 class ReducedMoment:
     """A reduced film at a time [s]: q, its loads and memory; the plate's velocity, acceleration.
 
-    Of one run or, as arrays, of several.
+    Of one run or, as arrays, of several. ``stiffness`` against the heave of a plate that is damped
+    [N/m], of the stiffest.
     """
 
     time: float
@@ -53,6 +56,7 @@ class ReducedMoment:
     memory: Memory
     velocity: Any = 0.0
     acceleration: Any = 0.0
+    stiffness: float = 0.0
 
     @property
     def heave(self) -> Any:
@@ -125,6 +129,8 @@ class ReducedMotion:
             jumps = loads.differ(past[-1].loads)
             if jumps:
                 past = [self._after_jump(past[-1], loads)]
+            if self.damper:
+                past[-1] = replace(past[-1], stiffness=self._stiffness(past[-1]))
             if jumps or not step:
                 step = _FIRST * min([end - start, *self._times(past[-1])])
             yield past[-1]
@@ -163,26 +169,36 @@ class ReducedMotion:
         return past, step
 
     def _times(self, moment: ReducedMoment) -> list[float]:
-        """Times that matter [s]: of the branches, of the plate's swing."""
+        """Times that matter [s]: of the branches, of the plate's swing or creep."""
         times: list[float] = moment.memory.times.tolist()
         if self.mass is not None:
-            _, stiffness = self.film.pull(moment.q, moment.loads.voltage_squared)
-            times.append(float(np.sqrt(self.mass / np.abs(stiffness[..., 0, 0]).max())))
+            times.append(float(np.sqrt(self.mass / self._stiffness(moment))))
+        elif self.damper:
+            times.append(self.damper / moment.stiffness)
         return times
 
+    def _stiffness(self, moment: ReducedMoment) -> float:
+        """Against heave [N/m], of the stiffest run."""
+        flow = moment.memory.step(self.film.strain(moment.q), 0.0)
+        _, stiffness = self.film.pull(moment.q, moment.loads.voltage_squared, flow)
+        return float(np.abs(stiffness[..., 0, 0]).max())
+
     def _after_jump(self, moment: ReducedMoment, loads: FilmLoads) -> ReducedMoment:
-        """The film at once after its loads jumped, the plate clamped by its inertia."""
+        """The film at once after its loads jumped, the plate held by inertia or damper."""
         film = self.film
         flow = moment.memory.step(film.strain(moment.q), 0.0)
         try:
-            if self.mass is None:
+            if self.mass is None and not self.damper:
                 q = film.carried(moment.q, moment.loads, loads, flow, last=self._last)
                 return replace(moment, q=q, loads=loads)
             q = film.carried(moment.q, moment.loads, loads, flow, None, self._last)
         except NoBalance:
             raise PulledIn(moment.time) from None
         pull, _ = film.pull(q, loads.voltage_squared, flow)
-        push = loads.force - pull[..., 0] - self.spring * q[..., 0] - self.damper * moment.velocity
+        push = loads.force - pull[..., 0] - self.spring * q[..., 0]
+        if self.mass is None:
+            return replace(moment, q=q, loads=loads, velocity=push / self.damper)
+        push = push - self.damper * moment.velocity
         return replace(moment, q=q, loads=loads, acceleration=push / self.mass)
 
     def _step(self, past: list[ReducedMoment], piece: int, duration: float
@@ -195,10 +211,9 @@ class ReducedMotion:
         guess = _extrapolated(past, time)
         q = film.balanced(guess, loads, flow, self._drive(moment, duration),
                           self._last)
-        velocity = 2 / duration * (q[..., 0] - moment.heave) - moment.velocity
-        acceleration = 2 / duration * (velocity - moment.velocity) - moment.acceleration
+        velocity, acceleration = self._after(moment, duration, q[..., 0])
         following = ReducedMoment(time, q, loads, flow.after(film.strain(q)), velocity,
-                                  acceleration)
+                                  acceleration, moment.stiffness)
         error = float(np.abs(q - guess).max()) / film.specimen.gap
         return following, error * _share(past, time)
 
@@ -219,11 +234,25 @@ class ReducedMotion:
         return better, _PHASES * float(np.abs(gap).max()) / 3 / self.film.specimen.gap
 
     def _drive(self, moment: ReducedMoment, duration: float) -> Drive:
-        """What inertia and damper add to the plate's balance by the trapezoidal rule."""
-        mass, y, v = self.mass or 0.0, moment.heave, moment.velocity
-        slope = 4 * mass / duration**2 + 2 * self.damper / duration
-        back = mass * (4 / duration * v + moment.acceleration) + self.damper * v
-        return Drive(-slope * y - back, slope)
+        """What inertia and damper add to the plate's balance over a step."""
+        (motion, momentum), mass = self._ends(moment, duration), self.mass or 0.0
+        inertia = mass / (momentum * duration) + self.damper
+        flown = moment.heave + (1 - motion) * duration * moment.velocity
+        back = (moment.velocity / duration + (1 - momentum) * moment.acceleration) / momentum
+        slope = inertia / (motion * duration)
+        return Drive(-slope * flown - mass * back, slope)
+
+    def _after(self, moment: ReducedMoment, duration: float, heave: Any) -> tuple[Any, Any]:
+        """The plate's velocity and acceleration a duration [s] after a moment, at a heave [m]."""
+        motion, momentum = self._ends(moment, duration)
+        mean = (heave - moment.heave) / duration
+        velocity = (mean - (1 - motion) * moment.velocity) / motion
+        push = (velocity - moment.velocity) / duration
+        return velocity, (push - (1 - momentum) * moment.acceleration) / momentum
+
+    def _ends(self, moment: ReducedMoment, duration: float) -> tuple[float, float]:
+        """How much the end of a step counts in the plate's motion and in its momentum."""
+        return end_weights(duration, moment.stiffness, self.damper, self.mass or 0.0)
 
 
 def _extrapolated(past: list[ReducedMoment], time: float) -> Array:

@@ -85,6 +85,26 @@ def test_the_plates_swing_against_the_axisymmetric_equations() -> None:
     assert np.abs(near - exact).max() < 2e-3 * np.ptp(exact)
 
 
+@pytest.mark.parametrize("inertia", [False, True])
+def test_a_damper_holds_the_plate_at_a_jump(inertia: bool) -> None:
+    """Then it creeps to its rest; one that is there within microseconds leaves creep alone."""
+    times = np.r_[np.geomspace(1e-3, 0.3, 12), 0.0 if inertia else 2.0]
+    times.sort()
+    exact = EXACT.swing(MASS if inertia else 0.0, FORCES[0], 7e3, times, 4.0)
+    near = moved(of(NEO), stepped(0.0, 7e3, times[-1]), times, inertia=inertia,
+                 rig=Rig(plate_damping=4.0))
+    assert np.abs(near - exact).max() < 2e-3 * np.ptp(exact)
+    late = np.array([30.0, 100.0])
+    creep = EXACT.history((FORCES[0], 0.0), (FORCES[0], 7e3), late)[1:]
+    signal, rig = stepped(0.0, 7e3, 100.0), Rig(plate_damping=20.0 if inertia else 1e-4)
+    motion = film_motion(of(NEO), signal, MASS, rig, inertia)
+    assert len(list(motion.moments())) < (150 if inertia else 60)
+    # The heavier damper is still a third of a second behind.
+    behind = 1e-3 if inertia else 2e-4
+    assert moved(of(NEO), signal, late, inertia=inertia, rig=rig) == pytest.approx(creep,
+                                                                                   rel=behind)
+
+
 @pytest.mark.parametrize("specimen", [NEO, BAND], ids=["circle", "band"])
 def test_at_rest_it_is_the_field_model(specimen: Specimen) -> None:
     """At loads that it was not made from, its capacitance too; no more volume than the film has."""
