@@ -38,6 +38,7 @@ from tympan.studies.case import (
 from tympan.studies.files import to_json, write_text
 from tympan.studies.film_surface import FilmSurface, film_surface
 from tympan.studies.limits.voltages import first_limit
+from tympan.studies.lumped.remarks import remark
 from tympan.studies.lumped.sampling import in_time, last_loop
 from tympan.studies.lumped.simulate import SampledResponse, SimulationResult, settling_time
 from tympan.studies.modes import carried
@@ -47,6 +48,9 @@ Array = NDArray[np.float64]
 
 #: Where a loop turns, as a share of the first limit, and how many samples it has.
 _NEAR_LIMIT, _SAMPLES = 0.95, 2000
+
+#: What of a rig shifts readings on their way up or down, at rest alone.
+_AT_REST = ("friction", "lag_voltage")
 
 
 @takes_units
@@ -172,9 +176,15 @@ def solve_after(case: Case, after: float, settings: Settings, film: bool = False
     model = transient.remembering(moment)
     outcome = Outcome(status, Solution(moment.state, True, 0, None), advice)
     (result, _), = summaries(model, [(case, outcome)])
+    result = replace(result, warnings=(*result.warnings, *_left_out(case.rig)))
     if film and status == "equilibrium":
         result = replace(result, film=film_surface(model, moment.state))
     return replace(result, wall_s=time.perf_counter() - began)
+
+
+def _left_out(rig: Rig) -> list[str]:
+    """What a motion does not have of a rig, in words."""
+    return [remark("at_rest_only", keys=key) for key in _AT_REST if getattr(rig, key)]
 
 
 def _ending(ending: Stopped) -> str:
@@ -255,7 +265,7 @@ def respond(case: TransientCase, settings: Settings, interval: float, period: fl
     when = np.linspace(0.0, done.end, max(2, round(done.end / interval) + 1))
     deflection = done.at(done.deflection, when)
     voltage = nominal(case.signal, when)
-    warnings = []
+    warnings = _left_out(case.rig)
     if done.stopped is not None:
         warnings.append(_ending(done.stopped))
     if done.slack is not None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import shutil
+import subprocess
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
@@ -11,6 +13,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from PIL import Image
 
+from tympan.geometry.errors import InputError
 from tympan.reports import look as style
 from tympan.reports.scales import AxisScale, bar_length, round_scale
 from tympan.reports.scene import View, film_picture
@@ -26,7 +29,15 @@ _COLOURS, _INK = "viridis", "white"
 
 
 def animate(response: SampledResponse, films: dict[float, FilmSurface], folder: Path) -> Path:
-    """Write folder/NAME.gif with a picture for each film, by time [s]; answers the file."""
+    """Write folder/NAME.gif with a picture for each film, by time [s]; answers the file.
+
+    NAME.mp4 is beside it where FFmpeg is on the path.
+
+    Raises
+    ------
+    InputError
+        When that makes no film of the pictures.
+    """
     times, surfaces = list(films), list(films.values())
     heaves = [1e3 * film.values["displacement"][:, 2] for film in surfaces]
     scale = round_scale(min(0.0, *(float(heave.min()) for heave in heaves)),
@@ -42,6 +53,9 @@ def animate(response: SampledResponse, films: dict[float, FilmSurface], folder: 
                   for time, picture in zip(times, pictures, strict=True)]
     file = folder / f"{response.numbers['specimen']}.gif"
     write_atomically(file, partial(_save, frames))
+    ffmpeg = shutil.which("ffmpeg")
+    if ffmpeg is not None:
+        write_atomically(file.with_suffix(".mp4"), partial(_encode, ffmpeg, np.array(frames)))
     return file
 
 
@@ -51,6 +65,19 @@ def _save(frames: Sequence[NDArray[np.uint8]], file: Path) -> None:
                       for frame in frames]
     first.save(file, format="GIF", save_all=True, append_images=others, loop=0,
                duration=max(20, round(1e3 * _LENGTH / len(frames))))
+
+
+def _encode(ffmpeg: str, frames: NDArray[np.uint8], file: Path) -> None:
+    """Pictures of shape (frames, height, width, 3) as MPEG-4."""
+    # Colours at half the resolution, which all players know, want even sizes.
+    count, height, width = frames.shape[0], *(size // 2 * 2 for size in frames.shape[1:3])
+    made = subprocess.run(
+        [ffmpeg, "-loglevel", "error", "-y", "-f", "rawvideo", "-pix_fmt", "rgb24",
+         "-s", f"{width}x{height}", "-r", f"{count / _LENGTH:g}", "-i", "-", "-pix_fmt", "yuv420p",
+         str(file)], input=frames[:, :height, :width].tobytes(), capture_output=True, check=False)
+    if made.returncode:
+        words = made.stderr.decode(errors="replace").strip().splitlines() or ["it does not say why"]
+        raise InputError(f"ffmpeg makes no film of the pictures: {words[-1]}", key="--animate")
 
 
 def _extent(pictures: Sequence[style.Picture]) -> tuple[float, float, float, float]:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import shutil
+import subprocess
 from pathlib import Path
 
 import meshio
@@ -49,6 +52,45 @@ def test_pictures_and_fields_of_a_film_in_motion(film: Path, tmp_path: Path,
         assert mesh.points == pytest.approx(points)
         heaves.append(points[:, 2].max())
     assert heaves[1] > heaves[0]
+
+
+def drawn(film: Path, out: Path, monkeypatch: pytest.MonkeyPatch) -> int:
+    """The exit status of a film of eight pictures."""
+    monkeypatch.setattr(transient, "_FRAMES", 8)
+    return main(["transient", str(film), "--signal", "ramp", "--high", "3 kV", "--duration", "2 s",
+                 "--interval", "10 ms", "--animate", "-o", str(out)])
+
+
+@pytest.mark.skipif(shutil.which("ffmpeg") is None, reason="FFmpeg is not here")
+def test_an_mp4_where_ffmpeg_is(film: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+                                ) -> None:
+    """Its pictures, decoded again, are those of the GIF, but for what it compresses."""
+    assert drawn(film, tmp_path / "out", monkeypatch) == 0
+    raw = subprocess.run(
+        ["ffmpeg", "-loglevel", "error", "-i", str(tmp_path / "out" / "circle.mp4"),
+         "-f", "rawvideo", "-pix_fmt", "rgb24", "-"], capture_output=True, check=True).stdout
+    with Image.open(tmp_path / "out" / "circle.gif") as gif:
+        width, height = (size // 2 * 2 for size in gif.size)
+        decoded = np.frombuffer(raw, np.uint8).reshape(-1, height, width, 3).astype(float)
+        assert len(decoded) == gif.n_frames == 8
+        for number, picture in enumerate(decoded):
+            gif.seek(number)
+            seen = np.asarray(gif.convert("RGB"), float)[:height, :width]
+            assert np.abs(seen - picture).mean() < 4
+    assert np.abs(decoded[4] - decoded[0]).mean() > 1
+
+
+def test_an_ffmpeg_that_fails_says_why(film: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+                                       capsys: pytest.CaptureFixture[str]) -> None:
+    program = tmp_path / "bin" / "ffmpeg"
+    program.parent.mkdir()
+    program.write_text("#!/bin/sh\ncat > /dev/null\necho 'no such codec' >&2\nexit 1\n")
+    program.chmod(0o755)
+    monkeypatch.setenv("PATH", str(program.parent), prepend=os.pathsep)
+    assert drawn(film, tmp_path / "out", monkeypatch) == 2
+    assert "no such codec" in capsys.readouterr().err
+    assert (tmp_path / "out" / "circle.gif").exists()
+    assert not (tmp_path / "out" / "circle.mp4").exists()
 
 
 def test_an_animation_needs_a_folder(film: Path, capsys: pytest.CaptureFixture[str]) -> None:

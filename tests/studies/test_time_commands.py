@@ -62,6 +62,35 @@ def test_pull_in_is_a_result_with_its_time(film: Path, tmp_path: Path,
     assert (tmp_path / "out" / "response.png").exists()
 
 
+def test_what_a_rig_has_at_rest_alone_is_said_to_be_left_out(
+        film: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    rig = tmp_path / "rig.toml"
+    rig.write_text('friction = "1 mN"\nlag_voltage = "50 V"\n', encoding="utf-8")
+    loads = str(film), "--mass", "17.9 g", "--rig", str(rig)
+    moved, = answer(capsys, "transient", *loads, "--signal", "step", "--duration", "1 s",
+                    "--interval", "0.1 s")["responses"]
+    crept = answer(capsys, "solve", *loads, "--voltage", "3 kV", "--after", "1 s")
+    for warnings in (moved["warnings"], crept["warnings"]):
+        assert ["friction" in line for line in warnings] == [True, False]
+        assert ["lag_voltage" in line for line in warnings] == [False, True]
+    rig.write_text('plate_damping = "1 N s/m"\n', encoding="utf-8")
+    assert not answer(capsys, "solve", *loads, "--voltage", "3 kV", "--after", "1 s")["warnings"]
+
+
+def test_a_mass_that_is_not_given_is_the_one_that_other_commands_take(
+        film: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Ten times as heavy on a film ten times as stiff."""
+    masses = []
+    for modulus in ("20 kPa", "200 kPa"):
+        film.write_text(FILM.replace("20 kPa", modulus).partition("[[")[0], encoding="utf-8")
+        brief = ["--signal", "step", "--duration", "1 s", "--interval", "0.1 s"]
+        moved, = answer(capsys, "transient", str(film), *brief)["responses"]
+        simulated, = answer(capsys, "lumped", "simulate", str(film), *brief)["responses"]
+        assert moved["mass_kg"] == simulated["mass_kg"]
+        masses.append(moved["mass_kg"])
+    assert masses[1] == pytest.approx(10 * masses[0], rel=0.05)
+
+
 @pytest.mark.parametrize(("words", "key"), [
     (["solve", "--voltage", "1 kV", "--after", "-1 s"], "--after"),
     (["transient", "--interval", "0 s"], "--interval"),

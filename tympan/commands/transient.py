@@ -29,7 +29,7 @@ _FRAMES = 48
 
 
 @command("transient", argument("specimens", type=Path, nargs="+", metavar="SPECIMEN.toml"), *SIGNAL,
-         argument("--mass", default="17.9 g", help="on the plate"),
+         argument("--mass", help="on the plate (default: one that suits the film)"),
          argument("--rest", metavar="TIME",
                   help="under the mass and the first voltage before the signal (default: for ever, "
                        "or not at all where the film says when it was mounted)"),
@@ -37,16 +37,17 @@ _FRAMES = 48
                   help="the plate has inertia; else it follows the film at once"),
          argument("--at", metavar="TIMES", help="also store the film at these times (VTU)"),
          argument("--animate", action="store_true",
-                  help="also draw the film as it moves, with -o (GIF)"), RIG,
+                  help="also draw the film as it moves, with -o (GIF; MP4 where FFmpeg is)"), RIG,
          output("write a dataset, transient.csv and dataset.toml, transient.json and figures"),
          JSON, MESH, example='oval.toml --mass "17.9 g" --signal step --high "5 kV" -o step')
 def transient(options: argparse.Namespace) -> None:
     """What films with viscous branches do under a step, ramp, sine, random steps or a CSV file."""
     from tympan.progress import bar
+    from tympan.studies.limits.loads import usual_masses
     from tympan.studies.lumped.simulate import sample_count
     from tympan.studies.transient import TransientCase, TransientResult, respond
 
-    mass = parse_quantity(options.mass, "mass", "--mass")
+    mass = None if options.mass is None else parse_quantity(options.mass, "mass", "--mass")
     interval = duration(options.interval, "--interval")
     signal, period = signal_of(options)
     sample_count(signal.end, interval)
@@ -59,6 +60,8 @@ def transient(options: argparse.Namespace) -> None:
              if options.animate else ())
     responses = []
     specimens = read_specimens(options.specimens)
+    if mass is None:
+        mass = min(usual_masses(specimen, settings, rig)[0] for specimen in specimens)
     with bar(len(specimens)) as progress:
         for specimen in specimens:
             progress(specimen.name)
