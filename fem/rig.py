@@ -11,7 +11,7 @@ import numpy as np
 
 from tympan.fem.membrane.loading import BIASES, Bias, Guide, Loading, Spring
 from tympan.geometry.errors import InputError
-from tympan.geometry.fields import Key, read, takes_units
+from tympan.geometry.fields import Key, fields_of, read, takes_units
 from tympan.geometry.toml_reader import NON_NEGATIVE, POSITIVE, Rule, Table
 
 _GAIN: Rule = (lambda x: -1 < x < 10, "must be above -1 and below 10")
@@ -20,6 +20,10 @@ _SAG: Rule = (lambda x: x >= 1, "must be at least 1 V; inf for none")
 _LEAKAGE: Rule = (lambda x: x > 0, "must be positive; inf for none")
 
 _AIR: Rule = (lambda x: 0 <= x <= 1000, "must be from 0 (none) to 1000 kg/m^3")
+
+#: What acts on a plate, of the rig's settings.
+_OF_PLATE = ("unaccounted_mass", "spring", "guide", "weight_offset", "plate_pressure", "biases",
+             "friction", "plate_damping", "added_mass")
 
 #: Loads that such a film could bear; others are slips of a unit.
 MASSES: Rule = (lambda x: 0 <= x <= 100, "must be from 0 to 100 kg")
@@ -86,6 +90,14 @@ class Rig:
         """What acts on film and plate besides force, voltage and gas pressure."""
         springs = (Spring(self.spring),) if self.spring else ()
         return Loading((*springs, *self.biases), self.weight_offset, self.guide, self.gravity)
+
+    def require_none_of_plate(self) -> None:
+        """Refuse what acts on a plate, for a film that has none."""
+        for name in _OF_PLATE:
+            field = next(item for item in fields_of(type(self)) if item.name == name)
+            if getattr(self, name) != field.default:
+                raise InputError("has no place: the film has no plate", key=field.key,
+                                 given=getattr(self, name))
 
     def record(self) -> dict[str, Any]:
         """All settings by name, as a study stores them."""

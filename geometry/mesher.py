@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tympan.geometry.errors import InputError
-from tympan.geometry.specimen import Specimen
+from tympan.geometry.specimen import Plate, Specimen
 from tympan.geometry.system import missing_library
 from tympan.geometry.units import METRE
 
@@ -71,15 +71,16 @@ def mesh_film(specimen: Specimen, settings: MeshSettings, planes: frozenset[str]
     """Mesh the flat mounted film: points [m], shape (n, 2), and triangles of ``settings.order``.
 
     Its cell sets are the lines ``frame``, ``plate``, ``axis_x``, ``axis_y`` (through the plate's
-    centre), the triangles ``covered`` and ``bare``. ``planes`` are coordinates about whose zero it
-    will be mirrored: only the positive part is meshed.
+    centre, or the frame's where there is no plate), the triangles ``covered`` and ``bare``.
+    ``planes`` are coordinates about whose zero it will be mirrored: only the positive part is
+    meshed.
     """
     from tympan.geometry.cad import membrane  # not loaded by those who let others mesh
 
     with tempfile.TemporaryDirectory() as folder, _session() as gmsh:
         surfaces = _surface_groups(gmsh, membrane.membrane_faces(specimen, planes), Path(folder))
         groups = _curve_groups(gmsh, specimen) | surfaces
-        _size_field(gmsh, specimen, settings, groups)
+        _size_field(gmsh, specimen, settings, groups, 2 ** len(planes))
         try:
             gmsh.model.mesh.generate(2)
             gmsh.model.mesh.setOrder(settings.order)
@@ -124,9 +125,9 @@ def _curve_groups(gmsh: Any, specimen: Specimen) -> Groups:
     x, y = np.moveaxis(np.array([_along(gmsh, curve, 7) for curve in curves]), -1, 0) / METRE
     places = {
         "frame": specimen.frame.level(x, y),
-        "plate": specimen.plate.level(x, y),
-        "axis_x": y - specimen.plate.offset[1],
-        "axis_y": x - specimen.plate.offset[0],
+        "plate": np.inf + x if specimen.plate is None else specimen.plate.level(x, y),
+        "axis_x": y - specimen.centre[1],
+        "axis_y": x - specimen.centre[0],
     }
     groups: Groups = {name: [] for name in places}
     for number, curve in enumerate(curves):
@@ -172,7 +173,48 @@ def _surface_groups(gmsh: Any, faces: dict[str, list[Any]], folder: Path) -> Gro
                    for entity in entities] for name in faces}
 
 
-def _size_field(gmsh: Any, specimen: Specimen, settings: MeshSettings, groups: Groups) -> None:
+def _size_field(gmsh: Any, specimen: Specimen, settings: MeshSettings, groups: Groups,
+                repeats: int) -> None:
+    """The size of elements; the mesh is repeated so often in the whole film."""
+    if specimen.plate is None:
+        fields = _fields_without_plate(gmsh, specimen, settings, groups, repeats)
+    else:
+        fields = _fields_around_plate(gmsh, specimen, specimen.plate, settings, groups)
+    fields.append(_curvature_field(gmsh, settings.around_plate))
+    gmsh.model.mesh.field.setAsBackgroundMesh(_field(gmsh, "Min", FieldsList=fields))
+
+
+def _fields_without_plate(gmsh: Any, specimen: Specimen, settings: MeshSettings, groups: Groups,
+                          repeats: int) -> list[int]:
+    """H ≤ across·gap/2; an electrode's edge takes the place of the plate's.
+
+    From it h ≤ h_edge + growth·d_edge with ``around_plate`` elements around it, and
+    h ≤ across·(d_edge + d_frame), down to a quarter of h_edge.
+    """
+    whole = settings.across * specimen.gap * METRE / 2
+    fields = [_field(gmsh, "MathEval", F=repr(whole))]
+    edge = _electrode_edge(gmsh, groups)
+    if edge:
+        points = [_along(gmsh, (1, tag), _SIZES) for tag in edge]
+        length = repeats * sum(float(np.hypot(*np.diff(line, axis=0).T).sum()) for line in points)
+        around = length / settings.around_plate
+        rim, frame = _distance(gmsh, edge), _distance(gmsh, _tags(groups["frame"]))
+        fields += [
+            _field(gmsh, "MathEval", F=f"{around!r} + {settings.growth!r}*F{rim}"),
+            _field(gmsh, "MathEval",
+                   F=f"max({around / 4!r}, {settings.across!r}*(F{rim} + F{frame}))")]
+    return fields
+
+
+def _electrode_edge(gmsh: Any, groups: Groups) -> list[int]:
+    """Curves between what is covered and what is bare."""
+    inner, outer = (gmsh.model.getBoundary(groups[name], combined=False, oriented=False)
+                    for name in ("covered", "bare"))
+    return sorted({*_tags(inner)} & {*_tags(outer)})
+
+
+def _fields_around_plate(gmsh: Any, specimen: Specimen, plate: Plate, settings: MeshSettings,
+                         groups: Groups) -> list[int]:
     """H = min(h_plate + growth·d_plate, across·(d_plate + d_frame)), d distances to the two edges.
 
     Under the electrode and in the bands outside it also h ≤ 3 widths, lest a curved edge reach
@@ -180,30 +222,26 @@ def _size_field(gmsh: Any, specimen: Specimen, settings: MeshSettings, groups: G
     distances to both) instead, down to a quarter of h_plate or 3 widths. From tight fillets they
     grow as from the plate.
     """
-    edge = specimen.plate.outline.points(720)
+    edge = plate.outline.points(720)
     perimeter = float(np.hypot(*(np.roll(edge, 1, axis=1) - edge)).sum()) * METRE
     plain = perimeter / settings.around_plate
-    plate, frame = (_distance(gmsh, _tags(groups[name])) for name in ("plate", "frame"))
-    fields = [_field(gmsh, "MathEval", F=f"{plain!r} + {settings.growth!r}*F{plate}"),
-              _field(gmsh, "MathEval", F=f"{settings.across!r}*(F{plate} + F{frame})")]
+    rim, frame = (_distance(gmsh, _tags(groups[name])) for name in ("plate", "frame"))
+    fields = [_field(gmsh, "MathEval", F=f"{plain!r} + {settings.growth!r}*F{rim}"),
+              _field(gmsh, "MathEval", F=f"{settings.across!r}*(F{rim} + F{frame})")]
     margins = [width for width in (specimen.electrode.margin_frame, specimen.electrode.margin_plate)
                if width > 0]
     if specimen.electrode.outline is not None:
         # What is bare is no longer a band alone; this field is as fine in the bands.
         least = min([plain / 4, *(3 * METRE * width for width in margins)])
-        inner, outer = (gmsh.model.getBoundary(groups[name], combined=False, oriented=False)
-                        for name in ("covered", "bare"))
-        edge_distance = _distance(gmsh, sorted({*_tags(inner)} & {*_tags(outer)}))
-        nearest = f"F{edge_distance} + min(F{plate}, F{frame})"
+        edge_distance = _distance(gmsh, _electrode_edge(gmsh, groups))
+        nearest = f"F{edge_distance} + min(F{rim}, F{frame})"
         fields.append(_field(gmsh, "MathEval",
                              F=f"max({least!r}, {settings.across!r}*({nearest}))"))
     elif margins:
         widths = {"bare": min(margins), "covered": specimen.gap - sum(margins)}
         fields += [_field(gmsh, "Constant", VIn=3 * width * METRE, SurfacesList=_tags(groups[name]))
                    for name, width in widths.items()]
-    fields += _fillet_fields(gmsh, specimen, settings, plain, groups)
-    fields.append(_curvature_field(gmsh, settings.around_plate))
-    gmsh.model.mesh.field.setAsBackgroundMesh(_field(gmsh, "Min", FieldsList=fields))
+    return fields + _fillet_fields(gmsh, plate, settings, plain, groups)
 
 
 def _field(gmsh: Any, kind: str, **options: float | str | list[int]) -> int:
@@ -250,14 +288,14 @@ def _curvature(gmsh: Any, curve: tuple[int, int], count: int) -> np.ndarray:
     return np.asarray(np.abs(gmsh.model.getCurvature(*curve, _parameters(gmsh, curve, count))))
 
 
-def _fillet_fields(gmsh: Any, specimen: Specimen, settings: MeshSettings, plain: float,
+def _fillet_fields(gmsh: Any, plate: Plate, settings: MeshSettings, plain: float,
                    groups: Groups) -> list[int]:
     """Fields by which elements grow from edges whose own are much smaller than those around."""
     sizes: dict[int, list[int]] = {}
     for curve in (*groups["plate"], *groups["frame"]):
         curvature = float(_curvature(gmsh, curve, 33).max())
         size = 2 * np.pi / (max(curvature, 1e-12) * settings.around_plate)
-        away = METRE * float(specimen.plate.level(*_along(gmsh, curve, 3).T / METRE).min())
+        away = METRE * float(plate.level(*_along(gmsh, curve, 3).T / METRE).min())
         if size < max(plain / 2, (plain + settings.growth * away) / _STEEP):
             # Edges of about the same curvature share a field.
             sizes.setdefault(int(np.floor(4 * np.log2(size))), []).append(curve[1])

@@ -229,7 +229,9 @@ class Specimen:
 
     name: Annotated[str, Key("how results name it", rule=_NAME)]
     frame: Annotated[Outline, Key("inner edge of the frame, which clamps the film", kinds=OUTLINES)]
-    plate: Annotated[Plate, Key("the rigid plate")]
+    plate: Annotated[Plate | None, Key(
+        "the rigid plate; left out, the film has none and its centre is what deflects",
+        default="none")]
     membrane: Annotated[Film, Key("the film")]
     electrode: Annotated[Electrode, Key(
         "the electrodes; left out, they cover the whole film")] = Electrode()
@@ -243,38 +245,60 @@ class Specimen:
         except InputError as error:
             raise Unbuildable(error.allowed, key=error.key, given=error.given) from None
 
+    @classmethod
+    def completed(cls, values: dict[str, Any]) -> dict[str, Any]:
+        """With no plate where a file has none."""
+        return {"plate": None, **values}
+
     def _check(self) -> None:
         check_outline(self.frame, "frame")
-        check_outline(self.plate.outline, "plate")
-        if self.electrode.outline is not None:
-            check_outline(self.electrode.outline.outline, "electrode.outline")
+        if self.plate is not None:
+            check_outline(self.plate.outline, "plate")
+            self._check_plate()
+        elif not self.frame.level(np.zeros(1), np.zeros(1))[0] < 0:
+            raise InputError("of a film without plate must contain its centre, where the film's "
+                             "deflection is read", key="frame", given=self.frame.shape)
+        elif self.electrode.margin_plate:
+            raise InputError("must be 0: the film has no plate", key="electrode.margin_plate",
+                             given=f"{self.electrode.margin_plate * 1e3:.4g} mm")
+        self._check_electrode()
+        self._check_prestretch()
+
+    def _check_plate(self) -> None:
         gap, (x, y) = self._narrowest
         place = f"{x * 1e3:.4g}, {y * 1e3:.4g} mm"
         if gap <= 0:
             raise InputError(f"the plate must lie inside the frame: it reaches {-gap * 1e3:.4g} mm "
                              f"beyond it at {place}", key="plate",
-                             given=f"offset {self.plate.offset} m")
+                             given=f"offset {self.needed_plate().offset} m")
         if gap < 1e-3 * max(self.frame.semi_axes):
             raise InputError("the plate must leave a gap of at least a thousandth of the frame's "
                              "half extent", key="plate",
                              given=f"a gap of {gap * 1e3:.4g} mm at {place}")
+
+    def _check_electrode(self) -> None:
+        if self.electrode.outline is not None:
+            check_outline(self.electrode.outline.outline, "electrode.outline")
+        gap, within = self.gap, self._gap_words
         bands = self.electrode.margin_frame + self.electrode.margin_plate
         if bands > 0.98 * gap:
             raise InputError("the margins must leave an electrode: their sum must stay below 98 % "
-                             f"of the gap of {gap * 1e3:.4g} mm between plate and frame",
+                             f"of the {gap * 1e3:.4g} mm {within}",
                              key="electrode", given=f"{bands * 1e3:.4g} mm")
         for name in ("margin_frame", "margin_plate"):
             margin = getattr(self.electrode, name)
             if 0 < margin < NARROWEST * gap:
-                raise InputError("must be 0 or at least 1 % of the gap between plate and frame",
+                raise InputError(f"must be 0 or at least 1 % of the {gap * 1e3:.4g} mm {within}",
                                  key=f"electrode.{name}", given=f"{margin * 1e3:.4g} mm")
         if self.electrode.outline is not None and not self._meets(self.electrode.outline):
-            raise InputError("must cover some of the film between plate and frame",
+            raise InputError("must cover some of the film",
                              key="electrode.outline", given=str(self.electrode.outline))
         if sum(map(abs, self.membrane.thickness_gradient)) > _UNEVENNESS:
             raise InputError("must leave some film everywhere: shares must add up to 0.9 at most",
                              key="membrane.thickness_gradient",
                              given=self.membrane.thickness_gradient)
+
+    def _check_prestretch(self) -> None:
         stretch = np.real(self.membrane.prestretch)
         with np.errstate(all="ignore"):
             energy = self.membrane.material.derivatives(*stretch)[0]
@@ -284,9 +308,29 @@ class Specimen:
                              given=self.membrane.prestretch)
 
     @property
+    def centre(self) -> Pair:
+        """The plate's centre, or the frame's where there is no plate [m]."""
+        return (0.0, 0.0) if self.plate is None else self.plate.offset
+
+    def needed_plate(self) -> Plate:
+        """The plate, for what has no meaning without one; InputError where there is none."""
+        if self.plate is None:
+            raise InputError("is needed here: films without plate have solve, limits, curve, path, "
+                             "modes, sensitivity, sweep, draw and export", key="plate",
+                             given=f"none in {self.name}")
+        return self.plate
+
+    @property
     def gap(self) -> float:
-        """Smallest distance between plate and frame [m], negative where the plate sticks out."""
+        """Smallest distance between plate and frame [m], negative where the plate sticks out.
+
+        Of a film without plate that between the frame and its centre.
+        """
         return self._narrowest[0]
+
+    @property
+    def _gap_words(self) -> str:
+        return "between plate and frame" if self.plate else "between the frame and its centre"
 
     @property
     def _narrowest(self) -> tuple[float, tuple[float, float]]:
@@ -296,11 +340,11 @@ class Specimen:
     def axisymmetric(self) -> bool:
         """Whether a rotation about the frame's centre changes nothing."""
         even = self.membrane.thickness_gradient == (0.0, 0.0)
+        edges = [self.frame, *(part.outline for part in (self.plate,) if part is not None)]
         round_edges = all(outline.semi_axes[0] == outline.semi_axes[1]
-                          and isinstance(outline, Circle | Ellipse)
-                          for outline in (self.frame, self.plate.outline))
+                          and isinstance(outline, Circle | Ellipse) for outline in edges)
+        centred = self.plate is None or self.plate.offset == (0.0, 0.0)
         film = self.membrane.prestretch
-        centred = self.plate.offset == (0.0, 0.0)
         return even and round_edges and centred and film[0] == film[1]
 
     @property
@@ -323,13 +367,19 @@ class Specimen:
     def _meets(self, region: Region) -> bool:
         """Whether film lies within: the region's edge is on it, or it holds the film whole."""
         edge = region.points(720)
-        on_film = (self.frame.level(*edge) < 0) & (self.plate.level(*edge) > 0)
+        on_film = self.frame.level(*edge) < 0
+        if self.plate is not None:
+            on_film &= self.plate.level(*edge) > 0
         return bool(on_film.any() or (region.level(*self.frame.points(8)) <= 0).all())
 
 
 @lru_cache(maxsize=64)
-def _narrowest(frame: Outline, plate: Plate) -> tuple[float, tuple[float, float]]:
+def _narrowest(frame: Outline, plate: Plate | None) -> tuple[float, tuple[float, float]]:
     """The gap and where it is [m]; each edge is seen from points of the other."""
+    if plate is None:
+        edge = frame.points(720)
+        least = int(np.argmin(np.hypot(*edge)))
+        return float(np.hypot(*edge[:, least])), (float(edge[0, least]), float(edge[1, least]))
     inside, outside = plate.points(720), frame.points(720)
     for plane in frame.mirror_planes & plate.mirror_planes:
         inside, outside = (edge[:, edge["xy".index(plane)] > -1e-9] for edge in (inside, outside))

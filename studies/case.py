@@ -66,15 +66,15 @@ class Case:
 
     specimen: Specimen
     _: KW_ONLY
-    mass: Annotated[float, Key("nominal load on the plate", "mass")]
+    mass: Annotated[float, Key("nominal load on the plate", "mass")] = 0.0
     voltage: Annotated[float, Key("nominal voltage", "voltage")] = 0.0
     rig: Rig = Rig()
     elapsed: Annotated[float, Key("time since the run began", "time")] = 0.0
     direction: float = 0.0
 
     if TYPE_CHECKING:
-        def __init__(self, specimen: Specimen, *, mass: float | str, voltage: float | str = 0.0,
-                     rig: Rig = Rig(), elapsed: float | str = 0.0,
+        def __init__(self, specimen: Specimen, *, mass: float | str = 0.0,
+                     voltage: float | str = 0.0, rig: Rig = Rig(), elapsed: float | str = 0.0,
                      direction: float = 0.0) -> None: ...
 
     def __post_init__(self) -> None:
@@ -83,6 +83,11 @@ class Case:
         if self.direction not in DIRECTIONS.values():
             raise InputError("must be 1 (up), -1 (down) or 0 (not known)", key="direction",
                              given=self.direction)
+        if self.specimen.plate is None:
+            self.rig.require_none_of_plate()
+            if self.mass:
+                raise InputError("must be 0: the film has no plate to carry it", key="--mass",
+                                 given=f"{self.mass:g} kg")
 
     @property
     def film_voltage(self) -> float:
@@ -98,8 +103,9 @@ class Case:
 class CaseRecord:
     """Numbers of one case, SI, in a file named after the specimen and the record's ``ending``.
 
-    ``film`` is the deformed film, where there is one and it was asked for; it has a VTU file beside
-    the numbers. ``writer`` is the command that writes both.
+    ``pressure_Pa`` is that of the gas below the film, None where there is none. ``film`` is the
+    deformed film, where there is one and it was asked for; it has a VTU file beside the numbers.
+    ``writer`` is the command that writes both.
     """
 
     ending: ClassVar[str] = ""
@@ -109,6 +115,7 @@ class CaseRecord:
     specimen: str
     mass_kg: float
     voltage_V: float
+    pressure_Pa: float | None = None
     film: FilmSurface | None = field(default=None, repr=False, compare=False)
 
     def json(self) -> dict[str, Any]:
@@ -235,7 +242,7 @@ def meshed(specimen: Specimen, settings: Settings, planes: frozenset[str]) -> Mo
             if not settings.symmetry:
                 part, planes = unfold(part, planes)[0], frozenset()
             return Model(Discretisation.of(part, planes), specimen)
-    raise InputError("cannot be meshed: between plate, frame and the electrode's edges there is "
+    raise InputError("cannot be meshed: between the edges of frame, plate and electrode there is "
                      "too little room", key="frame, plate, electrode", given=specimen.name)
 
 
@@ -299,9 +306,10 @@ def summaries(model: Model, cases: Iterable[tuple[Case, Outcome]]
         for case, outcome in batch:
             result = CaseResult(
                 specimen=case.specimen.name, mass_kg=case.mass, voltage_V=case.voltage,
-                status=outcome.status, dofs=model.unknowns, wall_s=0.0, warnings=())
+                pressure_Pa=case.rig.gas_pressure or None, status=outcome.status,
+                dofs=model.unknowns, wall_s=0.0, warnings=())
             if outcome.status == "equilibrium":
-                reading = case.rig.reading(outcome.state.plate.deflection, case.elapsed)
+                reading = case.rig.reading(model.deflection(outcome.state), case.elapsed)
                 yield replace(result, reading_m=reading, **next(numbers)), outcome
                 continue
             if outcome is not last:  # all voltages above a limit share its outcome
@@ -328,8 +336,8 @@ def _state_numbers(model: Model, states: Sequence[State]) -> Iterator[dict[str, 
                          "breakdown_x_m": float(fields.position[weakest, 0]),
                          "breakdown_y_m": float(fields.position[weakest, 1])}
         yield {
-            "deflection_m": state.plate.deflection,
-            "reaction_N": reaction,
+            "deflection_m": model.deflection(state),
+            "reaction_N": reaction if model.specimen.plate else None,
             "capacitance_F": capacitance,
             "max_stretch": float(fields.stretch_1.max()),
             "max_true_stress_Pa": float(fields.stress_1.max()),
@@ -337,7 +345,7 @@ def _state_numbers(model: Model, states: Sequence[State]) -> Iterator[dict[str, 
             **breakdown,
             "slack_area_m2": slack.wrinkled + slack.slack,
             "slack_share": slack.share,
-            "tilt_rad": state.plate.tilt,
+            "tilt_rad": state.plate.tilt if model.specimen.plate else None,
             "energy_J": energy,
             "warnings": tuple(field_warnings(fields, slack, model.specimen.membrane.material))}
 

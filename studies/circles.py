@@ -57,7 +57,7 @@ class ConeCircle:
     @cached_property
     def plate_radius(self) -> float:
         """r [m], of the circle with the plate's area."""
-        return float(np.sqrt(np.prod(self.specimen.plate.outline.semi_axes)))
+        return float(np.sqrt(np.prod(self.specimen.needed_plate().outline.semi_axes)))
 
     @cached_property
     def steepness(self) -> Any:

@@ -14,6 +14,7 @@ from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.rigid_plate import RigidPlate
 from tympan.fem.membrane.state import FREEDOMS, HEAVE, State
 from tympan.fem.results.fields import whole
+from tympan.fem.vibration.air import with_air
 from tympan.fem.vibration.heave import following
 from tympan.fem.vibration.modes import Modes, film_mass, mode_names, vibrations
 from tympan.geometry.errors import InputError
@@ -29,6 +30,9 @@ from tympan.studies.film_surface import FilmSurface, cut_triangles, interpolated
 
 #: Into the square of this many triangles a curved element is cut in files and pictures.
 _PARTS = 6
+
+#: Modes in vacuo, at least, of which those of a film in air are combinations.
+_BASIS = 40
 
 
 @dataclass(frozen=True)
@@ -96,7 +100,8 @@ def modes(case: Case, settings: Settings, count: int = 6, point_mass: float = 0.
 
     The mass on the plate, the rig's unaccounted mass included, is that of a uniform plate, except
     for ``point_mass`` [kg] of it, without inertia of its own; their centre of mass is where the rig
-    hangs the weight. The rig's added mass moves with it and does not turn.
+    hangs the weight. The rig's added mass moves with it and does not turn. A film without plate has
+    modes of its own; its air swings with each.
     """
     began = time.perf_counter()
     plate = carried(case, point_mass)
@@ -104,13 +109,17 @@ def modes(case: Case, settings: Settings, count: int = 6, point_mass: float = 0.
     state = outcome.state
     result = ModesResult(
         specimen=case.specimen.name, mass_kg=case.mass, voltage_V=case.voltage,
-        status=outcome.status, dofs=model.unknowns, wall_s=time.perf_counter() - began,
-        warnings=(), semi_axes_m=case.specimen.frame.semi_axes)
+        pressure_Pa=case.rig.gas_pressure or None, status=outcome.status, dofs=model.unknowns,
+        wall_s=time.perf_counter() - began, warnings=(), semi_axes_m=case.specimen.frame.semi_axes)
     if outcome.status != "equilibrium":
         return replace(result, warnings=(failure_reason(outcome),))
     plate = _with_air(case, model, state, plate)
-    computed = vibrations(model, state, plate, count)
     full, whole_state = whole(model, state)
+    alone = case.specimen.plate is None
+    computed = vibrations(model, state, plate, max(_BASIS, 3 * count)
+                          if alone and case.rig.air else count)
+    if alone and case.rig.air:
+        computed = with_air(full.discretisation, computed, case.rig.air, count)
     points, triangles = cut_triangles(full, _PARTS)
     shapes = [interpolated(full, nodal, points) for nodal in computed.shapes]
     longest = [float(np.linalg.norm(shape, axis=1).max()) for shape in shapes]
@@ -120,10 +129,10 @@ def modes(case: Case, settings: Settings, count: int = 6, point_mass: float = 0.
         f"mode_{number}": shape / length
         for number, (shape, length) in enumerate(zip(shapes, longest, strict=True), start=1)})
     return replace(
-        result, deflection_m=state.plate.deflection,
+        result, deflection_m=model.deflection(state),
         film_mass_kg=float(film_mass(model).sum()) * model.discretisation.mirrored,
-        plate_mass_kg=plate.mass,
-        plate_inertia_kg_m2=tuple(map(float, plate.inertia.diagonal())),
+        plate_mass_kg=None if alone else plate.mass,
+        plate_inertia_kg_m2=None if alone else tuple(map(float, plate.inertia.diagonal())),
         unstable=computed.unstable,
         modes=tuple(_mode(computed, number, name, longest[number])
                     for number, name in enumerate(mode_names(full, computed))),
@@ -149,7 +158,7 @@ def heave_frequency(case: Case, settings: Settings, count: int = 12) -> float | 
 
 def _with_air(case: Case, model: Model, state: State, plate: RigidPlate) -> RigidPlate:
     """The plate with the mass of the air that heaves with it."""
-    if not case.rig.air:
+    if not case.rig.air or case.specimen.plate is None:
         return plate
     return replace(plate, mass=plate.mass + following(model, state).air_mass(case.rig.air))
 
@@ -161,6 +170,8 @@ def carried(case: Case, point_mass: float = 0.0) -> RigidPlate:
         raise InputError(f"must not exceed the mass on the plate, {mass:g} kg with the rig's "
                          "unaccounted and added mass", key="--point-mass",
                          given=f"{point_mass:g} kg")
+    if case.specimen.plate is None:
+        return RigidPlate(0.0)
     return RigidPlate.uniform(case.specimen.plate.outline, mass, point_mass,
                               case.rig.weight_offset)
 

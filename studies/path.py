@@ -142,7 +142,8 @@ def path(case: Case, settings: Settings, along: Along,
 
     The case's mass and voltage are where the path starts; InputError if there is no equilibrium.
     """
-    if along == "mass" and case.rig.guide == "fixed":
+    plate = case.specimen.needed_plate() if along == "mass" else case.specimen.plate
+    if plate is not None and along == "mass" and case.rig.guide == "fixed":
         raise InputError("must let the plate move: it holds any mass", key="guide",
                          given=case.rig.guide)
     began = time.perf_counter()
@@ -156,7 +157,8 @@ def path(case: Case, settings: Settings, along: Along,
         progress(f"{stop.station.deflection_m * 1e3:.2f} mm")
         passed.append(stop)
     return PathResult(
-        specimen=case.specimen.name, mass_kg=case.mass, voltage_V=case.voltage, along=along,
+        specimen=case.specimen.name, mass_kg=case.mass, voltage_V=case.voltage,
+        pressure_Pa=case.rig.gas_pressure or None, along=along,
         unit=_GROWING[along][1], stations=tuple(stop.station for stop in passed),
         events=tuple(stop.event for stop in passed if stop.event is not None),
         dofs=model.unknowns, wall_s=time.perf_counter() - began,
@@ -216,7 +218,7 @@ class Stop:
         voltage = float(np.sqrt(max(state.voltage_squared, 0.0)))
         capacitance = model.capacitance(state)
         return Station(
-            deflection_m=state.plate.deflection, force_N=state.force, voltage_V=voltage,
+            deflection_m=model.deflection(state), force_N=state.force, voltage_V=voltage,
             pressure_Pa=state.pressure, charge_C=capacitance * voltage, capacitance_F=capacitance,
             max_stretch=float(self.fields.stretch_1.max()),
             least_stress_Pa=float(self.pressed.stress_2.min()),
@@ -289,7 +291,7 @@ def _ended(stop: Stop, along: Along, settings: PathSettings) -> str:
     """Why a branch is not followed further; "" where it is."""
     station, point = stop.station, stop.point
     deflection = f"{station.deflection_m * 1e3:.4g} mm"
-    if station.deflection_m > stop.model.size:
+    if station.deflection_m > stop.model.high:
         return f"followed to a deflection of {deflection}"
     if station.max_stretch > _STRETCH:
         return f"followed to a stretch of {station.max_stretch:.3g}"
@@ -341,7 +343,7 @@ def _critical_film(model: Model, point: PathPoint) -> FilmSurface:
 def _measured(case: Case, station: Station, along: Along) -> float:
     """What grows along the branch: the nominal mass, but the voltage the film itself sees."""
     if along == "mass":
-        idle = case.rig.force(0.0, area(case.specimen.plate.outline))
+        idle = case.rig.force(0.0, area(case.specimen.needed_plate().outline))
         return float((station.force_N - idle) / case.rig.gravity)
     return {"voltage": station.voltage_V, "charge": station.charge_C,
             "pressure": station.pressure_Pa}[along]

@@ -70,6 +70,7 @@ def response(case: Case, settings: Settings, frequencies: tuple[float, ...] = ()
         Where a branch's viscosity is another at every place of the film at rest.
     """
     began = time.perf_counter()
+    case.specimen.needed_plate()
     if not case.film_voltage:
         raise InputError("must not be 0: forces go with the square of the voltage, so a small "
                          "swing about 0 moves nothing", key="--voltage",

@@ -89,6 +89,8 @@ def sensitivity(case: Case, settings: Settings,
     InputError for names that are no quantities, and for quantities without derivatives, such as the
     tilt of a level plate.
     """
+    if {"tilt", "reaction"} & {*names}:
+        case.specimen.needed_plate()
     wanted = {name: named_quantity(name) for name in names}
     model, outcome = equilibrate(case, settings)
     result = SensitivityResult(specimen=case.specimen.name, mass_kg=case.mass,

@@ -242,6 +242,8 @@ def run_study(study: Study, progress: Progress = lambda _: None, folder: Path | 
     from_films = tuple(name for name, given in (
         ("mass", study.mass), ("curves", study.curves),
         ("alpha", study.alpha.fit and study.alpha.held_out)) if given is None)
+    for specimen in study.specimens:
+        specimen.needed_plate()
     study = study.with_loads()
     assert study.mass is not None
     specimens = []

@@ -79,6 +79,7 @@ class TransientCase:
                      steps: StepSettings = ...) -> None: ...
 
     def __post_init__(self) -> None:
+        self.specimen.needed_plate()
         checked_load(self.mass, self.signal.peak)
         require(self)
         if self.inertia and self.mass + self.rig.added_mass <= 0:

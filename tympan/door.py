@@ -97,7 +97,8 @@ def curve(specimen: Specimen, *masses: float | str, settings: Settings = Setting
     from tympan.studies.limits.loads import usual_masses
 
     given = [Case(specimen, mass=mass).mass for mass in masses]
-    return Result(curve(specimen, given or usual_masses(specimen, settings, rig), settings, rig))
+    usual = () if given else usual_masses(specimen, settings, rig) if specimen.plate else (0.0,)
+    return Result(curve(specimen, given or usual, settings, rig))
 
 
 def path(specimen: Specimen, along: Literal["voltage", "charge", "mass", "pressure"] = "voltage",

@@ -6,7 +6,7 @@ import argparse
 import json
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -109,6 +109,8 @@ JSON = argument("--json", action="store_true", help="print one JSON object")
 SPECIMEN = argument("specimen", type=Path, metavar="SPECIMEN.toml")
 RIG = argument("--rig", type=Path, metavar="RIG.toml",
                help="gravity, springs, pressure, amplifier, sensor and what else acts")
+PRESSURE = argument("--pressure", help='of the gas below the film, such as "200 Pa" (default: the '
+                                       "rig's)")
 MESH = argument("--refine", type=float, default=1.0, metavar="X", within=(0.5, 20),
                 help="divide every element size by X")
 #: More processes than any machine has would end it.
@@ -121,8 +123,10 @@ SEEDS = (0, 2**63 - 1)
 def case_arguments(*, mass: str = "on the plate",
                    voltage: str = "across the film") -> tuple[Argument, ...]:
     """Specimen, load, voltage, rig and mesh, for :func:`read_case` and :func:`read_settings`."""
-    return (SPECIMEN, argument("--mass", required=True, help=f'{mass}, such as "17.9 g"'),
-            argument("--voltage", default="0 kV", help=f'{voltage}, such as "3.5 kV"'), RIG, MESH)
+    return (SPECIMEN, argument("--mass", help=f'{mass}, such as "17.9 g"; none of a film without '
+                                              "plate"),
+            argument("--voltage", default="0 kV", help=f'{voltage}, such as "3.5 kV"'), PRESSURE,
+            RIG, MESH)
 
 
 def read_settings(options: argparse.Namespace) -> Settings:
@@ -138,10 +142,12 @@ def read_case(options: argparse.Namespace) -> Case:
     from tympan.fem.film.library import load_specimen
     from tympan.studies.case import Case
 
-    return Case(specimen=load_specimen(options.specimen),
-                mass=parse_quantity(options.mass, "mass", "--mass"),
+    specimen = load_specimen(options.specimen)
+    if options.mass is None and specimen.plate is not None:
+        raise InputError('must be given, such as "17.9 g": the film has a plate', key="--mass")
+    return Case(specimen=specimen, mass=parse_quantity(options.mass or "0 g", "mass", "--mass"),
                 voltage=parse_quantity(options.voltage, "voltage", "--voltage"),
-                rig=read_rig(options.rig))
+                rig=read_pressed_rig(options))
 
 
 def read_specimens(files: Sequence[Path], *others: str) -> list[Specimen]:
@@ -160,6 +166,14 @@ def read_rig(file: Path | None) -> Rig:
     from tympan.fem.rig import Rig
 
     return Rig() if file is None else Rig.read(file)
+
+
+def read_pressed_rig(options: argparse.Namespace) -> Rig:
+    """The rig of :data:`RIG` with the gas of :data:`PRESSURE`."""
+    rig = read_rig(options.rig)
+    if options.pressure is None:
+        return rig
+    return replace(rig, gas_pressure=parse_quantity(options.pressure, "stress", "--pressure"))
 
 
 def option_name(name: str) -> str:

@@ -19,7 +19,7 @@ from tympan.fem.discretisation.assembly import element_forces
 from tympan.fem.discretisation.isoparametric import deformation
 from tympan.fem.film.density import principal_stretches
 from tympan.fem.membrane.model import Model, Parts, cauchy_green
-from tympan.fem.membrane.state import HEAVE, State
+from tympan.fem.membrane.state import State
 from tympan.geometry.errors import InputError
 
 Array = NDArray[Any]
@@ -159,13 +159,12 @@ THINNING_MARGIN = Quantity(
                                            cauchy_green(_at_nodes(model, state)[1])).min(),
     _thinning_slope)
 
-#: Quantities by name: the plate's deflection along the load [m]; the angle between its normal and
+#: Quantities by name: the deflection along the load [m]; the angle between its normal and
 #: the load [rad], without derivatives where it is zero; the force with which the film pulls the
 #: whole plate back [N]; charge over voltage [F]; energy stored at constant voltage, counted from
 #: the virgin film [J]; and largest values.
 QUANTITIES: dict[str, Quantity] = {
-    "heave": Quantity(lambda model, state: state.plate.deflection,
-                      lambda model, state: _of_plate(model, {HEAVE: 1.0})),
+    "heave": Quantity(Model.deflection, lambda model, state: model.lift),
     "tilt": Quantity(lambda model, state: state.plate.tilt, _tilt_slope),
     "reaction": Quantity(Model.reaction, _reaction_slope),
     "capacitance": Quantity(Model.capacitance, _capacitance_slope),

@@ -78,7 +78,8 @@ def edge_nodes(discretisation: Discretisation, specimen: Specimen
     """Nodes on each edge, and where along it; raises what :func:`velocity` does."""
     _refuse_notches(specimen)
     edges, places = _edges(specimen), discretisation.reference[:, :2]
-    nodes = {name: discretisation.boundary_nodes(name) for name in ("frame", "plate")}
+    nodes: dict[str, Array] = {name: discretisation.boundary_nodes(name)
+                               for name in ("frame", "plate") if name in edges}
     inner = discretisation.electrode_edge_nodes
     if len(inner):
         miss = np.stack([np.linalg.norm(edge.at(edge.foot(places[inner])) - places[inner], axis=1)
@@ -116,10 +117,12 @@ class Edge:
 
 def _edges(specimen: Specimen) -> dict[str, Edge]:
     electrode, plate = specimen.electrode, specimen.plate
-    edges = {"frame": Edge(specimen.frame, (0.0, 0.0)), "plate": Edge(plate.outline, plate.offset)}
+    edges = {"frame": Edge(specimen.frame, (0.0, 0.0))}
+    if plate is not None:
+        edges["plate"] = Edge(plate.outline, plate.offset)
     if electrode.margin_frame != 0:
         edges["margin_frame"] = Edge(specimen.frame, (0.0, 0.0), -electrode.margin_frame)
-    if electrode.margin_plate != 0:
+    if plate is not None and electrode.margin_plate != 0:
         edges["margin_plate"] = Edge(plate.outline, plate.offset, electrode.margin_plate)
     if electrode.outline is not None:
         edges["electrode"] = Edge(electrode.outline.outline, electrode.outline.offset)
@@ -129,8 +132,10 @@ def _edges(specimen: Specimen) -> dict[str, Edge]:
 @lru_cache(maxsize=64)
 def _refuse_notches(specimen: Specimen) -> None:
     """Sharp corners into the film make derivatives by lengths converge too slowly."""
-    for key, outline, inwards in (("plate", specimen.plate.outline, 1),
-                                  ("frame", specimen.frame, -1)):
+    edges: list[tuple[str, Outline, int]] = [("frame", specimen.frame, -1)]
+    if specimen.plate is not None:
+        edges.insert(0, ("plate", specimen.plate.outline, 1))
+    for key, outline, inwards in edges:
         turns = inwards * outline.curve.turns()
         if turns.max() > 1e-3:
             x, y = 1e3 * outline.curve.starts[int(turns.argmax())]

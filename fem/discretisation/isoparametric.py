@@ -73,3 +73,10 @@ def _tabulated(order: int, points: bytes) -> tuple[Array, Array]:
     slopes = np.stack([np.broadcast_to(np.reshape(slope, (2, -1)), at.shape)
                        for _, slope in values], axis=-1)
     return shapes, slopes.transpose(1, 2, 0)
+
+
+@lru_cache
+def middles(parts: int) -> Array:
+    """Middles of ``parts``² equal triangles in the reference triangle, shape (2, parts²)."""
+    return np.array([((3 * i + t) / (3 * parts), (3 * j + t) / (3 * parts)) for t in (1, 2)
+                     for i in range(parts) for j in range(parts + 1 - t - i)]).T

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -13,6 +14,9 @@ from tympan.fem.equilibrium.newton import NewtonSettings, Solution, Tangent, mov
 from tympan.fem.equilibrium.subspace import FULL, Subspace
 from tympan.fem.membrane.model import Model, Parts
 from tympan.fem.membrane.state import Load, State
+
+#: Where between two points, in turn, others are tried that are nearer to what is looked for.
+_SHARES = (0.5, 0.25, 0.75, 0.5, 0.25, 0.75, 0.5)
 
 
 @dataclass(frozen=True)
@@ -102,7 +106,8 @@ class Branch:
         """The point between two others where a function vanishes; None without change of sign.
 
         Where that is the rate, the point is a limit and its direction the critical mode. A function
-        ``of_state`` looks at no tangent.
+        ``of_state`` looks at no tangent. A film without plate may lose its stability in many motions
+        at once, and with it the way to that point: then the nearest one that is found.
         """
         motion = difference(self.model, after.state, before.state)
         end = product(self.model, before.direction, motion)
@@ -126,8 +131,22 @@ class Branch:
                 return None
             root = float(brentq(at, 0.0, end, xtol=1e-7, rtol=1e-6, maxiter=60))
         except LookupError:
-            return None
+            near = None if self.model.specimen.plate else self._nearest(at, points, value)
+            return near and self._renewed(near)
         return self._renewed(points[root])
+
+    def _nearest(self, at: Callable[[float], float], points: dict[float, PathPoint],
+                 value: Callable[[PathPoint], float]) -> PathPoint | None:
+        """Of points that are found by halving, the one where a function is nearest to zero."""
+        sense = np.sign(value(points[0.0]))
+        for share in _SHARES:
+            passed = {step for step, point in points.items() if sense * value(point) <= 0}
+            if not passed:
+                return None
+            behind = max(points.keys() - passed)
+            with suppress(LookupError):
+                at(behind + share * (min(passed) - behind))
+        return min(points.values(), key=lambda point: abs(value(point)))
 
     def _renewed(self, point: PathPoint) -> PathPoint:
         """The point with its own tangent: Newton's, an iterate's, is too far off for limits."""

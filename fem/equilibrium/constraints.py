@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tympan.fem.membrane.model import Model, Parts
-from tympan.fem.membrane.state import HEAVE, Load, State, turned
+from tympan.fem.membrane.state import Load, State, turned
 
 Array = NDArray[np.float64]
 
@@ -28,12 +28,9 @@ Constraint = Callable[[Model, State], Equation]
 
 
 def held_plate(deflection: float) -> Constraint:
-    """The plate is held at a deflection [m]."""
+    """The plate, or the centre of a film without one, is held at a deflection [m]."""
     def equation(model: Model, state: State) -> Equation:
-        plate = np.zeros(len(model.plate_freedoms))
-        plate[model.plate_freedoms.index(HEAVE)] = 1.0
-        return Equation(state.plate.deflection - deflection,
-                        (np.zeros(model.discretisation.free_count), plate))
+        return Equation(model.deflection(state) - deflection, model.lift)
     return equation
 
 

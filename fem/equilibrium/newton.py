@@ -318,9 +318,9 @@ class Tangent:
 
         Of a film whose every node moves by itself only the plate is asked, as far as it can move:
         without tension such a film wrinkles, whatever the plate does. Motions that cannot wrinkle
-        are asked altogether.
+        are asked altogether, and so is a film without plate.
         """
-        if self.subspace is not FULL:
+        if self.subspace is not FULL or self.model.specimen.plate is None:
             return self.negative == 0
         return bool((np.linalg.eigvalsh(self.plate_stiffness) > 0).all())
 

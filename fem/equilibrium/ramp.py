@@ -23,8 +23,8 @@ from tympan.fem.membrane.state import HEAVE, Load, State
 #: of its motion has 1/3 of it explained.
 _SURPRISE, _EXPLAINED, _UNNOTICED = 0.6, 0.2, 1e-4
 
-#: How far the plate of a film that is slack when mounted is first pushed out, relative to the
-#: frame's half extent.
+#: How far the plate, or the centre, of a film that is slack when mounted is first pushed out,
+#: relative to the frame's half extent.
 _PUSHED = 0.2
 
 #: Iterations with which Newton's method makes a short step, if at all.
@@ -84,7 +84,12 @@ class PathSettings:
     unbalanced: float = 1e-2
 
     def subspaces(self, model: Model) -> Iterator[SmoothSubspace]:
-        """Smooth motions of a model: without waves where it is axisymmetric."""
+        """Smooth motions of a model: without waves where it is axisymmetric.
+
+        None of a film without plate, whose motions are no waves around one.
+        """
+        if model.specimen.plate is None:
+            return iter(())
         kinds = [(0, degree) for degree in self.annular] if model.axisymmetric else self.smooth
         return (SmoothSubspace.of(model, *kind) for kind in kinds)
 
@@ -118,9 +123,10 @@ def equilibrium(model: Model, force: float, voltage: float, pressure: float = 0.
                 settings: PathSettings = PathSettings()) -> Outcome:
     """The equilibrium under a force on the plate [N], a voltage [V] and a gas pressure [Pa].
 
-    Force and gas, which is below film and plate, push along the load. ``start`` is a converged
-    solution; by default the flat mounted film, loaded first and then charged. An "equilibrium" is
-    stable under these loads and connected to the start without passing a limit point.
+    Force, which there is none of without a plate, and gas, which is below film and plate, push
+    along the load. ``start`` is a converged solution; by default the flat mounted film, loaded
+    first and then charged. An "equilibrium" is stable under these loads and connected to the start
+    without passing a limit point.
     """
     solution = start or _first(model, settings)
     outcome = Outcome("equilibrium" if solution.converged else "not_converged", solution,
@@ -128,7 +134,7 @@ def equilibrium(model: Model, force: float, voltage: float, pressure: float = 0.
     targets: dict[Load, float] = {"force": force, "pressure": pressure, "voltage": voltage**2}
     # A film mounted slack starts pushed out by a force, which it may lose only once the gas holds
     # it.
-    pushed = start is None and solution.state.force != 0
+    pushed = start is None and solution.state.load(model.pushed_by) != 0
     order: tuple[Load, ...] = ("force", "pressure", "voltage")
     for load in ("pressure", "force", "voltage") if pushed else order:
         if outcome.status == "equilibrium":
@@ -151,7 +157,7 @@ def _unloading(settings: PathSettings) -> PathSettings:
 
 
 def _first(model: Model, settings: PathSettings) -> Solution:
-    """The flat mounted film; or, where that is slack, the film with the plate pushed out.
+    """The flat mounted film; or, where that is slack, the film pushed out at plate or centre.
 
     An unstressed flat membrane has no stiffness across its plane, so its load path cannot start
     there.
@@ -159,27 +165,33 @@ def _first(model: Model, settings: PathSettings) -> Solution:
     flat = newton(model, model.mounted(), settings=settings.newton)
     if flat.converged and flat.stable and model.in_tension(flat.state):
         return flat
-    if HEAVE not in model.plate_freedoms:
+    pushed_by = model.pushed_by
+    if pushed_by == "force" and HEAVE not in model.plate_freedoms:
         return replace(flat, converged=False,
                        advice="the film is slack when mounted, and its plate cannot move")
     deflection = _PUSHED * model.size
     while True:
-        solution = newton(model, _cone(model, deflection), ("force",), (held_plate(deflection),),
+        solution = newton(model, _cone(model, deflection), (pushed_by,), (held_plate(deflection),),
                           settings.newton)
-        if solution.converged and solution.state.force > 0 and not _slack(model, solution.state):
+        pushed = solution.converged and solution.state.load(pushed_by) > 0
+        if pushed and not _slack(model, solution.state):
             return solution
-        if deflection >= settings.reach * model.size:
+        if deflection >= settings.reach * model.high:
             return replace(solution, converged=False,
-                           advice=f"{_SLACK} when the plate is pushed out")
-        deflection = min(2 * deflection, settings.reach * model.size)
+                           advice=f"{_SLACK} when it is pushed out")
+        deflection = min(2 * deflection, settings.reach * model.high)
 
 
 def _cone(model: Model, deflection: float) -> State:
-    """A cone from the frame to the lifted plate."""
-    cone = model.mounted()
+    """A cone from the frame to the lifted plate; without a plate a dome."""
+    cone, plate = model.mounted(), model.specimen.plate
     x, y, _ = cone.positions.T
-    to_frame, to_plate = (np.abs(edge.level(x, y))
-                          for edge in (model.specimen.frame, model.specimen.plate))
+    to_frame = np.abs(model.specimen.frame.level(x, y))
+    if plate is None:
+        share = to_frame / to_frame[model.centre_node]
+        cone.positions[:, 2] = deflection * share * (2 - np.minimum(share, 1.0))
+        return cone
+    to_plate = np.abs(plate.level(x, y))
     cone.positions[:, 2] = deflection * to_frame / (to_frame + to_plate)
     return replace(cone, plate=cone.plate.raised_to(deflection))
 
@@ -210,22 +222,25 @@ def voltage_path(model: Model, force: float, voltages: list[float], pressure: fl
 
 def held(model: Model, deflection: float, voltage: float = 0.0, start: Solution | None = None,
          settings: PathSettings = PathSettings()) -> Outcome:
-    """The film under a voltage [V], its plate held at a deflection [m] by ``state.force`` [N]."""
-    solution = start or newton(model, model.mounted(), ("force",), (held_plate(0.0),),
-                               settings.newton)
-    origin, squared = solution.state.plate.deflection, solution.state.voltage_squared
+    """The film under a voltage [V], its plate held at a deflection [m] by ``state.force`` [N].
+
+    Without a plate its centre, by ``state.pressure`` [Pa].
+    """
+    free = (model.pushed_by,)
+    solution = start or newton(model, model.mounted(), free, (held_plate(0.0),), settings.newton)
+    origin, squared = model.deflection(solution.state), solution.state.voltage_squared
     advice = solution.advice
     done, step = (0.0, 1.0) if (deflection, voltage**2) != (origin, squared) else (1.0, 0.0)
     while solution.converged and done < 1:
         share = min(1.0, done + step)
         target = origin + share * (deflection - origin)
         guess, tangent = solution.state, solution.tangent
-        if tangent is not None and tangent.free == ("force",):  # the force follows the deflection
+        if tangent is not None and tangent.free == free:  # the force follows the deflection
             motion, loads = tangent.along()
-            guess = moved(model, guess, motion, target - guess.plate.deflection, loads)
+            guess = moved(model, guess, motion, target - model.deflection(guess), loads)
         guess = guess.under(voltage=squared + share * (voltage**2 - squared))
         solution.release()
-        trial = newton(model, guess, ("force",), (held_plate(target),), settings.newton)
+        trial = newton(model, guess, free, (held_plate(target),), settings.newton)
         if trial.converged:
             solution, done, step = trial, share, 2 * step
         elif (step := step / 2) < settings.shortest:
@@ -379,7 +394,7 @@ class Ramp:
             # sign tells nothing.
             if not after.solution.stable and after.solution.wrinkling == 0:
                 return self._ended("pull_in", stable, after, "loses its stability")
-            if after.state.plate.deflection > settings.reach * self.model.size:
+            if self.model.deflection(after.state) > settings.reach * self.model.high:
                 break
             if branch.subspace is FULL:
                 stable, last = after.solution, after

@@ -18,7 +18,7 @@ from tympan.fem.film.density import FilmDensity, plane_stress, principal_stretch
 from tympan.fem.film.memory import Flow
 from tympan.fem.film.tension_field import total
 from tympan.fem.membrane.loading import GUIDES, Loading, film_volume, plate_volume
-from tympan.fem.membrane.state import FREEDOMS, Load, PlateMotion, State
+from tympan.fem.membrane.state import FREEDOMS, HEAVE, Load, PlateMotion, State
 from tympan.geometry.outlines import area
 from tympan.geometry.specimen import Specimen
 
@@ -27,6 +27,10 @@ Array = NDArray[Any]
 #: A right-hand side or a correction: free nodal components, and plate freedoms in the model's
 #: order.
 Parts = tuple[Array, Array]
+
+#: How high a balloon may be, in half extents of its frame: one of neo-Hookean film bears the most
+#: pressure at about one and a half.
+_BALLOON = 4.0
 
 #: Plate freedoms that change sign in the mirror: mirroring x reverses x, ry and rz.
 _REVERSED = {"x": frozenset({"x", "ry", "rz"}), "y": frozenset({"y", "rx", "rz"})}
@@ -73,8 +77,34 @@ class Model:
 
     @property
     def centre(self) -> Array:
-        """The plate's centre in the mounted film [m]."""
-        return np.array([*self.specimen.plate.offset, 0.0])
+        """The plate's centre in the mounted film, or the frame's without a plate [m]."""
+        return np.array([*self.specimen.centre, 0.0])
+
+    @cached_property
+    def centre_node(self) -> int:
+        """The node in the centre: meshes of films without plate have one there."""
+        return int(np.hypot(*self.discretisation.reference[:, :2].T.real).argmin())
+
+    def deflection(self, state: State) -> float:
+        """That of the plate along the load [m]; of a film without plate, of its centre."""
+        if self.specimen.plate is not None:
+            return state.plate.deflection
+        deflection: float = state.positions[self.centre_node, HEAVE].item()
+        return deflection
+
+    @cached_property
+    def lift(self) -> Parts:
+        """Derivative of the deflection by the free components and the plate's freedoms."""
+        film = np.zeros((len(self.discretisation.reference), 3))
+        if self.specimen.plate is None:
+            film[self.centre_node, HEAVE] = 1.0
+        plate = np.array([float(freedom == HEAVE) for freedom in self.plate_freedoms])
+        return film[self.discretisation.free], plate
+
+    @property
+    def pushed_by(self) -> Load:
+        """What pushes the film out: the force on the plate, or gas where there is none."""
+        return "pressure" if self.specimen.plate is None else "force"
 
     @cached_property
     def arms(self) -> Array:
@@ -86,8 +116,9 @@ class Model:
     def plate_freedoms(self) -> tuple[int, ...]:
         """Numbers of the plate's freedoms that the guide and the symmetry of motions allow."""
         mesh = self.discretisation
+        allowed = GUIDES["fixed" if self.specimen.plate is None else self.loading.guide]
         return tuple(number for number, name in enumerate(FREEDOMS)
-                     if name in GUIDES[self.loading.guide]
+                     if name in allowed
                      and all((name in _REVERSED[plane]) == (plane in mesh.odd)
                              for plane in mesh.planes))
 
@@ -106,10 +137,16 @@ class Model:
         """The frame's larger half extent [m], the scale of corrections."""
         return max(self.specimen.frame.semi_axes)
 
+    @property
+    def high(self) -> float:
+        """A deflection that is large [m]: the frame's larger half extent, of a balloon four."""
+        return self.size * (_BALLOON if self.specimen.plate is None else 1.0)
+
     @cached_property
     def plate_area(self) -> Any:
-        """Area of the whole plate [m²]."""
-        return area(self.specimen.plate.outline)
+        """Area of the whole plate [m²], 0 without one."""
+        plate = self.specimen.plate
+        return 0.0 if plate is None else area(plate.outline)
 
     @cached_property
     def mass_per_area(self) -> Any:

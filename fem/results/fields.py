@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -17,7 +16,12 @@ from numpy.typing import NDArray
 from tympan.fem.complex_step import STEP
 from tympan.fem.discretisation.assembly import first_piola
 from tympan.fem.discretisation.discretisation import Discretisation
-from tympan.fem.discretisation.isoparametric import deformation, isoparametric, tabulated
+from tympan.fem.discretisation.isoparametric import (
+    deformation,
+    isoparametric,
+    middles,
+    tabulated,
+)
 from tympan.fem.film.density import FilmDensity
 from tympan.fem.film.memory import Flow
 from tympan.fem.film.tension_field import Tension, tension_state
@@ -30,6 +34,9 @@ Array = NDArray[Any]
 
 #: Where a reference triangle's edges start, and their directions, in scikit-fem's order 01, 12, 02.
 _EDGES = (((0, 0), (1, 0)), ((1, 0), (-1, 1)), ((0, 0), (0, 1)))
+
+#: Distance from the centre, relative to the frame, within which no direction leads there.
+_CENTRE = 1e-12
 
 #: How far below its values at the nodes a stress may be between them, in their differences.
 _BETWEEN = 0.5
@@ -170,7 +177,7 @@ def lost_tension(model: Model, states: Sequence[State], parts: int = 8) -> list[
     together.
     """
     mesh = model.discretisation
-    nodes, points = ELEMENTS[mesh.mesh.order].doflocs.T, _middles(parts)
+    nodes, points = ELEMENTS[mesh.mesh.order].doflocs.T, middles(parts)
     tension, stress = _tension(model, states, mesh.nodal_gradients, nodes,
                                np.arange(mesh.mesh.nelements))
     taut = (tension == Tension.TAUT).all(axis=-1)
@@ -207,12 +214,6 @@ def film_integrals(model: Model, states: Sequence[State]) -> tuple[Array, Array,
                      edge[mesh.connectivity][:, None, :, None])[..., 0]
     work = np.einsum("sepi,sepij,epj->s", f[..., 2, :], stress[..., [[0, 2], [2, 1]]], lift)
     return work * mesh.mirrored, -2 * energy.imag / STEP, energy.real
-
-
-@lru_cache
-def _middles(parts: int) -> Array:
-    return np.array([((3 * i + t) / (3 * parts), (3 * j + t) / (3 * parts)) for t in (1, 2)
-                     for i in range(parts) for j in range(parts + 1 - t - i)]).T
 
 
 def _tension(model: Model, states: Sequence[State], gradients: Array, points: Array,
@@ -271,8 +272,7 @@ def _fields(model: Model, states: Sequence[State], cells: Array, points: Array,
     density = FilmDensity(model.specimen, voltage_squared, covered, model.wrinkles, flow, relative)
     stress = density(c, tangent=False).stress
     l1, l2, tense = density.stretches(c)
-    inward = model.centre[:2] - reference[:, :2]
-    inward /= np.maximum(np.linalg.norm(inward, axis=1, keepdims=True), 1e-300)
+    inward = _inward(model, reference[:, :2])
     s11, s22, s12 = _cauchy(f, stress, -inward)
     mean, radius = (s11 + s22) / 2, np.hypot((s11 - s22) / 2, s12)
     cut = inward if along is None else _normal(along.reshape(-1, 2), inward)
@@ -289,6 +289,14 @@ def _fields(model: Model, states: Sequence[State], cells: Array, points: Array,
         stress_circumferential=s22, stress_shear=s12,
         plate_traction=traction * mounted[:, None],
         tension=tension_state(mean + radius, mean - radius, tense))
+
+
+def _inward(model: Model, places: Array) -> Array:
+    """Unit vectors towards the plate's centre, or the frame's; in the centre along −x."""
+    inward = model.centre[:2] - places
+    distance = np.linalg.norm(inward, axis=1, keepdims=True)
+    inward = np.where(distance > _CENTRE * model.size, inward, (-1.0, 0.0))
+    return np.asarray(inward / np.linalg.norm(inward, axis=1, keepdims=True))
 
 
 def _cauchy(f: Array, stress: Array, radial: Array) -> tuple[Array, Array, Array]:

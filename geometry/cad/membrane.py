@@ -38,7 +38,7 @@ _MEET = 1e-12
 
 
 def membrane_faces(specimen: Specimen, planes: frozenset[str]) -> dict[str, list[cq.Face]]:
-    """The flat film, ``covered`` and ``bare``, cut along axes through the plate's centre.
+    """The flat film, ``covered`` and ``bare``, cut along axes through its centre, the plate's.
 
     Faces lie in the plane z = 0 [mm]; neighbours share their common edges in shape, not in
     topology. ``planes`` are coordinates about whose zero the film is mirrored: only the part where
@@ -48,7 +48,7 @@ def membrane_faces(specimen: Specimen, planes: frozenset[str]) -> dict[str, list
     quarter = _quarter(specimen) if len(planes) == 2 and specimen.electrode == _WHOLE else None
     if quarter is not None:
         return {"covered": [quarter], "bare": []}
-    x, y = _millimetres(*specimen.plate.offset)
+    x, y = _millimetres(*specimen.centre)
     size = 4 * METRE * max(specimen.frame.semi_axes)
     cuts = [cq.Face.makePlane(size, size, (x, y, 0), normal) for normal in ((1, 0, 0), (0, 1, 0))]
 
@@ -62,10 +62,16 @@ def membrane_faces(specimen: Specimen, planes: frozenset[str]) -> dict[str, list
 
 def _quarter(specimen: Specimen) -> cq.Face | None:
     """The film where both coordinates are positive, if its outlines have pieces that end there."""
-    outer, inner = map(_first_quadrant, (specimen.frame, specimen.plate.outline))
-    if outer is None or inner is None:
+    outer = _first_quadrant(specimen.frame)
+    if outer is None:
         return None
     (a, _), (_, b) = outer.at(np.array([0.0, 1.0]))[0].tolist()
+    if specimen.plate is None:
+        return _planar(_pieces_wire((outer, Line((0.0, b), (0.0, 0.0)),
+                                     Line((0.0, 0.0), (a, 0.0))), (0.0, 0.0)))
+    inner = _first_quadrant(specimen.plate.outline)
+    if inner is None:
+        return None
     (c, _), (_, d) = inner.at(np.array([0.0, 1.0]))[0].tolist()
     return _planar(_pieces_wire((outer, Line((0.0, b), (0.0, d)), inner.backwards(),
                                  Line((c, 0.0), (a, 0.0))), (0.0, 0.0)))
@@ -84,9 +90,10 @@ def _first_quadrant(outline: Outline) -> Piece | None:
 
 
 def membrane_part(specimen: Specimen) -> cq.Face:
-    """The film as one face between frame and plate."""
-    plate = outline_wire(specimen.plate.outline, specimen.plate.offset)
-    return _planar(outline_wire(specimen.frame), plate)
+    """The film as one face within the frame, and around the plate where there is one."""
+    hole = () if specimen.plate is None else (
+        outline_wire(specimen.plate.outline, specimen.plate.offset),)
+    return _planar(outline_wire(specimen.frame), *hole)
 
 
 def electrode_part(specimen: Specimen) -> cq.Compound:
@@ -112,10 +119,13 @@ def _coverage(specimen: Specimen) -> dict[str, list[cq.Face]]:
     wires = [outline_wire(specimen.frame)]
     if electrode.margin_frame > 0:
         wires.append(offset_wire(specimen.frame, (0.0, 0.0), -electrode.margin_frame))
-    if electrode.margin_plate > 0:
-        wires.append(offset_wire(plate.outline, plate.offset, electrode.margin_plate))
-    wires.append(outline_wire(plate.outline, plate.offset))
+    if plate is not None:
+        if electrode.margin_plate > 0:
+            wires.append(offset_wire(plate.outline, plate.offset, electrode.margin_plate))
+        wires.append(outline_wire(plate.outline, plate.offset))
     rings = [_planar(outer, inner) for outer, inner in pairwise(wires)]
+    if plate is None:
+        rings.append(_planar(wires[-1]))
     covered = [rings.pop(1 if electrode.margin_frame > 0 else 0)]
     if electrode.outline is None:
         return {"covered": covered, "bare": rings}
@@ -134,8 +144,8 @@ def _clipped(specimen: Specimen, ring: cq.Face, region: Region) -> dict[str, lis
                      for face in faces), default=0.0)
     if not inside or abs(missing) > 1e-6 * film.Area() or narrowest < 0.01 * specimen.gap * METRE:
         raise InputError("must cover some of the film and cut no slivers from it: the electrode "
-                         "and what it leaves bare must be wider than 1 % of the gap between plate "
-                         "and frame", key="electrode.outline", given=str(region))
+                         "and what it leaves bare must be wider than 1 % of the gap between frame "
+                         "and plate, or centre", key="electrode.outline", given=str(region))
     return {"covered": inside, "bare": outside}
 
 

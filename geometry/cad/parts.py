@@ -72,7 +72,7 @@ def ring_part(frame: Outline, options: PartOptions, height: float) -> cq.Solid:
 
 def plate_part(specimen: Specimen, options: PartOptions) -> cq.Solid:
     """The plate with a screw hole in the middle of its bounding box, where it has one inside."""
-    outline, offset = specimen.plate.outline, specimen.plate.offset
+    outline, offset = specimen.needed_plate().outline, specimen.needed_plate().offset
     radius = min(options.screw / 2, min(outline.semi_axes) / 6)
     depth = -float(outline.level(np.zeros(1), np.zeros(1))[0])
     holes = [_hole(np.array(offset), radius)] if depth > 2 * radius else []

@@ -116,7 +116,7 @@ def drawn(view: FilmView, result: CaseResult, model: Model, state: State) -> Sce
     """The scene of an equilibrium."""
     film = film_surface(model, state, _PARTS)
     specimen = view.specimen
-    flat = specimen.plate.points(_EDGE)
+    flat = specimen.needed_plate().points(_EDGE)
     arms = np.vstack([flat, np.zeros(_EDGE)]).T - model.centre
     frame = np.vstack([specimen.frame.points(_EDGE), np.zeros(_EDGE)]).T
     plate = state.plate.positions(model.centre, arms)

@@ -54,6 +54,7 @@ def read_subject(path: Path, rig: Path | None = None) -> Subject:
     """
     if not path.is_dir():
         specimen = load_specimen(path)
+        specimen.needed_plate()
         return Subject(specimen.name, (specimen,), Rig() if rig is None else Rig.read(rig),
                        files=(str(path),), rig_file="" if rig is None else str(rig))
     subject = _dataset(path) if (path / "dataset.toml").exists() else _folder(path)
@@ -72,6 +73,8 @@ def _folder(folder: Path) -> Subject:
     if not files:
         raise InputError("must hold dataset.toml or specimens (.toml)", file=folder)
     specimens = tuple(map(load_specimen, files))
+    for specimen in specimens:
+        specimen.needed_plate()
     rig = folder / _RIG
     return Subject(folder.resolve().name, specimens, Rig.read(rig) if rig.exists() else Rig(),
                    files=tuple(map(str, files)), rig_file=str(rig) if rig.exists() else "")

@@ -31,11 +31,16 @@ def _compose(specimen: Specimen) -> Figure:
     axes = style.place_axes(figure, (_WIDTH - _ROOM - width + _MARGIN) / 2, _TITLE, width, height)
     draw_to_scale(specimen, axes)
     for down, words, size in ((3.5, specimen.name, 9.0), (8.0, _film(specimen), 7.5),
-                              (11.5, f"narrowest gap {1e3 * specimen.gap:.4g} mm; dark film: "
-                                     "under the electrode", 7.5)):
+                              (11.5, _room(specimen), 7.5)):
         figure.text(0.5, 1 - down / (_TITLE + height + _ROOM), words, ha="center", va="center",
                     fontsize=size, weight="bold" if down < 4 else "normal")
     return figure
+
+
+def _room(specimen: Specimen) -> str:
+    gap = f"{1e3 * specimen.gap:.4g} mm"
+    room = f"narrowest gap {gap}" if specimen.plate else f"no plate; centre {gap} from the frame"
+    return f"{room}; dark film: under the electrode"
 
 
 def _film(specimen: Specimen) -> str:
@@ -52,8 +57,9 @@ def draw_to_scale(specimen: Specimen, axes: Axes) -> None:
     axes.add_patch(Polygon(1e3 * frame.points(_POINTS).T, closed=True, facecolor=_FILM,
                            edgecolor="none", zorder=0))
     _cover(specimen, axes)
-    axes.add_patch(Polygon(1e3 * plate.points(_POINTS).T, closed=True, facecolor=_PLATE,
-                           edgecolor="black", linewidth=0.6, zorder=2))
+    if plate is not None:
+        axes.add_patch(Polygon(1e3 * plate.points(_POINTS).T, closed=True, facecolor=_PLATE,
+                               edgecolor="black", linewidth=0.6, zorder=2))
     axes.add_patch(Polygon(1e3 * frame.points(_POINTS).T, closed=True, facecolor="none",
                            edgecolor="black", linewidth=1.3, zorder=3, clip_on=False))
     axes.set(xlim=(-a, a), ylim=(-b, b), aspect="equal")
@@ -66,9 +72,9 @@ def _cover(specimen: Specimen, axes: Axes) -> None:
     electrode, frame = specimen.electrode, specimen.frame
     a, b = frame.semi_axes
     x, y = np.meshgrid(np.linspace(-a, a, _GRID), np.linspace(-b, b, _GRID))
-    depth: NDArray[np.float64] = np.minimum(
-        -frame.level(x, y) - electrode.margin_frame,
-        specimen.plate.level(x, y) - electrode.margin_plate)
+    depth: NDArray[np.float64] = -frame.level(x, y) - electrode.margin_frame
+    if specimen.plate is not None:
+        depth = np.minimum(depth, specimen.plate.level(x, y) - electrode.margin_plate)
     if electrode.outline is not None:
         depth = np.minimum(depth, -electrode.outline.level(x, y))
     axes.contourf(1e3 * x, 1e3 * y, depth, [0.0, np.inf], colors=[_COVERED], zorder=1)
@@ -77,17 +83,19 @@ def _cover(specimen: Specimen, axes: Axes) -> None:
 def _dimensions(specimen: Specimen, axes: Axes) -> None:
     """Sizes from edge to edge: the frame's outside the drawing, the plate's on it."""
     a, b = (1e3 * length for length in specimen.frame.semi_axes)
-    c, d = (1e3 * length for length in specimen.plate.outline.semi_axes)
-    x, y = (1e3 * length for length in specimen.plate.offset)
     away = 0.09 * max(a, b)
     _arrow(axes, (-a, -b - away), (a, -b - away), f"frame {2 * a:.4g} mm", across=True)
     _arrow(axes, (a + away, -b), (a + away, b), f"{2 * b:.4g} mm", across=False)
+    axes.plot([0], [0], "+", color="white", markersize=5, markeredgewidth=0.8, zorder=4)
+    if specimen.plate is None:
+        return
+    c, d = (1e3 * length for length in specimen.plate.outline.semi_axes)
+    x, y = (1e3 * length for length in specimen.plate.offset)
     words = f"plate {2 * c:.4g} mm" if abs(c - d) < 1e-6 else f"plate {2 * c:.4g} × {2 * d:.4g} mm"
     if x or y:
         words += f"\nat {x:.4g}, {y:.4g} mm"
     axes.annotate(words, (x, y + d), (x, y + d + 0.06 * max(a, b)), ha="center", va="bottom",
                   fontsize=7.5, zorder=4)
-    axes.plot([0], [0], "+", color="white", markersize=5, markeredgewidth=0.8, zorder=4)
 
 
 def _arrow(axes: Axes, start: tuple[float, float], end: tuple[float, float], words: str,

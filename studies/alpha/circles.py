@@ -77,7 +77,7 @@ def equilibria(model: Model, loads: LoadGrid, rig: Rig, settings: Settings, part
 
 def frame_distances(specimen: Specimen) -> Array:
     """Distance from the plate's centre to the frame [m] in equally spaced directions."""
-    x, y = specimen.frame.points(2 * _DIRECTIONS) - np.array(specimen.plate.offset)[:, None]
+    x, y = specimen.frame.points(2 * _DIRECTIONS) - np.array(specimen.centre)[:, None]
     angle = np.arctan2(y, x) % (2 * np.pi)
     order = np.argsort(angle)
     distance = np.hypot(x, y)[order]
@@ -135,7 +135,7 @@ def membrane_forces(specimen: Specimen, settings: Settings, loading: Loading, ra
         size = f"{radius * 1e3:g} mm"
         try:
             circle = replace(specimen, name=f"circle {size}", frame=Circle(radius),
-                             plate=Plate(specimen.plate.outline))
+                             plate=Plate(specimen.needed_plate().outline))
         except InputError as error:
             raise InputError(f"has no circle of radius {size} to compare with: {error.allowed}",
                              key="alpha", given=specimen.name) from None
@@ -175,7 +175,7 @@ def _sectors(specimen: Specimen, count: int, forces: Forces, samples: Samples) -
 
 def _fit(specimen: Specimen, count: int, forces: Forces, samples: Samples) -> Radii:
     distance = frame_distances(specimen)
-    low = max(distance.min() / _BEYOND, 1.05 * max(specimen.plate.outline.semi_axes))
+    low = max(distance.min() / _BEYOND, 1.05 * max(specimen.needed_plate().outline.semi_axes))
     radii = np.geomspace(low, max(distance.max() * _BEYOND, 1.2 * low), _GRID)
     logarithms = np.log(radii)
     spline = CubicSpline(logarithms, np.log(forces(tuple(radii.tolist()), samples)), axis=1)

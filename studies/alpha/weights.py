@@ -202,6 +202,7 @@ def alpha(specimen: Specimen, settings: Settings, alpha_settings: AlphaSettings 
     InputError
         When no load of the fit has an equilibrium.
     """
+    specimen.needed_plate()
     model = build_model(specimen, settings, rig.loading)
     count, how = (_circles(specimen, alpha_settings) if radii is None
                   else (len(radii), alpha_settings.radii))
@@ -295,7 +296,8 @@ def _weigh(weights: Array, forces: Iterable[Array], fit: Samples, test: Samples)
 def _doubts(specimen: Specimen, result: AlphaResult, chosen: AlphaSettings) -> list[str]:
     """What stands between these weights and their use."""
     membrane, radii = result.by_basis["membrane"], result.circles
-    if len(radii) == 1 and isinstance(specimen.plate.outline, Circle) and concentric(specimen):
+    round_plate = isinstance(specimen.needed_plate().outline, Circle)
+    if len(radii) == 1 and round_plate and concentric(specimen):
         return ["the semi-axes are equal: the shape is one circle and α is 1"]
     doubts = []
     error = f"{100 * membrane.fit_error:.1f} %"

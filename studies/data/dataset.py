@@ -258,7 +258,7 @@ def _check_places(fields: Sheet, dataset: Dataset) -> None:
     """Refuse places that lie outside the frame."""
     for specimen in dataset.specimens:
         rows = np.flatnonzero(fields.specimen == specimen.name)
-        size, offset = max(specimen.frame.semi_axes), specimen.plate.offset
+        size, offset = max(specimen.frame.semi_axes), specimen.centre
         x, y = ((fields.x, fields.y) if dataset.field_frame == "table"
                 else (fields.x + offset[0], fields.y + offset[1]))
         beyond = specimen.frame.level(x[rows], y[rows]) > _OUTSIDE[dataset.field_frame] * size

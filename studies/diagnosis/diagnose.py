@@ -28,7 +28,7 @@ from tympan.studies.diagnosis.inference.identifiability import (
 )
 from tympan.studies.diagnosis.inference.verdict import judge
 from tympan.studies.diagnosis.reading_table import ReadingTable
-from tympan.studies.diagnosis.readings import prepared_readings
+from tympan.studies.diagnosis.readings import PreparedReadings, prepared_readings
 from tympan.studies.diagnosis.result import Diagnosis
 from tympan.studies.diagnosis.self_check import Bench
 from tympan.studies.effects import Setup
@@ -56,7 +56,7 @@ def diagnose(dataset: Dataset, workers: int = 1, seed: int = 0,
         When nothing can be concluded: too few readings, a column off by a unit, films that cannot
         be solved, scans in another frame than is said.
     """
-    readings = prepared_readings(dataset)
+    readings = _prepared(dataset)
     nominal = calibrated(readings.setup, readings.table)
     check_frame(nominal.simulation, nominal.table,
                 "frame" if dataset.field_frame == "table" else "plate")
@@ -91,7 +91,7 @@ def plan_readings(dataset: Dataset, workers: int = 1,
     And what makes synthetic readings like them. Their values are not looked at. An
     :class:`InputError` where a planned state has no equilibrium.
     """
-    readings = prepared_readings(dataset)
+    readings = _prepared(dataset)
     table = _predicted(readings.setup, readings.table)
     nominal = calibrated(readings.setup, table)
     simulation = with_effects(nominal.simulation, progress, workers)
@@ -108,6 +108,12 @@ def plan_readings(dataset: Dataset, workers: int = 1,
         "indistinguishable": [[str(cause) for cause in group] for group in classes],
         "effects": detectable_effects(signs),
     }, bench
+
+
+def _prepared(dataset: Dataset) -> PreparedReadings:
+    for specimen in dataset.specimens:
+        specimen.needed_plate()
+    return prepared_readings(dataset)
 
 
 def with_model_error(table: ReadingTable, error: float, nominal: Calibration) -> ReadingTable:

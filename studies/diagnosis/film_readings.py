@@ -67,7 +67,8 @@ def _rows(dataset: Dataset, sheet: Sheet, scan: Numbers, sigma: Array) -> Readin
     """The rows of one scan."""
     number = [specimen.name for specimen in dataset.specimens].index(str(sheet.specimen[scan[0]]))
     place = np.stack([sheet.x[scan], sheet.y[scan]], axis=1)
-    plate, centred = dataset.specimens[number].plate, dataset.field_frame == "plate"
+    plate = dataset.specimens[number].needed_plate()
+    centred = dataset.field_frame == "plate"
     on_plate = (plate.outline if centred else plate).level(*place.T) <= 0
     kinds = [(kind, column) for kind, column in zip(COMPONENTS, ("u", "v", "displacement"),
                                                     strict=True)

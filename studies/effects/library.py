@@ -151,8 +151,8 @@ def _offset(axis: str) -> EffectParameter:
 def plate_eccentricity(setup: Setup, dx: Annotated[float, _offset("x")],
                        dy: Annotated[float, _offset("y")]) -> Setup:
     def change(specimen: Specimen) -> Specimen:
-        x, y = specimen.plate.offset
-        return replace(specimen, plate=replace(specimen.plate, offset=(x + dx, y + dy)))
+        x, y = specimen.needed_plate().offset
+        return replace(specimen, plate=replace(specimen.needed_plate(), offset=(x + dx, y + dy)))
 
     return setup.with_specimens(change)
 

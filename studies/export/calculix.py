@@ -158,6 +158,7 @@ def export_input(specimen: Specimen, settings: MeshSettings, folder: Path,
     InputError
         Where the specimen has what CalculiX has not, or no equilibrium under these loads.
     """
+    plate = specimen.needed_plate()
     if specimen.electrode.stiffness:
         raise InputError("cannot be exported: no solid here is free of stress when mounted",
                          key="electrode.stiffness", given=specimen.electrode.stiffness)
@@ -168,7 +169,7 @@ def export_input(specimen: Specimen, settings: MeshSettings, folder: Path,
     mesh = from_meshio(mesh_film(specimen, replace(settings, order=2), frozenset()))
     weights = [Step(f"{mass * 1e3:g} g", force=Rig().force(mass)) for mass in masses]
     actuated = _actuated(specimen, mesh, masses[-1] if masses else 0.0, voltages)
-    sheet = FlatFilm.of(mesh, specimen.plate.offset)
+    sheet = FlatFilm.of(mesh, plate.offset)
     lines = film_input(specimen.name, sheet, specimen.membrane, [*weights, *actuated])
     file = folder / f"{specimen.name}.inp"
     write_text(file, "\n".join(lines) + "\n")

@@ -22,11 +22,14 @@ def export(specimen: Specimen, settings: MeshSettings, folder: Path,
            options: PartOptions = PartOptions()) -> Iterator[Path]:
     """Write frame, clamp, plate and film as STEP, DXF and SVG [mm], a second-order mesh as VTU [m].
 
-    Yields the files. Where the electrode leaves film bare, it is written too, for a mask.
+    Yields the files. A plate that is not there has none; where the electrode leaves film bare, it
+    is written too, for a mask.
     """
     made = {"frame": parts.ring_part(specimen.frame, options, options.frame_height),
             "clamp": parts.ring_part(specimen.frame, options, options.clamp_height),
-            "plate": parts.plate_part(specimen, options), "film": cad.membrane_part(specimen)}
+            "film": cad.membrane_part(specimen)}
+    if specimen.plate is not None:
+        made["plate"] = parts.plate_part(specimen, options)
     if not specimen.electrode.everywhere:
         made["electrode"] = cad.electrode_part(specimen)
     for name, part in made.items():

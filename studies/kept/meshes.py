@@ -52,6 +52,7 @@ def _key(specimen: Specimen, settings: MeshSettings, planes: frozenset[str]) -> 
 def _outlines(specimen: Specimen) -> Iterator[Outline]:
     """All outlines; their pieces tell of changes in the sources of outlines from elsewhere."""
     yield specimen.frame
-    yield specimen.plate.outline
+    if specimen.plate is not None:
+        yield specimen.plate.outline
     if specimen.electrode.outline is not None:
         yield specimen.electrode.outline.outline

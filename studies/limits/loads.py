@@ -42,6 +42,7 @@ def usual_masses(specimen: Specimen, settings: Settings, rig: Rig = Rig(),
     InputError
         When the plate cannot be pulled so far.
     """
+    specimen.needed_plate()
     model, rest = equilibrate(Case(specimen, mass=0.0, rig=rig), settings)
     start = rest.solution if rest.status == "equilibrium" else None
     deflection = _SINKS * specimen.gap + (start.state.plate.deflection if start else 0.0)

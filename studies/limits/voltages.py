@@ -7,7 +7,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
+from tympan.fem.equilibrium.arc_length import PathPoint
 from tympan.fem.equilibrium.ramp import Outcome, equilibrium
 from tympan.fem.membrane.model import Model
 from tympan.studies.case import (
@@ -24,11 +26,19 @@ from tympan.studies.case import (
 )
 from tympan.studies.path import UNFOLLOWED, Stop, What, stops
 
+Array = NDArray[np.float64]
+
 _KINDS: dict[What, LimitKind] = {
     "tension lost": "tension", "breakdown": "breakdown", "limit": "pull_in"}
 
 #: How far beyond the last point that could be followed a limit is searched for, relative.
 _BEYOND = 1.5
+
+#: Voltage [V] by which is seen what one does to a film that it does not move; any would do.
+_TRIED = 1.0
+
+#: How far, relative to the frame, a film may be from flat of which that is all that is known.
+_FLAT = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,6 +78,8 @@ def rise(case: Case, settings: Settings, first: bool = False) -> Rise:
     if start.status != "equilibrium":
         return Rise(model, (), (), Limits(ended=failure_reason(start)))
     passed = list(_to_limit(case, model, start, settings, first))
+    if len(passed) <= 1 and model.specimen.plate is None:
+        return Rise(model, (), (), _unmoved(case, model, start, settings))
     reached = _limits(case, passed)
     wanted = reached.first if first else reached.pull_in
     if passed and wanted is None and (reached.end is None or reached.thins):
@@ -90,7 +102,8 @@ def solve_within(case: Case, settings: Settings, film: bool = False) -> CaseResu
     if limit is not None and limit == reached.end:
         return CaseResult(
             specimen=case.specimen.name, mass_kg=case.mass, voltage_V=case.voltage,
-            status="no_equilibrium", limits=reached, limit=limit,
+            pressure_Pa=case.rig.gas_pressure or None, status="no_equilibrium", limits=reached,
+            limit=limit,
             dofs=build_model(case.specimen, settings, case.rig.loading).unknowns,
             wall_s=time.perf_counter() - began,
             warnings=(reached.ended,))
@@ -117,10 +130,46 @@ def _searched(case: Case, last: Stop, reached: Limits, settings: Settings) -> Li
         return reached
     stop = Stop(last.model, outcome.critical)
     x, y = stop.place("limit")
+    if outcome.kind == "thinning" and reached.tension is None:
+        tension = Limit(kind="tension", voltage_V=_nominal(case, stop), x_m=x, y_m=y)
+        return replace(reached, tension=tension, thins=True, ended=failure_reason(outcome))
     pull_in = Limit(kind="pull_in", voltage_V=_nominal(case, stop), x_m=x, y_m=y,
                     spread=stop.jump("limit"))
     ended = reached.ended if reached.thins else failure_reason(outcome)
     return replace(reached, ended=ended, pull_in=pull_in)
+
+
+def _unmoved(case: Case, model: Model, start: Outcome, settings: Settings) -> Limits:
+    """Of a film that the voltage only presses, flat in its frame and covered everywhere.
+
+    It stays where it is: the Maxwell stress goes with U², the field with U.
+    """
+    flat = Stop(model, _still(start))
+    charged = equilibrium(model, 0.0, _TRIED, start.state.pressure, settings=settings.path)
+    if charged.status != "equilibrium":
+        return Limits(ended=failure_reason(charged))
+    pressed = Stop(model, _still(charged))
+    fall = flat.pressed.stress_2 - pressed.pressed.stress_2
+    moved = np.abs(charged.state.positions - model.discretisation.reference).max()
+    if not (fall > 0).all() or moved > _FLAT * model.size:
+        return Limits(ended=UNFOLLOWED)
+    share = pressed.fields.breakdown_share
+    first: dict[LimitKind, Array] = {
+        "tension": _TRIED * np.sqrt(np.maximum(flat.pressed.stress_2, 0.0) / fall),
+        "breakdown": _TRIED / np.where(share > 0, share, 1e-300)}
+    reached = {}
+    for kind, voltages in first.items():
+        place = int(np.argmin(voltages))
+        x, y, _ = flat.fields.position[place]
+        nominal = case.rig.nominal_voltage(float(voltages[place]), case.direction)
+        reached[kind] = Limit(kind=kind, voltage_V=nominal, x_m=float(x), y_m=float(y))
+    return Limits(tension=reached["tension"],
+                  breakdown=reached["breakdown"] if share.any() else None,
+                  ended="the film stays flat, the voltage moves nothing")
+
+
+def _still(outcome: Outcome) -> PathPoint:
+    return PathPoint(outcome.solution, (np.zeros(0), np.zeros(0)), np.inf)
 
 
 def _nominal(case: Case, stop: Stop) -> float:

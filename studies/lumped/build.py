@@ -244,6 +244,7 @@ def build(specimen: Specimen, settings: Settings, chosen: BuildSettings | None =
     energy: least squares of relative force. A film with viscous branches also gets its reduced film
     in time (:mod:`tympan.studies.lumped.reduction`), unless it is not asked for.
     """
+    specimen.needed_plate()
     Actuator.of(specimen, 1.0, rig=rig)  # refuses a rig that the model does not have
     progress(f"{specimen.name}: field model")
     chosen = chosen or BuildSettings.suited([specimen], settings, rig)

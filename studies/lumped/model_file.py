@@ -106,7 +106,7 @@ def read_model(file: Path | str) -> LumpedModel:
         raise table.error("circle", "must be at least one circle")
     radii = tuple(circle.number("radius_m", rule=POSITIVE) for circle in circles)
     weights = tuple(circle.number("alpha", rule=_WEIGHT) for circle in circles)
-    inside = sum(specimen.plate.outline.semi_axes) / 2
+    inside = sum(specimen.needed_plate().outline.semi_axes) / 2
     if min(radii) <= inside:
         raise table.error("circle", f"radii must be larger than the plate's, {inside:g} m",
                           min(radii))

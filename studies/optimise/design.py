@@ -145,7 +145,7 @@ def check_derivatives(problem: OptimiseProblem, settings: Settings) -> None:
 
 
 def _edge(specimen: Specimen, part: str) -> Array:
-    outline = specimen.frame if part == "frame" else specimen.plate.outline
+    outline = specimen.frame if part == "frame" else specimen.needed_plate().outline
     return outline.points(720)
 
 

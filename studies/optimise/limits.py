@@ -136,7 +136,7 @@ def _gap(state: DesignState, bound: float) -> Evaluation:
     specimen = state.case.specimen
 
     def edge(specimen: Specimen) -> Any:
-        plate = specimen.plate
+        plate = specimen.needed_plate()
         return plate.outline.points(_POINTS).T + np.array(plate.offset)
 
     def across(specimen: Specimen) -> Any:

@@ -261,9 +261,9 @@ def _outlines(problem: OptimiseProblem, bests: Sequence[StartRun]) -> TableOfCol
               if trial.accepted and trial.specimen is not None]
     edges: list[tuple[str, int, str, NDArray[Any]]] = []
     for measure, number, specimen in shown:
-        offset = np.array(specimen.plate.offset)[:, None]
+        offset = np.array(specimen.needed_plate().offset)[:, None]
         edges += [(measure, number, "frame", specimen.frame.points(360)),
-                  (measure, number, "plate", specimen.plate.outline.points(360) + offset)]
+                  (measure, number, "plate", specimen.needed_plate().outline.points(360) + offset)]
     x, y = np.concatenate([edge for *_, edge in edges], axis=1)
     lengths = [edge.shape[1] for *_, edge in edges]
     return {"held": np.repeat([measure for measure, *_ in edges], lengths),

@@ -176,7 +176,9 @@ def _with_values(value: Any, numbers: Mapping[tuple[str, ...], float]) -> Any:
 
 def _specimen(table: Table, key: str, name: str) -> Specimen:
     if name.endswith(".toml"):
-        return load_specimen(Path(table.file).parent / name)
+        specimen = load_specimen(Path(table.file).parent / name)
+        specimen.needed_plate()
+        return specimen
     if name not in FILES:
         raise table.error(key, "must be a specimen file, ending in .toml, or one of "
                                f"{', '.join(FILES)}", name)
@@ -196,7 +198,7 @@ def _loads(table: Table, specimen: Specimen, rig: Rig) -> tuple[float, float]:
 
 def _variables(table: Table, specimen: Specimen) -> tuple[Variable, ...]:
     """Numbers of the outlines of frame and plate with their bounds."""
-    outline = numbers(specimen.plate.outline, "plate.outline")
+    outline = numbers(specimen.needed_plate().outline, "plate.outline")
     names = (*numbers(specimen.frame, "frame"),
              *(name.replace("outline.", "", 1) for name in outline))
     variables = []

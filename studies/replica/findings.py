@@ -176,7 +176,7 @@ def factors(missing: MissingParameters) -> list[float]:
     stiffer = []
     for column, specimen in enumerate(paper_actuators(1.0)):
         a, b = specimen.frame.semi_axes
-        plate = specimen.plate.outline.semi_axes[0]
+        plate = specimen.needed_plate().outline.semi_axes[0]
         cones = [2 * np.pi * plate / (radius - plate) for radius in sorted({b, a})]
         mixed = sum(weight * cone
                     for weight, cone in zip(missing.weights(column), cones, strict=True))
@@ -218,7 +218,8 @@ def energy(missing: MissingParameters) -> Values:
 def checks() -> Values:
     """Electrode surfaces, percentages of Table 2, and what the prestretch factor means."""
     actuators = paper_actuators(1.0)
-    surfaces = np.array([area(film.frame) - area(film.plate.outline) for film in actuators])
+    surfaces = np.array([area(film.frame) - area(film.needed_plate().outline)
+                         for film in actuators])
     off = np.abs(surfaces - published.SURFACES).max()
     read, half = ranges(), published.ROUNDING
     shares = 100 * read / read[:, :1]

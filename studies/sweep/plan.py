@@ -21,7 +21,7 @@ from tympan.geometry.specimen import Specimen, Unbuildable
 from tympan.geometry.toml_reader import WHOLE, Rule, Table
 from tympan.geometry.units import DIMENSIONS, any_quantity, quantity
 from tympan.studies.alpha import AlphaSettings
-from tympan.studies.case import Settings
+from tympan.studies.case import Case, Settings
 from tympan.studies.sweep.asked import QUANTITIES, Ask
 from tympan.studies.sweep.task import SweepTask, solver
 
@@ -128,6 +128,9 @@ def read_sweep(file: Path, settings: Settings = Settings()) -> Sweep:
         except Unbuildable as error:
             reason = str(InputError(error.allowed, key=error.key, given=error.given))
             return Entry(name, base.stem, choice, masses, voltages, None, reason)
+        if specimen.plate is None:
+            for mass in masses:
+                Case(specimen, mass=mass, rig=rig)  # refuses what would act on a plate
         task = SweepTask(specimen, rig, masses, voltages, settings, fields, solver(), figures, ask)
         return Entry(name, base.stem, choice, masses, voltages, task)
 

@@ -28,7 +28,7 @@ from typing import Any
 import numpy as np
 from numpy.polynomial import legendre
 from scipy.integrate import solve_ivp
-from scipy.optimize import root_scalar
+from scipy.optimize import brentq, minimize_scalar, root_scalar
 
 from tests.oracles.axisymmetric import Film, FloatArray, energy_derivatives
 
@@ -267,3 +267,90 @@ def hencky(poisson: float, tension: float = 0.0, terms: int = 400) -> tuple[floa
     s, weight = 0.5 * (1 + s), 0.5 * weight
     n = (series(first)[None, :] * s[:, None] ** (2 * numbers)).sum(axis=1)
     return first, 2 * float(weight @ (s / n))
+
+
+def voltage_at(film: Disc, electrode: float, stretch: float) -> float:
+    """Voltage [V] at which a flat disc has a stretch, from the virgin film, under its electrode.
+
+    The electrode lies within the mounted radius ``electrode`` [m]; under it the deformation is
+    homogeneous. Outside ``r = l2 rho``, ``dr/drho = l1`` and ``d(rho W_1)/drho = W_2``, with one
+    nominal stress on both sides of the electrode's edge. From the stretch, and so beyond a limit,
+    the voltage is the result. Of a permittivity that does not depend on the stretch.
+    """
+    outside = _stress_outside(film, electrode, stretch)
+    inside = float(_first(film, stretch, stretch))
+    # W_1 - eps (U/T)^2 l^3 inside is what pulls from outside.
+    permittivity = film.eps0 * film.relative_permittivity * stretch**3
+    squared = (inside - outside) * film.thickness**2 / permittivity
+    return math.sqrt(squared) if squared > 0 else -math.sqrt(-squared)
+
+
+def pull_in(film: Disc, electrode: float, most: float) -> tuple[float, float]:
+    """Largest voltage [V] that has an equilibrium, and its stretch, below a stretch ``most``."""
+    peak = minimize_scalar(lambda stretch: -voltage_at(film, electrode, stretch), method="bounded",
+                           bounds=(1.0001 * film.prestretch, most), options={"xatol": 1e-9})
+    return -float(peak.fun), float(peak.x)
+
+
+def _first(film: Film, l1: float, l2: float) -> float:
+    return float(energy_derivatives(film, np.array([l1]), np.array([l2]), 0.0).d1[0])
+
+
+def _stress_outside(film: Disc, electrode: float, stretch: float) -> float:
+    """W_1 at the electrode's edge, just outside, such that the film meets the frame."""
+    lp = film.prestretch
+    span = (electrode / lp, film.outer / lp)
+
+    def rate(rho: float, y: np.ndarray) -> list[float]:
+        r, l1 = y
+        l2 = r / rho
+        psi = energy_derivatives(film, np.array([l1]), np.array([l2]), 0.0)
+        l2_by = (l1 - l2) / rho
+        return [l1, float(((psi.d2[0] - psi.d1[0]) / rho - psi.d12[0] * l2_by) / psi.d11[0])]
+
+    def miss(first: float) -> float:
+        path = solve_ivp(rate, span, [stretch * span[0], first], method="DOP853", rtol=1e-12,
+                         atol=1e-14)
+        return float(path.y[0, -1] / film.outer - 1)
+
+    first = brentq(miss, 0.05 * lp, 1.5 * lp, xtol=1e-14)
+    return _first(film, first, stretch)
+
+
+def balloon(film: Disc, stretch: float) -> tuple[float, float]:
+    """Gas pressure [Pa] and apex [m] of an inflated disc whose middle has a stretch.
+
+    Lengths go with thickness over pressure: the meridian of one pressure is followed to where the
+    frame would be, and scaled.
+    """
+    lp, rim = film.prestretch, energy_derivatives(film, np.array([stretch]), np.array([stretch]),
+                                                  0.0)
+    pressure = film.thickness * float(rim.d1[0]) / film.outer
+
+    def rate(x: float, y: np.ndarray) -> list[float]:
+        l1, l2, slope, _ = y
+        rho = math.exp(x)
+        psi = energy_derivatives(film, np.array([l1]), np.array([l2]), 0.0)
+        d1, d2, d11, d12 = (float(part[0]) for part in (psi.d1, psi.d2, psi.d11, psi.d12))
+        l2_by = l1 * math.cos(slope) - l2
+        push = rho * pressure * l2 * l1 / (film.thickness * d1)
+        return [(d2 * math.cos(slope) - d1 - d12 * l2_by) / d11, l2_by,
+                push - d2 / d1 * math.sin(slope), -l1 * rho * math.sin(slope)]
+
+    def at_frame(x: float, y: np.ndarray) -> float:
+        return float(y[1] - lp)
+
+    at_frame.terminal = True  # type: ignore[attr-defined]
+    start = math.log(_CENTRE * film.outer)
+    path = solve_ivp(rate, (start, start + 30), [stretch, stretch, 0.0, 0.0], method="DOP853",
+                     rtol=1e-11, atol=1e-13, events=at_frame)
+    (x,), (end,) = path.t_events[0], path.y_events[0]
+    scale = film.outer / (lp * math.exp(x))
+    return pressure / scale, -scale * float(end[3])
+
+
+def highest_pressure(film: Disc, low: float, high: float) -> tuple[float, float]:
+    """The largest pressure [Pa] between two stretches of the middle, and its apex [m]."""
+    peak = minimize_scalar(lambda stretch: -balloon(film, stretch)[0], method="bounded",
+                           bounds=(low, high), options={"xatol": 1e-7})
+    return balloon(film, float(peak.x))

@@ -9,6 +9,7 @@ from tympan.geometry.errors import InputError
 from tympan.options import (
     JSON,
     MESH,
+    PRESSURE,
     RIG,
     SPECIMEN,
     argument,
@@ -20,7 +21,7 @@ from tympan.options import (
     parse_quantity,
     print_record,
     read_case,
-    read_rig,
+    read_pressed_rig,
     read_settings,
 )
 
@@ -67,8 +68,8 @@ def solve(options: argparse.Namespace) -> None:
 
 
 @command("limits", SPECIMEN, argument("--mass", help='on the plate, such as "17.9 g" (default: one '
-                                      "that pulls the plate down a tenth of its gap)"), RIG, MESH,
-         JSON,
+                                      "that pulls the plate down a tenth of its gap)"), PRESSURE,
+         RIG, MESH, JSON,
          example='oval.toml --mass "17.9 g"')
 def limits(options: argparse.Namespace) -> None:
     """How far a film can go: where it first loses tension, breaks down and pulls in."""
@@ -79,13 +80,14 @@ def limits(options: argparse.Namespace) -> None:
     specimen, rig, settings, (mass, *_) = _loaded(options)
     reached = limits(Case(specimen, mass=mass, rig=rig), settings)
     print_record(options, {"specimen": specimen.name, "mass_kg": mass, **to_json(reached)},
-                 limits=reached)
+                 limits=reached, plate=specimen.plate, pressure=rig.gas_pressure)
 
 
 @command("curve", SPECIMEN,
          argument("--mass", help='on the plate, one or several, such as "10 g, 20 g" (default: '
                   "some that suit the film)"),
-         argument("--voltage", help='voltages to mark, such as "1 kV, 2 kV" (default: none)'), RIG,
+         argument("--voltage", help='voltages to mark, such as "1 kV, 2 kV" (default: none)'),
+         PRESSURE, RIG,
          output("also store the curves (CSV), their limits (JSON) and a picture (PNG, SVG)"), JSON,
          MESH,
          example='oval.toml --mass "10 g, 17.9 g" -o curve')
@@ -107,8 +109,10 @@ def _loaded(options: argparse.Namespace) -> tuple[Specimen, Rig, Settings, tuple
     from tympan.fem.rig import checked_load
     from tympan.studies.limits.loads import usual_masses
 
-    specimen, rig = load_specimen(options.specimen), read_rig(options.rig)
+    specimen, rig = load_specimen(options.specimen), read_pressed_rig(options)
     settings = read_settings(options)
+    if specimen.plate is None and options.mass is None:
+        return specimen, rig, settings, (0.0,)
     if options.mass is None:
         return specimen, rig, settings, usual_masses(specimen, settings, rig)
     masses = parse_quantities(options.mass, "mass", "--mass")

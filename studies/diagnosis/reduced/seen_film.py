@@ -119,7 +119,7 @@ def scanned_exactly(specimen: Specimen, rig: Rig, mass: float, voltage: float, s
     place = scan.place + lattice.centre if scan.centred else scan.place
     shown = shape.displacements(place) if scan.follows else np.stack(
         [np.zeros(len(scan)), np.zeros(len(scan)), shape.heights(place)])
-    origin, film = (place, (specimen.plate.level(*place.T) > 0) & (
+    origin, film = (place, (specimen.needed_plate().level(*place.T) > 0) & (
         specimen.frame.level(*place.T) < 0)) if scan.follows else shape.origins(place)
     shown[:, film] = Places.of(model.discretisation, origin[film]).displacement(
         model, outcome.state).T

@@ -155,7 +155,7 @@ class Prediction:
         self.supplied = np.asarray(self.rig.film_voltage(states.voltage))
         seen = np.asarray(self.rig.film_voltage(states.voltage, states.direction))
         self.voltage_squared = self.permittivity / self.stiffness * seen**2
-        areas = np.array([area(specimen.plate.outline) if self.rig.plate_pressure else 0.0
+        areas = np.array([area(specimen.needed_plate().outline) if self.rig.plate_pressure else 0.0
                           for specimen in simulation.setup.specimens])
         self.load: Array = self.rig.force(states.mass, areas[states.specimen])
         if simulation.masses is not None:
