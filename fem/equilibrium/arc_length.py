@@ -106,8 +106,8 @@ class Branch:
         """The point between two others where a function vanishes; None without change of sign.
 
         Where that is the rate, the point is a limit and its direction the critical mode. A function
-        ``of_state`` looks at no tangent. A film without plate may lose its stability in many motions
-        at once, and with it the way to that point: then the nearest one that is found.
+        ``of_state`` looks at no tangent. A film without plate may lose its stability in many
+        motions at once, and with it the way to that point: then the nearest one that is found.
         """
         motion = difference(self.model, after.state, before.state)
         end = product(self.model, before.direction, motion)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -61,3 +62,48 @@ def test_a_signal_that_takes_too_long_is_one_message(tmp_path, monkeypatch, caps
         said = capsys.readouterr().err
         assert ("signal: given '3000 bends in 2999 s': takes too many steps" if step == 1
                 else "--interval: given '0.002 s': would give more than 2000000 samples") in said
+
+
+#: A film without plate.
+DRUM = specimen_toml("drum", ROUND, SOFT, 2.0).replace(
+    '[plate]\nshape = "circle"\nradius = "1 cm"\n', "")
+
+
+@pytest.mark.parametrize("arguments", [
+    ["alpha", "drum.toml"], ["lumped", "build", "drum.toml", "-o", "out"],
+    ["transient", "drum.toml", "--mass", "0 g", "--signal", "step"],
+    ["response", "drum.toml", "--voltage", "1 kV"],
+    ["solve", "drum.toml", "--voltage", "1 kV", "--after", "30 s"],
+    ["path", "drum.toml", "--along", "mass"], ["study", "study.toml", "-o", "out"],
+    ["export", "drum.toml", "--inp", "-o", "out"], ["diagnose", "data", "-o", "out"]])
+def test_what_needs_a_plate_says_so(arguments: list[str], tmp_path: Path, monkeypatch,
+                                    capsys) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("drum.toml").write_text(DRUM)
+    Path("study.toml").write_text('name = "drums"\nspecimens = ["drum.toml"]\n')
+    Path("data").mkdir()
+    Path("data/dataset.toml").write_text(
+        'name = "d"\n[[specimen]]\n' + DRUM.replace("\n[", "\n[specimen."))
+    Path("data/static.csv").write_text("specimen,mass_g,voltage_kV,displacement_mm\n" + "".join(
+        f"drum,{mass},0,{mass / 10}\n" for mass in range(10, 15)))
+    assert main(arguments) == 2
+    message = capsys.readouterr().err
+    assert "given 'none in drum': is needed here" in message
+
+
+def test_a_film_without_plate_carries_gas_and_no_mass(tmp_path: Path, monkeypatch, capsys) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("drum.toml").write_text(DRUM)
+    assert main(["solve", "drum.toml", "--pressure", "0.02 kPa", "--json"]) == 0
+    record = json.loads(capsys.readouterr().out)
+    # p a²/(4 σ t) of a flat film, which hardly moves; 1 mm of virgin film is stretched by 2.
+    tension = 15e3 * (2.0**2 - 2.0**-4) * 1e-3 / 4
+    assert record["deflection_m"] == pytest.approx(20 * 45e-3**2 / (4 * tension), rel=5e-3)
+    assert record["pressure_Pa"] == 20
+    assert record["mass_kg"] == 0
+    assert main(["solve", "drum.toml", "--mass", "1 g"]) == 2
+    assert "--mass: given '0.001 kg': must be 0" in capsys.readouterr().err
+    assert main(["solve", "drum.toml", "--pressure", "1 mm"]) == 2
+    assert "--pressure: given '1 mm'" in capsys.readouterr().err
+    assert main(["solve", OVAL]) == 2
+    assert '--mass: must be given, such as "17.9 g"' in capsys.readouterr().err
