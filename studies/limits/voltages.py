@@ -78,8 +78,9 @@ def rise(case: Case, settings: Settings, first: bool = False) -> Rise:
     if start.status != "equilibrium":
         return Rise(model, (), (), Limits(ended=failure_reason(start)))
     passed = list(_to_limit(case, model, start, settings, first))
-    if len(passed) <= 1 and model.specimen.plate is None:
-        return Rise(model, (), (), _unmoved(case, model, start, settings))
+    flat = _unmoved(case, model, start, settings) if len(passed) <= 1 else None
+    if flat is not None:
+        return Rise(model, (replace(case, voltage=0.0),), (Stop(model, _still(start)),), flat)
     reached = _limits(case, passed)
     wanted = reached.first if first else reached.pull_in
     if passed and wanted is None and (reached.end is None or reached.thins):
@@ -130,29 +131,32 @@ def _searched(case: Case, last: Stop, reached: Limits, settings: Settings) -> Li
         return reached
     stop = Stop(last.model, outcome.critical)
     x, y = stop.place("limit")
-    if outcome.kind == "thinning" and reached.tension is None:
-        tension = Limit(kind="tension", voltage_V=_nominal(case, stop), x_m=x, y_m=y)
-        return replace(reached, tension=tension, thins=True, ended=failure_reason(outcome))
+    if outcome.kind == "thinning" and case.specimen.plate is None:
+        thinned = Limit(kind="tension", voltage_V=_nominal(case, stop), x_m=x, y_m=y)
+        return replace(reached, tension=reached.tension or thinned, thins=True,
+                       ended=failure_reason(outcome))
     pull_in = Limit(kind="pull_in", voltage_V=_nominal(case, stop), x_m=x, y_m=y,
                     spread=stop.jump("limit"))
     ended = reached.ended if reached.thins else failure_reason(outcome)
     return replace(reached, ended=ended, pull_in=pull_in)
 
 
-def _unmoved(case: Case, model: Model, start: Outcome, settings: Settings) -> Limits:
+def _unmoved(case: Case, model: Model, start: Outcome, settings: Settings) -> Limits | None:
     """Of a film that the voltage only presses, flat in its frame and covered everywhere.
 
-    It stays where it is: the Maxwell stress goes with U², the field with U.
+    It stays where it is: the Maxwell stress goes with U², the field with U. None of any other.
     """
+    if model.specimen.plate is not None:
+        return None
     flat = Stop(model, _still(start))
     charged = equilibrium(model, 0.0, _TRIED, start.state.pressure, settings=settings.path)
     if charged.status != "equilibrium":
-        return Limits(ended=failure_reason(charged))
+        return None
     pressed = Stop(model, _still(charged))
     fall = flat.pressed.stress_2 - pressed.pressed.stress_2
     moved = np.abs(charged.state.positions - model.discretisation.reference).max()
     if not (fall > 0).all() or moved > _FLAT * model.size:
-        return Limits(ended=UNFOLLOWED)
+        return None
     share = pressed.fields.breakdown_share
     first: dict[LimitKind, Array] = {
         "tension": _TRIED * np.sqrt(np.maximum(flat.pressed.stress_2, 0.0) / fall),
