@@ -5,7 +5,7 @@ PYTHON ?= $(shell for p in python3.12 python3.13 python3.11 python3; do \
   $$p -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))' 2>/dev/null && echo $$p && break; done)
 OUT ?= out
 
-.PHONY: study test benchmarks scaling verification robustness film-lines films-in-time hidden verdict-cases fuzz optimum outlines map lumped-build paper coupons house docs clean
+.PHONY: study test benchmarks scaling verification robustness film-lines films-in-time hidden verdict-cases fuzz optimum outlines map lumped-build paper coupons external house docs clean
 
 study: .venv/ready
 	.venv/bin/tympan study -o "$(OUT)"
@@ -65,6 +65,9 @@ lumped-build: .venv/ready
 
 coupons: .venv/ready
 	.venv/bin/python -m benchmarks.vhb
+
+external: .venv/ready
+	.venv/bin/python -m benchmarks.external -o docs
 
 house: .venv/ready
 	.venv/bin/python -m benchmarks.house

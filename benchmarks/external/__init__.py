@@ -1,0 +1,1 @@
+"""Cases measured or computed by others: from their data to a section of docs/external.md each."""
