@@ -39,9 +39,9 @@ from tympan.studies.files import to_json, write_text
 from tympan.studies.film_surface import FilmSurface, film_surface
 from tympan.studies.limits.voltages import first_limit
 from tympan.studies.lumped.remarks import remark
-from tympan.studies.lumped.sampling import in_time, last_loop
 from tympan.studies.lumped.simulate import SampledResponse, SimulationResult, settling_time
 from tympan.studies.modes import carried
+from tympan.studies.reduced_film.sampling import in_time, last_loop
 from tympan.studies.signals import Pieces, Signal, Supplied, lagging, nominal, ramp
 
 Array = NDArray[np.float64]

@@ -25,9 +25,9 @@ from tympan.geometry.specimen import Specimen, ViscousBranch
 from tympan.reports import look
 from tympan.studies.case import Settings, build_model
 from tympan.studies.lumped.film_response import film_deflections, film_motion
-from tympan.studies.lumped.reduced_film import ReducedFilm
-from tympan.studies.lumped.reduction import reduced_film
 from tympan.studies.paper.published import MASSES
+from tympan.studies.reduced_film.film import ReducedFilm
+from tympan.studies.reduced_film.reduction import reduced_film
 from tympan.studies.signals import Sine, nominal, ramp, random_steps, step
 from tympan.studies.transient import TransientCase, history
 

@@ -63,7 +63,7 @@ def _ramp(axes: Axes, colour: str, marker: str, readings: Columns, curves: Colum
               markersize=3, markeredgecolor="white", markeredgewidth=0.3)
 
 
-def _models_legend(figure: Figure, masses: list[float], changed: bool) -> None:
+def _models_legend(figure: Figure, masses: list[float], changed: bool, band: bool = True) -> None:
     """What points, lines and bands are, below the panels."""
     points = [Line2D([], [], marker=style.marker_of(number), color=style.colour_of(number),
                      linestyle="", markersize=3.5, label=f"{1e3 * mass:.4g} g")
@@ -71,8 +71,50 @@ def _models_legend(figure: Figure, masses: list[float], changed: bool) -> None:
     lines = [Line2D([], [], color=_GREY, linestyle="--", linewidth=0.9, label="nominal model")]
     if changed:
         lines.append(Line2D([], [], color=_GREY, linewidth=0.9, label="extended model"))
-    band = Patch(color=_GREY, alpha=0.25, linewidth=0, label="where 95 % of readings are expected")
-    figure.legend(handles=[*points, *lines, band], loc="lower center", ncols=6)
+    patch = Patch(color=_GREY, alpha=0.25, linewidth=0, label="where 95 % of readings are expected")
+    figure.legend(handles=[*points, *lines, *([patch] if band else [])], loc="lower center",
+                  ncols=6)
+
+
+def compose_transients(readings: Columns) -> Figure:
+    """Means of blocks of runs in time and the extended model, both less the nominal model.
+
+    A panel a specimen, over the time since the run began, on a logarithmic axis.
+    """
+    names = list(dict.fromkeys(readings["specimen"].tolist()))
+    across = min(_ACROSS, len(names))
+    rows = -(-len(names) // across)
+    figure = style.new_figure(_TITLE + rows * (_TALL + _BELOW) + _LEGEND - _TITLE / 2)
+    width = (style.WIDTH - _RIGHT - across * _LEFT) / across
+    masses = np.unique(readings["mass"]).tolist()
+    for number, name in enumerate(names):
+        row, column = divmod(number, across)
+        axes = style.place_axes(figure, _LEFT + column * (width + _LEFT),
+                                _TITLE + row * (_TALL + _BELOW), width, _TALL)
+        for colour, mass in enumerate(masses):
+            there = (readings["specimen"] == name) & (readings["mass"] == mass)
+            for run in np.unique(readings["run"][there]):
+                _course(axes, style.colour_of(colour), style.marker_of(colour), {
+                    key: values[there & (readings["run"] == run)]
+                    for key, values in readings.items()})
+        axes.set_xscale("log")
+        style.describe(axes, "time (s)", "read − nominal (µm)", name, bold=True)
+    _models_legend(figure, masses, not np.array_equal(readings["baseline"], readings["extended"],
+                                                      equal_nan=True), band=False)
+    return figure
+
+
+def _course(axes: Axes, colour: str, marker: str, readings: Columns) -> None:
+    turn = np.argsort(readings["elapsed"], kind="stable")
+    time = readings["elapsed"][turn]
+    # A time of 0 has no place on the axis.
+    time = np.maximum(time, 0.5 * time[time > 0].min(initial=np.inf))
+    read, nominal, extended, sigma = (1e6 * readings[name][turn] for name in
+                                      ("read", "baseline", "extended", "sigma"))
+    axes.axhline(0.0, color=_GREY, linestyle="--", linewidth=0.9)
+    axes.plot(time, extended - nominal, color=colour, linewidth=0.9)
+    axes.errorbar(time, read - nominal, 1.96 * sigma, fmt=marker, color=colour, markersize=3,
+                  markeredgecolor="white", markeredgewidth=0.3, elinewidth=0.6)
 
 
 def compose_residuals(readings: Columns) -> Figure:

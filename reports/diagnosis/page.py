@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from jinja2 import Template
+from matplotlib.figure import Figure
 
 from tympan.reports import look as style
-from tympan.reports.diagnosis.figures import compose_readings, compose_residuals
+from tympan.reports.diagnosis.figures import compose_readings, compose_residuals, compose_transients
 from tympan.reports.diagnosis.film_maps import compose_film_maps
 from tympan.reports.template import embedded_picture, sentence, template
 from tympan.studies.diagnosis.reading_table import LENGTHS
@@ -24,6 +25,9 @@ Content = Mapping[str, Any]
 #: Standard deviations of the noise from which a ratio is clearly wrong.
 CLEARLY = 3.0
 
+#: Files of pictures that are not called as what they show.
+_FILES = {"readings": "curves"}
+
 #: Effects told of where none explains what is wrong.
 _TRIED = 4
 
@@ -33,27 +37,33 @@ def build_diagnosis_page(folder: Path) -> Path:
     content, columns, curves = load_diagnosis(folder)
     lengths = np.isin(columns["kind"], LENGTHS)
     film = {name: values[columns["kind"] == "film"] for name, values in columns.items()}
-    columns = {name: values[lengths] for name, values in columns.items()}
-    style.save_figure(folder, "curves", lambda: compose_readings(columns, curves), ("svg",))
-    style.save_figure(folder, "residuals", lambda: compose_residuals(columns), ("svg",))
-    names = ["curves", "residuals"]
+    in_time = lengths & np.char.startswith(columns["file"].astype(str), "transient.")
+    runs, columns = ({name: values[rows] for name, values in columns.items()}
+                     for rows in (in_time, lengths & ~in_time))
+    pictures: dict[str, Callable[[], Figure]] = {}
+    if len(columns["kind"]):
+        pictures["readings"] = lambda: compose_readings(columns, curves)
+        pictures["residuals"] = lambda: compose_residuals(columns)
+    if len(runs["kind"]):
+        pictures["transients"] = lambda: compose_transients(runs)
     if len(film["kind"]):
-        names.append("film")
-        style.save_figure(folder, "film", lambda: compose_film_maps(film, content["films"]),
-                          ("svg",))
+        pictures["film"] = lambda: compose_film_maps(film, content["films"])
+    for name, compose in pictures.items():
+        style.save_figure(folder, _FILES.get(name, name), compose, ("svg",))
     file = folder / "diagnosis.html"
-    write_text(file, render_diagnosis(content, *(embedded_picture(folder / f"{name}.svg")
-                                                 for name in names)))
+    write_text(file, render_diagnosis(content, **{
+        name: embedded_picture(folder / f"{_FILES.get(name, name)}.svg") for name in pictures}))
     return file
 
 
-def render_diagnosis(content: Content, readings: str, residuals: str, film: str = "") -> str:
-    """The page as text; the pictures as data URIs."""
+def render_diagnosis(content: Content, readings: str = "", residuals: str = "",
+                     transients: str = "", film: str = "") -> str:
+    """The page as text; the pictures as data URIs, "" where there is none."""
     attempts = _explained(content["attempts"])
     tried = attempts[:_TRIED] if content["verdict"] == "unexplained" else []
     return _template("reports/diagnosis/diagnosis.html").render(
         diagnosis=content, verdict=verdict_words(content), readings=readings, residuals=residuals,
-        film=film,
+        transients=transients, film=film,
         causes=_explained(content["causes"]), attempts=attempts, tried=tried,
         suspects=_suspects(content), gain=_said("gain", content), robust=_said("robust", content),
         noise=_said("noise", content["misfit"]))

@@ -36,10 +36,12 @@ _APART = 1e-9
 SPECIMEN = Column.labels("specimen")
 _LOAD: tuple[Column, ...] = (SPECIMEN, Column("mass", "g", _MASS))
 _SIGMA = Column("sigma", "mm", POSITIVE, required=False)
+_DWELL = Column("dwell", "s", NON_NEGATIVE, required=False)
 
 #: The columns of static.csv. ``run``: which mounting or ramp a reading belongs to; ``direction``:
-#: the way the voltage got there; ``sigma``: standard deviation of the displacement;
-#: ``film_voltage``: that of a probe on the film; ``tilt``: the plate's.
+#: the way the voltage got there; ``sigma``: standard deviation of the displacement; ``dwell``: the
+#: time the state was held before it was read; ``film_voltage``: that of a probe on the film;
+#: ``tilt``: the plate's.
 STATIC: tuple[Column, ...] = (
     *_LOAD,
     Column("voltage", "kV", _VOLTAGE),
@@ -50,26 +52,30 @@ STATIC: tuple[Column, ...] = (
     Column("elapsed", "s", _TIME, required=False),
     Column.labels("direction", ("up", "down"), required=False),
     _SIGMA,
+    _DWELL,
     Column("capacitance", "pF", POSITIVE, required=False),
     Column("film_voltage", "kV", _VOLTAGE, required=False),
     Column("tilt", "mrad", FINITE, required=False),
 )
 #: The columns of range.csv: largest minus smallest displacement between two voltages; ``sigma`` is
-#: that of the range.
+#: that of the range; ``dwell``: the time each of the voltages was held.
 RANGE: tuple[Column, ...] = (
     *_LOAD,
     Column("voltage_min", "kV", _VOLTAGE),
     Column("voltage_max", "kV", _VOLTAGE),
     Column("range", "mm", NON_NEGATIVE),
     _SIGMA,
+    _DWELL,
 )
-#: The columns of transient.csv.
+#: The columns of transient.csv; ``rest``: how long the mass hung under the first voltage before,
+#: for ever where it is left out.
 TRANSIENT: tuple[Column, ...] = (
     *_LOAD,
     Column.labels("run"),
     Column("t", "s", _TIME),
     Column("voltage", "kV", _VOLTAGE),
     Column("displacement", "mm", _DISPLACEMENT),
+    Column("rest", "s", NON_NEGATIVE, required=False),
 )
 
 #: The columns of frequency.csv: natural frequencies of small vibrations at rest under mass and

@@ -16,6 +16,7 @@ from tympan.studies.case import Case, build_model
 from tympan.studies.diagnosis.inference.posterior import Fit, nominal_fit, nominal_fits
 from tympan.studies.diagnosis.reading_table import COMPONENTS, ReadingTable
 from tympan.studies.diagnosis.readings import FEWEST
+from tympan.studies.diagnosis.reduced.film_memory import FilmMemory
 from tympan.studies.diagnosis.reduced.force_law import ForceLaw
 from tympan.studies.diagnosis.reduced.sampling import (
     COARSE,
@@ -45,6 +46,9 @@ _ROOM, _TIGHT, _ENOUGH = (1.3, 1.15), (0.95, 0.95), 0.94
 #: Shares of the gap between plate and frame: the largest heave of a force law, the least, and one
 #: where nothing says how far it must reach; the least U² [V²].
 _LARGEST, _LEAST, _UNKNOWN, _QUIET = 1.5, 0.01, 0.2, 1e4
+
+#: How often what films remember is found again about the fit with it.
+_REMEMBERED = 2
 
 #: How often laws may grow, and by what factor at most each time.
 _ROUNDS, _GROWTH = 8, 2.0
@@ -77,6 +81,14 @@ def calibrated(setup: Setup, table: ReadingTable) -> Calibration:
     simulation = reaching(setup, table, lambda simulation: _safest(simulation, table).unknowns)
     simulation = with_masses(simulation, table)
     fit = nominal_fit(simulation, table)
+    if len(table.states.passages.rows):
+        # What is remembered is about the films as they are fitted.
+        for _ in range(_REMEMBERED):
+            factors = np.exp(fit.unknowns[FACTORS]).tolist()
+            simulation = replace(simulation, memory=FilmMemory.of(setup, table, COARSE, *factors))
+            fit = nominal_fit(simulation, table)
+            if not any(specimen.membrane.branches for specimen in setup.specimens):
+                break
     if fit.possible:
         doubtful = by_ramp(setup, table, slack(simulation, fit, table))
         return Calibration(simulation, fit, table,
@@ -249,11 +261,13 @@ def law_error(simulation: Simulation, fit: Fit, table: ReadingTable, count: int 
     are left out.
     """
     setup = extended_setup(simulation, fit.hypothesis, fit.unknowns)
+    table = replace(table, states=table.states.at_rest)
+    prediction = Prediction(simulation, fit.hypothesis, fit.unknowns, table)
     free = np.flatnonzero(np.isnan(table.states.heave))
-    order = free[np.argsort(fit.heave[free])]
+    order = free[np.argsort(prediction.heave[free])]
     chosen = order[np.unique(np.linspace(0, len(order) - 1, count).round().astype(int))]
     rig, states, worst = setup.rig, table.states, 0.0
-    place, way = Prediction(simulation, fit.hypothesis, fit.unknowns, table).came
+    place, way = prediction.came
     for state in place[chosen].tolist():
         model = build_model(setup.specimens[int(states.specimen[state])], FINE, rig.loading)
         voltage = rig.film_voltage(float(states.voltage[state]), float(states.direction[state]))
@@ -261,7 +275,8 @@ def law_error(simulation: Simulation, fit: Fit, table: ReadingTable, count: int 
         force = rig.rubbed(force, float(way[state]))
         outcome = equilibrium(model, force, voltage, rig.gas_pressure)
         if outcome.status == "equilibrium":
-            worst = max(worst, abs(outcome.state.plate.deflection - float(fit.heave[state])))
+            heave = float(prediction.heave[state])
+            worst = max(worst, abs(outcome.state.plate.deflection - heave))
     return worst
 
 

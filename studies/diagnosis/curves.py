@@ -48,11 +48,14 @@ def curves(simulation: Simulation, judged: Judgement, chosen: Fit | None) -> dic
 
 
 def dense(table: ReadingTable) -> ReadingTable:
-    """The lengths' ramps at many voltages, at the times at which these were passed.
+    """The lengths' ramps at many voltages, at rest, at the times at which these were passed.
 
     Ranges are from the smallest voltage of their ramp. The rows' noise is the ramp's median.
     """
-    table = table[table.lengths]
+    table = table[table.lengths & ~table.transient]
+    if not len(table):
+        return table
+    table = replace(table, states=table.states.at_rest)
     direction = table.states.direction[table.state]
     keys = [(kind, ramp, way) for kind in LENGTHS for ramp in np.unique(table.ramp)
             for way in np.unique(direction)]

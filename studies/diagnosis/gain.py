@@ -355,6 +355,7 @@ class GaussianProcess:
 def _ends(table: ReadingTable) -> list[tuple[NDArray[np.int64], Array]]:
     """The states of the rows with their signs: the one read, and of ranges the other."""
     ends = [(table.state, np.ones(len(table)))]
-    if np.any(table.since >= 0):
-        ends.append((np.maximum(table.since, 0), -(table.since >= 0).astype(float)))
+    ranges = table.kind == "range"
+    if ranges.any():
+        ends.append((np.maximum(table.since, 0), -ranges.astype(float)))
     return ends

@@ -10,15 +10,17 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from tympan.studies.diagnosis.history import Passages
+
 Array = NDArray[np.float64]
 Numbers = NDArray[np.int64]
 
 #: What a row is a reading of: displacement [m], difference of two displacements [m], capacitance
 #: [F], voltage on the film [V], tilt of the plate, whichever way [rad], frequency of small heaves
-#: [Hz], force that holds the plate at a heave [N], deflection at a place of a scan of the film, and
-#: displacements within its plane there [m].
-Kind = Literal["displacement", "range", "capacitance", "film_voltage", "tilt", "frequency", "force",
-               "film", "film_x", "film_y"]
+#: [Hz] and the rate at which they fade [1/s], force that holds the plate at a heave [N], deflection
+#: at a place of a scan of the film, and displacements within its plane there [m].
+Kind = Literal["displacement", "range", "capacitance", "film_voltage", "tilt", "frequency", "decay",
+               "force", "film", "film_x", "film_y"]
 
 #: Kinds of rows that are lengths, on which errors are counted.
 LENGTHS = ("displacement", "range")
@@ -59,7 +61,8 @@ class States:
     Number of the specimen, nominal mass [kg] and voltage [V], time since the run began [s], way the
     voltage got there (1 up, -1 down, 0 not known), the heave at which the plate is held [m], nan
     where it is free, and number of the run: a specimen's states under one mass in one run stand in
-    the order in which they were reached.
+    the order in which they were reached. ``passage``: the part of its history that a state is of,
+    None for one at rest.
     """
 
     specimen: Numbers
@@ -69,6 +72,7 @@ class States:
     direction: Array
     heave: Array
     run: Numbers
+    passage: NDArray[np.object_]
 
     @classmethod
     def of(cls, specimen: Sequence[int] | Numbers, mass: Sequence[float] | Array,
@@ -79,7 +83,7 @@ class States:
             np.full(len(specimen), part, float)
             for part in (mass, voltage, elapsed, direction, np.nan))
         return cls(np.asarray(specimen, dtype=np.int64), mass, voltage, elapsed, direction, heave,
-                   np.full(len(specimen), run, np.int64))
+                   np.full(len(specimen), run, np.int64), np.full(len(specimen), None))
 
     def __len__(self) -> int:
         return len(self.specimen)
@@ -107,6 +111,16 @@ class States:
             way[run] = turned[last]
         return np.where(self.direction != 0, self.direction, way)
 
+    @cached_property
+    def passages(self) -> Passages:
+        """What states went through that are none of rest."""
+        return Passages.of(self.passage)
+
+    @property
+    def at_rest(self) -> States:
+        """The same, each held for ever."""
+        return replace(self, passage=np.full(len(self), None))
+
     def __getitem__(self, rows: NDArray[np.bool_] | Numbers) -> States:
         return States(*(getattr(self, name)[rows] for name in self.__dataclass_fields__))
 
@@ -119,7 +133,8 @@ class States:
 class ReadingTable:
     """Rows to predict: their ``kind`` and the ``state`` read.
 
-    For a range also the state it is counted from (``since``, else -1). ``value`` is what was read
+    For a range also the state it is counted from, for a transient's displacement the one before the
+    voltage jumped (``since``, else -1). ``value`` is what was read
     and ``sigma`` its standard deviation, in SI; ``order`` the place in the sequence, nan where not
     known; ``file`` and ``line`` say where a row is from; ``run`` which ramp it belongs to;
     ``point`` which place of all the ``scans`` it is of, else -1.
@@ -164,6 +179,11 @@ class ReadingTable:
     @property
     def lengths(self) -> NDArray[np.bool_]:
         return np.isin(self.kind, LENGTHS)
+
+    @property
+    def transient(self) -> NDArray[np.bool_]:
+        """Rows of transients."""
+        return np.char.startswith(self.file.astype(str), "transient.")
 
     @cached_property
     def ramp(self) -> Numbers:

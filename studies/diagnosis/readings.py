@@ -14,10 +14,13 @@ from tympan.studies.data.checks import slips_of_unit
 from tympan.studies.data.dataset import Dataset
 from tympan.studies.data.noise import reading_sigma, repeat_noise
 from tympan.studies.diagnosis.film_readings import film_rows
+from tympan.studies.diagnosis.history import staircase
 from tympan.studies.diagnosis.inference.residual_tests import STATED
 from tympan.studies.diagnosis.reading_table import Kind, ReadingTable, States, rows
 from tympan.studies.diagnosis.reduced.simulation import Cause
+from tympan.studies.diagnosis.transients.block_means import transient_rows
 from tympan.studies.effects import EFFECTS, Setup
+from tympan.studies.effects.library import IN_TIME
 
 Array = NDArray[np.float64]
 
@@ -59,20 +62,22 @@ class PreparedReadings:
         there = {"elapsed_s": bool(np.ptp(states.elapsed) > 0),
                  "direction": bool(np.any(states.direction != 0)),
                  "frequency_Hz": "frequency" in self.table.kind,
-                 "x_mm": bool(self.table.scans)}
+                 "x_mm": bool(self.table.scans),
+                 IN_TIME: bool(len(states.passages.rows))}
         return tuple(Cause(name, which) for name, effect in EFFECTS.items()
                      if all(there.get(column, False) for column in effect.columns)
                      for which in effect.choices(self.setup))
 
 
 def prepared_readings(dataset: Dataset) -> PreparedReadings:
-    """The static readings, ranges, frequencies and scans of films of a dataset.
+    """The static readings, ranges, frequencies, transients and scans of films of a dataset.
 
     An :class:`InputError` when they are too few to conclude anything, nothing loads the film, or a
     column is off by a unit.
     """
     static, ranges, frequencies = dataset.static, dataset.ranges, dataset.frequencies
-    sheets = [sheet for sheet in (static, ranges, frequencies, dataset.fields)
+    transients = dataset.transients
+    sheets = [sheet for sheet in (static, ranges, frequencies, transients, dataset.fields)
               if sheet is not None]
     used = {name for sheet in sheets for name in sheet.specimen.tolist()}
     setup = Setup(tuple(specimen for specimen in dataset.specimens if specimen.name in used),
@@ -81,7 +86,7 @@ def prepared_readings(dataset: Dataset) -> PreparedReadings:
     if count < FEWEST:
         raise InputError(f"needs at least {FEWEST} readings in static.csv and range.csv: stiffness "
                          "and permittivity alone take two of them", key="readings", given=count)
-    if static is None and ranges is None:
+    if static is None and ranges is None and transients is None:
         other = "field.csv" if frequencies is None else "frequency.csv"
         raise InputError(f"must have static.csv or range.csv beside {other}: by that alone no mass "
                          "is told from a stiffness", key=dataset.name)
@@ -99,6 +104,13 @@ def prepared_readings(dataset: Dataset) -> PreparedReadings:
         parts.append(_ranges(ranges, numbers))
     if frequencies is not None:
         parts.append(_frequencies(frequencies, numbers))
+    if transients is not None:
+        tables, said = transient_rows(transients, numbers, dataset.noise, dataset.rig)
+        remarks += said
+        parts += tables
+    if sum(map(len, parts)) < FEWEST:
+        raise InputError(f"less than {FEWEST} can be used", key="readings",
+                         given="; ".join(remarks) or count)
     table = reduce(ReadingTable.joined, parts)
     planned = bool(np.isnan(table.value).any())
     unknown = np.isnan(table.sigma)
@@ -114,9 +126,12 @@ def prepared_readings(dataset: Dataset) -> PreparedReadings:
         repeated = dataset.noise is None and not planned and repeat_noise(dataset) is not None
         noise_from = "from repeats" if repeated else "stated"
     stated = STATED if noise_from in ("stated", "assumed") else 0.0
-    if len(table) > MANY:
-        before, table = len(table), averaged(table)
-        remarks.append(f"{before} readings were averaged to {len(table)} of nearly the same state")
+    resting = ~np.isin(table.state, table.states.passages.rows)
+    if resting.sum() > MANY:
+        few = averaged(table[resting].compact())
+        remarks.append(f"{resting.sum()} readings were averaged to {len(few)} of nearly the same "
+                       "state")
+        table = few if resting.all() else few.joined(table[~resting].compact())
     if (scans := film_rows(replace(dataset, specimens=setup.specimens))) is not None:
         table = table.joined(scans[0])
         remarks += scans[1]
@@ -128,6 +143,9 @@ def _static(readings: Sheet, numbers: dict[str, int], sigma: Array) -> list[Read
     states = States.of([numbers[name] for name in readings.specimen.tolist()], readings.mass,
                        readings.voltage, np.nan_to_num(readings.elapsed), direction,
                        np.unique(readings.run, return_inverse=True)[1])
+    ordered = np.isfinite(readings.order).all()
+    turn = np.argsort(readings.order, kind="stable") if ordered else np.arange(len(readings))
+    states = _held(states, readings.dwell, turn)
     origin = readings.order, readings.run, readings.file.name, readings.line
     tables = [rows(states, "displacement", sigma, readings.displacement, *origin)]
     kinds: tuple[Kind, ...] = ("capacitance", "film_voltage", "tilt")
@@ -140,9 +158,19 @@ def _static(readings: Sheet, numbers: dict[str, int], sigma: Array) -> list[Read
                 # Whichever way; but noise about 0 keeps its sign, or it would look like a tilt.
                 values = np.where(np.abs(values) > 3 * noise, np.abs(values), values)
             tables.append(rows(states, kind, noise, values, *origin)[seen])
-    if np.isfinite(readings.order).all():
-        tables = [table.reached(np.argsort(readings.order, kind="stable")) for table in tables]
+    if ordered:
+        tables = [table.reached(turn) for table in tables]
     return tables
+
+
+def _held(states: States, dwell: Array, turn: NDArray[np.int64]) -> States:
+    """With what each state's run went through before it, where all say how long they were held."""
+    passage = states.passage.copy()
+    for run in states[turn].of_run:
+        reached = turn[run]
+        if np.isfinite(dwell[reached]).all():
+            passage[reached] = staircase(states.voltage[reached], dwell[reached])
+    return replace(states, passage=passage)
 
 
 def _ranges(ranges: Sheet, numbers: dict[str, int]) -> ReadingTable:
@@ -150,6 +178,7 @@ def _ranges(ranges: Sheet, numbers: dict[str, int]) -> ReadingTable:
     specimen = np.array([numbers[name] for name in ranges.specimen.tolist()] * 2)
     mass, voltage = np.tile(ranges.mass, 2), np.r_[ranges.voltage_min, ranges.voltage_max]
     states = States.of(specimen, mass, voltage, run=np.tile(np.arange(len(ranges)), 2))
+    states = _held(states, np.tile(ranges.dwell, 2), np.arange(len(states)))
     table = rows(states[len(ranges) + np.arange(len(ranges))], "range", ranges.sigma, ranges.range,
                  file=ranges.file.name, line=ranges.line)
     return replace(table, states=states, state=len(ranges) + table.state, since=table.state)
@@ -189,7 +218,7 @@ def averaged(table: ReadingTable) -> ReadingTable:
     at = table.state[first]
     merged = States(states.specimen[at], states.mass[at], mean(states.voltage[table.state]),
                     mean(states.elapsed[table.state]), states.direction[at], states.heave[at],
-                    states.run[at])
+                    states.run[at], states.passage[at])
     origin = table.since[first] >= 0
     since = np.full(len(first), -1)
     since[origin] = len(first) + np.arange(int(origin.sum()))

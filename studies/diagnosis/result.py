@@ -50,6 +50,7 @@ Json = dict[str, Any]
 COLUMNS: tuple[Column, ...] = (
     Column.labels("file", required=False), Column("line"), Column.labels("kind"),
     Column.labels("specimen"), Column("mass", "g"), Column("voltage", "kV"), Column("elapsed", "s"),
+    Column.labels("run", required=False),
     *(Column(name, required=False, absent="nan")
       for name in ("order", "read", "sigma", "baseline", "extended")),
     Column("x", "mm", required=False), Column("y", "mm", required=False))
@@ -194,7 +195,7 @@ class Diagnosis:
         write_sheet(folder / "readings.csv", COLUMNS, {
             "file": table.file, "line": table.line, "kind": table.kind,
             "specimen": specimens[table.specimen], "mass": table.mass, "voltage": table.voltage,
-            "elapsed": table.states.elapsed[table.state], "order": table.order,
+            "elapsed": table.states.elapsed[table.state], "run": table.run, "order": table.order,
             "read": table.value, "sigma": table.sigma,
             "baseline": table.value - nominal.residual * table.sigma,
             "extended": table.value - (self.chosen or nominal).residual * table.sigma,

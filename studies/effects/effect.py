@@ -6,7 +6,7 @@ import inspect
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from math import inf
+from math import exp, inf, isclose, log
 from string import Formatter
 from typing import Any, Literal, get_type_hints
 
@@ -60,7 +60,9 @@ class EffectParameter:
     between them (:class:`~tympan.studies.effects.prior.HeavyTail`).
     ``unit`` is the one to show ("" for plain numbers). Values that are not 0 but nearer to it than
     ``least`` cannot be built. ``even``: the sign changes no reading of a specimen that is its own
-    mirror image. Sentences give ``tell(value)`` in ``told_in``, the unit to show if it is left out,
+    mirror image. ``spread``: of a number that is no effect by itself but says how another one acts,
+    such as a time: its size is the logarithm of the value over ``width``, usually so large.
+    Sentences give ``tell(value)`` in ``told_in``, the unit to show if it is left out,
     or "%" of plain numbers. ``name`` is that of the argument it annotates.
     """
 
@@ -70,9 +72,10 @@ class EffectParameter:
     low: float
     high: float
     reason: str
-    power: Literal[1, -2] = 1
+    power: Literal[1, -1, -2] = 1
     least: float = 0.0
     even: bool = False
+    spread: float = 0.0
     told_in: str = ""
     tell: Callable[[float], float] = float
     name: str = ""
@@ -88,10 +91,16 @@ class EffectParameter:
 
     def size(self, value: float) -> float:
         """The size of a value: 0 where there is no effect."""
+        if self.spread:
+            return log(value / self.width) if value > 0 else -inf
         return float(value**self.power)
 
     def value(self, size: float) -> float:
         """The value of a size."""
+        if self.spread:
+            value = self.width * exp(size)
+            # Limits come back from their logarithms as they were.
+            return next((end for end in (self.low, self.high) if isclose(value, end)), value)
         return inf if self.power < 0 and size == 0 else float(size ** (1 / self.power))
 
     def shown(self, value: float) -> float:
@@ -106,7 +115,7 @@ class EffectParameter:
     @property
     def deviation(self) -> float:
         """The usual size, that of ``width``."""
-        return self.size(self.width)
+        return self.spread or self.size(self.width)
 
     @property
     def sign(self) -> Literal["signed", "positive", "even"]:

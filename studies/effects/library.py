@@ -6,7 +6,7 @@ What an effect says of itself stands in its decorator and in its parameters.
 from __future__ import annotations
 
 from dataclasses import replace
-from math import inf, isinf, sqrt
+from math import inf, isinf, log, sqrt
 from typing import Annotated
 
 import numpy as np
@@ -15,9 +15,12 @@ from tympan.fem.film.laws import Stiffened
 from tympan.fem.film.laws.invariants import first_invariant
 from tympan.geometry.errors import InputError
 from tympan.geometry.paths import with_change
-from tympan.geometry.specimen import NARROWEST, Film, Specimen
+from tympan.geometry.specimen import NARROWEST, Film, Specimen, ViscousBranch
 from tympan.studies.circles import Lumped
 from tympan.studies.effects.effect import EffectParameter, Setup, effect
+
+#: What tells how readings go on in time: a transient's times, or how long states were held.
+IN_TIME = "t_s or dwell_s"
 
 
 @effect("The film hardens with stretch more (h > 0) or less than the nominal law, with the same "
@@ -271,6 +274,70 @@ def drift(setup: Setup, rate: Annotated[float, EffectParameter(
             "of Omron's technical guide to displacement sensors), in a room that changes by 1 °C "
             "an hour"))]) -> Setup:
     return setup.with_rig(drift=setup.rig.drift + rate)
+
+
+@effect("Part of the film's stress relaxes, so that the film creeps: a spring and a dashpot in "
+        "series act beside the stated law.",
+        finding="The film creeps: a part of its stiffness of {mu} relaxes within {tau}",
+        check="hold one voltage for ten times as long and see whether the reading still moves",
+        columns=(IN_TIME,))
+def creep(setup: Setup, mu: Annotated[float, EffectParameter(
+        "modulus of a viscous branch beside the law", "kPa", width=10e3, low=0.0, high=1e8, reason=(
+            "VHB 4910 relaxes from about twice its modulus at rest, 15 kPa, within minutes; no "
+            "source"))], tau: Annotated[float, EffectParameter(
+                "time in which it relaxes", "s", width=10.0, low=1e-3, high=1e6, spread=log(10),
+                reason="branches fitted to VHB 4910 have times of 0.1 to 1000 s")]) -> Setup:
+    if not mu:
+        return setup
+    return setup.with_films(
+        lambda film: replace(film, branches=(*film.branches, ViscousBranch(mu, tau))))
+
+
+@effect("The films were stretched not for ever ago: their branches still relax.",
+        finding="The films had been stretched for {t} only, and still relax",
+        check="read the same state again a day later", columns=(IN_TIME,))
+def mounting_age(setup: Setup, t: Annotated[float, EffectParameter(
+        "time since the film was stretched; infinite where it is relaxed", "h", width=24 * 3600.0,
+        low=3.6, high=inf, power=-1, reason="films are measured on the day after they are made, or "
+        "later; no source")]) -> Setup:
+    def change(film: Film) -> Film:
+        if isinf(t) or not film.branches:
+            return film
+        return replace(film, mounted=t if film.mounted is None else 1 / (1 / t + 1 / film.mounted))
+
+    return setup.with_films(change)
+
+
+@effect("Something damps the plate's motion: air in a gap, a guide with grease, a touching lead.",
+        finding="The plate is damped by {c}",
+        check="let the plate swing in the open and count how many swings it takes to fade",
+        columns=(IN_TIME,))
+def plate_damping(setup: Setup, c: Annotated[float, EffectParameter(
+        "force on the plate over its speed", "N s/m", width=0.05, low=0.0, high=1e4, reason=(
+            "a plate of 20 g on 80 N/m that fades within ten swings has 2 % of the critical "
+            "damping of 2.5 N s/m"))]) -> Setup:
+    return setup.with_rig(plate_damping=setup.rig.plate_damping + c)
+
+
+@effect("The film charges through a resistance of supply, leads and electrodes, and so follows a "
+        "voltage late.",
+        finding="The film charges through {R}",
+        check="measure the voltage on the film with a high-voltage probe just after it is switched",
+        columns=(IN_TIME,))
+def series_resistance(setup: Setup, R: Annotated[float, EffectParameter(
+        "through which the film charges", "MOhm", width=10e6, low=0.0, high=1e15, reason=(
+            "high-voltage supplies protect their users by 1 to 100 MOhm; no source"))]) -> Setup:
+    return setup.with_rig(series_resistance=setup.rig.series_resistance + R)
+
+
+@effect("The displacement sensor follows late, as its filter does.",
+        finding="The sensor follows late, by {t_s}",
+        check="look up the sensor's averaging, or tap the stand and compare with a faster one",
+        columns=(IN_TIME,))
+def sensor_lag(setup: Setup, t_s: Annotated[float, EffectParameter(
+        "time in which the sensor follows, by a factor e", "ms", width=5e-3, low=0.0, high=1e4,
+        reason="averages of 16 to 256 samples at 10 kHz; no source")]) -> Setup:
+    return setup.with_rig(sensor_lag=setup.rig.sensor_lag + t_s)
 
 
 @effect("The electrodes' mass swings and weighs with the film.",

@@ -7,8 +7,9 @@ from typing import Any
 
 from tympan.studies.effects import EFFECTS, Effect, EffectParameter
 
-#: What the size of a value is where its power is not 1.
-_INVERSE = "1/square of "
+#: What the size of a value is where its power is not 1, and of one with a spread.
+_SIZES = {1: "", -1: "1 over ", -2: "1/square of "}
+_LOGARITHM = "logarithm of "
 
 
 def listing() -> dict[str, Any]:
@@ -25,9 +26,12 @@ def _parameter(item: EffectParameter) -> dict[str, Any]:
     low, high, width, least = (None if isinf(value) else float(f"{item.shown(value):.9g}")
                                for value in (item.low, item.high, item.width, item.least))
     return {"meaning": item.meaning, "unit": item.unit, "sign": item.sign, "least": least,
-            "prior": {"distribution": _distribution(item), "of": _INVERSE * (item.power < 0)
-                      + item.name, "width": width, "low": low, "high": high,
-                      "reason": item.reason}}
+            "prior": {"distribution": _distribution(item), "of": _size(item) + item.name,
+                      "width": width, "low": low, "high": high, "reason": item.reason}}
+
+
+def _size(item: EffectParameter) -> str:
+    return _LOGARITHM if item.spread else _SIZES[item.power]
 
 
 def _distribution(item: EffectParameter) -> str:
@@ -47,6 +51,6 @@ def named(item: EffectParameter) -> str:
 def prior(item: EffectParameter) -> str:
     """What is known of a parameter before any data, in words."""
     width, low, high = (f"{item.shown(value):.6g}" for value in (item.width, item.low, item.high))
-    of = f" in {_INVERSE}{item.name}" if item.power < 0 else ""
+    of = f" in {_size(item)}{item.name}" if _size(item) else ""
     unit = f" {item.unit}" if item.unit else ""
     return f"{_distribution(item)}{of}, usual {width}{unit}, from {low} to {high}{unit}"

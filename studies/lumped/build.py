@@ -26,9 +26,9 @@ from tympan.studies.limits.loads import usual_masses, usual_voltages
 from tympan.studies.lumped.actuator import Actuator, Viscous
 from tympan.studies.lumped.equilibria import pull_in, rest, rest_curve
 from tympan.studies.lumped.model_file import STILL, LumpedModel, read_model, write_model
-from tympan.studies.lumped.reduction import reduced_film
 from tympan.studies.lumped.remarks import origin
 from tympan.studies.modes import modes
+from tympan.studies.reduced_film.reduction import reduced_film
 
 Array = NDArray[np.float64]
 Progress = Callable[[str], None]
@@ -242,7 +242,7 @@ def build(specimen: Specimen, settings: Settings, chosen: BuildSettings | None =
     The circles and α are those of :func:`tympan.studies.alpha.alpha` on membrane circles. Against
     the forces of the fit's loads two factors are found, one on the film's and one on the voltage's
     energy: least squares of relative force. A film with viscous branches also gets its reduced film
-    in time (:mod:`tympan.studies.lumped.reduction`), unless it is not asked for.
+    in time (:mod:`tympan.studies.reduced_film.reduction`), unless it is not asked for.
     """
     specimen.needed_plate()
     Actuator.of(specimen, 1.0, rig=rig)  # refuses a rig that the model does not have

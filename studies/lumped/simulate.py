@@ -155,7 +155,7 @@ def _leaves(motion: Motion, reach: float) -> float | None:
                         *ends))
 
 
-def creep(actuator: Actuator, signal: Signal) -> Array:
+def slow_ends(actuator: Actuator, signal: Signal) -> Array:
     """Deflections [m] at the ends of a signal's pieces, the rest before it first, without inertia.
 
     And without η₂: only the branches move, where the oscillation after a jump is gone. Of any array

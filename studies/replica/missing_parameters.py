@@ -14,7 +14,7 @@ from scipy.optimize import NonlinearConstraint, least_squares, minimize
 from tympan.studies.circles import ConeCircle, radii_of
 from tympan.studies.lumped.actuator import Actuator
 from tympan.studies.lumped.equilibria import settle
-from tympan.studies.lumped.simulate import creep
+from tympan.studies.lumped.simulate import slow_ends
 from tympan.studies.paper.published import HIGHEST, LOWEST, MASSES, ranges
 from tympan.studies.paper.table1 import paper_actuators
 from tympan.studies.signals import Signal
@@ -199,7 +199,7 @@ def level_ranges(signal: Signal, values: Array) -> Array:
     Shape (pairs, masses, actuators).
     """
     permittivity, alpha = values.T
-    levels = creep(paper_array(permittivity, np.array([alpha, alpha]).T), signal)
+    levels = slow_ends(paper_array(permittivity, np.array([alpha, alpha]).T), signal)
     return np.asarray(np.ptp(levels, axis=0))
 
 

@@ -137,6 +137,34 @@ class CreepingFilm:
             result.append(self.at_rest(*after, column.reshape(2, points), start)[0][-1])
         return np.array(result)
 
+    def staircase(self, force: float, voltages: Array, dwell: float) -> Array:
+        """Deflections [m] at the ends of voltages held one after the other for a time [s].
+
+        The force comes on the flat film, at rest until then, with the first.
+        """
+        start, i, j = self.at_rest(0.0, 0.0, None)
+        points, memory, last, ends = len(i), np.concatenate([i, j]), (0.0, 0.0), []
+        for voltage in voltages.tolist():
+            # The loads at once, in steps that Newton can take.
+            for share in np.linspace(0.0, 1.0, 9)[1:]:
+                squared = last[1] + share * (voltage**2 - last[1])
+                start, *_ = self.at_rest(last[0] + share * (force - last[0]), squared**0.5,
+                                         memory.reshape(2, points), start)
+            last = force, voltage**2
+
+            def rate(_: float, flat: Array, voltage: float = voltage) -> Array:
+                nonlocal start
+                v, w = now = flat.reshape(2, points)
+                start, i, j = self.at_rest(force, voltage, now, start)
+                stretch = i / v + j / w + v * w / (i * j)
+                return np.concatenate([i - stretch * v / 3, j - stretch * w / 3]) / self.time
+
+            memory = solve_ivp(rate, (0.0, dwell), memory, "DOP853", rtol=1e-6,
+                               atol=1e-8).y[:, -1]
+            start, *_ = self.at_rest(force, voltage, memory.reshape(2, points), start)
+            ends.append(start[-1])
+        return np.array(ends)
+
     def swing(self, mass: float, force: float, voltage: float, times: Array, damper: float = 0.0
               ) -> Array:
         """Deflections [m] at times [s] of a plate of that mass, at rest until time 0.

@@ -248,7 +248,9 @@ class _Parabola:
             towards = slope[last] + places[:, :k] @ curvature[:k, last]
             centre, width = -(towards @ inverse)[:, 0], inverse[0, 0] ** 0.5
             # Where likelihood falls from a limit, as far as it falls.
-            fall = np.minimum(_REACH * width, 40 * width**2 / np.maximum(np.abs(centre), 1e-300))
+            with np.errstate(over="ignore"):  # where it does not fall at all
+                fall = np.minimum(_REACH * width,
+                                  40 * width**2 / np.maximum(np.abs(centre), 1e-300))
             from_, to = low[k] - sizes[k], high[k] - sizes[k]
             near, far = np.clip(centre, from_, to) - fall, np.clip(centre, from_, to) + fall
             lower = np.clip(np.minimum(np.minimum(centre - _REACH * width, near), 0.0), from_, to)

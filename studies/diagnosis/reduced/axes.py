@@ -116,11 +116,13 @@ class HeldFilm:
         """A specimen of a setup.
 
         Mechanisms between plate and ground act on the heave alone and are left out, and so is the
-        electrodes' mass, which acts as one on the plate.
+        electrodes' mass, which acts as one on the plate, and what no film at rest feels.
         """
         specimen, loading = setup.specimen(name), replace(setup.rig.loading, biases=())
         if specimen.electrode.mass:
             specimen = replace(specimen, electrode=replace(specimen.electrode, mass=0.0))
+        specimen = replace(specimen, membrane=replace(specimen.membrane, branches=(),
+                                                      mounted=None))
         if not specimen.membrane.density:
             loading = replace(loading, gravity=0.0)
         return cls(specimen, loading, setup.rig.gas_pressure)

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from tympan.geometry.outlines import area
 from tympan.studies.diagnosis.reading_table import COMPONENTS, ReadingTable
 from tympan.studies.diagnosis.reduced.axes import Axis
+from tympan.studies.diagnosis.reduced.film_memory import FilmMemory
 from tympan.studies.diagnosis.reduced.film_shape import Lattice
 from tympan.studies.diagnosis.reduced.force_law import (
     BEYOND,
@@ -24,6 +25,7 @@ from tympan.studies.diagnosis.reduced.force_law import (
     continued,
     in_powers,
 )
+from tympan.studies.diagnosis.reduced.in_time import behind, charged, decay
 from tympan.studies.diagnosis.reduced.resting_place import play, resting_place
 from tympan.studies.diagnosis.reduced.seen_film import Sight, shown_by_scans
 from tympan.studies.diagnosis.reduced.swinging import SwingingMasses, mass_effects
@@ -97,11 +99,15 @@ def hypotheses_of(causes: Sequence[Cause]) -> tuple[Hypothesis, ...]:
 
 @dataclass(frozen=True, eq=False)
 class Simulation:
-    """A setup with the force laws of its films, and what of them swings where that is read."""
+    """A setup with the force laws of its films.
+
+    What of them swings where that is read, and what films remember of the runs that were read.
+    """
 
     setup: Setup
     laws: tuple[ForceLaw, ...]
     masses: SwingingMasses | None = None
+    memory: FilmMemory | None = None
 
     def uses(self, hypothesis: Hypothesis, unknowns: Array) -> tuple[Use, ...]:
         """The effects with their values."""
@@ -120,6 +126,13 @@ class Simulation:
     def predict(self, hypothesis: Hypothesis, unknowns: Array, table: ReadingTable) -> Array:
         """What each row of a table shows."""
         return Prediction(self, hypothesis, unknowns, table).values
+
+    @cached_property
+    def capacitance(self) -> Array:
+        """Of the flat nominal films [F], shape (specimens,)."""
+        none = np.zeros(1)
+        return np.array([float(law.at(np.zeros(len(law.axes))).capacitance(none, none)[0])
+                         for law in self.laws])
 
     @cached_property
     def rig_effects(self) -> frozenset[str]:
@@ -154,12 +167,17 @@ class Prediction:
         # A probe shows what the supply gives, without the film's lag.
         self.supplied = np.asarray(self.rig.film_voltage(states.voltage))
         seen = np.asarray(self.rig.film_voltage(states.voltage, states.direction))
-        self.voltage_squared = self.permittivity / self.stiffness * seen**2
         areas = np.array([area(specimen.needed_plate().outline) if self.rig.plate_pressure else 0.0
                           for specimen in simulation.setup.specimens])
         self.load: Array = self.rig.force(states.mass, areas[states.specimen])
         if simulation.masses is not None:
             self.load = self.load + simulation.masses.weight(self.setup)[states.specimen]
+        self.hardening: Array | float = 1.0
+        if simulation.memory is not None:
+            self.hardening = simulation.memory.hardening(self.setup, states, self.load,
+                                                         self.stiffness, self.permittivity)
+        self.voltage_squared = (self.permittivity / self.stiffness / self.hardening
+                                * charged(states, self.rig, seen**2, self.capacitance))
         grids = [law.grid for law in simulation.laws]
         self.reach = np.array([grid.heave for grid in grids])[states.specimen]
         self.odd = np.array([grid.odd for grid in grids])[states.specimen]
@@ -198,8 +216,9 @@ class Prediction:
     def _changes_films(self, number: int) -> bool:
         """Whether an unknown changes more of the films' force laws than the voltage."""
         if number == STIFFNESS:
-            return any(parameter.dimension == "stress" for parameter in
-                       parameters_of(self.hypothesis))
+            return any(parameter.dimension == "stress" for cause in self.hypothesis
+                       if cause.name not in self.simulation.outer_effects
+                       for parameter in cause.effect.parameters)
         return number >= SIZES.start and not any(
             cause.name in self.simulation.outer_effects
             for cause in self.hypothesis
@@ -296,6 +315,30 @@ class Prediction:
         return np.maximum(mass, _LEAST)
 
     @property
+    def capacitance(self) -> Array:
+        """About that of the film of each state [F]."""
+        return np.asarray(self.permittivity * self.simulation.capacitance[
+            self.table.states.specimen])
+
+    @cached_property
+    def behind(self) -> Array:
+        """Share of the last jump by which each state is read late."""
+        states, rig = self.table.states, self.rig
+        late = rig.plate_damping or rig.sensor_lag or rig.series_resistance
+        if not late or not len(states.passages.rows):
+            return np.zeros(len(self.low))
+        stiffness = np.maximum(self.balance(self.extended_heave, 0.0)[1], _LEAST)
+        return behind(states, rig, self.moving, stiffness, self.capacitance)
+
+    def _swing(self, stiffness: Array) -> Array:
+        """Complex stiffness of each state's heave over that at rest [N/m], as its plate swings."""
+        memory = self.simulation.memory
+        if memory is None:
+            return np.ones(len(stiffness), complex)
+        return memory.swing(self.setup, self.table.states, self.stiffness,
+                            np.sqrt(stiffness / self.moving))
+
+    @property
     def _flat_stiffness(self) -> Array:
         """Stiffness of the flat film without voltage, shape (states,)."""
         stiffness = np.empty(len(self.low))
@@ -325,9 +368,12 @@ class Prediction:
         force, stiffness = self.balance(self._moved)
         stiffness = np.maximum(stiffness, _LEAST)
         tiny = 1e-6 * np.mean(self.high)
-        # Right for rows of one state; a range is of two.
+        # Right for rows of one state; ranges and transients are of two.
         by_heave = (self.shown(heave + tiny) - self.shown(heave - tiny)) / (2 * tiny)
         rests, ranges = self._rest[1][place], table.since >= 0
+        # What is read late is between two states.
+        late = np.where(table.kind == "range", 0.0, self.behind[table.state])
+        here, origin = 1 - late, np.where(table.kind == "range", -1.0, late)[ranges]
         columns, most = [], bounds_of(self.simulation, self.hypothesis)[1]
         deviations = [parameter.deviation for parameter in parameters_of(self.hypothesis)]
         for number, step in enumerate(1e-6 * np.array([1.0, 1.0, *deviations])):
@@ -342,7 +388,7 @@ class Prediction:
                 shift = np.where(rests, shift, there.extended_heave - heave)
             change = by_heave * shift[table.state]
             change[ranges] = (1 + self.rig.sensor_gain) * (
-                shift[table.state[ranges]] - shift[table.since[ranges]])
+                here[ranges] * shift[table.state[ranges]] + origin * shift[table.since[ranges]])
             columns.append((there.shown(heave) - self.extended + change) / step)
         return np.stack(columns, axis=1)
 
@@ -363,8 +409,9 @@ class Prediction:
         if self.odd.any():
             rate = np.where(self.odd, force + at * rate, rate)
             force = np.where(self.odd, at * force, force)
-        force = self.stiffness * (force + rate * (heave - at)) + self.rig.spring * heave
-        rate = self.stiffness * rate + self.rig.spring
+        stiffness = self.stiffness * self.hardening
+        force = stiffness * (force + rate * (heave - at)) + self.rig.spring * heave
+        rate = stiffness * rate + self.rig.spring
         for bias in self.rig.biases:
             more = np.array([bias.derivatives(place)[1:] for place in heave.ravel().tolist()])
             force, rate = (part + more[:, order].reshape(heave.shape)
@@ -381,6 +428,9 @@ class Prediction:
             at = table.state[rows]
             if kind == "displacement":
                 shown[rows] = rig.reading(heave[at], table.states.elapsed[at])
+                late = rows[table.since[rows] >= 0]
+                jump = heave[table.state[late]] - heave[table.since[late]]
+                shown[late] -= (1 + rig.sensor_gain) * self.behind[table.state[late]] * jump
             elif kind == "range":
                 shown[rows] = rig.reading(heave[at]) - rig.reading(heave[table.since[rows]])
             elif kind in ("capacitance", "tilt"):
@@ -394,9 +444,14 @@ class Prediction:
                 shown[rows] = self.supplied[at]
             elif kind == "frequency":
                 stiffness = np.maximum(self.balance(heave, 0.0)[1], _LEAST)
+                stiffness = stiffness * self._swing(stiffness).real
                 shown[rows] = (np.sqrt(stiffness / self.moving) / (2 * np.pi))[at]
             elif kind in COMPONENTS:
                 shown[rows] = shown_by_scans(table, kind, rows, self._sights, within, squared)
+            elif kind == "decay":
+                stiffness = np.maximum(self.balance(heave, 0.0)[1], _LEAST)
+                loss = stiffness * self._swing(stiffness).imag
+                shown[rows] = decay(rig, self.moving, loss, stiffness)[at]
             else:
                 shown[rows] = (self.balance(heave, 0.0)[0] + self.load)[at]
         return shown

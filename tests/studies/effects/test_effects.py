@@ -20,19 +20,24 @@ from tympan.fem.rig import Rig
 from tympan.fem.toml_writer import rig_to_toml, specimen_to_toml
 from tympan.geometry.errors import InputError
 from tympan.geometry.mesher import MeshSettings
-from tympan.geometry.specimen import Specimen
+from tympan.geometry.specimen import Specimen, ViscousBranch
 from tympan.studies.case import Case, Settings, equilibrate, solve
 from tympan.studies.effects import EFFECTS, Effect, Setup, Use, extended
 from tympan.studies.effects.findings import FoundSize, finding, limits_told
+from tympan.studies.effects.library import IN_TIME
 from tympan.studies.modes import heave_frequency, modes
+from tympan.studies.signals import step
+from tympan.studies.transient import TransientCase, respond
 
 MATERIAL = NeoHooke(20e3)
-NOMINAL = Setup((circular(MATERIAL), elliptical(60e-3, MATERIAL)), Rig())
+#: At rest no film feels its branch.
+BRANCH = (ViscousBranch(10e3, 1e5),)
+NOMINAL = Setup((circular(MATERIAL, branches=BRANCH), elliptical(60e-3, MATERIAL)), Rig())
 
 #: Every number that an effect edits is there already, and no mirror plane.
 TAKEN = Setup(
     (replace(skewed(), electrode=replace(skewed().electrode, margin_frame=3e-3)),
-     circular(MATERIAL)),
+     circular(MATERIAL, branches=BRANCH)),
     Rig(9.81, 1e-3, 4.0, 0.03, 30e3, -0.02, 20e-6, drift=1e-9, lag_voltage=60.0, friction=2e-3))
 
 FINE = Settings()
@@ -83,8 +88,19 @@ def frequencies(setup: Setup, settings: Settings) -> np.ndarray:
                       for load in READINGS] for specimen in setup.specimens])
 
 
+@cache
+def in_time(setup: Setup) -> np.ndarray:
+    """The first film as mass and voltage come on at once, its plate swinging, (1, times) [m]."""
+    case = TransientCase(setup.specimens[0], step(0.0, 4e3, 0.0, 0.12), mass=17.9e-3,
+                         rig=setup.rig, rest=0.0, inertia=True)
+    response, _ = respond(case, COARSE, 0.01)
+    return response.samples["displacement"].to_numpy()[None, 1:]
+
+
 def readings_for(effect: Effect, setup: Setup, settings: Settings = FINE) -> np.ndarray:
     """What can show an effect: where it takes frequencies these too, a hertz counted as 1 mm."""
+    if IN_TIME in effect.columns:
+        return in_time(setup)
     at_rest = readings(setup, settings)
     if "frequency_Hz" not in effect.columns:
         return at_rest
@@ -92,8 +108,10 @@ def readings_for(effect: Effect, setup: Setup, settings: Settings = FINE) -> np.
 
 
 def sizes(effect: Effect, number: int, size: float) -> list[float]:
-    """One parameter at a size, the others at none."""
-    return [size * (index == number) for index in range(len(effect.parameters))]
+    """One parameter at a size, the others at none, or as usual where it says how they act."""
+    usual = [item.deviation if effect.parameters[number].spread and not item.spread else 0.0
+             for item in effect.parameters]
+    return [size if index == number else other for index, other in enumerate(usual)]
 
 
 def changed(effect: Effect, number: int, size: float, setup: Setup = NOMINAL) -> Setup:
@@ -101,11 +119,19 @@ def changed(effect: Effect, number: int, size: float, setup: Setup = NOMINAL) ->
     return effect.at(setup, sizes(effect, number, size), effect.choices(setup)[0])
 
 
+def unchanged(effect: Effect, number: int) -> Setup:
+    """The nominal setup, with the effect if the parameter only says how that acts."""
+    return changed(effect, number, 0.0) if effect.parameters[number].spread else NOMINAL
+
+
 @each_effect
 def test_no_effect_changes_no_number(effect: Effect) -> None:
     """Bit for bit, also where the setup has some of it already."""
     for which in effect.choices(TAKEN):
         none = effect.at(TAKEN, [0.0] * len(effect.parameters), which)
+        if IN_TIME in effect.columns:
+            assert none == TAKEN
+            continue
         assert np.array_equal(readings_for(effect, none, COARSE),
                               readings_for(effect, TAKEN, COARSE))
 
@@ -115,7 +141,7 @@ def test_a_typical_size_is_seen(effect: Effect, number: int) -> None:
     """By more than 0.1 µm somewhere, a hundred times what two meshes of one specimen differ by."""
     size = max(effect.parameters[number].deviation, effect.parameters[number].least)
     moved = np.abs(readings_for(effect, changed(effect, number, size))
-                   - readings_for(effect, NOMINAL))
+                   - readings_for(effect, unchanged(effect, number)))
     assert moved.max() > 0.1e-6
     if effect.on_one:
         assert moved[0].max() > 0.1e-6
@@ -129,10 +155,12 @@ def test_readings_are_smooth_in_the_size(effect: Effect, number: int) -> None:
     item = effect.parameters[number]
     middle = max(item.deviation, 2 * item.least)
     slopes = []
-    for step in (middle / 2, middle / 4):
-        high, low = (readings_for(effect, changed(effect, number, middle + sign * step))
+    # What fades in time bends more.
+    far = middle / 8 if IN_TIME in effect.columns else middle / 2
+    for near in (far, far / 2):
+        high, low = (readings_for(effect, changed(effect, number, middle + sign * near))
                      for sign in (1, -1))
-        slopes.append((high - low) / (2 * step))
+        slopes.append((high - low) / (2 * near))
     scale = np.abs(slopes[1]).max()
     assert scale > 0
     assert np.allclose(*slopes, rtol=0, atol=0.03 * scale)
@@ -143,7 +171,7 @@ def test_readings_tend_to_those_without_it(effect: Effect, number: int) -> None:
     item = effect.parameters[number]
     near = max(1e-3 * item.deviation, item.least)
     full, small = (np.abs(readings_for(effect, changed(effect, number, size))
-                          - readings_for(effect, NOMINAL)).max()
+                          - readings_for(effect, unchanged(effect, number))).max()
                    for size in (item.deviation, near))
     assert small < 2 * near / item.deviation * full + 2e-9
 
@@ -163,7 +191,7 @@ def test_sign_rule(effect: Effect, number: int) -> None:
     if item.sign == "even":
         assert np.allclose(up, down, rtol=0, atol=1e-9)
     else:
-        moved = up - readings_for(effect, NOMINAL)
+        moved = up - readings_for(effect, unchanged(effect, number))
         assert np.abs(down - up).max() > np.abs(moved).max()
 
 
@@ -189,6 +217,10 @@ def test_files_give_the_same_number(effect: Effect, tmp_path: Path,
                              settings).modes[0].frequency_Hz for edited in (setup, TAKEN))
         assert printed == here
         assert here != taken
+        return
+    if IN_TIME in effect.columns:
+        # Equal specimens and rigs do the same in time.
+        assert setup != TAKEN
         return
     command = ["solve", str(films), "--rig", str(rig), "--mass", "20 g", "--voltage", "3 kV",
                "--elapsed", "30 min",

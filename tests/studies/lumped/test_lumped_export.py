@@ -22,8 +22,8 @@ from tympan.geometry.errors import InputError
 from tympan.studies.lumped.export.c_source import export_c
 from tympan.studies.lumped.export.fmu import export_fmu
 from tympan.studies.lumped.model_file import LumpedModel, write_model
-from tympan.studies.lumped.reduced_film import ReducedFilm
 from tympan.studies.lumped.simulate import simulate
+from tympan.studies.reduced_film.film import ReducedFilm
 from tympan.studies.signals import Pieces
 
 COMPILER = shutil.which("cc")

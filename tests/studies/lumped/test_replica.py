@@ -16,7 +16,7 @@ from tympan.geometry.errors import InputError
 from tympan.reports.paper import page
 from tympan.studies.lumped.actuator import Actuator
 from tympan.studies.lumped.equilibria import pull_in, rest
-from tympan.studies.lumped.simulate import creep, settling_time, simulate
+from tympan.studies.lumped.simulate import settling_time, simulate, slow_ends
 from tympan.studies.paper import published
 from tympan.studies.paper.table1 import paper_actuators
 from tympan.studies.replica import missing_parameters as lost
@@ -104,7 +104,7 @@ def test_ends_of_levels_without_inertia_are_those_with_it(fitted: lost.MissingPa
     """Branches alone, by another integrator, against the whole model; while it creeps η₂ holds it
     back by a little."""
     signal = random_steps(0.0, 7e3, 6.0, 3, 4)
-    levels = creep(lost.paper_array(fitted.permittivity, fitted.alpha), signal)[:, 1]
+    levels = slow_ends(lost.paper_array(fitted.permittivity, fitted.alpha), signal)[:, 1]
     ends = np.array([simulate(actuator, signal).deflection(signal.breaks)
                      for actuator in fitted.actuators(22.45e-3)]).T
     assert levels == pytest.approx(ends, abs=3e-7)

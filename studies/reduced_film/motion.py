@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from tympan.fem.film.memory import Memory, determinant
 from tympan.fem.membrane.damped_rule import end_weights
-from tympan.studies.lumped.reduced_film import Drive, FilmLoads, NoBalance, ReducedFilm
+from tympan.studies.reduced_film.film import Drive, FilmLoads, NoBalance, ReducedFilm
 from tympan.studies.signals import Signal, Supplied, Together
 
 Array = NDArray[np.float64]
@@ -102,13 +102,15 @@ class ReducedMotion:
         """
         film, time = self.film, float(self.signal.breaks[0])
         if film.specimen.membrane.mounted is not None:
-            return self._mounted(time)
+            return self.flat
         loads = FilmLoads(self.force, self.signal.first**2, self.spring)
         q = film.at_rest(loads, self._last)
         return ReducedMoment(time, q, loads, film.relaxed(q))
 
-    def _mounted(self, time: float) -> ReducedMoment:
-        film = self.film
+    @property
+    def flat(self) -> ReducedMoment:
+        """Mounted and flat, so long ago as the film says, before the loads are put on."""
+        film, time = self.film, float(self.signal.breaks[0])
         runs = np.broadcast_shapes(np.shape(self.force), np.shape(self.signal.first))
         memory = Memory.mounted(film.specimen.membrane, (*runs, len(film.volumes)))
         return ReducedMoment(time, np.zeros((*runs, film.count)), FilmLoads(0.0, 0.0), memory)

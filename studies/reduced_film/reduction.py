@@ -21,9 +21,9 @@ from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import State
 from tympan.fem.transient.integrate import Moment, Stopped, Transient
 from tympan.geometry.errors import InputError
-from tympan.studies.lumped.reduced_film import ReducedFilm
-from tympan.studies.lumped.reduced_motion import PulledIn, ReducedMotion
-from tympan.studies.lumped.sampling import in_time
+from tympan.studies.reduced_film.film import ReducedFilm
+from tympan.studies.reduced_film.motion import PulledIn, ReducedMotion
+from tympan.studies.reduced_film.sampling import in_time
 from tympan.studies.signals import Pieces, Signal, Sine, ramp, random_steps, step
 
 Array = NDArray[np.float64]
@@ -71,16 +71,22 @@ def reduced_film(model: Model, forces: Sequence[float], voltage: float, spring: 
     InputError
         When the film pulls in at such loads.
     """
+    film = film_of_runs(model, forces, voltage, settings)
+    errors = {name: error_of(film, model, forces[-1], signal, spring)
+              for name, signal in held_out(model, voltage).items()}
+    return replace(film, errors=errors)
+
+
+def film_of_runs(model: Model, forces: Sequence[float], voltage: float,
+                 settings: ReductionSettings = ReductionSettings()) -> ReducedFilm:
+    """As :func:`reduced_film`, and not held against the model."""
     uneven = model.specimen.membrane.thickness_gradient
     if uneven != (0.0, 0.0):
         raise InputError("must be 0, 0 for a reduced film", key="membrane.thickness_gradient",
                          given=uneven)
     run = _there_and_back(model, voltage)
     snapshots = [*_at_rest(model, forces, voltage), *_in_motion(model, forces[0], run)]
-    film = reduced(model, snapshots, settings)
-    errors = {name: error_of(film, model, forces[-1], signal, spring)
-              for name, signal in held_out(model, voltage).items()}
-    return replace(film, errors=errors)
+    return reduced(model, snapshots, settings)
 
 
 def _there_and_back(model: Model, voltage: float) -> Pieces:

@@ -1,0 +1,403 @@
+"""What films remember of their runs, as a hardening: for a while a film is as one that is stiffer.
+
+A film with viscous branches that goes through a voltage's history stands, at any time, where a film
+at rest would that is 1 + η times as stiff. That η comes from the film reduced to a few points
+(:mod:`tympan.studies.reduced_film.film`) with its own law, branches and voltages in time; the place
+of rest from the force law with all that a hypothesis changes. So a hypothesis that leaves branches
+as they are costs no run, and where nothing is remembered readings in time are those at rest.
+
+η depends on a branch's modulus and time, and on the time since mounting. It is solved on a lattice
+of their logarithms, where it is asked, and interpolated by cubics. On load and voltage it depends
+less: a slope at every node tells how.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from itertools import product
+from math import inf
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tympan.fem.film.laws.stiffened import scaled
+from tympan.fem.rig import Rig
+from tympan.geometry.errors import InputError
+from tympan.geometry.specimen import Film, Specimen, ViscousBranch
+from tympan.studies.case import Settings, build_model
+from tympan.studies.diagnosis.history import WEIGHTS, Passage, Passages, VoltageHistory
+from tympan.studies.diagnosis.reading_table import ReadingTable, States
+from tympan.studies.effects import Setup
+from tympan.studies.reduced_film.film import FilmLoads, NoBalance, ReducedFilm
+from tympan.studies.reduced_film.motion import PulledIn, ReducedMotion
+from tympan.studies.reduced_film.reduction import film_of_runs
+from tympan.studies.reduced_film.sampling import in_time
+from tympan.studies.signals import Supplied, Together
+
+Array = NDArray[np.float64]
+
+#: Spacing of the lattice in logarithms; smallest and largest modulus over the law's, branches'
+#: times over the run's shortest and longest.
+_SPACING, _MODULI, _TIMES = 0.7, (1e-4, 1e4), (1e-2, 1e3)
+
+#: Change of load and voltage by which slopes are taken, and how far they are trusted.
+_CHANGE, _FAR = 0.02, 0.5
+
+#: Of the highest voltage what the reduced film is made for, until it does not pull in.
+_HIGHEST = (1.03, 1.0, 0.9, 0.75, 0.5)
+
+#: How often the η of a heave is corrected.
+_ROUNDS = 4
+
+#: What a state is looked up by: specimen, mass [kg], passage.
+Key = tuple[int, float, int]
+
+_Corner = tuple[int, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class RememberingFilm:
+    """A specimen's reduced film and the runs it went through.
+
+    ``runs``: masses [kg] with histories; ``asked``: number of the run and passage of each state;
+    ``rig`` as it is nominally; ``branch``: a modulus of the size of the law's [Pa].
+    """
+
+    film: ReducedFilm
+    runs: tuple[tuple[float, VoltageHistory], ...]
+    asked: tuple[tuple[int, Passage], ...]
+    rig: Rig
+    branch: float
+    nodes: dict[tuple[bool, float, _Corner], Array] = field(default_factory=dict)
+
+    @property
+    def specimen(self) -> Specimen:
+        return self.film.specimen
+
+    @cached_property
+    def shortest(self) -> float:
+        """The shortest time that matters [s]."""
+        signals = [history.whole for _, history in self.runs]
+        steps = np.concatenate([np.diff(signal.breaks) for signal in signals])
+        reads = [max(passage.end - passage.begin, passage.begin - passage.switched)
+                 for _, passage in self.asked if passage.end > passage.switched]
+        return float(max(min([*steps, *reads]), 1e-4))
+
+    @cached_property
+    def longest(self) -> float:
+        """The longest of the runs [s]."""
+        return max(float(history.whole.end) for _, history in self.runs)
+
+    def hardening(self, branches: Sequence[ViscousBranch], mounted: float | None, scale: float
+                  ) -> Array:
+        """η and its slopes by the logarithms of load, U² and moduli, shape (4, asked).
+
+        Of nominal ``branches``, or one more; ``scale``: what their moduli are taken times.
+        """
+        nominal = self.specimen.membrane.branches
+        if not branches:
+            return np.zeros((4, len(self.asked)))
+        extra = branches[len(nominal):]
+        if len(extra) > 1 or tuple(branches[:len(nominal)]) != nominal:
+            return self._solved(tuple(branches), mounted)
+        return self._interpolated(extra, mounted, scale)
+
+    def _interpolated(self, extra: Sequence[ViscousBranch], mounted: float | None, scale: float
+                      ) -> Array:
+        more, axes = bool(extra), list[float]()
+        if more:
+            ratio = extra[0].modulus * scale / self.branch
+            axes = [np.log(np.clip(ratio, *_MODULI)),
+                    np.log(np.clip(extra[0].time, _TIMES[0] * self.shortest,
+                                   _TIMES[1] * self.longest))]
+        if mounted is not None:
+            axes.append(np.log(np.clip(mounted, _TIMES[0] * self.shortest, None)))
+        total = np.zeros((4, len(self.asked)))
+        for corner, weight in _corners(axes):
+            total += weight * self._node(more, mounted, corner)
+        if more:
+            # What the branch adds grows as its modulus.
+            total *= ratio
+            if self.specimen.membrane.branches:
+                total += self._interpolated((), mounted, scale)
+        return total
+
+    def _node(self, more: bool, mounted: float | None, corner: _Corner) -> Array:
+        """What an additional branch does over its modulus, or what nominal ones do."""
+        key = (more, 0.0 if mounted is None else 1.0, corner)
+        if key not in self.nodes:
+            places = [np.exp(_SPACING * number) for number in corner]
+            age = None if mounted is None else float(places[-1])
+            nominal = self.specimen.membrane.branches
+            if not more:
+                self.nodes[key] = self._solved(nominal, age)
+            else:
+                ratio, time = places[:2]
+                whole = self._solved((*nominal, ViscousBranch(ratio * self.branch, time)), age)
+                if nominal:
+                    whole = whole - self._node(False, mounted, corner[2:])
+                self.nodes[key] = whole / ratio
+        return self.nodes[key]
+
+    def _solved(self, branches: tuple[ViscousBranch, ...], mounted: float | None) -> Array:
+        """As :meth:`hardening`, of any branches."""
+        film = self._with(branches, mounted)
+        result = np.zeros((4, len(self.asked)))
+        for numbers in self._alike():
+            asked = [place for place, (run, _) in enumerate(self.asked) if run in numbers]
+            result[:3, asked] = self._hardened(film, numbers, asked)
+        if self.specimen.membrane.branches:
+            stiffer = tuple(replace(branch, modulus=(1 + _CHANGE) * branch.modulus)
+                            for branch in branches)
+            film = self._with(stiffer, mounted)
+            for numbers in self._alike():
+                asked = [place for place, (run, _) in enumerate(self.asked) if run in numbers]
+                result[3, asked] = (self._hardened(film, numbers, asked)[0]
+                                    - result[0, asked]) / np.log1p(_CHANGE)
+        return result
+
+    def _with(self, branches: tuple[ViscousBranch, ...], mounted: float | None) -> ReducedFilm:
+        membrane = replace(self.specimen.membrane, branches=branches, mounted=mounted)
+        return replace(self.film, specimen=replace(self.specimen, membrane=membrane))
+
+    def _alike(self) -> list[list[int]]:
+        """Numbers of the runs that may share their steps."""
+        groups: dict[tuple[bytes, float], list[int]] = {}
+        for number, (_, history) in enumerate(self.runs):
+            groups.setdefault((history.whole.breaks.tobytes(), history.rest), []).append(number)
+        return list(groups.values())
+
+    def _hardened(self, film: ReducedFilm, numbers: list[int], asked: list[int]) -> Array:
+        """η of some runs' states, and its slopes by the logarithms of load and U²: (3, asked)."""
+        histories = [self.runs[number][1] for number in numbers]
+        mounted = film.specimen.membrane.mounted
+        if mounted is not None and histories[0].rest == inf:
+            # Loaded since it was mounted.
+            histories = [replace(history, rest=mounted) for history in histories]
+            film = self._with(film.specimen.membrane.branches, 0.0)
+        motion = self._motion(film, numbers, histories)
+        begin = None if histories[0].rest == inf else motion.flat
+        try:
+            moments = list(motion.moments(begin))
+        except (NoBalance, PulledIn):
+            return np.zeros((3, len(asked)))
+        time = np.array([moment.time for moment in moments])
+        # By variant and run.
+        heave = np.array([moment.heave for moment in moments]).T.reshape(3, len(numbers), -1)
+        force = motion.force.reshape(3, -1)
+        etas = np.empty((3, len(asked)))
+        lines = np.array([numbers.index(self.asked[place][0]) for place in asked])
+        times = np.array([self.asked[place][1].times for place in asked]) + histories[0].begins
+        times = np.clip(times, time[0], time[-1])
+        for variant, more in enumerate((1.0, 1.0, 1 + _CHANGE)):
+            values = np.empty(len(asked))
+            for line in range(len(numbers)):
+                here = lines == line
+                path = in_time(time, heave[variant, line], times[here].ravel())
+                values[here] = path.reshape(-1, len(WEIGHTS)) @ WEIGHTS
+            etas[variant] = self._eta(values, force[variant, lines], more * self._squares[asked])
+        etas[1:] = (etas[1:] - etas[0]) / np.log1p(_CHANGE)
+        return etas
+
+    @cached_property
+    def _squares(self) -> Array:
+        """Mean U² across the film in each passage [V²]."""
+        passages = np.array([None, *(passage for _, passage in self.asked)], dtype=object)[1:]
+        return Passages.of(passages).squared(self.rig)
+
+    def _motion(self, film: ReducedFilm, numbers: list[int], histories: Sequence[VoltageHistory]
+                ) -> ReducedMotion:
+        """Of runs; then of these under more load, then of these under more U²."""
+        stronger = replace(self.rig, amplifier_gain=(1 + self.rig.amplifier_gain)
+                           * (1 + _CHANGE)**0.5 - 1)
+        force = np.array([float(self.rig.force(self.runs[number][0])) for number in numbers])
+        signals = [Supplied(history.whole, rig) for rig in (self.rig, self.rig, stronger)
+                   for history in histories]
+        return ReducedMotion(film, np.concatenate([force, (1 + _CHANGE) * force, force]),
+                             Together(signals), self.rig.spring)
+
+    @cached_property
+    def _tangents(self) -> tuple[Array, Array] | None:
+        """Of films at rest in each state, relaxed, and what a branch of modulus 1 Pa adds at once.
+
+        Shapes (asked, shapes, shapes); None where one of them has no rest.
+        """
+        force = np.array([float(self.rig.force(self.runs[run][0])) for run, _ in self.asked])
+        film, probe = self._with((), None), self._with((ViscousBranch(self.branch, 1.0),), None)
+        try:
+            q = film.at_rest(FilmLoads(force, self._squares, self.rig.spring))
+        except NoBalance:
+            return None
+        relaxed = film.pull(q, self._squares)[1]
+        flow = probe.relaxed(q).step(probe.strain(q), 0.0)
+        return relaxed, (probe.pull(q, self._squares, flow)[1] - relaxed) / self.branch
+
+    def swing(self, branches: Sequence[ViscousBranch], scale: float, rate: Array) -> Array:
+        """Complex stiffness of the heave over that at rest at angular rates [1/s], (asked,).
+
+        ``scale``: what the branches' moduli are taken times.
+        """
+        if self._tangents is None:
+            return np.ones(len(rate), complex)
+        relaxed, added = self._tangents
+        moduli = sum(scale * branch.modulus * 1j * rate * branch.time
+                     / (1 + 1j * rate * branch.time) for branch in branches)
+        whole = relaxed + np.asarray(moduli)[:, None, None] * added
+        return np.linalg.inv(relaxed)[:, 0, 0] / np.linalg.inv(whole)[:, 0, 0]
+
+    def _eta(self, heave: Array, force: Array, squared: Array) -> Array:
+        """By how much stiffer a film at rest stands there under these loads."""
+        film, eta = self._with((), None), np.zeros(len(heave))
+        load = force - self.rig.spring * heave
+        q = np.zeros((len(heave), film.count))
+        for _ in range(_ROUNDS):
+            q[:, 0] = heave
+            under = FilmLoads(0.0, squared / (1 + eta))
+            q = film.balanced(q, under, drive=None)
+            pull = film.pull(q, under.voltage_squared)[0][:, 0]
+            capacitive = film.pull(q, 0.0 * squared)[0][:, 0]
+            # (1 + η) F(y, U²/(1 + η)) = load; F is nearly a line in U².
+            step = (load - (1 + eta) * pull) / np.where(np.abs(capacitive) > 0, capacitive, 1.0)
+            eta = np.maximum(eta + step, -0.9)
+            if np.abs(step).max() < 1e-9:
+                break
+        return eta
+
+
+def _corners(axes: Sequence[float]) -> Iterator[tuple[_Corner, float]]:
+    """Lattice points about a place with their weights, by cubics through four on each axis."""
+    parts = []
+    for value in axes:
+        low = int(np.floor(value / _SPACING)) - 1
+        x = value / _SPACING - low
+        nodes = np.arange(4)
+        parts.append([(low + k, float(np.prod([(x - j) / (k - j) for j in nodes if j != k])))
+                      for k in range(4)])
+    for combined in product(*parts):
+        yield tuple(place for place, _ in combined), float(np.prod([w for _, w in combined]))
+
+
+@dataclass(frozen=True, eq=False)
+class FilmMemory:
+    """The films of a setup that remember the runs of a table, about a fit.
+
+    ``stiffness`` and ``permittivity``: factors of the fit; ``films`` by specimen, None of those
+    that no run is of; ``places`` of states by key.
+    """
+
+    films: tuple[RememberingFilm | None, ...]
+    places: dict[Key, int]
+    nominal: Rig
+    stiffness: float
+    permittivity: float
+    #: Passages are told apart by their identity: they are kept alive here.
+    kept: tuple[Passage, ...]
+
+    @classmethod
+    def of(cls, setup: Setup, table: ReadingTable, settings: Settings, stiffness: float,
+           permittivity: float) -> FilmMemory:
+        """For the states in time of a table, films scaled by a fit's factors."""
+        states, places, kept = table.states, dict[Key, int](), []
+        films: list[RememberingFilm | None] = []
+        for number, specimen in enumerate(setup.specimens):
+            runs: list[tuple[float, VoltageHistory]] = []
+            asked: list[tuple[int, Passage]] = []
+            rows = states.passages.rows
+            for state in rows[states.specimen[rows] == number].tolist():
+                passage, mass = states.passage[state], float(states.mass[state])
+                key = number, mass, id(passage)
+                if key in places:
+                    continue
+                run = next((place for place, (weight, history) in enumerate(runs)
+                            if history is passage.history and weight == mass), len(runs))
+                if run == len(runs):
+                    runs.append((mass, passage.history))
+                places[key] = len(asked)
+                asked.append((run, passage))
+                kept.append(passage)
+            films.append(_remembering(_fitted(specimen, stiffness, permittivity), setup.rig,
+                                      tuple(runs), tuple(asked), settings) if asked else None)
+        return cls(tuple(films), places, setup.rig, stiffness, permittivity, tuple(kept))
+
+    def hardening(self, setup: Setup, states: States, load: Array, stiffness: float,
+                  permittivity: float) -> Array:
+        """1 + η of each state, shape (states,), under a setup, loads [N] and factors of a fit."""
+        result, scale = np.ones(len(states)), self.stiffness / stiffness
+        for film, membrane, rows, place in self._of(setup, states):
+            eta, by_load, by_square, by_modulus = film.hardening(
+                membrane.branches, membrane.mounted, scale)[:, place]
+            nominal = self.nominal.force(states.mass[rows])
+            heavier = np.log(np.maximum(load[rows], 1e-12) / np.maximum(nominal, 1e-12))
+            highest = float(np.abs(states.voltage[rows]).max(initial=1.0)) or 1.0
+            gain = np.log(np.abs(setup.rig.film_voltage(highest))
+                          / np.abs(self.nominal.film_voltage(highest)))
+            stronger = 2 * gain + np.log(permittivity / self.permittivity)
+            change = (by_load * _limited(heavier + np.log(scale))
+                      + by_square * _limited(stronger + np.log(scale))
+                      + by_modulus * _limited(np.log(scale)))
+            result[rows] = np.maximum(1 + eta + change, 0.1)
+        return result
+
+
+    def swing(self, setup: Setup, states: States, stiffness: float, rate: Array) -> Array:
+        """Complex stiffness of each state's heave over that at rest, at angular rates [1/s]."""
+        result = np.ones(len(states), complex)
+        for film, membrane, rows, place in self._of(setup, states):
+            rates = np.zeros(len(film.asked))
+            rates[place] = rate[rows]
+            result[rows] = film.swing(membrane.branches, self.stiffness / stiffness, rates)[place]
+        return result
+
+    def _of(self, setup: Setup, states: States
+            ) -> Iterator[tuple[RememberingFilm, Film, NDArray[np.int64], NDArray[np.int64]]]:
+        """Films with branches, with the states they remember and the places of these."""
+        every = states.passages.rows
+        for number, film in enumerate(self.films):
+            membrane = setup.specimens[number].membrane
+            if film is None or not membrane.branches:
+                continue
+            rows = every[states.specimen[every] == number]
+            place = np.array([self.places.get((number, float(states.mass[row]),
+                                               id(states.passage[row])), -1)
+                              for row in rows.tolist()], dtype=np.int64)
+            if (place >= 0).any():
+                yield film, membrane, rows[place >= 0], place[place >= 0]
+
+
+def _limited(change: Array | float) -> Array:
+    return np.clip(change, -_FAR, _FAR)
+
+
+def _fitted(specimen: Specimen, stiffness: float, permittivity: float) -> Specimen:
+    def change(film: Film) -> Film:
+        return replace(film, material=scaled(film.material, stiffness),
+                       relative_permittivity=film.relative_permittivity * permittivity)
+
+    return replace(specimen, membrane=change(specimen.membrane))
+
+
+def _remembering(specimen: Specimen, rig: Rig, runs: tuple[tuple[float, VoltageHistory], ...],
+                 asked: tuple[tuple[int, Passage], ...], settings: Settings) -> RememberingFilm:
+    stretches = [np.array([stretch]) for stretch in specimen.membrane.prestretch]
+    slope = np.real(specimen.membrane.material.derivatives(*stretches)[1])
+    modulus = float(slope[0] / stretches[0][0])
+    length = max(float(history.signal.end) for _, history in runs)
+    branches = specimen.membrane.branches or (ViscousBranch(modulus, length / 3),)
+    model = build_model(replace(specimen, membrane=replace(
+        specimen.membrane, branches=branches, mounted=None, thickness_gradient=(0.0, 0.0))),
+        settings, rig.loading)
+    forces = sorted({float(rig.force(mass)) for mass, _ in runs}, reverse=True)
+    highest = max(float(np.abs(rig.film_voltage(np.abs(history.signal.voltage))).max())
+                  for _, history in runs)
+    for share in _HIGHEST:
+        try:
+            film = film_of_runs(model, forces, max(share * highest, 1.0))
+            break
+        except InputError:
+            continue
+    else:
+        raise InputError("the film pulls in under the voltages of transient.csv", key="specimen",
+                         given=specimen.name)
+    return RememberingFilm(replace(film, specimen=specimen), runs, asked, rig, modulus)

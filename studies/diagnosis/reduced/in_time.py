@@ -1,0 +1,102 @@
+"""What readings of runs in time show besides those at rest: charging, damping, late sensors.
+
+A block's mean is read whole swings after a jump of the voltage. By then a swing leaves no trace but
+that the plate was behind its place: for c/k on average where it is damped, and for the sensor's lag
+where that follows late. A film that charges through a resistance has less voltage for a while.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tympan.fem.rig import Rig
+from tympan.studies.diagnosis.reading_table import States
+
+Array = NDArray[np.float64]
+
+
+def charged(states: States, rig: Rig, squared: Array, capacitance: Array) -> Array:
+    """U² [V²] that the films have of what the supply gives at rest, shape (states,).
+
+    ``capacitance`` of the film of each state [F].
+    """
+    passages = states.passages
+    if not rig.series_resistance or not len(passages.rows):
+        return squared
+    lag = rig.series_resistance * capacitance[passages.rows]
+    less = passages.squared(rig, lag) - passages.squared(rig)
+    result = squared.copy()
+    result[passages.rows] = np.maximum(result[passages.rows] + less, 0.0)
+    return result
+
+
+def behind(states: States, rig: Rig, mass: Array, stiffness: Array, capacitance: Array) -> Array:
+    """Share of the last jump by which states in time are read late, shape (states,).
+
+    Beside what :func:`charged` says. ``mass`` that swings [kg], ``stiffness`` of film and rig [N/m]
+    and ``capacitance`` [F] of each state, positive.
+
+    By the poles of plate and sensor and those by which the film's U² rises: of each the mean of its
+    exponential over the block. Blocks begin and end whole swings after the jump, where a swing's
+    phase is 0.
+    """
+    passages, share = states.passages, np.zeros(len(states))
+    rows = passages.rows
+    mass, stiffness, capacitance = (values[rows] for values in (mass, stiffness, capacitance))
+    rate, inertial = rig.plate_damping / (2 * mass), stiffness / mass
+    root = np.sqrt((rate**2 - inertial * (1 + 1e-9)).astype(complex))
+    poles = [root - rate, -root - rate]
+    if rig.sensor_lag:
+        poles.append(np.full(len(rows), -1 / rig.sensor_lag, complex))
+
+    def transfer(s: NDArray[Any], without: int = -1) -> NDArray[Any]:
+        """Of plate and sensor, but for a pole."""
+        gain = inertial / rig.sensor_lag if rig.sensor_lag else inertial
+        return np.asarray(gain / np.prod([s - pole for number, pole in enumerate(poles)
+                                          if number != without], axis=0))
+
+    risen = _rise(passages.jump, rig, capacitance)
+    total = np.zeros(len(rows), complex)
+    for number, pole in enumerate(poles):
+        force = 1 / pole - sum(part / (pole - slow) for part, slow in risen)
+        total -= transfer(pole, number) * force * _mean(pole, passages.begin, passages.end)
+    for part, slow in risen:
+        # What plate and sensor do to it beside following.
+        total += part * (transfer(slow) - 1) * _mean(slow, passages.begin, passages.end)
+    share[rows] = total.real
+    return share
+
+
+def _rise(jump: Array, rig: Rig, capacitance: Array) -> list[tuple[Array, NDArray[Any]]]:
+    """Exponentials by which U² comes to its last value after a jump: shares, rates [1/s]."""
+    if not rig.series_resistance:
+        return []
+    before, after = (np.asarray(rig.film_voltage(voltage)) for voltage in jump)
+    whole = after**2 - before**2
+    whole = np.where(whole == 0, 1.0, whole)
+    slow = -1 / (rig.series_resistance * capacitance)
+    return [(2 * after * (after - before) / whole, slow + 0j),
+            (-((after - before) ** 2) / whole, 2 * slow + 0j)]
+
+
+def _mean(pole: NDArray[Any], begin: Array, end: Array) -> Array:
+    """Mean of an exponential from begin to end [s], where its phase is 0."""
+    real = pole.real
+    there = np.isfinite(begin)
+    begin, end = np.where(there, begin, 0.0), np.where(there, end, 1.0)
+    length = end - begin
+    fallen = np.exp(real * begin) - np.exp(real * end)
+    mean = np.where(length > 0, -fallen / (pole * np.where(length > 0, length, 1.0)),
+                    np.exp(real * begin))
+    return np.where(there, mean, 0.0)
+
+
+def decay(rig: Rig, mass: Array, loss: Array, stiffness: Array) -> Array:
+    """Rate at which small swings of masses [kg] fade [1/s].
+
+    ``loss``: the imaginary part of the stiffness [N/m], by which branches take energy.
+    """
+    return np.asarray((rig.plate_damping + loss / np.sqrt(stiffness / mass)) / (2 * mass))

@@ -1,0 +1,241 @@
+"""A transient's samples as the few readings they are worth.
+
+Samples are not independent: noise is correlated, and the plate swings. So the samples after a jump
+of the voltage become means of blocks, evenly spaced in the logarithm of time, whole swings long and
+at least eight times the correlation time, so that neighbours hardly know of each other. What the
+swings say is kept as two readings of their own, their frequency and the rate at which they fade.
+The noise of a mean is by the samples' own spectrum (:mod:`~.noise_density`), whatever is stated.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from math import nan
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tympan.fem.rig import Rig
+from tympan.studies.columns import Sheet
+from tympan.studies.diagnosis.history import Passage, VoltageHistory
+from tympan.studies.diagnosis.reading_table import Kind, ReadingTable, States, rows
+from tympan.studies.diagnosis.transients.noise_density import noise_density
+from tympan.studies.diagnosis.transients.ringing import Ringing, ringing
+from tympan.studies.diagnosis.transients.sampled_run import SampledRun, faults, run_of
+from tympan.studies.files import words_beside
+
+Array = NDArray[np.float64]
+
+#: Sentences, by key.
+WORDS = words_beside(__file__)
+
+#: Blocks after a jump for each factor e in time, and in a hold at most; samples of a record that
+#: are readings each.
+_BLOCKS, _MOST, _FEW = 4, 40, 60
+
+#: Shortest block in correlation times, samples a block needs.
+_APART, _LEAST = 8.0, 3
+
+#: Factor beyond which a frequency is none of a weight on a spring that gives way so far.
+_APART_FROM_USUAL = 4.0
+
+#: Of the shift of a swing's mean by the film's curvature, the share that is not known; of what a
+#: swing does in a sample the share that a mean may be off.
+_UNSURE, _RAGGED = 0.1, 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class BlockMean:
+    """Samples ``first`` to before ``last`` of a record, their mean [m] and its deviation [m].
+
+    ``jump``: the number of the jump before it, -1 for none; ``voltage``: root of the mean square.
+    """
+
+    first: int
+    last: int
+    jump: int
+    passage: Passage
+    voltage: float
+    mean: float
+    sigma: float
+
+
+@dataclass(frozen=True, eq=False)
+class ThinnedRecord:
+    """Means of a record's blocks, and what its plate's swings say, by the number of the jump."""
+
+    blocks: tuple[BlockMean, ...]
+    swings: dict[int, Ringing]
+    correlation: float
+
+
+def block_means(record: SampledRun, noise: float | None = None) -> ThinnedRecord:
+    """A record's readings; ``noise``: of a sample [m], where the record is too short to tell it."""
+    if len(record.time) <= _FEW:
+        return _each(record, noise)
+    history, jumps = record.history, record.jumps
+    holds = list(pairwise([0, *jumps.tolist(), len(record.time)]))
+    swings = {number: rung for number, (begin, end) in enumerate(holds[1:])
+              if (rung := ringing(record.time[begin:end], record.displacement[begin:end]))}
+    period = max((1 / swing.frequency for swing in swings.values()), default=0.0)
+    begin, end = max(holds, key=lambda hold: hold[1] - hold[0])
+    colour = noise_density(record.time[begin:end], record.displacement[begin:end],
+                           1 / period if period else 0.0)
+    density, correlation = colour.density, colour.correlation
+    if noise and not np.isfinite(density):
+        density = noise**2 * float(np.median(np.diff(record.time)))
+    blocks = []
+    for number, (begin, end) in enumerate(holds, -1):
+        swing = swings.get(number)
+        whole = 1 / swing.frequency if swing else period if number < 0 else 0.0
+        for first, last in _blocks(record.time[begin:end], whole, _APART * correlation):
+            blocks.append(_mean(record, history, begin + first, begin + last, number,
+                                begin if number >= 0 else -1, density))
+    return ThinnedRecord(tuple(blocks), swings, correlation)
+
+
+def _each(record: SampledRun, noise: float | None) -> ThinnedRecord:
+    """Every sample of a short record as it is."""
+    history, jumps = record.history, record.jumps
+    blocks = []
+    for row, time in enumerate(record.time.tolist()):
+        number = int(np.searchsorted(jumps, row, "right")) - 1
+        switched = nan if number < 0 else record.switched(jumps[number])
+        blocks.append(BlockMean(row, row + 1, number, Passage(history, time, time, switched),
+                                float(record.voltage[row]), float(record.displacement[row]),
+                                nan if noise is None else noise))
+    return ThinnedRecord(tuple(blocks), {}, 0.0)
+
+
+def _mean(record: SampledRun, history: VoltageHistory, first: int, last: int, number: int,
+          jump: int, density: float) -> BlockMean:
+    span = slice(first, last)
+    step = float(record.time[first] - record.time[first - 1]) if first else float(
+        record.time[1] - record.time[0])
+    begin, end = (float(record.time[row]) + shift for row, shift in (
+        (first, -step / 2), (last - 1, step / 2)))
+    values = record.displacement[span]
+    line = np.polyval(np.polyfit(record.time[span], values, 1), record.time[span])
+    swing = float(np.mean((values - line) ** 2)) if last - first > _LEAST else 0.0
+    swing = max(swing - density / max(step, 1e-9), 0.0)
+    switched = nan if jump < 0 else record.switched(jump)
+    begin = 0.0 if not first else switched if first == jump else begin
+    passage = Passage(history, begin, end, switched, swing)
+    size = max(abs(float(values.mean())), 1e-9)
+    # Whole swings end between two samples.
+    ragged = _RAGGED * np.sqrt(swing) * step / (end - begin)
+    unsure = np.hypot(_UNSURE * swing / size, ragged)
+    return BlockMean(first, last, number, passage, float(np.sqrt(np.mean(
+        record.voltage[span] ** 2))), float(values.mean()),
+        float(np.hypot(np.sqrt(density / (end - begin)), unsure)))
+
+
+def _blocks(time: Array, period: float, shortest: float) -> Iterator[tuple[int, int]]:
+    """First and last samples of blocks ever longer, whole periods long where there are any."""
+    step = float(np.median(np.diff(time))) if len(time) > 1 else 1.0
+    least = max(shortest, _LEAST * step)
+    length = len(time) * step
+    count = min(_MOST, max(4, int(_BLOCKS * np.log(max(length / least, 1.0)))))
+    growth = max((length / least) ** (1 / count), 1.02)
+    begin = 0.0
+    while begin < length - 0.5 * step:
+        end = max(begin + least, growth * begin)
+        if period:
+            end = begin + period * max(1, np.ceil((end - begin) / period - 1e-9))
+        if length - end < 0.5 * (end - begin):
+            whole = np.floor((length - begin) / period + 1e-9) * period if period else 0.0
+            end = begin + whole if whole else length
+            edges = np.searchsorted(time - time[0] + step / 2, [begin, end])
+            if edges[1] - edges[0] >= _LEAST:
+                yield int(edges[0]), int(edges[1])
+            return
+        edges = np.searchsorted(time - time[0] + step / 2, [begin, end])
+        if edges[1] - edges[0] >= _LEAST:
+            yield int(edges[0]), int(edges[1])
+        begin = end
+
+
+def transient_rows(transients: Sheet, numbers: dict[str, int], noise: float | None, rig: Rig
+                   ) -> tuple[list[ReadingTable], list[str]]:
+    """The rows of every run that can be used, and remarks on what was done and left out.
+
+    ``noise`` of a sample [m], where it is stated.
+    """
+    keys = np.unique(np.stack([np.unique(transients[name], return_inverse=True)[1].ravel()
+                               for name in ("specimen", "mass", "run")]), axis=1,
+                     return_inverse=True)[1].ravel()
+    tables, remarks, counts = list[ReadingTable](), list[str](), [0, 0]
+    for number in range(int(keys.max()) + 1):
+        rows_ = np.flatnonzero(keys == number)
+        record = run_of(transients, rows_)
+        words = {"file": transients.file.name, "name": f"{transients.specimen[rows_[0]]}, "
+                 f"{1e3 * transients.mass[rows_[0]]:.4g} g, {transients.run[rows_[0]]}"}
+        wrong = faults(record)
+        if wrong.words:
+            remarks.append(WORDS["left_out" if wrong.fatal else "beware"].format(
+                **words, reason=wrong.words))
+        if wrong.fatal:
+            continue
+        few = block_means(record, noise)
+        off = _out_of_time(few, rig)
+        if off is not None:
+            remarks.append(WORDS["left_out"].format(**words, reason=off))
+            continue
+        counts = [counts[0] + len(rows_), counts[1] + len(few.blocks)]
+        tables += _rows(record, few, numbers[str(transients.specimen[rows_[0]])],
+                        float(transients.mass[rows_[0]]), str(transients.run[rows_[0]]),
+                        transients.file.name)
+    if counts[0] > counts[1]:
+        remarks.append(WORDS["thinned"].format(samples=counts[0], blocks=counts[1]))
+    return tables, remarks
+
+
+def _out_of_time(few: ThinnedRecord, rig: Rig) -> str | None:
+    """What is wrong with times by which the plate swings as no weight on this film can.
+
+    A weight on a spring that gives way by y has 2πf = √(g/y).
+    """
+    if rig.gas_pressure or rig.biases or not few.blocks:
+        return None
+    usual = float(np.sqrt(rig.gravity / max(abs(few.blocks[0].mean), 1e-9))) / (2 * np.pi)
+    for swing in few.swings.values():
+        if not usual / _APART_FROM_USUAL < swing.frequency < usual * _APART_FROM_USUAL:
+            return WORDS["out_of_time"].format(frequency=swing.frequency, usual=usual)
+    return None
+
+
+def _rows(record: SampledRun, few: ThinnedRecord, specimen: int, mass: float, run: str, file: str
+          ) -> list[ReadingTable]:
+    """Displacements of blocks, counted from the state before the last jump; what swings say."""
+    blocks = few.blocks
+    history = record.history
+    passages = [Passage(history, 0.0, 0.0), *(block.passage for block in blocks)]
+    times = [0.0, *(float(record.time[block.first:block.last].mean()) for block in blocks)]
+    voltage = [float(record.voltage[0]), *(block.voltage for block in blocks)]
+    jump = np.array([-1, *(block.jump for block in blocks)])
+    states = replace(States.of([specimen] * len(jump), np.full(len(jump), mass),
+                               np.array(voltage), np.array(times)), passage=_objects(passages))
+    # The first state is not read: there the run begins.
+    before = np.array([np.flatnonzero(jump < max(number, 0))[-1] for number in jump.tolist()])
+    table = rows(states, "displacement", np.array([1.0, *(block.sigma for block in blocks)]),
+                 np.array([0.0, *(block.mean for block in blocks)]), run=run, file=file,
+                 line=np.array([0, *(record.line[block.first] for block in blocks)]))
+    tables = [replace(table, since=np.where(jump >= 0, before, -1))[np.arange(1, len(jump))]]
+    swings = {number: swing for number, swing in few.swings.items() if (jump == number).any()}
+    last = np.array([np.flatnonzero(jump == number)[-1] for number in swings], dtype=np.int64)
+    kinds: tuple[Kind, ...] = ("frequency", "decay")
+    for kind in kinds if swings else ():
+        value, sigma = (np.array([getattr(swing, name) for swing in swings.values()])
+                        for name in (kind, f"{kind}_sigma"))
+        tables.append(rows(states[last], kind, sigma, value, run=run, file=file,
+                           line=table.line[last]))
+    return tables
+
+
+def _objects(items: list[Passage]) -> NDArray[np.object_]:
+    """An array of these, each as it is."""
+    result = np.empty(len(items), dtype=object)
+    result[:] = items
+    return result

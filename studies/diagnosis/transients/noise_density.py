@@ -1,0 +1,74 @@
+"""The noise of samples whatever its colour: white, and a part of first order beside it.
+
+Its spectrum is S_w + S_c/|1 − φ e^(−iω)|² (1 − φ)²; by Whittle's likelihood of the periodogram of
+what slow curves leave, without the frequencies at which the plate swings. The mean over a time T
+that is long beside the correlation time has the variance (S_w + S_c)/T.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import nan
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize
+
+Array = NDArray[np.float64]
+
+#: Fewest samples; lowest frequencies that slow curves spoil; how far about a swing's frequency and
+#: its multiples nothing is used, as a share, and how many multiples.
+_FEWEST, _SPOILT, _ABOUT, _MULTIPLES = 64, 4, 0.25, 4
+
+#: Correlation times that fits begin with, in samples.
+_STARTS = (2.0, 8.0, 40.0)
+
+#: What a coloured part must gain in the logarithm of likelihood to be one.
+_CLEAR = 4.0
+
+
+@dataclass(frozen=True)
+class NoiseDensity:
+    """Spectral density at frequency 0 [m² s] and correlation time [s], 0 for white noise."""
+
+    density: float
+    correlation: float
+
+
+def noise_density(time: Array, value: Array, frequency: float = 0.0) -> NoiseDensity:
+    """Of evenly spaced samples after a jump; nan of too few. ``frequency`` of a swing [Hz]."""
+    if len(time) < _FEWEST:
+        return NoiseDensity(nan, 0.0)
+    step, since = float(np.median(np.diff(time))), time - time[0]
+    # A window keeps a swing's power near its frequency.
+    window = np.hanning(len(time))
+    logs = np.log1p(since / step)
+    columns = np.stack([np.ones(len(time)), since / since[-1], *(logs**k for k in (1, 2, 3, 4))], 1)
+    rest = value - columns @ np.linalg.lstsq(columns, value, rcond=None)[0]
+    power = np.abs(np.fft.rfft(rest * window)) ** 2 * step / float(window @ window)
+    at = np.fft.rfftfreq(len(time), step)
+    used = np.arange(len(at)) >= _SPOILT
+    for multiple in range(1, _MULTIPLES + 1) if frequency else ():
+        used &= np.abs(at - multiple * frequency) > _ABOUT * frequency
+    power, turn = power[used], 2 * np.pi * at[used] * step
+    white = float(power.mean())
+
+    def spectrum(x: Array) -> Array:
+        kept = np.exp(-1 / np.exp(np.clip(x[2], -3, np.log(len(time)))))
+        shape = (1 - kept) ** 2 / (1 - 2 * kept * np.cos(turn) + kept**2)
+        return np.asarray(np.exp(np.clip(x[0], -100, 5)) + np.exp(np.clip(x[1], -100, 5)) * shape)
+
+    def cost(x: Array) -> float:
+        model = spectrum(x)
+        return float(np.sum(np.log(model) + power / white / model))
+
+    fits = [minimize(cost, [np.log(0.3), np.log(low), np.log(length)], method="Nelder-Mead",
+                     options={"xatol": 1e-2, "fatol": 1e-2, "maxiter": 400})
+            for length in _STARTS for low in (1.0,)]
+    best = min(fits, key=lambda fit: float(fit.fun))
+    if len(power) - best.fun < _CLEAR:
+        return NoiseDensity(white, 0.0)
+    parts = np.exp(best.x[:2])
+    share = parts[1] / parts.sum()
+    return NoiseDensity(white * float(parts.sum()),
+                        step * float(np.exp(min(best.x[2], np.log(len(time)))) * share))

@@ -1,0 +1,166 @@
+"""Runs in time of circular actuators, by none of the project's solvers.
+
+The film is the axisymmetric one of :mod:`tests.oracles.creep`, in time by Runge and Kutta's method.
+Where the plate swings its forces are that film's, tabulated, and the plate, the circuit and the
+sensor's filter are followed by DOP853.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+from scipy.interpolate import RectBivariateSpline
+
+from tests.oracles.creep import CreepingFilm
+
+Array = NDArray[np.float64]
+GRAVITY = 9.80665
+#: Radii of plate and frame [m], by name.
+SHAPES = {"small": (8e-3, 3e-2), "middle": (1e-2, 4.5e-2), "large": (1e-2, 7e-2)}
+MASSES, VOLTAGES = (1e-2, 2e-2), (0.0, 1.5e3, 2.5e3, 3.2e3)
+
+SPECIMEN = """[[specimen]]
+name = "{name}"
+frame = {{ shape = "circle", radius = "{frame} m" }}
+plate = {{ shape = "circle", radius = "{plate} m" }}
+[specimen.membrane]
+thickness = "1 mm"
+prestretch = [{stretch!r}, {stretch!r}]
+relative_permittivity = 4.7
+material = {{ law = "neo_hooke", mu = "20 kPa" }}
+"""
+
+
+@dataclass(frozen=True)
+class Hidden:
+    """What is there and nobody states [SI]; stiffness and permittivity are factors."""
+
+    branch: float = 0.0
+    time: float = 5.0
+    damping: float = 0.0
+    resistance: float = 0.0
+    lag: float = 0.0
+    added: float = 0.0
+    stiffness: float = 1.05
+    permittivity: float = 0.97
+
+
+@dataclass(frozen=True)
+class Run:
+    """How runs are made: voltage from 0 on [V], their length [s], samples a second before and after
+    the plate has swung out, noise of a sample [m] and its correlation time [s]."""
+
+    voltage: float = 4.2e3
+    length: float = 30.0
+    rate: float = 100.0
+    before: int = 20
+    noise: float = 10e-6
+    correlated: float = 0.0
+    shapes: tuple[str, ...] = tuple(SHAPES)
+    masses: tuple[float, ...] = MASSES
+    swings: bool = False
+
+
+def film_of(shape: str, hidden: Hidden) -> CreepingFilm:
+    a, b = SHAPES[shape]
+    return CreepingFilm(a, b, 1e-3, 5**0.5, 20e3 * hidden.stiffness, max(hidden.branch, 1e-3),
+                        hidden.time, 4.7 * hidden.permittivity)
+
+
+@cache
+def forces_of(shape: str, hidden: Hidden) -> RectBivariateSpline:
+    """The film's force on its plate [N] by heave [m] and U² [V²]."""
+    film = film_of(shape, hidden)
+    heaves, squares = np.linspace(0.0, 6e-3, 13), np.linspace(0.0, 5e3**2, 6)
+    table = np.empty((len(heaves), len(squares)))
+    for column, squared in enumerate(squares):
+        x = np.zeros(2 * film.degree + 1)
+        for row, heave in enumerate(heaves):
+            x[-1] = heave
+            x, *_ = film.at_rest(0.0, float(squared**0.5), None, x, fixed=True)
+            table[row, column] = film.pull
+    return RectBivariateSpline(heaves, squares, table, kx=5, ky=3)
+
+
+def capacitance_of(shape: str, hidden: Hidden) -> float:
+    """Of the flat film [F]."""
+    a, b = SHAPES[shape]
+    return 8.8541878128e-12 * 4.7 * hidden.permittivity * np.pi * (b**2 - a**2) * 5 / 1e-3
+
+
+def noise_of(count: int, run: Run, random: np.random.Generator) -> Array:
+    """White, or of first order with a correlation time."""
+    white = random.standard_normal(count)
+    if not run.correlated:
+        return run.noise * white
+    kept = np.exp(-1 / run.rate / run.correlated)
+    noise = np.empty(count)
+    last = white[0]
+    for number in range(count):
+        noise[number] = last = kept * last + (1 - kept**2) ** 0.5 * white[number]
+    return run.noise * noise
+
+
+def creeping(shape: str, mass: float, hidden: Hidden, run: Run, when: Array) -> Array:
+    """Deflections [m] at times [s] after the step of a film whose plate follows it."""
+    film, load = film_of(shape, hidden), mass * GRAVITY
+    times = np.geomspace(when[0] / 2, when[-1], 25)
+    path = film.history((load, 0.0), (load, run.voltage), times)[1:]
+    return np.interp(np.log(when), np.log(times), path)
+
+
+def swinging(shape: str, mass: float, hidden: Hidden, run: Run, when: Array) -> Array:
+    """The same of a plate that swings, of a film that charges, by a sensor that is late."""
+    force, load = forces_of(shape, hidden), mass * GRAVITY
+    start = film_of(shape, hidden).at_rest(load, 0.0, None)[0][-1]
+    lag = hidden.resistance * capacitance_of(shape, hidden)
+
+    def rate(time: float, state: Any) -> Any:
+        y, v, shown = state
+        voltage = run.voltage * (1 - np.exp(-time / lag)) if lag else run.voltage
+        push = load - float(force(y, voltage**2)[0, 0]) - hidden.damping * v
+        late = (y - shown) / hidden.lag if hidden.lag else 0.0
+        return [v, push / (mass + hidden.added), late]
+
+    done = solve_ivp(rate, (0.0, when[-1]), [start, 0.0, start], "DOP853", t_eval=when, rtol=1e-9,
+                     atol=1e-12)
+    return done.y[2 if hidden.lag else 0]
+
+
+def write(folder: Path, hidden: Hidden, run: Run = Run(), seed: int = 0) -> Path:
+    """A dataset of readings at rest and of steps with these things hidden in it."""
+    random = np.random.default_rng(seed)
+    folder.mkdir(parents=True)
+    (folder / "dataset.toml").write_text(
+        f'name = "hidden"\nnoise = "{1e6 * run.noise} um"\n' + "".join(
+            SPECIMEN.format(name=name, plate=SHAPES[name][0], frame=SHAPES[name][1],
+                            stretch=5**0.5) for name in run.shapes), encoding="utf-8")
+    static = ["specimen,mass_g,voltage_kV,displacement_mm"]
+    transient = ["specimen,mass_g,run,t_s,voltage_kV,displacement_mm"]
+    when = np.arange(1, round(run.length * run.rate) + 1) / run.rate - 0.5 / run.rate
+    for name in run.shapes:
+        for mass in run.masses:
+            film, load = film_of(name, hidden), mass * GRAVITY
+            for voltage in VOLTAGES:
+                rest = film.at_rest(load, voltage, None)[0][-1]
+                read = rest + run.noise * random.standard_normal()
+                static.append(f"{name},{1e3 * mass!r},{voltage / 1e3!r},{1e3 * read:.7g}")
+            follow = swinging if run.swings else creeping
+            path = follow(name, mass, hidden, run, when)
+            start = film.at_rest(load, 0.0, None)[0][-1]
+            read = np.r_[np.full(run.before, start), path]
+            read = read + noise_of(len(read), run, random)
+            time = np.r_[(np.arange(run.before) - run.before + 0.5) / run.rate, when]
+            voltage = np.r_[np.zeros(run.before), np.full(len(when), run.voltage)]
+            transient += [f"{name},{1e3 * mass!r},a,{t - time[0]:.6g},{u / 1e3!r},{1e3 * y:.7g}"
+                          for t, u, y in zip(time.tolist(), voltage.tolist(), read.tolist(),
+                                             strict=True)]
+    (folder / "static.csv").write_text("\n".join(static) + "\n", encoding="utf-8")
+    (folder / "transient.csv").write_text("\n".join(transient) + "\n", encoding="utf-8")
+    return folder
