@@ -340,10 +340,11 @@ class Specimen:
     def axisymmetric(self) -> bool:
         """Whether a rotation about the frame's centre changes nothing."""
         even = self.membrane.thickness_gradient == (0.0, 0.0)
-        edges = [self.frame, *(part.outline for part in (self.plate,) if part is not None)]
+        inside = [part for part in (self.plate, self.electrode.outline) if part is not None]
+        edges = [self.frame, *(part.outline for part in inside)]
         round_edges = all(outline.semi_axes[0] == outline.semi_axes[1]
                           and isinstance(outline, Circle | Ellipse) for outline in edges)
-        centred = self.plate is None or self.plate.offset == (0.0, 0.0)
+        centred = all(part.offset == (0.0, 0.0) for part in inside)
         film = self.membrane.prestretch
         return even and round_edges and centred and film[0] == film[1]
 

@@ -228,3 +228,11 @@ def test_bad_outlines_are_named(tmp_path: Path, old: str, new: str, key: str, wo
     with pytest.raises(InputError, match=words) as caught:
         load_specimen(file)
     assert (caught.value.file, caught.value.key) == (file, key)
+
+
+@pytest.mark.parametrize(("region", "even"), [
+    (Region(Circle(20e-3)), True), (Region(Circle(20e-3), (5e-3, 0.0)), False),
+    (Region(Ellipse((30e-3, 20e-3))), False)])
+def test_only_a_round_electrode_about_the_centre_leaves_a_film_axisymmetric(region: Region,
+                                                                            even: bool) -> None:
+    assert specimen(region).axisymmetric is even
