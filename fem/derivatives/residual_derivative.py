@@ -126,8 +126,10 @@ class ResidualDerivative:
         """
         mine = self.at.model
         result = self._by_film(model, state)
-        if np.any(model.pull != mine.pull):
-            result = result - self._nodal[:, :, 2] @ model.weight[:, 2].imag
+        if np.any(np.imag(model.pull)):
+            mesh = mine.discretisation
+            lift = self._nodal[:, mesh.connectivity, 2] @ mesh.shapes.T
+            result = result - np.tensordot(lift, np.imag(model.pull) * mesh.weights, axes=2)
         if np.imag(state.pressure):
             nodes = mine.discretisation.connectivity
             volume = np.tensordot(self._nodal[:, nodes], self.at.volume[0], axes=3)

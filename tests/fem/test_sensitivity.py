@@ -70,6 +70,31 @@ def test_gradients_are_the_limit_of_differences(solved, name: str) -> None:
         assert before / after > 3.5 or after < 1e-7 * size, label
 
 
+@pytest.fixture(scope="module")
+def uneven() -> Model:
+    """Thicker on one side, and heavy."""
+    film = skewed()
+    return replace(model(replace(film, membrane=replace(
+        film.membrane, thickness_gradient=(0.2, 0.1), density=960.0)), refine=0.7, order=2),
+        loading=LOADING)
+
+
+@pytest.mark.parametrize("name", [
+    "membrane.thickness_gradient.0", "membrane.thickness_gradient.1", "membrane.density",
+    "membrane.prestretch.0", "frame.semi_axes.0", "plate.outline.radius", "plate.offset.1",
+    "electrode.margin_frame", "electrode.margin_plate"])
+def test_gradients_of_an_uneven_film_are_the_limit_of_differences(uneven: Model, name: str) -> None:
+    """What is thicker stays where it is as lengths change, and is pulled down more."""
+    solution = equilibrium(uneven, FORCE, VOLTAGE, PRESSURE).solution
+    heave, parameter = QUANTITIES["heave"], parameters(uneven)[name]
+    exact = gradient_many(uneven, solution, {"": heave}, {name: parameter})[""][name]
+    step, ends = 2e-3 * parameter.value(uneven, solution.state), []
+    for change in (step, -step):
+        other, start = parameter.changed(uneven, solution.state, change)
+        ends.append(heave.value(other, newton(other, start).state))
+    assert (ends[0] - ends[1]) / (2 * step) == pytest.approx(exact, rel=1e-4)
+
+
 def test_the_factors_of_the_solve_suffice(solved, monkeypatch: pytest.MonkeyPatch) -> None:
     """Nothing is factorised, and the adjoint solution solves the equilibrium's own tangent; without
     refinement not."""
