@@ -5,7 +5,7 @@ from __future__ import annotations
 import shutil
 import tempfile
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -27,11 +27,12 @@ SEEDS = 20
 
 @dataclass(frozen=True)
 class Ends:
-    """The lowest and the highest level [kV], and whose they are."""
+    """The lowest and the highest level [kV], whose they are, and how long each is held [s]."""
 
     name: str
     low: float
     high: float
+    dwell: float | None = None
 
 
 def ends_of_seeds(count: int = SEEDS) -> list[Ends]:
@@ -44,12 +45,14 @@ def ends_of_seeds(count: int = SEEDS) -> list[Ends]:
 
 
 def with_ends(ends: Ends, folder: Path) -> Path:
-    """A copy of the dataset whose ranges are between other voltages."""
+    """A copy of the dataset whose ranges are between other voltages, or of levels that are held."""
     shutil.copytree(FOLDER, folder)
     file = folder / "range.csv"
     head, *rows = file.read_text(encoding="utf-8").splitlines()
-    moved = [",".join([*cells[:2], f"{ends.low:.4f}", f"{ends.high:.4f}", cells[4]])
+    dwell = [] if ends.dwell is None else [f"{ends.dwell:g}"]
+    moved = [",".join([*cells[:2], f"{ends.low:.4f}", f"{ends.high:.4f}", cells[4], *dwell])
              for cells in (row.split(",") for row in rows)]
+    head = ",".join([head, "dwell_s"] if dwell else [head])
     file.write_text("\n".join([head, *moved]) + "\n", encoding="utf-8")
     return folder
 
@@ -63,15 +66,18 @@ def judged(ends: Ends) -> dict[str, Any]:
 def section(folder: Path) -> str:
     """Verdict, evidence, misfit before and after, other ends, what would decide, a picture."""
     stated, others = Ends("as stated", 0.0, 7.0), ends_of_seeds()
+    paused = replace(stated, name="as stated, held for 30 s", dwell=30.0)
     records = {ends.name: (ends, judged(ends))
-               for ends in (stated, others[0], others[len(others) // 2])}
-    record = records[stated.name][1]
+               for ends in (stated, paused, others[0], others[len(others) // 2])}
+    record, in_time = records[stated.name][1], records[paused.name][1]
+    creep = next(entry for entry in in_time["attempts"] if entry["effect"] == "creep")
     misfit, after = record["misfit"], record["after"] or {}
     return words("table2").format(
         verdict=record["verdict"], headline=record["headline"],
         before=misfit["baseline_rmse_um"], noise=misfit["noise_um"], p=misfit["p_value"],
         where=misfit["where"], ratios=_ratios(misfit["ratios"]),
         after=after.get("rmse_um", float("nan")), after_p=after.get("p_value", float("nan")),
+        creep=creep["headline"], creep_share=creep["explains"],
         attempts=_attempts(record["attempts"]), unknown=record["probability"]["unknown"],
         ends=table(["levels", "lowest, highest [kV]", "misfit at rest [µm]", "verdict", "left [µm]",
                     "causes"], _by_ends(records.values())),
