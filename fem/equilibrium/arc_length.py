@@ -96,7 +96,7 @@ class Branch:
         further = step - product(self.model, point.direction, motion)
         further /= product(self.model, point.direction, near.direction)
         guess = moved(self.model, near.state, near.direction, further,
-                      {self.load: near.rate * further})
+                      {self.load: near.rate})
         point.solution.release()
         near.solution.release()
         return self._solved(guess, arc_length(point.state, point.direction, step))
