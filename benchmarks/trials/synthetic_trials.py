@@ -122,10 +122,9 @@ def design(name: str, specimens: Sequence[Specimen], effects: Sequence[str] = tu
 def design_of(name: str, setup: Setup, states: States, effects: Sequence[str] = tuple(EFFECTS)
               ) -> Design:
     """Displacements of states, and the effects that ramps like theirs can show."""
-    both = states.direction.min() < 0
+    shown = {"elapsed_s", "direction"} if states.direction.min() < 0 else {"elapsed_s"}
     causes = tuple(Cause(name, which) for name in effects for which in EFFECTS[name].choices(setup)
-                   if (both or "direction" not in EFFECTS[name].columns)
-                   and "frequency_Hz" not in EFFECTS[name].columns)
+                   if shown.issuperset(EFFECTS[name].columns))
     return Design(name, setup, _read(states), causes)
 
 

@@ -104,10 +104,11 @@ def test_every_field_of_a_dataset_is_the_one_of_its_column(tmp_path) -> None:
         tmp_path / "d",
         HEAD + 'noise = "50 um"\nsource = "lab book 7"\n'
                '[rig]\ngravity = "9.81 m/s^2"\nspring = "5 N/m"\n',
-        static="tilt_mrad,film_voltage_kV,capacitance_pF,sigma_mm,direction,elapsed_s,order,repeat,run,displacement_mm,"
-               "voltage_kV,mass_g,specimen\n\n1,2,3,4,down,5,6,seventh,eighth,9,10,11,B\n,,,,,,,,,-1,0,2,A\n",
+        static="tilt_mrad,film_voltage_kV,capacitance_pF,sigma_mm,dwell_min,direction,elapsed_s,order,"
+               "repeat,run,displacement_mm,"
+               "voltage_kV,mass_g,specimen\n\n1,2,3,4,0.5,down,5,6,seventh,eighth,9,10,11,B\n,,,,,,,,,,-1,0,2,A\n",
         range="specimen,mass_kg,voltage_min_V,voltage_max_kV,range_um\nB,0.5,1,2,3\n",
-        transient="specimen,mass_g,run,t_min,voltage_kV,displacement_mm\nA,1,x,2,3,4\n",
+        transient="rest_min,specimen,mass_g,run,t_min,voltage_kV,displacement_mm\n1,A,1,x,2,3,4\n",
         coupon="mode,stretch,nominal_stress_kPa,run,t_s,specimen\nuniaxial,2,35,r,4,strip\n",
         frequency="quality,mode,frequency_kHz,sigma_Hz,voltage_kV,mass_g,specimen\n"
                   "9,heave,0.011,0.5,2,7,B\n"))
@@ -120,14 +121,14 @@ def test_every_field_of_a_dataset_is_the_one_of_its_column(tmp_path) -> None:
         "specimen": "B", "mass": pytest.approx(11e-3), "voltage": 10e3,
         "displacement": pytest.approx(9e-3),
         "run": "eighth", "repeat": "seventh", "order": 6, "elapsed": 5, "direction": "down",
-        "sigma": pytest.approx(4e-3), "capacitance": pytest.approx(3e-12), "film_voltage": 2e3,
-        "tilt": pytest.approx(1e-3), "line": 3}
+        "sigma": pytest.approx(4e-3), "dwell": 30, "capacitance": pytest.approx(3e-12),
+        "film_voltage": 2e3, "tilt": pytest.approx(1e-3), "line": 3}
     assert dataset.channels(static) == ("capacitance", "film_voltage", "tilt")
     assert static.line.tolist() == [3, 4]
     assert [values[0] for values in ranges.values.values()][:5] == [
         "B", 0.5, 1, 2e3, pytest.approx(3e-6)]
     assert [values[0] for values in transients.values.values()] == [
-        "A", pytest.approx(1e-3), "x", 120, 3e3, pytest.approx(4e-3)]
+        "A", pytest.approx(1e-3), "x", 120, 3e3, pytest.approx(4e-3), 60]
     assert transients.line[0] == 2
     assert (coupons.stress[0], coupons.time[0], coupons.run[0]) == (35e3, 4, "r")
     assert [values[0] for values in frequencies.values.values()] == [

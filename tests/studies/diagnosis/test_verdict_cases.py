@@ -12,6 +12,7 @@ import pytest
 from benchmarks.trials.synthetic_trials import circles
 from benchmarks.trials.verdict_cases.__main__ import PROGRAM, right, said_by, within
 from benchmarks.trials.verdict_cases.made import CASES, FOLDER, write
+from tympan.studies.data.dataset import read_dataset
 
 SPRING = {"effect": "parallel_spring",
           "parameters": {"k": {"value": 4.1, "unit": "N/m", "low": 3.9, "high": 4.3}}}
@@ -57,14 +58,17 @@ def test_the_program_itself_is_right_where_nothing_is_hidden() -> None:
 def test_a_folder_is_what_its_script_makes(tmp_path: Path, name: str) -> None:
     case, = (case for case in CASES if case.name == name)
     write(case, circles(), tmp_path / name)
-    for file in ("dataset.toml", "expected.json"):
-        assert (tmp_path / name / file).read_text() == (FOLDER / name / file).read_text()
+    assert (tmp_path / name / "expected.json").read_text() == (
+        FOLDER / name / "expected.json").read_text()
+    made, kept = (read_dataset(folder / name) for folder in (tmp_path, FOLDER))
+    assert (made.specimens, made.rig, made.noise) == (kept.specimens, kept.rig, kept.noise)
     lines = [(folder / name / "static.csv").read_text().splitlines()
              for folder in (tmp_path, FOLDER)]
     assert lines[0][0] == lines[1][0]
-    for made, kept in zip(*(part[1:] for part in lines), strict=True):
-        assert made.split(",")[:3] == kept.split(",")[:3]
-        assert float(made.split(",")[3]) == pytest.approx(float(kept.split(",")[3]), abs=1e-6)
+    for pair in zip(*(part[1:] for part in lines), strict=True):
+        new, old = (line.split(",") for line in pair)
+        assert new[:3] == old[:3]
+        assert float(new[3]) == pytest.approx(float(old[3]), abs=1e-6)
 
 
 def test_there_is_a_folder_for_every_case() -> None:
