@@ -100,9 +100,9 @@ def _static_warnings(dataset: Dataset) -> Iterator[str]:
     if static is None:
         return
     timed = np.isfinite(static.order) | np.isfinite(static.elapsed)
-    if not timed.any():
+    if not timed.any() and dataset.transients is None:
         yield WORDS["no_times"]
-    elif not timed.all():
+    elif timed.any() and not timed.all():
         yield WORDS["some_times"].format(timed=timed.sum(), count=len(static))
     directions = set(static.direction.tolist()) - {""}
     if len(directions) == 1 or (not directions and timed.all() and _only_up(static)):

@@ -400,7 +400,7 @@ def test_the_command_says_what_is_there(tmp_path, capsys) -> None:
     assert ("noise      from repeats: 70.71 um (95 %: 49.41 to 124.1, 10 degrees of freedom)"
             in printed)
     assert "static.csv     20 readings, SHA-256 " in printed
-    assert "warning: neither order nor elapsed_s" in printed
+    assert "warning: direction is not recorded" in printed
 
 
 def test_a_hundred_thousand_rows(tmp_path) -> None:
@@ -415,3 +415,12 @@ def test_a_hundred_thousand_rows(tmp_path) -> None:
     assert noise is not None
     assert noise.low < 50e-6 < noise.high
     assert summary(data)["files"][1]["readings"] == 100_000
+
+
+def test_runs_in_time_tell_drift_from_the_voltage(tmp_path) -> None:
+    """Of readings at rest beside them nobody need know when they were made."""
+    run = "specimen,mass_g,run,t_s,voltage_kV,displacement_mm\nA,17.9,1,0,0,1\nA,17.9,1,1,3,1.2\n"
+    for files, said in (({}, True), ({"transient": run}, False)):
+        folder = write_dataset(tmp_path / f"d{said}", static=TOP + ROW, **files)
+        warnings = dataset_warnings(read_dataset(folder))
+        assert any("neither order nor elapsed_s" in words for words in warnings) is said
