@@ -33,7 +33,7 @@ _SEPARATORS = (",", ";", "\t")
 DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+(?:[eE][-+]?\d+)?", re.ASCII)
 
 #: Most rows and columns of a workbook.
-_MOST_ROWS, _MOST_COLUMNS = 1_000_000, 1_000
+_MOST_ROWS, _MOST_COLUMNS = 300_000, 100
 
 #: The name of a column of a wide table: "circle 17.9 g displacement_mm up".
 _WIDE = re.compile(r"(?P<specimen>.+?)\s+(?P<mass>[\d.,]+\s*[a-z]+)\s+"
@@ -115,7 +115,7 @@ def workbook_rows(file: Path, content: bytes) -> list[Row]:
             book = load_workbook(io.BytesIO(content), read_only=True, data_only=True)
             names = {sheet.title.lower(): sheet for sheet in book.worksheets}
             sheet = names.get(file.stem.lower()) or book.worksheets[0]
-            cells = list(islice(sheet.iter_rows(values_only=True, max_col=_MOST_COLUMNS),
+            cells = list(islice(sheet.iter_rows(values_only=True, max_col=_MOST_COLUMNS + 1),
                                 _MOST_ROWS + 1))
     except Exception as error:  # whatever a broken archive or its XML raises
         raise InputError(f"is no workbook that can be read: {error}", file=file) from None
@@ -124,6 +124,8 @@ def workbook_rows(file: Path, content: bytes) -> list[Row]:
     rows = [(line, [_text(cell) for cell in row]) for line, row in enumerate(cells, start=1)]
     rows = [(line, row) for line, row in rows if any(row)]
     width = max((place for _, row in rows for place, cell in enumerate(row, 1) if cell), default=0)
+    if width > _MOST_COLUMNS:
+        raise InputError(f"must have at most {_MOST_COLUMNS} columns", file=file)
     return [(line, (row + [""] * width)[:width]) for line, row in rows]
 
 

@@ -104,6 +104,7 @@ BAD = [
     (workbook(LONG.replace("2.875", "low")), ".xlsx",
      "static.xlsx: line 5, column 4 (displacement_mm): given 'low': must be a number"),
     (workbook(""), ".xlsx", "static.xlsx: is empty"),
+    (workbook(",".join(["x"] * 101)), ".xlsx", "static.xlsx: must have at most 100 columns"),
 ]
 
 
