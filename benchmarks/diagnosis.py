@@ -17,7 +17,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from tympan.fem.equilibrium.ramp import voltage_path
+from tympan.fem.equilibrium.voltage_path import voltage_path
 from tympan.fem.rig import Rig
 from tympan.geometry.mesher import MeshSettings
 from tympan.studies.case import Settings, build_model

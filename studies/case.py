@@ -14,7 +14,9 @@ import numpy as np
 
 from tympan.fem.discretisation.discretisation import Discretisation
 from tympan.fem.discretisation.isoparametric import folded
-from tympan.fem.equilibrium.ramp import Outcome, PathSettings, Status, equilibrium, voltage_path
+from tympan.fem.equilibrium.newton import Solution
+from tympan.fem.equilibrium.ramp import Outcome, PathSettings, Status, equilibrium
+from tympan.fem.equilibrium.voltage_path import voltage_path
 from tympan.fem.film.admissibility import failures
 from tympan.fem.film.tension_field import Tension
 from tympan.fem.membrane.loading import Loading
@@ -256,14 +258,16 @@ def equilibrate(case: Case, settings: Settings) -> tuple[Model, Outcome]:
 
 
 def voltage_ramp(model: Model, mass: float, voltages: Sequence[float], rig: Rig,
-                 path: PathSettings) -> Iterator[tuple[Case, Outcome]]:
+                 path: PathSettings, start: Solution | None = None
+                 ) -> Iterator[tuple[Case, Outcome]]:
     """Cases of a film at nominal voltages [V] under one mass [kg], each started from the last.
 
-    Voltages should ascend: those above one that has no equilibrium are not searched.
+    Voltages should ascend: those above one that has no equilibrium are not searched. ``start``: an
+    equilibrium from which the first is found.
     """
     outcomes = voltage_path(model, rig.force(mass, model.plate_area),
                             [rig.film_voltage(voltage) for voltage in voltages], rig.gas_pressure,
-                            path)
+                            path, start)
     for voltage, outcome in zip(voltages, outcomes, strict=True):
         yield Case(model.specimen, mass=mass, voltage=voltage, rig=rig), outcome
 
@@ -274,8 +278,19 @@ def solve_grid(model: Model, masses: Iterable[float], voltages: Sequence[float],
 
     Masses first; voltages ascend.
     """
+    start: Solution | None = None
     for mass in masses:
-        yield from summaries(model, voltage_ramp(model, mass, voltages, rig, path))
+        cases = summaries(model, voltage_ramp(model, mass, voltages, rig, path, start))
+        for number, (result, outcome) in enumerate(cases):
+            if number == 0 and _charged_next(model, outcome):
+                start = outcome.solution
+            yield result, outcome
+
+
+def _charged_next(model: Model, outcome: Outcome) -> bool:
+    """Whether another mass may be put on at an equilibrium, and the film be charged after that."""
+    return (outcome.status == "equilibrium" and not model.slack_when_mounted
+            and outcome.state.voltage_squared == 0)
 
 
 def solve(case: Case, settings: Settings, film: bool = False) -> CaseResult:

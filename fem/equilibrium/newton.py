@@ -85,13 +85,17 @@ class Solution:
 
         By the last iterate's tangent, which is close enough; what it says is kept, without factors.
         """
+        loads = {load: value}
+        return moved(model, self.state.under(**loads), self.rate(model, load),
+                     value - self.state.load(load))
+
+    def rate(self, model: Model, load: Load) -> Parts:
+        """Motion of film and plate per unit of a load, along the path."""
         if (model, load) not in self._responses:
             assert self.tangent is not None
             film, plate = self.tangent.respond(model.by_load(self.state, load))
             self._responses[model, load] = -film, -plate
-        loads = {load: value}
-        return moved(model, self.state.under(**loads), self._responses[model, load],
-                     value - self.state.load(load))
+        return self._responses[model, load]
 
     def release(self) -> None:
         """Drop a large film's factors before the next are made: two would double the memory."""

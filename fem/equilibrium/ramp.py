@@ -21,7 +21,7 @@ from tympan.fem.membrane.state import HEAVE, Load, State
 #: A natural step may miss its prediction by a share of its motion, and its end's rate must explain
 #: a share of it, but for motions that are small beside the frame. A film stiffening with the cube
 #: of its motion has 1/3 of it explained.
-_SURPRISE, _EXPLAINED, _UNNOTICED = 0.6, 0.2, 1e-4
+_SURPRISE, _EXPLAINED, UNNOTICED = 0.6, 0.2, 1e-4
 
 #: How far the plate, or the centre, of a film that is slack when mounted is first pushed out,
 #: relative to the frame's half extent.
@@ -201,25 +201,6 @@ def _slack(model: Model, state: State) -> bool:
     return model.slack_when_mounted and model.residual_share(state) > _RESIDUAL_SHARE
 
 
-def voltage_path(model: Model, force: float, voltages: list[float], pressure: float = 0.0,
-                 settings: PathSettings = PathSettings()) -> Iterator[Outcome]:
-    """Equilibria at voltages [V] under a force [N], each started from the last one found.
-
-    Voltages at or above one that has no equilibrium have none either and are not searched.
-    """
-    outcome: Outcome | None = None
-    start: Solution | None = None
-    failed = np.inf
-    for voltage in voltages:
-        if outcome is None or voltage < failed:
-            outcome = equilibrium(model, force, voltage, pressure, start, settings)
-            if outcome.status == "equilibrium":
-                start = outcome.solution
-            else:
-                failed = voltage
-        yield outcome
-
-
 def held(model: Model, deflection: float, voltage: float = 0.0, start: Solution | None = None,
          settings: PathSettings = PathSettings()) -> Outcome:
     """The film under a voltage [V], its plate held at a deflection [m] by ``state.force`` [N].
@@ -271,8 +252,8 @@ class Ramp:
             value = self._short_of_thinning(
                 solution, origin + min(1.0, done + step) * (self.target - origin))
             share = (value - origin) / (self.target - origin)
-            trial, guess = self._at(solution, value)
-            if trial.converged and trial.stable and self._foreseen(solution, guess, trial):
+            trial, expected = self._step(solution, value)
+            if expected:
                 if self._slackened(start, trial):
                     return Outcome("not_converged", solution, f"{_SLACK} under its loads")
                 if trial.thinning_margin(self.model) >= 0:
@@ -287,6 +268,16 @@ class Ramp:
                     return replace(outcome, advice=f"{STRAINED} before the {self._word} is reached")
                 return outcome
         return Outcome("equilibrium", solution)
+
+    def natural(self, start: Solution) -> Solution | None:
+        """The equilibrium at the target if one step leads there, to no thinner or slack film."""
+        if (self.target == start.state.load(self.load)
+                or self._short_of_thinning(start, self.target) != self.target):
+            return None
+        trial, expected = self._step(start, self.target)
+        if not expected or self._slackened(start, trial) or trial.thinning_margin(self.model) < 0:
+            return None
+        return trial
 
     def _slackened(self, start: Solution, now: Solution) -> bool:
         """Whether a film has gone slack as its load fell; as it rises, a slack film may tighten."""
@@ -316,6 +307,11 @@ class Ramp:
         start.release()
         limited = replace(settings, damping=max(settings.damping, _DAMPED), longest=_ASTRAY)
         return newton(self.model, guess, settings=limited), guess
+
+    def _step(self, start: Solution, value: float) -> tuple[Solution, bool]:
+        """What Newton's method ends with at another value; whether that is stable and foreseen."""
+        trial, guess = self._at(start, value)
+        return trial, trial.converged and trial.stable and self._foreseen(start, guess, trial)
 
     def _thinned(self, before: Solution, after: Solution) -> Outcome | None:
         """Where, between two equilibria, the film begins to thin without bound; None if unclear."""
@@ -359,8 +355,8 @@ class Ramp:
         back = trial.predicted(self.model, self.load, last.state.load(self.load))
         missed, gone, explained = (length(self.model, difference(self.model, trial.state, state))
                                    for state in (guess, last.state, back))
-        return (missed <= _SURPRISE * gone + _UNNOTICED
-                and explained >= _EXPLAINED * gone - _UNNOTICED)
+        return (missed <= _SURPRISE * gone + UNNOTICED
+                and explained >= _EXPLAINED * gone - UNNOTICED)
 
     def _by_arc_length(self, start: Solution) -> Outcome:
         """To where the branch reaches the target, turns back (pull-in), thins, or ends."""

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tests.oracles import axisymmetric
-from tympan.fem.equilibrium.ramp import voltage_path
+from tympan.fem.equilibrium.voltage_path import voltage_path
 from tympan.fem.film.laws.stiffened import scaled
 from tympan.fem.rig import Rig
 from tympan.studies.case import Case, build_model, solve

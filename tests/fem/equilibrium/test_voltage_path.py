@@ -1,0 +1,90 @@
+"""Equilibria at many voltages: those found between two others are what each is by itself."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tests.support.models import model
+from tests.support.specimens import circular, elliptical
+from tympan.fem.equilibrium import newton
+from tympan.fem.equilibrium.ramp import PathSettings, Ramp, equilibrium
+from tympan.fem.equilibrium.voltage_path import between, leapt, voltage_path
+from tympan.fem.film.laws import NeoHooke, Ogden
+from tympan.fem.rig import Rig
+from tympan.studies.case import solve_grid
+
+FORCE = 0.1755
+
+FILMS = {"taut": circular(NeoHooke(20e3)), "ellipse": elliptical(75e-3),
+         "pulls in": circular(Ogden((15e3,), (2.0,))),
+         "wrinkles": circular(NeoHooke(20e3), prestretch=(1.2, 2.5)),
+         "slack when mounted": circular(NeoHooke(20e3), prestretch=(0.9, 0.9))}
+
+
+@pytest.mark.parametrize("name", FILMS)
+@pytest.mark.parametrize("count", [4, 13])
+def test_each_is_what_it_is_by_itself(name: str, count: int) -> None:
+    film = model(FILMS[name], refine=0.7)
+    voltages = np.linspace(0, 7.5e3, count).tolist()
+    alone: dict[float, float | None] = {}
+    for voltage, outcome in zip(voltages, voltage_path(film, FORCE, voltages), strict=True):
+        if None not in alone.values():
+            reference = equilibrium(film, FORCE, voltage)
+            alone[voltage] = (film.deflection(reference.state)
+                              if reference.status == "equilibrium" else None)
+        expected = alone.get(voltage)
+        if expected is None:
+            assert outcome.status != "equilibrium"
+        else:
+            assert outcome.status == "equilibrium"
+            assert film.deflection(outcome.state) == pytest.approx(expected, rel=3e-7)
+            assert film.unbalanced(outcome.state) < 1e-7
+
+
+def test_most_voltages_need_no_tangent_of_their_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    film = model(FILMS["taut"], refine=0.7)
+    first = equilibrium(film, FORCE, 0.0).solution
+    made = []
+    factorise = newton._factorise
+    monkeypatch.setattr(newton, "_factorise",
+                        lambda *parts: made.append(None) or factorise(*parts))
+    outcomes = list(voltage_path(film, FORCE, np.linspace(0, 4e3, 25).tolist(), start=first))
+    assert [outcome.status for outcome in outcomes] == ["equilibrium"] * 25
+    assert len(made) <= 12
+
+
+def test_nothing_is_found_between_where_a_step_is_too_long() -> None:
+    film, settings = model(FILMS["pulls in"], refine=0.7), PathSettings()
+    start = equilibrium(film, FORCE, 0.0).solution
+    assert leapt(film, start, [5e3, 9e3]) == []
+    end = Ramp(film, "voltage", 3e3**2).natural(start)
+    assert end is not None
+    assert between(film, start, end, 2e3**2, settings) is not None
+    assert between(film, start, end, 3.1e3**2, settings) is None
+    assert between(film, start, end, 0.0, settings) is None
+
+
+def test_voltages_may_be_repeated_and_fall() -> None:
+    film = model(FILMS["pulls in"], refine=0.7)
+    voltages = [0.0, 2e3, 2e3, 4e3, 3e3, 1e3, 0.0, 9e3, 9.5e3, 1e3, 2e3]
+    outcomes = list(voltage_path(film, FORCE, voltages))
+    deflection = {voltage: film.deflection(equilibrium(film, FORCE, voltage).state)
+                  for voltage in set(voltages) if voltage < 9e3}
+    for voltage, outcome in zip(voltages, outcomes, strict=True):
+        assert outcome.status == ("equilibrium" if voltage < 9e3 else "no_equilibrium")
+        if voltage < 9e3:
+            assert film.deflection(outcome.state) == pytest.approx(deflection[voltage], rel=3e-7)
+
+
+@pytest.mark.parametrize("name", ["taut", "slack when mounted"])
+def test_a_grid_does_not_depend_on_which_mass_is_first(name: str) -> None:
+    """Another mass is put on at no voltage, and the film charged after that."""
+    film, masses, voltages = model(FILMS[name], refine=0.7), (10e-3, 30e-3), (0.0, 2e3, 4e3)
+    deflections = {}
+    for order in (masses, masses[::-1]):
+        for result, _ in solve_grid(film, order, voltages, Rig(), PathSettings()):
+            key = result.mass_kg, result.voltage_V
+            expected = deflections.setdefault(key, result.deflection_m)
+            assert result.deflection_m == pytest.approx(expected, rel=3e-7)
+    assert len(deflections) == len(masses) * len(voltages)
