@@ -41,15 +41,13 @@ class Unknowns:
     @cached_property
     def free(self) -> tuple[Array, Array]:
         """Node and component of each: as an index, they take the unknowns from (nodes, 3)."""
-        position, component = np.nonzero(self.movable[self._nodes])
-        return self._nodes[position], component
+        position, component = np.nonzero(self.movable[self.order])
+        return self.order[position], component
 
     @cached_property
     def pattern(self) -> SparsityPattern:
         """Where the entries of element tangents go in the sparse one of the unknowns."""
-        rank = np.empty(len(self.movable), dtype=np.int64)
-        rank[self._nodes] = np.arange(len(self._nodes))
-        return SparsityPattern.of(rank[self.connectivity], self.movable[self._nodes])
+        return SparsityPattern.of(self.ranked, self.movable[self.order])
 
     @cached_property
     def analysis(self) -> Analysis:
@@ -57,8 +55,16 @@ class Unknowns:
         return analyse(self.pattern.indices, self.pattern.indptr, ordered=True)
 
     @cached_property
-    def _nodes(self) -> Array:
+    def order(self) -> Array:
+        """The nodes as they are eliminated."""
         return elimination_order(self.connectivity, self.points)
+
+    @cached_property
+    def ranked(self) -> Array:
+        """The elements' nodes by their place in that order, shape (elements, local)."""
+        rank = np.empty(len(self.movable), dtype=np.int64)
+        rank[self.order] = np.arange(len(self.order))
+        return np.asarray(rank[self.connectivity])
 
 
 @dataclass(frozen=True, eq=False)
@@ -239,47 +245,52 @@ class Discretisation:
         Of the motion ``given``, shape (nodes, 2), only values on those edges count. On a mirror
         plane the component across it vanishes.
         """
-        result = np.empty_like(given)
-        for axis, (factors, fixed) in enumerate(self._laplacians):
-            edges = np.where(fixed, given[:, axis], 0.0)
-            result[:, axis] = factors.solve(np.where(fixed, edges, -(self._laplacian @ edges)))
+        order, laplacian = self.unknowns.order, self._laplacian
+        result = np.zeros_like(given)
+        for axis, motion in enumerate(given[order].T):
+            if motion.any():
+                factors, fixed = self._across_y if axis and self.planes else self._across_x
+                edges = np.where(fixed, motion, 0.0)
+                result[order, axis] = factors.solve(np.where(fixed, edges, -(laplacian @ edges)))
         return result
 
     @cached_property
     def _laplacian(self) -> csc_matrix:
-        """Of the scalar shape functions, shape (nodes, nodes)."""
+        """Of the scalar shape functions, nodes in the order of elimination, (nodes, nodes)."""
         elements, points, local, _ = self.gradients.shape
         flat = self.gradients.transpose(0, 2, 1, 3).reshape(elements, local, 2 * points)
         weighted = flat * np.repeat(self.weights, 2, axis=1)[:, None]
-        rows = self.nodal_matrix(np.matmul(weighted, flat.transpose(0, 2, 1)))
+        rows = self.nodal_matrix(np.matmul(weighted, flat.transpose(0, 2, 1)), self.unknowns.ranked)
         return csc_matrix((rows.data, rows.indices, rows.indptr), rows.shape)  # symmetric
 
     @cached_property
-    def _laplacians(self) -> list[tuple[SuperLUFactors, Array]]:
-        """For x and y: the Laplacian factorised with held nodes as they are, and which these are.
+    def _across_x(self) -> tuple[SuperLUFactors, Array]:
+        return self._harmonic("x", "axis_y")
 
-        On no mirror plane both are the same.
-        """
+    @cached_property
+    def _across_y(self) -> tuple[SuperLUFactors, Array]:
+        return self._harmonic("y", "axis_x")
+
+    def _harmonic(self, axis: str, across: str) -> tuple[SuperLUFactors, Array]:
+        """The Laplacian with held nodes as they are, factorised, and which these are."""
         edges = [self.boundary_nodes("frame"), self.plate_nodes, self.electrode_edge_nodes]
-        matrix = self._laplacian
-        column = np.repeat(np.arange(len(self.reference)), np.diff(matrix.indptr))
-        result: list[tuple[SuperLUFactors, Array]] = []
-        for axis, across in ("x", "axis_y"), ("y", "axis_x"):
-            if result and not self.planes:
-                return [*result, result[0]]
-            fixed = np.zeros(len(self.reference), dtype=bool)
-            fixed[np.concatenate(edges)] = True
-            if axis in self.planes:
-                fixed[self.boundary_nodes(across)] = True
-            either = fixed[matrix.indices] | fixed[column]
-            entries = np.where(either, matrix.indices == column, matrix.data)
-            kept = csc_matrix((entries, matrix.indices, matrix.indptr), matrix.shape)
-            result.append((SuperLU().factorise(kept), fixed))
-        return result
+        if axis in self.planes:
+            edges.append(self.boundary_nodes(across))
+        fixed = np.zeros(len(self.reference), dtype=bool)
+        fixed[np.concatenate(edges)] = True
+        fixed, matrix = fixed[self.unknowns.order], self._laplacian
+        column = np.repeat(np.arange(len(fixed)), np.diff(matrix.indptr))
+        entries = np.where(fixed[matrix.indices] | fixed[column], matrix.indices == column,
+                           matrix.data)
+        kept = csc_matrix((entries, matrix.indices, matrix.indptr), matrix.shape)
+        return SuperLU(ordered=True).factorise(kept), fixed
 
-    def nodal_matrix(self, elements: Array) -> Any:
-        """Sparse sum by rows of element matrices (elements, local, local), shape (nodes, nodes)."""
-        rows, columns = np.broadcast_arrays(self.connectivity[:, :, None],
-                                            self.connectivity[:, None, :])
+    def nodal_matrix(self, elements: Array, nodes: Array | None = None) -> Any:
+        """Sparse sum by rows of element matrices (elements, local, local), shape (nodes, nodes).
+
+        ``nodes`` of the elements, by default as the mesh numbers them.
+        """
+        nodes = self.connectivity if nodes is None else nodes
+        rows, columns = np.broadcast_arrays(nodes[:, :, None], nodes[:, None, :])
         shape = (len(self.reference),) * 2
         return coo_matrix((elements.ravel(), (rows.ravel(), columns.ravel())), shape=shape).tocsr()
