@@ -25,7 +25,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.integrate import solve_ivp
 
 from tympan.geometry.specimen import ConstantFlow, Film, FlowLaw, ViscousBranch
 
@@ -227,6 +226,8 @@ def _constants(film: Film) -> tuple[Array, Array, tuple[FlowLaw, ...]]:
 
 def _grown(flat: Array, age: float, branch: ViscousBranch) -> float:
     """The s of M = 1 + s C after C was held for an age [s]; ds/dt = det(M)^⅓ φ/τ, φ = η₀/η."""
+    from scipy.integrate import solve_ivp  # few films have an age, and it takes long to load
+
     constants = np.array([branch.modulus]), np.array([branch.time])
     flows = () if branch.flow == ConstantFlow() else (branch.flow,)
 
