@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import os
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -41,6 +42,8 @@ from tympan.studies.files import write_text
 _PATIENCE = 0.7
 #: How long the controls must rest before what takes longer follows them [s].
 _REST = 0.15
+#: How far the process of curves stands behind, as nice counts.
+_BEHIND = 15
 
 #: Where the slider of the voltage ends before the film's end is known [V].
 _USUAL = 10e3
@@ -55,7 +58,8 @@ def scene_answers() -> Answer:
 
 
 def curve_answers() -> Answer:
-    """What follows curves, in its own process."""
+    """What follows curves, in its own process, which lets pictures go first."""
+    os.nice(_BEHIND)
     return followed
 
 
