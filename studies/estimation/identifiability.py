@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.stats import norm, t
 
 from tympan.studies.estimation.least_squares import LeastSquares, minimise
+from tympan.studies.estimation.profile import EXACT, Profile, profile
 
 Array = NDArray[np.float64]
 
@@ -36,22 +37,6 @@ _FIRM = 100.0
 #: A misfit above so many times the stated noise is the law's, not the noise's.
 MISFIT = 2.0
 
-#: A value of the unknown, and the rise of the misfit there [standard deviations].
-Place = tuple[float, float]
-
-#: How exactly a profile meets a limit, as a share of the quantile.
-_MET = 0.01
-_MOST = 20
-#: A fit that rises by so many quantiles may be in another valley: the next does not begin there.
-_FAR = 2.0
-#: For limits so exact, how much half of χ² may still fall where a profile's fit stops: 0.1 % of the
-#: 3.84 that make a 95 % limit.
-_EXACT = 2e-3
-#: What the other unknowns could still take from χ², by their derivatives, that is taken without
-#: fitting them again; as many times that.
-_LITTLE = 20.0
-
-
 @dataclass(frozen=True)
 class Noise:
     """Standard deviation of a reading in its unit, and the quantile for 95 % intervals.
@@ -75,22 +60,6 @@ class Noise:
             return cls(estimated, float(t.ppf(0.975, freedom)))
         beyond = widen and estimated >= MISFIT * given
         return cls(estimated if beyond else given, float(norm.ppf(0.975)))
-
-
-@dataclass(frozen=True, eq=False)
-class Profile:
-    """How the least misfit grows as one unknown is held away from its best value.
-
-    ``values`` ascend; ``rise`` is ±√(χ² − χ²min) there, in standard deviations: a straight line
-    where the problem is linear. ``low`` and ``high`` are where it reaches the quantile, None where
-    it does not within the bounds.
-    """
-
-    values: Array
-    rise: Array
-    low: float | None
-    high: float | None
-    evaluations: int
 
 
 @dataclass(frozen=True)
@@ -272,7 +241,7 @@ def identifiability(problem: LeastSquares, best: Array, names: Sequence[tuple[st
     anchored = problem.with_rows(np.eye(len(best))[:count] / CREDIBLE, best)
     # With everything free: what readings do not determine follows the noise there, and χ² is
     # smaller by about one for each such direction.
-    free = minimise(anchored, best, precision=0.0, exact=_EXACT).unknowns if profiles else best
+    free = minimise(anchored, best, precision=0.0, exact=EXACT).unknowns if profiles else best
     estimates, lines = [], []
     for index, (name, unit) in enumerate(names):
         z, half = float(best[index]), float(spread[index])
@@ -313,93 +282,3 @@ def _in_values(line: Profile, index: int, value_of: Callable[[int, float], float
     low, high = (None if z is None else value_of(index, z) for z in (line.low, line.high))
     values = np.array([value_of(index, z) for z in line.values.tolist()])
     return replace(line, values=values, low=low, high=high)
-
-
-def profile(problem: LeastSquares, best: Array, index: int, quantile: float,
-            met: float = _MET, most: float = np.inf) -> Profile:
-    """The profile of one unknown about a minimum, out to where χ² has grown by quantile².
-
-    At each value of it all others are fitted again, those the readings do not determine included
-    (Bates and Watts, *Nonlinear Regression Analysis*, 1988, §6.1). Limits are exact to the share
-    ``met`` of the quantile. After more than ``most`` evaluations it goes no further.
-    """
-    point = problem.at(best)
-    least = point.squares
-    others = np.arange(len(best)) != index
-    # How the others move with it, to first order: the start of every fit. Those at a bound stay.
-    moving = others & (problem.low < best) & (best < problem.high)
-    along = np.zeros(len(best))
-    along[moving] = -np.linalg.lstsq(point.jacobian[:, moving], point.jacobian[:, index],
-                                     rcond=1e-12)[0]
-    along[index] = 1.0
-    exact, evaluations = _EXACT * met / _MET, 0
-    centre = float(best[index]), 0.0
-    places = [centre]
-
-    def refitted(last: Array, at: float) -> tuple[Array, float]:
-        nonlocal evaluations
-        unknowns = np.clip(last + along * (at - last[index]), problem.low, problem.high)
-        unknowns[index] = at
-        point = problem.at(unknowns)
-        evaluations += 1
-        if not np.isfinite(point.squares):  # the model does not reach so far
-            return last, np.inf
-        basis = np.linalg.qr(point.jacobian[:, others])[0]
-        gain = float(np.linalg.norm(basis.T @ point.residual)) ** 2
-        if gain > _LITTLE * exact:
-            minimum = minimise(problem, unknowns, ~others, precision=0.0, exact=exact)
-            evaluations += minimum.evaluations
-            unknowns, point, gain = minimum.unknowns, minimum.point, 0.0
-        return unknowns, max(point.squares - gain - least, 0.0) ** 0.5
-
-    def limit(step: float) -> float | None:
-        """Where the quantile is met on the side of ``step``, the first guess of how far."""
-        sign = np.sign(step)
-        end = float((problem.low if sign < 0 else problem.high)[index])
-        inside: Place = centre
-        outside: Place | None = None
-        last, at, same_side = best, centre[0] + step, 0
-        for _ in range(_MOST):
-            if evaluations > most:
-                return None
-            at = float(sign * min(sign * at, sign * end))
-            unknowns, rise = refitted(last, at)
-            if rise < _FAR * quantile:
-                last = unknowns
-            if np.isfinite(rise):
-                places.append((at, float(sign * rise)))
-            if abs(rise - quantile) < met * quantile:
-                return at
-            if rise > quantile:
-                outside, same_side = (at, rise), min(same_side, 0) - 1
-            elif at == end:
-                return None
-            else:
-                inside, same_side = (at, rise), max(same_side, 0) + 1
-            at = _next(quantile, centre[0], inside, outside, halve=abs(same_side) > 1)
-        return None if outside is None or not np.isfinite(outside[1]) else outside[0]
-
-    sharp = float(np.linalg.norm(point.jacobian @ along))
-    first = quantile / sharp if sharp > 0 else np.inf
-    low, high = limit(-first), limit(first)
-    values, rise = np.array(sorted(places, key=lambda place: place[0])).T
-    return Profile(values, rise, low, high, evaluations)
-
-
-def _next(quantile: float, centre: float, inside: Place, outside: Place | None,
-          halve: bool) -> float:
-    """A straight line through the last places, outward at most three times as far.
-
-    Where that moves but one end of the bracket, or the model does not reach, half way; by factors,
-    if the bracket spans more than one of ten.
-    """
-    at, rise = inside
-    if outside is None:
-        grown = min(quantile / rise, 3.0) if rise > 0 else 3.0
-        return centre + (at - centre) * max(grown, 1.02)
-    if halve or not np.isfinite(outside[1]):
-        ends = np.sort([at, outside[0]])
-        wide = ends[0] > 0 and ends[1] > 10 * ends[0]
-        return float(np.sqrt(ends[0] * ends[1]) if wide else ends.mean())
-    share = (quantile - rise) / (outside[1] - rise)
-    return at + min(max(share, 0.1), 0.95) * (outside[0] - at)

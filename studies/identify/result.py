@@ -11,7 +11,8 @@ import pandas as pd
 
 from tympan.geometry.errors import InputError
 from tympan.studies.columns import Column, read_own_sheet, write_sheet
-from tympan.studies.estimation.identifiability import Estimate, Identifiability, Profile
+from tympan.studies.estimation.identifiability import Estimate, Identifiability
+from tympan.studies.estimation.profile import Profile
 from tympan.studies.files import from_json, read_json, remove, to_json, write_json
 from tympan.studies.identify.dynamic import DynamicFit
 from tympan.studies.identify.static import StaticFit

@@ -21,8 +21,9 @@ from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import ViscousBranch
 from tympan.studies.data.coupon import Coupons
 from tympan.studies.estimation.correlation import CorrelatedNoise
-from tympan.studies.estimation.identifiability import Noise, profile
+from tympan.studies.estimation.identifiability import Noise
 from tympan.studies.estimation.least_squares import LeastSquares, minima, seeded_starts
+from tympan.studies.estimation.profile import profile
 from tympan.studies.material.families import FAMILIES, Family, largest_excess
 from tympan.studies.material.fit import (
     NOTES,

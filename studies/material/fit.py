@@ -15,8 +15,9 @@ from tympan.geometry.errors import InputError
 from tympan.geometry.fields import fields_of
 from tympan.geometry.specimen import Material
 from tympan.studies.data.coupon import MODES, Coupons
-from tympan.studies.estimation.identifiability import Noise, covariance, profile
+from tympan.studies.estimation.identifiability import Noise, covariance
 from tympan.studies.estimation.least_squares import LeastSquares, minima, seeded_starts
+from tympan.studies.estimation.profile import profile
 from tympan.studies.files import words_beside
 from tympan.studies.material.families import FAMILIES, Family, largest_excess
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tympan.studies.estimation.identifiability import profile
 from tympan.studies.estimation.least_squares import LeastSquares
+from tympan.studies.estimation.profile import profile
 
 
 @pytest.mark.parametrize("bound", [1e2, 1e4, 1e7])

@@ -16,7 +16,8 @@ from tympan.fem.film.library import MATERIALS, load_specimen
 from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Material
 from tympan.studies.data.coupon import MODES, Coupons, read_coupons
-from tympan.studies.estimation.identifiability import Noise, covariance, profile
+from tympan.studies.estimation.identifiability import Noise, covariance
+from tympan.studies.estimation.profile import profile
 from tympan.studies.material.families import FAMILIES
 from tympan.studies.material.fit import (
     _admissible,

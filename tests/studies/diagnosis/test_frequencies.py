@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.support import swinging
+from tests.oracles.readings import swinging
+from tests.oracles.readings.swinging import Hidden
 from tests.support.datasets import HEAD, write_dataset
 from tests.support.models import model
 from tests.support.specimens import circular
-from tests.support.swinging import Hidden
 from tympan.cli import main
 from tympan.fem.vibration.heave import following
 from tympan.studies.data.dataset import read_dataset

@@ -11,9 +11,10 @@ from pathlib import Path
 
 import pytest
 
-from tests.support import swinging
+from tests.oracles.readings import swinging
+from tests.oracles.readings.round_actuators import specimen_table
+from tests.oracles.readings.swinging import Hidden
 from tests.support.packages import installed, run
-from tests.support.swinging import Hidden
 from tympan.geometry.errors import InputError
 from tympan.geometry.plugins import load_plugins
 from tympan.studies.effects import EFFECTS
@@ -102,7 +103,7 @@ def test_laws_and_outlines_are_added_the_same_way(tmp_path: Path) -> None:
         "    def energy(self, excess):\n"
         "        return self.slope * excess, self.slope + 0 * excess, 0 * excess\n")
     installed(tmp_path, "soft-law", {"tympan.laws": {"soft": "soft_law"}})
-    specimen = swinging.SPECIMEN.format(name="A", plate=0.01, frame=0.045, stretch=5**0.5)
+    specimen = specimen_table("middle", swinging.DENSITY)
     specimen = specimen.replace("[[specimen]]\n", "").replace("[specimen.", "[")
     (tmp_path / "hooke.toml").write_text(specimen)
     (tmp_path / "soft.toml").write_text(specimen.replace('law = "neo_hooke", mu = "20 kPa"',

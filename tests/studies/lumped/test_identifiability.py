@@ -12,8 +12,9 @@ import pytest
 from tests.support.lumped import clean
 from tympan.geometry.errors import InputError
 from tympan.reports.figures.identification import draw_correlations, draw_profiles
-from tympan.studies.estimation.identifiability import Noise, identifiability, profile
+from tympan.studies.estimation.identifiability import Noise, identifiability
 from tympan.studies.estimation.least_squares import LeastSquares, minimise
+from tympan.studies.estimation.profile import profile
 from tympan.studies.identify.static import identify_static
 from tympan.studies.lumped.actuator import paper_cones
 

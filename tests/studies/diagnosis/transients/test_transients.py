@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.support import runs_in_time
-from tests.support.runs_in_time import Hidden, Run
+from tests.oracles.readings import runs_in_time
+from tests.oracles.readings.runs_in_time import Hidden, Run
 from tympan.geometry.errors import InputError
 from tympan.studies.data.dataset import read_dataset
 from tympan.studies.diagnosis.calibration import Calibration, calibrated

@@ -13,25 +13,19 @@ import numpy as np
 
 from tests.oracles import annulus_modes
 from tests.oracles.axisymmetric import Film, Ogden, RitzExpansion
+from tests.oracles.readings.round_actuators import (
+    GRAVITY,
+    MASSES,
+    SHAPES,
+    STRETCH,
+    THICKNESS,
+    dataset_file,
+)
 
-GRAVITY, THICKNESS, STRETCH = 9.80665, 1e-3, 5**0.5
+DENSITY = 960.0
 #: Mass of the bare film per mounted area [kg/m²].
-COAT = 960.0 * THICKNESS / STRETCH**2
-#: Radii of plate and frame [m], by name.
-SHAPES = {"small": (8e-3, 3e-2), "middle": (1e-2, 4.5e-2), "large": (1e-2, 7e-2)}
-MASSES, VOLTAGES, SWUNG = (1e-2, 2e-2), (0.0, 1.5e3, 2.5e3, 3.2e3, 3.8e3), (0.0, 3e3)
-
-SPECIMEN = """[[specimen]]
-name = "{name}"
-frame = {{ shape = "circle", radius = "{frame} m" }}
-plate = {{ shape = "circle", radius = "{plate} m" }}
-[specimen.membrane]
-thickness = "1 mm"
-prestretch = [{stretch!r}, {stretch!r}]
-relative_permittivity = 4.7
-density = "960 kg/m^3"
-material = {{ law = "neo_hooke", mu = "20 kPa" }}
-"""
+COAT = DENSITY * THICKNESS / STRETCH**2
+VOLTAGES, SWUNG = (0.0, 1.5e3, 2.5e3, 3.2e3, 3.8e3), (0.0, 3e3)
 
 
 @dataclass(frozen=True)
@@ -106,10 +100,7 @@ def write(folder: Path, hidden: Hidden, seed: int, noise: float = 10e-6, share: 
     """
     random = np.random.default_rng(seed)
     folder.mkdir()
-    head = f'name = "hidden"\nnoise = "{1e6 * noise} um"\n'
-    (folder / "dataset.toml").write_text(head + "".join(
-        SPECIMEN.format(name=name, plate=a, frame=b, stretch=STRETCH)
-        for name, (a, b) in SHAPES.items()), encoding="utf-8")
+    (folder / "dataset.toml").write_text(dataset_file(noise, density=DENSITY), encoding="utf-8")
     static, swung = ["specimen,mass_g,voltage_kV,displacement_mm"], [
         "specimen,mass_g,voltage_kV,mode,frequency_Hz,sigma_Hz"]
     for name, shape in SHAPES.items():

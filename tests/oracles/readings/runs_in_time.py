@@ -18,23 +18,10 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import RectBivariateSpline
 
 from tests.oracles.creep import CreepingFilm
+from tests.oracles.readings.round_actuators import GRAVITY, MASSES, SHAPES, dataset_file
 
 Array = NDArray[np.float64]
-GRAVITY = 9.80665
-#: Radii of plate and frame [m], by name.
-SHAPES = {"small": (8e-3, 3e-2), "middle": (1e-2, 4.5e-2), "large": (1e-2, 7e-2)}
-MASSES, VOLTAGES = (1e-2, 2e-2), (0.0, 1.5e3, 2.5e3, 3.2e3)
-
-SPECIMEN = """[[specimen]]
-name = "{name}"
-frame = {{ shape = "circle", radius = "{frame} m" }}
-plate = {{ shape = "circle", radius = "{plate} m" }}
-[specimen.membrane]
-thickness = "1 mm"
-prestretch = [{stretch!r}, {stretch!r}]
-relative_permittivity = 4.7
-material = {{ law = "neo_hooke", mu = "20 kPa" }}
-"""
+VOLTAGES = (0.0, 1.5e3, 2.5e3, 3.2e3)
 
 
 @dataclass(frozen=True)
@@ -137,10 +124,7 @@ def write(folder: Path, hidden: Hidden, run: Run = Run(), seed: int = 0) -> Path
     """A dataset of readings at rest and of steps with these things hidden in it."""
     random = np.random.default_rng(seed)
     folder.mkdir(parents=True)
-    (folder / "dataset.toml").write_text(
-        f'name = "hidden"\nnoise = "{1e6 * run.noise} um"\n' + "".join(
-            SPECIMEN.format(name=name, plate=SHAPES[name][0], frame=SHAPES[name][1],
-                            stretch=5**0.5) for name in run.shapes), encoding="utf-8")
+    (folder / "dataset.toml").write_text(dataset_file(run.noise, run.shapes), encoding="utf-8")
     static = ["specimen,mass_g,voltage_kV,displacement_mm"]
     transient = ["specimen,mass_g,run,t_s,voltage_kV,displacement_mm"]
     when = np.arange(1, round(run.length * run.rate) + 1) / run.rate - 0.5 / run.rate
