@@ -20,10 +20,10 @@ def template(name: str, **filters: Callable[[Any], str]) -> jinja2.Template:
     not into sentences (.txt), is escaped.
     """
     environment = jinja2.Environment(
-        loader=jinja2.FunctionLoader(_text), autoescape=jinja2.select_autoescape(("html",)),
+        loader=jinja2.FunctionLoader(text_of), autoescape=jinja2.select_autoescape(("html",)),
         undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     environment.filters |= {"digits": digits, "percent": percent, **filters}
-    environment.globals["css"] = _text("reports/page.css")
+    environment.globals["css"] = text_of("reports/page.css")
     return environment.get_template(name)
 
 
@@ -39,7 +39,8 @@ def embedded_picture(file: Path) -> str:
     return f"data:{kind};base64,{b64encode(file.read_bytes()).decode()}"
 
 
-def _text(name: str) -> str:
+def text_of(name: str) -> str:
+    """A file of tympan's own, by its path within it."""
     return resources.files("tympan").joinpath(name).read_text(encoding="utf-8")
 
 

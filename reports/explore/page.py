@@ -9,16 +9,18 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from tympan.fem.rig import Rig
 from tympan.fem.toml_writer import rig_to_toml, specimen_to_toml
 from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Specimen
+from tympan.reports.colouring import COLOURINGS, css_gradient, usual_depth
 from tympan.reports.explore import picture
 from tympan.reports.explore.curve import drawn_curve
 from tympan.reports.explore.latest import Answer, Latest, Trouble
 from tympan.reports.explore.numbers import limit_rows, loads_of, result_rows
 from tympan.reports.explore.session import (
-    COLOURINGS,
     CircleWeights,
     FollowedCurve,
     Question,
@@ -106,9 +108,9 @@ class Page:
                 "title": self.subject.name, "chosen": number, "errors": {}, "written": "",
                 "names": [specimen.name for specimen in self.subject.specimens],
                 "masses": [f"{mass * 1e3:.6g} g" for mass in masses],
-                "colourings": [{"key": key, "label": words[0]}
-                               for key, words in COLOURINGS.items()],
-                "colouring": "stress", "gradient": picture.css_gradient(), "busy": False,
+                "colourings": [{"key": key, "label": quantity.label}
+                               for key, quantity in COLOURINGS.items()],
+                "colouring": "stress", "gradient": css_gradient(), "busy": False,
                 "message": "", "trouble": False, "following": False, "limits": [], "numbers": [],
                 "loads": "", "curve": "", "depth": 1, "actor": {"scale": [1, 1, 1]},
                 "scale": {"words": "", "ticks": []}, "colour_range": [0, 1], "film_field": None,
@@ -221,7 +223,8 @@ class Page:
     def _draw(self, scene: Scene, first: bool) -> None:
         with self.server.state as state:
             if first:
-                state.depth = depth = picture.usual_depth(scene)
+                state.depth = depth = usual_depth(float(np.abs(scene.plate[:, 2]).max()),
+                                                  float(np.abs(scene.frame[:, :2]).max()))
                 state.actor = {"scale": [1, 1, depth]}
             state.update(picture.film_state(scene))
             state.update(picture.colour_state(scene, state.colouring))

@@ -6,18 +6,12 @@ from base64 import b64encode
 from typing import Any
 
 import numpy as np
-from matplotlib import colormaps
 from numpy.typing import NDArray
 
-from tympan.reports import look
-from tympan.reports.explore.session import COLOURINGS, MOST_MARGIN, Scene, colours_of
-from tympan.reports.scales import AxisScale, round_scale
+from tympan.reports.colouring import COLOURINGS, tick_places
+from tympan.reports.explore.session import Scene
 
 Array = NDArray[Any]
-
-#: Factors by which depth may be drawn larger, and how deep the plate should then hang, of the
-#: frame's half extent.
-DEPTHS, _HANGS = (1, 2, 5, 10, 20), 0.25
 
 #: How far lines lie before the film, of the frame's half extent.
 _BEFORE = 4e-4
@@ -67,40 +61,15 @@ def film_state(scene: Scene) -> dict[str, Any]:
 def colour_state(scene: Scene, colouring: str) -> dict[str, Any]:
     """The film's colours and what they mean."""
     assert scene.film is not None
-    values = colours_of(scene.film)[colouring]
-    scale = scale_of(colouring, values)
+    quantity = COLOURINGS[colouring]
+    values = quantity.of(scene.film)
+    scale = quantity.scale(float(values.min()), float(values.max()))
     return {
         "film_field": {"name": colouring, "values": encoded(values), "numberOfComponents": 1,
                        "type": "Float32Array", "location": "PointData",
                        "dataRange": [scale.low, scale.high]},
         "colour_range": [scale.low, scale.high],
-        "scale": {"words": COLOURINGS[colouring][1], "ticks": [
-            {"left": f"{100 * (tick - scale.low) / (scale.high - scale.low):.2f}%",
-             "text": scale.text(tick)} for tick in scale.ticks]}}
-
-
-def scale_of(colouring: str, values: Array) -> AxisScale:
-    """The scale of colours: round, and of margins always the same."""
-    if colouring == "margin":
-        return AxisScale(0.0, MOST_MARGIN, (0.0, 2.0, 4.0, 6.0, 8.0, 10.0))
-    return round_scale(float(values.min()), float(values.max()))
-
-
-def css_gradient() -> str:
-    """The colours of all figures as a style sheet writes them, from left to right."""
-    colours = colormaps[look.COLOURS](np.linspace(0, 1, 17))
-    stops = ", ".join(f"rgb({', '.join(f'{255 * part:.0f}' for part in colour[:3])})"
-                      for colour in colours)
-    return f"linear-gradient(to right, {stops})"
-
-
-def usual_depth(scene: Scene) -> int:
-    """The factor on depths by which a film is seen to sag."""
-    sag = float(np.abs(scene.plate[:, 2]).max())
-    if sag == 0:
-        return 1
-    wanted = _HANGS * float(np.abs(scene.frame[:, :2]).max()) / sag
-    return max((factor for factor in DEPTHS if factor <= wanted), default=1)
+        "scale": {"words": quantity.title, "ticks": tick_places(scale)}}
 
 
 def camera(scene: Scene, name: str) -> dict[str, Any]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -251,24 +251,3 @@ def compared(view: FilmView, static: Sheet, settings: Settings, highest: float) 
             start = outcome.solution
             simulated[number] = case.rig.reading(outcome.state.plate.deflection, case.elapsed)
     return Readings(static.voltage[rows], static.displacement[rows], simulated)
-
-
-def colours_of(film: FilmSurface) -> Mapping[str, Array]:
-    """What a film may be coloured by, in the unit of its name in :data:`COLOURINGS`."""
-    share = film.values["breakdown_share"]
-    margin = np.divide(1.0, share, where=share > 0, out=np.full(len(share), np.inf))
-    return {"stress": film.values["stress_1"] / 1e3,
-            "field": film.values["electric_field"] / 1e6,
-            "margin": np.minimum(margin, MOST_MARGIN),
-            "thickness": film.values["thickness"] * 1e6}
-
-
-#: Margins above it have one colour.
-MOST_MARGIN = 10.0
-
-#: What a film may be coloured by: words for the choice, and for the scale.
-COLOURINGS = {"stress": ("largest stress", "largest principal true stress (kPa)"),
-              "field": ("electric field", "electric field (MV/m)"),
-              "margin": ("breakdown margin",
-                         f"strength over field, to {MOST_MARGIN:g}: at 1 the film breaks down"),
-              "thickness": ("thickness", "thickness (µm)")}

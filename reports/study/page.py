@@ -19,6 +19,7 @@ from tympan.reports.figures.curve import VoltageCurve, limit_text
 from tympan.reports.study import curves, figure4
 from tympan.reports.study.view import SpecimenView, StudyView, view_study
 from tympan.reports.template import embedded_picture, percent, sentence, template
+from tympan.reports.viewer import viewer
 from tympan.studies.alpha import AlphaResult
 from tympan.studies.files import to_json, write_text
 from tympan.studies.limits import LoadGrid
@@ -40,16 +41,17 @@ def build_study_page(folder: Path) -> Path:
     figure4.draw_figure4(run, folder)
     curves.draw_study_curves(run, folder)
     file = folder / "report.html"
+    films = {item.name: item.film for item in run.specimens}
     write_text(file, render_study(run, embedded_picture(folder / "fig4.png"),
-                                  embedded_picture(folder / "curves.svg")))
+                                  embedded_picture(folder / "curves.svg"), viewer(films)))
     return file
 
 
-def render_study(run: StudyView, fig4: str, curves_: str) -> str:
-    """The page as text; the figures as data URIs."""
+def render_study(run: StudyView, fig4: str, curves_: str, viewer: str = "") -> str:
+    """The page as text; the figures as data URIs, and what lets the films be turned as HTML."""
     return template("reports/study/report.html").render(
         run=run, summary=study_summary(run), warnings=study_warnings(run),
-        fig4=fig4, curves=curves_,
+        fig4=fig4, curves=curves_, viewer=viewer,
         curves_of=[(item.name, curve) for item in run.specimens for curve in item.curves],
         design=figure4.lay_out(run.specimens, run.stress_range),
         alphas=[item for item in run.stored.alphas if len(item.circles) > 1],

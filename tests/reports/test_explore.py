@@ -25,18 +25,17 @@ from tympan.geometry.errors import InputError
 from tympan.geometry.outlines import Circle, Polygon
 from tympan.geometry.specimen import Electrode, Plate, Specimen
 from tympan.geometry.toml_reader import Table
+from tympan.reports.colouring import COLOURINGS, MOST_MARGIN
 from tympan.reports.explore import latest, picture
 from tympan.reports.explore.curve import drawn_curve
 from tympan.reports.explore.latest import Latest, Trouble
 from tympan.reports.explore.numbers import limit_rows, result_rows
 from tympan.reports.explore.session import (
-    MOST_MARGIN,
     CircleWeights,
     FollowedCurve,
     Question,
     Scene,
     Session,
-    colours_of,
     followed,
     hatched,
 )
@@ -229,7 +228,7 @@ def test_a_wrinkled_film_is_hatched_where_solve_says_so() -> None:
 def test_colours_are_those_numbers() -> None:
     scene = Session().scene(FilmView(vhb_oval(), mass=0.02, voltage=3000.0))
     assert scene.film is not None
-    colours = colours_of(scene.film)
+    colours = {key: quantity.of(scene.film) for key, quantity in COLOURINGS.items()}
     assert colours["stress"].max() == pytest.approx(1e-3 * (scene.result.max_true_stress_Pa or 0),
                                                     rel=1e-2)
     assert colours["field"].max() == pytest.approx(1e-6 * (scene.result.max_field_V_per_m or 0),
@@ -240,7 +239,7 @@ def test_colours_are_those_numbers() -> None:
     assert 0.8 * flat < colours["thickness"].min() <= colours["thickness"].max() < 1.01 * flat
     none = Session().scene(replace(scene.view, voltage=0.0))
     assert none.film is not None
-    assert (colours_of(none.film)["margin"] == MOST_MARGIN).all()
+    assert (COLOURINGS["margin"].of(none.film) == MOST_MARGIN).all()
 
 
 def test_what_is_drawn_lies_where_the_film_does() -> None:

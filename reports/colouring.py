@@ -1,0 +1,102 @@
+"""What a film may be coloured by in pictures that can be turned: values, words, scale, colours."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from matplotlib import colormaps
+from numpy.typing import NDArray
+
+from tympan.reports import look
+from tympan.reports.scales import AxisScale, round_scale
+from tympan.studies.film_surface import FilmSurface
+
+Array = NDArray[Any]
+
+#: Margins above it have one colour.
+MOST_MARGIN = 10.0
+
+#: Factors by which depth may be drawn larger, and how deep a plate should then hang, of the
+#: frame's half extent.
+DEPTHS, _HANGS = (1, 2, 5, 10, 20), 0.25
+
+
+@dataclass(frozen=True)
+class Colouring:
+    """A quantity: its ``label`` in a list, ``words`` with unit, and its values at a film's points.
+
+    ``scale`` covers a range of values; ``colours`` is matplotlib's name of the map.
+    """
+
+    label: str
+    words: str
+    unit: str
+    of: Callable[[FilmSurface], Array]
+    scale: Callable[[float, float], AxisScale] = round_scale
+    colours: str = look.COLOURS
+
+    @property
+    def title(self) -> str:
+        """Words and unit."""
+        return f"{self.words} ({self.unit})" if self.unit else self.words
+
+
+def _margin(film: FilmSurface) -> Array:
+    share = film.values["breakdown_share"]
+    margin = np.divide(1.0, share, where=share > 0, out=np.full(len(share), np.inf))
+    return np.asarray(np.minimum(margin, MOST_MARGIN))
+
+
+def _margins(low: float, high: float) -> AxisScale:
+    """The same for all films."""
+    return AxisScale(0.0, MOST_MARGIN, (0.0, 2.0, 4.0, 6.0, 8.0, 10.0))
+
+
+#: Quantities of every film, by key.
+COLOURINGS = {
+    "stress": Colouring("largest stress", "largest principal true stress", "kPa",
+                        lambda film: film.values["stress_1"] / 1e3),
+    "field": Colouring("electric field", "electric field", "MV/m",
+                       lambda film: film.values["electric_field"] / 1e6),
+    "margin": Colouring("breakdown margin",
+                        f"strength over field, to {MOST_MARGIN:g}: at 1 the film breaks down", "",
+                        _margin, _margins),
+    "thickness": Colouring("thickness", "thickness", "µm",
+                           lambda film: film.values["thickness"] * 1e6),
+    "deflection": Colouring("deflection", "deflection", "mm",
+                            lambda film: film.values["displacement"][:, 2] * 1e3)}
+
+
+def about_zero(low: float, high: float) -> AxisScale:
+    """A scale as far below zero as above."""
+    half = round_scale(0.0, max(abs(low), abs(high)), 3)
+    ticks = [tick for tick in half.ticks if tick]
+    return AxisScale(-half.high, half.high, (*(-tick for tick in ticks[::-1]), 0.0, *ticks))
+
+
+def colour_table(name: str) -> NDArray[np.uint8]:
+    """The 256 colours of a map, shape (256, 3)."""
+    return np.round(255 * colormaps[name](np.arange(256))[:, :3]).astype(np.uint8)
+
+
+def css_gradient(name: str = look.COLOURS) -> str:
+    """The colours of a map as a style sheet writes them, from left to right."""
+    stops = ", ".join(f"rgb({red}, {green}, {blue})" for red, green, blue
+                      in colour_table(name)[np.linspace(0, 255, 17).round().astype(int)])
+    return f"linear-gradient(to right, {stops})"
+
+
+def tick_places(scale: AxisScale) -> list[dict[str, str]]:
+    """Where along a colour bar its ticks stand, and what is written there."""
+    return [{"left": f"{100 * (tick - scale.low) / (scale.high - scale.low):.2f}%",
+             "text": scale.text(tick)} for tick in scale.ticks]
+
+
+def usual_depth(sag: float, extent: float) -> int:
+    """The factor on depths by which a film of a half extent is seen to sag, both in one unit."""
+    if sag == 0:
+        return 1
+    return max((factor for factor in DEPTHS if factor <= _HANGS * extent / sag), default=1)

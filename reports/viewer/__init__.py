@@ -1,0 +1,20 @@
+"""Films that can be turned within a page, without network: data, and a script that draws them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from tympan.reports.colouring import COLOURINGS, Colouring
+from tympan.reports.template import template, text_of
+from tympan.reports.viewer.payload import payload
+from tympan.studies.film_surface import FilmSurface
+
+
+def viewer(films: Mapping[str, FilmSurface],
+           colourings: Mapping[str, Colouring] = COLOURINGS) -> str:
+    """HTML of films by what they are called, for a page that has the common style.
+
+    Where scripts or WebGL are missing it shows nothing: a picture in the page says the same.
+    """
+    return template("reports/viewer/viewer.html").render(
+        films=payload(films, colourings), script=text_of("reports/viewer/viewer.js"))
