@@ -174,7 +174,7 @@ def diagnose(dataset: File, workers: int = 1, seed: int = 0) -> Result[Diagnosis
     from tympan.studies.data.dataset import read_dataset
     from tympan.studies.diagnosis.diagnose import diagnose
 
-    return Result(diagnose(read_dataset(Path(dataset)), workers, seed))
+    return Result(diagnose(read_dataset(Path(dataset)), workers, seed).with_films())
 
 
 def optimise(file: File | None = None, settings: Settings = Settings()) -> Result[OptimiseResult]:

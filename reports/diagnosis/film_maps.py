@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.tri import Triangulation
 from numpy.typing import NDArray
 
 from tympan.reports import look as style
+from tympan.reports.colouring import COLOURINGS, Colouring, about_zero
+from tympan.studies.diagnosis.shown.loaded_films import LoadedFilm
+from tympan.studies.film_surface import FilmSurface
 
 Columns = Mapping[str, NDArray[Any]]
 
@@ -21,6 +25,46 @@ _BAR_WIDTH, _BAR_HEIGHT = 60.0, 2.5
 #: Colours of what is above, below and at 0; share of residuals within the scale.
 _COLOURS, _SHARE = "RdBu_r", 0.98
 _GREY = "#5a6475"
+
+#: What films are coloured by: as everywhere, and by what the extended model has more.
+QUANTITIES = {**COLOURINGS, "more": Colouring(
+    "deflection, extended − nominal", "deflection, extended − nominal", "µm",
+    lambda film: 1e6 * (film.values["displacement"][:, 2] - film.values["nominal_deflection"]),
+    about_zero, _COLOURS)}
+_STILL = ("stress", "deflection", "more")
+
+
+def titled_films(films: Sequence[LoadedFilm]) -> dict[str, FilmSurface]:
+    """Films by specimen and load."""
+    return {f"{item.specimen}, {1e3 * item.mass:.4g} g, {item.voltage / 1e3:.4g} kV": item.film
+            for item in films}
+
+
+def compose_loaded_films(films: Mapping[str, FilmSurface]) -> Figure:
+    """Films seen along the load: a row each, a column a quantity, each on one scale.
+
+    What is nowhere different from the nominal model has no column.
+    """
+    figure = style.new_figure(_TITLE + len(films) * (_PANEL + _GAP) + _BAR)
+    shown = [quantity for quantity in (QUANTITIES[key] for key in _STILL)
+             if any(np.ptp(quantity.of(film)) for film in films.values())]
+    width = (style.WIDTH - _LEFT - _RIGHT - (len(_STILL) - 1) * _BETWEEN) / len(_STILL)
+    for column, quantity in enumerate(shown):
+        values = [quantity.of(film) for film in films.values()]
+        scale = quantity.scale(min(map(np.min, values)), max(map(np.max, values)))
+        start = _LEFT + column * (width + _BETWEEN)
+        for row, (name, film) in enumerate(films.items()):
+            axes = style.place_axes(figure, start, _TITLE + row * (_PANEL + _GAP), width, _PANEL)
+            x, y, _ = 1e3 * film.mounted.T
+            axes.tripcolor(Triangulation(x, y, film.triangles), values[row], shading="gouraud",
+                           cmap=quantity.colours, vmin=scale.low, vmax=scale.high,
+                           rasterized=True)
+            words = name.replace(", ", "\n", 1) + "\ny (mm)"
+            axes.set(aspect="equal", ylabel=words if column == 0 else "",
+                     xlabel="x (mm)" if row == len(films) - 1 else "")
+        style.colour_bar(figure, start + 3, _TITLE + len(films) * (_PANEL + _GAP) + 5.0,
+                         (width - 6, _BAR_HEIGHT), scale, quantity.colours, quantity.title)
+    return figure
 
 
 def compose_film_maps(readings: Columns, outlines: Mapping[str, Any]) -> Figure:

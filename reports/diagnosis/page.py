@@ -12,11 +12,18 @@ from matplotlib.figure import Figure
 
 from tympan.reports import look as style
 from tympan.reports.diagnosis.figures import compose_readings, compose_residuals, compose_transients
-from tympan.reports.diagnosis.film_maps import compose_film_maps
+from tympan.reports.diagnosis.film_maps import (
+    QUANTITIES,
+    compose_film_maps,
+    compose_loaded_films,
+    titled_films,
+)
 from tympan.reports.template import embedded_picture, sentence, template
+from tympan.reports.viewer import viewer
 from tympan.studies.diagnosis.reading_table import LENGTHS
 from tympan.studies.diagnosis.result import load_diagnosis
 from tympan.studies.diagnosis.sentences import plain, probability_text, suspects_among
+from tympan.studies.diagnosis.shown.loaded_films import load_films
 from tympan.studies.effects import EFFECTS
 from tympan.studies.files import write_text
 
@@ -26,7 +33,10 @@ Content = Mapping[str, Any]
 CLEARLY = 3.0
 
 #: Files of pictures that are not called as what they show.
-_FILES = {"readings": "curves"}
+_FILES = {"readings": "curves", "loaded": "films"}
+
+#: Of maps of films within the pictures.
+_DPI = 200
 
 #: Effects told of where none explains what is wrong.
 _TRIED = 4
@@ -48,22 +58,29 @@ def build_diagnosis_page(folder: Path) -> Path:
         pictures["transients"] = lambda: compose_transients(runs)
     if len(film["kind"]):
         pictures["film"] = lambda: compose_film_maps(film, content["films"])
+    films = titled_films(load_films(folder, content))
+    if films:
+        pictures["loaded"] = lambda: compose_loaded_films(films)
     for name, compose in pictures.items():
-        style.save_figure(folder, _FILES.get(name, name), compose, ("svg",))
+        style.save_figure(folder, _FILES.get(name, name), compose, ("svg",), _DPI)
     file = folder / "diagnosis.html"
-    write_text(file, render_diagnosis(content, **{
-        name: embedded_picture(folder / f"{_FILES.get(name, name)}.svg") for name in pictures}))
+    embedded = {name: embedded_picture(folder / f"{_FILES.get(name, name)}.svg")
+                for name in pictures}
+    shown = viewer(films, QUANTITIES) if films else ""
+    write_text(file, render_diagnosis(content, viewer=shown, **embedded))
     return file
 
 
 def render_diagnosis(content: Content, readings: str = "", residuals: str = "",
-                     transients: str = "", film: str = "") -> str:
-    """The page as text; the pictures as data URIs, "" where there is none."""
+                     transients: str = "", film: str = "", loaded: str = "", viewer: str = ""
+                     ) -> str:
+    """The page as text; pictures as data URIs and films to turn as HTML, "" where there is none."""
     attempts = _explained(content["attempts"])
     tried = attempts[:_TRIED] if content["verdict"] == "unexplained" else []
     return _template("reports/diagnosis/diagnosis.html").render(
         diagnosis=content, verdict=verdict_words(content), readings=readings, residuals=residuals,
-        transients=transients, film=film,
+        transients=transients, film=film, loaded=loaded,
+        viewer=viewer,
         causes=_explained(content["causes"]), attempts=attempts, tried=tried,
         suspects=_suspects(content), gain=_said("gain", content), robust=_said("robust", content),
         noise=_said("noise", content["misfit"]))

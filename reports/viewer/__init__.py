@@ -17,4 +17,5 @@ def viewer(films: Mapping[str, FilmSurface],
     Where scripts or WebGL are missing it shows nothing: a picture in the page says the same.
     """
     return template("reports/viewer/viewer.html").render(
-        films=payload(films, colourings), script=text_of("reports/viewer/viewer.js"))
+        films=payload(films, colourings), script=text_of("reports/viewer/viewer.js"),
+        hatched=any(film.values["tension"].any() for film in films.values()))

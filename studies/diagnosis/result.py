@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +15,6 @@ from tympan.studies.columns import Column, read_own_sheet, write_sheet
 from tympan.studies.data.checks import dataset_warnings
 from tympan.studies.data.dataset import Dataset
 from tympan.studies.diagnosis.calibration import extended_setup
-from tympan.studies.diagnosis.curves import CURVES, curves
 from tympan.studies.diagnosis.gain import GainReport, gain_of
 from tympan.studies.diagnosis.inference.identifiability import detectable_effects
 from tympan.studies.diagnosis.inference.posterior import Fit, Posterior
@@ -40,6 +39,8 @@ from tympan.studies.diagnosis.sentences import (
     told,
     where,
 )
+from tympan.studies.diagnosis.shown.curves import CURVES, curves
+from tympan.studies.diagnosis.shown.loaded_films import LoadedFilm, loaded_films
 from tympan.studies.effects import Setup
 from tympan.studies.files import read_json, words_beside, write_json, write_text
 
@@ -81,7 +82,7 @@ class Diagnosis:
     nothing is wrong; ``gain`` on readings held out; ``proposals`` for the next experiment and
     ``advice`` in a sentence; ``single_effects`` each fitted alone; ``detectable``: what these
     readings can tell; ``self_check``: what it makes of synthetic ones, None where that was not
-    asked.
+    asked; ``loaded``: films of the specimens, where they were asked for.
     """
 
     dataset: Dataset
@@ -95,6 +96,7 @@ class Diagnosis:
     single_effects: tuple[SingleEffect, ...]
     detectable: list[Json]
     self_check: Json | None = None
+    loaded: tuple[LoadedFilm, ...] = ()
 
     @classmethod
     def of(cls, dataset: Dataset, readings: PreparedReadings, judgement: Judgement,
@@ -130,6 +132,10 @@ class Diagnosis:
         if self.chosen is None:
             return None
         return extended_setup(self.simulation, self.chosen.hypothesis, self.chosen.unknowns)
+
+    def with_films(self) -> Diagnosis:
+        """With the specimens' films, which are solved by finite elements."""
+        return replace(self, loaded=tuple(loaded_films(self.judgement, self.extended)))
 
     def json(self) -> Json:
         """The JSON object that the command prints, and what else the report shows."""
@@ -174,6 +180,8 @@ class Diagnosis:
             "self_check": self.self_check,
             "warnings": self._limitations(),
             "films": self._films(),
+            "loaded_films": [{"specimen": film.specimen, "mass_kg": film.mass,
+                              "voltage_V": film.voltage} for film in self.loaded],
         }
 
     def _films(self) -> Json:
@@ -202,6 +210,8 @@ class Diagnosis:
             **dict(zip("xy", table.places.T, strict=True))})
         write_sheet(folder / "curves.csv", CURVES,
                     curves(self.simulation, self.judgement, self.chosen))
+        for film in self.loaded:
+            film.film.save(folder / "films" / f"{film.specimen}.vtu")
         setup = self.extended
         if setup is not None:
             write_text(folder / "extended" / "rig.toml", rig_to_toml(setup.rig))

@@ -67,6 +67,8 @@ def diagnose(options: argparse.Namespace) -> None:
     with shares("films") as progress:
         diagnosis = diagnose(dataset, options.workers, options.seed, progress)
     diagnosis = replace(diagnosis, self_check=_self_check(options, diagnosis.bench))
+    if options.output is not None:
+        diagnosis = diagnosis.with_films()
     from tympan.reports.diagnosis import page
 
     finish(options, diagnosis, words=page)

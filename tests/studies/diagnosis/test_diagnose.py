@@ -11,11 +11,14 @@ import numpy as np
 import pytest
 
 from tests.support.datasets import HEAD, write_dataset
+from tests.support.specimens import circular
 from tests.support.trials import design, every_cause, read
 from tympan.cli import main
 from tympan.fem.film.library import load_specimen
 from tympan.fem.rig import Rig
 from tympan.geometry.errors import InputError
+from tympan.geometry.mesher import MeshSettings
+from tympan.studies.case import Case, Settings, solve
 from tympan.studies.data.dataset import read_dataset
 from tympan.studies.diagnosis.inference.verdict import judge
 from tympan.studies.diagnosis.reading_table import ReadingTable
@@ -23,6 +26,7 @@ from tympan.studies.diagnosis.readings import averaged, prepared_readings
 from tympan.studies.diagnosis.reduced.simulation import Cause, Simulation
 from tympan.studies.diagnosis.result import Diagnosis
 from tympan.studies.diagnosis.sentences import headline, next_step, suspects_among, where
+from tympan.studies.diagnosis.shown.loaded_films import load_films, over_nominal
 
 ROWS = "specimen,mass_g,voltage_kV,displacement_mm\n"
 GOOD = "".join(f"{name},{mass},{kv},{1.9 * mass / 17.9 + 0.03 * kv**2}\n"
@@ -112,7 +116,7 @@ def written(three_shapes: Simulation,
 
     folder = tmp_path_factory.mktemp("diagnosis")
     table = read(three_shapes, design(5e-6), (Cause("electrode_margin"),), [4e-3], seed=2)
-    diagnosis = _diagnosis(three_shapes, table, folder)
+    diagnosis = _diagnosis(three_shapes, table, folder).with_films()
     diagnosis.save(folder)
     content = diagnosis.json()
     build_diagnosis_page(folder)
@@ -188,6 +192,49 @@ def test_a_folder_of_an_older_version_is_told_how_to_be_made_again(
     (tmp_path / "diagnosis.json").write_text(json.dumps(content), encoding="utf-8")
     assert main(["report", str(tmp_path)]) == 2
     assert "run tympan diagnose again" in capsys.readouterr().err
+
+
+def test_films_are_those_of_the_files_that_are_written(
+        three_shapes: Simulation, written: tuple[Path, dict[str, Any]]) -> None:
+    folder, content = written
+    films = load_films(folder, content)
+    assert [film.specimen for film in films] == [specimen.name for specimen
+                                                 in three_shapes.setup.specimens]
+    assert {film.mass for film in films} == {design(5e-6).mass.max()}
+    rig = Rig.read(folder / "extended" / "rig.toml")
+    for film in films:
+        specimen = load_specimen(folder / "extended" / f"{film.specimen}.toml")
+        solved = solve(Case(specimen, mass=film.mass, voltage=film.voltage, rig=rig), Settings())
+        depth = film.film.values["displacement"][:, 2].max()
+        assert depth == pytest.approx(solved.deflection_m, rel=1e-6)
+        # A margin hides charge: the nominal film, refitted, is off by more than the noise.
+        assert 1e-6 < abs(depth - film.film.values["nominal_deflection"].max()) < 0.2 * depth
+
+
+def test_the_page_of_a_diagnosis_turns_its_films(written: tuple[Path, dict[str, Any]]) -> None:
+    folder, content = written
+    page = (folder / "diagnosis.html").read_text(encoding="utf-8")
+    assert len(page) < 3e6
+    data = page.partition('class="films">')[2].partition("</script>")[0]
+    for shown, item in zip(json.loads(data)["films"], load_films(folder, content), strict=True):
+        assert shown["name"].startswith(f"{item.specimen}, {1e3 * item.mass:.4g} g")
+        depth, nominal = item.film.values["displacement"][:, 2], "nominal_deflection"
+        more = 1e6 * (depth - item.film.values[nominal])
+        assert shown["values"]["more"]["high"] == pytest.approx(more.max(), rel=1e-9, abs=1e-9)
+    assert "Plans of the films in colours of largest stress" in page
+    assert (folder / "films.svg").stat().st_size > 1e4
+
+
+def test_a_film_of_another_mesh_is_compared_where_its_points_are() -> None:
+    fine, coarse = (solve(Case(circular(), mass=20e-3, voltage=3e3), settings, film=True).film
+                    for settings in (Settings(), Settings(MeshSettings().refined(0.5))))
+    assert fine is not None
+    assert coarse is not None
+    assert len(fine.points) != len(coarse.points)
+    depth = fine.values["displacement"][:, 2]
+    assert over_nominal(fine, coarse).values["nominal_deflection"] == pytest.approx(
+        depth, abs=0.01 * depth.max())
+    assert np.array_equal(over_nominal(fine, fine).values["nominal_deflection"], depth)
 
 
 def test_a_damaged_folder_gets_one_message(tmp_path: Path) -> None:

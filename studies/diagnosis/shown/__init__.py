@@ -1,0 +1,1 @@
+"""What a report shows of the nominal and the extended model: curves, and films under load."""

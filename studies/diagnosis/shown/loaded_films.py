@@ -1,0 +1,92 @@
+"""Films of a diagnosis under loads that were read: the extended model's beside the nominal one's.
+
+Solved by finite elements, as ``tympan solve`` solves the specimens that a diagnosis writes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.interpolate import LinearNDInterpolator
+
+from tympan.geometry.errors import InputError
+from tympan.studies.case import Case, Settings, solve
+from tympan.studies.diagnosis.calibration import extended_setup
+from tympan.studies.diagnosis.inference.verdict import Judgement
+from tympan.studies.diagnosis.reading_table import ReadingTable
+from tympan.studies.effects import Setup
+from tympan.studies.film_surface import FilmSurface
+
+#: Specimens whose films are solved, and loads tried of each, from the largest on.
+_MOST, _TRIED = 12, 4
+
+
+@dataclass(frozen=True, eq=False)
+class LoadedFilm:
+    """A film of the extended model, or of the fitted nominal one where nothing extends it.
+
+    Under a load that was read: ``mass`` [kg], ``voltage`` [V]. ``film`` has, beside its fields, the
+    ``nominal_deflection`` [m] of the fitted nominal model.
+    """
+
+    specimen: str
+    mass: float
+    voltage: float
+    film: FilmSurface
+
+
+def loaded_films(judged: Judgement, extended: Setup | None, settings: Settings = Settings()
+                 ) -> Iterator[LoadedFilm]:
+    """The film of each specimen under the largest load read at which both models have one."""
+    nominal = extended_setup(judged.simulation, (), judged.nominal.unknowns)
+    setups = nominal, extended or nominal
+    for number in np.unique(judged.table.specimen).tolist()[:_MOST]:
+        for mass, voltage in _loads(judged.table, number)[:_TRIED]:
+            films = [_film(Case(setup.specimens[number], mass=mass, voltage=voltage,
+                                rig=setup.rig), settings) for setup in setups]
+            if films[0] is not None and films[1] is not None:
+                yield LoadedFilm(nominal.specimens[number].name, mass, voltage,
+                                 over_nominal(films[1], films[0]))
+                break
+
+
+def _loads(table: ReadingTable, number: int) -> list[tuple[float, float]]:
+    """Masses [kg] and voltages [V] under which a specimen was read, the largest first."""
+    rows = table.specimen == number
+    loads = zip(table.mass[rows].tolist(), table.voltage[rows].tolist(), strict=True)
+    return sorted(set(loads), reverse=True)
+
+
+def _film(case: Case, settings: Settings) -> FilmSurface | None:
+    try:
+        return solve(case, settings, film=True).film
+    except InputError:  # an effect may ask for a film that cannot be meshed
+        return None
+
+
+def over_nominal(film: FilmSurface, nominal: FilmSurface) -> FilmSurface:
+    """A film with ``nominal_deflection`` [m] at its points, of a film of the same frame."""
+    deflection = nominal.values["displacement"][:, 2]
+    if film.mounted.shape != nominal.mounted.shape or not np.allclose(
+            film.mounted, nominal.mounted, rtol=0, atol=1e-9):
+        # The plate may sit elsewhere: where it hides the other film, it is as deep as its rim.
+        places, first = np.unique(nominal.mounted[:, :2], axis=0, return_index=True)
+        between = LinearNDInterpolator(places, deflection[first], fill_value=0.0)
+        deflection = between(film.mounted[:, :2])
+    return replace(film, values={**film.values, "nominal_deflection": np.asarray(deflection)})
+
+
+def load_films(folder: Path, content: dict[str, Any]) -> list[LoadedFilm]:
+    """The films that a diagnosis stored in a folder, as its JSON object ``content`` lists them."""
+    films = []
+    for entry in content.get("loaded_films", ()):
+        file = folder / "films" / f"{entry['specimen']}.vtu"
+        film = FilmSurface.load(file)
+        if "nominal_deflection" not in film.values:
+            raise InputError("is of an older version: run tympan diagnose again", file=file)
+        films.append(LoadedFilm(entry["specimen"], entry["mass_kg"], entry["voltage_V"], film))
+    return films
