@@ -1,0 +1,219 @@
+"""What ``--json`` prints and result files hold: keys, kinds, units, meaning, and JSON Schemas.
+
+Of results that are dataclasses all of it is from their fields and docstrings; of others, and for
+what docstrings leave out, from schema.toml.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import tomllib
+import types
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields, is_dataclass
+from functools import cache
+from pkgutil import resolve_name
+from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
+
+import numpy as np
+
+from tympan.geometry.units import unit_of
+from tympan.reports.template import text_of
+
+#: Types of JSON by what a kind of value is called.
+_TYPES = {"text": "string", "number": "number", "whole number": "integer",
+          "true or false": "boolean", "object": "object", "list": "array"}
+_KINDS = {str: "text", float: "number", int: "whole number", bool: "true or false"}
+
+#: Units that are none of SI, by the end of a key.
+_OTHERS = {"_C": "C", "_um": "µm", "_mm": "mm", "_cm2": "cm²", "_deg": "°", "_per_s": "1/s",
+           "_kg_m2": "kg m²", "_V_per_V": "V/V", "_m_per_V": "m/V", "_V_m": "V m"}
+
+#: A clause of a docstring that says what fields are.
+_NAMING = re.compile(r"(?P<names>``\w+``(?:(?:, | and )``\w+``)*)(?::| is| are|,)? (?P<words>.+)")
+
+
+@dataclass(frozen=True)
+class JsonKey:
+    """One key of a record by its path: ``[]`` is any entry of a list, ``{}`` any key of an object.
+
+    ``kind``: what it holds, such as "number", "text or none", or texts in quotes to choose from.
+    """
+
+    path: str
+    kind: str
+    meaning: str
+
+    @property
+    def unit(self) -> str:
+        """As the key's name says."""
+        name = re.sub(r"(\[\]|\{\})+$", "", self.path.rpartition(".")[2])
+        if self.kind.split(" or ")[0] not in ("number", "list"):
+            return ""
+        other = next((unit for end, unit in _OTHERS.items() if name.endswith(end)), None)
+        return (unit_of(name) or "") if other is None else other
+
+
+@dataclass(frozen=True)
+class JsonRecord:
+    """What some ``commands`` print, stored as ``file``."""
+
+    name: str
+    commands: str
+    file: str
+    keys: tuple[JsonKey, ...]
+
+    @property
+    def rows(self) -> list[tuple[str, str, str, str]]:
+        """Path, kind, unit and meaning of every key; what lists of plain values hold is in kind."""
+        holds = {key.path: key.kind for key in self.keys}
+        rows = []
+        for key in self.keys:
+            entry = holds.get(f"{key.path}[]", "object")
+            kind = key.kind.replace("list", f"list of {entry}s") if entry != "object" else key.kind
+            if not key.path.endswith("[]") or key.kind == "object":
+                rows.append((key.path, kind, key.unit, key.meaning))
+        return rows
+
+    @property
+    def schema(self) -> dict[str, Any]:
+        """As a JSON Schema (draft 2020-12)."""
+        return {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": self.commands,
+                **_object([(_steps(key.path), key) for key in self.keys])}
+
+
+@cache
+def json_records() -> tuple[JsonRecord, ...]:
+    """All records that are described."""
+    declared = tomllib.loads(text_of("reports/schema.toml"))
+    usual = declared["usual"]
+    return tuple(
+        JsonRecord(name, entry["commands"], entry.get("file", ""), tuple(
+            [*_written(entry.get("keys", "")),
+             *_of_class(entry["class"], usual, entry.get("at", ""))]
+            if "class" in entry else _written(entry["keys"])))
+        for name, entry in declared["record"].items())
+
+
+def _written(lines: str) -> Iterator[JsonKey]:
+    """Keys of lines "path | kind | meaning"."""
+    for line in lines.strip().splitlines():
+        path, kind, meaning = (part.strip() for part in line.split("|"))
+        yield JsonKey(path, kind, meaning)
+
+
+def _of_class(name: str, usual: Mapping[str, str], at: str) -> list[JsonKey]:
+    return list(class_keys(resolve_name(f"tympan.studies.{name}"), usual, at))
+
+
+def class_keys(cls: type, usual: Mapping[str, str], at: str = "") -> Iterator[JsonKey]:
+    """The keys of a dataclass as ``to_json`` writes it, those of nested ones after their own."""
+    hints, said = get_type_hints(cls), _said(cls)
+    for item in fields(cls):
+        if item.compare:
+            meaning = said.get(item.name) or usual.get(item.name, "")
+            yield from _keys(f"{at}{item.name}", hints[item.name], meaning, usual)
+
+
+def _keys(path: str, hint: Any, meaning: str, usual: Mapping[str, str]) -> Iterator[JsonKey]:
+    options = [option for option in get_args(hint) if option is not type(None)]
+    origin, none = get_origin(hint), ""
+    if origin in (Union, types.UnionType):
+        none = " or none" if len(options) < len(get_args(hint)) else ""
+        hint, origin = options[0], get_origin(options[0])
+    inner = get_args(hint)
+    if origin is Literal:
+        yield JsonKey(path, " or ".join(f'"{text}"' for text in inner) + none, meaning)
+    elif is_dataclass(hint):
+        yield JsonKey(path, f"object{none}", meaning or _summary(hint))
+        yield from class_keys(hint, usual, f"{path}.")  # type: ignore[arg-type]
+    elif origin is tuple or origin is np.ndarray or hint is np.ndarray:
+        yield JsonKey(path, f"list{none}", meaning)
+        yield from _keys(f"{path}[]", inner[0] if origin is tuple else float, "", usual)
+    elif origin in (dict, Mapping):
+        yield JsonKey(path, f"object{none}", meaning)
+        if inner[1] is not Any:
+            yield from _keys(f"{path}{{}}", inner[1], "", usual)
+    else:
+        yield JsonKey(path, f"{_KINDS[hint]}{none}", meaning)
+
+
+def _said(cls: type) -> dict[str, str]:
+    """What a class's docstring, and its bases', say of each field: the clause it begins.
+
+    Examples
+    --------
+    >>> class Load:
+    ...     '''A load. ``mass_kg``: on the plate; ``voltage_V`` is that of the source.'''
+    >>> _said(Load)
+    {'mass_kg': 'on the plate', 'voltage_V': 'that of the source'}
+    """
+    meanings: dict[str, str] = {}
+    for base in cls.__mro__:
+        text = " ".join((base.__dict__.get("__doc__") or "").split())
+        for clause in re.split(r"(?<=[\w`)\]])[;.](?:\s|$)", text):
+            fitting = _NAMING.match(clause.strip())
+            if fitting is None:
+                continue
+            for name in re.findall(r"``(\w+)``", fitting["names"]):
+                meanings.setdefault(name, _plain(fitting["words"]))
+    return meanings
+
+
+def _summary(cls: Any) -> str:
+    return _plain((cls.__doc__ or "").split("\n\n")[0].replace("\n", " ")).rstrip(".")
+
+
+def _plain(words: str) -> str:
+    """As users know it, who read JSON and not Python."""
+    return words.replace("``", "`").replace("None", "none")
+
+
+def _steps(path: str) -> list[str]:
+    """A path's parts: names, "[]" and "{}"."""
+    return re.findall(r"[^.\[\]{}]+|\[\]|\{\}", path)
+
+
+def _object(keys: Sequence[tuple[list[str], JsonKey]]) -> dict[str, Any]:
+    """The schema of an object of keys, each with the steps to it from there."""
+    names = dict.fromkeys(steps[0] for steps, _ in keys)
+    inside = {name: [(steps[1:], key) for steps, key in keys if steps[0] == name]
+              for name in names}
+    if list(names) == ["{}"]:
+        return {"type": "object", "additionalProperties": _value(inside["{}"])}
+    return {"type": "object", "properties": {name: _value(inside[name]) for name in names},
+            "required": list(names), "additionalProperties": False}
+
+
+def _value(keys: Sequence[tuple[list[str], JsonKey]]) -> dict[str, Any]:
+    """The schema of one value: of its key, if it has one, and of those below it."""
+    itself, below = [key for steps, key in keys if not steps], [pair for pair in keys if pair[0]]
+    kind = itself[0].kind if itself else ""
+    schema: dict[str, Any]
+    if below and below[0][0][0] == "[]":
+        schema = {"type": "array", "items": _value([(steps[1:], key) for steps, key in below])}
+    elif below:
+        schema = _object(below)
+    elif '"' in kind:
+        schema = {"enum": re.findall(r'"([^"]*)"', kind)}
+    else:
+        names = [_TYPES[word] for word in kind.split(" or ") if word in _TYPES]
+        schema = {"type": names[0] if len(names) == 1 else names} if names else {}
+    if kind.endswith(" or none"):
+        schema = {"anyOf": [schema, {"type": "null"}]}
+    if itself:
+        schema["description"] = itself[0].meaning
+    if itself and itself[0].unit:
+        schema["unit"] = itself[0].unit
+    return schema
+
+
+def schemas() -> str:
+    """The file docs/schemas.json: all schemas by the name of their record."""
+    return json.dumps({record.name: record.schema for record in json_records()}, indent=1,
+                      ensure_ascii=False) + "\n"
+
+
+if __name__ == "__main__":
+    print(schemas(), end="")

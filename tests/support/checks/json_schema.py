@@ -1,0 +1,51 @@
+"""A check of JSON against the part of JSON Schema (draft 2020-12) that our schemas use."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+_TYPES: dict[str, Any] = {"string": str, "number": (int, float), "integer": int, "boolean": bool,
+                          "object": dict, "array": list, "null": type(None)}
+_USED = {"$schema", "title", "description", "unit", "type", "enum", "anyOf", "items", "properties",
+         "required", "additionalProperties"}
+
+
+def faults(value: Any, schema: dict[str, Any], path: str = "") -> Iterator[str]:
+    """What of a value is not as its schema says; nothing where all is well."""
+    assert schema.keys() <= _USED, schema.keys() - _USED
+    if "anyOf" in schema:
+        tried = [list(faults(value, option, path)) for option in schema["anyOf"]]
+        yield from () if [] in tried else tried[0]
+    if "enum" in schema and value not in schema["enum"]:
+        yield f"{path}: {value!r} is none of {schema['enum']}"
+    if "type" in schema and not is_of_type(value, schema["type"]):
+        yield f"{path}: {value!r} is no {schema['type']}"
+    if isinstance(value, list):
+        for number, entry in enumerate(value):
+            yield from faults(entry, schema.get("items", {}), f"{path}[{number}]")
+    if isinstance(value, dict):
+        yield from _faults_of_object(value, schema, path)
+
+
+def is_of_type(value: Any, names: Any) -> bool:
+    """Whether it is of one of the types; true and false are no numbers."""
+    names = [names] if isinstance(names, str) else names
+    if isinstance(value, bool):
+        return "boolean" in names
+    wanted = (_TYPES[name] for name in names)
+    return any(isinstance(value, kind) for kind in wanted)
+
+
+def _faults_of_object(value: dict[str, Any], schema: dict[str, Any], path: str) -> Iterator[str]:
+    known_keys = schema.get("properties", {})
+    yield from (f"{path}.{name} is missing" for name in schema.get("required", ())
+                if name not in value)
+    further = schema.get("additionalProperties", {})
+    for name, entry in value.items():
+        if name in known_keys:
+            yield from faults(entry, known_keys[name], f"{path}.{name}")
+        elif further is False:
+            yield f"{path}.{name} is not declared"
+        else:
+            yield from faults(entry, further, f"{path}.{name}")
