@@ -52,7 +52,7 @@ def plot(result: object, target: Axes | str | os.PathLike[str] | None = None, **
     Parameters
     ----------
     target
-        Axes, or a file of any kind matplotlib writes.
+        Axes, or a file of any kind matplotlib writes; of modes, NAME.gif lets them swing.
     choices
         Of a sweep: the result ``of`` which a map is drawn, and the two keys ``over`` which.
 
@@ -69,13 +69,25 @@ def plot(result: object, target: Axes | str | os.PathLike[str] | None = None, **
     file = Path(target)
     with look.figure_style():
         figure = look.new_figure(_HEIGHT, _WIDTH)
-        if file.suffix[1:] not in figure.canvas.get_supported_filetypes():
-            raise InputError("must end in .png, .svg or .pdf", key="file", given=str(file))
+        moves = file.suffix == ".gif" and isinstance(result, ModesResult)
+        if not moves and file.suffix[1:] not in figure.canvas.get_supported_filetypes():
+            raise InputError("must end in .png, .svg or .pdf, of modes in .gif too", key="file",
+                             given=str(file))
         axes = figure.add_subplot()
         draw(result, axes, **choices)
         figure.tight_layout()
-        write_atomically(file, partial(figure.savefig, dpi=look.DPI))
+        if moves:
+            _animate(result, file)
+        else:
+            write_atomically(file, partial(figure.savefig, dpi=look.DPI))
     return axes
+
+
+def _animate(result: object, file: Path) -> None:
+    from tympan.reports.figures.modes import animate_modes
+
+    assert isinstance(result, ModesResult)
+    animate_modes(result, file)
 
 
 def _shown(result: object, choices: dict[str, Any]) -> Axes:

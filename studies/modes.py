@@ -69,7 +69,7 @@ class ModesResult(CaseRecord):
 
     ending = "-modes"
     writer = "tympan modes -o"
-    kinds = ("vtu", "png", "svg", "json")
+    kinds = ("vtu", "png", "svg", "gif", "mp4", "json")
 
     status: Status
     deflection_m: float | None = None

@@ -1,10 +1,13 @@
-"""A film in motion: pictures of the deformed film with its voltage and deflection in time."""
+"""A film in motion: pictures of the deformed film with its voltage and deflection in time.
+
+And frames of any such film as a GIF and an MP4.
+"""
 
 from __future__ import annotations
 
 import shutil
 import subprocess
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from functools import partial
 from pathlib import Path
 
@@ -24,7 +27,7 @@ from tympan.studies.lumped.simulate import SampledResponse
 #: Sizes of a picture [mm], its resolution [pixels per inch], and how long all of them take [s].
 _WIDTH, _FILM, _BAR, _VOLTAGE, _RESPONSE = 120.0, 112.0, 16.0, 14.0, 26.0
 _LEFT, _RIGHT, _TOP, _AXIS, _GAP = 14.0, 4.0, 4.0, 11.0, 4.0
-_DPI, _LENGTH = 110, 5.0
+FRAME_DPI, _LENGTH = 110, 5.0
 _COLOURS, _INK = "viridis", "white"
 
 
@@ -44,19 +47,27 @@ def animate(response: SampledResponse, films: dict[float, FilmSurface], folder: 
                         max(float(heave.max()) for heave in heaves))
     half = np.abs(surfaces[0].mounted[:, :2]).max(0)
     wide = 2e3 * float(half.max())
-    view = View(1.5 * _DPI * style.MM * _FILM / wide, 1.0, _COLOURS, scale, bar_length(wide) / 2,
-                style.SHORT, style.LONG, elevation=38.0, ink=_INK)
+    view = View(1.5 * FRAME_DPI * style.MM * _FILM / wide, 1.0, _COLOURS, scale,
+                bar_length(wide) / 2, style.SHORT, style.LONG, elevation=38.0, ink=_INK)
     pictures = [film_picture(film, heave, view, bool(half[1] > half[0]))
                 for film, heave in zip(surfaces, heaves, strict=True)]
     with style.figure_style():
-        frames = [_pixels(_compose(picture, response, time, scale, _extent(pictures)))
+        frames = [figure_pixels(_compose(picture, response, time, scale, common_extent(pictures)))
                   for time, picture in zip(times, pictures, strict=True)]
     file = folder / f"{response.numbers['specimen']}.gif"
+    write_frames(frames, file)
+    return file
+
+
+def write_frames(frames: Sequence[NDArray[np.uint8]], file: Path) -> None:
+    """Write pictures, shape (height, width, 3) each, as a GIF, and an MP4 where FFmpeg is.
+
+    An :class:`InputError` when that makes no film of the pictures.
+    """
     write_atomically(file, partial(_save, frames))
     ffmpeg = shutil.which("ffmpeg")
     if ffmpeg is not None:
         write_atomically(file.with_suffix(".mp4"), partial(_encode, ffmpeg, np.array(frames)))
-    return file
 
 
 def _save(frames: Sequence[NDArray[np.uint8]], file: Path) -> None:
@@ -80,7 +91,8 @@ def _encode(ffmpeg: str, frames: NDArray[np.uint8], file: Path) -> None:
         raise InputError(f"ffmpeg makes no film of the pictures: {words[-1]}", key="--animate")
 
 
-def _extent(pictures: Sequence[style.Picture]) -> tuple[float, float, float, float]:
+def common_extent(pictures: Iterable[style.Picture]) -> tuple[float, float, float, float]:
+    """What holds all pictures: west, east, bottom, top [mm]."""
     west, east, bottom, top = zip(*(extent for _, extent in pictures), strict=True)
     return min(west), max(east), min(bottom), max(top)
 
@@ -116,7 +128,8 @@ def _add_traces(figure: Figure, response: SampledResponse, time: float, top: flo
     pair[1].set_xlabel("time (s)")
 
 
-def _pixels(figure: Figure) -> NDArray[np.uint8]:
-    figure.set_dpi(_DPI)
+def figure_pixels(figure: Figure) -> NDArray[np.uint8]:
+    """A figure as a frame, shape (height, width, 3)."""
+    figure.set_dpi(FRAME_DPI)
     figure.canvas.draw()
     return np.array(figure.canvas.buffer_rgba())[..., :3]  # type: ignore[attr-defined]

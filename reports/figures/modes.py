@@ -8,16 +8,24 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
+from tympan.geometry.errors import InputError
 from tympan.reports import look as style
+from tympan.reports.figures.animation import (
+    FRAME_DPI,
+    common_extent,
+    figure_pixels,
+    write_frames,
+)
 from tympan.reports.scales import AxisScale, bar_length, rows_of
 from tympan.reports.scene import View, film_picture
 from tympan.studies.film_surface import FilmSurface
-from tympan.studies.modes import Mode, ModesResult
+from tympan.studies.modes import ModesResult
 
 _SWING = 0.22  #: largest displacement drawn, of the frame's smaller half extent
 _TURN = 0.4  #: largest rotation of the plate drawn [rad]: drawn straight on, a larger one swells it
 _MARGIN, _GAP, _TITLE, _BAR = 3.0, 4.0, 9.0, 15.0  # [mm]
 _MOST = 12  #: modes drawn
+_FRAMES = 24  #: of a swing there and back
 _COLOURS, _INK, _AXES = "RdBu_r", "#303030", "#808080"
 
 
@@ -25,26 +33,58 @@ def draw_modes(result: ModesResult, folder: Path) -> list[Path]:
     """Draw the first modes as folder/NAME-modes.png and .svg; answers the files, if any."""
     if not result.modes:
         return []
-    frame = result.semi_axes_m
-    wide = 2e3 * max(frame)
-    shown = list(result.modes[:_MOST])
-    rows = rows_of(len(shown))
-    width = (style.WIDTH - 2 * _MARGIN - 2 * _GAP) / 3
-    dots = 1.4 * style.DPI  # more than the print's: their average makes smooth edges
-    view = View(dots * style.MM * width / wide, dots * 0.5 / 72, _COLOURS,
+    # More dots than the print's: their average makes smooth edges.
+    pictures = _pictures(result, 1.0, _view(result, 1.4 * style.DPI))
+    return style.save_figure(folder, f"{result.specimen}-modes",
+                             lambda: _compose(pictures, result, common_extent(pictures)))
+
+
+def animate_modes(result: ModesResult, file: Path) -> None:
+    """Write the first modes, each swinging once, as a GIF, and an MP4 beside it where FFmpeg is.
+
+    All swing at one pace: a frequency is written, not seen.
+
+    Raises
+    ------
+    InputError
+        When there are no modes, or FFmpeg makes no film of the pictures.
+    """
+    if not result.modes:
+        raise InputError(f"there is nothing to draw: {'; '.join(result.warnings)}")
+    view = _view(result, 2.8 * FRAME_DPI, line=1.0)
+    there = [_pictures(result, float(np.cos(phase)), view)
+             for phase in np.linspace(0.0, np.pi, _FRAMES // 2 + 1)]
+    extent = common_extent(picture for pictures in there for picture in pictures)
+    with style.figure_style():
+        frames = [figure_pixels(_compose(pictures, result, extent)) for pictures in there]
+    # Back as it came; the first and the last picture are met once.
+    write_frames([*frames, *frames[-2:0:-1]], file)
+
+
+def _view(result: ModesResult, dots: float, line: float = 0.5) -> View:
+    """How films are looked at, with dots per inch of the figure and lines [pt]."""
+    wide = 2e3 * max(result.semi_axes_m)
+    return View(dots * style.MM * _width() / wide, dots * line / 72, _COLOURS,
                 AxisScale(-1, 1, (-1, 0, 1)), bar_length(wide) / 2, _AXES, _AXES, elevation=38.0,
                 ink=_INK)
-    pictures = [film_picture(film, film.values["along"], view, frame[1] > frame[0])
-                for film in swung_films(result)[:len(shown)]]
-    return style.save_figure(folder, f"{result.specimen}-modes",
-                             lambda: _compose(pictures, shown, rows, width))
 
 
-def swung_films(result: ModesResult) -> list[FilmSurface]:
+def _width() -> float:
+    """Of one picture [mm]."""
+    return (style.WIDTH - 2 * _MARGIN - 2 * _GAP) / 3
+
+
+def _pictures(result: ModesResult, share: float, view: View) -> list[style.Picture]:
+    frame = result.semi_axes_m
+    return [film_picture(film, film.values["along"], view, frame[1] > frame[0])
+            for film in swung_films(result, share)[:_MOST]]
+
+
+def swung_films(result: ModesResult, share: float = 1.0) -> list[FilmSurface]:
     """The film swung out along each mode, with ``along``: the motion along the load at its points.
 
     It is relative to the mode's largest motion. Of the two directions a mode swings, the one in
-    which it goes furthest along the load.
+    which it goes furthest along the load. A ``share``, -1 to 1, is of the way to there.
     """
     film = result.film
     assert film is not None
@@ -54,16 +94,16 @@ def swung_films(result: ModesResult) -> list[FilmSurface]:
         shape = film.values[f"mode_{number}"]
         unit = shape if shape[:, 2].max() >= -shape[:, 2].min() else -shape
         swing = min(largest, _TURN / max(float(np.linalg.norm(mode.plate_turn)), 1e-300))
-        points = film.points + swing * unit
+        points = film.points + share * swing * unit
         films.append(FilmSurface(points, film.triangles, {"displacement": points - film.mounted,
-                                                          "along": unit[:, 2]}))
+                                                          "along": share * unit[:, 2]}))
     return films
 
 
-def _compose(pictures: Sequence[style.Picture], modes: Sequence[Mode], rows: Sequence[range],
-             width: float) -> Figure:
-    west, east, bottom, top = (pick(extent[side] for _, extent in pictures)
-                               for side, pick in enumerate((min, max, min, max)))
+def _compose(pictures: Sequence[style.Picture], result: ModesResult,
+             extent: tuple[float, float, float, float]) -> Figure:
+    west, east, bottom, top = extent
+    modes, rows, width = result.modes, rows_of(len(pictures)), _width()
     height = width * (top - bottom) / (east - west)
     figure = style.new_figure(len(rows) * (_TITLE + height) + _BAR)
     for number, row in enumerate(rows):
@@ -76,6 +116,6 @@ def _compose(pictures: Sequence[style.Picture], modes: Sequence[Mode], rows: Seq
             axes.set(xlim=(west, east), ylim=(bottom, top))
     style.colour_bar(figure, (style.WIDTH - 70) / 2, len(rows) * (_TITLE + height) + 2, (70, 2.4),
                      AxisScale(-1, 1, (-1, 0, 1)), _COLOURS,
-                     "motion along the load over the mode's largest motion; the size of the swing "
-                     "is arbitrary")
+                     "motion along the load over the mode's largest motion; size and pace of the "
+                     "swing are arbitrary")
     return figure

@@ -13,10 +13,13 @@ import pytest
 import pyvista as pv
 from PIL import Image
 
+import tympan
 from tests.support.specimens import circular
 from tympan.cli import main
 from tympan.commands import transient
+from tympan.fem.film.library import load_specimen
 from tympan.fem.toml_writer import specimen_to_toml
+from tympan.reports.figures import modes
 
 
 @pytest.fixture
@@ -52,6 +55,48 @@ def test_pictures_and_fields_of_a_film_in_motion(film: Path, tmp_path: Path,
         assert mesh.points == pytest.approx(points)
         heaves.append(points[:, 2].max())
     assert heaves[1] > heaves[0]
+
+
+def test_modes_swing_there_and_back(film: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+                                    ) -> None:
+    monkeypatch.setattr(modes, "_FRAMES", 8)
+    out = tmp_path / "out"
+    assert main(["modes", str(film), "--mass", "17.9 g", "--count", "2", "--refine", "0.5",
+                 "--animate", "-o", str(out)]) == 0
+    pictures = []
+    with Image.open(out / "circle-modes.gif") as gif:
+        assert gif.n_frames == 8
+        for number in range(8):
+            gif.seek(number)
+            pictures.append(np.asarray(gif.convert("RGB"), float))
+    for number in (1, 2, 3):  # back as it came
+        assert np.abs(pictures[number] - pictures[-number]).mean() < 1
+    apart = [np.abs(picture - pictures[0]).mean() for picture in pictures[:5]]
+    assert min(apart[1:]) > 1
+    assert apart[4] > 5
+    half = pictures[0].shape[1] // 2  # the modes stand side by side, and both move
+    assert all(np.abs(pictures[4] - pictures[0])[:, part].mean() > 2
+               for part in (slice(None, half), slice(half, None)))
+
+
+def test_a_mode_swings_by_its_cosine(film: Path) -> None:
+    result = tympan.modes(load_specimen(film), 1, mass="17.9 g").numbers
+    there, rest, back = (modes.swung_films(result, share)[0] for share in (1.0, 0.0, -1.0))
+    assert rest.points == pytest.approx(result.film.points)
+    assert 0.5 * (there.points + back.points) == pytest.approx(rest.points, abs=1e-15)
+    assert there.values["along"] == pytest.approx(-back.values["along"])
+    assert not rest.values["along"].any()
+
+
+def test_modes_are_animated_from_a_script_and_want_a_folder(
+        film: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+        capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.setattr(modes, "_FRAMES", 4)
+    tympan.modes(load_specimen(film), 1, mass="17.9 g").plot(tmp_path / "swing.gif")
+    with Image.open(tmp_path / "swing.gif") as gif:
+        assert gif.n_frames == 4
+    assert main(["modes", str(film), "--mass", "17.9 g", "--animate"]) == 2
+    assert "-o" in capsys.readouterr().err
 
 
 def drawn(film: Path, out: Path, monkeypatch: pytest.MonkeyPatch) -> int:

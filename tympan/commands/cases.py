@@ -163,6 +163,8 @@ def path(options: argparse.Namespace) -> None:
                   help="part of the mass that sits in the plate's centre; the rest is spread "
                        "evenly over the plate"),
          argument("--count", type=int, default=6, metavar="N", within=(1, 100), help="how many"),
+         argument("--animate", action="store_true",
+                  help="also draw them swinging, with -o (GIF; MP4 where FFmpeg is)"),
          output("also store shapes (VTU), a picture (PNG, SVG) and the numbers"), JSON,
          example='oval.toml --mass "17.9 g" --voltage "3.5 kV" -o modes')
 def modes(options: argparse.Namespace) -> None:
@@ -170,7 +172,14 @@ def modes(options: argparse.Namespace) -> None:
     from tympan.studies.modes import modes
 
     point_mass = parse_quantity(options.point_mass, "mass", "--point-mass")
-    finish(options, modes(read_case(options), read_settings(options), options.count, point_mass))
+    if options.animate and options.output is None:
+        raise InputError("must be given to say where the pictures go", key="-o")
+    result = modes(read_case(options), read_settings(options), options.count, point_mass)
+    finish(options, result)
+    if options.animate and result.modes:
+        from tympan.reports.figures.modes import animate_modes
+
+        animate_modes(result, options.output / f"{result.specimen}-modes.gif")
 
 
 @command("sensitivity", *case_arguments(),
