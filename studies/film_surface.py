@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import re
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from xml.sax.saxutils import escape
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +17,7 @@ from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import State
 from tympan.fem.results.fields import cell_fields, whole
 from tympan.geometry.errors import InputError
-from tympan.studies.files import write_atomically
+from tympan.studies.files import remove, write_atomically, write_text
 
 Array = NDArray[np.float64]
 
@@ -78,6 +80,29 @@ class FilmSurface:
         if not all(np.isfinite(value).all() for value in (points, *values.values())):
             raise InputError("holds values that are not finite", file=file)
         return cls(points, triangles, values)
+
+
+def save_series(folder: Path, name: str, films: Sequence[tuple[float, FilmSurface]]) -> None:
+    """Write films, each with a time, as NAME-0000.vtu and so on, and NAME.pvd that lists them.
+
+    ParaView and PyVista open the list as a series. Films of an earlier run are removed; of no films
+    nothing is written.
+    """
+    remove(folder, f"{name}.pvd", *(file.name for file in series_files(folder, name)))
+    for number, (_, film) in enumerate(films):
+        film.save(folder / f"{name}-{number:04d}.vtu")
+    entries = [f'    <DataSet timestep="{moment:.10g}" file="{escape(name)}-{number:04d}.vtu"/>'
+               for number, (moment, _) in enumerate(films)]
+    if entries:
+        write_text(folder / f"{name}.pvd", "\n".join([
+            '<?xml version="1.0"?>', '<VTKFile type="Collection" version="0.1">',
+            "  <Collection>", *entries, "  </Collection>", "</VTKFile>", ""]))
+
+
+def series_files(folder: Path, name: str) -> list[Path]:
+    """The films of a series, in order."""
+    numbered = re.compile(rf"{re.escape(name)}-\d{{4,}}\.vtu")
+    return sorted(file for file in folder.glob("*.vtu") if numbered.fullmatch(file.name))
 
 
 def film_surface(model: Model, state: State, parts: int = 6, **nodal: Array) -> FilmSurface:

@@ -23,7 +23,7 @@ from tympan.geometry.errors import InputError
 from tympan.geometry.outlines import area
 from tympan.studies.case import Case, CaseRecord, Settings, equilibrate, failure_reason, node_fields
 from tympan.studies.files import remove, write_csv
-from tympan.studies.film_surface import FilmSurface, film_surface
+from tympan.studies.film_surface import FilmSurface, film_surface, save_series, series_files
 
 Array = NDArray[np.float64]
 
@@ -101,7 +101,7 @@ class PathResult(CaseRecord):
     """A path: its stations in order, and where it turns, tension is lost or the film breaks down.
 
     Mass and voltage are those it starts at. ``limits``: the film at each limit point, with a field
-    ``critical_mode``.
+    ``critical_mode``. ``films``: that of each station, where they were asked for.
     """
 
     ending = "-path"
@@ -116,14 +116,19 @@ class PathResult(CaseRecord):
     wall_s: float
     warnings: tuple[str, ...]
     limits: tuple[FilmSurface, ...] = field(default=(), repr=False, compare=False)
+    films: tuple[FilmSurface, ...] = field(default=(), repr=False, compare=False)
 
     def save(self, folder: Path) -> None:
-        """Write ``NAME-path.csv``, ``.json``, and each limit point's film as ``-limit-N.vtu``."""
+        """Write ``NAME-path.csv``, ``.json``, and each limit point's film as ``-limit-N.vtu``.
+
+        Films of stations as a VTK series ``NAME-path.pvd``, whose times are the CSV's rows from 0.
+        """
         name = f"{self.specimen}-path"
         remove(folder, *(file.name for file in folder.glob(f"{name}-limit-*.vtu")))
         super().save(folder)
         for number, film in enumerate(self.limits, start=1):
             film.save(folder / f"{name}-limit-{number}.vtu")
+        save_series(folder, name, list(enumerate(self.films)))
         columns = [item.name for item in fields(Station)]
         write_csv(folder / f"{name}.csv", columns,
                   ([getattr(station, column) for column in columns] for station in self.stations))
@@ -133,14 +138,17 @@ class PathResult(CaseRecord):
         result = super().load(folder, name)
         films = sorted(folder.glob(f"{result.specimen}-path-limit-*.vtu"),
                        key=lambda limit: int(limit.stem.rpartition("-")[2]))
-        return replace(result, limits=tuple(map(FilmSurface.load, films)))
+        stations = series_files(folder, f"{result.specimen}-path")
+        return replace(result, limits=tuple(map(FilmSurface.load, films)),
+                       films=tuple(map(FilmSurface.load, stations)))
 
 
 def path(case: Case, settings: Settings, along: Along,
-         progress: Callable[[str], None] = lambda words: None) -> PathResult:
+         progress: Callable[[str], None] = lambda words: None, films: bool = False) -> PathResult:
     """Follow the equilibria of a case while one quantity grows, and through its limit points.
 
     The case's mass and voltage are where the path starts; InputError if there is no equilibrium.
+    ``films``: with the film of every station.
     """
     plate = case.specimen.needed_plate() if along == "mass" else case.specimen.plate
     if plate is not None and along == "mass" and case.rig.guide == "fixed":
@@ -164,7 +172,8 @@ def path(case: Case, settings: Settings, along: Along,
         dofs=model.unknowns, wall_s=time.perf_counter() - began,
         warnings=(passed[-1].ended if passed else UNFOLLOWED,),
         limits=tuple(_critical_film(stop.model, stop.point) for stop in passed
-                     if stop.event is not None and stop.event.what == "limit"))
+                     if stop.event is not None and stop.event.what == "limit"),
+        films=tuple(film_surface(stop.model, stop.point.state) for stop in passed if films))
 
 
 def stops(case: Case, model: Model, start: State, along: Along, settings: PathSettings

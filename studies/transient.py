@@ -35,8 +35,8 @@ from tympan.studies.case import (
     failure_reason,
     summaries,
 )
-from tympan.studies.files import to_json, write_text
-from tympan.studies.film_surface import FilmSurface, film_surface
+from tympan.studies.files import to_json
+from tympan.studies.film_surface import FilmSurface, film_surface, save_series
 from tympan.studies.limits.voltages import first_limit
 from tympan.studies.lumped.remarks import remark
 from tympan.studies.lumped.simulate import SampledResponse, SimulationResult, settling_time
@@ -243,15 +243,7 @@ class TransientResult(SimulationResult):
     def save(self, folder: Path) -> None:
         """Write numbers and samples, and the films as a VTK series NAME.pvd."""
         for response, films in zip(self.responses, self.films, strict=False):
-            name, entries = response.numbers["specimen"], []
-            for number, (moment, film) in enumerate(films.items()):
-                file = f"{name}-{number:04d}.vtu"
-                film.save(folder / file)
-                entries.append(f'    <DataSet timestep="{moment:.10g}" file="{file}"/>')
-            if entries:
-                write_text(folder / f"{name}.pvd", "\n".join([
-                    '<?xml version="1.0"?>', '<VTKFile type="Collection" version="0.1">',
-                    "  <Collection>", *entries, "  </Collection>", "</VTKFile>", ""]))
+            save_series(folder, response.numbers["specimen"], list(films.items()))
         super().save(folder)
 
 
@@ -304,10 +296,12 @@ def respond(case: TransientCase, settings: Settings, interval: float, period: fl
     return SampledResponse(numbers, samples, loop), done
 
 
-def loop(case: Case, rate: float, turn: float | None, settings: Settings) -> TransientResult:
+def loop(case: Case, rate: float, turn: float | None, settings: Settings, films: int = 0
+         ) -> TransientResult:
     """Up from the case's voltage at a rate [V/s] to where it turns [V], and down again.
 
-    Left out, it turns at 95 % of the film's first limit at rest.
+    Left out, it turns at 95 % of the film's first limit at rest. With so many ``films`` on the way,
+    at equal times.
     """
     if turn is None:
         first = first_limit(case, settings)
@@ -320,5 +314,6 @@ def loop(case: Case, rate: float, turn: float | None, settings: Settings) -> Tra
     duration = 2 * (turn - case.voltage) / rate
     ramped = TransientCase(case.specimen, ramp(case.voltage, turn, duration), mass=case.mass,
                            rig=case.rig)
-    response, _ = respond(ramped, settings, duration / _SAMPLES, duration)
-    return TransientResult((response,))
+    moments = tuple(np.linspace(0.0, duration, films).tolist())
+    response, done = respond(ramped, settings, duration / _SAMPLES, duration, films=moments)
+    return TransientResult((response,), films=(done.films,))

@@ -142,3 +142,46 @@ def test_the_load_rests_along_the_critical_mode_while_the_plate_sinks() -> None:
     limit, = (event for event in result.events if event.what == "limit")
     highest = max(station.voltage_V for station in result.stations)
     assert limit.value == pytest.approx(highest, rel=1e-9)
+
+
+def test_fields_of_every_station_are_a_series(tmp_path: Path) -> None:
+    import pyvista as pv
+
+    (tmp_path / "soft.toml").write_text(SOFT_TOML, encoding="utf-8")
+    words = ["path", str(tmp_path / "soft.toml"), "--mass", "17.9 g", "--refine", "0.5"]
+    assert main([*words, "--fields", "-o", str(tmp_path / "out")]) == 0
+    result = PathResult.load(tmp_path / "out")
+    series = pv.PVDReader(tmp_path / "out" / "soft-path.pvd")
+    assert series.time_values == list(range(len(result.stations)))
+    assert len(result.films) == len(result.stations) > 10
+    for number, (station, film) in enumerate(zip(result.stations, result.films, strict=True)):
+        series.set_active_time_value(number)
+        assert series.read()[0].points == pytest.approx(film.points)
+        depth = film.values["displacement"][:, 2]
+        assert depth.max() == pytest.approx(station.deflection_m, rel=1e-9)
+        assert film.values["stretch_1"].max() == pytest.approx(station.max_stretch, rel=2e-2)
+        voltage = film.values["electric_field"] * film.values["thickness"]
+        assert voltage == pytest.approx(station.voltage_V, rel=1e-6, abs=1e-3)
+    assert main([*words, "-o", str(tmp_path / "out")]) == 0  # and none of the earlier run stays
+    assert not list((tmp_path / "out").glob("soft-path-0*.vtu"))
+    assert not (tmp_path / "out" / "soft-path.pvd").exists()
+
+
+def test_fields_of_a_loop_are_a_series_in_time(tmp_path: Path,
+                                               capsys: pytest.CaptureFixture[str]) -> None:
+    import pyvista as pv
+
+    (tmp_path / "soft.toml").write_text(SOFT_TOML, encoding="utf-8")
+    words = ["path", str(tmp_path / "soft.toml"), "--mass", "17.9 g", "--refine", "0.5", "--rate",
+             "1 kV/s", "--to", "3 kV", "--fields"]
+    assert main([*words, "-o", str(tmp_path / "out")]) == 0
+    series = pv.PVDReader(tmp_path / "out" / "soft.pvd")
+    assert series.time_values == pytest.approx(np.linspace(0, 6, 25))
+    depths = []
+    for time in series.time_values:
+        series.set_active_time_value(time)
+        depths.append(series.read()[0].points[:, 2].max())
+    assert np.argmax(depths) == 12
+    assert depths[0] == pytest.approx(depths[-1], rel=1e-6)
+    assert main(words) == 2
+    assert "-o" in capsys.readouterr().err

@@ -25,6 +25,9 @@ from tympan.options import (
     read_settings,
 )
 
+#: Films of a loop.
+_MOMENTS = 25
+
 if TYPE_CHECKING:
     from tympan.fem.rig import Rig
     from tympan.geometry.specimen import Specimen
@@ -132,6 +135,9 @@ def _loaded(options: argparse.Namespace) -> tuple[Specimen, Rig, Settings, tuple
          argument("--to", metavar="VOLTAGE",
                   help="where such a loop turns (default: 95 % of the film's first limit at "
                        "rest)"),
+         argument("--fields", action="store_true",
+                  help="also store the film at every station, or at 25 moments of a loop, as a "
+                       "series for ParaView (VTU, PVD)"),
          output("also store the stations (CSV), a picture (PNG, SVG), the numbers, fields and "
                 "critical mode at each limit point (VTU)"), JSON,
          example='oval.toml --mass "17.9 g" -o path')
@@ -144,16 +150,19 @@ def path(options: argparse.Namespace) -> None:
     if options.to is not None and options.rate is None:
         raise InputError("is where a loop turns: --rate must be given too", key="--to",
                          given=options.to)
+    if options.fields and options.output is None:
+        raise InputError("must be given to say where the fields go", key="-o")
     if options.rate is not None:
         from tympan.studies.transient import loop
 
         rate = parse_quantity(options.rate, "voltage rate", "--rate")
         turn = None if options.to is None else parse_quantity(options.to, "voltage", "--to")
         options.command = "transient"  # stored, drawn and told as one
-        finish(options, loop(case, rate, turn, read_settings(options)))
+        moments = _MOMENTS if options.fields else 0
+        finish(options, loop(case, rate, turn, read_settings(options), moments))
         return
     with bar(1) as progress:
-        result = path(case, read_settings(options), options.along, progress=progress)
+        result = path(case, read_settings(options), options.along, progress, options.fields)
     finish(options, result)
 
 
