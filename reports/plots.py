@@ -33,6 +33,7 @@ from tympan.studies.files import write_atomically
 from tympan.studies.film_surface import FilmSurface
 from tympan.studies.limits import CurveResult
 from tympan.studies.lumped.build import BuildResult
+from tympan.studies.lumped.simulate import SimulationResult
 from tympan.studies.modes import ModesResult
 from tympan.studies.optimise.optimise import OptimiseResult
 from tympan.studies.path import PathResult
@@ -40,6 +41,7 @@ from tympan.studies.sensitivity import SensitivityResult
 from tympan.studies.study import StudyResult
 from tympan.studies.sweep.run import SweepResult
 from tympan.studies.sweep.table import column_name, frame
+from tympan.studies.transient import TransientResult
 
 _HEIGHT, _WIDTH = 75.0, 100.0  #: of a picture in a file [mm]
 _SHOWN = 12  #: bars of a chart of sensitivities
@@ -52,7 +54,7 @@ def plot(result: object, target: Axes | str | os.PathLike[str] | None = None, **
     Parameters
     ----------
     target
-        Axes, or a file of any kind matplotlib writes; of modes, NAME.gif lets them swing.
+        Axes, or a file of any kind matplotlib writes; modes, and films in time, move in NAME.gif.
     choices
         Of a sweep: the result ``of`` which a map is drawn, and the two keys ``over`` which.
 
@@ -69,10 +71,10 @@ def plot(result: object, target: Axes | str | os.PathLike[str] | None = None, **
     file = Path(target)
     with look.figure_style():
         figure = look.new_figure(_HEIGHT, _WIDTH)
-        moves = file.suffix == ".gif" and isinstance(result, ModesResult)
+        moves = file.suffix == ".gif" and isinstance(result, ModesResult | TransientResult)
         if not moves and file.suffix[1:] not in figure.canvas.get_supported_filetypes():
-            raise InputError("must end in .png, .svg or .pdf, of modes in .gif too", key="file",
-                             given=str(file))
+            raise InputError("must end in .png, .svg or .pdf, or, of modes and of films in time, "
+                             "in .gif", key="file", given=str(file))
         axes = figure.add_subplot()
         draw(result, axes, **choices)
         figure.tight_layout()
@@ -84,10 +86,15 @@ def plot(result: object, target: Axes | str | os.PathLike[str] | None = None, **
 
 
 def _animate(result: object, file: Path) -> None:
-    from tympan.reports.figures.modes import animate_modes
+    """Modes swing; a film moves through the moments it was asked for."""
+    from tympan.reports.figures import animation, modes
 
-    assert isinstance(result, ModesResult)
-    animate_modes(result, file)
+    if isinstance(result, ModesResult):
+        modes.animate_modes(result, file)
+    elif isinstance(result, TransientResult):
+        if not result.films or not result.films[0]:
+            raise InputError("there is no film to draw: ask for it at some times, films=[...]")
+        animation.animate(result.responses[0], result.films[0], file)
 
 
 def _shown(result: object, choices: dict[str, Any]) -> Axes:
@@ -139,6 +146,19 @@ def _(result: ModesResult, axes: Axes) -> None:
 @draw.register
 def _(result: PathResult, axes: Axes) -> None:
     draw_stations(axes, result)
+    axes.legend()
+
+
+@draw.register
+def _(result: SimulationResult, axes: Axes) -> None:
+    for number, response in enumerate(result.responses):
+        numbers, samples = response.numbers, response.samples
+        axes.plot(samples["t"], 1e3 * samples["displacement"], color=look.colour_of(number),
+                  label=f"{numbers['specimen']}, {1e3 * numbers['mass_kg']:.4g} g")
+    first = result.responses[0]  # all have one signal
+    voltages = 1e-3 * np.append(first.samples["voltage"], first.numbers["first_voltage_V"])
+    axes.set(xlabel="time (s)", ylabel="displacement read (mm)",
+             title=f"voltage between {voltages.min():.4g} and {voltages.max():.4g} kV")
     axes.legend()
 
 

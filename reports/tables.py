@@ -14,6 +14,7 @@ from tympan.studies.case import CaseResult
 from tympan.studies.diagnosis.result import Diagnosis
 from tympan.studies.limits import CurveResult
 from tympan.studies.lumped.build import BuildResult
+from tympan.studies.lumped.simulate import SimulationResult
 from tympan.studies.modes import ModesResult
 from tympan.studies.optimise.optimise import OptimiseResult
 from tympan.studies.path import PathResult
@@ -45,6 +46,13 @@ def _(result: ModesResult) -> Any:
                     "growth_per_s": mode.growth_per_s, "film_share": mode.film_share}
                    | {f"plate_share_{axis}": share for axis, share in mode.plate_share.items()}
                    for mode in result.modes])
+
+
+@table.register
+def _(result: SimulationResult) -> Any:
+    return pd.concat([response.samples for response in result.responses], ignore_index=True).rename(
+        columns={"mass": "mass_kg", "t": "t_s", "voltage": "voltage_V",
+                 "displacement": "displacement_m"})
 
 
 @table.register

@@ -7,18 +7,19 @@ time)`` its voltage [V] at times of pieces between two breaks (by number), their
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import KW_ONLY, dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tympan.fem.rig import Rig
 from tympan.geometry.errors import InputError
-from tympan.geometry.toml_reader import Rule
+from tympan.geometry.fields import Key, require, takes_units
+from tympan.geometry.toml_reader import POSITIVE, Rule
 from tympan.studies.columns import Column, read_sheet
 
 Array = NDArray[np.float64]
@@ -154,6 +155,54 @@ class Together:
 
     def within(self, piece: Any, time: Any) -> Array:
         return np.array([signal.within(piece, time) for signal in self.signals])
+
+
+@takes_units
+@dataclass(frozen=True)
+class Wave:
+    """A signal by its ``kind``: step, ramp (up and down), sine, random, or the name of a CSV file.
+
+    ``count``: of random levels (20 where it is left out), or cycles of a sine (3); ``seed``: of the
+    levels. Texts carry their unit.
+    """
+
+    kind: str = "step"
+    _: KW_ONLY
+    low: Annotated[float, Key("before a step; lower end of the others", "voltage")] = 0.0
+    high: Annotated[float, Key("after a step; upper end", "voltage")] = 3.5e3
+    duration: Annotated[float, Key("of step and ramp; of each random level; period of a sine",
+                                   "time", POSITIVE)] = 30.0
+    interval: Annotated[float, Key("between samples of what follows it", "time", POSITIVE)] = 1e-3
+    count: int | None = None
+    seed: int = 0
+
+    if TYPE_CHECKING:
+        def __init__(self, kind: str = "step", *, low: float | str = 0.0, high: float | str = 3.5e3,
+                     duration: float | str = 30.0, interval: float | str = 1e-3,
+                     count: int | None = None, seed: int = 0) -> None: ...
+
+    def __post_init__(self) -> None:
+        require(self)
+
+    @property
+    def period(self) -> float | None:
+        """Of a sine [s]."""
+        return self.duration if self.kind == "sine" else None
+
+    def signal(self, key: str = "signal") -> Signal:
+        """The signal; an :class:`InputError` names the ``key`` where there is no such kind."""
+        low, high, length = self.low, self.high, self.duration
+        made: dict[str, Callable[[], Signal]] = {
+            "step": lambda: step(low, high, 0.0, length),
+            "ramp": lambda: ramp(low, high, length),
+            "random": lambda: random_steps(low, high, length, self.count or 20, self.seed),
+            "sine": lambda: Sine((low + high) / 2, (high - low) / 2, length, self.count or 3)}
+        if self.kind in made:
+            return made[self.kind]()
+        if not str(self.kind).endswith(".csv"):
+            raise InputError("must be step, ramp, sine, random or the name of a .csv file",
+                             key=key, given=self.kind)
+        return read_signal(self.kind)
 
 
 def step(low: float, high: float, at: float, end: float) -> Pieces:

@@ -106,6 +106,23 @@ def test_the_start_page_works_as_it_stands(folder: Path, capsys) -> None:
         assert Path(file).read_bytes().startswith(b"\x89PNG")
 
 
+def test_the_python_page_works_as_it_stands(folder: Path, capsys) -> None:
+    solved, moved = (block for block in blocks(ROOT / "docs/howto/python.md")
+                     if block.startswith("import tympan"))
+    assert len([line for line in moved.splitlines() if line]) <= 9
+    exec(solved, {})
+    said = capsys.readouterr().out
+    assert said.startswith("equilibrium 0.00")
+    exec(moved, {})
+    # The table of docs/time.md: at once, after 30 s; here to 5 minutes.
+    deflections = [1e3 * float(line.split()[-1])
+                   for line in capsys.readouterr().out.splitlines()[1:]]
+    assert deflections[:2] == pytest.approx([3.417, 3.744], abs=2e-3)
+    assert 3.744 < deflections[2] < 4.322
+    assert Path("creep.png").read_bytes().startswith(b"\x89PNG")
+    assert Path("crept/transient.csv").is_file()
+
+
 def anchors(page: Path) -> set[str]:
     """What the headings of a page are linked by."""
     headings = re.findall(r"^#+ (.*)$", page.read_text(encoding="utf-8"), re.MULTILINE)

@@ -23,6 +23,8 @@ import tympan
 from tests.support import parts_stub
 from tests.support.specimens import circular, elliptical
 from tests.support.sweeps import written
+from tympan.cli import main
+from tympan.fem.toml_writer import specimen_to_toml
 from tympan.geometry.mesher import MeshSettings
 from tympan.studies.alpha import AlphaSettings, LoadGrid
 from tympan.studies.case import CaseResult, Settings, solve
@@ -235,6 +237,46 @@ def test_an_optimum_has_a_picture_and_a_table() -> None:
     tried, accepted = result.plot(Figure().add_subplot()).lines
     assert tried.get_ydata().tolist() == pytest.approx([1.0, np.nan, 1.2], nan_ok=True)
     assert accepted.get_xydata() == pytest.approx(np.array([[0, 1.0], [2, 1.2]]))
+
+
+def test_a_film_in_time_is_that_of_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]
+                                                ) -> None:
+    specimen = circular()
+    (tmp_path / "film.toml").write_text(specimen_to_toml(specimen), encoding="utf-8")
+    main(["transient", str(tmp_path / "film.toml"), "--mass", "17.9 g", "--signal", "sine",
+          "--high", "3 kV", "--duration", "1 s", "--count", "2", "--interval", "10 ms", "--json"])
+    printed, = json.loads(capsys.readouterr().out)["responses"]
+    result = tympan.transient(specimen, "sine", mass="17.9 g", high="3 kV", duration="1 s", count=2,
+                              interval="10 ms", films=[0.0, 0.25, 0.5])
+    numbers = result.responses[0].numbers
+    for name in ("first_m", "last_m", "lowest_m", "highest_m", "hysteresis_area_V_m"):
+        assert numbers[name] == pytest.approx(printed[name], rel=1e-12)
+    rows = result.to_pandas()
+    assert rows["t_s"].tolist() == pytest.approx(np.linspace(0, 2, 201))
+    assert rows["displacement_m"].max() == pytest.approx(numbers["highest_m"], rel=1e-3)
+    axes = result.plot(Figure().add_subplot())
+    assert axes.get_title() == "voltage between 0 and 3 kV"
+    line, = axes.lines
+    assert line.get_ydata() == pytest.approx(1e3 * rows["displacement_m"])
+    depths = [film.values["displacement"][:, 2].max() for film in result.films[0].values()]
+    assert np.argmax(depths) == 1
+    at_rest = tympan.solve(specimen, mass="17.9 g", voltage="3 kV")  # it has no branches
+    assert depths[1] == pytest.approx(at_rest.deflection_m, rel=5e-4)
+    result.plot(tmp_path / "film.gif")
+    assert (tmp_path / "film.gif").read_bytes().startswith(b"GIF")
+    assert (result.save(tmp_path / "saved") / "circle.pvd").is_file()
+    with pytest.raises(tympan.InputError, match="ask for it at some times"):
+        tympan.transient(specimen, mass="17.9 g", duration="1 s").plot(tmp_path / "none.gif")
+
+
+@pytest.mark.parametrize(("wrong", "words"), [
+    ({"signal": "square"}, "signal: given 'square'.*must be step, ramp, sine, random"),
+    ({"high": "3 mm"}, "high.*wrong dimension"), ({"duration": 0.0}, "duration.*must be positive"),
+    ({"interval": "1 ns"}, "would give more than"), ({"mass": "-1 g"}, "mass"),
+])
+def test_a_wrong_signal_is_told(wrong: dict[str, object], words: str) -> None:
+    with pytest.raises(tympan.InputError, match=words):
+        tympan.transient(circular(), **({"mass": "17.9 g"} | wrong))
 
 
 def test_loads_are_named_and_carry_their_unit() -> None:

@@ -143,6 +143,7 @@ ON_PURPOSE = {
     "diagnose": "the door's", "load": "the door's", "lumped": "the door's", "modes": "the door's",
     "optimise": "the door's", "path": "the door's", "sensitivity": "the door's",
     "solve": "the door's", "study": "the door's", "sweep": "the door's",
+    "transient": "the door's",
 }
 VAGUE = {"found", "one", "own", "left", "known", "held", "told", "lost"}
 

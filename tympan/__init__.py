@@ -28,7 +28,7 @@ __all__ = [
     "ShearThinning", "Specimen", "Spring", "Stadium", "Superellipse", "ViscousBranch", "Yeoh",
     "__version__",
     "alpha", "curve", "diagnose", "draw", "load", "lumped", "material", "modes", "optimise", "path",
-    "sensitivity", "solve", "study", "sweep",
+    "sensitivity", "solve", "study", "sweep", "transient",
 ]
 
 

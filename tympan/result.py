@@ -44,8 +44,8 @@ class Result(Generic[Numbers]):
     def plot(self, target: Axes | str | os.PathLike[str] | None = None, **choices: Any) -> Axes:
         """Draw on matplotlib's axes, into a file it can write, or on new axes; answers the axes.
 
-        Modes swing in a file NAME.gif. Of a sweep, ``of="stroke", over=("plate.radius", "mass")``
-        draws a map over two keys.
+        Modes, and films in time, move in a file NAME.gif. Of a sweep, ``of="stroke",
+        over=("plate.radius", "mass")`` draws a map over two keys.
         """
         from tympan.reports.plots import plot
 

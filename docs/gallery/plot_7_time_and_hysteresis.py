@@ -11,7 +11,6 @@ says what must be known before a number in time means anything.
 import matplotlib.pyplot as plt
 
 import tympan
-from tympan.studies.transient import loop
 
 film = tympan.Film("1 mm", (2.236, 2.236), tympan.NeoHooke("20 kPa"), relative_permittivity=4.7,
                    branches=(tympan.ViscousBranch("1 MPa", "30 s"),))
@@ -27,8 +26,10 @@ print(f"at rest {1e3 * at_rest.deflection_m:.3f} mm")
 coarse = tympan.Settings(tympan.MeshSettings(order=2))
 axes = plt.figure().add_subplot()
 for rate in (20.0, 200.0):
-    driven = loop(tympan.Case(disc, mass="17.9 g"), rate, 6e3, coarse).responses[0]
-    samples = driven.samples
-    axes.plot(samples["voltage"] / 1e3, 1e3 * samples["displacement"], label=f"{rate:g} V/s")
+    duration = 2 * 6e3 / rate
+    driven = tympan.transient(disc, "ramp", mass="17.9 g", high="6 kV", duration=duration,
+                              interval=duration / 2000, settings=coarse)
+    samples = driven.to_pandas()
+    axes.plot(samples["voltage_V"] / 1e3, 1e3 * samples["displacement_m"], label=f"{rate:g} V/s")
 axes.set(xlabel="voltage (kV)", ylabel="deflection (mm)", title="up and down again")
 axes.legend()

@@ -31,10 +31,10 @@ FRAME_DPI, _LENGTH = 110, 5.0
 _COLOURS, _INK = "viridis", "white"
 
 
-def animate(response: SampledResponse, films: dict[float, FilmSurface], folder: Path) -> Path:
-    """Write folder/NAME.gif with a picture for each film, by time [s]; answers the file.
+def animate(response: SampledResponse, films: dict[float, FilmSurface], file: Path) -> None:
+    """Write a GIF with a picture for each film, by time [s].
 
-    NAME.mp4 is beside it where FFmpeg is on the path.
+    An MP4 is beside it where FFmpeg is on the path.
 
     Raises
     ------
@@ -54,9 +54,7 @@ def animate(response: SampledResponse, films: dict[float, FilmSurface], folder: 
     with style.figure_style():
         frames = [figure_pixels(_compose(picture, response, time, scale, common_extent(pictures)))
                   for time, picture in zip(times, pictures, strict=True)]
-    file = folder / f"{response.numbers['specimen']}.gif"
     write_frames(frames, file)
-    return file
 
 
 def write_frames(frames: Sequence[NDArray[np.uint8]], file: Path) -> None:

@@ -28,24 +28,13 @@ SIGNAL = (
 
 def signal_of(options: argparse.Namespace) -> tuple[Signal, float | None]:
     """The signal, and the period if it has one [s]."""
-    from tympan.studies import signals
+    from tympan.studies.signals import Wave
 
-    low = parse_quantity(options.low, "voltage", "--low")
-    high = parse_quantity(options.high, "voltage", "--high")
-    length = duration(options.duration, "--duration")
-    if options.signal == "step":
-        return signals.step(low, high, 0.0, length), None
-    if options.signal == "ramp":
-        return signals.ramp(low, high, length), None
-    if options.signal == "random":
-        return signals.random_steps(low, high, length, options.count or 20, options.seed), None
-    if options.signal == "sine":
-        return signals.Sine((low + high) / 2, (high - low) / 2, length,
-                            options.count or 3), length
-    if not options.signal.endswith(".csv"):
-        raise InputError("must be step, ramp, sine, random or the name of a .csv file",
-                         key="--signal", given=options.signal)
-    return signals.read_signal(options.signal), None
+    wave = Wave(options.signal, low=parse_quantity(options.low, "voltage", "--low"),
+                high=parse_quantity(options.high, "voltage", "--high"),
+                duration=duration(options.duration, "--duration"), count=options.count,
+                seed=options.seed)
+    return wave.signal("--signal"), wave.period
 
 
 def duration(text: str, option: str) -> float:

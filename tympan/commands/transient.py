@@ -77,7 +77,8 @@ def transient(options: argparse.Namespace) -> None:
         options.output.mkdir(parents=True, exist_ok=True)
         for response, done in responses:
             frames = {time: film for time, film in done.films.items() if time in shown}
-            animate(response, frames, options.output)
+            animate(response, frames,
+                    options.output / f"{response.numbers['specimen']}.gif")
     finish(options, TransientResult(tuple(response for response, _ in responses),
                                     tuple(specimens), rig, stored))
 
