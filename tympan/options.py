@@ -235,8 +235,12 @@ def finish(options: argparse.Namespace, result: Any, **more: Any) -> None:
     print_record(options, result.json(), result=result, drawn=drawn, **more)
 
 
-def print_record(options: argparse.Namespace, record: dict[str, Any], **more: Any) -> None:
-    """Print a record as one JSON object, or as the command's template in commands/text says it."""
+def print_record(options: argparse.Namespace, record: dict[str, Any],
+                 drawn: Sequence[Path] = (), **more: Any) -> None:
+    """Print a record as one JSON object, or as the command's template in commands/text says it.
+
+    What was ``drawn`` comes last, file by file.
+    """
     if options.json:
         print(json.dumps(record, allow_nan=False))
         return
@@ -247,6 +251,14 @@ def print_record(options: argparse.Namespace, record: dict[str, Any], **more: An
         record=record, options=options, **more)
     if text:
         print(text.rstrip("\n"))
+    print_drawn(options, *drawn)
+
+
+def print_drawn(options: argparse.Namespace, *files: Path) -> None:
+    """Print which pictures there are to look at, unless one JSON object is printed."""
+    if not options.json:
+        for file in files:
+            print(file)
 
 
 #: Units of results on a terminal, by SI unit, and how many of them make one.

@@ -193,3 +193,23 @@ def test_without_a_cache_films_are_meshed_again(folder: str, meshing: Mock,
     for _ in range(2):
         meshes.film_part(circular(), MeshSettings(order=2), frozenset("xy"))
     assert meshing.call_count == 2
+
+
+@pytest.mark.parametrize(("words", "pictures"), [
+    (("solve", *MASS), ["oval.png", "oval.svg"]),
+    (("curve", *MASS), ["oval-curve.png", "oval-curve.svg"]),
+    (("path", *MASS), ["oval-path.png", "oval-path.svg"]),
+    (("modes", *MASS, "--count", "1"), ["oval-modes.png", "oval-modes.svg"]),
+    (("transient", *MASS, "--signal", "ramp", "--duration", "1 s"),
+     ["response.png", "response.svg"]),
+], ids=lambda value: value[0])
+def test_what_there_is_to_look_at_is_told_last(words: tuple[str, ...], pictures: list[str],
+                                               oval: str, capsys) -> None:
+    command, *options = words
+    assert main([command, oval, *options, "--refine", "0.5", "-o", "out"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    files = [Path("out") / name for name in pictures]
+    assert lines[-2:] == [str(file) for file in files]
+    assert all(file.is_file() for file in files)
+    assert main([command, oval, *options, "--refine", "0.5", "-o", "out", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)

@@ -19,6 +19,7 @@ from tympan.options import (
     output,
     parse_quantities,
     parse_quantity,
+    print_drawn,
     print_record,
     read_case,
     read_pressed_rig,
@@ -188,7 +189,9 @@ def modes(options: argparse.Namespace) -> None:
     if options.animate and result.modes:
         from tympan.reports.figures.modes import animate_modes
 
-        animate_modes(result, options.output / f"{result.specimen}-modes.gif")
+        file = options.output / f"{result.specimen}-modes.gif"
+        animate_modes(result, file)
+        print_drawn(options, file)
 
 
 @command("sensitivity", *case_arguments(),

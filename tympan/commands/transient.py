@@ -18,6 +18,7 @@ from tympan.options import (
     output,
     parse_quantities,
     parse_quantity,
+    print_drawn,
     read_case,
     read_rig,
     read_settings,
@@ -71,16 +72,18 @@ def transient(options: argparse.Namespace) -> None:
                                      (*films, *shown)))
     stored = tuple({time: film for time, film in done.films.items() if time in films}
                    for _, done in responses)
+    moving = []
     if options.animate:
         from tympan.reports.figures.animation import animate
 
         options.output.mkdir(parents=True, exist_ok=True)
         for response, done in responses:
             frames = {time: film for time, film in done.films.items() if time in shown}
-            animate(response, frames,
-                    options.output / f"{response.numbers['specimen']}.gif")
+            moving.append(options.output / f"{response.numbers['specimen']}.gif")
+            animate(response, frames, moving[-1])
     finish(options, TransientResult(tuple(response for response, _ in responses),
                                     tuple(specimens), rig, stored))
+    print_drawn(options, *moving)
 
 
 @command("response",
