@@ -1,11 +1,14 @@
 """How long a sweep takes: specimens under two masses and fifteen voltages, CAD and meshing too.
 
     python -m benchmarks.sweep [--specimens 1000] [--workers 2] [--every 8] [--rounds 3]
+    python -m benchmarks.sweep --parts
 
 All of them once with several processes; then every eighth with several, with one, and on a Dask
 cluster of as many worker processes on loopback, in turn, three times. Of their ratios in each
 round, from the first result on, the median counts, since starting processes takes as long for few
-specimens as for many; the time from the start stands beside it.
+specimens as for many; the time from the start stands beside it. With ``--parts`` instead: what the
+processor time of a specimen is spent on, the least of four repeats, mean of eight specimens of each
+shape.
 """
 
 from __future__ import annotations
@@ -24,11 +27,20 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
+from tympan.fem.discretisation.discretisation import Discretisation
+from tympan.fem.film.library import load_specimen
+from tympan.fem.membrane.model import Model
+from tympan.geometry.fields import write
+from tympan.geometry.mesh import from_meshio
+from tympan.geometry.mesher import mesh_film
 from tympan.geometry.outlines import OUTLINES
+from tympan.geometry.toml_reader import Table
+from tympan.studies.case import summaries, voltage_ramp
 from tympan.studies.parallel import processes
 from tympan.studies.sweep.cluster import cluster
 from tympan.studies.sweep.plan import Sweep, read_sweep
 from tympan.studies.sweep.run import Pool, run_sweep
+from tympan.studies.sweep.task import SweepTask
 
 AIM = 100.0  # seconds for 1000 specimens on two processors
 LEAST_GAIN, MOST_OVERHEAD, AGREEMENT = 1.8, 0.15, 1e-12
@@ -142,11 +154,15 @@ def main() -> None:
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--every", type=int, default=8, help="which share of them to compare on")
     parser.add_argument("--rounds", type=int, default=3, help="how often they are compared")
+    parser.add_argument("--parts", action="store_true")
     options = parser.parse_args()
     os.environ["TYMPAN_CACHE"] = ""  # every round meshes its films anew
     several = partial(processes, workers=options.workers)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
+        if options.parts:
+            print_parts(planned(folder, 20))
+            return
         began = time.perf_counter()
         sweep = planned(folder, options.specimens)
         reading = time.perf_counter() - began
@@ -160,6 +176,50 @@ def main() -> None:
         print(f"every {options.every}th: {len(part.entries)} specimens, {part.cases} cases",
               flush=True)
         compare(part, folder, options.workers, options.rounds)
+
+
+def print_parts(sweep: Sweep, count: int = 8, repeats: int = 4) -> None:
+    """Processor time of the parts of a task [ms], for each shape."""
+    tasks = [entry.task for entry in sweep.entries if entry.task is not None]
+    for shape in FRAMES:
+        alike = [task for task in tasks if task.specimen.frame.shape == shape][: count + 1]
+        _least(alike[0], 1)  # what is loaded once
+        rows = [_least(task, repeats) for task in alike[1:]]
+        for part in rows[0]:
+            spent = 1e3 * sum(row[part] for row in rows) / len(rows)
+            print(f"{shape:<14}{part:<42}{spent:>8.1f} ms")
+
+
+def _least(task: SweepTask, repeats: int) -> dict[str, float]:
+    runs = [dict(_timed_parts(task, 1 + 1e-9 * number)) for number in range(1, repeats + 1)]
+    return {part: min(run[part] for run in runs) for part in runs[0]}
+
+
+def _timed_parts(task: SweepTask, factor: float) -> Iterator[tuple[str, float]]:
+    """Of a frame of ``factor`` times the width, since outlines met before are not checked again."""
+    rig, path, (along, across) = task.rig, task.settings.path, task.specimen.frame.semi_axes
+    content = write(task.specimen)
+    content["frame"]["semi_axes"] = [f"{along * factor!r} m", f"{across!r} m"]
+    last = time.process_time()
+
+    def lap() -> float:
+        nonlocal last
+        before, last = last, time.process_time()
+        return last - before
+
+    specimen = load_specimen(Table("specimen.toml", content))
+    planes = specimen.mirror_planes
+    yield "reading and checking", lap()
+    mesh = from_meshio(mesh_film(specimen, task.settings.mesh, planes))
+    yield "CAD and gmsh", lap()
+    model = Model(Discretisation.of(mesh, planes), specimen)
+    model.linearised(model.mounted())
+    yield "discretisation, order, pattern", lap()
+    cases = [pair for mass in task.masses
+             for pair in voltage_ramp(model, mass, task.voltages, rig, path)]
+    yield "30 equilibria, each mass by itself", lap()
+    list(summaries(model, cases))
+    yield "their fields, totals and warnings", lap()
 
 
 def compare(sweep: Sweep, folder: Path, workers: int, rounds: int) -> None:
