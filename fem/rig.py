@@ -21,6 +21,8 @@ _LEAKAGE: Rule = (lambda x: x > 0, "must be positive; inf for none")
 
 _AIR: Rule = (lambda x: 0 <= x <= 1000, "must be from 0 (none) to 1000 kg/m^3")
 
+_SHARE: Rule = (lambda x: 0 <= x <= 1, "must be from 0 to 1")
+
 #: What acts on a plate, of the rig's settings.
 _OF_PLATE = ("unaccounted_mass", "spring", "guide", "weight_offset", "plate_pressure", "biases",
              "friction", "plate_damping", "added_mass")
@@ -74,6 +76,12 @@ class Rig:
     air: Annotated[float, Key("density of the still air that swings with film and plate, on both "
                               "sides, as if frame and stand were a wall; 0 for none", "density",
                               _AIR)] = 0.0
+    width_held: Annotated[float, Key("of strips in tests said to be uniaxial, how far the grips "
+                                     "hold their width: 0 not at all, 1 as in pure shear",
+                                     rule=_SHARE)] = 0.0
+    width_let: Annotated[float, Key("of strips in tests said to be in pure shear, how far the "
+                                    "grips let them narrow: 0 not at all, 1 as in a uniaxial test",
+                                    rule=_SHARE)] = 0.0
 
     @classmethod
     def from_table(cls, table: Table) -> Self:

@@ -25,6 +25,7 @@ _NAME: Rule = (lambda text: re.fullmatch(r"\w[\w .+-]{0,99}", text) is not None,
 _STRETCH: Rule = (lambda x: 0.2 <= x <= 10,
                   "must be a stretch between 0.2 and 10 (1 is unstretched)")
 _EXPONENT: Rule = (lambda x: -10 <= x <= 10, "must be from -10 to 10")
+_POWER: Rule = (lambda x: -50 <= x <= 50, "must be from -50 to 50")
 _DENSITY: Rule = (lambda x: x == 0 or 1 <= x <= 30e3,
                   "must be 0 (weightless) or from 1 to 30000 kg/m^3")
 _ELECTRODE: Rule = (lambda x: 0 <= x <= 100, "must be from 0 (weightless) to 100 kg/m^2")
@@ -191,6 +192,9 @@ class Film:
     mounted: Annotated[float | None, Key(
         "time since the film was stretched; left out, so long ago that its branches are relaxed",
         "time", NON_NEGATIVE)] = None
+    temperature_power: Annotated[float, Key(
+        "p: in coupon tests at an absolute temperature T law and branches are (T/293.15 K)^p times "
+        "as stiff; films are solved at 20 degrees Celsius", rule=_POWER, discrete=True)] = 0.0
 
     @property
     def area_prestretch(self) -> float:

@@ -75,7 +75,8 @@ class Rig(AnyRig):
                  friction: Quantity = ..., plate_damping: Quantity = ...,
                  added_mass: Quantity = ..., series_resistance: Quantity = ...,
                  leakage_resistance: Quantity = ..., sensor_lag: Quantity = ...,
-                 air: Quantity = ...) -> None: ...
+                 air: Quantity = ..., width_held: float = ..., width_let: float
+                 = ...) -> None: ...
 
 class Circle(AnyCircle):
     def __init__(self, radius: Quantity) -> None: ...
@@ -114,7 +115,8 @@ class Film(AnyFilm):
                  relative_permittivity: float, permittivity_exponent: float =
                  ..., density: Quantity = ..., strength: Strength | None = ...,
                  branches: Sequence[AnyViscousBranch] = ..., thickness_gradient:
-                 tuple[float, float] = ..., mounted: Quantity | None = ...) -> None: ...
+                 tuple[float, float] = ..., mounted: Quantity | None = ...,
+                 temperature_power: float = ...) -> None: ...
 
 class Plate(AnyPlate):
     def __init__(self, outline: Outline, offset: Pair = ...) -> None: ...

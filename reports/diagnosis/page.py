@@ -18,10 +18,11 @@ from tympan.reports.diagnosis.film_maps import (
     compose_loaded_films,
     titled_films,
 )
+from tympan.reports.diagnosis.strip_figure import compose_strips
 from tympan.reports.template import embedded_picture, sentence, template
 from tympan.reports.viewer import viewer
-from tympan.studies.diagnosis.reading_table import LENGTHS
-from tympan.studies.diagnosis.result import load_diagnosis
+from tympan.studies.diagnosis.reading_table import KILOPASCALS, LENGTHS, MICROMETRES
+from tympan.studies.diagnosis.result import COUPONS, load_diagnosis
 from tympan.studies.diagnosis.sentences import plain, probability_text, suspects_among
 from tympan.studies.diagnosis.shown.loaded_films import load_films
 from tympan.studies.effects import EFFECTS
@@ -38,6 +39,9 @@ _FILES = {"readings": "curves", "loaded": "films"}
 #: Of maps of films within the pictures.
 _DPI = 200
 
+#: Names of the units of errors.
+UNITS = (MICROMETRES.name, KILOPASCALS.name)
+
 #: Effects told of where none explains what is wrong.
 _TRIED = 4
 
@@ -45,6 +49,8 @@ _TRIED = 4
 def build_diagnosis_page(folder: Path) -> Path:
     """Write folder/diagnosis.html from what a diagnosis stored there; answers that file."""
     content, columns, curves = load_diagnosis(folder)
+    if "leg" in columns:
+        return _write(folder, content, {"strips": lambda: compose_strips(columns)})
     lengths = np.isin(columns["kind"], LENGTHS)
     film = {name: values[columns["kind"] == "film"] for name, values in columns.items()}
     in_time = lengths & np.char.startswith(columns["file"].astype(str), "transient.")
@@ -61,29 +67,61 @@ def build_diagnosis_page(folder: Path) -> Path:
     films = titled_films(load_films(folder, content))
     if films:
         pictures["loaded"] = lambda: compose_loaded_films(films)
+    if (folder / COUPONS).is_dir():
+        build_diagnosis_page(folder / COUPONS)
+    return _write(folder, content, pictures, viewer(films, QUANTITIES) if films else "")
+
+
+def _write(folder: Path, content: Content, pictures: Mapping[str, Callable[[], Figure]],
+           shown: str = "") -> Path:
+    """Draw the pictures and write the page."""
     for name, compose in pictures.items():
         style.save_figure(folder, _FILES.get(name, name), compose, ("svg",), _DPI)
     file = folder / "diagnosis.html"
     embedded = {name: embedded_picture(folder / f"{_FILES.get(name, name)}.svg")
                 for name in pictures}
-    shown = viewer(films, QUANTITIES) if films else ""
     write_text(file, render_diagnosis(content, viewer=shown, **embedded))
     return file
 
 
 def render_diagnosis(content: Content, readings: str = "", residuals: str = "",
-                     transients: str = "", film: str = "", loaded: str = "", viewer: str = ""
-                     ) -> str:
+                     transients: str = "", film: str = "", loaded: str = "", strips: str = "",
+                     viewer: str = "") -> str:
     """The page as text; pictures as data URIs and films to turn as HTML, "" where there is none."""
+    content = in_its_unit(content)
     attempts = _explained(content["attempts"])
     tried = attempts[:_TRIED] if content["verdict"] == "unexplained" else []
     return _template("reports/diagnosis/diagnosis.html").render(
         diagnosis=content, verdict=verdict_words(content), readings=readings, residuals=residuals,
-        transients=transients, film=film, loaded=loaded,
-        viewer=viewer,
+        transients=transients, film=film, loaded=loaded, strips=strips, viewer=viewer,
+        unit=content["unit"],
         causes=_explained(content["causes"]), attempts=attempts, tried=tried,
         suspects=_suspects(content), gain=_said("gain", content), robust=_said("robust", content),
-        noise=_said("noise", content["misfit"]))
+        noise=_said("noise", content["misfit"], content["unit"]))
+
+
+def in_its_unit(content: Content) -> dict[str, Any]:
+    """The content with its unit for errors as "unit" and without it in the names of its numbers.
+
+    Examples
+    --------
+    >>> in_its_unit({"misfit": {"noise_kPa": 0.2}})
+    {'misfit': {'noise': 0.2}, 'unit': 'kPa'}
+    """
+    if "unit" in content:
+        return dict(content)
+    unit = next((name for name in UNITS if f"noise_{name}" in content["misfit"]), "um")
+    renamed: dict[str, Any] = _without(content, f"_{unit}")
+    return {**renamed, "unit": unit.replace("u", "µ")}
+
+
+def _without(content: Any, ending: str) -> Any:
+    """A JSON value, no key of which has that ending."""
+    if isinstance(content, Mapping):
+        return {key.removesuffix(ending): _without(value, ending) for key, value in content.items()}
+    if isinstance(content, list):
+        return [_without(value, ending) for value in content]
+    return content
 
 
 def verdict_words(content: Content) -> str:
@@ -95,6 +133,7 @@ def verdict_words(content: Content) -> str:
     >>> verdict_words({"verdict": "nothing", "causes": [], "misfit": misfit, "after": None})[:55]
     'With stiffness and permittivity fitted, the nominal mod'
     """
+    content = in_its_unit(content)
     named = [cause for cause in _explained(content["causes"])
              if content["verdict"] == "named" and cause["named"]]
     return _said("verdict", content, named, _suspects(content), _worst_ratios(content["misfit"]))

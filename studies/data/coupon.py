@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tympan.geometry.errors import InputError
-from tympan.geometry.toml_reader import Rule
+from tympan.geometry.toml_reader import POSITIVE, Rule
 from tympan.studies.columns import Column, Sheet, read_sheet
 
 Array = NDArray[np.float64]
@@ -20,8 +20,14 @@ Array = NDArray[np.float64]
 MODES = {"uniaxial": -0.5, "equibiaxial": 1.0, "pure_shear": 0.0}
 _STRETCH: Rule = (lambda x: 0.05 <= x <= 20, "must be a stretch from 0.05 to 20")
 _STRESS: Rule = (lambda x: abs(x) <= 1e12, "must be within 1e9 kPa")
+_VOLTAGE: Rule = (lambda x: 0 <= x <= 1e6, "must be from 0 to 1000 kV; the film's pull has no sign")
+_CELSIUS: Rule = (lambda x: -200 <= x <= 500, "must be from -200 to 500 degrees Celsius")
 
-#: The columns of coupon.csv.
+#: Temperature at which constants of films hold, and coupons are where none is given [°C].
+USUAL_CELSIUS = 20.0
+
+#: The columns of coupon.csv. ``voltage`` is on the film, ``sigma`` the standard deviation of the
+#: stress.
 COLUMNS: tuple[Column, ...] = (
     Column.labels("mode", tuple(MODES)),
     Column("stretch", rule=_STRETCH),
@@ -29,7 +35,12 @@ COLUMNS: tuple[Column, ...] = (
     Column.labels("specimen", required=False),
     Column("t", "s", required=False),
     Column.labels("run", required=False),
+    Column("voltage", "kV", _VOLTAGE, required=False),
+    Column("temperature_C", rule=_CELSIUS, required=False),
+    Column("sigma", "kPa", POSITIVE, required=False),
 )
+#: Attributes that are None where a file does not have the column.
+_OPTIONAL = {"voltage": "voltage", "celsius": "temperature_C", "sigma": "sigma"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +48,9 @@ class Coupons:
     """Readings, one entry per reading: mode, stretch, nominal stress [Pa].
 
     Nominal stress is force over virgin cross-section, in equibiaxial tests that of one axis.
-    ``time`` [s] is nan where not given, specimen and run are "".
+    ``time`` [s] is nan where not given, specimen and run are "". ``voltage`` [V] on the film,
+    ``celsius`` [°C] of the film and ``sigma`` [Pa], standard deviation of the stress, are None
+    where a file has no such column, nan where a cell is blank.
     """
 
     mode: NDArray[np.str_]
@@ -46,24 +59,55 @@ class Coupons:
     specimen: NDArray[np.str_]
     run: NDArray[np.str_]
     time: Array
+    voltage: Array | None = None
+    celsius: Array | None = None
+    sigma: Array | None = None
+    #: Lines of the file, where there is one.
+    lines: NDArray[np.int64] | None = None
 
     @classmethod
     def of(cls, sheet: Sheet) -> Coupons:
         """The readings of a file with the columns of :data:`COLUMNS`."""
+        more = {name: sheet[column] if np.isfinite(sheet[column]).any() else None
+                for name, column in _OPTIONAL.items()}
         return cls(mode=sheet["mode"], stretch=sheet["stretch"], stress=sheet["nominal_stress"],
-                   specimen=sheet["specimen"], run=sheet["run"], time=sheet["t"])
+                   specimen=sheet["specimen"], run=sheet["run"], time=sheet["t"], **more,
+                   lines=sheet.line)
 
     def __len__(self) -> int:
         return len(self.stretch)
 
     def __getitem__(self, choice: Any) -> Coupons:
-        return Coupons(*(getattr(self, item.name)[choice] for item in fields(self)))
+        values = {item.name: getattr(self, item.name) for item in fields(self)}
+        return replace(self, **{name: value[choice] for name, value in values.items()
+                                if value is not None})
 
     @property
     def columns(self) -> dict[str, NDArray[Any]]:
         """The readings by the columns of :data:`COLUMNS`."""
+        none = np.full(len(self), np.nan)
+        more = {column: getattr(self, name) for name, column in _OPTIONAL.items()}
         return {"mode": self.mode, "stretch": self.stretch, "nominal_stress": self.stress,
-                "specimen": self.specimen, "t": self.time, "run": self.run}
+                "specimen": self.specimen, "t": self.time, "run": self.run,
+                **{name: none if values is None else values for name, values in more.items()}}
+
+    @property
+    def line(self) -> NDArray[np.int64]:
+        """Line of the file that each reading stands in, 0 where there is no file."""
+        return np.zeros(len(self), np.int64) if self.lines is None else self.lines
+
+    @property
+    def volts(self) -> Array:
+        """Voltage on the film [V], 0 where none is given."""
+        none = np.zeros(len(self))
+        return none if self.voltage is None else np.nan_to_num(self.voltage)
+
+    @property
+    def degrees(self) -> Array:
+        """Temperature [°C], the usual one where none is given."""
+        usual = np.full(len(self), USUAL_CELSIUS)
+        return usual if self.celsius is None else np.where(
+            np.isnan(self.celsius), USUAL_CELSIUS, self.celsius)
 
     @property
     def modes(self) -> tuple[str, ...]:

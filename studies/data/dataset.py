@@ -29,6 +29,7 @@ _DISPLACEMENT: Rule = (lambda x: abs(x) <= 10, "must be within 10 m")
 _FREQUENCY: Rule = (lambda x: 0 < x <= 1e6, "must be above 0 Hz, to 1 MHz")
 _QUALITY: Rule = (lambda x: x > 0.5, "must be above 0.5: a plate more damped does not swing")
 _TIME: Rule = (lambda x: abs(x) <= 1e9, "must be within 1e9 s")
+_STRIPS: Rule = (lambda x: 0 <= x < 1, "must be a share from 0 (all alike) to below 1")
 #: Times of a run are so far apart [s].
 _APART = 1e-9
 
@@ -136,6 +137,13 @@ class Dataset:
     effort: Annotated[Effort, Key("what readings cost whoever makes them")] = Effort()
     field_frame: Annotated[Literal["table", "plate"], Key(
         "from where places in field.csv are counted: the frame's centre, or the plate's")] = "table"
+    coupon_reading: Annotated[Literal["stress", "drop"], Key(
+        "what is judged of coupon.csv: the stress, or by how much it drops under voltage against "
+        "the run without voltage of the same film in the same mode at the same temperature"
+        )] = "stress"
+    strip_scatter: Annotated[float, Key(
+        "by what share of the stress strips of one film differ, smoothly along a run, besides the "
+        "noise of a reading", rule=_STRIPS)] = 0.0
     static: Sheet | None = None
     ranges: Sheet | None = None
     transients: Sheet | None = None

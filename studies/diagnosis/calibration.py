@@ -9,9 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tympan.fem.equilibrium.ramp import equilibrium, held
-from tympan.fem.film.laws.stiffened import scaled
 from tympan.geometry.errors import InputError
-from tympan.geometry.specimen import Film
 from tympan.studies.case import Case, build_model
 from tympan.studies.diagnosis.inference.posterior import Fit, nominal_fit, nominal_fits
 from tympan.studies.diagnosis.reading_table import COMPONENTS, ReadingTable
@@ -29,12 +27,11 @@ from tympan.studies.diagnosis.reduced.sampling import (
 from tympan.studies.diagnosis.reduced.seen_film import scanned_exactly
 from tympan.studies.diagnosis.reduced.simulation import (
     FACTORS,
-    Hypothesis,
     Prediction,
     Simulation,
 )
 from tympan.studies.diagnosis.reduced.swinging import SwingingMasses
-from tympan.studies.effects import Setup, extended
+from tympan.studies.effects import Setup
 from tympan.studies.modes import heave_frequency
 
 Array = NDArray[np.float64]
@@ -243,24 +240,13 @@ def with_effects(calibration: Simulation, progress: Callable[[int, int], None],
                                                 shapes))
 
 
-def extended_setup(simulation: Simulation, hypothesis: Hypothesis, unknowns: Array) -> Setup:
-    """The setup with stiffness, permittivity and effects as found."""
-    stiffness, permittivity = np.exp(unknowns[FACTORS]).tolist()
-
-    def change(film: Film) -> Film:
-        return replace(film, material=scaled(film.material, stiffness),
-                       relative_permittivity=film.relative_permittivity * permittivity)
-
-    return extended(simulation.setup.with_films(change), simulation.uses(hypothesis, unknowns))
-
-
 def law_error(simulation: Simulation, fit: Fit, table: ReadingTable, count: int = 6) -> float:
     """Largest error of the reduced heaves [m] at a fit, against finite elements on a fine mesh.
 
     At ``count`` of the states, from small to large heaves; states the finite elements do not reach
     are left out.
     """
-    setup = extended_setup(simulation, fit.hypothesis, fit.unknowns)
+    setup = simulation.extended(fit.hypothesis, fit.unknowns)
     table = replace(table, states=table.states.at_rest)
     prediction = Prediction(simulation, fit.hypothesis, fit.unknowns, table)
     free = np.flatnonzero(np.isnan(table.states.heave))
@@ -287,7 +273,7 @@ def frequency_error(simulation: Simulation, fit: Fit, table: ReadingTable, count
     """
     if "frequency" not in table.kind:
         return 0.0
-    setup, rows = extended_setup(simulation, fit.hypothesis, fit.unknowns), table.rows_of
+    setup, rows = simulation.extended(fit.hypothesis, fit.unknowns), table.rows_of
     shown, worst = simulation.predict(fit.hypothesis, fit.unknowns, table), 0.0
     order = rows["frequency"][np.argsort(shown[rows["frequency"]])]
     for row in order[np.unique(np.linspace(0, len(order) - 1, count).round().astype(int))]:
@@ -307,7 +293,7 @@ def film_error(simulation: Simulation, fit: Fit, table: ReadingTable, count: int
     """
     if not table.scans:
         return {}
-    setup, worst = extended_setup(simulation, fit.hypothesis, fit.unknowns), dict[str, float]()
+    setup, worst = simulation.extended(fit.hypothesis, fit.unknowns), dict[str, float]()
     shown = simulation.predict(fit.hypothesis, fit.unknowns, table)
     states = np.array([table.state[table.scan == number][0] for number in np.unique(table.scan)
                        if number >= 0], np.int64)
@@ -331,7 +317,7 @@ def slack(simulation: Simulation, fit: Fit, table: ReadingTable) -> NDArray[np.b
 
     A film loses more of it the higher its voltage is: of each ramp they are the last ones.
     """
-    setup = extended_setup(simulation, fit.hypothesis, fit.unknowns)
+    setup = simulation.extended(fit.hypothesis, fit.unknowns)
     prediction = Prediction(simulation, fit.hypothesis, fit.unknowns, table)
     seen = np.sqrt(prediction.voltage_squared * prediction.stiffness / prediction.permittivity)
     models = [build_model(specimen, COARSE, setup.rig.loading) for specimen in setup.specimens]

@@ -20,6 +20,7 @@ from tympan.studies.diagnosis.calibration import (
     with_effects,
     with_masses,
 )
+from tympan.studies.diagnosis.coupons.strip_readings import strip_readings
 from tympan.studies.diagnosis.frame_check import check_frame
 from tympan.studies.diagnosis.inference.identifiability import (
     classes_of,
@@ -29,6 +30,7 @@ from tympan.studies.diagnosis.inference.identifiability import (
 from tympan.studies.diagnosis.inference.verdict import judge
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.readings import PreparedReadings, prepared_readings
+from tympan.studies.diagnosis.reduced.simulation import Simulation
 from tympan.studies.diagnosis.result import Diagnosis
 from tympan.studies.diagnosis.self_check import Bench
 from tympan.studies.effects import Setup
@@ -39,7 +41,9 @@ _LATER = 2
 
 def diagnose(dataset: Dataset, workers: int = 1, seed: int = 0,
              progress: Callable[[int, int], None] = lambda done, all_of_them: None) -> Diagnosis:
-    """Diagnose a dataset's static readings, ranges, frequencies and scans of films.
+    """Diagnose a dataset's static readings, ranges, frequencies and scans of films, and coupons.
+
+    Coupons are judged by themselves, by the same rules; where there is nothing else, alone.
 
     Parameters
     ----------
@@ -56,6 +60,12 @@ def diagnose(dataset: Dataset, workers: int = 1, seed: int = 0,
         When nothing can be concluded: too few readings, a column off by a unit, films that cannot
         be solved, scans in another frame than is said.
     """
+    if dataset.coupons is not None:
+        coupons = diagnose_coupons(dataset, seed)
+        if set(dataset.tables) == {"coupon.csv"}:
+            return coupons
+        actuators = diagnose(replace(dataset, coupons=None), workers, seed, progress)
+        return replace(actuators, dataset=dataset, coupons=coupons)
     readings = _prepared(dataset)
     nominal = calibrated(readings.setup, readings.table)
     check_frame(nominal.simulation, nominal.table,
@@ -81,6 +91,21 @@ def diagnose(dataset: Dataset, workers: int = 1, seed: int = 0,
     if judged.chosen is not None:
         error = max(error, law_error(judged.simulation, judged.chosen, table))
     return Diagnosis.of(dataset, readings, judged, error, seed)
+
+
+def diagnose_coupons(dataset: Dataset, seed: int = 0) -> Diagnosis:
+    """Diagnose a dataset's coupons: what their films' law leaves out.
+
+    An :class:`InputError` when nothing can be concluded.
+    """
+    readings = strip_readings(dataset)
+    simulation = Simulation(readings.setup, (), strips=readings.tests)
+    try:
+        judged = judge(simulation, readings.table, readings.causes, readings.stated, seed=seed)
+    except ArithmeticError as failure:
+        raise InputError(str(failure), key="readings",
+                         given=f"{len(readings.table)} readings of coupons") from None
+    return Diagnosis.of(dataset, readings, judged, seed=seed)
 
 
 def plan_readings(dataset: Dataset, workers: int = 1,

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logsumexp
 
+from tympan.studies.diagnosis.coupons.strip_splits import strip_splits
 from tympan.studies.diagnosis.inference.identifiability import SAME, signatures, visibility
 from tympan.studies.diagnosis.inference.posterior import (
     NOTHING,
@@ -29,7 +30,7 @@ from tympan.studies.diagnosis.inference.posterior import (
 )
 from tympan.studies.diagnosis.inference.predictive import SHARE, Predictive
 from tympan.studies.diagnosis.inference.verdict import Judgement
-from tympan.studies.diagnosis.reading_table import ReadingTable
+from tympan.studies.diagnosis.reading_table import MICROMETRES, ReadingTable, Unit
 from tympan.studies.diagnosis.reduced.simulation import Cause, Hypothesis, Simulation, hypotheses_of
 
 Array = NDArray[np.float64]
@@ -38,8 +39,11 @@ Rows = NDArray[np.bool_]
 #: Share of the largest voltage up to which the extended model is fitted when it is tested above.
 LOW_VOLTAGES = 0.7
 
-#: What is held out: its kind ("shape", "specimen", "mass" or "voltage"), its name, and the rows.
+#: What is held out: its kind, such as "shape" or "mass", its name, and the rows.
 Split = tuple[str, str, Rows]
+
+#: Kinds that are held out at once.
+_AT_ONCE = ("voltage", "stretch")
 
 _FEWEST_ROWS, _FEWEST_LEFT, _FEWEST_RAMPS, _SHORTLIST, _DRAWS = 6, 2, 3, 5, 4000
 
@@ -86,12 +90,12 @@ class SplitGain:
         return {name: float(np.sqrt(np.mean(values**2))) if len(values) else float("nan")
                 for name, values in finite.items()}
 
-    def json(self) -> dict[str, Any]:
-        """As a JSON object."""
+    def json(self, unit: Unit) -> dict[str, Any]:
+        """As a JSON object, errors in a unit."""
         return {"held_out": self.held_out, "chosen": [str(cause) for cause in self.chosen],
                 "wrong": [str(cause) for cause in self.wrong],
-                "rmse_um": {name: 1e6 * value if np.isfinite(value) else None
-                            for name, value in self.rmse.items()},
+                f"rmse_{unit.name}": {name: unit.per_si * value if np.isfinite(value) else None
+                                      for name, value in self.rmse.items()},
                 "note": self.note}
 
 
@@ -99,14 +103,15 @@ class SplitGain:
 class GainReport:
     """The gain ``overall``, each split, and in words which splits there are not, and why.
 
-    ``overall`` has what was "held_out", "rmse_before_um", "rmse_after_um", the "ratio" of the
-    errors beyond noise and its 95 % limits "low" and "high", None where ramps are too few. It is
-    None where nothing could be held out.
+    ``overall`` has what was "held_out", "rmse_before_um", "rmse_after_um" or the same in the other
+    ``unit``, the "ratio" of the errors beyond noise and its 95 % limits "low" and "high", None
+    where ramps are too few. It is None where nothing could be held out.
     """
 
     overall: dict[str, Any] | None
     splits: tuple[SplitGain, ...]
     impossible: tuple[str, ...]
+    unit: Unit = MICROMETRES
 
     @property
     def predictive(self) -> dict[str, Any] | None:
@@ -125,7 +130,8 @@ class GainReport:
 
     def json(self) -> dict[str, Any] | None:
         """As a JSON object."""
-        return self.overall and {**self.overall, "splits": [split.json() for split in self.splits],
+        splits = [split.json(self.unit) for split in self.splits]
+        return self.overall and {**self.overall, "splits": splits,
                                  "impossible": list(self.impossible)}
 
 
@@ -141,12 +147,14 @@ def gain_of(simulation: Simulation, table: ReadingTable, causes: Sequence[Cause]
     splits, impossible = splits_of(simulation, table)
     tested = tuple(_tested(simulation, table, causes if judgement.chosen else (), split, judgement)
                    for split in splits)
-    return GainReport(_overall(tested, seed), tested, impossible)
+    return GainReport(_overall(tested, seed, table.unit), tested, impossible, table.unit)
 
 
 def splits_of(simulation: Simulation,
               table: ReadingTable) -> tuple[tuple[Split, ...], tuple[str, ...]]:
     """The splits that leave enough to train on and to test, and in words those that do not."""
+    if simulation.strips is not None:
+        return _told_apart(table, *strip_splits(simulation.strips, table))
     specimens = simulation.setup.specimens
     frames = [(specimen.frame, specimen.plate) for specimen in specimens]
     shape = np.array([frames.index(frame) for frame in frames])[table.specimen]
@@ -165,6 +173,12 @@ def splits_of(simulation: Simulation,
     splits.append(("voltage", f"above {edge / 1e3:.3g} kV", np.abs(table.voltage) > edge))
     levels = {"shape": shape, "specimen": table.specimen, "mass": table.ramp,
               "voltage": np.abs(table.voltage)}
+    return _told_apart(table, splits, levels)
+
+
+def _told_apart(table: ReadingTable, splits: Sequence[Split], levels: dict[str, NDArray[Any]]
+                ) -> tuple[tuple[Split, ...], tuple[str, ...]]:
+    """The splits that can be made, and in words those that cannot."""
     reasons = [_unfit(kind, test, table, levels[kind]) for kind, _, test in splits]
     return (tuple(split for split, reason in zip(splits, reasons, strict=True) if not reason),
             tuple(f"{name} cannot be held out: {reason}"
@@ -173,7 +187,7 @@ def splits_of(simulation: Simulation,
 
 def _unfit(kind: str, test: Rows, table: ReadingTable, levels: NDArray[Any]) -> str:
     """Why a split cannot be made, "" where it can."""
-    if not np.any(test & table.lengths):
+    if not np.any(test & table.judged):
         return "no displacements would be held out"
     if np.sum(~test) < _FEWEST_ROWS:
         return f"fewer than {_FEWEST_ROWS} readings would be left"
@@ -186,13 +200,14 @@ def _tested(simulation: Simulation, table: ReadingTable, causes: Sequence[Cause]
             judgement: Judgement) -> SplitGain:
     kind, held_out, rows = split
     train = table[~rows].compact()
-    counted = rows & table.lengths
+    counted = rows & table.judged
     test = table[counted].compact()
     names = {simulation.setup.specimens[number].name for number in np.unique(train.specimen)}
     trained = [cause for cause in causes if cause.which in (None, *names)]
     nominal = nominal_fit(simulation, train)
     fits, logs = _alternatives(simulation, train, trained, nominal, judgement.alone)
     chosen, wrong = (*fits, nominal)[0], _unlike_the_best(fits, judgement.indistinguishable)
+    simulation, test = simulation.as_read(table, test)
     # That something is wrong all readings say; what it is, those left to train on.
     expected = Predictive.of(simulation, fits or [nominal],
                              np.exp(np.array(logs or [0.0]) - max(logs, default=0.0)), test)
@@ -200,12 +215,15 @@ def _tested(simulation: Simulation, table: ReadingTable, causes: Sequence[Cause]
     before, after, rival = (
         test.value - simulation.predict(model.hypothesis, model.unknowns, test) if model
         else np.full(len(test), np.nan) for model in (nominal, chosen, wrong))
-    process = GaussianProcess.trained(train, nominal.residual * train.sigma)
-    errors = {"before": before, "after": after, "process": before - process.predicted(test),
+    smooth = np.full(len(test), np.nan)
+    if simulation.strips is None:
+        process = GaussianProcess.trained(train, nominal.residual * train.sigma)
+        smooth = before - process.predicted(test)
+    errors = {"before": before, "after": after, "process": smooth,
               "rival": rival, "noise": test.sigma}
     solved = np.isfinite(before + after)
     best = judgement.chosen.hypothesis if judgement.chosen else ()
-    signs = signatures(simulation, train, nominal.unknowns, best)
+    signs = signatures(judgement.simulation, train, nominal.unknowns, best)
     hidden = [cause for cause in signs if visibility(signs[cause]) < SAME]
     if not solved.any():
         note = "the models have no equilibrium where readings were held out"
@@ -268,7 +286,8 @@ def excess_ratio(before: Array | float, after: Array | float, noise: Array | flo
     return np.asarray(np.sqrt(np.maximum(after - noise, 0.0) / np.maximum(before - noise, least)))
 
 
-def _overall(splits: Sequence[SplitGain], seed: int) -> dict[str, Any] | None:
+def _overall(splits: Sequence[SplitGain], seed: int, unit: Unit = MICROMETRES
+             ) -> dict[str, Any] | None:
     """All splits together; the interval by drawing ramps with replacement."""
     splits = [split for split in splits if not split.note]
     if not splits:
@@ -286,11 +305,13 @@ def _overall(splits: Sequence[SplitGain], seed: int) -> dict[str, Any] | None:
                                       _DRAWS) @ sums.T
         low, high = (float(limit) for limit in np.quantile(excess_ratio(*drawn.T), (0.025, 0.975)))
     names = {kind: ", ".join(split.held_out for split in splits if split.kind == kind)
-             for kind in ("shape", "specimen", "mass", "voltage")}
-    words = [f"all readings {name}" if kind == "voltage" else f"each {kind} in turn ({name})"
+             for kind in dict.fromkeys(split.kind for split in splits)}
+    words = [f"all readings {name}" if kind in _AT_ONCE else f"each {kind} in turn ({name})"
              for kind, name in names.items() if name]
-    return {"held_out": "; ".join(words), "rmse_before_um": 1e6 * float(np.sqrt(before / count)),
-            "rmse_after_um": 1e6 * float(np.sqrt(after / count)),
+    rmse = {name: unit.per_si * float(np.sqrt(squares / count))
+            for name, squares in (("before", before), ("after", after))}
+    return {"held_out": "; ".join(words),
+            **{f"rmse_{name}_{unit.name}": value for name, value in rmse.items()},
             "ratio": float(excess_ratio(*sums.sum(1))), "low": low, "high": high}
 
 

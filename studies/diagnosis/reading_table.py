@@ -18,15 +18,27 @@ Numbers = NDArray[np.int64]
 #: What a row is a reading of: displacement [m], difference of two displacements [m], capacitance
 #: [F], voltage on the film [V], tilt of the plate, whichever way [rad], frequency of small heaves
 #: [Hz] and the rate at which they fade [1/s], force that holds the plate at a heave [N], deflection
-#: at a place of a scan of the film, and displacements within its plane there [m].
+#: at a place of a scan of the film, and displacements within its plane there [m]; nominal stress of
+#: a coupon, or its drop under voltage [Pa].
 Kind = Literal["displacement", "range", "capacitance", "film_voltage", "tilt", "frequency", "decay",
-               "force", "film", "film_x", "film_y"]
+               "force", "film", "film_x", "film_y", "stress"]
 
 #: Kinds of rows that are lengths, on which errors are counted.
 LENGTHS = ("displacement", "range")
 
 #: Kinds of rows of scans: the components of displacements at places, deflections last.
 COMPONENTS: tuple[Kind, ...] = ("film_x", "film_y", "film")
+
+
+@dataclass(frozen=True)
+class Unit:
+    """How errors are told: a name as at the end of keys, and what a file's number is times it."""
+
+    name: str
+    per_si: float
+
+
+MICROMETRES, KILOPASCALS = Unit("um", 1e6), Unit("kPa", 1e-3)
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,7 +149,7 @@ class ReadingTable:
     voltage jumped (``since``, else -1). ``value`` is what was read
     and ``sigma`` its standard deviation, in SI; ``order`` the place in the sequence, nan where not
     known; ``file`` and ``line`` say where a row is from; ``run`` which ramp it belongs to;
-    ``point`` which place of all the ``scans`` it is of, else -1.
+    ``point`` which place of all the ``scans`` it is of, or which of the coupons' rows, else -1.
     """
 
     states: States
@@ -181,14 +193,25 @@ class ReadingTable:
         return np.isin(self.kind, LENGTHS)
 
     @property
+    def judged(self) -> NDArray[np.bool_]:
+        """Rows on which errors are counted: lengths, or stresses where there are no lengths."""
+        return self.lengths if self.lengths.any() else self.kind == "stress"
+
+    @property
+    def unit(self) -> Unit:
+        """The unit in which errors are told."""
+        return MICROMETRES if self.lengths.any() else KILOPASCALS
+
+    @property
     def transient(self) -> NDArray[np.bool_]:
         """Rows of transients."""
         return np.char.startswith(self.file.astype(str), "transient.")
 
     @cached_property
     def ramp(self) -> Numbers:
-        """Number of the specimen and mass of each row."""
-        keys = np.stack([self.specimen.astype(float), self.mass], 1)
+        """Number of the specimen and mass of each row, and of the run of coupons."""
+        run = np.where(self.kind == "stress", self.states.run[self.state], 0)
+        keys = np.stack([self.specimen.astype(float), self.mass, run], 1)
         return np.unique(keys, axis=0, return_inverse=True)[1].ravel()
 
     @cached_property

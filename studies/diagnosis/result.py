@@ -11,10 +11,16 @@ from numpy.typing import NDArray
 
 from tympan.fem.toml_writer import rig_to_toml, specimen_to_toml
 from tympan.geometry.errors import InputError
+from tympan.geometry.specimen import Specimen
 from tympan.studies.columns import Column, read_own_sheet, write_sheet
 from tympan.studies.data.checks import dataset_warnings
 from tympan.studies.data.dataset import Dataset
-from tympan.studies.diagnosis.calibration import extended_setup
+from tympan.studies.diagnosis.coupons.strip_record import (
+    STRIP_COLUMNS,
+    STRIPS,
+    at_temperature,
+    save_strips,
+)
 from tympan.studies.diagnosis.gain import GainReport, gain_of
 from tympan.studies.diagnosis.inference.identifiability import detectable_effects
 from tympan.studies.diagnosis.inference.posterior import Fit, Posterior
@@ -56,6 +62,9 @@ COLUMNS: tuple[Column, ...] = (
       for name in ("order", "read", "sigma", "baseline", "extended")),
     Column("x", "mm", required=False), Column("y", "mm", required=False))
 
+#: The folder of coupons' diagnosis in that of actuators.
+COUPONS = "coupons"
+
 #: Causes of less than this probability are not listed.
 _LEAST = 0.01
 #: Of the misfit, the share that an effect must take away alone for its check to be worth while
@@ -82,7 +91,8 @@ class Diagnosis:
     nothing is wrong; ``gain`` on readings held out; ``proposals`` for the next experiment and
     ``advice`` in a sentence; ``single_effects`` each fitted alone; ``detectable``: what these
     readings can tell; ``self_check``: what it makes of synthetic ones, None where that was not
-    asked; ``loaded``: films of the specimens, where they were asked for.
+    asked; ``loaded``: films of the specimens, where they were asked for; ``coupons``: the diagnosis
+    of coupons of the same films, None where there are none or nothing else.
     """
 
     dataset: Dataset
@@ -97,15 +107,18 @@ class Diagnosis:
     detectable: list[Json]
     self_check: Json | None = None
     loaded: tuple[LoadedFilm, ...] = ()
+    coupons: Diagnosis | None = None
 
     @classmethod
     def of(cls, dataset: Dataset, readings: PreparedReadings, judgement: Judgement,
            model_error: float = 0.0, seed: int = 0) -> Diagnosis:
         """With all that follows from a judgement of the dataset's readings."""
-        causes = readings.causes
+        causes, simulation = readings.causes, judgement.simulation
+        # Nothing more is proposed beside coupons than the checks of what is found.
+        proposals: tuple[tuple[Proposal, ...], str] = ((), "") if simulation.strips else propose(
+            simulation, judgement, causes, effort=dataset.effort)
         return cls(dataset, readings, judgement, model_error, judgement.chosen,
-                   gain_of(judgement.simulation, readings.table, causes, judgement, seed),
-                   *propose(judgement.simulation, judgement, causes, effort=dataset.effort),
+                   gain_of(simulation, readings.table, causes, judgement, seed), *proposals,
                    single_effects(judgement),
                    detectable_effects(judgement.signatures))
 
@@ -131,7 +144,7 @@ class Diagnosis:
         """Specimens and rig with stiffness, permittivity and effects as found."""
         if self.chosen is None:
             return None
-        return extended_setup(self.simulation, self.chosen.hypothesis, self.chosen.unknowns)
+        return self.simulation.extended(self.chosen.hypothesis, self.chosen.unknowns)
 
     def with_films(self) -> Diagnosis:
         """With the specimens' films, which are solved by finite elements."""
@@ -140,6 +153,7 @@ class Diagnosis:
     def json(self) -> Json:
         """The JSON object that the command prints, and what else the report shows."""
         judged, posterior, chosen = self.judgement, self.judgement.posterior, self.chosen
+        unit = judged.table.unit.name
         causes = [] if posterior is None else self._causes(posterior)
         place = "nowhere: what is left is noise" if self.verdict == "nothing" else where(judged)
         suspects = [] if self.verdict != "ambiguous" else suspects_among(causes)
@@ -167,7 +181,7 @@ class Diagnosis:
                           "headline": told(effect.fit, effect.cause)["headline"],
                           "prior_widths": effect.widths, "plausible": effect.plausible,
                           "at_limit": effect.bounded} for effect in self.single_effects],
-            "after": chosen and {"rmse_um": _rmse_um(chosen.residual, judged.table),
+            "after": chosen and {f"rmse_{unit}": self._rmse(chosen.residual),
                                  "p_value": judged.after and judged.after.p_value,
                                  "effects": [str(cause) for cause in chosen.hypothesis]},
             "baseline": {name: dict(zip(("value", "low", "high"), values, strict=True))
@@ -175,14 +189,21 @@ class Diagnosis:
             "noisier": {"factor": _NOISIER, "probability": self._with_more_noise()},
             "robust": [{"factor": factor, "stand_out": sorted(map(str, causes))}
                        for factor, causes in sorted(judged.robust.items())],
-            "model_error_um": 1e6 * self.model_error,
+            f"model_error_{unit}": judged.table.unit.per_si * self.model_error,
             "knowable": self.detectable,
             "self_check": self.self_check,
             "warnings": self._limitations(),
-            "films": self._films(),
+            "films": self._films() if judged.table.scans else {},
             "loaded_films": [{"specimen": film.specimen, "mass_kg": film.mass,
                               "voltage_V": film.voltage} for film in self.loaded],
+            **({"coupons": self.coupons.json()} if self.coupons else {}),
         }
+
+    def _rmse(self, residual: Array) -> float:
+        """Root mean square of residuals over their noise, as they were read."""
+        table, strips = self.judgement.table, self.simulation.strips
+        errors = residual * table.sigma
+        return _root(errors if strips is None else strips.as_read(errors), table)
 
     def _films(self) -> Json:
         """Plans of the films that were scanned, by specimen, in the places' frame [mm]."""
@@ -197,7 +218,30 @@ class Diagnosis:
         return plans
 
     def save(self, folder: Path) -> None:
-        """Write the readings, the extended model and, last, diagnosis.json to a folder."""
+        """Write the readings, the extended model and, last, diagnosis.json to a folder.
+
+        Those of coupons of the same films to a folder in it.
+        """
+        if self.coupons is not None:
+            self.coupons.save(folder / COUPONS)
+        if self.simulation.strips is None:
+            self._save_readings(folder)
+            specimens = self.extended.specimens if self.extended else ()
+        else:
+            save_strips(folder, self.simulation.strips, self.judgement, self.chosen)
+            specimens = self._at_temperatures()
+        setup = self.extended
+        if setup is not None:
+            write_text(folder / "extended" / "rig.toml", rig_to_toml(setup.rig))
+        for specimen in specimens:
+            try:
+                suffix, text = "toml", specimen_to_toml(specimen)
+            except InputError as error:
+                suffix, text = "txt", f"{error}\n"
+            write_text(folder / "extended" / f"{specimen.name}.{suffix}", text)
+        write_json(folder / "diagnosis.json", self.json())
+
+    def _save_readings(self, folder: Path) -> None:
         table, nominal = self.judgement.table, self.judgement.nominal
         specimens = np.array([specimen.name for specimen in self.simulation.setup.specimens])
         write_sheet(folder / "readings.csv", COLUMNS, {
@@ -212,16 +256,16 @@ class Diagnosis:
                     curves(self.simulation, self.judgement, self.chosen))
         for film in self.loaded:
             film.film.save(folder / "films" / f"{film.specimen}.vtu")
-        setup = self.extended
-        if setup is not None:
-            write_text(folder / "extended" / "rig.toml", rig_to_toml(setup.rig))
-            for specimen in setup.specimens:
-                try:
-                    suffix, text = "toml", specimen_to_toml(specimen)
-                except InputError as error:
-                    suffix, text = "txt", f"{error}\n"
-                write_text(folder / "extended" / f"{specimen.name}.{suffix}", text)
-        write_json(folder / "diagnosis.json", self.json())
+
+    def _at_temperatures(self) -> tuple[Specimen, ...]:
+        """The extended specimens of coupons, and as they are at the temperatures of the tests."""
+        setup, strips = self.extended, self.simulation.strips
+        if setup is None or strips is None:
+            return ()
+        warm = [at_temperature(specimen, celsius) for specimen in setup.specimens
+                if specimen.membrane.temperature_power
+                for celsius in np.unique(strips.coupons.degrees).tolist()]
+        return (*setup.specimens, *warm)
 
     def _causes(self, posterior: Posterior) -> list[Json]:
         judged, probabilities = self.judgement, posterior.of_causes()
@@ -254,23 +298,28 @@ class Diagnosis:
         named = [set(self.judgement.named) <= set(fit.hypothesis) for fit in fits]
         # What else there may be counts as it does beside the best hypothesis.
         shares = np.array([posterior.nothing, *posterior.probabilities, posterior.discrepancy])
-        logs = np.log(np.maximum(shares, 1e-300)) + np.array([*change, change[1]])
+        with np.errstate(divide="ignore"):
+            logs = np.log(shares)
+        # A share too small for a number is as far behind as its evidence is.
+        behind = np.array([fit.evidence - posterior.fits[0].evidence for fit in fits] + [0.0])
+        logs = np.where(shares > 0, logs, behind) + np.array([*change, change[1]])
         weight = np.exp(logs - logs.max())
         return float(weight[:-1][named].sum() / weight.sum())
 
     def _misfit(self, place: str) -> Json:
         judged, table = self.judgement, self.judgement.table
+        unit = table.unit.name
         names = [specimen.name for specimen in self.simulation.setup.specimens]
         predicted = table.value - judged.nominal.residual * table.sigma
         p_values = sorted(judged.test.p_values.items(), key=lambda item: item[1])
         return {
-            "baseline_rmse_um": _rmse_um(judged.nominal.residual, table),
-            "noise_um": _rmse_um(np.ones(len(table)), table),
+            f"baseline_rmse_{unit}": self._rmse(judged.nominal.residual),
+            f"noise_{unit}": _root(table.sigma, table),
             "noise_from": self.readings.noise_from,
             "noise_over_stated": judged.test.noise,
             "p_value": judged.test.p_value,
             "where": place,
-            "ratios": ratios(table, predicted, names),
+            "ratios": ratios(table, predicted, names) if table.lengths.any() else [],
             "patterns": [{"what": judged.test.words(name), "p_value": p} for name, p in p_values
                          if name in judged.patterns],
         }
@@ -313,19 +362,23 @@ class Diagnosis:
 def load_diagnosis(folder: Path) -> tuple[Json, dict[str, NDArray[Any]], dict[str, NDArray[Any]]]:
     """What :meth:`Diagnosis.save` wrote: the JSON object, readings.csv and curves.csv [SI].
 
+    Of coupons strips.csv and no curves.
+
     An :class:`InputError` for what an older version has written.
     """
     content = read_json(folder / "diagnosis.json")
     if "headline" not in content:
         raise InputError("is of an older version: run tympan diagnose again",
                          file=folder / "diagnosis.json")
+    if (folder / STRIPS).exists():
+        return content, read_own_sheet(folder / STRIPS, STRIP_COLUMNS), {}
     return (content, read_own_sheet(folder / "readings.csv", COLUMNS),
             read_own_sheet(folder / "curves.csv", CURVES))
 
 
-def _rmse_um(residual: Array, table: ReadingTable) -> float:
-    """Root mean square of a table's lengths' residuals, given over their noise [µm]."""
-    return 1e6 * float(np.sqrt(np.mean((residual * table.sigma)[table.lengths] ** 2)))
+def _root(errors: Array, table: ReadingTable) -> float:
+    """Root mean square of a table's errors, of those that count, in its unit."""
+    return table.unit.per_si * float(np.sqrt(np.mean(errors[table.judged] ** 2)))
 
 
 def _parameters(fit: Fit, cause: Cause) -> Json:

@@ -96,7 +96,7 @@ def fit_coupons(file: Path, names: Sequence[str] | None = None, noise: float | N
     with 0 branches, laws without: :func:`~tympan.studies.material.fit.compare`. An
     :class:`InputError` names the file.
     """
-    coupons = read_coupons(file)
+    coupons, said = _without_voltage(read_coupons(file))
     try:
         if branches != 0 and coupons.in_time:
             thin = coupons.thinned()
@@ -112,7 +112,19 @@ def fit_coupons(file: Path, names: Sequence[str] | None = None, noise: float | N
     except InputError as error:
         raise error.located(file=file) from None
     result.numbers["file"] = str(file)
+    result.numbers["warnings"] += said
     return result
+
+
+def _without_voltage(coupons: Coupons) -> tuple[Coupons, list[str]]:
+    """The readings without voltage, and what is to be said of those left out or warm."""
+    plain, said = coupons.volts == 0, []
+    if not plain.all():
+        said.append(NOTES["charged"].format(count=int((~plain).sum())))
+    kept = coupons if plain.all() else coupons[plain]
+    if len(kept) and np.ptp(kept.degrees) > 0:
+        said.append(NOTES["warm"].format(low=kept.degrees.min(), high=kept.degrees.max()))
+    return kept, said
 
 
 def _fitted_in_time(coupons: Coupons, fits: Sequence[BranchFit]) -> MaterialFitResult:

@@ -1,4 +1,6 @@
-"""Makes the folders: readings by the axisymmetric equations, none of the project's solvers is used.
+"""Makes the folders: readings by the axisymmetric equations and by closed forms.
+
+None of the project's solvers is used.
 
 python -m benchmarks.trials.verdict_cases.made
 """
@@ -14,6 +16,7 @@ import numpy as np
 from benchmarks.trials import axisymmetric_readings
 from benchmarks.trials.synthetic_trials import NOBODY, NOISE, Design, Stranger, Truth, circles
 from benchmarks.trials.unmodelled_faults import Jump
+from benchmarks.trials.verdict_cases import coupon_readings
 from tympan.fem.toml_writer import specimen_to_toml
 from tympan.studies.columns import write_sheet
 from tympan.studies.data.dataset import STATIC
@@ -76,6 +79,38 @@ CASES = (
 )
 
 
+@dataclass(frozen=True)
+class CouponCase:
+    """What is hidden in coupons of a film: effects with their values in SI."""
+
+    name: str
+    words: str
+    verdict: tuple[str, ...]
+    film: coupon_readings.Film
+    effects: tuple[tuple[str, tuple[float, ...]], ...] = ()
+    in_time: bool = False
+
+    @property
+    def coupons(self) -> str:
+        """The file of readings, with a noise of 1 % of the stress."""
+        made = coupon_readings.in_time if self.in_time else coupon_readings.at_rest
+        return made(self.film, 0.01, COUPON_CASES.index(self))
+
+
+COUPON_CASES = (
+    CouponCase("coupons-nothing", "nothing but noise, and a film 8 % stiffer than stated",
+               ("nothing",), coupon_readings.Film()),
+    CouponCase("coupons-warm", "the film softens by a hundredth a degree", NAMED,
+               coupon_readings.Film(power=-3.0), (("temperature", (-3.0,)),)),
+    CouponCase("coupons-held", "the grips hold 40 % of the width of strips said to be free", NAMED,
+               coupon_readings.Film(held=0.4), (("width_not_free", (0.4,)),)),
+    CouponCase("coupons-falling", "the permittivity falls with the area stretch", EITHER,
+               coupon_readings.Film(falling=1.2), (("permittivity_stretch", (1.2,)),)),
+    CouponCase("coupons-creep", "15 kPa of the film's stiffness relax within 200 s", NAMED,
+               coupon_readings.Film(branch=(15e3, 200.0)), (("creep", (15e3, 200.0)),), True),
+)
+
+
 def readings(case: HiddenCase, design: Design) -> np.ndarray:
     """Readings with noise [m]."""
     shown = axisymmetric_readings.readings(design, case.truth)
@@ -94,6 +129,20 @@ def expected(case: HiddenCase) -> dict[str, object]:
     return {"hidden": case.words, "verdict": list(case.verdict),
             "causes": [] if case.verdict == ("nothing",) else [name for name, *_ in case.effects],
             "parameters": parameters}
+
+
+def write_coupons(case: CouponCase, folder: Path) -> None:
+    """A folder of coupons."""
+    folder.mkdir(parents=True, exist_ok=True)
+    head = coupon_readings.FILM.replace("film", case.name, 1)
+    (folder / "dataset.toml").write_text(head, encoding="utf-8")
+    (folder / "coupon.csv").write_text(case.coupons, encoding="utf-8")
+    parameters = {name: {item.name: {"value": item.shown(value), "unit": item.unit}
+                         for item, value in zip(EFFECTS[name].parameters, values, strict=True)}
+                  for name, values in case.effects}
+    content = {"hidden": case.words, "verdict": list(case.verdict),
+               "causes": [name for name, _ in case.effects], "parameters": parameters}
+    (folder / "expected.json").write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
 
 
 def write(case: HiddenCase, design: Design, folder: Path) -> None:
@@ -119,3 +168,5 @@ def write(case: HiddenCase, design: Design, folder: Path) -> None:
 if __name__ == "__main__":
     for hidden in CASES:
         write(hidden, circles(), FOLDER / hidden.name)
+    for strips in COUPON_CASES:
+        write_coupons(strips, FOLDER / strips.name)

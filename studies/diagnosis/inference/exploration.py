@@ -18,7 +18,6 @@ from tympan.studies.diagnosis.reduced.simulation import (
     SIZES,
     Cause,
     Hypothesis,
-    Prediction,
     Simulation,
     bounds_of,
     hypotheses_of,
@@ -174,8 +173,8 @@ class Exploration:
 
     def _shown(self, hypothesis: Hypothesis, unknowns: Array) -> Array:
         """What readings show, over their noise."""
-        return Prediction(self.simulation, hypothesis, unknowns,
-                          self.table).extended / self.table.sigma
+        shown = self.simulation.prediction(hypothesis, unknowns, self.table)
+        return shown.extended / self.table.sigma
 
     def _reach(self) -> None:
         """Force laws of further heaves and voltages, where an effect alone may ask for them."""

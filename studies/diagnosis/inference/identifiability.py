@@ -15,7 +15,6 @@ from tympan.studies.diagnosis.reduced.simulation import (
     FACTORS,
     SIZES,
     Cause,
-    Prediction,
     Simulation,
     bounds_of,
 )
@@ -38,7 +37,7 @@ TYPICAL = 2.0
 def signatures(simulation: Simulation, table: ReadingTable, unknowns: Array,
                causes: Sequence[Cause]) -> Signatures:
     """The signatures of causes about a nominal fit, each at its typical size."""
-    jacobian = Prediction(simulation, (), unknowns, table).jacobian
+    jacobian = simulation.prediction((), unknowns, table).jacobian
     taken = taken_by(jacobian / table.sigma[:, None])
     return {cause: without(taken, np.stack([_shown(simulation, cause, index, unknowns, table)
                                             for index in range(len(cause.effect.parameters))], 1))

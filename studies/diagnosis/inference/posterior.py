@@ -19,7 +19,6 @@ from tympan.studies.diagnosis.reduced.simulation import (
     SIZES,
     Cause,
     Hypothesis,
-    Prediction,
     Simulation,
     bounds_of,
     limits_of,
@@ -135,7 +134,7 @@ def _fit_from(simulation: Simulation, hypothesis: Hypothesis, table: ReadingTabl
                 np.concatenate([1 / NUISANCE, slopes]))
 
     def evaluate(unknowns: Array, near: Evaluation | None) -> Evaluation:
-        prediction = Prediction(simulation, hypothesis, unknowns, table)
+        prediction = simulation.prediction(hypothesis, unknowns, table)
         return Evaluation((table.value - prediction.extended) / table.sigma,
                           lambda: -prediction.jacobian / table.sigma[:, None], prediction)
 

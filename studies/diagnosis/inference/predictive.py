@@ -11,7 +11,7 @@ from scipy.special import ndtr
 
 from tympan.studies.diagnosis.inference.posterior import Fit
 from tympan.studies.diagnosis.reading_table import ReadingTable
-from tympan.studies.diagnosis.reduced.simulation import Prediction, Simulation
+from tympan.studies.diagnosis.reduced.simulation import Simulation
 
 Array = NDArray[np.float64]
 
@@ -49,7 +49,7 @@ class Predictive:
         fits, weights = [fits[k] for k in used.tolist()], weights[used]
         mean, deviation = np.empty((2, len(fits), len(table)))
         for k, fit in enumerate(fits):
-            prediction = Prediction(simulation, fit.hypothesis, fit.unknowns, table)
+            prediction = simulation.prediction(fit.hypothesis, fit.unknowns, table)
             mean[k] = prediction.values
             spread = np.linalg.solve(np.linalg.cholesky(fit.precision), prediction.jacobian.T)
             deviation[k] = np.sqrt((spread**2).sum(0))

@@ -38,6 +38,15 @@ WORDS = {
     "channel film": "the film's shape is off",
     "channel film_x": "displacements within the film along x are off",
     "channel film_y": "displacements within the film along y are off",
+    "strip_level": "all stresses are off by about the same amount",
+    "strip_stretch": "the way stress depends on stretch is wrong",
+    "strip_mode": "{1} tests are off against the other modes",
+    "strip_voltage": "readings under voltage are off against those without",
+    "strip_temperature": "readings of warm and cold strips are off against each other",
+    "strip_time": "the way stress depends on time is wrong",
+    "strip_rate": "fast and slow runs are off against each other",
+    "strip_way": "readings differ on the way out and back",
+    "strip_runs": "single runs are off in different ways",
     "step": "from one reading on, readings are shifted",
     "shifted": "from reading {0} on, readings are shifted",
     "stick": "the readings stick and jump, as a plate does that rubs",
@@ -86,7 +95,7 @@ def patterns(table: ReadingTable, names: Sequence[str], predicted: Array) -> dic
         if kind in COMPONENTS:
             columns[f"channel {kind}"] = _among(table.kind == kind,
                                                 film_patterns(table[rows], predicted[rows]))
-        elif not lengths[rows[0]]:
+        elif not lengths[rows[0]] and kind != "stress":
             channel, typical = table[rows], float(np.sqrt(np.mean(predicted[rows] ** 2)))
             size = np.full(len(rows), typical or float(channel.sigma.max()))
             voltage = _legendre(channel.voltage**2)

@@ -34,6 +34,7 @@ from tympan.studies.diagnosis.inference.residual_tests import (
     over,
     patterns,
 )
+from tympan.studies.diagnosis.inference.strip_patterns import strip_patterns
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.reduced.simulation import (
     SIZES,
@@ -62,6 +63,9 @@ SCALES = (1 / 3, 1.0, 3.0, 10.0)
 #: cause that is expected to be ahead by t is behind by this with z = (EXCLUDED + t) / (2 √t) or
 #: more, 3 at least.
 EXCLUDED = 9.0
+
+#: χ² by which two causes of one class must explain more than one alone, to be weighed as two.
+MORE = 4.0
 
 #: How much more two causes must explain than a smooth misfit of no cause, to be named: logarithm of
 #: the odds.
@@ -143,7 +147,10 @@ def judge(simulation: Simulation, table: ReadingTable, causes: Sequence[Cause],
     if not nominal.possible:
         raise ArithmeticError("the nominal model has no equilibrium at the states that were read")
     names = [specimen.name for specimen in simulation.setup.specimens]
-    columns = patterns(table, names, table.value - nominal.residual * table.sigma)
+    predicted = table.value - nominal.residual * table.sigma
+    columns = patterns(table, names, predicted)
+    if simulation.strips is not None:
+        columns |= strip_patterns(simulation.strips, table, predicted)
     if not table.lengths.all():
         table = _with_noise_of_channels(table, nominal, columns)
         nominal = fit(simulation, (), table, nominal.unknowns)
@@ -221,7 +228,8 @@ def _weighed(base: Judgement, exploration: Exploration, adequacy: _Adequacy) -> 
     out = {fit.hypothesis for fit in asked if enough and adequacy.of(fit).p_value < HARDLY}
 
     among = hypotheses_of(exploration.causes)
-    kept = [fit for fit in ranked if fit.hypothesis not in out]
+    kept = [fit for fit in ranked
+            if fit.hypothesis not in out and not _twice_told(fit, exploration, base)]
     odds = {fit.hypothesis: odds_of_more(fit, columns) for fit in asked if fit in kept}
     if not kept:
         odds = {(): odds_of_more(base.nominal, columns)}
@@ -246,6 +254,15 @@ def _weighed(base: Judgement, exploration: Exploration, adequacy: _Adequacy) -> 
     if alone is None or rivals or doubted or not firm or not adequacy.enough(alone):
         return replace(weighed, verdict="ambiguous")
     return replace(weighed, verdict="named", named=sure)
+
+
+def _twice_told(fit: Fit, exploration: Exploration, base: Judgement) -> bool:
+    """Whether it is of two causes that cannot be told apart and say no more than one of them."""
+    causes = set(fit.hypothesis)
+    if len(causes) < 2 or not any(causes <= set(group) for group in base.indistinguishable):
+        return False
+    singles = [exploration.fits[cause,].chi_squared for cause in fit.hypothesis]
+    return fit.chi_squared > min(singles) - MORE
 
 
 def _sure(posterior: Posterior) -> tuple[Cause, ...]:

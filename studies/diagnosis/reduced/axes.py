@@ -122,7 +122,7 @@ class HeldFilm:
         if specimen.electrode.mass:
             specimen = replace(specimen, electrode=replace(specimen.electrode, mass=0.0))
         specimen = replace(specimen, membrane=replace(specimen.membrane, branches=(),
-                                                      mounted=None))
+                                                      mounted=None, temperature_power=0.0))
         if not specimen.membrane.density:
             loading = replace(loading, gravity=0.0)
         return cls(specimen, loading, setup.rig.gas_pressure)

@@ -7,13 +7,15 @@ permittivity, then the sizes of its effects' parameters in its order.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tympan.fem.film.laws.stiffened import scaled
 from tympan.geometry.outlines import area
+from tympan.geometry.specimen import Film
 from tympan.studies.diagnosis.reading_table import COMPONENTS, ReadingTable
 from tympan.studies.diagnosis.reduced.axes import Axis
 from tympan.studies.diagnosis.reduced.film_memory import FilmMemory
@@ -28,8 +30,9 @@ from tympan.studies.diagnosis.reduced.force_law import (
 from tympan.studies.diagnosis.reduced.in_time import behind, charged, decay
 from tympan.studies.diagnosis.reduced.resting_place import play, resting_place
 from tympan.studies.diagnosis.reduced.seen_film import Sight, shown_by_scans
+from tympan.studies.diagnosis.reduced.strips import StripPrediction, StripTests, strip_setup
 from tympan.studies.diagnosis.reduced.swinging import SwingingMasses, mass_effects
-from tympan.studies.effects import EFFECTS, Effect, EffectParameter, Setup, Use
+from tympan.studies.effects import EFFECTS, Effect, EffectParameter, Setup, Use, extended
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -101,13 +104,15 @@ def hypotheses_of(causes: Sequence[Cause]) -> tuple[Hypothesis, ...]:
 class Simulation:
     """A setup with the force laws of its films.
 
-    What of them swings where that is read, and what films remember of the runs that were read.
+    What of them swings where that is read, and what films remember of the runs that were read. Of
+    ``strips`` instead of actuators there are no force laws.
     """
 
     setup: Setup
     laws: tuple[ForceLaw, ...]
     masses: SwingingMasses | None = None
     memory: FilmMemory | None = None
+    strips: StripTests | None = None
 
     def uses(self, hypothesis: Hypothesis, unknowns: Array) -> tuple[Use, ...]:
         """The effects with their values."""
@@ -125,7 +130,38 @@ class Simulation:
 
     def predict(self, hypothesis: Hypothesis, unknowns: Array, table: ReadingTable) -> Array:
         """What each row of a table shows."""
-        return Prediction(self, hypothesis, unknowns, table).values
+        return self.prediction(hypothesis, unknowns, table).values
+
+    def as_read(self, table: ReadingTable, part: ReadingTable) -> tuple[Simulation, ReadingTable]:
+        """A part of a table's rows with values as they were read, and what predicts those."""
+        strips = self.strips
+        if strips is None or strips.whitening is None:
+            return self, part
+        read, spread = strips.as_read(table.value), strips.spread(table.sigma)
+        return (replace(self, strips=replace(strips, whitening=None)),
+                part.with_values(read[part.point]).with_sigma(spread[part.point]))
+
+    def prediction(self, hypothesis: Hypothesis, unknowns: Array,
+                   table: ReadingTable) -> Prediction | StripPrediction:
+        """What a table's readings show, with derivatives."""
+        if self.strips is None:
+            return Prediction(self, hypothesis, unknowns, table)
+        sizes = [1.0, 1.0, *(item.deviation for item in parameters_of(hypothesis))]
+        return StripPrediction(self.strips, lambda moved: self.extended(hypothesis, moved),
+                               unknowns, table.point, bounds_of(self, hypothesis), np.array(sizes))
+
+    def extended(self, hypothesis: Hypothesis, unknowns: Array) -> Setup:
+        """The setup with stiffness, permittivity and effects."""
+        stiffness, permittivity = np.exp(unknowns[FACTORS]).tolist()
+        uses = self.uses(hypothesis, unknowns)
+        if self.strips is not None:
+            return strip_setup(self.setup, stiffness, permittivity, uses)
+
+        def change(film: Film) -> Film:
+            return replace(film, material=scaled(film.material, stiffness),
+                           relative_permittivity=film.relative_permittivity * permittivity)
+
+        return extended(self.setup.with_films(change), uses)
 
     @cached_property
     def capacitance(self) -> Array:
@@ -498,7 +534,9 @@ def sizes_on(simulation: Simulation, number: int, hypothesis: Hypothesis, unknow
 
 
 def affected(simulation: Simulation, cause: Cause, index: int) -> list[tuple[int, int]]:
-    """The films that a parameter of a cause changes: numbers of law and axis."""
+    """The films that a parameter of a cause changes: numbers of law and axis; of strips none."""
+    if simulation.strips is not None:
+        return []
     return [(number, place) for number, (specimen, law)
             in enumerate(zip(simulation.setup.specimens, simulation.laws, strict=True))
             if cause.which in (None, specimen.name)

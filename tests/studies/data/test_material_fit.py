@@ -28,6 +28,7 @@ from tympan.studies.material.fit import (
     material_lines,
     warnings,
 )
+from tympan.studies.material.result import fit_coupons
 
 FALL = {"uniaxial": 2, "equibiaxial": 5, "pure_shear": 3}  # nominal stress is 2 W′(I₁) (λ − λ^−k)
 ACROSS = {"uniaxial": 0.5, "equibiaxial": 2.0, "pure_shear": 1.0}  # the thickness is λ^−k
@@ -438,3 +439,19 @@ def test_show(tmp_path, capsys) -> None:
     assert "Hill's inequality fails" in capsys.readouterr().out
     assert main(["solve", str(refused), "--mass", "10 g"]) == 2
     assert "cannot be a membrane material" in capsys.readouterr().err
+
+
+def test_readings_under_voltage_are_left_out_and_warm_ones_told(tmp_path: Path) -> None:
+    stretch = np.linspace(1.1, 3, 8)
+    stress = 20.0 * (stretch - stretch**-3)
+    rows = [f"pure_shear,{x},{y},0,{t}\n" for t in (20, 40)
+            for x, y in zip(stretch, stress, strict=True)]
+    rows += [f"pure_shear,{x},{y - 5},6,20\n" for x, y in zip(stretch, stress, strict=True)]
+    file = tmp_path / "coupon.csv"
+    file.write_text("mode,stretch,nominal_stress_kPa,voltage_kV,temperature_C\n" + "".join(rows))
+    result = fit_coupons(file, ["neo_hooke"])
+    assert len(result.coupons) == 16
+    assert result.numbers["fits"][0]["rmse_Pa"] < 1e-3
+    said = " ".join(result.numbers["warnings"])
+    assert "8 readings under voltage are left out" in said
+    assert "20 to 40 °C" in said

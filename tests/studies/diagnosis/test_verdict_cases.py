@@ -11,8 +11,16 @@ import pytest
 
 from benchmarks.trials.synthetic_trials import circles
 from benchmarks.trials.verdict_cases.__main__ import PROGRAM, right, said_by, within
-from benchmarks.trials.verdict_cases.made import CASES, FOLDER, write
+from benchmarks.trials.verdict_cases.made import (
+    CASES,
+    COUPON_CASES,
+    FOLDER,
+    CouponCase,
+    write,
+    write_coupons,
+)
 from tympan.studies.data.dataset import read_dataset
+from tympan.studies.diagnosis.diagnose import diagnose
 
 SPRING = {"effect": "parallel_spring",
           "parameters": {"k": {"value": 4.1, "unit": "N/m", "low": 3.9, "high": 4.3}}}
@@ -72,4 +80,14 @@ def test_a_folder_is_what_its_script_makes(tmp_path: Path, name: str) -> None:
 
 
 def test_there_is_a_folder_for_every_case() -> None:
-    assert sorted(case.name for case in CASES) == sorted(folder.name for folder in FOLDER.iterdir())
+    assert sorted(case.name for case in (*CASES, *COUPON_CASES)) == sorted(
+        folder.name for folder in FOLDER.iterdir())
+
+
+@pytest.mark.parametrize("case", COUPON_CASES, ids=lambda case: case.name)
+def test_a_folder_of_coupons_is_what_its_script_makes_and_is_judged_rightly(
+        tmp_path: Path, case: CouponCase) -> None:
+    write_coupons(case, tmp_path / case.name)
+    for file in (tmp_path / case.name).iterdir():
+        assert file.read_text() == (FOLDER / case.name / file.name).read_text()
+    assert right(diagnose(read_dataset(FOLDER / case.name)).json(), expected(case.name))

@@ -22,9 +22,11 @@ from tympan.geometry.errors import InputError
 from tympan.geometry.mesher import MeshSettings
 from tympan.geometry.specimen import Specimen, ViscousBranch
 from tympan.studies.case import Case, Settings, equilibrate, solve
+from tympan.studies.data.coupon import Coupons
+from tympan.studies.diagnosis.reduced.strips import StripTests
 from tympan.studies.effects import EFFECTS, Effect, Setup, Use, extended
 from tympan.studies.effects.findings import FoundSize, finding, limits_told
-from tympan.studies.effects.library import IN_TIME
+from tympan.studies.effects.library import COUPONS_ALONE, IN_TIME
 from tympan.studies.modes import heave_frequency, modes
 from tympan.studies.signals import step
 from tympan.studies.transient import TransientCase, respond
@@ -97,8 +99,20 @@ def in_time(setup: Setup) -> np.ndarray:
     return response.samples["displacement"].to_numpy()[None, 1:]
 
 
+def of_coupons(setup: Setup) -> np.ndarray:
+    """Stresses of warm strips of the first film without voltage; a kilopascal counts as 1 mm."""
+    mode = np.array(["uniaxial", "pure_shear", "equibiaxial"])
+    blank, none = np.full(3, ""), np.full(3, np.nan)
+    coupons = Coupons(mode, np.full(3, 2.0), np.zeros(3), blank, blank, none,
+                      celsius=np.full(3, 40.0))
+    tests = StripTests(coupons, np.zeros(3, np.int64), np.arange(3))
+    return 1e-6 * tests.shown(replace(setup, specimens=setup.specimens[:1]))[0][None]
+
+
 def readings_for(effect: Effect, setup: Setup, settings: Settings = FINE) -> np.ndarray:
     """What can show an effect: where it takes frequencies these too, a hertz counted as 1 mm."""
+    if COUPONS_ALONE & set(effect.columns):
+        return of_coupons(setup)
     if IN_TIME in effect.columns:
         return in_time(setup)
     at_rest = readings(setup, settings)
@@ -218,8 +232,8 @@ def test_files_give_the_same_number(effect: Effect, tmp_path: Path,
         assert printed == here
         assert here != taken
         return
-    if IN_TIME in effect.columns:
-        # Equal specimens and rigs do the same in time.
+    if (COUPONS_ALONE | {IN_TIME}) & set(effect.columns):
+        # Equal specimens and rigs do the same in time, and in coupon tests.
         assert setup != TAKEN
         return
     command = ["solve", str(films), "--rig", str(rig), "--mass", "20 g", "--voltage", "3 kV",

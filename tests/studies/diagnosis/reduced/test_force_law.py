@@ -12,7 +12,6 @@ from tests.oracles import axisymmetric
 from tympan.fem.film.laws.stiffened import scaled
 from tympan.fem.rig import Rig
 from tympan.studies.case import Case, solve
-from tympan.studies.diagnosis.calibration import extended_setup
 from tympan.studies.diagnosis.reading_table import States, rows
 from tympan.studies.diagnosis.reduced.resting_place import resting_place
 from tympan.studies.diagnosis.reduced.sampling import FINE
@@ -71,7 +70,7 @@ def test_pairs_of_effects_agree_with_finite_elements_on_a_finer_mesh(three_shape
                                                                      hypothesis, sizes
                                                                      ) -> None:
     unknowns = np.array([0.05, -0.08, *sizes])
-    setup = extended_setup(three_shapes, hypothesis, unknowns)
+    setup = three_shapes.extended(hypothesis, unknowns)
     table = _table(specimen=1)
     predicted = three_shapes.predict(hypothesis, unknowns, table)
     plain = three_shapes.predict((), unknowns[:2], table)

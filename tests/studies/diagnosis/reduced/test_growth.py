@@ -13,7 +13,7 @@ from tympan.fem.equilibrium.voltage_path import voltage_path
 from tympan.fem.film.laws.stiffened import scaled
 from tympan.fem.rig import Rig
 from tympan.studies.case import Case, build_model, solve
-from tympan.studies.diagnosis.calibration import calibrated, extended_setup, with_effects
+from tympan.studies.diagnosis.calibration import calibrated, with_effects
 from tympan.studies.diagnosis.reading_table import ReadingTable, States, rows
 from tympan.studies.diagnosis.reduced import sampling
 from tympan.studies.diagnosis.reduced.axes import HeldFilm
@@ -69,7 +69,7 @@ def test_large_effects_agree_with_finite_elements_on_a_finer_mesh(three_shapes: 
     unknowns = np.array([0.05, -0.05, *sizes])
     large = _grown_to(three_shapes, hypothesis, unknowns)
     exact = refined(large, hypothesis, unknowns)
-    setup, table = extended_setup(three_shapes, hypothesis, unknowns), _table(1)
+    setup, table = three_shapes.extended(hypothesis, unknowns), _table(1)
     plain = three_shapes.predict((), unknowns[:2], table)
     case = Case(setup.specimens[1], mass=0.02245, voltage=6e3, rig=setup.rig)
     truth = solve(case, FINE).reading_m
@@ -118,7 +118,7 @@ def test_only_what_changes_a_film_grows_and_no_further_than_the_specimen_can_be_
 def test_the_tilt_grows_with_the_square_of_the_offset(three_shapes: Simulation) -> None:
     """As finite elements on a finer mesh have it."""
     hypothesis, unknowns = (Cause("plate_eccentricity"),), np.array([0.0, 0.0, 2e-3, 0.0])
-    setup = extended_setup(three_shapes, hypothesis, unknowns)
+    setup = three_shapes.extended(hypothesis, unknowns)
     result = solve(Case(setup.specimens[0], mass=0.02, voltage=5e3), FINE)
     assert result.tilt_rad is not None
     assert result.deflection_m is not None

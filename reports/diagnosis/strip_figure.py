@@ -1,0 +1,97 @@
+"""The picture of a diagnosis of coupons: stress with both models, and what these leave."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from numpy.typing import NDArray
+
+from tympan.reports import look as style
+from tympan.studies.data.coupon import MODES
+
+Columns = Mapping[str, NDArray[Any]]
+
+_TITLE, _ABOVE, _BELOW, _GAP, _AXIS, _LINE = 7.0, 58.0, 34.0, 4.0, 12.0, 4.5  # heights [mm]
+_LEFT, _RIGHT, _BETWEEN = 15.0, 3.0, 14.0
+_GREY, _BAND = "#5a6475", "#e4e6ea"
+#: Entries of the legend beside each other.
+_ACROSS = 4
+
+
+def compose_strips(readings: Columns) -> Figure:
+    """A column for each film and mode: readings and models above, what these leave below.
+
+    ``readings`` has the columns of a diagnosis of coupons, in SI. Colours are conditions and runs.
+    """
+    labels = _conditions(readings)
+    conditions = list(dict.fromkeys(labels))
+    panels = [(name, mode) for name in dict.fromkeys(readings["specimen"].tolist())
+              for mode in MODES if np.any((readings["specimen"] == name)
+                                          & (readings["mode"] == mode))]
+    lines = -(-(len(conditions) + 4) // _ACROSS)
+    figure = style.new_figure(_TITLE + _ABOVE + _GAP + _BELOW + _AXIS + _LINE * lines)
+    width = (style.WIDTH - _LEFT - _RIGHT - (len(panels) - 1) * _BETWEEN) / len(panels)
+    several = len({name for name, _ in panels}) > 1
+    for column, (name, mode) in enumerate(panels):
+        place = _LEFT + column * (width + _BETWEEN)
+        above = style.place_axes(figure, place, _TITLE, width, _ABOVE)
+        below = style.place_axes(figure, place, _TITLE + _ABOVE + _GAP, width, _BELOW)
+        rows = (readings["specimen"] == name) & (readings["mode"] == mode)
+        _column(above, below, {key: values[rows] for key, values in readings.items()},
+                np.array(labels)[rows], conditions)
+        title = mode.replace("_", " ") + (f", {name}" if several else "")
+        style.describe(above, "", "stress (kPa)" if column == 0 else "", title, bold=True)
+        style.describe(below, "stretch", "read − model (kPa)" if column == 0 else "")
+        above.tick_params(labelbottom=False)
+    _legend(figure, conditions)
+    return figure
+
+
+def _conditions(readings: Columns) -> list[str]:
+    """What tells the runs apart, in words, of each reading."""
+    parts = []
+    if np.ptp(readings["voltage"]) > 0:
+        parts.append([f"{value / 1e3:g} kV" for value in readings["voltage"].tolist()])
+    if np.ptp(readings["temperature_C"]) > 0:
+        parts.append([f"{value:g} °C" for value in readings["temperature_C"].tolist()])
+    parts.append(readings["run"].tolist())
+    return [", ".join(filter(None, words)) or "readings" for words in zip(*parts, strict=True)]
+
+
+def _column(above: Axes, below: Axes, readings: Columns, labels: NDArray[np.str_],
+            conditions: list[str]) -> None:
+    along, kilo = readings["stretch"], {name: readings[name] / 1e3 for name in
+                                        ("read", "sigma", "baseline", "extended")}
+    order = np.argsort(along)
+    below.fill_between(along[order], -2 * kilo["sigma"][order], 2 * kilo["sigma"][order],
+                       color=_BAND, linewidth=0)
+    below.axhline(0.0, color=_GREY, linewidth=0.6)
+    for number, condition in enumerate(conditions):
+        colour, marker = style.colour_of(number), style.marker_of(number)
+        for leg in np.unique(readings["leg"][labels == condition]):
+            rows = (labels == condition) & (readings["leg"] == leg)
+            above.plot(along[rows], kilo["baseline"][rows], "--", color=colour, linewidth=0.8)
+            above.plot(along[rows], kilo["extended"][rows], color=colour, linewidth=0.9)
+            above.plot(along[rows], kilo["read"][rows], marker, color=colour, markersize=3,
+                       markeredgecolor="white", markeredgewidth=0.3)
+            below.plot(along[rows], (kilo["read"] - kilo["baseline"])[rows], marker, color=colour,
+                       markersize=3, markerfacecolor="none", markeredgewidth=0.6)
+            below.plot(along[rows], (kilo["read"] - kilo["extended"])[rows], marker, color=colour,
+                       markersize=3, markeredgewidth=0)
+
+
+def _legend(figure: Figure, conditions: list[str]) -> None:
+    points = [Line2D([], [], marker=style.marker_of(number), color=style.colour_of(number),
+                     linestyle="", markersize=3.5, label=condition)
+              for number, condition in enumerate(conditions)]
+    lines = [Line2D([], [], color=_GREY, linestyle="--", linewidth=0.9,
+                    label="nominal model (below: hollow)"),
+             Line2D([], [], color=_GREY, linewidth=0.9, label="extended model (below: full)"),
+             Patch(color=_BAND, label="95 % of the noise")]
+    figure.legend(handles=[*points, *lines], loc="lower center", ncols=_ACROSS)

@@ -1,0 +1,252 @@
+"""Readings of coupons as a table to predict: which film each is of, its noise, what is judged."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.polynomial import legendre
+from numpy.typing import NDArray
+
+from tympan.geometry.errors import InputError
+from tympan.geometry.specimen import Specimen
+from tympan.studies.data.coupon import Coupons
+from tympan.studies.data.dataset import Dataset
+from tympan.studies.diagnosis.inference.residual_tests import STATED
+from tympan.studies.diagnosis.reading_table import ReadingTable, States, rows
+from tympan.studies.diagnosis.readings import ASSUMED, FEWEST, PreparedReadings
+from tympan.studies.diagnosis.reduced.simulation import Cause
+from tympan.studies.diagnosis.reduced.strips import StripTests
+from tympan.studies.effects import EFFECTS, Setup
+from tympan.studies.effects.library import IN_TIME, OF_STRIPS, WARMTH
+from tympan.studies.files import words_beside
+
+Array = NDArray[np.float64]
+Numbers = NDArray[np.int64]
+
+#: What is done to readings, and what is wrong with them, in words.
+WORDS = words_beside(__file__)
+
+#: Readings of a run that are judged, at most: those between say little more, and noise that lasts
+#: from one to the next would count as many readings.
+MOST = 30
+
+#: The degree of the polynomial about which a leg's scatter is noise, readings per coefficient
+#: without which that is not known, and the least noise as a share of the readings.
+_DEGREE, _PER_COEFFICIENT, _QUIETEST = 5, 1.5, 0.002
+#: Degrees of freedom from which a scatter is known.
+_KNOWN = 6
+
+#: How far in the logarithm of the stretch a strip goes on to differ from others.
+_LASTS = 0.5
+
+#: A drop is counted at stretches beyond those of the run without voltage by this much at most.
+_BEYOND = 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class StripReadings(PreparedReadings):
+    """The films of a dataset's coupons with the readings that are judged."""
+
+    tests: StripTests | None = None
+
+    @property
+    def causes(self) -> tuple[Cause, ...]:
+        """Effects that these readings could show: such as change anything they depend on."""
+        tests = self.tests
+        assert tests is not None
+        coupons = tests.coupons
+        there = {OF_STRIPS: True, IN_TIME: coupons.in_time,
+                 WARMTH: bool(np.ptp(coupons.degrees) > 0)}
+        possible = (Cause(name, which) for name, effect in EFFECTS.items()
+                    if all(there.get(column, False) for column in effect.columns)
+                    for which in effect.choices(self.setup))
+        return tuple(cause for cause in possible if self._changes(tests, cause))
+
+    def _changes(self, tests: StripTests, cause: Cause) -> bool:
+        """Whether an effect changes anything that the readings depend on."""
+        usual = [item.deviation for item in cause.effect.parameters]
+        try:
+            changed = cause.effect.at(self.setup, usual, cause.which)
+        except InputError:  # of what such a specimen does not have
+            return False
+        return tests.seen_of(changed) != tests.seen_of(self.setup)
+
+
+def strip_readings(dataset: Dataset) -> StripReadings:
+    """The readings of coupon.csv; an :class:`InputError` if nothing can be concluded from them."""
+    coupons = dataset.coupons
+    if coupons is None or len(coupons) < FEWEST:
+        raise InputError(WORDS["few"].format(fewest=FEWEST), key="readings",
+                         given=0 if coupons is None else len(coupons))
+    setup, film = _films(dataset, coupons)
+    legs, keys, references = list(_legs(coupons, film)), _keys(coupons, film), None
+    values, remarks = coupons.stress, []
+    if dataset.coupon_reading == "drop":
+        references, legs = _references(coupons, film, legs)
+        values = references @ coupons.stress - coupons.stress
+        if sum(map(len, legs)) < FEWEST:
+            raise InputError(WORDS["no_drops"], key="coupon_reading", given="drop")
+        remarks.append(WORDS["drops"].format(count=sum(map(len, legs))))
+    sigma, noise_from = _noise(coupons, references, values, legs)
+    judged = list(_thinned(legs, keys))
+    chosen = np.concatenate(judged)
+    if len(chosen) < sum(map(len, legs)):
+        remarks.append(WORDS["thinned"].format(every=sum(map(len, legs)), kept=len(chosen),
+                                               most=MOST))
+    tests = StripTests(coupons, film, chosen, references)
+    if dataset.strip_scatter:
+        remarks.append(WORDS["scatter"].format(share=dataset.strip_scatter))
+        tests = replace(tests, whitening=_whitening(tests, keys, sigma[chosen],
+                                                    dataset.strip_scatter))
+    table = _table(coupons, film, judged).with_values(tests.judged(values))
+    return StripReadings(setup, table.with_sigma(sigma[chosen]), STATED, noise_from, tuple(remarks),
+                         tests)
+
+
+def _whitening(tests: StripTests, keys: Array, sigma: Array, scatter: float) -> Array:
+    """What makes rows independent whose strips differ by a share of their stress.
+
+    Smoothly in the logarithm of the stretch along a run, and in nothing from run to run; shape
+    (rows, rows). Their own noise ``sigma`` stays what it is.
+    """
+    coupons, rows = tests.coupons, tests.rows
+    squared = coupons.stress[rows] ** 2
+    if tests.references is not None:
+        squared = squared + (tests.references[rows] @ coupons.stress) ** 2
+    size = scatter * np.sqrt(squared) / sigma
+    along = np.log(coupons.stretch[rows])
+    alike = (keys[rows][:, None] == keys[rows]).all(-1)
+    near = np.exp(-0.5 * ((along[:, None] - along) / _LASTS) ** 2)
+    values, vectors = np.linalg.eigh(np.eye(len(rows)) + np.outer(size, size) * near * alike)
+    root = (vectors / np.sqrt(np.maximum(values, 1.0))) @ vectors.T
+    return np.asarray(sigma[:, None] * root / sigma)
+
+
+def _films(dataset: Dataset, coupons: Coupons) -> tuple[Setup, Numbers]:
+    """Specimens whose films were tested, and the number of that of each reading."""
+    names = [specimen.name for specimen in dataset.specimens]
+    only = 0 if all(specimen.membrane == dataset.specimens[0].membrane
+                    for specimen in dataset.specimens) else None
+    film = np.empty(len(coupons), np.int64)
+    for strip in np.unique(coupons.specimen).tolist():
+        number = names.index(strip) if strip in names else only
+        if number is None:
+            raise InputError(WORDS["whose"].format(names=", ".join(names)), file="coupon.csv",
+                             key="specimen", given=strip)
+        film[coupons.specimen == strip] = number
+    used, numbers = np.unique(film, return_inverse=True)
+    specimens: list[Specimen] = [dataset.specimens[number] for number in used.tolist()]
+    return Setup(tuple(specimens), dataset.rig), numbers.ravel().astype(np.int64)
+
+
+def _keys(coupons: Coupons, film: Numbers) -> Array:
+    """What readings of one run share, shape (readings, 6)."""
+    labels = [np.unique(values, return_inverse=True)[1].ravel().astype(float)
+              for values in (coupons.specimen, coupons.run, coupons.mode)]
+    return np.stack([film.astype(float), labels[2], coupons.degrees, coupons.volts, *labels[:2]],
+                    axis=1)
+
+
+def _legs(coupons: Coupons, film: Numbers) -> Iterator[Numbers]:
+    """Readings of each run, in time, on the way to its largest stretch and from there."""
+    keys = _keys(coupons, film)
+    numbers = np.unique(keys, axis=0, return_inverse=True)[1].ravel()
+    for run in range(int(numbers.max()) + 1):
+        part = np.flatnonzero(numbers == run)
+        if np.isfinite(coupons.time[part]).all():
+            part = part[np.argsort(coupons.time[part], kind="stable")]
+        top = int(np.abs(coupons.stretch[part] - 1).argmax()) + 1
+        # A stretch that is held, or from which nothing comes back, is one leg.
+        back = float(np.ptp(coupons.stretch[part[top - 1:]]))
+        if len(part) - top < FEWEST or back < 0.1 * float(np.ptp(coupons.stretch[part])):
+            top = len(part)
+        yield from filter(len, (part[:top], part[top:]))
+
+
+def _references(coupons: Coupons, film: Numbers, legs: list[Numbers]
+                ) -> tuple[Array, list[Numbers]]:
+    """Shares of the readings that each is counted from, and the legs that are judged."""
+    keys, shares = _keys(coupons, film)[:, :3], np.zeros((len(coupons), len(coupons)))
+    outward = {id(leg): _outward(coupons, leg) for leg in legs}
+    judged = []
+    for leg in legs:
+        if not coupons.volts[leg[0]]:
+            continue
+        plain = [other for other in legs if not coupons.volts[other[0]]
+                 and np.array_equal(keys[other[0]], keys[leg[0]])
+                 and outward[id(other)] == outward[id(leg)]]
+        if not plain:
+            continue
+        order = plain[0][np.argsort(coupons.stretch[plain[0]], kind="stable")]
+        stretch = coupons.stretch[order]
+        inside = leg[(coupons.stretch[leg] >= stretch[0] - _BEYOND)
+                     & (coupons.stretch[leg] <= stretch[-1] + _BEYOND)]
+        place = np.clip(np.searchsorted(stretch, coupons.stretch[inside]), 1, len(order) - 1)
+        width = np.maximum(stretch[place] - stretch[place - 1], 1e-12)
+        upper = np.clip((coupons.stretch[inside] - stretch[place - 1]) / width, 0.0, 1.0)
+        shares[inside, order[place]] += upper
+        shares[inside, order[place - 1]] += 1 - upper
+        if len(inside):
+            judged.append(inside)
+    return shares, judged
+
+
+def _outward(coupons: Coupons, leg: Numbers) -> bool:
+    """Whether a leg goes away from the virgin stretch."""
+    away = np.abs(coupons.stretch[leg] - 1)
+    return bool(away[-1] >= away[0])
+
+
+def _thinned(legs: list[Numbers], keys: Array) -> Iterator[Numbers]:
+    """The legs, those of long runs with fewer readings, evenly spaced."""
+    runs = [tuple(keys[leg[0]].tolist()) for leg in legs]
+    lengths = Counter[tuple[float, ...]]()
+    for run, leg in zip(runs, legs, strict=True):
+        lengths[run] += len(leg)
+    for run, leg in zip(runs, legs, strict=True):
+        count = max(2, round(min(1.0, MOST / lengths[run]) * len(leg)))
+        yield leg[np.unique(np.linspace(0, len(leg) - 1, count).round().astype(int))]
+
+
+def _noise(coupons: Coupons, references: Array | None, values: Array, legs: list[Numbers]
+           ) -> tuple[Array, str]:
+    """Standard deviation of each reading [Pa] and where it is from."""
+    every = np.concatenate(legs)
+    size = float(np.sqrt(np.mean(values[every] ** 2))) or 1.0
+    squares, freedom = 0.0, 0
+    for leg in legs:
+        degree = min(_DEGREE, int(len(leg) / _PER_COEFFICIENT) - 2)
+        if degree >= 1:
+            basis = legendre.legvander(np.linspace(-1, 1, len(leg)), degree)
+            rest = values[leg] - basis @ np.linalg.lstsq(basis, values[leg], rcond=None)[0]
+            squares, freedom = squares + float(rest @ rest), freedom + len(leg) - degree - 1
+    measured = freedom >= _KNOWN
+    scatter = (squares / freedom) ** 0.5 if measured else ASSUMED * size
+    estimated = np.full(len(coupons), max(scatter, _QUIETEST * size))
+    if coupons.sigma is None:
+        return estimated, "from the scatter about smooth curves" if measured else "assumed"
+    sigma = coupons.sigma
+    if references is not None:
+        squared = np.nan_to_num(sigma, nan=scatter) ** 2
+        sigma = np.sqrt(squared + references**2 @ squared)
+    stated = np.isfinite(sigma[every]).all()
+    return (np.where(np.isfinite(sigma), sigma, estimated),
+            "stated" if stated else "from the scatter about smooth curves")
+
+
+def _table(coupons: Coupons, film: Numbers, legs: list[Numbers]) -> ReadingTable:
+    """Rows of the readings that are judged, without values."""
+    reading = np.concatenate(legs)
+    run = np.concatenate([np.full(len(leg), number) for number, leg in enumerate(legs)])
+    states = States.of(film[reading], np.zeros(len(reading)), coupons.volts[reading],
+                       np.nan_to_num(coupons.time[reading]), 0.0, run)
+    # No plate moves: they are states at a heave that is given.
+    states = replace(states, heave=np.zeros(len(reading)))
+    labels = [" ".join(filter(None, pair)) for pair in
+              zip(coupons.specimen[reading].tolist(), coupons.run[reading].tolist(), strict=True)]
+    table = rows(states, "stress", 0.0, file="coupon.csv", line=coupons.line[reading],
+                 run=np.array(labels))
+    return replace(table, point=np.arange(len(reading)))
