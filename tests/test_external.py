@@ -8,7 +8,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.external import elastosil, rubber, spot, table2, vhb_temperature, vhb_voltage
+from benchmarks.external import (
+    by_command,
+    elastosil,
+    rubber,
+    spot,
+    table2,
+    vhb_temperature,
+    vhb_voltage,
+)
 from benchmarks.external.__main__ import CASES
 from benchmarks.external.case import HERE
 
@@ -110,3 +118,27 @@ def test_other_levels_move_the_ends_of_the_ranges(tmp_path: Path) -> None:
     rows = (folder / "range.csv").read_text().splitlines()
     assert rows[0].startswith("specimen,mass_g,voltage_min_kV")
     assert rows[3].split(",")[2:] == [f"{ends[0].low:.4f}", f"{ends[0].high:.4f}", "2.06"]
+
+
+def test_the_command_lists_width_and_permittivity_for_the_strip_under_voltage() -> None:
+    """As one class, each with the whole misfit: w/2 and n/2 are the power q of the case's fit."""
+    said = by_command.judged(vhb_voltage.DATASETS["23 °C, up"])
+    assert said["verdict"] == "ambiguous"
+    assert said["indistinguishable"] == [["permittivity_stretch", "width_not_held"]]
+    sizes = {attempt["effect"]: next(iter(attempt["parameters"].values()))["value"]
+             for attempt in said["attempts"] if attempt["explains"] > 0.98}
+    cause = next(cause for cause in vhb_voltage.CAUSES if cause.symbol == "q")
+    power = vhb_voltage.fit(cause, vhb_voltage.load(23)).size
+    assert sizes.keys() == {"permittivity_stretch", "width_not_held"}
+    assert np.array(list(sizes.values())) / 2 == pytest.approx(power, abs=0.01)
+
+
+def test_the_command_finds_most_of_the_warm_strips_in_the_temperature() -> None:
+    """But says that it does not explain them whole; its power is the share a degree of the fit."""
+    said = by_command.judged(vhb_temperature.DATASETS["20, 40, 60 °C, three rates"])
+    assert said["verdict"] == "unexplained"
+    best = said["attempts"][0]
+    assert best["effect"] == "temperature"
+    assert best["explains"] > 0.8
+    assert best["parameters"]["p"]["value"] / 293.15 == pytest.approx(-0.0112, abs=0.001)
+    assert said["gain"]["rmse_after_kPa"] < 0.5 * said["gain"]["rmse_before_kPa"]

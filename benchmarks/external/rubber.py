@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from itertools import combinations
 from pathlib import Path
 
@@ -10,12 +11,14 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from benchmarks.external.by_command import command_table, strip_dataset
 from benchmarks.external.case import DATA, Case, draw, table, words
 from tympan.reports import look
-from tympan.studies.data.coupon import MODES, Coupons
+from tympan.studies.columns import write_sheet
+from tympan.studies.data.coupon import COLUMNS, MODES, Coupons
 from tympan.studies.estimation.least_squares import minima, seeded_starts
 from tympan.studies.material.families import FAMILIES, Family, largest_excess
-from tympan.studies.material.fit import coupon_problem, judged
+from tympan.studies.material.fit import compare, coupon_problem, judged, material_lines
 
 Array = NDArray[np.float64]
 
@@ -132,9 +135,33 @@ def section(folder: Path) -> str:
     picture = draw(folder, "rubber", lambda: compose(results))
     invariant = [result.error["equibiaxial"] for part in results.values() for result in part
                  if result.law in FIRST_INVARIANT and result.fitted == ("uniaxial", "pure_shear")]
-    return words("rubber").format(sets="\n\n".join(blocks), picture=picture,
+    return words("rubber").format(sets="\n\n".join(blocks), picture=picture, command=misfits(),
                                   summary=summary(results), low=min(invariant),
                                   high=max(invariant))
+
+
+def write_dataset(folder: Path, name: str, law: str) -> None:
+    """All three modes as a dataset of the law fitted to the uniaxial one."""
+    coupons = load(name)
+    fit, = compare(coupons[coupons.mode == "uniaxial"], [law])
+    if fit.material is None:
+        raise ValueError(f"{law} cannot be fitted to {name}")
+    lines = material_lines(fit.material, coupons.stretch_range)
+    film = ('thickness = "1 mm"\nrelative_permittivity = 3\n'
+            + lines.replace("[membrane.", "[specimen.membrane."))
+    (folder / "dataset.toml").write_text(strip_dataset(name, film), encoding="utf-8")
+    write_sheet(folder / "coupon.csv", COLUMNS[:3], coupons.columns)
+
+
+DATASETS = {f"{title.split(',')[0]}, {law}": partial(write_dataset, name=name, law=law)
+            for name, title in SETS.items() for law in ("neo_hooke", "yeoh")}
+
+
+def misfits() -> str:
+    """What the command says of each law fitted to one mode, and where it is wrong."""
+    rows, said = command_table(DATASETS)
+    where = "\n".join(f"* {name}: {content['misfit']['where']}." for name, content in said.items())
+    return f"{rows}\n\n{where}"
 
 
 def held_out_table(results: list[Foretold]) -> str:

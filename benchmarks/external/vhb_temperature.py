@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from benchmarks.external.by_command import command_table, strip_dataset
 from benchmarks.external.case import DATA, Case, draw, table, words
 from tympan.reports import look
 
@@ -26,6 +27,8 @@ FITTED = (20, 40, 60)
 #: Stretches at which runs on the way up are compared.
 STRETCHES = np.linspace(1.2, 3.9, 10)
 _ICE, _GAS = 273.15, 8.314
+#: A stretch at which all strips are straight.
+_TAUT = 1.02
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,6 +62,32 @@ def _read(name: str) -> pd.DataFrame:
 def _upwards(part: pd.DataFrame) -> Array:
     top = int(part.stretch.to_numpy().argmax()) + 1
     return np.interp(STRETCHES, part.stretch.to_numpy()[:top], part.stress.to_numpy()[:top])
+
+
+def write_dataset(folder: Path, temperatures: tuple[int, ...], rates: tuple[float, ...]) -> None:
+    """Runs on the way up as a dataset of uniaxial strips of the library's film, in time."""
+    lines = ["mode,stretch,nominal_stress_kPa,run,t_s,temperature_C\n"]
+    for number, part in _read("4_loading.csv").groupby("id"):
+        celsius, rate = round(float(part.temp.iloc[0]) - _ICE), float(part.vel.iloc[0])
+        if not 3.9 < part.stretch.max() < 5 or celsius not in temperatures or rate not in rates:
+            continue
+        rise = part.iloc[: int(part.stretch.to_numpy().argmax()) + 1]
+        time = (rise.stretch - rise.stretch.iloc[0]).abs() / rate
+        lines += [f"uniaxial,{stretch:.6g},{stress / 1e3:.6g},{number},{when:.5g},{celsius}\n"
+                  for stretch, stress, when in zip(rise.stretch, rise.stress, time.cummax(),
+                                                   strict=True) if stretch >= _TAUT]
+    film = 'thickness = "0.5 mm"\nrelative_permittivity = 4.7\nmaterial = "vhb-4905-viscous"'
+    (folder / "dataset.toml").write_text(
+        strip_dataset("VHB 4905 warm and cold", film), encoding="utf-8")
+    (folder / "coupon.csv").write_text("".join(lines), encoding="utf-8")
+
+
+DATASETS = {
+    "20, 40, 60, 80 °C, 0.05 /s": partial(write_dataset, temperatures=(20, 40, 60, 80),
+                                           rates=(RATE,)),
+    "20, 40, 60 °C, three rates": partial(write_dataset, temperatures=FITTED,
+                                           rates=(0.03, RATE, 0.1)),
+}
 
 
 #: Stress [Pa] of a run by what is usual, and the constants.
@@ -157,7 +186,7 @@ def section(folder: Path) -> str:
              *(f"{100 * result.misfit[part]:.0f}{'' if part in FITTED else ' *'}"
                for part in result.misfit)] for result in fits]
     return words("vhb_temperature").format(
-        runs=len(tests), causes=table(
+        runs=len(tests), command=command_table(DATASETS)[0], causes=table(
             ["cause", "constants, 95 %", *(f"{part} °C" for part in fits[0].misfit)], rows),
         before=fits[0].over(FITTED), best=best.cause.name, after=best.over(FITTED),
         warm=best.over(warm), warm_before=fits[0].over(warm),

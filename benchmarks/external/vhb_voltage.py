@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +19,7 @@ from numpy.typing import NDArray
 from scipy.constants import epsilon_0
 from scipy.optimize import least_squares
 
+from benchmarks.external.by_command import command_table, strip_dataset
 from benchmarks.external.case import DATA, Case, draw, table, words
 from tympan.reports import look
 from tympan.studies.data.coupon import read_coupons
@@ -77,6 +79,32 @@ def _leg(run: pd.DataFrame, up: bool) -> tuple[Array, Array]:
     top = int(run.stretch.to_numpy().argmax())
     part = run.iloc[: top + 1] if up else run.iloc[top:][::-1]
     return part.stretch.to_numpy(float), part.stress.to_numpy(float)
+
+
+def write_dataset(folder: Path, temperatures: tuple[int, ...], back: bool) -> None:
+    """The digitised runs as a dataset of held strips whose drops are judged."""
+    rows = pd.read_csv(FOLDER / "6_coupled.csv", sep=";", decimal=",", encoding="latin-1")
+    film = (f'thickness = "{THICKNESS * 1e3:g} mm"\nmaterial = "vhb-4905-viscous"\n'
+            f"relative_permittivity = {slow_permittivity(23):.4g}")
+    lines = ["mode,stretch,nominal_stress_kPa,run,voltage_kV,temperature_C\n"]
+    for temperature in temperatures:
+        for run, kilovolt in zip(RUNS[temperature], (0.0, VOLTAGE / 1e3), strict=True):
+            part = rows[rows.id == run]
+            part = part if back else part.iloc[: int(part.stretch.to_numpy().argmax()) + 1]
+            state = f"{run},{kilovolt},{temperature}\n"
+            lines += [f"pure_shear,{stretch:.6g},{stress / 1e3:.6g},{state}"
+                      for stretch, stress in zip(part.stretch, part.stress, strict=True)
+                      if stretch >= _TAUT - 1e-9]
+    (folder / "dataset.toml").write_text(
+        strip_dataset("VHB 4905 under 6 kV", film, 'coupon_reading = "drop"'), encoding="utf-8")
+    (folder / "coupon.csv").write_text("".join(lines), encoding="utf-8")
+
+
+DATASETS = {
+    "23 °C, up": partial(write_dataset, temperatures=(23,), back=False),
+    "23 °C, up and down": partial(write_dataset, temperatures=(23,), back=True),
+    "23 and 50 °C, up": partial(write_dataset, temperatures=(23, 50), back=False),
+}
 
 
 def slow_permittivity(temperature: float) -> float:
@@ -211,7 +239,8 @@ def section(folder: Path) -> str:
              f"{result.missed(cold, False) / 1e3:.2f}"] for result in fits]
     plain = ideal.cause.drop(cold, cold.permittivity, 0.0)
     return words("vhb_voltage").format(
-        readings=_readings(cold, warm), epsilon=cold.permittivity, warm_epsilon=warm.permittivity,
+        readings=_readings(cold, warm), command=command_table(DATASETS)[0],
+        epsilon=cold.permittivity, warm_epsilon=warm.permittivity,
         scatter=scatter(cold) / 1e3, before=_rms((plain - cold.drop)[cold.loading]) / 1e3,
         causes=table(["cause", "size, 95 % limits", "ε_r", "χ²", "23 °C, up [kPa]",
                       "50 °C, up [kPa]", "23 °C, down [kPa]"], rows),
