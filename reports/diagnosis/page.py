@@ -50,7 +50,8 @@ def build_diagnosis_page(folder: Path) -> Path:
     """Write folder/diagnosis.html from what a diagnosis stored there; answers that file."""
     content, columns, curves = load_diagnosis(folder)
     if "leg" in columns:
-        return _write(folder, content, {"strips": lambda: compose_strips(columns)})
+        return _write(folder, content, {
+            "strips": lambda: compose_strips(columns, content["coupon_reading"])})
     lengths = np.isin(columns["kind"], LENGTHS)
     film = {name: values[columns["kind"] == "film"] for name, values in columns.items()}
     in_time = lengths & np.char.startswith(columns["file"].astype(str), "transient.")

@@ -20,14 +20,16 @@ Columns = Mapping[str, NDArray[Any]]
 _TITLE, _ABOVE, _BELOW, _GAP, _AXIS, _LINE = 7.0, 58.0, 34.0, 4.0, 12.0, 4.5  # heights [mm]
 _LEFT, _RIGHT, _BETWEEN = 15.0, 3.0, 14.0
 _GREY, _BAND = "#5a6475", "#e4e6ea"
+_SHOWN = {"stress": "stress (kPa)", "drop": "drop of the stress (kPa)"}
 #: Entries of the legend beside each other.
 _ACROSS = 4
 
 
-def compose_strips(readings: Columns) -> Figure:
+def compose_strips(readings: Columns, reading: str = "stress") -> Figure:
     """A column for each film and mode: readings and models above, what these leave below.
 
-    ``readings`` has the columns of a diagnosis of coupons, in SI. Colours are conditions and runs.
+    ``readings`` has the columns of a diagnosis of coupons, in SI, ``reading`` is what was judged:
+    the "stress" or its "drop". Colours are conditions and runs.
     """
     labels = _conditions(readings)
     conditions = list(dict.fromkeys(labels))
@@ -46,7 +48,7 @@ def compose_strips(readings: Columns) -> Figure:
         _column(above, below, {key: values[rows] for key, values in readings.items()},
                 np.array(labels)[rows], conditions)
         title = mode.replace("_", " ") + (f", {name}" if several else "")
-        style.describe(above, "", "stress (kPa)" if column == 0 else "", title, bold=True)
+        style.describe(above, "", _SHOWN[reading] if column == 0 else "", title, bold=True)
         style.describe(below, "stretch", "read − model (kPa)" if column == 0 else "")
         above.tick_params(labelbottom=False)
     _legend(figure, conditions)

@@ -197,6 +197,7 @@ class Diagnosis:
             "loaded_films": [{"specimen": film.specimen, "mass_kg": film.mass,
                               "voltage_V": film.voltage} for film in self.loaded],
             **({"coupons": self.coupons.json()} if self.coupons else {}),
+            **({"coupon_reading": self.dataset.coupon_reading} if self.simulation.strips else {}),
         }
 
     def _rmse(self, residual: Array) -> float:
