@@ -15,7 +15,6 @@ from scipy.interpolate import LinearNDInterpolator
 
 from tympan.geometry.errors import InputError
 from tympan.studies.case import Case, Settings, solve
-from tympan.studies.diagnosis.calibration import extended_setup
 from tympan.studies.diagnosis.inference.verdict import Judgement
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.effects import Setup
@@ -42,7 +41,9 @@ class LoadedFilm:
 def loaded_films(judged: Judgement, extended: Setup | None, settings: Settings = Settings()
                  ) -> Iterator[LoadedFilm]:
     """The film of each specimen under the largest load read at which both models have one."""
-    nominal = extended_setup(judged.simulation, (), judged.nominal.unknowns)
+    if judged.simulation.strips is not None:  # coupons are no films
+        return
+    nominal = judged.simulation.extended((), judged.nominal.unknowns)
     setups = nominal, extended or nominal
     for number in np.unique(judged.table.specimen).tolist()[:_MOST]:
         for mass, voltage in _loads(judged.table, number)[:_TRIED]:
