@@ -14,6 +14,9 @@ Array = NDArray[np.float64]
 #: scatter that a swing must be, how well its frequency must be told, and trials of a fit.
 _SAMPLES, _LONG, _SHORT, _CLEAR, _TOLD, _EVALUATIONS = 5, 40, 4, 0.6, 0.03, 60
 
+#: The probability that noise alone makes a swing of a record's samples.
+_CHANCE = 1e-4
+
 #: How far swings of an amplitude over the whole deflection change the frequency, over its square;
 #: and how exactly frequencies and rates (over the frequency) are known at best, as shares.
 _BENDS, _BEST, _RATE = 0.5, 1e-3, 1e-3
@@ -102,8 +105,13 @@ def _fitted(time: Array, value: Array, frequency: float
     basis = columns(rate, omega)
     parts = np.linalg.lstsq(basis, value, rcond=None)[0]
     rest = residual(best.x)
-    spread = float(np.sqrt(np.mean(rest**2)))
-    covariance = np.linalg.pinv(best.jac.T @ best.jac) * _inflation(rest) * (spread / scale) ** 2
+    slow = basis[:, :3]
+    still = value - slow @ np.linalg.lstsq(slow, value, rcond=None)[0]
+    variance = float(np.mean(rest**2)) * _inflation(rest)
+    # Of n frequencies noise makes the largest gain in χ² more than 2 ln(n/p) with probability p.
+    if float(still @ still - rest @ rest) < 2 * np.log(len(time) / _CHANCE) * variance:
+        return None
+    covariance = np.linalg.pinv(best.jac.T @ best.jac) * variance / scale**2
     deviations = np.sqrt(np.diag(covariance))
     return ((rate, omega), (float(deviations[0]) * frequency,
                             float(deviations[1]) * 2 * np.pi * frequency),

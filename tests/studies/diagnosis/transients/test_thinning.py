@@ -119,3 +119,18 @@ def test_voltages_with_noise_are_a_few_lines() -> None:
     signal = SampledRun(data.time, noisy, data.displacement, np.inf, data.line).history.signal
     assert len(signal.time) < 8
     assert np.abs(signal.breaks - 99.5 / RATE).min() < 1e-9
+
+
+@pytest.mark.parametrize(("count", "rate", "correlation"), [
+    (100, 20.0, 0.0), (100, 20.0, 0.05), (600, 20.0, 0.05), (3000, 100.0, 0.05)])
+def test_noise_does_not_swing(count: int, rate: float, correlation: float) -> None:
+    """Of forty records of what creeps none; by peaks of short spectra a quarter of some did."""
+    random = np.random.default_rng(3)
+    kept = np.exp(-1 / rate / correlation) if correlation else 0.0
+    time = (np.arange(count) + 0.5) / rate
+    for _ in range(40):
+        noise = random.standard_normal(count)
+        for number in range(1, count):
+            noise[number] = kept * noise[number - 1] + (1 - kept**2) ** 0.5 * noise[number]
+        slow = 3e-3 + 3e-4 * (1 - np.exp(-time / 5))
+        assert ringing(time, slow + NOISE * noise) is None
