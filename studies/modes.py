@@ -140,7 +140,6 @@ def modes(case: Case, settings: Settings, count: int = 6, point_mass: float = 0.
         warnings=(*_warnings(case, computed), *state_warnings(model, state)), film=film)
 
 
-
 def heave_frequency(case: Case, settings: Settings, count: int = 12) -> float | None:
     """Frequency [Hz] of the mode in which the plate mostly moves up and down.
 
@@ -149,8 +148,14 @@ def heave_frequency(case: Case, settings: Settings, count: int = 12) -> float | 
     model, outcome = equilibrate(case, settings)
     if outcome.status != "equilibrium":
         return None
-    plate = _with_air(case, model, outcome.state, carried(case))
-    computed = vibrations(model, outcome.state, plate, count)
+    return heaving_frequency(model, outcome.state,
+                             _with_air(case, model, outcome.state, carried(case)), count)
+
+
+def heaving_frequency(model: Model, state: State, plate: RigidPlate, count: int = 12
+                      ) -> float | None:
+    """That of a state, whose plate has its mass and what moves with it."""
+    computed = vibrations(model, state, plate, count)
     heaving = int(np.argmax(computed.shares[:, HEAVE]))
     stable = not computed.growth[heaving] and computed.shares[heaving, HEAVE] > 0.5
     return float(computed.frequencies_Hz[heaving]) if stable else None

@@ -3,10 +3,14 @@ solver is used."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
+from tests.oracles import annulus_modes
 from tests.oracles.axisymmetric import (
     EnergyFunction,
     Film,
@@ -23,21 +27,59 @@ if TYPE_CHECKING:
 _DEGREE, _SMALL = 24, 1e-10
 
 
+@dataclass(frozen=True, eq=False)
+class RoundRamp:
+    """A circular film's equilibria on a ramp: ``rows`` of the design, stiffness of film and spring
+    [N/m] and what swings with the plate [kg] under the ramp's mass."""
+
+    rows: NDArray[np.int64]
+    ritz: RitzExpansion
+    states: list[_State]
+    stiffness: FloatArray
+    swinging: float
+
+    @property
+    def heaves(self) -> FloatArray:
+        """Deflection of each state [m]."""
+        return np.array([state.deflection for state in self.states])
+
+    @property
+    def frequencies(self) -> FloatArray:
+        """Of small heaves about each state [Hz]."""
+        return np.asarray(np.sqrt(self.stiffness / self.swinging) / (2 * np.pi))
+
+    def heights(self, number: int, distance: FloatArray) -> FloatArray:
+        """What stands at distances from the middle [m] in a state [m]."""
+        film, state = self.ritz.film, self.states[number]
+        mounted = np.linspace(film.inner, film.outer, 1000)
+        shape = self.ritz.profile(state.c, state.deflection, mounted)
+        return np.asarray(np.interp(distance, shape.radius, shape.height, left=state.deflection))
+
+
 def readings(design: Design, truth: Truth) -> FloatArray | None:
     """Readings of a design of circular specimens [m]; None where a state has no equilibrium."""
-    sizes = {cause.name: truth.sizes[number] for number, cause in enumerate(truth.hypothesis)}
+    sizes, shown = _sizes(truth), np.empty(len(design.table))
+    for ramp in (every := list(round_ramps(design, truth))):
+        elapsed = design.table.states.elapsed[ramp.rows]
+        shown[ramp.rows] = ((1 + sizes.get("sensor_gain", 0.0)) * ramp.heaves
+                            + sizes.get("sensor_zero", 0.0) + sizes.get("drift", 0.0) * elapsed)
+    return shown if sum(len(ramp.rows) for ramp in every) == len(shown) else None
+
+
+def round_ramps(design: Design, truth: Truth) -> Iterator[RoundRamp]:
+    """The ramps of a design of circular specimens, up to the first without equilibrium."""
+    sizes = _sizes(truth)
     which = {cause.name: cause.which for cause in truth.hypothesis}
     states = design.table.states
-    shown = np.empty(len(design.table))
+    spring, grease = sizes.get("parallel_spring", 0.0), sizes.get("electrode_mass", 0.0)
     for ramp in design.ramps():
         specimen = design.setup.specimens[int(states.specimen[ramp[0]])]
         loss = sizes.get("prestretch_loss",
                          0.0) if which.get("prestretch_loss") == specimen.name else 0.0
         law = specimen.membrane.material
         stretch = specimen.membrane.prestretch[0] * (1 - loss)
-        film = Film(specimen.plate.outline.semi_axes[0], specimen.frame.semi_axes[0],
-                    specimen.membrane.thickness,
-                    stretch,
+        radii = specimen.needed_plate().outline.semi_axes[0], specimen.frame.semi_axes[0]
+        film = Film(*radii, specimen.membrane.thickness, stretch,
                     _material(law, truth.stiffness, sizes.get("strain_stiffening"), stretch),
                     truth.permittivity * specimen.membrane.relative_permittivity,
                     sizes.get("permittivity_stretch", 0.0))
@@ -45,29 +87,42 @@ def readings(design: Design, truth: Truth) -> FloatArray | None:
         # The size of a sag is 1/U_s².
         seen = (1 + sizes.get("amplifier_gain", 0.0)) * voltage / (1 + voltage**2
                                                                    * sizes.get("voltage_sag", 0.0))
-        load = design.setup.rig.gravity * (states.mass[ramp[0]] + sizes.get("unaccounted_mass",
-                                                                            0.0))
-        heave = heaves(film, float(load), seen, sizes.get("parallel_spring", 0.0))
-        if heave is None:
-            return None
-        shown[ramp] = ((1 + sizes.get("sensor_gain", 0.0)) * heave + sizes.get("sensor_zero", 0.0)
-                       + sizes.get("drift", 0.0) * states.elapsed[ramp])
-    return shown
+        mass = float(states.mass[ramp[0]]) + sizes.get("unaccounted_mass", 0.0)
+        load = design.setup.rig.gravity * (mass + grease * annulus_modes.lifted_area(*radii))
+        ritz = RitzExpansion(film, _DEGREE)
+        solved = equilibria(ritz, load, seen, spring)
+        if solved is None:
+            return
+        swinging = annulus_modes.swinging_mass(*radii, mass + sizes.get("added_mass", 0.0), grease)
+        if "air_mass" in sizes:
+            swinging += sizes["air_mass"] * annulus_modes.air_volume(*radii)
+        yield RoundRamp(ramp, ritz, solved, spring + np.array(
+            [state.stiffness for state in solved]), swinging)
+
+
+def _sizes(truth: Truth) -> dict[str, float]:
+    return {cause.name: truth.sizes[number] for number, cause in enumerate(truth.hypothesis)}
 
 
 def heaves(film: Film, load: float, voltages: FloatArray, spring: float = 0.0) -> FloatArray | None:
     """Deflection at each of rising voltages [V] under a dead load [N] and a spring [N/m]; None past
     pull-in."""
-    ritz = RitzExpansion(film, _DEGREE)
+    states = equilibria(RitzExpansion(film, _DEGREE), load, voltages, spring)
+    return None if states is None else np.array([state.deflection for state in states])
+
+
+def equilibria(ritz: RitzExpansion, load: float, voltages: FloatArray, spring: float
+               ) -> list[_State] | None:
+    """The states of :func:`heaves`."""
     state = ritz.flat(0.0)
-    deflections = []
+    states = []
     for voltage in voltages.tolist():
         at = _balanced(ritz, state, load, spring, voltage**2)
         if at is None or not at.held or at.stiffness + spring <= 0 or not ritz.resolved(at):
             return None
         state = at
-        deflections.append(at.deflection)
-    return np.array(deflections)
+        states.append(at)
+    return states
 
 
 def _balanced(ritz: RitzExpansion, state: _State, load: float, spring: float,

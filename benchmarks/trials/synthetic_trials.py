@@ -10,11 +10,11 @@ with a film of another material family that makes nearly the stresses of the fit
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +23,7 @@ from scipy.optimize import brentq, least_squares
 from benchmarks.trials import axisymmetric_readings as hidden_equations
 from tympan.fem.equilibrium.ramp import equilibrium
 from tympan.fem.equilibrium.voltage_path import voltage_path
-from tympan.fem.film.laws import Gent, MooneyRivlin, Ogden
+from tympan.fem.film.laws import Gent, MooneyRivlin, stiffened
 from tympan.fem.film.library import MATERIALS, load_specimen
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import State
@@ -33,6 +33,7 @@ from tympan.geometry.mesher import MeshSettings
 from tympan.geometry.outlines import Circle
 from tympan.geometry.specimen import Material, Plate, Specimen
 from tympan.studies.case import Settings, build_model
+from tympan.studies.diagnosis.calibration import with_masses
 from tympan.studies.diagnosis.reading_table import ReadingTable, States, rows
 from tympan.studies.diagnosis.reduced.force_law import Grid
 from tympan.studies.diagnosis.reduced.sampling import force_laws
@@ -43,6 +44,8 @@ from tympan.studies.effects import EFFECTS, Setup, extended
 Array = NDArray[np.float64]
 #: The least and the most.
 Span = tuple[float, float]
+#: What is read of a truth.
+Read = TypeVar("Read")
 Means = Literal["elements", "equations", "another law", "form error"]
 
 MASSES, UP = (17.9e-3, 22.45e-3), np.linspace(0.0, 6500.0, 15)
@@ -53,14 +56,16 @@ NOISE = 20e-6
 PACE = 60.0
 #: Largest heave and voltage of the fitted force laws.
 HEAVE, TOP = 8e-3, 7500.0
-#: The meshes readings are made on, one or the other.
+#: The meshes readings are made on, one or the other of the first ones; films' shapes on the last.
 MESHES = (Settings(MeshSettings(order=3, around_plate=9, growth=0.7, across=0.8)),
-          Settings(MeshSettings(order=2, around_plate=18, growth=0.4, across=0.5)))
+          Settings(MeshSettings(order=2, around_plate=18, growth=0.4, across=0.5)),
+          Settings(MeshSettings(order=3, around_plate=24, growth=0.35, across=0.35)))
+FINEST = len(MESHES) - 1
 #: Effects that a circular specimen bears without ceasing to be axisymmetric, as the equations have
 #: them.
 ROUND = ("permittivity_stretch", "strain_stiffening", "prestretch_loss", "unaccounted_mass",
          "parallel_spring",
-         "voltage_sag", "sensor_gain", "sensor_zero", "drift", "amplifier_gain")
+         "voltage_sag", "sensor_gain", "sensor_zero", "drift", "amplifier_gain", "electrode_mass")
 #: Causes that nobody can see in readings of the heave, by dimensional analysis (they are
 #: permittivity).
 ALIASES = frozenset({"amplifier_gain"})
@@ -86,7 +91,7 @@ class Design:
     def simulation(self, workers: int = 1) -> Simulation:
         """The fitted model: force laws of the nominal setup."""
         grids = [Grid(HEAVE, TOP**2, odd=True)] * len(self.setup.specimens)
-        return Simulation(self.setup, force_laws(self.setup, grids, workers))
+        return with_masses(Simulation(self.setup, force_laws(self.setup, grids, workers)))
 
     def only(self, keep: NDArray[np.bool_]) -> Design:
         """Some of the states."""
@@ -191,12 +196,7 @@ def scaled(law: Material, factor: float) -> Material:
     """A law with all moduli multiplied."""
     if isinstance(law, Sum):
         return Sum(scaled(law.one, factor), scaled(law.other, factor))
-    if isinstance(law, Ogden):
-        return replace(law, mu=tuple(factor * mu for mu in law.mu))
-    if isinstance(law, MooneyRivlin):
-        return MooneyRivlin(factor * law.c10, factor * law.c01)
-    assert isinstance(law, Gent)
-    return replace(law, mu=factor * law.mu)
+    return stiffened.scaled(law, factor)
 
 
 class Stranger:
@@ -245,7 +245,8 @@ class Truth:
         """How many usual sizes each effect has."""
         sizes, shares = iter(self.sizes), []
         for cause in self.hypothesis:
-            parts = [next(sizes) / item.deviation for item in cause.effect.parameters]
+            parts = [next(sizes) / item.deviation * (not item.spread)
+                     for item in cause.effect.parameters]
             shares.append(float(np.linalg.norm(parts)))
         return tuple(shares)
 
@@ -270,7 +271,7 @@ def draw(generator: np.random.Generator, hypothesis: Hypothesis, means: Means,
                  for size in sizes_at(generator, cause, share)]
     return Truth(float(np.exp(generator.normal(0, 0.1))), float(np.exp(generator.normal(0, 0.05))),
                  hypothesis,
-                 tuple(sizes), means, int(generator.integers(len(MESHES))), stranger)
+                 tuple(sizes), means, int(generator.integers(FINEST)), stranger)
 
 
 def readings(design: Design, truth: Truth) -> Array | None:
@@ -328,7 +329,10 @@ def ramp_states(design: Design, truth: Truth, law: Material, ramp: NDArray[np.in
     setup = truth.stranger.setup(extended(films, fitted.uses(truth.hypothesis, truth.unknowns)))
     number = int(states.specimen[ramp[0]])
     specimen, rig = setup.specimens[number], setup.rig
-    blank = replace(specimen, membrane=design.setup.specimens[number].membrane)
+    # The law alone is none that a specimen may have; an uneven film has no mirror planes.
+    blank = replace(specimen, membrane=replace(
+        design.setup.specimens[number].membrane,
+        thickness_gradient=specimen.membrane.thickness_gradient))
     model = replace(build_model(blank, MESHES[truth.mesh], rig.loading), specimen=specimen)
     force = rig.force(truth.stranger.mass(float(states.mass[ramp[0]])), model.plate_area)
     voltages = [rig.film_voltage(truth.stranger.voltage(nominal), direction)
@@ -373,10 +377,16 @@ def hidden(design: Design, generator: np.random.Generator, hypothesis: Hypothesi
            stranger: Stranger = NOBODY, widths: Span | None = None) -> tuple[Truth, Array, int]:
     """A truth with its readings, drawn again while a state has no equilibrium, and how often that
     was."""
+    return drawn_until(partial(readings, design),
+                       lambda: draw(generator, hypothesis, means, stranger, widths))
+
+
+def drawn_until(read: Callable[[Truth], Read | None], draw: Callable[[], Truth]
+                ) -> tuple[Truth, Read, int]:
+    """The first truth drawn of which something is read, with that, and how many were before."""
     for again in range(100):
-        truth = draw(generator, hypothesis, means, stranger, widths)
-        values = readings(design, truth)
+        truth = draw()
+        values = read(truth)
         if values is not None:
             return truth, values, again
     raise ArithmeticError("no draw of a hundred has equilibria")
-

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from tympan.fem.equilibrium.ramp import equilibrium, held
 from tympan.geometry.errors import InputError
+from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Case, build_model
 from tympan.studies.diagnosis.inference.posterior import Fit, nominal_fit, nominal_fits
 from tympan.studies.diagnosis.reading_table import COMPONENTS, ReadingTable
@@ -76,7 +77,7 @@ def calibrated(setup: Setup, table: ReadingTable) -> Calibration:
     An :class:`InputError` when the films cannot be solved, or too few readings are left.
     """
     simulation = reaching(setup, table, lambda simulation: _safest(simulation, table).unknowns)
-    simulation = with_masses(simulation, table)
+    simulation = with_masses(simulation)
     fit = nominal_fit(simulation, table)
     if len(table.states.passages.rows):
         # What is remembered is about the films as they are fitted.
@@ -103,13 +104,12 @@ def calibrated(setup: Setup, table: ReadingTable) -> Calibration:
     return replace(rest, remarks=(*remarks, *rest.remarks))
 
 
-def with_masses(simulation: Simulation, table: ReadingTable) -> Simulation:
-    """With what swings and weighs beside the plates, where a table's readings show that."""
-    setup = simulation.setup
-    heavy = any(specimen.electrode.mass for specimen in setup.specimens)
-    if not heavy and "frequency" not in table.kind:
+def with_masses(simulation: Simulation) -> Simulation:
+    """With what swings and weighs beside the plates, of films that have it."""
+    films = [specimen for specimen in simulation.setup.specimens if isinstance(specimen, Specimen)]
+    if simulation.masses is not None or len(films) < len(simulation.setup.specimens):
         return simulation
-    return replace(simulation, masses=SwingingMasses.of(setup, COARSE))
+    return replace(simulation, masses=SwingingMasses.of(simulation.setup, COARSE))
 
 
 def _safest(simulation: Simulation, table: ReadingTable) -> Fit:

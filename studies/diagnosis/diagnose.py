@@ -27,7 +27,7 @@ from tympan.studies.diagnosis.inference.identifiability import (
     detectable_effects,
     signatures,
 )
-from tympan.studies.diagnosis.inference.verdict import judge
+from tympan.studies.diagnosis.inference.verdict import Judgement, judge
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.readings import PreparedReadings, prepared_readings
 from tympan.studies.diagnosis.reduced.simulation import Simulation
@@ -66,6 +66,16 @@ def diagnose(dataset: Dataset, workers: int = 1, seed: int = 0,
             return coupons
         actuators = diagnose(replace(dataset, coupons=None), workers, seed, progress)
         return replace(actuators, dataset=dataset, coupons=coupons)
+    return Diagnosis.of(dataset, *judge_dataset(dataset, workers, seed, progress), seed)
+
+
+def judge_dataset(dataset: Dataset, workers: int = 1, seed: int = 0,
+                  progress: Callable[[int, int], None] = lambda done, all_of_them: None
+                  ) -> tuple[PreparedReadings, Judgement, float]:
+    """The readings with the reduced model's errors in their noise, the verdict, and these errors.
+
+    As :func:`diagnose`, which adds what follows from the verdict.
+    """
     readings = _prepared(dataset)
     nominal = calibrated(readings.setup, readings.table)
     check_frame(nominal.simulation, nominal.table,
@@ -90,7 +100,7 @@ def diagnose(dataset: Dataset, workers: int = 1, seed: int = 0,
     progress(films + 1, films + _LATER)
     if judged.chosen is not None:
         error = max(error, law_error(judged.simulation, judged.chosen, table))
-    return Diagnosis.of(dataset, readings, judged, error, seed)
+    return readings, judged, error
 
 
 def diagnose_coupons(dataset: Dataset, seed: int = 0) -> Diagnosis:
@@ -156,7 +166,7 @@ def with_model_error(table: ReadingTable, error: float, nominal: Calibration) ->
 
 def _predicted(setup: Setup, table: ReadingTable) -> ReadingTable:
     simulation = reaching(setup, table, lambda simulation: np.zeros(2))
-    simulation = with_masses(simulation, table)
+    simulation = with_masses(simulation)
     values = simulation.predict((), np.zeros(2), table)
     if np.isfinite(values).all():
         return table.with_values(values)

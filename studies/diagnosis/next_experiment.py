@@ -16,13 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
-from tympan.geometry.specimen import Specimen
 from tympan.studies.data.effort import Effort
+from tympan.studies.diagnosis.calibration import with_masses
 from tympan.studies.diagnosis.inference.identifiability import SEEN, TOLD
 from tympan.studies.diagnosis.inference.posterior import Fit, Posterior
 from tympan.studies.diagnosis.inference.verdict import Judgement
 from tympan.studies.diagnosis.reading_table import ReadingTable, States, rows
-from tympan.studies.diagnosis.reduced.sampling import COARSE
 from tympan.studies.diagnosis.reduced.simulation import (
     FACTORS,
     Cause,
@@ -30,7 +29,6 @@ from tympan.studies.diagnosis.reduced.simulation import (
     Prediction,
     Simulation,
 )
-from tympan.studies.diagnosis.reduced.swinging import SwingingMasses
 from tympan.studies.files import words_beside
 
 Array = NDArray[np.float64]
@@ -263,20 +261,12 @@ def propose(simulation: Simulation, judgement: Judgement, causes: Sequence[Cause
     fits, weights = rivals(judgement.posterior, causes)
     if len(fits) < 2:
         return (), WORDS["one_explanation"]
-    readout = Readout(swinging(simulation), judgement.table, judgement.nominal)
+    readout = Readout(with_masses(simulation), judgement.table, judgement.nominal)
     worths = [_proposal(experiment, readout, fits, weights, effort) for experiment in menu]
     ranked = tuple(sorted(
         (proposal for proposal in worths if proposal), reverse=True,
         key=lambda proposal: (round(proposal.value / proposal.minutes, 6), proposal.mean)))
     return ranked, _sentence(ranked, _apart(fits[0].hypothesis, fits[1].hypothesis))
-
-
-def swinging(simulation: Simulation) -> Simulation:
-    """With what swings beside the plates, of films that frequencies could be read of."""
-    films = [specimen for specimen in simulation.setup.specimens if isinstance(specimen, Specimen)]
-    if simulation.masses is not None or len(films) < len(simulation.setup.specimens):
-        return simulation
-    return replace(simulation, masses=SwingingMasses.of(simulation.setup, COARSE))
 
 
 def rivals(posterior: Posterior, causes: Sequence[Cause]) -> tuple[tuple[Fit, ...], Array]:

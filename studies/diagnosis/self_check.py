@@ -135,11 +135,13 @@ class SyntheticSet:
 def sizes_at(generator: np.random.Generator, cause: Cause, share: float) -> Array:
     """Sizes of a cause's parameters that are together ``share`` times the usual ones.
 
-    In a direction drawn at random, with the signs they may have.
+    In a direction drawn at random, with the signs they may have. Those that only say how another
+    one acts are drawn as they usually are.
     """
     parameters = cause.effect.parameters
-    way = generator.standard_normal(len(parameters))
-    way *= share / np.linalg.norm(way)
+    way, acts = generator.standard_normal(len(parameters)), np.array(
+        [not parameter.spread for parameter in parameters])
+    way[acts] *= share / np.linalg.norm(way[acts])
     return np.array([parameter.deviation * (abs(x) if parameter.limits[0] >= 0 else x)
                      for parameter, x in zip(parameters, way.tolist(), strict=True)])
 

@@ -346,8 +346,7 @@ def sensor_lag(setup: Setup, t_s: Annotated[float, EffectParameter(
 
 @effect("The electrodes' mass swings and weighs with the film.",
         finding="The electrodes have a mass of {rho} of the mounted film, both sides together",
-        check="weigh one specimen before and after its electrodes are wiped off",
-        columns=("frequency_Hz",))
+        check="weigh one specimen before and after its electrodes are wiped off")
 def electrode_mass(setup: Setup, rho: Annotated[float, EffectParameter(
         "mass of both electrodes per mounted area", "g/m^2", width=0.05, low=0.0, high=100.0,
         reason="25 µm of carbon grease of 1 g/cm³ on both sides; no source")]) -> Setup:

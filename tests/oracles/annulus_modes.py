@@ -19,10 +19,11 @@ with ``kappa = g / c``
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 
 import numpy as np
 from scipy.optimize import brentq
-from scipy.special import iv, ivp, jv, jvp, kv, kvp, yv, yvp
+from scipy.special import iv, ivp, j0, jv, jvp, kv, kvp, yv, yvp
 
 
 def held(order: int, count: int, inner: float, outer: float) -> np.ndarray:
@@ -58,6 +59,37 @@ def growing(inner: float, outer: float, mass_ratio: float, push_ratio: float) ->
         return (mass_ratio * kappa**2 - push_ratio) * value - 2 * np.pi * inner * slope
 
     return float(brentq(equation, 1e-6 / outer, np.sqrt(push_ratio / mass_ratio), rtol=1e-14))
+
+
+def swinging_mass(inner: float, outer: float, plate: float, coat: float) -> float:
+    """Mass [kg] on a weightless film with the lowest frequency of a plate [kg] on one of a mass per
+    area [kg/m²]."""
+    if not coat:
+        return plate
+    k = float(heaving(1, inner, outer, plate / coat)[0])
+    # ω² = k² N/s and the stiffness 2πN/ln(b/a): the tension N does not matter.
+    return float(2 * np.pi * coat / np.log(outer / inner) / k**2)
+
+
+def lifted_area(inner: float, outer: float) -> float:
+    """Of the flat film's weight per area the share the plate carries [m²]: ∫ ln(b/R)/ln(b/a) dA."""
+    ratio = np.log(outer / inner)
+    return float(np.pi * ((outer**2 - inner**2) / 2 - inner**2 * ratio) / ratio)
+
+
+@cache
+def air_volume(inner: float, outer: float) -> float:
+    """Added mass of still air on both sides in a baffle, over its density [m³].
+
+    Of the profile 1 on the plate and ln(b/R)/ln(b/a) beyond, ∬ v v'/(2π |x - x'|) dA dA' a side,
+    by Hankel's transform V: 2π ∫ V(k)² dk.
+    """
+    k = np.linspace(1e-3, 6000.0, 3000)
+    radius = np.linspace(0, outer, 1501)
+    beyond = np.log(outer / np.maximum(radius, inner)) / np.log(outer / inner)
+    profile = np.where(radius < inner, 1.0, beyond)
+    transform = np.array([np.trapezoid(profile * j0(at * radius) * radius, radius) for at in k])
+    return float(4 * np.pi * np.trapezoid(transform**2, k))
 
 
 def _cross(order: int, k: float, inner: float, outer: float) -> tuple[float, float]:

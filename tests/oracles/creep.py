@@ -32,6 +32,9 @@ class CreepingFilm:
     time: float
     permittivity: float
     degree: int = 14
+    spring: float = 0.0  #: beside the film [N/m]
+    mounted: float = np.inf  #: time since it was stretched [s]
+    logarithmic: bool = False  #: whether C_v follows by logarithms instead
     pull: float = 0.0  #: of the film on the plate, at the last state [N]
 
     def _basis(self) -> tuple[Array, Array, Array, Array]:
@@ -84,6 +87,8 @@ class CreepingFilm:
                                         + along_z.T @ ((measure * first[0])[:, None] * along_z)
                                         + around.T @ ((measure * first[1])[:, None] * around)))
             self.pull = float(gradient[-1] + force)
+            gradient[-1] += self.spring * x[-1]
+            hessian[-1, -1] += self.spring
             free = slice(0, 2 * count if fixed else None)
             step = np.zeros(len(x))
             step[free] = -np.linalg.solve(hessian[free, free], gradient[free])
@@ -119,10 +124,9 @@ class CreepingFilm:
 
         def rate(_: float, flat: Array) -> Array:
             nonlocal start
-            v, w = memory = flat.reshape(2, points)
+            memory = flat.reshape(2, points)
             start, i, j = self.at_rest(*after, memory, start)
-            stretch = i / v + j / w + v * w / (i * j)
-            return np.concatenate([i - stretch * v / 3, j - stretch * w / 3]) / self.time
+            return self._flow(i, j, *memory)
 
         memory = np.concatenate([i, j])
         # The loads at once, in steps that Newton can take.
@@ -140,11 +144,19 @@ class CreepingFilm:
     def staircase(self, force: float, voltages: Array, dwell: float) -> Array:
         """Deflections [m] at the ends of voltages held one after the other for a time [s].
 
-        The force comes on the flat film, at rest until then, with the first.
+        The force comes on the flat film with the first.
         """
-        start, i, j = self.at_rest(0.0, 0.0, None)
-        points, memory, last, ends = len(i), np.concatenate([i, j]), (0.0, 0.0), []
-        for voltage in voltages.tolist():
+        holds = [(voltage, np.array([dwell])) for voltage in voltages.tolist()]
+        return np.concatenate(self.followed(force, holds))
+
+    def followed(self, force: float, holds: list[tuple[float, Array]]) -> list[Array]:
+        """Deflections [m] under voltages, each at times [s] since it came, held until the last.
+
+        The force comes on the flat film with the first.
+        """
+        start, i, _ = self.at_rest(0.0, 0.0, None)
+        points, memory, last, ends = len(i), self._begun(), (0.0, 0.0), []
+        for voltage, times in holds:
             # The loads at once, in steps that Newton can take.
             for share in np.linspace(0.0, 1.0, 9)[1:]:
                 squared = last[1] + share * (voltage**2 - last[1])
@@ -154,16 +166,36 @@ class CreepingFilm:
 
             def rate(_: float, flat: Array, voltage: float = voltage) -> Array:
                 nonlocal start
-                v, w = now = flat.reshape(2, points)
+                now = flat.reshape(2, points)
                 start, i, j = self.at_rest(force, voltage, now, start)
-                stretch = i / v + j / w + v * w / (i * j)
-                return np.concatenate([i - stretch * v / 3, j - stretch * w / 3]) / self.time
+                return self._flow(i, j, *now)
 
-            memory = solve_ivp(rate, (0.0, dwell), memory, "DOP853", rtol=1e-6,
-                               atol=1e-8).y[:, -1]
-            start, *_ = self.at_rest(force, voltage, memory.reshape(2, points), start)
-            ends.append(start[-1])
-        return np.array(ends)
+            done = solve_ivp(rate, (0.0, times[-1]), memory, "DOP853", t_eval=times, rtol=1e-6,
+                             atol=1e-8)
+            memory = done.y[:, -1]
+            heaves = []
+            for column in done.y.T:
+                start, *_ = self.at_rest(force, voltage, column.reshape(2, points), start)
+                heaves.append(start[-1])
+            ends.append(np.array(heaves))
+        return ends
+
+    def _begun(self) -> Array:
+        """C_v of the flat film so long after it was stretched, relaxed where that is for ever."""
+        points, squared = 3 * self.degree, self.prestretch**2
+        if self.mounted == np.inf:
+            return np.full(2 * points, squared)
+        held = np.array([squared])
+        done = solve_ivp(lambda _, v: self._flow(held, held, v, v)[:1], (0.0, self.mounted), [1.0],
+                         "LSODA", rtol=1e-9, atol=1e-10)
+        return np.full(2 * points, done.y[0, -1])
+
+    def _flow(self, i: Array, j: Array, v: Array, w: Array) -> Array:
+        """Rates of C_v along and around [1/s], one after the other."""
+        if self.logarithmic:
+            return np.concatenate([v * np.log(i / v), w * np.log(j / w)]) / self.time
+        stretch = i / v + j / w + v * w / (i * j)
+        return np.concatenate([i - stretch * v / 3, j - stretch * w / 3]) / self.time
 
     def swing(self, mass: float, force: float, voltage: float, times: Array, damper: float = 0.0
               ) -> Array:
@@ -180,9 +212,7 @@ class CreepingFilm:
             heave, speed, memory = flat[0], flat[1], flat[2:].reshape(2, points)
             start = np.append(start[:-1], heave)
             start, i, j = self.at_rest(force, voltage, memory, start, fixed=True)
-            (v, w), third = memory, 1 / (i * j)
-            stretch = i / v + j / w + v * w * third
-            flow = np.concatenate([i - stretch * v / 3, j - stretch * w / 3]) / self.time
+            flow = self._flow(i, j, *memory)
             push = force - self.pull
             moved = [push / damper, 0.0] if not mass else [speed, (push - damper * speed) / mass]
             return np.concatenate([moved, flow])

@@ -1,8 +1,7 @@
 """Runs in time of circular actuators, by none of the project's solvers.
 
 The film is the axisymmetric one of :mod:`tests.oracles.creep`, in time by Runge and Kutta's method.
-Where the plate swings its forces are that film's, tabulated, and the plate, the circuit and the
-sensor's filter are followed by DOP853.
+Where the plate swings it is that of :mod:`tests.oracles.readings.swinging_plate`.
 """
 
 from __future__ import annotations
@@ -10,15 +9,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.integrate import solve_ivp
-from scipy.interpolate import RectBivariateSpline
 
 from tests.oracles.creep import CreepingFilm
 from tests.oracles.readings.round_actuators import GRAVITY, MASSES, SHAPES, dataset_file
+from tests.oracles.readings.swinging_plate import SwingingPlate
 
 Array = NDArray[np.float64]
 VOLTAGES = (0.0, 1.5e3, 2.5e3, 3.2e3)
@@ -61,24 +58,9 @@ def film_of(shape: str, hidden: Hidden) -> CreepingFilm:
 
 
 @cache
-def forces_of(shape: str, hidden: Hidden) -> RectBivariateSpline:
-    """The film's force on its plate [N] by heave [m] and U² [V²]."""
-    film = film_of(shape, hidden)
-    heaves, squares = np.linspace(0.0, 6e-3, 13), np.linspace(0.0, 5e3**2, 6)
-    table = np.empty((len(heaves), len(squares)))
-    for column, squared in enumerate(squares):
-        x = np.zeros(2 * film.degree + 1)
-        for row, heave in enumerate(heaves):
-            x[-1] = heave
-            x, *_ = film.at_rest(0.0, float(squared**0.5), None, x, fixed=True)
-            table[row, column] = film.pull
-    return RectBivariateSpline(heaves, squares, table, kx=5, ky=3)
-
-
-def capacitance_of(shape: str, hidden: Hidden) -> float:
-    """Of the flat film [F]."""
-    a, b = SHAPES[shape]
-    return 8.8541878128e-12 * 4.7 * hidden.permittivity * np.pi * (b**2 - a**2) * 5 / 1e-3
+def plate_of(shape: str, mass: float, hidden: Hidden) -> SwingingPlate:
+    return SwingingPlate(film_of(shape, hidden), mass + hidden.added, hidden.damping,
+                         hidden.resistance, hidden.lag)
 
 
 def noise_of(count: int, run: Run, random: np.random.Generator) -> Array:
@@ -104,20 +86,7 @@ def creeping(shape: str, mass: float, hidden: Hidden, run: Run, when: Array) -> 
 
 def swinging(shape: str, mass: float, hidden: Hidden, run: Run, when: Array) -> Array:
     """The same of a plate that swings, of a film that charges, by a sensor that is late."""
-    force, load = forces_of(shape, hidden), mass * GRAVITY
-    start = film_of(shape, hidden).at_rest(load, 0.0, None)[0][-1]
-    lag = hidden.resistance * capacitance_of(shape, hidden)
-
-    def rate(time: float, state: Any) -> Any:
-        y, v, shown = state
-        voltage = run.voltage * (1 - np.exp(-time / lag)) if lag else run.voltage
-        push = load - float(force(y, voltage**2)[0, 0]) - hidden.damping * v
-        late = (y - shown) / hidden.lag if hidden.lag else 0.0
-        return [v, push / (mass + hidden.added), late]
-
-    done = solve_ivp(rate, (0.0, when[-1]), [start, 0.0, start], "DOP853", t_eval=when, rtol=1e-9,
-                     atol=1e-12)
-    return done.y[2 if hidden.lag else 0]
+    return plate_of(shape, mass, hidden).stepped(mass * GRAVITY, run.voltage, when)
 
 
 def write(folder: Path, hidden: Hidden, run: Run = Run(), seed: int = 0) -> Path:

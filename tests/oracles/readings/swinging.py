@@ -47,9 +47,7 @@ def states_of(shape: tuple[float, float], mass: float, hidden: Hidden) -> list[t
     a, b = shape
     law = Ogden((20e3 * hidden.stiffness,), (2.0,))
     film = Film(a, b, THICKNESS, STRETCH, law, 4.7 * hidden.permittivity)
-    ratio = np.log(b / a)
-    # ∫ ln(b/R)/ln(b/a) dA
-    lifted = np.pi * ((b**2 - a**2) / 2 - a**2 * ratio) / ratio
+    lifted = annulus_modes.lifted_area(a, b)
     load = GRAVITY * (mass + hidden.unaccounted + (COAT + hidden.electrode) * lifted)
     swinging = swinging_mass(a, b, mass + hidden.unaccounted + hidden.added, hidden)
     ritz = RitzExpansion(film, 24)
@@ -72,26 +70,8 @@ def states_of(shape: tuple[float, float], mass: float, hidden: Hidden) -> list[t
 
 def swinging_mass(a: float, b: float, plate: float, hidden: Hidden) -> float:
     """Mass [kg] that swings as plate and film of the flat annulus do at its lowest frequency."""
-    coat = COAT + hidden.electrode
-    k = float(annulus_modes.heaving(1, a, b, plate / coat)[0])
-    # ω² = k² N/s and the stiffness 2πN/ln(b/a): the tension N does not matter.
-    air = hidden.air * air_volume(a, b) if hidden.air else 0.0
-    return 2 * np.pi * coat / np.log(b / a) / k**2 + air
-
-
-def air_volume(a: float, b: float) -> float:
-    """Added mass of still air on both sides in a baffle, over its density [m³].
-
-    Of the profile 1 on the plate and ln(b/R)/ln(b/a) beyond, ∬ v v'/(2π |x - x'|) dA dA' a side,
-    by Hankel's transform V: 2π ∫ V(k)² dk.
-    """
-    from scipy.special import j0
-
-    k = np.linspace(1e-3, 6000.0, 3000)
-    radius = np.linspace(0, b, 1501)
-    v = np.where(radius < a, 1.0, np.log(b / np.maximum(radius, a)) / np.log(b / a))
-    transform = np.array([np.trapezoid(v * j0(at * radius) * radius, radius) for at in k])
-    return float(4 * np.pi * np.trapezoid(transform**2, k))
+    air = hidden.air * annulus_modes.air_volume(a, b) if hidden.air else 0.0
+    return annulus_modes.swinging_mass(a, b, plate, COAT + hidden.electrode) + air
 
 
 def write(folder: Path, hidden: Hidden, seed: int, noise: float = 10e-6, share: float = 1e-3,

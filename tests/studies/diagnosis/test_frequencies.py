@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.oracles import annulus_modes
 from tests.oracles.readings import swinging
 from tests.oracles.readings.swinging import Hidden
 from tests.support.datasets import HEAD, write_dataset
@@ -37,7 +38,7 @@ def test_air_is_a_piston_s_within_six_per_cent() -> None:
     a, b = swinging.SHAPES["middle"]
     flat = model(circular())
     assert following(flat, flat.mounted()).air_mass(1.2) == pytest.approx(
-        1.2 * swinging.air_volume(a, b), rel=0.06)
+        1.2 * annulus_modes.air_volume(a, b), rel=0.06)
 
 
 @pytest.mark.parametrize(("hidden", "effect", "size"), [
@@ -52,6 +53,19 @@ def test_a_mass_is_named_by_frequencies(tmp_path: Path, hidden: Hidden, effect: 
     parameter, = cause["parameters"].values()
     unit = {"g/m^2": 1e-3, "g": 1e-3}.get(parameter["unit"], 1.0)
     assert parameter["value"] * unit == pytest.approx(size, rel=0.12)
+
+
+@pytest.mark.parametrize("electrode", [0.12, 0.5])
+def test_heavy_grease_at_rest_alone_is_not_taken_for_another_thing(tmp_path: Path,
+                                                                   electrode: float) -> None:
+    """Its weight grows with the film, which a sensor's gain does as well: neither gets a name."""
+    data = swinging.write(tmp_path / "d", Hidden(electrode=electrode), seed=1, swings=False)
+    diagnosis = diagnose(read_dataset(data)).json()
+    assert diagnosis["verdict"] == "ambiguous"
+    cause = diagnosis["causes"][0]
+    assert cause["effect"] == "electrode_mass"
+    assert cause["parameters"]["rho"]["value"] == pytest.approx(1e3 * electrode, rel=0.05)
+    assert "sensor_gain" in {other["effect"] for other in diagnosis["causes"]}
 
 
 @pytest.mark.parametrize("hidden", [Hidden(added=1e-3), Hidden(air=6.0)], ids=["added", "air"])

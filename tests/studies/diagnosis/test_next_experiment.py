@@ -9,6 +9,7 @@ import pytest
 
 from tests.support.trials import design, every_cause, read, size_of
 from tympan.studies.data.effort import Effort
+from tympan.studies.diagnosis.calibration import with_masses
 from tympan.studies.diagnosis.inference.identifiability import SEEN, TOLD
 from tympan.studies.diagnosis.inference.posterior import Fit, Posterior, fit
 from tympan.studies.diagnosis.inference.verdict import Judgement, judge
@@ -20,7 +21,6 @@ from tympan.studies.diagnosis.next_experiment import (
     possible,
     propose,
     rivals,
-    swinging,
 )
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.reduced.simulation import Cause, Hypothesis, Simulation
@@ -57,7 +57,7 @@ def test_expected_worth_is_that_of_refits(three_shapes: Simulation, experiment: 
     judgement = judged_between(three_shapes, table, causes)
     assert judgement.posterior is not None
     fits = judgement.posterior.fits
-    tapped = swinging(three_shapes)
+    tapped = with_masses(three_shapes)
     new = possible(experiment, Readout(tapped, table, judgement.nominal), fits)
     assert new is not None
     distances = expected(tapped, fits, new)
@@ -224,7 +224,7 @@ def tried(simulation: Simulation, seed: int) -> Trial | None:
               if cause not in rival.hypothesis]
     if len(others) == len(fits) or not others:
         return None
-    readout = Readout(swinging(simulation), judgement.table, judgement.nominal)
+    readout = Readout(with_masses(simulation), judgement.table, judgement.nominal)
     worths = {}
     for experiment in MENU:
         new = possible(experiment, readout, fits)
