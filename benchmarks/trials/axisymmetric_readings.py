@@ -30,13 +30,14 @@ _DEGREE, _SMALL = 24, 1e-10
 @dataclass(frozen=True, eq=False)
 class RoundRamp:
     """A circular film's equilibria on a ramp: ``rows`` of the design, stiffness of film and spring
-    [N/m] and what swings with the plate [kg] under the ramp's mass."""
+    [N/m], what swings with the plate under the ramp's mass [kg], and the grease's weight [Pa]."""
 
     rows: NDArray[np.int64]
     ritz: RitzExpansion
     states: list[_State]
     stiffness: FloatArray
     swinging: float
+    weight: float
 
     @property
     def heaves(self) -> FloatArray:
@@ -53,7 +54,10 @@ class RoundRamp:
         film, state = self.ritz.film, self.states[number]
         mounted = np.linspace(film.inner, film.outer, 1000)
         shape = self.ritz.profile(state.c, state.deflection, mounted)
-        return np.asarray(np.interp(distance, shape.radius, shape.height, left=state.deflection))
+        sag = self.weight / film.resultant(state.q**0.5) * annulus_modes.sag(
+            film.inner, film.outer, mounted)
+        return np.asarray(np.interp(distance, shape.radius, shape.height + sag,
+                                    left=state.deflection))
 
 
 def readings(design: Design, truth: Truth) -> FloatArray | None:
@@ -97,7 +101,7 @@ def round_ramps(design: Design, truth: Truth) -> Iterator[RoundRamp]:
         if "air_mass" in sizes:
             swinging += sizes["air_mass"] * annulus_modes.air_volume(*radii)
         yield RoundRamp(ramp, ritz, solved, spring + np.array(
-            [state.stiffness for state in solved]), swinging)
+            [state.stiffness for state in solved]), swinging, design.setup.rig.gravity * grease)
 
 
 def _sizes(truth: Truth) -> dict[str, float]:

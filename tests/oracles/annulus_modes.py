@@ -77,6 +77,13 @@ def lifted_area(inner: float, outer: float) -> float:
     return float(np.pi * ((outer**2 - inner**2) / 2 - inner**2 * ratio) / ratio)
 
 
+def sag(inner: float, outer: float, radius: np.ndarray) -> np.ndarray:
+    """What a flat film held at both edges gives way at radii under a pressure, over that and times
+    its tension [m²]: of N lap(w) = -p."""
+    ratio = np.log(outer / radius) / np.log(outer / inner)
+    return np.asarray((outer**2 - radius**2 - (outer**2 - inner**2) * ratio) / 4)
+
+
 @cache
 def air_volume(inner: float, outer: float) -> float:
     """Added mass of still air on both sides in a baffle, over its density [m³].

@@ -25,6 +25,7 @@ from tympan.studies.diagnosis.reduced.film_shape import (
     lattice_of,
 )
 from tympan.studies.diagnosis.reduced.force_law import ForceSurface
+from tympan.studies.diagnosis.reduced.swinging import Sag
 from tympan.studies.effects import Setup
 
 Array = NDArray[np.float64]
@@ -70,23 +71,28 @@ def _lattice(sight: Sight, sample: Sample) -> Lattice:
 
 
 def shown_by_scans(table: ReadingTable, kind: str, rows: NDArray[np.int64],
-                   sights: Mapping[int, tuple[ForceSurface, Lattice]], heave: Array,
-                   voltage_squared: Array) -> Array:
-    """What rows of one of the :data:`COMPONENTS` show, of states at heaves [m] and U² [V²]."""
+                   sights: Mapping[int, tuple[ForceSurface, Lattice, Sag | None]], heave: Array,
+                   voltage_squared: Array, pressure: Array) -> Array:
+    """What rows of one of the :data:`COMPONENTS` show, of states at heaves [m] and U² [V²].
+
+    ``pressure`` of each state [Pa]: of the electrodes' weight, over the film's tension as a share
+    of the nominal one's without voltage.
+    """
     shown = np.empty(len(rows))
     for number in np.unique(table.scan[rows]):
         mine = table.scan[rows] == number
         state = table.state[rows[mine][0]]
         values = scanned(*sights[int(table.states.specimen[state])], table.scans[number],
-                         float(heave[state]), float(voltage_squared[state]))
+                         float(heave[state]), float(voltage_squared[state]),
+                         float(pressure[state]))
         point = table.point[rows[mine]] - table.first_points[number]
         shown[mine] = values[COMPONENTS.index(kind), point]
     return shown
 
 
 @lru_cache(maxsize=1024)
-def scanned(surface: ForceSurface, lattice: Lattice, scan: Scan, heave: float,
-            voltage_squared: float) -> Array:
+def scanned(surface: ForceSurface, lattice: Lattice, sag: Sag | None, scan: Scan, heave: float,
+            voltage_squared: float, pressure: float) -> Array:
     """Displacements at a scan's places [m], its zero taken off: shape (3, n), deflections last.
 
     nan where there is no heave.
@@ -94,6 +100,8 @@ def scanned(surface: ForceSurface, lattice: Lattice, scan: Scan, heave: float,
     if not np.isfinite(heave):
         return np.full((3, len(scan)), np.nan)
     values = surface.shape(heave, voltage_squared).reshape(3, ALONG, AROUND)
+    if sag is not None and pressure:
+        values = np.stack([*values[:2], values[2] + pressure * sag.by_pressure])
     shape = FilmShape.of(lattice, values)
     place = scan.place + lattice.centre if scan.centred else scan.place
     if scan.follows:

@@ -31,7 +31,7 @@ from tympan.studies.diagnosis.reduced.in_time import behind, charged, decay
 from tympan.studies.diagnosis.reduced.resting_place import play, resting_place
 from tympan.studies.diagnosis.reduced.seen_film import Sight, shown_by_scans
 from tympan.studies.diagnosis.reduced.strips import StripPrediction, StripTests, strip_setup
-from tympan.studies.diagnosis.reduced.swinging import SwingingMasses, mass_effects
+from tympan.studies.diagnosis.reduced.swinging import Sag, SwingingMasses, mass_effects
 from tympan.studies.effects import EFFECTS, Effect, EffectParameter, Setup, Use, extended
 
 Array = NDArray[np.float64]
@@ -169,6 +169,15 @@ class Simulation:
         none = np.zeros(1)
         return np.array([float(law.at(np.zeros(len(law.axes))).capacitance(none, none)[0])
                          for law in self.laws])
+
+    @cached_property
+    def flat_stiffness(self) -> Array:
+        """Of the flat nominal films without voltage [N/m], shape (specimens,)."""
+        none, stiffness = np.zeros(1), []
+        for law in self.laws:
+            surface = law.at(np.zeros(len(law.axes)))
+            stiffness.append(float(surface.force(none, surface.by_heave(none))[1][0]))
+        return np.array(stiffness)
 
     @cached_property
     def rig_effects(self) -> frozenset[str]:
@@ -483,7 +492,8 @@ class Prediction:
                 stiffness = stiffness * self._swing(stiffness).real
                 shown[rows] = (np.sqrt(stiffness / self.moving) / (2 * np.pi))[at]
             elif kind in COMPONENTS:
-                shown[rows] = shown_by_scans(table, kind, rows, self._sights, within, squared)
+                shown[rows] = shown_by_scans(table, kind, rows, self._sights, within, squared,
+                                             self._pressure)
             elif kind == "decay":
                 stiffness = np.maximum(self.balance(heave, 0.0)[1], _LEAST)
                 loss = stiffness * self._swing(stiffness).imag
@@ -492,14 +502,37 @@ class Prediction:
                 shown[rows] = (self.balance(heave, 0.0)[0] + self.load)[at]
         return shown
 
+    @property
+    def _pressure(self) -> Array:
+        """The electrodes' weight [Pa] over the flat films' tension, shape (states,).
+
+        The tension is that over the nominal films' without voltage.
+        """
+        mass = np.array([specimen.electrode.mass for specimen in self.setup.specimens])
+        if not mass.any():
+            return np.zeros(len(self.low))
+        number = self.table.states.specimen
+        tension = np.maximum(self._film_stiffness / self.simulation.flat_stiffness[number], _SOFT)
+        return np.asarray(self.rig.gravity * mass[number] / tension)
+
+    @property
+    def _film_stiffness(self) -> Array:
+        """Of the flat films under their voltages [N/m], shape (states,)."""
+        flat = np.zeros(len(self.low))
+        outer = self.rig.spring + sum(bias.derivatives(0.0)[2] for bias in self.rig.biases)
+        return self.balance(flat, 0.0)[1] - outer
+
     @cached_property
-    def _sights(self) -> dict[int, tuple[ForceSurface, Lattice]]:
-        """Of every specimen, by number, its film and where that lies flat."""
-        states, simulation = self.table.states, self.simulation
-        return {number: (surface, simulation.sights[number].lattice(sizes_on(
-                    simulation, number, self.hypothesis, self.unknowns, self.stiffness)))
-                for group, surface in self.films
-                for number in [int(states.specimen[group[0]])]}
+    def _sights(self) -> dict[int, tuple[ForceSurface, Lattice, Sag | None]]:
+        """Of every specimen, by number, its film, where that lies flat, and how it sags."""
+        states, simulation, sights = self.table.states, self.simulation, {}
+        sags = simulation.masses.sags if simulation.masses and self._pressure.any() else ()
+        for group, surface in self.films:
+            number = int(states.specimen[group[0]])
+            sizes = sizes_on(simulation, number, self.hypothesis, self.unknowns, self.stiffness)
+            sights[number] = (surface, simulation.sights[number].lattice(sizes),
+                              sags[number] if sags else None)
+        return sights
 
 
 def _outer(simulation: Simulation, hypothesis: Hypothesis, unknowns: Array) -> Setup:

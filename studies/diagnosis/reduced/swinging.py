@@ -2,39 +2,75 @@
 
 The films follow as the flat ones do without voltage (:mod:`tympan.fem.vibration.heave`): where the
 plate is some ten times as heavy as its film, deflection and voltage change frequencies by 1e-6
-through it. The electrodes' weight acts on the plate by the same motion, to first order.
+through it. The electrodes' weight acts on the plate by the same motion, to first order, and lets
+the film sag between plate and frame.
 """
 
 from __future__ import annotations
 
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tympan.fem.equilibrium.ramp import held
+from tympan.fem.results.places import Places
 from tympan.fem.vibration.heave import FollowingFilm, following
 from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Settings, build_model
 from tympan.studies.diagnosis.reduced.axes import HeldFilm
+from tympan.studies.diagnosis.reduced.film_shape import ALONG, AROUND, lattice_of
 from tympan.studies.effects import EFFECTS, Effect, Setup
 
 Array = NDArray[np.float64]
 
+#: Mass of electrodes [kg/m²] to whose sag that of others is in proportion.
+_WEIGHED = 0.05
 
-@dataclass(frozen=True)
+
+@dataclass(frozen=True, eq=False)
+class Sag:
+    """How a flat film gives way to a pressure on what is covered, its plate held, without voltage.
+
+    ``by_pressure`` [m/Pa] at its lattice's points, shape (ALONG, AROUND).
+    """
+
+    by_pressure: Array
+
+
+@dataclass(frozen=True, eq=False)
 class SwingingMasses:
-    """What of each specimen's film follows its plate."""
+    """What of each specimen's film follows its plate, as ``settings`` mesh it."""
 
     films: tuple[FollowingFilm, ...]
+    setup: Setup
+    settings: Settings
 
     @classmethod
     def of(cls, setup: Setup, settings: Settings) -> SwingingMasses:
         """By one linear solution of each flat film."""
         models = [build_model(specimen, settings, setup.rig.loading)
                   for specimen in setup.specimens]
-        return cls(tuple(following(model, model.mounted()) for model in models))
+        return cls(tuple(following(model, model.mounted()) for model in models), setup, settings)
+
+    @cached_property
+    def sags(self) -> tuple[Sag, ...]:
+        """How each film sags."""
+        return tuple(map(self._sag, self.setup.specimens))
+
+    def _sag(self, specimen: Specimen) -> Sag:
+        loading, heights = self.setup.rig.loading, []
+        flat = lattice_of(specimen.frame, specimen.needed_plate()).flat
+        for mass in (0.0, _WEIGHED):
+            heavy = replace(specimen, electrode=replace(specimen.electrode, mass=mass))
+            model = build_model(heavy, self.settings, loading)
+            state = held(model, 0.0, 0.0).state
+            heights.append(Places.of(model.discretisation, flat).displacement(model, state)[:, 2])
+        lower = heights[1] - heights[0]
+        return Sag(lower.reshape(ALONG, AROUND) / (_WEIGHED * loading.gravity))
 
     def moving(self, setup: Setup, number: NDArray[np.int64], mass: Array) -> Array:
         """What swings with plates [kg] of given masses on specimens' numbers, each (n,)."""
