@@ -5,7 +5,7 @@ PYTHON ?= $(shell for p in python3.12 python3.13 python3.11 python3; do \
   $$p -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))' 2>/dev/null && echo $$p && break; done)
 OUT ?= out
 
-.PHONY: study test benchmarks scaling verification robustness film-lines films-in-time hidden verdict-cases fuzz optimum outlines map lumped-build paper coupons external house docs clean
+.PHONY: study test benchmarks scaling verification robustness films-in-time hidden verdict-cases fuzz optimum outlines map lumped-build paper coupons external house docs clean
 
 study: .venv/ready
 	.venv/bin/tympan study -o "$(OUT)"
@@ -29,9 +29,6 @@ verification: .venv/ready
 
 robustness: .venv/ready
 	OPENBLAS_NUM_THREADS=1 .venv/bin/python -m benchmarks.trials.robustness --workers 2 -o docs/robustness.md
-
-film-lines: .venv/ready
-	OPENBLAS_NUM_THREADS=1 .venv/bin/python -m benchmarks.film_lines -o docs/film-lines.md
 
 films-in-time: .venv/ready
 	OPENBLAS_NUM_THREADS=1 .venv/bin/python -m benchmarks.trials.random_films_in_time --workers 2 -o docs/films-in-time.md

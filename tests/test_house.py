@@ -112,7 +112,7 @@ def test_every_contract_would_catch_a_breach(tmp_path: Path) -> None:
 def test_no_test_is_imported() -> None:
     """Tests import no tests, benchmarks nothing of tests/ but the oracles, oracles no benchmark."""
     allowed = {"tests": ("tests.", "benchmarks.explore.", "benchmarks.external",
-                         "benchmarks.film_lines", "benchmarks.trials.",
+                         "benchmarks.trials.",
                          "benchmarks.verification"),
                "benchmarks": ("tests.oracles.", "benchmarks."),
                "tests/oracles": ("tests.oracles.",),

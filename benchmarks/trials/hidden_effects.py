@@ -1,11 +1,13 @@
 """Effects hidden in hundreds of sets of readings, and how often they are found.
 
     python -m benchmarks.trials.hidden_effects [--scale 1] [--seed 2026] [--workers 2] [--keep FILE]
-    [--minutes M] [--only POPULATION ...] [-o docs/hidden-effects.md]
+    [--minutes M] [--only POPULATION ...] [--strata NAME=COUNT,...] [-o docs/hidden-effects.md]
 
 Trials that FILE has already are not run again, so that a study may be stopped and taken up. Trials
 of all kinds are mixed, so that one that is stopped after some minutes has its share of each; with 0
-minutes only the page is written. With --only, trials of these populations alone are run.
+minutes only the pages are written. With --only, trials of these populations alone are run; with
+--strata those with more evidence than readings at rest, of these kinds, so many of each. Their page
+is beside the other one, and each is written only if some of its trials were run.
 """
 
 from __future__ import annotations
@@ -14,22 +16,26 @@ import argparse
 import json
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from math import inf
 from multiprocessing import get_context
 from pathlib import Path
 
-from benchmarks.trials.rates import draw_power, page, rates
-from benchmarks.trials.size_rates import draw_maps, draw_sizes
-from benchmarks.trials.synthetic_trials import LOOP, circles, paper
-from benchmarks.trials.trial import ALIAS_PAIRS, MAP_WIDTHS, Lab, Record
+from benchmarks.trials.rates.kinds import rates
+from benchmarks.trials.rates.page import draw_power, page
+from benchmarks.trials.rates.sizes import draw_maps, draw_sizes
+from benchmarks.trials.rates.strata import strata_page, strata_rates
+from benchmarks.trials.record import Record
+from benchmarks.trials.strata.trials import STRATA, population_of
+from benchmarks.trials.trial import ALIAS_PAIRS, MAP_WIDTHS, Lab
 from tympan.progress import bar
 
 #: Trials drawn of each population; what of them is identifiable follows from the draw.
 COUNTS = {"null": 200, "single": 160, "strong": 240, "pair": 40, "duo": 160, "outside": 200,
           "alias": 60, "noise": 60, "form": 30, "gain": 60, "large": 280, "large pair": 50,
-          "map": len(ALIAS_PAIRS) * len(MAP_WIDTHS) ** 2, "random": 300}
+          "map": len(ALIAS_PAIRS) * len(MAP_WIDTHS) ** 2, "random": 300,
+          "frequencies": 60, "lines": 40, "transients": 20, "mixture": 20}
 
 _labs: list[Lab] = []
 
@@ -46,12 +52,13 @@ def _run(trial: tuple[str, int]) -> tuple[str, int, list[Record]]:
         return (*trial, [Record(*trial, "", (), 0, 0.0, 0.0, "raised", words=words)])
 
 
-def lab_of(seed: int, workers: int) -> Lab:
-    """The designs with their force laws: the dearest part."""
-    design = paper()
-    simulation = design.simulation(workers)
-    return Lab((design, simulation), (paper(LOOP), simulation),
-               (circles(), circles().simulation(workers)), seed)
+def lab_of(seed: int, workers: int, populations: Iterable[str] = COUNTS) -> Lab:
+    """The designs, with their force laws, the dearest part, where some populations need them."""
+    lab = Lab(seed, workers)
+    if set(populations) - set(STRATA):
+        for bench in (lab.loops, lab.circles):
+            assert bench
+    return lab
 
 
 def order(counts: dict[str, int]) -> Iterator[tuple[str, int]]:
@@ -93,17 +100,25 @@ def kept(keep: Path | None) -> tuple[list[Record], set[tuple[str, int]]]:
     return [Record.of_json(content) for row in rows for content in row["records"]], done
 
 
-def write(records: Sequence[Record], about: str, file: Path) -> None:
-    """The page and its picture."""
-    file.write_text(page(records, about), encoding="utf-8")
-    draw_power(records, file.with_suffix(".png"))
-    draw_sizes(records, file.with_name(f"{file.stem}-sizes.png"))
-    draw_maps(records, file.with_name("alias-maps.png"))
+def write(records: Sequence[Record], about: Callable[[Iterable[str]], str], file: Path) -> None:
+    """The pages that there are records for, and their pictures; ``about`` some populations."""
+    strata = {population_of(name, view) for name, stratum in STRATA.items()
+              for view in stratum.views}
+    further = [record for record in records if record.population in strata]
+    if further:
+        file.with_name(f"{file.stem}-strata.md").write_text(
+            strata_page(further, about(STRATA)), encoding="utf-8")
+    if usual := [record for record in records if record.population not in strata]:
+        file.write_text(page(usual, about(set(COUNTS) - set(STRATA))), encoding="utf-8")
+        draw_power(usual, file.with_suffix(".png"))
+        draw_sizes(usual, file.with_name(f"{file.stem}-sizes.png"))
+        draw_maps(usual, file.with_name("alias-maps.png"))
 
 
 def told(records: Sequence[Record], seed: int, counts: dict[str, int]) -> str:
     """What was run, and what of it was planned."""
-    done = {name: len({record.number for record in records if record.population.startswith(name)})
+    done = {name: len({record.number for record in records
+                       if record.population.partition(",")[0].startswith(name)})
             for name in counts}
     drawn = ", ".join(f"{count} {name}" for name, count in done.items())
     lines = [f"Seed {seed}. Trials: {drawn}; drawn again for "
@@ -126,21 +141,38 @@ def main() -> None:
                         help="time after which no further trial is begun")
     parser.add_argument("--only", nargs="+", choices=[*COUNTS], default=[*COUNTS],
                         metavar="POPULATION", help=f"run these alone: {', '.join(COUNTS)}")
+    parser.add_argument("--strata", type=_strata, metavar="NAME=COUNT,...",
+                        help=f"run these alone: {', '.join(STRATA)}; counts may be left out")
     parser.add_argument("-o", "--output", type=Path,
-                        help="Markdown file to put the rates in; its picture beside it")
+                        help="Markdown file to put the rates in; pictures and strata beside it")
     options = parser.parse_args()
     counts = {name: max(1, round(options.scale * count)) for name, count in COUNTS.items()}
-    asked = {name: counts[name] for name in counts if name in options.only}
+    counts |= {name: count for name, count in (options.strata or {}).items() if count}
+    asked = {name: counts[name] for name in options.strata or options.only}
     if options.minutes > 0:
-        records = study(lab_of(options.seed, options.workers), asked, options.workers,
+        records = study(lab_of(options.seed, options.workers, asked), asked, options.workers,
                         options.keep, options.minutes)
     else:
         records, _ = kept(options.keep)
-    about = told(records, options.seed, counts)
+
+    def about(populations: Iterable[str]) -> str:
+        return told(records, options.seed, {name: counts[name] for name in counts
+                                            if name in populations})
+
     if options.output:
         write(records, about, options.output)
-    print(about, *(rate.row() for rate in rates(records)), sep="\n")
+    print(about(asked), *(rate.row() for rate in (*rates(records), *strata_rates(records))
+                          if rate.count), sep="\n")
     sys.stdout.flush()
+
+
+def _strata(words: str) -> dict[str, int]:
+    """Numbers of trials by stratum, 0 where the usual one is meant."""
+    counts = {name: int(count or 0) for name, _, count in (
+        word.partition("=") for word in words.split(","))}
+    if unknown := set(counts) - set(STRATA):
+        raise argparse.ArgumentTypeError(f"{', '.join(unknown)}: must be of {', '.join(STRATA)}")
+    return counts
 
 
 if __name__ == "__main__":

@@ -4,41 +4,41 @@ diagnosis made of it."""
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
 
 import numpy as np
 
+from benchmarks.trials.judging import best_of, judged, stands_out
 from benchmarks.trials.random_designs import random_design, written
+from benchmarks.trials.record import Record
+from benchmarks.trials.strata.trials import STRATA, stratum_trial
 from benchmarks.trials.synthetic_trials import (
     ALIASES,
+    LOOP,
     NOISE,
     Array,
     Design,
     Means,
     Truth,
+    circles,
     draw,
     hidden,
+    paper,
     readings,
 )
 from benchmarks.trials.unmodelled_faults import STRANGERS
 from tympan.geometry.errors import InputError
 from tympan.studies.data.dataset import read_dataset
-from tympan.studies.diagnosis.calibration import calibrated, with_effects
 from tympan.studies.diagnosis.diagnose import diagnose
 from tympan.studies.diagnosis.gain import gain_of
-from tympan.studies.diagnosis.inference.exploration import Exploration
 from tympan.studies.diagnosis.inference.identifiability import SEEN, TOLD
-from tympan.studies.diagnosis.inference.posterior import Fit, fit, nominal_fit
-from tympan.studies.diagnosis.inference.verdict import Judgement, interval, judge
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.reduced.simulation import Cause, Hypothesis, Simulation, hypotheses_of
 from tympan.studies.diagnosis.self_check import grown_to
 
-#: Widths of the priors for fits to readings without noise, where only the readings are to count.
-_LOOSE = 5.0
 _NOISES = (NOISE, NOISE, NOISE, NOISE / 2, 2 * NOISE)
 _MISJUDGED = 1.5
 #: Numbers of random designs that stand in for those without equilibria begin here.
@@ -56,78 +56,27 @@ ALIAS_PAIRS = (("parallel_spring", "prestretch_anisotropy"),
 MAP_WIDTHS = (0.0, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0)
 
 
-@dataclass(frozen=True)
-class Record:
-    """A trial and its end.
-
-    ``seen``: χ² by which the nominal model misses the readings without noise more than the truth
-    does (of a stranger: by which the best of the library does); ``told``: the same for the best
-    hypothesis that is not the truth. ``ranked`` are the causes with their stated probabilities.
-    ``covered``: whether the 95 % set of hypotheses has the truth, ``inside``: whether the 95 %
-    intervals of its sizes have the true ones, None where that was not asked. ``reported``: whether
-    an alias was called one. ``ratio``: error beyond noise on readings held out, of the extended
-    model over the nominal one, over all splits that can show it; None where there is none.
-    ``widths``: how many usual sizes each hidden effect has. ``listed``: the causes an ambiguous
-    verdict is between. ``predicted``: how many readings held out were within their 95 % bands, and
-    how many there were.
-    """
-
-    population: str
-    number: int
-    means: str
-    truth: tuple[str, ...]
-    again: int
-    seen: float
-    told: float
-    verdict: str = "refused"
-    named: tuple[str, ...] = ()
-    ranked: tuple[tuple[str, float], ...] = ()
-    best: tuple[str, ...] = ()
-    wrong: float = 0.0
-    unknown: float = 0.0
-    p_value: float = 1.0
-    after: float = 1.0
-    noise: float = 1.0
-    covered: bool | None = None
-    inside: tuple[bool, ...] = ()
-    reported: bool | None = None
-    words: str = ""
-    ratio: float | None = None
-    widths: tuple[float, ...] = ()
-    listed: tuple[str, ...] = ()
-    predicted: tuple[int, ...] = ()
-
-    @property
-    def identifiable(self) -> bool:
-        """Whether the truth stands out by itself."""
-        return self.seen >= SEEN and self.told >= TOLD
-
-    @property
-    def misnamed(self) -> bool:
-        """Whether a cause was named that is not there."""
-        return bool(set(self.named) - set(self.truth))
-
-    def json(self) -> dict[str, Any]:
-        """As a JSON object."""
-        return asdict(self)
-
-    @classmethod
-    def of_json(cls, content: dict[str, Any]) -> Record:
-        """From one."""
-        lists = {name: tuple(map(tuple, value)) if name == "ranked" else tuple(value)
-                 for name, value in content.items() if isinstance(value, list)}
-        return cls(**(content | lists))
-
-
 @dataclass(frozen=True, eq=False)
 class Lab:
-    """The designs with their fitted models, and the study's seed; ``loops`` are the paper's up and
-    down."""
+    """The designs with their fitted models, made when they are first asked for by so many workers,
+    and the study's seed; ``loops`` are the paper's up and down."""
 
-    paper: tuple[Design, Simulation]
-    loops: tuple[Design, Simulation]
-    circles: tuple[Design, Simulation]
     seed: int
+    workers: int = 1
+
+    @cached_property
+    def paper(self) -> tuple[Design, Simulation]:
+        design = paper()
+        return design, design.simulation(self.workers)
+
+    @cached_property
+    def loops(self) -> tuple[Design, Simulation]:
+        return paper(LOOP), self.paper[1]
+
+    @cached_property
+    def circles(self) -> tuple[Design, Simulation]:
+        design = circles()
+        return design, design.simulation(self.workers)
 
     def run(self, population: str, number: int) -> list[Record]:
         """The trial of that number."""
@@ -154,7 +103,8 @@ def _null(lab: Lab, generator: np.random.Generator, number: int) -> list[Record]
     design, simulation, means = lab.by(number)
     truth, values, again = hidden(design, generator, (), means)
     record = Record("null", number, means, (), again, 0.0, 0.0)
-    return [judged(record, design, simulation, measured(design, values, generator, number), truth)]
+    table = measured(design, values, generator, number)
+    return [judged(record, design, simulation, table, truth)[0]]
 
 
 def _single(lab: Lab, generator: np.random.Generator, number: int) -> list[Record]:
@@ -187,7 +137,7 @@ def _gain(lab: Lab, generator: np.random.Generator, number: int) -> list[Record]
                                      number)
     table = measured(design, values, generator, number)
     record = Record("gain", number, means, tuple(map(str, truth.hypothesis)), again, 0.0, 0.0)
-    finished, verdict = _judged(record, design, simulation, table, truth)
+    finished, verdict = judged(record, design, simulation, table, truth)
     further = simulation if verdict is None else verdict.simulation
     seen, apart = stands_out(further, truth, table.with_values(values), _visible(design), verdict)
     if verdict is None:
@@ -230,7 +180,7 @@ def _of_some(population: str, number: int, design: Design, simulation: Simulatio
     """A trial with effects, and whether they stand out among the others."""
     record = Record(population, number, truth.means, tuple(map(str, truth.hypothesis)), again, 0.0,
                     0.0)
-    finished, judgement = _judged(record, design, simulation, table, truth)
+    finished, judgement = judged(record, design, simulation, table, truth)
     further = simulation if judgement is None else judgement.simulation
     seen, apart = stands_out(further, truth, table.with_values(values), _visible(design), judgement,
                              pairs=len(truth.hypothesis) > 1)
@@ -245,7 +195,7 @@ def _deleted(record: Record, design: Design, simulation: Simulation, table: Read
     kept = tuple(cause for cause in design.causes if cause.name != truth.hypothesis[0].name)
     blank = Record("deleted", record.number, record.means, record.truth, record.again, record.seen,
                    record.told)
-    return [judged(blank, replace(design, causes=kept), simulation, table, truth)]
+    return [judged(blank, replace(design, causes=kept), simulation, table, truth)[0]]
 
 
 def _large(lab: Lab, generator: np.random.Generator, number: int) -> list[Record]:
@@ -258,7 +208,7 @@ def _large(lab: Lab, generator: np.random.Generator, number: int) -> list[Record
     records = [_of_some("large", number, design, simulation, truth, table, values, again)]
     for name, widen in WRONG_SCALES.items() if number % 2 == 0 else ():
         record = replace(_blank(records[0]), population=name)
-        records.append(_judged(record, design, simulation, table, truth, widen)[0])
+        records.append(judged(record, design, simulation, table, truth, widen)[0])
     return records
 
 
@@ -287,7 +237,7 @@ def _map(lab: Lab, generator: np.random.Generator, number: int) -> list[Record]:
                     widths=(first, second))
     if values is None:
         return [replace(record, verdict="no equilibrium")]
-    return [judged(record, design, simulation, measured(design, values, generator, 0), truth)]
+    return [judged(record, design, simulation, measured(design, values, generator, 0), truth)[0]]
 
 
 def _random(lab: Lab, generator: np.random.Generator, number: int) -> list[Record]:
@@ -361,7 +311,7 @@ def _outside(lab: Lab, generator: np.random.Generator, number: int) -> list[Reco
     stranger = STRANGERS[name](generator, design)
     truth, values, again = hidden(design, generator, (), "elements", stranger)
     table = measured(design, values, generator, number)
-    record, judgement = _judged(Record("outside", number, "elements", (name,), again, 0.0, 0.0),
+    record, judgement = judged(Record("outside", number, "elements", (name,), again, 0.0, 0.0),
                                 design, simulation, table, truth)
     further = simulation if judgement is None else judgement.simulation
     least = best_of(further, _visible(design), table.with_values(values))
@@ -378,7 +328,7 @@ def _alias(lab: Lab, generator: np.random.Generator, number: int) -> list[Record
         design = design.after(3 * 3600.0)
     truth, values, again = hidden(design, generator, (Cause(effect),), "elements")
     record = Record("alias", number, "elements", (effect,), again, 0.0, 0.0)
-    finished, verdict = _judged(record, design, simulation,
+    finished, verdict = judged(record, design, simulation,
                                 measured(design, values, generator, number), truth)
     if verdict is None:
         return [finished]
@@ -394,7 +344,7 @@ def _noise(lab: Lab, generator: np.random.Generator, number: int) -> list[Record
     table = measured(design, values, generator, number)
     return [judged(Record(f"noise stated {words}", number, means, (), again, 0.0, 0.0), design,
                    simulation,
-                   table.with_sigma(table.sigma * factor), truth)
+                   table.with_sigma(table.sigma * factor), truth)[0]
             for words, factor in (("too small", 1 / _MISJUDGED), ("too large", _MISJUDGED))]
 
 
@@ -407,126 +357,16 @@ def _form(lab: Lab, generator: np.random.Generator, number: int) -> list[Record]
     if hypothesis:
         return [_of_some("form", number, design, simulation, truth, table, values, again)]
     record = Record("form", number, "form error", (), again, 0.0, 0.0)
-    return [judged(record, design, simulation, table, truth)]
+    return [judged(record, design, simulation, table, truth)[0]]
+
+
+def _stratum(name: str, lab: Lab, generator: np.random.Generator, number: int) -> list[Record]:
+    return stratum_trial(name, generator, number)
 
 
 POPULATIONS: dict[str, Callable[[Lab, np.random.Generator, int], list[Record]]] = {
     "null": _null, "single": _single, "strong": _strong, "pair": _pair, "duo": _duo,
     "outside": _outside,
     "alias": _alias, "noise": _noise, "form": _form, "gain": _gain, "large": _large,
-    "large pair": _large_pair, "map": _map, "random": _random}
-
-
-def stands_out(simulation: Simulation, truth: Truth, exact: ReadingTable,
-               causes: Sequence[Cause], judgement: Judgement | None = None,
-               pairs: bool = False) -> tuple[float, float]:
-    """χ² by which the nominal model, and the best rival, miss readings without noise more than the
-    truth does.
-
-    Rivals are single effects, or ``pairs`` too, explored as in a diagnosis; single ones start where
-    a judgement of the readings with noise had them. They are not asked for an effect that cannot be
-    seen, nor further ones once the effect is not told from one.
-    """
-    simulation, unknowns = grown_to(simulation, truth.hypothesis, truth.unknowns)
-    nominal = fit(simulation, (), exact)
-    if not nominal.possible:
-        return 0.0, 0.0
-    of_truth = fit(simulation, truth.hypothesis, exact, unknowns, _LOOSE).chi_squared
-    seen, apart = nominal.chi_squared - of_truth, np.inf
-    if seen < SEEN:
-        return seen, 0.0
-    if pairs:
-        fits = _explored(simulation, causes, exact, nominal, of_truth + TOLD)
-        return seen, min(fit.chi_squared - of_truth for fit in fits
-                         if set(fit.hypothesis) != set(truth.hypothesis))
-    starts = {} if judgement is None else {
-        single.hypothesis: single.unknowns for single in judgement.alone}
-    for rival in ((cause,) for cause in causes if (cause,) != truth.hypothesis):
-        first = fit(simulation, rival, exact, starts.get(rival, nominal.unknowns))
-        best = fit(simulation, rival, exact, first.unknowns, _LOOSE)
-        apart = min([apart, *(attempt.chi_squared - of_truth for attempt in (first, best)
-                              if attempt.possible)])
-        if apart < TOLD:
-            break
-    return seen, float(apart)
-
-
-def best_of(simulation: Simulation, causes: Sequence[Cause], exact: ReadingTable) -> float:
-    """χ² by which the best of the library, as far as it goes, misses readings without noise."""
-    nominal = fit(simulation, (), exact)
-    if not nominal.possible or nominal.chi_squared < SEEN:
-        return nominal.chi_squared if nominal.possible else 0.0
-    return min(fit.chi_squared for fit in _explored(simulation, causes, exact, nominal, SEEN))
-
-
-def _explored(simulation: Simulation, causes: Sequence[Cause], exact: ReadingTable,
-              nominal: Fit, enough: float) -> list[Fit]:
-    """Every cause and two together, fitted where only the readings count.
-
-    As far as they go while none has a χ² below ``enough``, from there on as in a diagnosis.
-    """
-    exploration = Exploration(simulation, exact, nominal, causes,
-                              lambda fitted: fitted.chi_squared < enough, _LOOSE)
-    exploration.run()
-    return exploration.ranked()
-
-
-def judged(record: Record, design: Design, simulation: Simulation, table: ReadingTable,
-           truth: Truth) -> Record:
-    """The record with what the diagnosis said."""
-    return _judged(record, design, simulation, table, truth)[0]
-
-
-def _judged(record: Record, design: Design, simulation: Simulation, table: ReadingTable,
-            truth: Truth, widen: float = 1.0) -> tuple[Record, Judgement | None]:
-    record = replace(record, widths=record.widths or truth.widths)
-    try:
-        judgement = judge(*fitted_to(simulation, table), design.causes, widen=widen,
-                          seed=record.number)
-    except (ArithmeticError, InputError) as error:
-        return replace(record, words=str(error)), None
-    p_values = judgement.test.p_values
-    # The least probable pattern, one of few columns where there is a choice.
-    strongest = min([name for name in p_values if name != "ramps"] or p_values, key=p_values.get)
-    record = replace(record, verdict=judgement.verdict, named=tuple(map(str, judgement.named)),
-                     listed=tuple(map(str, judgement.suspects)), p_value=judgement.test.p_value,
-                     noise=judgement.test.noise, words=strongest)
-    asked = truth.hypothesis and record.population in ("single", "strong", "pair", "duo", "form")
-    if asked:
-        record = replace(record, inside=_inside(judgement, truth))
-    if judgement.posterior is None or judgement.after is None:
-        return record, judgement
-    posterior = judgement.posterior
-    ranked = tuple((str(cause), float(share))
-                   for cause, share in list(posterior.of_causes().items())[:5])
-    covered = any(set(candidate.hypothesis) == set(truth.hypothesis)
-                  for candidate in posterior.credible()) if asked else None
-    return replace(record, ranked=ranked, best=tuple(map(str, posterior.fits[0].hypothesis)),
-                   wrong=posterior.wrong, unknown=posterior.discrepancy,
-                   after=judgement.after.p_value, covered=covered), judgement
-
-
-def fitted_to(simulation: Simulation, table: ReadingTable) -> tuple[Simulation, ReadingTable]:
-    """The simulation, or, where readings are beyond it, one made for them as a diagnosis does.
-
-    And the readings that it can be at.
-    """
-    nominal = nominal_fit(simulation, table)
-    if nominal.possible and table.value.max() < min(law.grid.heave for law in simulation.laws):
-        return simulation, table
-    made = calibrated(simulation.setup, table)
-    return with_effects(made.simulation, lambda done, count: None, 1), made.table
-
-
-def _inside(judgement: Judgement, truth: Truth) -> tuple[bool, ...]:
-    """Whether the true sizes are within their 95 % intervals if it is known what to look for."""
-    further, unknowns = grown_to(judgement.simulation, truth.hypothesis, truth.unknowns)
-    fitted = fit(further, truth.hypothesis, judgement.table, unknowns)
-    if not fitted.possible:
-        return tuple(False for _ in truth.sizes)
-    limits = [interval(fitted, 2 + number)[1:] for number in range(len(truth.sizes))]
-    sizes = [abs(size) if fitted.bounds[0, 2 + number] >= 0 else size
-             for number, size in enumerate(truth.sizes)]
-    return tuple(low <= size <= high for size, (low, high) in zip(sizes, limits, strict=True))
-
-
+    "large pair": _large_pair, "map": _map, "random": _random,
+    **{name: partial(_stratum, name) for name in STRATA}}

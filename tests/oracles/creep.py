@@ -185,8 +185,8 @@ class CreepingFilm:
         points, squared = 3 * self.degree, self.prestretch**2
         if self.mounted == np.inf:
             return np.full(2 * points, squared)
-        held = np.array([squared])
-        done = solve_ivp(lambda _, v: self._flow(held, held, v, v)[:1], (0.0, self.mounted), [1.0],
+        flat = np.array([squared])
+        done = solve_ivp(lambda _, v: self._flow(flat, flat, v, v)[:1], (0.0, self.mounted), [1.0],
                          "LSODA", rtol=1e-9, atol=1e-10)
         return np.full(2 * points, done.y[0, -1])
 

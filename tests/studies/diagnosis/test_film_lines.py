@@ -8,7 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.film_lines import readings as film_lines
+from benchmarks.trials.strata import lines as film_lines
+from benchmarks.trials.strata.evidence import cross, seen_heights
+from benchmarks.trials.synthetic_trials import FINEST, MESHES
 from tests.oracles.axisymmetric import solve_deflection
 from tests.support.datasets import HEAD, write_dataset
 from tests.support.specimens import circular, reference_film, skewed
@@ -64,12 +66,12 @@ def test_a_laser_sees_the_axisymmetric_membrane(heave: float, voltage: float) ->
 
 def test_a_laser_sees_a_tilted_plate_and_a_film_without_symmetry() -> None:
     """Against places sought step by step in the whole field model on a mesh of another order."""
-    films = [build_model(skewed(), settings) for settings in (COARSE, film_lines.OTHER)]
+    films = [build_model(skewed(), settings) for settings in (COARSE, MESHES[FINEST])]
     states = [equilibrium(film, 0.1, 2e3).state for film in films]
     assert states[0].plate.tilt > 4e-3
-    places = np.concatenate([film_lines.cross(skewed()), skewed().plate.points(40).T])
+    places = np.concatenate([cross(skewed()), skewed().plate.points(40).T])
     seen = shape_of(films[0], states[0]).heights(places)
-    assert seen == pytest.approx(film_lines.heights(films[1], states[1], places), abs=5e-6)
+    assert seen == pytest.approx(seen_heights(films[1], states[1], places), abs=5e-6)
 
 
 def test_shapes_of_the_reduced_model_and_their_derivatives(tmp_path: Path) -> None:
@@ -109,7 +111,7 @@ def test_what_heaves_do_not_tell_a_line_names(tmp_path: Path, effect: str,
                                               sizes: tuple[float, ...]) -> None:
     hidden = [(effect, sizes, None)]
     verdicts = {}
-    for name, places in (("heaves", None), ("line", film_lines.cross)):
+    for name, places in (("heaves", None), ("line", cross)):
         data = film_lines.write(tmp_path / name, hidden, 1, shapes=["round"], places=places)
         diagnosis = diagnose(read_dataset(data))
         verdicts[name] = diagnosis.json()
@@ -145,18 +147,18 @@ def test_places_off_the_film_get_line_and_column(
 
 def test_places_may_be_counted_from_the_plate(tmp_path: Path) -> None:
     """The same readings with the plate off centre, in both frames."""
-    offset = ', offset = ["4 mm", "-2 mm"]'
+    offset = (4e-3, -2e-3)
 
     def moved(places: np.ndarray) -> np.ndarray:
         return places - [4e-3, -2e-3]
 
     def inside(specimen: object) -> np.ndarray:
-        return film_lines.cross(circular())[5:-5] * 0.8
+        return cross(circular())[5:-5] * 0.8
 
     fits = []
-    for name, more, change in (("table", "", lambda places: places),
-                               ("plate", 'field_frame = "plate"\n', moved)):
-        data = film_lines.write(tmp_path / name, seed=3, shapes=["round"], offset=offset, more=more,
+    for name, head, change in (("table", {}, lambda places: places),
+                               ("plate", {"field_frame": "plate"}, moved)):
+        data = film_lines.write(tmp_path / name, seed=3, shapes=["round"], offset=offset, head=head,
                                 places=inside, change=change)
         readings = prepared_readings(read_dataset(data))
         fits.append(calibrated(readings.setup, readings.table).fit)
@@ -175,7 +177,7 @@ WRITTEN = {
 def test_another_frame_is_told_before_it_gets_a_cause(tmp_path: Path, frame: str) -> None:
     """A plate known to sit off centre makes every one of them another film."""
     data = film_lines.write(tmp_path / "d", seed=3, shapes=["round"],
-                            offset=', offset = ["4 mm", "-2.5 mm"]',
+                            offset=(4e-3, -2.5e-3),
                             change=lambda places: places @ np.array(WRITTEN[frame]).T)
     with pytest.raises(InputError, match=r"fits better with .* \(p below 1e-") as answer:
         diagnose(read_dataset(data))

@@ -55,7 +55,7 @@ def test_a_mass_is_named_by_frequencies(tmp_path: Path, hidden: Hidden, effect: 
     assert parameter["value"] * unit == pytest.approx(size, rel=0.12)
 
 
-@pytest.mark.parametrize("electrode", [0.12, 0.5])
+@pytest.mark.parametrize("electrode", [pytest.param(0.12, marks=pytest.mark.study), 0.5])
 def test_heavy_grease_at_rest_alone_is_not_taken_for_another_thing(tmp_path: Path,
                                                                    electrode: float) -> None:
     """Its weight grows with the film, which a sensor's gain does as well: neither gets a name."""

@@ -13,11 +13,13 @@ from scipy.stats import kstest
 
 from benchmarks.trials.axisymmetric_readings import heaves
 from benchmarks.trials.hidden_effects import COUNTS, lab_of, order, study
-from benchmarks.trials.rate import Rate
-from benchmarks.trials.rates import page, rates
-from benchmarks.trials.size_rates import draw_maps, draw_sizes, size_rates
+from benchmarks.trials.judging import fitted_to, stands_out
+from benchmarks.trials.rates.kinds import rates
+from benchmarks.trials.rates.page import page
+from benchmarks.trials.rates.rate import Rate
+from benchmarks.trials.rates.sizes import draw_maps, draw_sizes, size_rates
+from benchmarks.trials.record import Record
 from benchmarks.trials.synthetic_trials import (
-    LOOP,
     Design,
     Means,
     Truth,
@@ -33,11 +35,8 @@ from benchmarks.trials.trial import (
     MAP_WIDTHS,
     SIZES_DRAWN,
     Lab,
-    Record,
     alias_cell,
-    fitted_to,
     measured,
-    stands_out,
 )
 from benchmarks.trials.unmodelled_faults import STRANGERS, Bend, Jump, Stick
 from tests.oracles.axisymmetric import Film, neo_hooke, solve_load
@@ -60,9 +59,7 @@ ROOT5 = 5**0.5
 def lab() -> Lab:
     """The paper's three actuators with their force laws, the dearest part; circles are left to the
     study."""
-    design = paper()
-    bench = design, design.simulation(2)
-    return Lab(bench, (paper(LOOP), bench[1]), bench, SEED)
+    return Lab(SEED, 2)
 
 
 def trials(lab: Lab, population: str, count: int) -> list[Record]:

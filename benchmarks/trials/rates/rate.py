@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from scipy.stats import beta
 
-from benchmarks.trials.trial import Record
+from benchmarks.trials.record import Record
 
 #: How trials end that say nothing.
 GONE = ("refused", "raised")

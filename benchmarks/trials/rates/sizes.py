@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from benchmarks.trials.rate import GONE, Rate, share
-from benchmarks.trials.trial import ALIAS_PAIRS, MAP_WIDTHS, WRONG_SCALES, Record
+from benchmarks.trials.rates.rate import GONE, Rate, share
+from benchmarks.trials.record import Record
+from benchmarks.trials.trial import ALIAS_PAIRS, MAP_WIDTHS, WRONG_SCALES
 from tympan.studies.diagnosis.inference.identifiability import SEEN
 
 if TYPE_CHECKING:

@@ -1,1 +1,0 @@
-"""What lines over films tell that heaves do not."""

@@ -1,0 +1,1 @@
+"""What records of trials add up to: rates with intervals, pages, pictures."""

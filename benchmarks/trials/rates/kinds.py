@@ -1,0 +1,196 @@
+"""What a study's records add up to: rates with intervals against their targets."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+
+import numpy as np
+
+from benchmarks.trials.rates.rate import GONE, Rate, share
+from benchmarks.trials.rates.sizes import size_rates
+from benchmarks.trials.record import Record
+from tympan.studies.diagnosis.inference.identifiability import SEEN, TOLD
+
+#: Edges of the bins of Δχ² for the power curve, and bins of equal count for stated probabilities.
+_EDGES = (-np.inf, 1.0, 4.0, 9.0, 16.0, 25.0, 50.0, 100.0, 400.0, np.inf)
+_BINS = 8
+#: What the causes are mixed by for the calibration of stated probabilities: the priors of the
+#: diagnosis.
+_MIXTURE = {"single": 0.6, "pair": 0.2, "outside": 0.2}
+
+#: Records that say something, by population.
+Kinds = dict[str, list[Record]]
+
+
+def rates(records: Sequence[Record]) -> list[Rate]:
+    """The rates of the study."""
+    kinds: Kinds = {}
+    for record in records:
+        some = kinds.setdefault(record.population, [])
+        if record.verdict not in GONE:
+            some.append(record)
+    return [*_of_single(kinds), *_of_sets(kinds, records), *_of_outside(kinds), *_of_pairs(kinds),
+            *_of_wrong_noise_and_law(kinds),
+            share("refused, or ended in an error", list(records),
+                  lambda record: record.verdict in GONE),
+            *_of_gains(kinds), *_of_random(kinds, records), *size_rates(records)]
+
+
+def _named(kinds: Kinds) -> list[Record]:
+    """Single effects that are identifiable."""
+    return [record for name in ("single", "strong") for record in kinds.get(name, [])
+            if record.identifiable]
+
+
+def _of_single(kinds: Kinds) -> list[Rate]:
+    named, single = _named(kinds), kinds.get("single", [])
+    weak = [record for record in single if not record.identifiable]
+    seen = [record for record in (*single, *kinds.get("strong", [])) if record.seen >= SEEN]
+    return [
+        share("nothing hidden: false alarms", kinds.get("null", []), _alarm, high=0.05),
+        share(f"one effect, Δχ² ≥ {SEEN:g}: detected", seen, _alarm, 0.95),
+        share("one identifiable effect: it is the most probable cause", named, _first, low=0.95),
+        share("one identifiable effect: it is named", named, _right, low=0.8),
+        share("one identifiable effect: another is named", named, lambda record: record.misnamed,
+              high=0.02),
+        share("one effect too weak to be identified: another is named", weak,
+              lambda record: record.misnamed, high=0.02),
+        share("exact aliases: said to be, and none of them named", kinds.get("alias", []),
+              lambda record: record.reported, low=1.0)]
+
+
+def _of_sets(kinds: Kinds, records: Sequence[Record]) -> list[Rate]:
+    alarmed = {name: [record for record in kinds.get(name, []) if record.covered is not None]
+               for name in ("single", "pair")}
+    sizes, large = ([hit for record in kind for hit in record.inside]
+                    for kind in (kinds.get("single", []), _named(kinds)))
+    mendless = [record for record in records
+                if record.population != "outside" or record.told >= TOLD]
+    return [
+        Rate("effects as drawn, one or two as often as the diagnosis expects, seen: 95 % set has "
+             "them", 0, sum(map(len, alarmed.values())), 0.92, 0.98, covering(alarmed)),
+        share("the same, one effect: the set, which leaves room for two, has it",
+              alarmed["single"], lambda record: record.covered, 0.92),
+        Rate("calibration error of the first cause's stated probability", 0,
+             sum(bool(record.ranked) for name in _MIXTURE for record in kinds.get(name, [])),
+             0.0, 0.05, calibration(records)[0]),
+        Rate("the same, without strangers that an effect of the library makes as well", 0,
+             sum(bool(record.ranked) for record in mendless for name in _MIXTURE
+                 if record.population == name), 0.0, 0.05, calibration(mendless)[0]),
+        Rate("one effect as drawn: 95 % intervals have the true size", sum(sizes), len(sizes), 0.92,
+             0.98),
+        Rate("the same, identifiable effects", sum(large), len(large), 0.92, 0.98)]
+
+
+def _of_outside(kinds: Kinds) -> list[Rate]:
+    outside = [record for record in kinds.get("outside", []) if record.seen >= SEEN]
+    return [
+        share(f"outside the library, Δχ² ≥ {SEEN:g} from it: unexplained", outside,
+              lambda record: record.verdict == "unexplained", low=0.9),
+        share("outside the library: some effect is named", outside,
+              lambda record: bool(record.named), high=0.05)]
+
+
+def _of_pairs(kinds: Kinds) -> list[Rate]:
+    pairs = [record for name in ("pair", "duo") for record in kinds.get(name, [])
+             if record.identifiable]
+    return [
+        share("two identifiable effects: both found (most probable hypothesis)", pairs,
+              lambda record: set(record.best) == set(record.truth), low=0.8),
+        share("the same: both named", pairs, _right),
+        share("the same: another is named", pairs, lambda record: record.misnamed, high=0.02),
+        share("the true effect deleted from the library: another is named",
+              kinds.get("deleted", []), lambda record: bool(record.named), high=0.05)]
+
+
+def _of_wrong_noise_and_law(kinds: Kinds) -> list[Rate]:
+    form = kinds.get("form", [])
+    return [
+        *(share(f"nothing hidden, noise stated 1.5 times {words}: false alarms",
+                kinds.get(f"noise stated {words}", []), _alarm, high=0.1)
+          for words in ("too small", "too large")),
+        share("nothing hidden, stress 1 to 2 % wrong by another law: alarms",
+              [record for record in form if not record.truth], _alarm),
+        share("one identifiable effect, stress 1 to 2 % wrong: another is named",
+              [record for record in form if record.identifiable],
+              lambda record: record.misnamed)]
+
+
+def _of_gains(kinds: Kinds) -> list[Rate]:
+    sure = [record for record in kinds.get("gain", []) if record.identifiable]
+    gained = [record.ratio for record in sure if record.ratio is not None]
+    predicted = [record.predicted for record in sure if record.predicted]
+    return [
+        Rate("one identifiable effect: error beyond noise on readings held out, after over before, "
+             "median", 0, len(gained), 0.0, 0.3, float(np.median(gained)) if gained else 1.0),
+        Rate("the same: readings held out within their 95 % predictive bands",
+             sum(hits for hits, _ in predicted), sum(count for _, count in predicted), 0.92, 0.98)]
+
+
+def _of_random(kinds: Kinds, records: Sequence[Record]) -> list[Rate]:
+    return [
+        share("random designs, from files to the page: raised or refused",
+              [record for record in records if record.population == "random"],
+              lambda record: record.verdict in GONE, high=0.0),
+        share("the same, films that are only softer or stiffer: an effect is named",
+              kinds.get("random", []), lambda record: bool(record.named), high=0.05)]
+
+
+def _alarm(record: Record) -> bool:
+    return record.verdict != "nothing"
+
+
+def _first(record: Record) -> bool:
+    return bool(record.ranked) and record.ranked[0][0] in record.truth
+
+
+def _right(record: Record) -> bool:
+    return set(record.named) == set(record.truth)
+
+
+def covering(alarmed: Mapping[str, Sequence[Record]]) -> float:
+    """Share of sets that have the truth, kinds of trials weighted as the diagnosis expects them."""
+    asked = {name: records for name, records in alarmed.items() if records}
+    total = sum(_MIXTURE[name] for name in asked)
+    return sum(
+        _MIXTURE[name] / total * sum(bool(record.covered) for record in records) / len(records)
+        for name, records in asked.items())
+
+
+def calibration(records: Sequence[Record]) -> tuple[float, list[tuple[float, float, int]]]:
+    """Expected error of the first cause's stated probability, and (stated, true share, count) of
+    each bin.
+
+    Trials with one effect, two, and a stranger, as they were drawn, are weighted as the diagnosis
+    expects them.
+    """
+    kinds = {name: [record for record in records if record.population == name and record.ranked]
+             for name in _MIXTURE}
+    rows = [(record.ranked[0][1], float(record.ranked[0][0] in record.truth),
+             _MIXTURE[name] / len(kind))
+            for name, kind in kinds.items() for record in kind]
+    if not rows:
+        return 1.0, []
+    stated, true, weight = np.array(sorted(rows)).T
+    bins = np.minimum((np.cumsum(weight) - weight / 2) / weight.sum() * _BINS,
+                      _BINS - 1e-9).astype(int)
+    curve = [(float(np.average(stated[bins == k], weights=weight[bins == k])),
+              float(np.average(true[bins == k], weights=weight[bins == k])), int((bins == k).sum()))
+             for k in np.unique(bins)]
+    shares = [weight[bins == k].sum() / weight.sum() for k in np.unique(bins)]
+    return float(sum(part * abs(a - b) for part, (a, b, _) in zip(shares, curve,
+                                                                    strict=True))), curve
+
+
+def power(records: Sequence[Record]) -> list[tuple[float, float, Rate, Rate]]:
+    """Bins of Δχ² with the shares detected, and named rightly."""
+    single = [record for record in records
+              if record.population == "single" and record.verdict not in GONE]
+    bins = []
+    for low, high in pairwise(_EDGES):
+        within = [record for record in single if low <= record.seen < high]
+        if within:
+            bins.append((low, high, share("detected", within, _alarm),
+                         share("named", within, _right)))
+    return bins

@@ -1,0 +1,1 @@
+"""Effects hidden in more kinds of evidence than readings at rest."""

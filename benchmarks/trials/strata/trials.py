@@ -1,0 +1,247 @@
+"""Trials with more kinds of evidence: an effect of any size hidden in files as a laboratory writes
+them, each judged by its readings at rest alone and by all."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from functools import cache, partial
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+
+from benchmarks.trials.judging import concluded, stands_out
+from benchmarks.trials.record import Record
+from benchmarks.trials.strata import steps
+from benchmarks.trials.strata.evidence import (
+    Columns,
+    ReadingPlan,
+    evidence,
+    sheets,
+    write_dataset,
+)
+from benchmarks.trials.strata.steps import StepPlan, step_evidence, step_sheets
+from benchmarks.trials.synthetic_trials import (
+    ALIASES,
+    FINEST,
+    NOISE,
+    ROUND,
+    Means,
+    Truth,
+    circles,
+    design,
+    draw,
+    drawn_until,
+    paper,
+)
+from tympan.fem.film.laws import Ogden
+from tympan.geometry.outlines import Circle, Ellipse
+from tympan.geometry.specimen import Film, Plate, Specimen
+from tympan.studies.data.dataset import Dataset, read_dataset
+from tympan.studies.diagnosis.diagnose import judge_dataset
+from tympan.studies.diagnosis.inference.verdict import Judgement
+from tympan.studies.diagnosis.readings import PreparedReadings, prepared_readings
+from tympan.studies.diagnosis.reduced.simulation import Cause, Hypothesis
+from tympan.studies.effects import EFFECTS
+
+#: A part of a dataset that is judged.
+View = Callable[[Dataset], Dataset]
+Plan = ReadingPlan | StepPlan
+
+#: Sizes over the usual ones.
+SIZES = (0.3, 20.0)
+#: Every so many trials nothing is hidden.
+_NOTHING = 11
+_NOISES = (NOISE, NOISE / 2, 2 * NOISE)
+_VOLTAGES = np.linspace(0.0, 5500.0, 8)
+
+#: Effects of circular films by the equations, at rest and as they swing; and those that films by
+#: elements do not have: what is one with another, what needs ramps both ways or moves in time, and
+#: air, which they have by the diagnosis' own formula.
+_ROUND = tuple(name for name in ROUND if name not in ALIASES)
+_SWINGING = ("added_mass", "air_mass")
+_NOT_BY_ELEMENTS = {*ALIASES, "friction", "hysteresis", "cone_kinematics", "creep", "mounting_age",
+                    "plate_damping", "series_resistance", "sensor_lag", "air_mass"}
+
+
+@dataclass(frozen=True)
+class Question:
+    """What a trial reads, by which means that is made, and of which effects one is hidden."""
+
+    plan: Plan
+    means: Means
+    effects: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Stratum:
+    """Evidence beside readings at rest: what is asked in a trial of a number, and the ``views`` of
+    its dataset that are judged, in words, "" for all there is."""
+
+    ask: Callable[[int], Question]
+    views: Mapping[str, View]
+
+
+def at_rest(dataset: Dataset) -> Dataset:
+    """Its readings at rest alone."""
+    return replace(dataset, frequencies=None, fields=None, transients=None)
+
+
+def with_dwell(dataset: Dataset) -> Dataset:
+    """The same, with how long each state was held."""
+    return at_rest(dataset)
+
+
+def without_dwell(dataset: Dataset) -> Dataset:
+    """The same, as if each state had been held for ever."""
+    alone = with_dwell(dataset)
+    assert alone.static is not None
+    values = {**alone.static.values, "dwell": np.full(len(alone.static), np.nan)}
+    return replace(alone, static=replace(alone.static, values=values))
+
+
+def whole(dataset: Dataset) -> Dataset:
+    """All of it."""
+    return dataset
+
+
+@cache
+def _three(kind: str) -> ReadingPlan:
+    """Three specimens, each tapped at the lowest voltage and in the middle."""
+    named = circles() if kind == "circles" else paper()
+    some = design(kind, named.setup.specimens, voltages=_VOLTAGES)
+    tapped = np.isin(some.table.states.voltage, _VOLTAGES[[0, len(_VOLTAGES) // 2]])
+    return ReadingPlan(some, tapped=np.flatnonzero(tapped))
+
+
+@cache
+def _two(kind: str, tapped: bool = False) -> ReadingPlan:
+    """Two specimens, lines over them under the heavier mass at the lowest and highest voltage."""
+    film = Film(1e-3, (5**0.5, 5**0.5), Ogden((20e3,), (2.0,)), 4.7)
+    other = Circle(60e-3) if kind == "circles" else Ellipse((60e-3, 45e-3))
+    specimens = [Specimen(name, frame, Plate(Circle(10e-3)), film)
+                 for name, frame in (("round", Circle(45e-3)), ("other", other))]
+    some = design(kind, specimens, voltages=_VOLTAGES)
+    states = some.table.states
+    ends = np.isin(states.voltage, _VOLTAGES[[0, -1]])
+    return ReadingPlan(some, scanned=np.flatnonzero(ends & (states.mass == states.mass.max())),
+                       tapped=np.flatnonzero(ends if tapped else ends & False))
+
+
+def _by_turns(circular: Callable[[], ReadingPlan], others: Callable[[], ReadingPlan], number: int
+              ) -> Question:
+    """Circular films by the equations and others by elements, half of these of another law."""
+    if number % 2 == 0:
+        plan = circular()
+        return Question(plan, "equations", _ROUND + _SWINGING * bool(len(plan.tapped)))
+    plan = others()
+    effects = tuple(name for name in EFFECTS if name not in _NOT_BY_ELEMENTS
+                    and (len(plan.tapped) or name != "added_mass")
+                    and (len(plan.scanned) or name != "thickness_gradient"))
+    # Of each effect now one law, now the other.
+    return Question(plan, ("elements", "another law")[(number // 2 + number // 32) % 2], effects)
+
+
+def _step(number: int) -> Question:
+    """Slow steps of films with and without a stated branch, and fast ones, by turns."""
+    means: Means = ("equations", "another law")[number // 3 % 2]
+    if number % 3 == 2:
+        return Question(steps.fast(), "equations", (*steps.FAST, *steps.AT_REST))
+    if number % 3 == 1:
+        return Question(steps.slow(steps.SLOW_BRANCH), means, ("mounting_age", *steps.AT_REST))
+    return Question(steps.slow(), means, ("creep", *steps.AT_REST))
+
+
+_TWICE = {"at rest": at_rest, "": whole}
+STRATA: dict[str, Stratum] = {
+    "frequencies": Stratum(partial(_by_turns, partial(_three, "circles"),
+                                   partial(_three, "paper")), _TWICE),
+    "lines": Stratum(partial(_by_turns, partial(_two, "circles"), partial(_two, "others")), _TWICE),
+    "transients": Stratum(_step, {"at rest": without_dwell, "at rest, with dwell": with_dwell,
+                                  "": whole}),
+    "mixture": Stratum(partial(_by_turns, partial(_two, "circles", True),
+                               partial(_two, "others", True)), _TWICE)}
+
+
+def population_of(stratum: str, view: str) -> str:
+    """What records of a stratum are called that were judged by a view."""
+    return f"{stratum}, {view}" if view else stratum
+
+
+def stratum_trial(name: str, generator: np.random.Generator, number: int) -> list[Record]:
+    """The records of a trial, one of each view."""
+    stratum = STRATA[name]
+    question = stratum.ask(number)
+    hypothesis = _hidden(question, number, generator)
+    truth, read, again = drawn_until(
+        partial(_read, question.plan),
+        lambda: _on_its_mesh(question, draw(generator, hypothesis, question.means, widths=SIZES)))
+    noise = _NOISES[number // 3 % len(_NOISES)]
+    blank = Record(name, number, question.means, tuple(map(str, hypothesis)), again, 0.0, 0.0,
+                   words=f"{truth.sizes}")
+    seed = int(generator.integers(2**32))
+    with TemporaryDirectory() as place:
+        datasets = [_dataset(Path(place) / words, question.plan, read, noise, seed, exact)
+                    for words, exact in (("noisy", False), ("exact", True))]
+        return [_judged(replace(blank, population=population_of(name, words)), truth,
+                        *(view(dataset) for dataset in datasets))
+                for words, view in stratum.views.items()
+                if view is not with_dwell or getattr(question.plan, "dwell", None)]
+
+
+def _hidden(question: Question, number: int, generator: np.random.Generator) -> Hypothesis:
+    """Each effect in turn, in an order of no meaning, or nothing."""
+    if number % _NOTHING == _NOTHING - 1:
+        return ()
+    turns = 3 if isinstance(question.plan, StepPlan) else 2
+    order = np.random.default_rng(len(question.plan.design.table)).permutation(question.effects)
+    effect = EFFECTS[str(order[number // turns % len(order)])]
+    choices = effect.choices(question.plan.design.setup)
+    return (Cause(effect.name, choices[int(generator.integers(len(choices)))]),)
+
+
+def _on_its_mesh(question: Question, truth: Truth) -> Truth:
+    """Films' shapes are read of the finest mesh."""
+    lines = isinstance(question.plan, ReadingPlan) and len(question.plan.scanned)
+    return replace(truth, mesh=FINEST) if lines else truth
+
+
+def _read(plan: Plan, truth: Truth) -> Any | None:
+    return step_evidence(plan, truth) if isinstance(plan, StepPlan) else evidence(plan, truth)
+
+
+def _dataset(folder: Path, plan: Plan, read: Any, noise: float, seed: int, exact: bool) -> Dataset:
+    """Written and read as any other; ``exact``: without the noise that is stated, but for that of
+    samples in time, which is told by themselves."""
+    random = np.random.default_rng(seed)
+    files: dict[str, Columns]
+    if isinstance(plan, StepPlan):
+        files = step_sheets(plan, read, noise, random, exact)
+    else:
+        files = sheets(plan, read, noise, None if exact else random)
+    damping = plan.design.setup.rig.plate_damping
+    head = {"rig": {"plate_damping": f"{damping} N s/m"}} if damping else {}
+    return read_dataset(write_dataset(folder, plan.design, files, noise, **head))
+
+
+def _judged(record: Record, truth: Truth, dataset: Dataset, exact: Dataset) -> Record:
+    """The record of a part of a dataset, with what the part without noise allows to be known."""
+    prepared: list[PreparedReadings] = []
+
+    def ask() -> Judgement:
+        readings, judgement, _ = judge_dataset(dataset, seed=record.number)
+        prepared.append(readings)
+        return judgement
+
+    finished, judgement = concluded(record, truth, ask)
+    if judgement is None or not truth.hypothesis:
+        return finished
+    # Readings that were left out as impossible leave those with noise.
+    table, clean = judgement.table, prepared_readings(exact).table
+    if len(clean) == len(table):
+        table = table.with_values(clean.value)
+    causes = [cause for cause in prepared[0].causes if cause.name not in ALIASES]
+    seen, apart = stands_out(judgement.simulation, truth, table, causes, judgement)
+    return replace(finished, seen=seen, told=apart, words=f"{record.words} {finished.words}")
