@@ -66,9 +66,14 @@ def _shown(simulation: Simulation, cause: Cause, index: int, unknowns: Array,
 
 def shows_when_large(simulation: Simulation, cause: Cause, nominal: Fit,
                      table: ReadingTable) -> bool:
-    """Whether an effect that nobody sees at its typical size is seen at ten times that."""
-    return any(float(np.sum(_shown(simulation, cause, index, nominal.unknowns, table, 10 * TYPICAL)
-                            ** 2)) >= SAME for index in range(len(cause.effect.parameters)))
+    """Whether an effect that nobody sees at its typical size is seen at ten times that.
+
+    With either sign: about its limit an effect may hide on one side alone.
+    """
+    return any(float(np.sum(_shown(simulation, cause, index, nominal.unknowns, table, typical)
+                            ** 2)) >= SAME
+               for index, parameter in enumerate(cause.effect.parameters)
+               for typical in (10 * TYPICAL, -10 * TYPICAL)[: 1 + (parameter.sign == "signed")])
 
 
 def visibility(signature: Array) -> float:

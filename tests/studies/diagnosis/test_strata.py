@@ -119,6 +119,23 @@ def test_a_film_sags_under_its_grease(tmp_path: Path) -> None:
     assert np.abs(flat - nominal.table.value[rows]).max() > 50e-6
 
 
+def test_a_permittivity_that_rises_is_not_taken_for_a_film_that_hardens_less(tmp_path: Path
+                                                                              ) -> None:
+    """Falling ones are seen by nobody here, so that a diagnosis that asks for one sign alone leaves
+    them out: a trial of the study, which got the other's name."""
+    plan = STRATA["lines"].ask(5).plan
+    truth = Truth(1.192, 1.07, (Cause("permittivity_stretch"),), (-0.854,), "elements", FINEST)
+    read = evidence(plan, truth)
+    assert read is not None
+    files = sheets(plan, read, 10e-6, np.random.default_rng(5))
+    del files["field.csv"]
+    dataset = read_dataset(write_dataset(tmp_path, plan.design, files, 10e-6))
+    _, judgement, _ = judge_dataset(dataset)
+    assert Cause("permittivity_stretch") in judgement.invisible
+    assert Cause("permittivity_stretch") in judgement.suspects
+    assert Cause("strain_stiffening") not in judgement.named
+
+
 def test_records_add_up_before_and_after() -> None:
     """Of three ambiguous at rest two are named by taps, one of them wrongly."""
     blank = Record("frequencies, at rest", 0, "equations", ("drift",), 0, 30.0, 1.0, "ambiguous",
