@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ndtr, ndtri
+from scipy.special import chdtri, ndtr, ndtri
 
 from tympan.studies.diagnosis.inference.exploration import Exploration, reached_further
 from tympan.studies.diagnosis.inference.identifiability import (
@@ -76,6 +76,9 @@ _REACHES = 3
 
 #: The least noise of a channel, over what is assumed.
 _QUIETEST = 0.05
+
+#: The probability with which a channel's scatter lies above what excludes a larger noise.
+_EXCLUDES = 0.9
 
 #: How many hypotheses are asked whether they leave noise, by probability and by χ².
 _ASKED = (8, 6)
@@ -188,8 +191,18 @@ def _with_noise_of_channels(table: ReadingTable, nominal: Fit,
         if name in scaled:
             tests = ResidualTests.of(nominal.jacobian[rows], {name: scaled[name][rows]}, 0.0)
             if tests.freedom > 0:
-                factor[rows] = max(tests.noise(nominal.residual[rows]), _QUIETEST)
+                factor[rows] = _factor(tests.noise(nominal.residual[rows]), tests.freedom)
     return table.with_sigma(factor * table.sigma)
+
+
+def _factor(scatter: float, freedom: float) -> float:
+    """That on a channel's noise by its scatter.
+
+    Less than 1 only as far as the scatter excludes more: of a few degrees of freedom it is small by
+    chance.
+    """
+    most = scatter * float((freedom / chdtri(freedom, _EXCLUDES)) ** 0.5)
+    return max(min(most, max(scatter, 1.0)), _QUIETEST)
 
 
 @dataclass

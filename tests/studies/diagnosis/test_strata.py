@@ -136,6 +136,14 @@ def test_a_permittivity_that_rises_is_not_taken_for_a_film_that_hardens_less(tmp
     assert Cause("strain_stiffening") not in judgement.named
 
 
+def test_a_few_taps_do_not_tell_their_noise_by_themselves() -> None:
+    """A trial of the study in which nothing can be seen: by the scatter of twelve taps about
+    smooth curves alone they were a tenth as noisy as stated, and unexplained."""
+    records = Lab(2026).run("frequencies", 9)
+    assert all(record.seen < 1 for record in records)
+    assert [record.verdict for record in records] == ["nothing", "nothing"]
+
+
 def test_records_add_up_before_and_after() -> None:
     """Of three ambiguous at rest two are named by taps, one of them wrongly."""
     blank = Record("frequencies, at rest", 0, "equations", ("drift",), 0, 30.0, 1.0, "ambiguous",
