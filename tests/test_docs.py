@@ -32,7 +32,8 @@ SAID = {
     "2_shape_from_dxf": r"tilted by \d",
     "3_sweep_and_map": r"'plate.radius': 3, 'frame.semi_axes': 3",
     "4_alpha_of_a_new_shape": r"a circle of 30 mm with weight 0\.\d+",
-    "5_own_data_diagnosed": r"the verdict: named\nunaccounted_mass: (1\.9|2\.0)",
+    "5_own_data_diagnosed":
+        r"the verdict: ambiguous\nunaccounted_mass: (1\.9|2\.0).*\nor .*electrode_mass",
     "6_lumped_model_to_a_controller": r"in the end 0\.\d+ µm/V",
     "7_time_and_hysteresis": r"at rest \d",
 }
