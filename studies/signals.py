@@ -51,7 +51,7 @@ class Pieces:
     def end(self) -> float:
         return float(self.time[-1])
 
-    @property
+    @cached_property
     def breaks(self) -> Array:
         return np.unique(self.time)
 

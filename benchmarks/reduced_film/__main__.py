@@ -2,6 +2,7 @@
 
 ``python -m benchmarks.reduced_film [-o docs]``: the paper's three actuators with two branches each,
 under a mass and in signals that the film was not made from. One run alone, and thirty together.
+Times are medians of rounds in which each has its turn.
 """
 
 from __future__ import annotations
@@ -28,6 +29,7 @@ from tympan.studies.lumped.film_response import film_deflections, film_motion
 from tympan.studies.paper.published import MASSES
 from tympan.studies.reduced_film.film import ReducedFilm
 from tympan.studies.reduced_film.reduction import reduced_film
+from tympan.studies.reduced_film.sampling import in_time
 from tympan.studies.signals import Sine, nominal, ramp, random_steps, step
 from tympan.studies.transient import TransientCase, history
 
@@ -35,7 +37,7 @@ Array = NDArray[np.float64]
 _NAMES = ("circular", "elliptical-small", "elliptical-large")
 _BRANCHES = (ViscousBranch(200e3, 10.0), ViscousBranch(1e6, 30.0))
 _LEFT, _GAP = 15.0, 10.0  # [mm]
-_GRAVITY, _HIGHEST, _BETWEEN, _TOGETHER = 9.80665, 7e3, 20e-3, 30
+_GRAVITY, _HIGHEST, _BETWEEN, _TOGETHER, _ROUNDS = 9.80665, 7e3, 20e-3, 30, 3
 
 #: By name, for a highest voltage.
 _SIGNALS: dict[str, Callable[[float], Any]] = {
@@ -55,7 +57,7 @@ def main() -> None:
     output = parser.parse_args().output
     print(_HEAD)
     for specimen in _specimens():
-        film, spent = _timed(lambda item=specimen: _reduced(item), 1)
+        film, spent = _spent(lambda item=specimen: _reduced(item))
         drawn = {name: _row(film, name, spent) for name in _SIGNALS}
         _swing(film)
     if output is not None:
@@ -77,26 +79,31 @@ def _reduced(specimen: Specimen) -> ReducedFilm:
                         _HIGHEST)
 
 
-def _timed(work: Callable[[], Any], times: int) -> tuple[Any, float]:
-    """What work gives, and the least processor time it takes [s]."""
-    spent = []
+def _spent(work: Callable[[], Any], times: int = 1) -> tuple[Any, float]:
+    """What work gives, and the processor time it takes on average [s]."""
+    began = time.process_time()
     for _ in range(times):
-        began = time.process_time()
         result = work()
-        spent.append(time.process_time() - began)
-    return result, min(spent)
+    return result, (time.process_time() - began) / times
+
+
+def _in_turn(*works: tuple[Callable[[], Any], int]) -> tuple[list[Any], list[float]]:
+    """What works give, and the median processor times [s] of rounds in which each has its turn."""
+    rounds = [[_spent(*work) for work in works] for _ in range(_ROUNDS)]
+    return ([result for result, _ in rounds[-1]],
+            np.median([[spent for _, spent in each] for each in rounds], axis=0).tolist())
 
 
 def _row(film: ReducedFilm, name: str, made: float) -> tuple[Any, Array, Array, Array]:
     signal, specimen = _SIGNALS[name](0.9 * _HIGHEST), film.specimen
     case = TransientCase(specimen, signal, mass=_BETWEEN)
-    field, exact_time = _timed(lambda: history(case, Settings()), 2)
-    _, alone = _timed(lambda: list(film_motion(film, signal, _BETWEEN).moments()), 7)
     when = np.linspace(0.0, signal.end, 1001)
-    near, = film_deflections(film, [signal], [_BETWEEN], when)
     many = [_SIGNALS[name](share * _HIGHEST) for share in np.linspace(0.2, 0.9, _TOGETHER)]
-    _, shared = _timed(
-        lambda: film_deflections(film, many, [_BETWEEN] * _TOGETHER, when[:2]), 5)
+    (field, *_), (exact_time, alone, shared) = _in_turn(
+        (lambda: history(case, Settings()), 1),
+        (lambda: list(film_motion(film, signal, _BETWEEN).moments()), 5),
+        (lambda: film_deflections(film, many, [_BETWEEN] * _TOGETHER, when[:2]), 1))
+    near, = film_deflections(film, [signal], [_BETWEEN], when)
     exact = field.at(field.deflection, when)
     before = film_motion(film, signal, _BETWEEN).begin.heave
     error = np.abs(near - exact).max() / np.ptp(np.append(exact, before))
@@ -115,11 +122,14 @@ def _swing(film: ReducedFilm) -> None:
     """The same with the plate's inertia, for 0.5 s."""
     signal = step(0.0, 0.9 * _HIGHEST, 0.0, 0.5)
     case = TransientCase(film.specimen, signal, mass=_BETWEEN, inertia=True)
-    field, exact_time = _timed(lambda: history(case, Settings()), 1)
     motion = film_motion(film, signal, _BETWEEN, inertia=True)
-    moments, alone = _timed(lambda: list(motion.moments()), 3)
-    exact = field.at(field.deflection, np.array([moment.time for moment in moments]))
-    error = np.abs(np.array([moment.heave for moment in moments]) - exact).max() / np.ptp(exact)
+    (field, moments), (exact_time, alone) = _in_turn(
+        (lambda: history(case, Settings()), 1), (lambda: list(motion.moments()), 3))
+    when = np.linspace(0.0, signal.end, 1001)
+    exact = field.at(field.deflection, when)
+    near = in_time(np.array([moment.time for moment in moments]),
+                   np.array([moment.heave for moment in moments]), when)
+    error = np.abs(near - exact).max() / np.ptp(exact)
     print(f"{'':32s}{'swing':7s}{1e3 * exact_time:8.0f}{1e3 * alone:12.2f}"
           f"{exact_time / alone:13.0f}{'':10s}{100 * error:14.3f} %", flush=True)
 

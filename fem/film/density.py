@@ -179,7 +179,7 @@ def maxwell(specimen: Specimen, voltage_squared: Any, covered: Any = 1.0) -> Max
 def principal_stretches(c: tuple[Any, Any, Any], prestretch: tuple[float, float]
                         ) -> tuple[Any, Any]:
     """Total principal stretches λ₁ ≥ λ₂ from C of the mounted film."""
-    mean, _, _, radius = _circle(c, prestretch)
+    mean, _, _, radius = _circle(from_virgin(c, prestretch))
     return np.sqrt(mean + radius), np.sqrt(mean - radius)
 
 
@@ -191,37 +191,49 @@ def plane_stress(material: Any, c: tuple[Any, Any, Any], prestretch: tuple[float
     ΛCΛ, with mean m, half difference d, shear s and radius b = √(d² + s²), W depends on (m, b) and
     is even in b; so W_b/b stays finite at equal stretches and no eigenvectors are needed.
     """
-    mean, half, shear, radius = _circle(c, prestretch)
+    virgin = prestretch[0] == prestretch[1] == 1.0
+    mean, half, shear, radius = _circle(c if virgin else from_virgin(c, prestretch))
     l1, l2 = np.sqrt(mean + radius), np.sqrt(mean - radius)
     w, w1, w2, w11, w12, w22 = material.derivatives(l1, l2)
     # By the squares of the stretches: dx = 2 l dl.
     by1, by2 = 0.5 / l1, 0.5 / l2
     g1, g2 = w1 * by1, w2 * by2
     equal = np.abs(radius) < _EQUAL * np.abs(mean)
-    if tangent or equal.any():
+    alike = equal.any()
+    if tangent or alike:
         g11, g22 = by1 * by1 * (w11 - 2 * g1), by2 * by2 * (w22 - 2 * g2)
-        g12 = by1 * by2 * w12
-        bend = g11 - 2 * g12 + g22
-    over = (g1 - g2) / np.where(equal, 1.0, radius)
-    if equal.any():
+        both = 2 * (by1 * by2 * w12)
+        sum_, bend = g11 + both + g22, g11 - both + g22
+    total, over = g1 + g2, (g1 - g2) / (np.where(equal, 1.0, radius) if alike else radius)
+    if alike:
         over = np.where(equal, bend, over)
-    scale = prestretch[0] ** 2, prestretch[1] ** 2, prestretch[0] * prestretch[1]
-    total, split = g1 + g2, over * half
-    stress = np.stack([scale[0] * (total + split), scale[1] * (total - split),
-                       scale[2] * over * shear])
+    split = over * half
+    stress = np.empty((3, *np.shape(w)), dtype=np.result_type(w, 0.0))
+    stress[0], stress[1], stress[2] = total + split, total - split, over * shear
+    scale = np.array([prestretch[0] ** 2, prestretch[1] ** 2, prestretch[0] * prestretch[1]])
+    if not virgin:
+        stress = stress * _outermost(scale, stress)
     if not tangent:
         return Density(w, _components_last(stress, 1), None)
-    safe = np.where(radius == 0, 1.0, radius)
+    safe = np.where(radius == 0, 1.0, radius) if alike else radius
     n1, n2 = half / safe, shear / safe
-    mm, mb, bb = g11 + 2 * g12 + g22, g11 - g22, bend - over
+    mb, bb = g11 - g22, bend - over
     md, ms, b1 = 2 * mb * n1, mb * n2, bb * n1
-    dd, ss, ds = over + b1 * n1, over + bb * n2 * n2, b1 * n2
-    d = np.empty((3, 3, *np.shape(w)), dtype=np.result_type(w, 0.0))
-    d[0, 0], d[0, 1], d[0, 2] = mm + md + dd, mm - dd, ms + ds
-    d[1, 1], d[1, 2], d[2, 2] = mm - md + dd, ms - ds, ss
-    d[1, 0], d[2, 0], d[2, 1] = d[0, 1], d[0, 2], d[1, 2]
-    d *= np.multiply.outer(scale, scale).reshape(3, 3, *np.ones(np.ndim(w), dtype=int))
+    dd, ds = over + b1 * n1, b1 * n2
+    apart, together = sum_ - dd, sum_ + dd
+    d = np.empty((3, 3, *np.shape(w)), dtype=stress.dtype)
+    d[0, 0], d[1, 1], d[2, 2] = together + md, together - md, over + bb * n2 * n2
+    d[0, 1] = d[1, 0] = apart
+    d[0, 2] = d[2, 0] = ms + ds
+    d[1, 2] = d[2, 1] = ms - ds
+    if not virgin:
+        d = d * _outermost(np.multiply.outer(scale, scale), d)
     return Density(w, _components_last(stress, 1), _components_last(d, 2))
+
+
+def _outermost(values: Any, others: Any) -> Any:
+    """Values along the first axes of others."""
+    return values.reshape(*values.shape, *(1,) * (others.ndim - values.ndim))
 
 
 def _components_last(values: Any, axes: int) -> Any:
@@ -236,8 +248,8 @@ def virtual_work(c: tuple[Any, Any, Any], changes: tuple[Any, Any, Any],
     C of the mounted film and ``weights`` have shape s, the changes (k, *s). Where the stretches are
     equal, their difference has no derivative; a stress that is equal too does not ask.
     """
-    centre, half, shear, radius = _circle(c, prestretch)
-    mean, by_half, by_shear, _ = _circle(changes, prestretch)
+    centre, half, shear, radius = _circle(from_virgin(c, prestretch))
+    mean, by_half, by_shear, _ = _circle(from_virgin(changes, prestretch))
     l1, l2 = np.sqrt(centre + radius), np.sqrt(centre - radius)
     by_radius = (half * by_half + shear * by_shear) / np.where(radius == 0, 1.0, radius)
     first = (weights * (mean + by_radius) / (2 * l1)).reshape(len(mean), -1)
@@ -250,8 +262,8 @@ def virtual_work(c: tuple[Any, Any, Any], changes: tuple[Any, Any, Any],
     return of_material
 
 
-def _circle(c: tuple[Any, Any, Any], prestretch: tuple[float, float]) -> tuple[Any, Any, Any, Any]:
-    # Mean, half difference, shear and radius of the Mohr circle of ΛCΛ.
-    c11, c22, shear = from_virgin(c, prestretch)
+def _circle(c: tuple[Any, Any, Any]) -> tuple[Any, Any, Any, Any]:
+    # Mean, half difference, shear and radius of its Mohr circle.
+    c11, c22, shear = c
     mean, half = (c11 + c22) / 2, (c11 - c22) / 2
     return mean, half, shear, np.sqrt(half * half + shear * shear)

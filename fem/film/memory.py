@@ -42,7 +42,7 @@ _UNIT = np.array([1.0, 1.0, 0.0, 1.0])
 
 #: Twice A dC A by dC, symmetric in both pairs, is 2 A ⊗ A and this times det A, in the plane by
 #: the components 11, 22, 12 (A_ik A_lj − A_ij A_lk = det A ε_il ε_kj).
-_ACROSS = ((0, -2, 0), (-2, 0, 0), (0, 0, 1))
+ACROSS = ((0.0, -2.0, 0.0), (-2.0, 0.0, 0.0), (0.0, 0.0, 1.0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,15 +85,17 @@ class Memory:
         constant, its inverse is the mean of that at the start and of that at a C ``ahead``, where
         the step is foreseen to end.
         """
-        fluidity = self._fluidity(c)
+        fluidity = self.fluidity(c)
         if self.flows and duration and ahead is not None:
             foreseen = self._step(c, duration, fluidity).after(ahead)
-            fluidity = (fluidity + foreseen._fluidity(ahead)) / 2
+            fluidity = (fluidity + foreseen.fluidity(ahead)) / 2
         return self._step(c, duration, fluidity)
 
     def _step(self, c: Any, duration: float, fluidity: Any) -> Flow:
+        if not duration:
+            return Flow(self, self.viscous, np.zeros(self.viscous.shape[1:]))
         before = incompressible(c)[:, None]
-        share = duration / self._each(self.times) * fluidity
+        share = duration / self.each(self.times) * fluidity
         rate = share * inner(inverse(self.viscous), before) / 3
         first, last = _weights(rate)
         kept = np.exp(-rate) * self.viscous + share * first * before
@@ -102,22 +104,22 @@ class Memory:
     def energy(self, c: Any) -> Array:
         """What the branches store at C [J/m³], shape (*points)."""
         stretch = inner(inverse(self.viscous), incompressible(c)[:, None]) - 3
-        return np.asarray((self._each(self.moduli) / 2 * stretch).sum(0))
+        return np.asarray((self.each(self.moduli) / 2 * stretch).sum(0))
 
     def dissipation(self, c: Any) -> Array:
         """What the branches turn into heat at C [W/m³], shape (*points).
 
         With X = C C_v⁻¹ that is (μ/2τ) (tr X² − (tr X)²/3).
         """
-        rate = self._each(self.moduli / self.times) * self._fluidity(c)
+        rate = self.each(self.moduli / self.times) * self.fluidity(c)
         return np.asarray((rate * self._driving(c)).sum(0))
 
-    def _fluidity(self, c: Any) -> Any:
+    def fluidity(self, c: Any) -> Any:
         """Inverse viscosity at C, over that of the branches' times, shape (branches, *points)."""
         if not self.flows:
             return 1.0
         stretch = self.viscous[0] + self.viscous[1] + self.viscous[3]
-        stress_squared = self._each(self.moduli) ** 2 * self._driving(c)
+        stress_squared = self.each(self.moduli) ** 2 * self._driving(c)
         pairs = zip(self.flows, stretch, stress_squared, strict=True)
         return np.stack([1 / (flow.relative_viscosity(*invariants) + np.zeros_like(stretch[0]))
                          for flow, *invariants in pairs])
@@ -134,7 +136,8 @@ class Memory:
         # Rounding may leave less than nothing where the branch is relaxed.
         return np.where(np.real(driving) > 0, driving, 0.0)
 
-    def _each(self, values: Array) -> Array:
+    def each(self, values: Array) -> Array:
+        """Of the branches, for all of their points."""
         return values.reshape(-1, *(1,) * (self.viscous.ndim - 2))
 
 
@@ -149,7 +152,7 @@ class Flow:
     def after(self, c: Any) -> Memory:
         """The memory at the step's end, at C."""
         grown = self.kept + self.weight * incompressible(c)[:, None]
-        return replace(self.memory, viscous=grown / _cube_root(determinant(grown)))
+        return replace(self.memory, viscous=grown / cube_root(determinant(grown)))
 
     def at(self, interpolate: Callable[[Array], Array], shear: Any = 1.0) -> Flow:
         """The same step at other points, to which values are interpolated, shape (..., *points).
@@ -183,7 +186,7 @@ class Flow:
         kept, weight = self._unit
         weight = _aligned(weight, 1, full.ndim - 1)
         grown = _aligned(kept, 2, full.ndim) + weight * full
-        return full, weight, grown, _cube_root(determinant(grown))
+        return full, weight, grown, cube_root(determinant(grown))
 
     def _stress(self, full: Array, weight: Array, grown: Array, growth: Array, tangent: bool
                 ) -> tuple[Array, Array | None]:
@@ -194,14 +197,15 @@ class Flow:
             return stress, None
         softer, stiffer = strength * weight, strength * ratio
         along, by_stretch = 2 / 3 * softer * pull, 2 * stiffer * (2 - weight * ratio) * by_full
-        by_growth, area = 2 * softer * by_grown, stiffer * _area(by_full) - softer * _area(by_grown)
+        by_growth = 2 * softer * by_grown
+        area = stiffer * plane_determinant(by_full) - softer * plane_determinant(by_grown)
         bend = np.empty((3, 3, *stress.shape[1:]), dtype=stress.dtype)
         for i in range(3):
             for j in range(i, 3):
                 part = (along[i] * pull[j] + by_stretch[i] * by_full[j]
                         - by_growth[i] * by_grown[j])
-                if _ACROSS[i][j]:
-                    part += _ACROSS[i][j] * area
+                if ACROSS[i][j]:
+                    part += ACROSS[i][j] * area
                 bend[i, j] = bend[j, i] = part.sum(0)
         return stress, bend
 
@@ -212,7 +216,7 @@ class Flow:
     @cached_property
     def _unit(self) -> tuple[Array, Array]:
         # The potential is the same for any multiple of H and w: of det H = 1 it has a limit.
-        unit = _cube_root(determinant(self.kept))
+        unit = cube_root(determinant(self.kept))
         return self.kept / unit, self.weight / unit
 
 
@@ -232,7 +236,7 @@ def _grown(flat: Array, age: float, branch: ViscousBranch) -> float:
     flows = () if branch.flow == ConstantFlow() else (branch.flow,)
 
     def fluidity(viscous: Array) -> Any:
-        return Memory(*constants, viscous[:, None], flows)._fluidity(flat[:3])
+        return Memory(*constants, viscous[:, None], flows).fluidity(flat[:3])
 
     # By the logarithm of 1 + s, since s grows exponentially.
     def rate(_: float, log: Array) -> Array:
@@ -301,7 +305,7 @@ def _excess(kept: Array, weight: Array, full: Array) -> Array:
                       + weight * (inner(inverse(full), kept) + weight))
 
 
-def _area(a: Array) -> Array:
+def plane_determinant(a: Array) -> Array:
     """Of symmetric tensors the determinant in the plane, shape (...)."""
     return np.asarray(a[0] * a[1] - a[2] * a[2])
 
@@ -312,5 +316,6 @@ def _aligned(values: Array, first: int, axes: int) -> Array:
     return values.reshape(*values.shape[:first], *new, *values.shape[first:])
 
 
-def _cube_root(value: Array) -> Array:
+def cube_root(value: Array) -> Array:
+    """Of any numbers, complex ones too."""
     return np.asarray(value ** (1 / 3) if np.iscomplexobj(value) else np.cbrt(value))

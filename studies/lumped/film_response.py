@@ -50,7 +50,7 @@ def _deflections(motions: Sequence[ReducedMotion], when: Array) -> Array:
         return np.full((1, len(when)), np.nan)
     time = np.array([moment.time for moment in moments])
     heaves = np.array([moment.heave for moment in moments]).reshape(len(time), -1)
-    return np.array([in_time(time, heave, when) for heave in heaves.T])
+    return in_time(time, heaves, when).T
 
 
 def _followed(motion: ReducedMotion) -> tuple[list[ReducedMoment], float | None]:

@@ -10,6 +10,7 @@ branches are the film's own at these points (:mod:`tympan.fem.film`): nothing of
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -25,12 +26,13 @@ from tympan.fem.film.density import (
     principal_stretches,
 )
 from tympan.fem.film.memory import Flow, Memory
+from tympan.fem.film.staged_memory import StagedFlow
 from tympan.geometry.specimen import Specimen
 
 Array = NDArray[np.float64]
 
-#: The most corrections of a state, and the last one over the gap: of the next its square is left.
-_ITERATIONS, _LAST = 12, 1e-4
+#: The most corrections of a state; and the last one over the gap: of the next its square is left.
+ITERATIONS, _LAST = 12, 1e-4
 
 #: Shortest part of a change of loads that is tried.
 _PART = 1e-3
@@ -64,17 +66,6 @@ class FilmLoads:
 
 
 @dataclass(frozen=True, eq=False)
-class Drive:
-    """What a step of motion adds to the plate's balance: a force c + k y [N] against the heave."""
-
-    constant: Any = 0.0
-    slope: float = 0.0
-
-
-_STILL = Drive()
-
-
-@dataclass(frozen=True, eq=False)
 class ReducedFilm:
     """A specimen's film at points; states q have the shape (..., shapes), of several runs at once.
 
@@ -101,22 +92,23 @@ class ReducedFilm:
 
     @cached_property
     def _slope(self) -> Array:
-        """∂E/∂q of the flat film, shape (shapes, points × 3).
+        """∂E/∂q of the flat film, shape (shapes, 3 × points).
 
         In Voigt form and of the virgin film, as all strains and stresses here.
         """
         g = self.gradients
-        parts = np.stack([g[:, :, 0, 0], g[:, :, 1, 1], g[:, :, 0, 1] + g[:, :, 1, 0]], -1)
-        return (parts * self._scale).reshape(self.count, -1)
+        parts = np.stack([g[:, :, 0, 0], g[:, :, 1, 1], g[:, :, 0, 1] + g[:, :, 1, 0]], -2)
+        return (parts * self._scale[:, None]).reshape(self.count, -1)
 
     @cached_property
     def _bend(self) -> Array:
-        """∂²E/∂q∂q, shape (shapes, shapes, points × 3)."""
+        """∂²E/∂q∂q, shape (shapes, shapes, 3 × points)."""
         first, second = self.gradients[..., 0], self.gradients[..., 1]
         parts = [np.einsum("kpi,lpi->klp", *pair)
                  for pair in ((first, first), (second, second), (first, second))]
         parts[2] = parts[2] + parts[2].swapaxes(0, 1)
-        return (np.stack(parts, -1) * self._scale).reshape(self.count, self.count, -1)
+        bend = np.stack(parts, -2) * self._scale[:, None]
+        return bend.reshape(self.count, self.count, -1)
 
     @cached_property
     def _scale(self) -> Array:
@@ -133,19 +125,20 @@ class ReducedFilm:
         """
         count, points = self.count, len(self.volumes)
         return (self._bend.reshape(count, -1), self._bend.reshape(count * count, -1).T.copy(),
-                np.tile(self._scale * [1.0, 1.0, 0.0], points), np.tile([1.0, 1.0, 0.5], points))
+                np.repeat(self._scale * [1.0, 1.0, 0.0], points),
+                np.repeat([1.0, 1.0, 0.5], points))
 
     def strain(self, q: Array) -> Array:
         """C₁₁, C₂₂, C₁₂ of the virgin film at the points, shape (3, ..., points)."""
         return self._strained(q)[1]
 
     def _strained(self, q: Array) -> tuple[Array, Array]:
-        """∂E/∂q, shape (..., shapes, points × 3), and C, (3, ..., points)."""
+        """∂E/∂q, shape (..., shapes, 3 × points), and C, (3, ..., points)."""
         by_shape, _, flat, by_shear = self._forms
         slope = self._slope + (q @ by_shape).reshape(*q.shape, -1)
         change = (q[..., None, :] @ (self._slope + slope))[..., 0, :]
-        c = (flat + change * by_shear).reshape(*q.shape[:-1], -1, 3)
-        return slope, _first(c)
+        c = (flat + change * by_shear).reshape(*q.shape[:-1], 3, -1)
+        return slope, np.moveaxis(c, -2, 0)
 
     def pull(self, q: Array, voltage_squared: Any, flow: Flow | None = None
              ) -> tuple[Array, Array]:
@@ -155,15 +148,50 @@ class ReducedFilm:
         """
         slope, c = self._strained(q)
         stress, tangent = self._stressed(c, voltage_squared, flow)
-        lead, count = q.shape[:-1], self.count
-        stress = (stress * self.volumes[:, None]).reshape(*lead, -1)
-        by_point = np.swapaxes(slope.reshape(*lead, count, -1, 3), -3, -1).swapaxes(-3, -2)
-        bent = np.matmul(tangent * self.volumes[:, None, None], by_point)
-        stiffness = slope @ bent.reshape(*lead, -1, count)
-        stiffness = stiffness + (stress @ self._forms[1]).reshape(stiffness.shape)
-        return (slope @ stress[..., None])[..., 0], stiffness
+        forces, geometric = self._forces(slope, stress)
+        return forces, self._bent(slope, tangent) @ np.swapaxes(slope, -1, -2) + geometric
 
-    def _stressed(self, c: Array, voltage_squared: Any, flow: Flow | None) -> tuple[Array, Array]:
+    def staged_pull(self, q: Array, voltage_squared: Any, flow: StagedFlow
+                    ) -> tuple[Array, Array, StagedFlow]:
+        """As :meth:`pull` of states (..., stages, shapes) in a step that is collocated.
+
+        The derivatives at a stage by q at another, those as if C were the same at both, have the
+        shape (..., stages, shapes, stages, shapes). Last comes the flow as it is at this q.
+        """
+        slope, c = self._strained(q)
+        stress, tangent = self._stressed(c, voltage_squared)
+        viscous, slopes, flow = flow.stress(c)
+        slopes[:, :, 0] += _first(_first(tangent))
+        forces, geometric = self._forces(slope, stress + _last(viscous, 1))
+        bent = self._bent(slope, _last(slopes, 2))
+        stiffness = self._across_stages(slope, bent[1:], flow.weights)
+        diagonal = np.einsum("...sksl->...skl", stiffness)
+        diagonal += bent[0] @ np.swapaxes(slope, -1, -2) + geometric
+        return forces, stiffness, flow
+
+    def _forces(self, slope: Array, stress: Array) -> tuple[Array, Array]:
+        """Generalised forces [N] of S at the points; what S itself adds to their derivatives."""
+        stress = (np.swapaxes(stress, -1, -2) * self.volumes).reshape(*slope.shape[:-2], -1)
+        geometric = (stress @ self._forms[1]).reshape(*slope.shape[:-1], self.count)
+        return (slope @ stress[..., None])[..., 0], geometric
+
+    def _bent(self, slope: Array, tangent: Array) -> Array:
+        """The points' forces [N m] by q for ∂S/∂E, shape (..., shapes, 3 × points)."""
+        by_point = slope.reshape(*slope.shape[:-1], 3, -1)
+        bent = np.einsum("...pij,...njp->...nip", tangent, by_point * self.volumes)
+        return np.asarray(bent.reshape(*bent.shape[:-2], -1))
+
+    def _across_stages(self, slope: Array, bent: Array, weights: Array) -> Array:
+        """What the memory of one stage does to the forces at another; ``bent`` by branches."""
+        *lead, stages, count, rows = slope.shape
+        before = slope.reshape(*lead, stages * count, rows).swapaxes(-1, -2)
+        work = bent.reshape(len(weights), *lead, stages * count, rows) @ before
+        work = work.reshape(len(weights), *lead, stages, count, stages, count)
+        each = weights.reshape(-1, *(1,) * len(lead), stages, 1, stages, 1)
+        return np.asarray((work * each).sum(0))
+
+    def _stressed(self, c: Array, voltage_squared: Any, flow: Flow | None = None
+                  ) -> tuple[Array, Array]:
         """S [Pa], shape (..., points, 3), and ∂S/∂E, (..., points, 3, 3), of the virgin film."""
         first, second = self.specimen.membrane.prestretch
         film = FilmDensity(self.specimen, _each(voltage_squared), self.covered)
@@ -175,9 +203,7 @@ class ReducedFilm:
         if flow is not None:
             viscous, bend = flow.stress(c)
             assert bend is not None
-            last = tuple(range(2, bend.ndim))
-            stress = stress + viscous.transpose(*range(1, viscous.ndim), 0)
-            tangent = tangent + bend.transpose(*last, 0, 1)
+            stress, tangent = stress + _last(viscous, 1), tangent + _last(bend, 2)
         return stress, tangent
 
     def capacitance(self, q: Array, voltage_squared: Any = 0.0) -> Any:
@@ -192,12 +218,11 @@ class ReducedFilm:
         """The memory of branches that have rested at q for ever."""
         return Memory.relaxed(self.specimen.membrane, self.strain(q))
 
-    def balanced(self, q: Array, loads: FilmLoads, flow: Flow | None = None,
-                 drive: Drive | None = _STILL, last: float = _LAST) -> Array:
-        """q in equilibrium near a guess.
+    def balanced(self, q: Array, loads: FilmLoads, flow: Flow | None = None, *,
+                 clamped: bool = False, last: float = _LAST) -> Array:
+        """q in equilibrium near a guess, with a ``clamped`` plate at its heave.
 
-        With no ``drive`` the plate is held. ``last``: the largest correction, over the gap, after
-        which no other follows.
+        ``last``: the largest correction, over the gap, after which no other follows.
 
         Raises
         ------
@@ -205,15 +230,14 @@ class ReducedFilm:
             Where there is none that is stable.
         """
         scale = self.specimen.gap
-        for _ in range(_ITERATIONS):
+        for _ in range(ITERATIONS):
             pull, stiffness = self.pull(q, loads.voltage_squared, flow)
-            if drive is None:
+            if clamped:
                 pull[..., 0], stiffness[..., 0, :], stiffness[..., :, 0] = 0.0, 0.0, 0.0
                 stiffness[..., 0, 0] = 1.0
             else:
-                slope = drive.slope + loads.spring
-                pull[..., 0] += drive.constant + slope * q[..., 0] - loads.force
-                stiffness[..., 0, 0] += slope
+                pull[..., 0] += loads.spring * q[..., 0] - loads.force
+                stiffness[..., 0, 0] += loads.spring
             step = _solved(stiffness, pull)
             size = float(np.abs(step).max()) / scale
             if not size < 1:
@@ -223,14 +247,15 @@ class ReducedFilm:
                 return q
         raise NoBalance
 
-    def carried(self, q: Array, before: FilmLoads, after: FilmLoads, flow: Flow | None = None,
-                drive: Drive | None = _STILL, last: float = _LAST) -> Array:
+    def carried(self, q: Array, before: FilmLoads, after: FilmLoads, flow: Flow | None = None, *,
+                clamped: bool = False, last: float = _LAST) -> Array:
         """q after the loads changed at once, in as many steps as it takes."""
         share, step = 0.0, 1.0
         while share < 1:
             ahead = min(1.0, share + step)
             try:
-                q = self.balanced(q, before.towards(after, ahead), flow, drive, last)
+                q = self.balanced(q, before.towards(after, ahead), flow, clamped=clamped,
+                                  last=last)
                 share, step = ahead, 2 * step
             except NoBalance:
                 step /= 2
@@ -240,13 +265,29 @@ class ReducedFilm:
 
     def at_rest(self, loads: FilmLoads, last: float = _LAST) -> Array:
         """q at rest for ever under loads."""
-        unloaded, weight = FilmLoads(0.0, 0.0), replace(loads, voltage_squared=0.0)
-        runs = np.broadcast_shapes(np.shape(loads.force), np.shape(loads.voltage_squared))
-        weighed = self.carried(np.broadcast_to(self.flat, (*runs, self.count)), unloaded, weight,
-                               last=last)
+        weight = replace(loads, voltage_squared=0.0)
+        weighed = self._weighed(weight, last)
         if not np.any(loads.voltage_squared):
             return weighed
         return self.carried(weighed, weight, loads, last=last)
+
+    def _weighed(self, weight: FilmLoads, last: float) -> Array:
+        """q at rest without voltage; near what the stiffness of the flat film says."""
+        pull, stiffness = self._flat_pull
+        spring = np.zeros_like(stiffness)
+        spring[0, 0] = weight.spring
+        push = np.multiply.outer(weight.force, np.eye(self.count)[0]) - pull
+        with suppress(NoBalance, np.linalg.LinAlgError):
+            near = push @ np.linalg.inv(stiffness + spring)
+            return self.balanced(near, weight, last=last)
+        runs = np.shape(weight.force)
+        flat = np.broadcast_to(self.flat, (*runs, self.count))
+        return self.carried(flat, FilmLoads(0.0, 0.0), weight, last=last)
+
+    @cached_property
+    def _flat_pull(self) -> tuple[Array, Array]:
+        """:meth:`pull` of the flat film without voltage."""
+        return self.pull(self.flat, 0.0)
 
 
 def _solved(stiffness: Array, pull: Array) -> Array:
@@ -256,16 +297,26 @@ def _solved(stiffness: Array, pull: Array) -> Array:
         if unstable:
             raise NoBalance
         return np.asarray(step)
+    require_stable(stiffness)
+    return np.asarray(np.linalg.solve(stiffness, pull[..., None])[..., 0])
+
+
+def require_stable(stiffness: Array) -> None:
+    """That symmetric matrices (..., n, n) are positive definite, else NoBalance."""
     try:
         np.linalg.cholesky(stiffness)
     except np.linalg.LinAlgError:
         raise NoBalance from None
-    return np.asarray(np.linalg.solve(stiffness, pull[..., None])[..., 0])
 
 
 def _each(values: Any) -> Any:
     """Of every run, for all of its points."""
     return values[..., None] if np.ndim(values) else values
+
+
+def _last(values: Array, axes: int) -> Array:
+    """A view whose first axes are the last."""
+    return values.transpose(*range(axes, values.ndim), *range(axes))
 
 
 def _first(values: Array) -> Array:

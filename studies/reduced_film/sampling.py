@@ -18,10 +18,11 @@ _CLOSED, _POINTS = 0.01, 401
 def in_time(time: Array, values: Array, when: Array) -> Array:
     """Values at some times [s] of those at others, where a time that stands twice is a jump.
 
-    By cubic splines between the jumps; at a jump what comes after it. Nan beyond the last.
+    Along the first axis, by cubic splines between the jumps; at a jump what comes after it. Nan
+    beyond the last.
     """
     starts = np.flatnonzero(np.diff(time) == 0) + 1
-    result = np.full(len(when), np.nan)
+    result = np.full((len(when), *values.shape[1:]), np.nan)
     for begin, end in zip([0, *starts], [*starts, len(time)], strict=True):
         times, last = time[begin:end], end == len(time)
         within = (when >= times[0]) & ((when < times[-1]) | (last & (when <= times[-1])))

@@ -255,7 +255,7 @@ class RememberingFilm:
         for _ in range(_ROUNDS):
             q[:, 0] = heave
             under = FilmLoads(0.0, squared / (1 + eta))
-            q = film.balanced(q, under, drive=None)
+            q = film.balanced(q, under, clamped=True)
             pull = film.pull(q, under.voltage_squared)[0][:, 0]
             capacitive = film.pull(q, 0.0 * squared)[0][:, 0]
             # (1 + η) F(y, U²/(1 + η)) = load; F is nearly a line in U².
