@@ -16,6 +16,7 @@ from benchmarks.paper_in_time.fit import (
     settling,
     with_constants,
 )
+from benchmarks.paper_in_time.step_responses import StepResponses, step_responses
 from tympan.fem.rig import Rig
 from tympan.geometry.specimen import ViscousBranch
 from tympan.studies.lumped.film_response import film_deflections
@@ -46,7 +47,7 @@ class Comparison:
     ``in_time`` are fits with one branch by seed, ``two`` one with two; ``lumped`` the paper's model
     by seed. ``errors``: of the deflections in figure 14 by reduced films, over their range.
     ``loops`` are voltages [V] and deflections [m] about figure 13's right column; ``levels`` times
-    [s] and deflections [m], (actuators, masses, times).
+    [s] and deflections [m], (actuators, masses, times); ``steps``: figures 9 to 12.
     """
 
     at_rest: Fit
@@ -59,6 +60,7 @@ class Comparison:
     signal: Pieces
     loops: list[tuple[Array, Array]]
     levels: tuple[Array, Array]
+    steps: StepResponses
 
     @property
     def shown(self) -> Fit:
@@ -79,10 +81,11 @@ def compare() -> Comparison:
                         for film, model in zip(changed, models(best), strict=True)]
                        for mass in published.MASSES])
     damper, settled = settling(changed)
-    return Comparison(fitted(films, first, 0), in_time, fitted(films, first, 2),
-                      {seed: fit_levels(signal) for seed, signal in signals.items()},
-                      errors, damper, settled, first,
-                      [_loop(film) for film in changed], _levels(changed, first))
+    at_rest = fitted(films, first, 0)
+    lumped = {seed: fit_levels(signal) for seed, signal in signals.items()}
+    return Comparison(at_rest, in_time, fitted(films, first, 2), lumped, errors, damper, settled,
+                      first, [_loop(film) for film in changed], _levels(changed, first),
+                      step_responses(films, in_time, at_rest, lumped[SEEDS[0]], damper))
 
 
 def _loop(film: ReducedFilm) -> tuple[Array, Array]:

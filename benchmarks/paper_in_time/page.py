@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from benchmarks.paper_in_time.compare import PERIOD, SEEDS, Comparison
 from benchmarks.paper_in_time.fit import Constants, Fit
+from benchmarks.paper_in_time.step_responses import LONG, ZOOM
 from tympan.studies.paper import published
 
 Array = NDArray[np.float64]
@@ -55,6 +56,7 @@ def page(comparison: Comparison) -> str:
                    for name in published.NAMES), "off by (rms)"),
             [("paper", *_seconds(published.SETTLING), ""),
              ("in time", *_seconds(settled.times), f"{settled.rms:.2f}")]),
+        **_steps(comparison),
         loops=_table(("actuator", "range [µm]", "widest gap over range [%]"),
                      [(name, f"{1e6 * np.ptp(deflection):.0f}",
                        f"{100 * _gap(voltage, deflection):.1f}")
@@ -71,6 +73,60 @@ def page(comparison: Comparison) -> str:
         slow=_span(each.branches[0].time for each in constants),
         masses=_span(fit.ranges[1] / fit.ranges[0] for fit in comparison.in_time.values()),
         shapes=_span(fit.ranges[:, 2] / fit.ranges[:, 0] for fit in comparison.in_time.values()))
+
+
+def _steps(comparison: Comparison) -> dict[str, str]:
+    """What is said of figures 9 to 12."""
+    steps = comparison.steps
+    films = {f"film, seed {seed}": moved for seed, moved in steps.in_time.items()}
+    every = {**films, "lumped model": steps.lumped}
+    soon, late = ({of: steps.after(moved, time) for of, moved in every.items()}
+                  for time in (ZOOM, LONG))
+    periods = {of: steps.period(moved) for of, moved in every.items()}
+    later = {of: 1 - soon[of] / late[of] for of in every}
+    cone = late.pop("lumped model")
+    first = {of: periods[of][0, 0] for of in every}
+    nearest = min(steps.in_time, key=lambda seed: abs(first[f"film, seed {seed}"]
+                                                      - first["lumped model"]))
+    heads = [f"{name}, {1e3 * mass:g} g" for mass in published.MASSES for name in published.NAMES]
+    moved = {**{f"{of}, {LONG:g} s": values for of, values in late.items()},
+             f"lumped model, {ZOOM:g} s": soon["lumped model"],
+             f"lumped model, {LONG:g} s": cone, "film at rest, for ever": steps.at_rest}
+    return {
+        "moved": _table(
+            ("", *heads, *(f"mass, {name}" for name in published.NAMES),
+             *(f"elliptical-large, {1e3 * mass:g} g" for mass in published.MASSES)),
+            [(of, *(f"{1e6 * value:.0f}" for value in values.ravel()),
+              *(f"{value:.2f}" for value in (*_by_mass(values), *_by_shape(values))))
+             for of, values in moved.items()]),
+        "periods": _table(("", *heads), [
+            (of, *(f"{1e3 * value:.0f}" for value in values.ravel()))
+            for of, values in periods.items()]),
+        "later": _table(("", *heads), [
+            (of, *(f"{100 * value:.0f}" for value in values.ravel()))
+            for of, values in later.items()]),
+        "long": f"{LONG:g}", "zoom": f"{ZOOM:g}", "stepped": f"{100 * steps.error:.1f}",
+        "shape_in_time": _span(map(_by_shape, late.values())),
+        "shape_at_rest": f"{_by_shape(steps.at_rest).mean():.3g}",
+        "shape_lumped": _span([_by_shape(cone)]),
+        "mass_in_time": _span(map(_by_mass, late.values())),
+        "mass_at_rest": f"{_by_mass(steps.at_rest).mean():.3g}",
+        "mass_soon": _span([_by_mass(soon["lumped model"])]), "mass_late": _span([_by_mass(cone)]),
+        "periods_films": _span([np.round(1e3 * first[of]) for of in films]),
+        "period_cones": f"{1e3 * first['lumped model']:.0f}",
+        "nearest": f"{1e-3 * comparison.in_time[nearest].constants.modulus:.0f}",
+        "later_films": _span([np.round(100 * later[of].ravel()) for of in films]),
+        "later_cones": _span([np.round(100 * later["lumped model"].ravel())])}
+
+
+def _by_mass(moved: Array) -> Array:
+    """Of the heavier plate over that of the lighter one, by actuators."""
+    return np.asarray(moved[1] / moved[0])
+
+
+def _by_shape(moved: Array) -> Array:
+    """Of the large ellipse over that of the circle, by masses."""
+    return np.asarray(moved[:, 2] / moved[:, 0])
 
 
 def _gap(voltage: Array, deflection: Array) -> float:
