@@ -86,13 +86,13 @@ class Memory:
         the step is foreseen to end.
         """
         fluidity = self.fluidity(c)
-        if self.flows and duration and ahead is not None:
+        if self.flows and np.any(duration) and ahead is not None:
             foreseen = self._step(c, duration, fluidity).after(ahead)
             fluidity = (fluidity + foreseen.fluidity(ahead)) / 2
         return self._step(c, duration, fluidity)
 
     def _step(self, c: Any, duration: float, fluidity: Any) -> Flow:
-        if not duration:
+        if not np.any(duration):
             return Flow(self, self.viscous, np.zeros(self.viscous.shape[1:]))
         before = incompressible(c)[:, None]
         share = duration / self.each(self.times) * fluidity

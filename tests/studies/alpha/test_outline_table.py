@@ -31,7 +31,9 @@ def test_every_registered_outline_has_its_row(folder) -> None:
 
 
 def test_the_printed_table_has_a_head_above_its_columns(folder) -> None:
-    head, *lines = (folder / "printed.txt").read_text(encoding="utf-8").splitlines()
+    printed = (folder / "printed.txt").read_text(encoding="utf-8").splitlines()
+    head, *lines = printed[:-2]
+    assert printed[-2:] == [str(folder / f"outlines.{kind}") for kind in ("png", "svg")]
     assert head.split() == list(HEADER[:-1])
     assert [line.split()[0] for line in lines] == list(examples())
     assert all(len(line.split()) == len(HEADER) - 1 for line in lines)
