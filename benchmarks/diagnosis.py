@@ -95,12 +95,12 @@ def _diagnose_transients(workers: int) -> None:
         write(data, CREEP, RUN, seed=3)
         command = [sys.executable, "-m", "tympan", "diagnose", str(data), "-o", f"{folder}/out",
                    "--workers", str(workers)]
-        with stage("tympan diagnose", spent):
+        with stage("the whole command", spent):
             done = subprocess.run(command, check=True, stdout=subprocess.PIPE,
                                   stderr=subprocess.DEVNULL, text=True)
     print(done.stdout)
     _print_stages(spent)
-    wall = spent["tympan diagnose"][0]
+    wall = spent["the whole command"][0]
     print(f"aim {AIM_IN_TIME:g} s   {'met' if wall <= AIM_IN_TIME else 'not met'}")
 
 
