@@ -58,7 +58,7 @@ def leapt(model: Model, start: Solution, voltages: Sequence[float],
           settings: PathSettings = PathSettings()) -> list[Outcome]:
     """Equilibria at several voltages [V] by one natural step to the last of them.
 
-    None if there is no such step, or an equilibrium on the way is not found.
+    An empty list if there is no such step, or an equilibrium on the way is not found.
     """
     *inner, last = voltages
     end = Ramp(model, "voltage", last**2, settings).natural(start) if inner else None
