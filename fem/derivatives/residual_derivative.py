@@ -3,8 +3,8 @@
 Motions meet the film once. They stretch it by δλ₁ and δλ₂ at every quadrature point, so that a
 number of the film costs no more than its materials' W₁δλ₁ + W₂δλ₂. A change of
 shape moves the nodes in the plane by V at constant displacements. The work then changes as if the
-film moved by V, and because its virgin state changes at fixed positions: by ∫ T·∇V, with T = (S·δE)
-I − δ(C S) for the stored energy (Eshelby's energy-momentum tensor, *J. Elasticity* 5, 1975, along
+film moved by V, and because its virgin state changes at fixed positions: by ∫ T·∇V, with T = (P·δF)
+I − δ(Fᵀ P) for the stored energy (Eshelby's energy-momentum tensor, *J. Elasticity* 5, 1975, along
 the motion). Collected at the nodes both serve all lengths. The gas needs no T: the volume under the
 film does not depend on what the virgin film was.
 """
@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tympan.fem.discretisation.assembly import element_forces, first_piola, gathered
+from tympan.fem.discretisation.assembly import first_piola, gathered
 from tympan.fem.film.density import Part, plane_stress, virtual_work
 from tympan.fem.membrane.loading import film_volume
 from tympan.fem.membrane.model import Model, Parts, cauchy_green
@@ -43,11 +43,18 @@ class Stiffness:
 
     def nodal(self, motion: Array) -> Array:
         """Change of the nodal forces of film and gas with a motion, both (nodes, 3) [N]."""
-        mesh, pressure, (sw, dw) = self.model.discretisation, self.state.pressure, self.weighted
-        change = mesh.deformation(motion)
-        by_stress = np.matmul(dw, self.strains(change)[..., None])[..., 0]
-        elements = gathered(mesh.gradients, first_piola(change, sw)
-                            + first_piola(self.deformation, by_stress))
+        return self.collected(motion, self.stressed(self.model.discretisation.deformation(motion)))
+
+    def stressed(self, change: Array) -> Array:
+        """Change of the first Piola–Kirchhoff stress, shaped like ``piola``, when F changes."""
+        stress, tangent = self.weighted
+        by_stress = np.einsum("...ij,...j->...i", tangent, self.strains(change))
+        return first_piola(change, stress) + first_piola(self.deformation, by_stress)
+
+    def collected(self, motion: Array, piola: Array) -> Array:
+        """Change of the nodal forces with a motion that changes the stress so, (nodes, 3) [N]."""
+        mesh, pressure = self.model.discretisation, self.state.pressure
+        elements = gathered(mesh.gradients, piola)
         if pressure:
             local = motion[mesh.connectivity].reshape(len(elements), -1, 1)
             elements -= pressure * np.matmul(self.volume[1], local).reshape(elements.shape)
@@ -55,18 +62,21 @@ class Stiffness:
 
     def spread(self, motion: Parts) -> Array:
         """The motion of all nodes, shape (nodes, 3)."""
-        mesh, model = self.model.discretisation, self.model
+        mesh = self.model.discretisation
         nodal = np.zeros(self.state.positions.shape)
         nodal[mesh.free] = motion[0]
-        gradient = self.state.plate.gradient(model.arms)[:, :, model.plate_freedoms]
-        nodal[mesh.plate_nodes] = gradient @ motion[1]
+        nodal[mesh.plate_nodes] = self._following @ motion[1]
         return nodal
 
     def strains(self, change: Array) -> Array:
         """What S₁₁, S₂₂ and S₁₂ work on when F changes."""
-        product = np.matmul(self.deformation.swapaxes(-1, -2), change)
-        return np.stack([product[..., 0, 0], product[..., 1, 1],
-                         product[..., 0, 1] + product[..., 1, 0]], axis=-1)
+        (a, b), (by_a, by_b) = ((f[..., 0], f[..., 1]) for f in (self.deformation, change))
+        return np.stack([_dot(a, by_a), _dot(b, by_b), _dot(a, by_b) + _dot(b, by_a)], axis=-1)
+
+    @cached_property
+    def _following(self) -> Array:
+        """Derivative of plate nodes by the plate's freedoms, (plate nodes, 3, freedoms)."""
+        return self.state.plate.gradient(self.model.arms)[:, :, self.model.plate_freedoms]
 
     @cached_property
     def deformation(self) -> Array:
@@ -91,10 +101,15 @@ class Stiffness:
         return density.stress * volumes, density.tangent * volumes[..., None]
 
     @cached_property
+    def piola(self) -> Array:
+        """First Piola–Kirchhoff stress times virgin volumes, (2, elements, points, 3)."""
+        return first_piola(self.deformation, self.weighted[0])
+
+    @cached_property
     def forces(self) -> Array:
         """Nodal forces of film, gas and own weight, without what acts on the plate [N]."""
         mesh = self.model.discretisation
-        elements = element_forces(mesh.gradients, self.deformation, self.weighted[0])
+        elements = gathered(mesh.gradients, self.piola)
         if self.state.pressure:
             elements -= self.state.pressure * self.volume[0]
         return mesh.scatter(elements) - self.model.weight
@@ -124,9 +139,11 @@ class ResidualDerivative:
 
         In J per unit of motion. What the step does not touch is left out.
         """
-        mine = self.at.model
-        result = self._by_film(model, state)
-        if np.any(np.imag(model.pull)):
+        mine, other_film = self.at.model, not self._same_film(model)
+        result = np.zeros(len(self._plate))
+        if other_film or np.imag(state.voltage_squared):
+            result = self._by_film(model, state)
+        if (other_film or model.loading is not mine.loading) and np.any(np.imag(model.pull)):
             mesh = mine.discretisation
             lift = self._nodal[:, mesh.connectivity, 2] @ mesh.shapes.T
             result = result - np.tensordot(lift, np.imag(model.pull) * mesh.weights, axes=2)
@@ -146,8 +163,6 @@ class ResidualDerivative:
     def _by_film(self, model: Model, state: State) -> Array:
         """By materials that are not those at the start, and by the film's virgin thickness."""
         film, result = model.specimen.membrane, np.zeros(len(self._plate))
-        if model.specimen is self.at.model.specimen and not np.imag(state.voltage_squared):
-            return result
         thickness = film.thickness / film.area_prestretch
         uneven = bool(np.any(np.imag(model.relative_thickness)))
         relative = model.relative_thickness if uneven else self.at.model.relative_thickness
@@ -157,6 +172,12 @@ class ResidualDerivative:
             elif np.imag(thickness):
                 result = result + np.imag(thickness) * np.real(self._virtual_work(*part, relative))
         return result
+
+    def _same_film(self, model: Model) -> bool:
+        """Whether film and electrode are those at the start, wherever their points moved."""
+        mine, other = self.at.model.specimen, model.specimen
+        even = np.ndim(self.at.model.relative_thickness) == 0
+        return even and other.membrane is mine.membrane and other.electrode is mine.electrode
 
     def _virtual_work(self, material: Any, prestretch: tuple[Any, Any], relative: Any) -> Any:
         """∫ W₁δλ₁ + W₂δλ₂ over the mounted film for each motion [N].
@@ -178,33 +199,33 @@ class ResidualDerivative:
         turned = plate.gradient(model.arms)[:, :, mine.plate_freedoms].imag
         forces = self.at.forces[mine.discretisation.plate_nodes]
         follows = np.einsum("nip,mp,ni->m", turned, self._plate, forces)
-        moved = np.tensordot(self._returned, state.positions.imag, axes=2)
+        returned, configurational = self._nodal_changes
+        moved = np.tensordot(returned, state.positions.imag, axes=2)
         places = model.discretisation.reference.imag[:, :2]
-        slid = np.tensordot(self._configurational, places, axes=2)
+        slid = np.tensordot(configurational, places, axes=2)
         return np.asarray(moved + slid + follows)
 
     @cached_property
-    def _returned(self) -> Array:
-        """The tangent times the motions, at all nodes [N], shape (motions, nodes, 3)."""
-        return np.stack([self.at.nodal(row) for row in self._nodal])
+    def _nodal_changes(self) -> tuple[Array, Array]:
+        """The tangent times the motions at all nodes [N], and the configurational forces.
 
-    @cached_property
-    def _configurational(self) -> Array:
-        """Change of the work as nodes move in the virgin film alone [N], (motions, nodes, 2)."""
-        model, mesh, (sw, dw) = self.at.model, self.at.model.discretisation, self.at.weighted
-        c = _matrix(np.stack(self.at.c, axis=-1))
-        result = []
-        for change, nodal in zip(self._strains, self._nodal, strict=True):
-            by_stress = np.matmul(dw, change[..., None])[..., 0]
-            doubled = change * [2, 2, 1]
-            tensor = -_matrix(doubled) @ _matrix(sw) - c @ _matrix(by_stress)
+        Of shape (motions, nodes, 3) and (motions, nodes, 2). The latter are the change of the work
+        as nodes move in the virgin film alone.
+        """
+        at, model, mesh = self.at, self.at.model, self.at.model.discretisation
+        rows = []
+        for nodal in self._nodal:
+            change = mesh.deformation(nodal)
+            stressed = at.stressed(change)
+            tensor = -_pulled_back(at.deformation, stressed) - _pulled_back(change, at.piola)
             lift = nodal[:, 2][mesh.connectivity] @ mesh.shapes.T
-            scalar = (change * sw).sum(-1) - model.pull * mesh.weights * lift
-            tensor[..., 0, 0] += scalar
-            tensor[..., 1, 1] += scalar
-            elements = np.einsum("eplb,epab->ela", mesh.gradients, tensor, optimize=True)
-            result.append(mesh.scatter(elements))
-        return np.stack(result)
+            work = np.einsum("epia,aepi->ep", change, at.piola) - model.pull * mesh.weights * lift
+            tensor[0, ..., 0] += work
+            tensor[1, ..., 1] += work
+            rows.append((at.collected(nodal, stressed),
+                         mesh.scatter(gathered(mesh.gradients, tensor))))
+        returned, configurational = zip(*rows, strict=True)
+        return np.stack(returned), np.stack(configurational)
 
     @cached_property
     def _parts(self) -> list[Part]:
@@ -232,6 +253,10 @@ class ResidualDerivative:
                             model.discretisation.weights * relative)
 
 
-def _matrix(triple: Array) -> Array:
-    """Symmetric matrices from components 11, 22, 12 on the last axis."""
-    return triple[..., [0, 2, 2, 1]].reshape(*triple.shape[:-1], 2, 2)
+def _dot(a: Array, b: Array) -> Array:
+    return np.asarray(np.einsum("...i,...i", a, b))
+
+
+def _pulled_back(f: Array, piola: Array) -> Array:
+    """Fᵀ P by its columns, (2, elements, points, 2)."""
+    return np.asarray(np.einsum("epia,bepi->bepa", f, piola))

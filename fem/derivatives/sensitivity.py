@@ -32,6 +32,7 @@ from tympan.fem.equilibrium.arc_length import PathPoint
 from tympan.fem.equilibrium.newton import Solution, Tangent
 from tympan.fem.equilibrium.ramp import Outcome
 from tympan.fem.equilibrium.subspace import FULL
+from tympan.fem.membrane.loading import Loading
 from tympan.fem.membrane.model import Model, Parts
 from tympan.fem.membrane.state import Load, State
 from tympan.geometry.errors import InputError
@@ -66,24 +67,33 @@ class ModelParameter:
 
 def parameters(model: Model, names: Sequence[str] | None = None) -> dict[str, ModelParameter]:
     """The parameters of a model by name, or those named: film, loads, surroundings and shape."""
-    loading = {name: _number(name.split(".")) for name in numbers(model.loading, "loading")
-               if isfinite(at(model, name.split(".")))}
-    parameters = {name: _number(["specimen", *name.split(".")])
-                  for name in film_names(model.specimen)}
-    parameters |= {name: _load(name) for name in LOADS} | loading
-    parameters |= {name: _length(name.split(".")) for name in shape_names(model.specimen)}
+    makers: dict[Any, Callable[[Any], ModelParameter]] = {
+        **dict.fromkeys(film_names(model.specimen), _of_film), **dict.fromkeys(LOADS, _load),
+        **dict.fromkeys(_loading_names(model.loading), _number),
+        **dict.fromkeys(shape_names(model.specimen), _length)}
     for name in names or ():
-        if name not in parameters:
-            raise InputError(f"must be one of {', '.join(parameters)}", key="parameter", given=name)
-    return parameters if names is None else {name: parameters[name] for name in names}
+        if name not in makers:
+            raise InputError(f"must be one of {', '.join(makers)}", key="parameter", given=name)
+    return {name: makers[name](name) for name in (makers if names is None else names)}
+
+
+@lru_cache(maxsize=64)
+def _loading_names(loading: Loading) -> tuple[str, ...]:
+    return tuple(name for name in numbers(loading, "loading")
+                 if isfinite(at(loading, name.split(".")[1:])))
 
 
 #: Names of pairs whose parts have the opposite effect in a mirror.
 _ODD = {"arm", "thickness_gradient"}
 
 
-def _number(path: Sequence[str]) -> ModelParameter:
+def _of_film(name: str) -> ModelParameter:
+    return _number(f"specimen.{name}")
+
+
+def _number(name: str) -> ModelParameter:
     """A number of film, electrode or surroundings; odd along the axis of an arm or a gradient."""
+    path = name.split(".")
     return ModelParameter(
         lambda model, state: float(at(model, path)),
         lambda model, state, change: (with_change(model, path, change), state),
@@ -101,8 +111,10 @@ def _load(name: Load) -> ModelParameter:
     return ModelParameter(value, changed)
 
 
-def _length(path: Sequence[str]) -> ModelParameter:
+def _length(name: str) -> ModelParameter:
     """A length of frame, plate or electrode; odd along an offset's axis, or in both if an angle."""
+    path = name.split(".")
+
     def changed(model: Model, state: State, change: Any) -> tuple[Model, State]:
         motion = velocity(model.discretisation, model.specimen, tuple(path))
         return moved_by(model, state, with_change(model.specimen, path, change), change * motion)

@@ -1,15 +1,18 @@
 """Meshes that move with a length of frame, plate or electrode, for derivatives by shape.
 
-Nodes on the edges of frame, plate and electrode move as those edges do; the others follow smoothly
-(a harmonic extension). The derivative of a discrete result by a length then is exact. In the limit
-of fine meshes it depends only on how the edges move across themselves, not on how nodes slide along
-them or move between them.
+Nodes on the edges of frame, plate and electrode move as those edges do; the others as the mean of
+the edges, weighted by inverse squared distance (Shepard's interpolation; for meshes Luke, Collins &
+Blades, *J. Comput. Phys.* 231, 2012). Between two edges that is all but linear. The derivative of a
+discrete result by a length then is exact. In the limit of fine meshes it depends only on how the
+edges move across themselves, not on how nodes slide along them or move between them.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -26,6 +29,12 @@ from tympan.geometry.paths import with_change
 from tympan.geometry.specimen import Specimen
 
 Array = NDArray[Any]
+
+#: Pairs of a node and one on an edge that are weighed at once.
+_AT_ONCE = 1 << 17
+
+#: Distance from a mirror plane, over the mesh's extent, of what lies on it.
+_ON_PLANE = 1e-9
 
 
 def moved_by(model: Model, state: State, specimen: Specimen, motion: Array) -> tuple[Model, State]:
@@ -47,10 +56,10 @@ def velocity(discretisation: Discretisation, specimen: Specimen, path: tuple[str
     slide along it, or where the film's stress is infinite at a sharp corner.
     """
     edges, stepped = _edges(specimen), _edges(with_change(specimen, path, 1j * STEP))
-    return _extended(discretisation,
-                     [(nodes, stepped[name].at(foot).imag / STEP) for name, (nodes, foot)
-                      in edge_nodes(discretisation, specimen).items()
-                      if edges[name] != stepped[name]])
+    moving = {name: stepped[name] for name in edges if edges[name] != stepped[name]}
+    return _extended(discretisation, {
+        name: edge.at(_foot(discretisation, specimen, name)).imag / STEP
+        for name, edge in moving.items()}, edge_nodes(discretisation, specimen))
 
 
 def motion_between(discretisation: Discretisation, specimen: Specimen, other: Specimen) -> Array:
@@ -59,23 +68,68 @@ def motion_between(discretisation: Discretisation, specimen: Specimen, other: Sp
     Nodes on an edge end on the other specimen's edge, however that bends with its lengths.
     """
     edges, others = _edges(specimen), _edges(other)
-    return _extended(discretisation,
-                     [(nodes, others[name].at(foot) - edges[name].at(foot)) for name, (nodes, foot)
-                      in edge_nodes(discretisation, specimen).items()])
+    feet = {name: _foot(discretisation, specimen, name) for name in edges}
+    return _extended(discretisation, {
+        name: others[name].at(foot) - edges[name].at(foot) for name, foot in feet.items()},
+        edge_nodes(discretisation, specimen))
 
 
-def _extended(discretisation: Discretisation, motions: list[tuple[Array, Array]]) -> Array:
+def _extended(discretisation: Discretisation, motions: Mapping[str, Array],
+              nodes: Mapping[str, Array]) -> Array:
     """The motion of all nodes from those of nodes on some edges; the other edges rest."""
-    given = np.zeros((len(discretisation.reference), 2))
-    for nodes, motion in motions:
-        given[nodes] = motion
-    return discretisation.extended(given)
+    result = np.zeros((len(discretisation.reference), 2))
+    for name, motion in motions.items():
+        result[nodes[name]] = motion
+    if result.any():
+        places = discretisation.reference[:, :2]
+        edges = np.zeros(len(places), dtype=bool)
+        edges[np.concatenate([*nodes.values()])] = True
+        images = _images(discretisation.planes)
+        sources, moved = ((of[edges] * images).reshape(-1, 2) for of in (places, result))
+        # A node on a mirror plane is its own image and counts once.
+        apart = np.abs(places[edges]) > _ON_PLANE * np.ptp(places)
+        counted = (apart | (images > 0)).all(axis=-1).ravel()
+        result[~edges] = _interpolated(places[~edges], sources[counted], moved[counted])
+    return result
+
+
+def _images(planes: frozenset[str]) -> Array:
+    """Signs of x and y in the mirrored parts of the whole, shape (parts, 1, 2)."""
+    sides = [(1, -1) if axis in planes else (1,) for axis in "xy"]
+    return np.array(list(product(*sides)))[:, None]
+
+
+def _interpolated(places: Array, sources: Array, values: Array) -> Array:
+    """Values at sources interpolated at places, all of shape (·, 2): exact if they are affine.
+
+    What the best affine function leaves is averaged by inverse squared distance. Squares of
+    distances come of one product of matrices: rounding in them changes no derivative.
+    """
+    near, far = _lifted(places), _lifted(sources)
+    basis = far[:, :3]
+    affine = np.linalg.solve(basis.T @ basis, basis.T @ values)
+    summed = np.column_stack([values - basis @ affine, basis[:, 2]])
+    squares = _SQUARE @ far.T
+    result = near[:, :3] @ affine
+    step = 1 + _AT_ONCE // len(sources)
+    for part in (slice(start, start + step) for start in range(0, len(places), step)):
+        weighted = np.reciprocal(near[part] @ squares) @ summed
+        result[part] += weighted[:, :2] / weighted[:, 2:]
+    return result
+
+
+#: The squared distance of two points as a form of (x, y, 1, x² + y²) of both.
+_SQUARE = np.array([[-2, 0, 0, 0], [0, -2, 0, 0], [0, 0, 0, 1], [0, 0, 1, 0]], dtype=float)
+
+
+def _lifted(places: Array) -> Array:
+    """x, y, 1, x² + y² of each place."""
+    return np.column_stack([places, np.ones(len(places)), (places * places).sum(axis=1)])
 
 
 @lru_cache(maxsize=8)
-def edge_nodes(discretisation: Discretisation, specimen: Specimen
-               ) -> dict[str, tuple[Array, Foot]]:
-    """Nodes on each edge, and where along it; raises what :func:`velocity` does."""
+def edge_nodes(discretisation: Discretisation, specimen: Specimen) -> dict[str, Array]:
+    """Nodes on each edge; raises what :func:`velocity` does."""
     _refuse_notches(specimen)
     edges, places = _edges(specimen), discretisation.reference[:, :2]
     nodes: dict[str, Array] = {name: discretisation.boundary_nodes(name)
@@ -92,7 +146,14 @@ def edge_nodes(discretisation: Discretisation, specimen: Specimen
         owner = miss.argmin(axis=0)
         nodes |= {name: inner[owner == number] for number, name in enumerate(edges)
                   if name not in nodes}
-    return {name: (there, edges[name].foot(places[there])) for name, there in nodes.items()}
+    return nodes
+
+
+@lru_cache(maxsize=32)
+def _foot(discretisation: Discretisation, specimen: Specimen, name: str) -> Foot:
+    """Where on an edge its nodes are."""
+    nodes = edge_nodes(discretisation, specimen)[name]
+    return _edges(specimen)[name].foot(discretisation.reference[nodes, :2])
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import skfem
 from numpy.typing import NDArray
-from scipy.sparse import coo_matrix, csc_matrix
+from scipy.sparse import coo_matrix
 
 from tympan.fem.discretisation.assembly import SparsityPattern
 from tympan.fem.discretisation.isoparametric import (
@@ -19,7 +19,7 @@ from tympan.fem.discretisation.isoparametric import (
     quadrature,
     tabulated,
 )
-from tympan.fem.linear_solver.direct import Analysis, SuperLU, SuperLUFactors, analyse
+from tympan.fem.linear_solver.direct import Analysis, analyse
 from tympan.fem.linear_solver.dissection import elimination_order
 from tympan.geometry.mesh import ELEMENTS, CurvedTriangles
 
@@ -239,58 +239,9 @@ class Discretisation:
         facets = np.setdiff1d(around, self.mesh.boundary_facets())
         return np.asarray(self.mesh.dofs.get_facet_dofs(facets).flatten())
 
-    def extended(self, given: Array) -> Array:
-        """The harmonic extension of a motion of the edges of frame, plate and electrode.
-
-        Of the motion ``given``, shape (nodes, 2), only values on those edges count. On a mirror
-        plane the component across it vanishes.
-        """
-        order, laplacian = self.unknowns.order, self._laplacian
-        result = np.zeros_like(given)
-        for axis, motion in enumerate(given[order].T):
-            if motion.any():
-                factors, fixed = self._across_y if axis and self.planes else self._across_x
-                edges = np.where(fixed, motion, 0.0)
-                result[order, axis] = factors.solve(np.where(fixed, edges, -(laplacian @ edges)))
-        return result
-
-    @cached_property
-    def _laplacian(self) -> csc_matrix:
-        """Of the scalar shape functions, nodes in the order of elimination, (nodes, nodes)."""
-        elements, points, local, _ = self.gradients.shape
-        flat = self.gradients.transpose(0, 2, 1, 3).reshape(elements, local, 2 * points)
-        weighted = flat * np.repeat(self.weights, 2, axis=1)[:, None]
-        rows = self.nodal_matrix(np.matmul(weighted, flat.transpose(0, 2, 1)), self.unknowns.ranked)
-        return csc_matrix((rows.data, rows.indices, rows.indptr), rows.shape)  # symmetric
-
-    @cached_property
-    def _across_x(self) -> tuple[SuperLUFactors, Array]:
-        return self._harmonic("x", "axis_y")
-
-    @cached_property
-    def _across_y(self) -> tuple[SuperLUFactors, Array]:
-        return self._harmonic("y", "axis_x")
-
-    def _harmonic(self, axis: str, across: str) -> tuple[SuperLUFactors, Array]:
-        """The Laplacian with held nodes as they are, factorised, and which these are."""
-        edges = [self.boundary_nodes("frame"), self.plate_nodes, self.electrode_edge_nodes]
-        if axis in self.planes:
-            edges.append(self.boundary_nodes(across))
-        fixed = np.zeros(len(self.reference), dtype=bool)
-        fixed[np.concatenate(edges)] = True
-        fixed, matrix = fixed[self.unknowns.order], self._laplacian
-        column = np.repeat(np.arange(len(fixed)), np.diff(matrix.indptr))
-        entries = np.where(fixed[matrix.indices] | fixed[column], matrix.indices == column,
-                           matrix.data)
-        kept = csc_matrix((entries, matrix.indices, matrix.indptr), matrix.shape)
-        return SuperLU(ordered=True).factorise(kept), fixed
-
-    def nodal_matrix(self, elements: Array, nodes: Array | None = None) -> Any:
-        """Sparse sum by rows of element matrices (elements, local, local), shape (nodes, nodes).
-
-        ``nodes`` of the elements, by default as the mesh numbers them.
-        """
-        nodes = self.connectivity if nodes is None else nodes
+    def nodal_matrix(self, elements: Array) -> Any:
+        """Sparse sum by rows of element matrices (elements, local, local), shape (nodes, nodes)."""
+        nodes = self.connectivity
         rows, columns = np.broadcast_arrays(nodes[:, :, None], nodes[:, None, :])
         shape = (len(self.reference),) * 2
         return coo_matrix((elements.ravel(), (rows.ravel(), columns.ravel())), shape=shape).tocsr()

@@ -27,6 +27,8 @@ class Curve:
     def at(self, foot: Foot) -> tuple[Array, Array]:
         """Points and derivatives at feet, shape (n, 2) each [m]."""
         number, t = foot
+        if len(self.pieces) == 1:
+            return self.pieces[0].at(t)[:2]
         parts = {k: self.pieces[k].at(t[number == k])[:2] for k in np.unique(number)}
         kind = np.result_type(float, *(value for value, _ in parts.values()))
         value, slope = np.empty((len(t), 2), kind), np.empty((len(t), 2), kind)
@@ -37,6 +39,8 @@ class Curve:
     def foot(self, places: Array) -> Foot:
         """The feet of places of shape (n, 2): number of the piece, parameter."""
         t = np.array([piece.nearest(places) for piece in self.pieces])
+        if len(self.pieces) == 1:
+            return np.zeros(len(places), dtype=int), t[0]
         away = np.array([np.linalg.norm(piece.at(row)[0] - places, axis=1)
                          for piece, row in zip(self.pieces, t, strict=True)])
         number = away.argmin(axis=0)
