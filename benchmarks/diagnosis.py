@@ -29,11 +29,11 @@ from tympan.geometry.mesher import MeshSettings
 from tympan.studies.case import Settings, build_model
 from tympan.studies.diagnosis.calibration import calibrated, law_error, with_effects
 from tympan.studies.diagnosis.gain import gain_of
+from tympan.studies.diagnosis.hypothesis import Cause
 from tympan.studies.diagnosis.inference.identifiability import detectable_effects, signatures
 from tympan.studies.diagnosis.inference.verdict import judge
 from tympan.studies.diagnosis.next_experiment import propose
 from tympan.studies.diagnosis.reading_table import ReadingTable, States, rows
-from tympan.studies.diagnosis.reduced.simulation import Cause
 from tympan.studies.effects import EFFECTS, Setup, Use, extended
 from tympan.studies.paper.actuators import actuators
 

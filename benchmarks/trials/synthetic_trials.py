@@ -34,10 +34,11 @@ from tympan.geometry.outlines import Circle
 from tympan.geometry.specimen import Material, Plate, Specimen
 from tympan.studies.case import Settings, build_model
 from tympan.studies.diagnosis.calibration import with_masses
+from tympan.studies.diagnosis.hypothesis import Cause, Hypothesis, uses_of
 from tympan.studies.diagnosis.reading_table import ReadingTable, States, rows
 from tympan.studies.diagnosis.reduced.force_law import Grid
 from tympan.studies.diagnosis.reduced.sampling import force_laws
-from tympan.studies.diagnosis.reduced.simulation import Cause, Hypothesis, Simulation
+from tympan.studies.diagnosis.reduced.simulation import Simulation
 from tympan.studies.diagnosis.self_check import sizes_at
 from tympan.studies.effects import EFFECTS, Setup, extended
 
@@ -325,8 +326,7 @@ def ramp_states(design: Design, truth: Truth, law: Material, ramp: NDArray[np.in
     states = design.table.states
     films = design.setup.with_films(lambda film: replace(
         film, material=law, relative_permittivity=truth.permittivity * film.relative_permittivity))
-    fitted = Simulation(design.setup, ())
-    setup = truth.stranger.setup(extended(films, fitted.uses(truth.hypothesis, truth.unknowns)))
+    setup = truth.stranger.setup(extended(films, uses_of(truth.hypothesis, truth.unknowns)))
     number = int(states.specimen[ramp[0]])
     specimen, rig = setup.specimens[number], setup.rig
     # The law alone is none that a specimen may have; an uneven film has no mirror planes.

@@ -34,9 +34,10 @@ from tympan.geometry.errors import InputError
 from tympan.studies.data.dataset import read_dataset
 from tympan.studies.diagnosis.diagnose import diagnose
 from tympan.studies.diagnosis.gain import gain_of
+from tympan.studies.diagnosis.hypothesis import Cause, Hypothesis, hypotheses_of
 from tympan.studies.diagnosis.inference.identifiability import SEEN, TOLD
 from tympan.studies.diagnosis.reading_table import ReadingTable
-from tympan.studies.diagnosis.reduced.simulation import Cause, Hypothesis, Simulation, hypotheses_of
+from tympan.studies.diagnosis.reduced.simulation import Simulation
 from tympan.studies.diagnosis.self_check import grown_to
 
 _NOISES = (NOISE, NOISE, NOISE, NOISE / 2, 2 * NOISE)

@@ -12,11 +12,14 @@ from tympan.fem.equilibrium.ramp import equilibrium, held
 from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Case, build_model
+from tympan.studies.diagnosis.hypothesis import FACTORS
 from tympan.studies.diagnosis.inference.posterior import Fit, nominal_fit, nominal_fits
 from tympan.studies.diagnosis.reading_table import COMPONENTS, ReadingTable
 from tympan.studies.diagnosis.readings import FEWEST
 from tympan.studies.diagnosis.reduced.film_memory import FilmMemory
+from tympan.studies.diagnosis.reduced.films_at_rest import FilmsAtRest
 from tympan.studies.diagnosis.reduced.force_law import ForceLaw
+from tympan.studies.diagnosis.reduced.prediction import Prediction
 from tympan.studies.diagnosis.reduced.sampling import (
     COARSE,
     FINE,
@@ -26,11 +29,7 @@ from tympan.studies.diagnosis.reduced.sampling import (
     nominal_law,
 )
 from tympan.studies.diagnosis.reduced.seen_film import scanned_exactly
-from tympan.studies.diagnosis.reduced.simulation import (
-    FACTORS,
-    Prediction,
-    Simulation,
-)
+from tympan.studies.diagnosis.reduced.simulation import Simulation
 from tympan.studies.diagnosis.reduced.swinging import SwingingMasses
 from tympan.studies.effects import Setup
 from tympan.studies.modes import heave_frequency
@@ -169,7 +168,8 @@ def reaching(setup: Setup, table: ReadingTable, unknowns_of: Callable[[Simulatio
         simulation = Simulation(setup, tuple(laws[reach] for reach in asked))
         have = np.array([[law.grid.heave, law.grid.voltage_squared]
                          for law in simulation.laws]).T
-        wanted = _needed(setup, table, Prediction(simulation, (), unknowns_of(simulation), table))
+        wanted = _needed(setup, table, FilmsAtRest(simulation, (), unknowns_of(simulation),
+                                                   table.states))
         lacking, ended = _ENOUGH * wanted > have, have < 0.99 * room * needed
         # A film held at less heave bears more voltage.
         narrowed = (lacking & ended).any(0) & (room[0] > _TIGHT[0])
@@ -196,20 +196,19 @@ def _nominal_law(setup: Setup, solver: FiniteElements, name: str, heave: float,
             heave = max(0.7 * heave, least)
 
 
-def _needed(setup: Setup, table: ReadingTable, prediction: Prediction | None = None) -> Array:
-    """Heaves and U² needed, shape (2, specimens): by the readings and by a prediction of them."""
+def _needed(setup: Setup, table: ReadingTable, rest: FilmsAtRest | None = None) -> Array:
+    """Heaves and U² needed, shape (2, specimens): by the readings or by films at rest."""
     states, needed = table.states, []
     squared = np.asarray(setup.rig.film_voltage(states.voltage, states.direction)) ** 2
-    if prediction is not None:
-        squared = prediction.voltage_squared
+    if rest is not None:
+        squared = rest.voltage_squared
     for number, specimen in enumerate(setup.specimens):
         read = table.value[(table.specimen == number) & (table.kind == "displacement")]
         there = states.specimen == number
-        if prediction is not None:
+        if rest is not None:
             # Where U² is beyond reach the heave tells nothing.
-            sought = there & (prediction.possible | prediction.short)
-            sought &= prediction.voltage_squared <= prediction.top
-            read = prediction.extended_heave[sought]
+            sought = there & (rest.possible | rest.short) & (rest.voltage_squared <= rest.top)
+            read = rest.extended_heave[sought]
         read = np.abs(read[np.isfinite(read)])
         largest = float(read.max()) if len(read) else _UNKNOWN * specimen.gap
         needed.append((np.clip(largest, _LEAST * specimen.gap, _LARGEST * specimen.gap),
@@ -247,13 +246,13 @@ def law_error(simulation: Simulation, fit: Fit, table: ReadingTable, count: int 
     are left out.
     """
     setup = simulation.extended(fit.hypothesis, fit.unknowns)
-    table = replace(table, states=table.states.at_rest)
-    prediction = Prediction(simulation, fit.hypothesis, fit.unknowns, table)
-    free = np.flatnonzero(np.isnan(table.states.heave))
-    order = free[np.argsort(prediction.heave[free])]
+    states = table.states.at_rest
+    rest = FilmsAtRest(simulation, fit.hypothesis, fit.unknowns, states)
+    free = np.flatnonzero(np.isnan(states.heave))
+    order = free[np.argsort(rest.heave[free])]
     chosen = order[np.unique(np.linspace(0, len(order) - 1, count).round().astype(int))]
-    rig, states, worst = setup.rig, table.states, 0.0
-    place, way = prediction.came
+    rig, worst = setup.rig, 0.0
+    place, way = rest.came
     for state in place[chosen].tolist():
         model = build_model(setup.specimens[int(states.specimen[state])], FINE, rig.loading)
         voltage = rig.film_voltage(float(states.voltage[state]), float(states.direction[state]))
@@ -261,7 +260,7 @@ def law_error(simulation: Simulation, fit: Fit, table: ReadingTable, count: int 
         force = rig.rubbed(force, float(way[state]))
         outcome = equilibrium(model, force, voltage, rig.gas_pressure)
         if outcome.status == "equilibrium":
-            heave = float(prediction.heave[state])
+            heave = float(rest.heave[state])
             worst = max(worst, abs(outcome.state.plate.deflection - heave))
     return worst
 
@@ -318,15 +317,15 @@ def slack(simulation: Simulation, fit: Fit, table: ReadingTable) -> NDArray[np.b
     A film loses more of it the higher its voltage is: of each ramp they are the last ones.
     """
     setup = simulation.extended(fit.hypothesis, fit.unknowns)
-    prediction = Prediction(simulation, fit.hypothesis, fit.unknowns, table)
-    seen = np.sqrt(prediction.voltage_squared * prediction.stiffness / prediction.permittivity)
+    rest = FilmsAtRest(simulation, fit.hypothesis, fit.unknowns, table.states)
+    seen = np.sqrt(rest.voltage_squared * rest.stiffness / rest.permittivity)
     models = [build_model(specimen, COARSE, setup.rig.loading) for specimen in setup.specimens]
     beyond = np.zeros(len(table), bool)
     for ramp in range(int(table.ramp.max()) + 1):
         rows = np.flatnonzero(table.ramp == ramp)
         for row in rows[np.argsort(-seen[table.state[rows]])].tolist():
             state, model = table.state[row], models[table.specimen[row]]
-            film = held(model, float(prediction.extended_heave[state]), float(seen[state]))
+            film = held(model, float(rest.extended_heave[state]), float(seen[state]))
             if film.status == "equilibrium" and model.in_tension(film.state):
                 break
             beyond[row] = True

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from scipy.special import logsumexp
 
 from tympan.studies.diagnosis.coupons.strip_splits import strip_splits
+from tympan.studies.diagnosis.hypothesis import Cause, Hypothesis, hypotheses_of
 from tympan.studies.diagnosis.inference.identifiability import SAME, signatures, visibility
 from tympan.studies.diagnosis.inference.posterior import (
     NOTHING,
@@ -31,7 +32,7 @@ from tympan.studies.diagnosis.inference.posterior import (
 from tympan.studies.diagnosis.inference.predictive import SHARE, Predictive
 from tympan.studies.diagnosis.inference.verdict import Judgement
 from tympan.studies.diagnosis.reading_table import MICROMETRES, ReadingTable, Unit
-from tympan.studies.diagnosis.reduced.simulation import Cause, Hypothesis, Simulation, hypotheses_of
+from tympan.studies.diagnosis.reduced.simulation import Simulation
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.bool_]

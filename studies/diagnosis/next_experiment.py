@@ -18,17 +18,14 @@ from scipy.optimize import lsq_linear
 
 from tympan.studies.data.effort import Effort
 from tympan.studies.diagnosis.calibration import with_masses
+from tympan.studies.diagnosis.hypothesis import FACTORS, Cause, Hypothesis
 from tympan.studies.diagnosis.inference.identifiability import SEEN, TOLD
 from tympan.studies.diagnosis.inference.posterior import Fit, Posterior
 from tympan.studies.diagnosis.inference.verdict import Judgement
 from tympan.studies.diagnosis.reading_table import ReadingTable, States, rows
-from tympan.studies.diagnosis.reduced.simulation import (
-    FACTORS,
-    Cause,
-    Hypothesis,
-    Prediction,
-    Simulation,
-)
+from tympan.studies.diagnosis.reduced.films_at_rest import FilmsAtRest
+from tympan.studies.diagnosis.reduced.prediction import Prediction
+from tympan.studies.diagnosis.reduced.simulation import Simulation
 from tympan.studies.files import words_beside
 
 Array = NDArray[np.float64]
@@ -91,7 +88,7 @@ class Readout:
         heave, voltage_squared = np.array([
             [law.grid.heave, law.grid.voltage_squared]
             for law in self.simulation.laws])[table.states.specimen].T
-        reached = Prediction(self.simulation, (), self.nominal.unknowns, table).heave
+        reached = FilmsAtRest(self.simulation, (), self.nominal.unknowns, table.states).heave
         seen = permittivity / stiffness * table.states.voltage**2
         inside = (reached <= heave) & (seen <= voltage_squared)
         return np.asarray(inside[table.state])
@@ -192,7 +189,7 @@ def _film_voltage(readout: Readout, share: float = 0.01) -> ReadingTable | None:
 def _blocked_force(readout: Readout, share: float = 0.01) -> ReadingTable:
     states = readout.states
     unloaded = readout.displacements(replace(states, voltage=np.zeros(len(states))))
-    heave = Prediction(readout.simulation, (), readout.nominal.unknowns, unloaded).heave
+    heave = FilmsAtRest(readout.simulation, (), readout.nominal.unknowns, unloaded.states).heave
     table = rows(replace(states, heave=heave), "force", 1.0)
     return table.with_sigma(np.maximum(share * np.abs(readout.shown(table)), _FORCE))
 

@@ -15,9 +15,9 @@ from tympan.studies.data.dataset import Dataset
 from tympan.studies.data.noise import reading_sigma, repeat_noise
 from tympan.studies.diagnosis.film_readings import film_rows
 from tympan.studies.diagnosis.history import staircase
+from tympan.studies.diagnosis.hypothesis import Cause
 from tympan.studies.diagnosis.inference.residual_tests import STATED
 from tympan.studies.diagnosis.reading_table import Kind, ReadingTable, States, rows
-from tympan.studies.diagnosis.reduced.simulation import Cause
 from tympan.studies.diagnosis.transients.block_means import transient_rows
 from tympan.studies.effects import EFFECTS, Setup
 from tympan.studies.effects.library import IN_TIME
@@ -75,67 +75,92 @@ def prepared_readings(dataset: Dataset) -> PreparedReadings:
     An :class:`InputError` when they are too few to conclude anything, nothing loads the film, or a
     column is off by a unit.
     """
-    static, ranges, frequencies = dataset.static, dataset.ranges, dataset.frequencies
-    transients = dataset.transients
-    sheets = [sheet for sheet in (static, ranges, frequencies, transients, dataset.fields)
-              if sheet is not None]
+    sheets = _sheets(dataset)
     used = {name for sheet in sheets for name in sheet.specimen.tolist()}
     setup = Setup(tuple(specimen for specimen in dataset.specimens if specimen.name in used),
                   dataset.rig)
+    _refuse(dataset, sheets)
+    parts, remarks = _parts(dataset, setup)
+    if sum(map(len, parts)) < FEWEST:
+        raise InputError(f"less than {FEWEST} can be used", key="readings",
+                         given="; ".join(remarks) or sum(map(len, sheets)))
+    table, noise_from = _with_noise(reduce(ReadingTable.joined, parts), dataset)
+    stated = STATED if noise_from in ("stated", "assumed") else 0.0
+    table, fewer = _not_too_many(table)
+    scans, seen = film_rows(replace(dataset, specimens=setup.specimens)) or (None, [])
+    if scans is not None:
+        table = table.joined(scans)
+    return PreparedReadings(setup, table, stated, noise_from, (*remarks, *fewer, *seen))
+
+
+def _sheets(dataset: Dataset) -> list[Sheet]:
+    """The files whose readings are judged."""
+    return [sheet for sheet in (dataset.static, dataset.ranges, dataset.frequencies,
+                                dataset.transients, dataset.fields) if sheet is not None]
+
+
+def _refuse(dataset: Dataset, sheets: list[Sheet]) -> None:
+    """An :class:`InputError` of readings by which nothing can be concluded."""
     count = sum(map(len, sheets))
     if count < FEWEST:
         raise InputError(f"needs at least {FEWEST} readings in static.csv and range.csv: stiffness "
                          "and permittivity alone take two of them", key="readings", given=count)
-    if static is None and ranges is None and transients is None:
-        other = "field.csv" if frequencies is None else "frequency.csv"
+    if dataset.static is None and dataset.ranges is None and dataset.transients is None:
+        other = "field.csv" if dataset.frequencies is None else "frequency.csv"
         raise InputError(f"must have static.csv or range.csv beside {other}: by that alone no mass "
                          "is told from a stiffness", key=dataset.name)
-    masses = np.concatenate([sheet.mass for sheet in sheets])
-    if not (dataset.rig.force(masses, 1.0).any() or dataset.rig.gas_pressure or dataset.rig.biases):
+    masses, rig = np.concatenate([sheet.mass for sheet in sheets]), dataset.rig
+    if not (rig.force(masses, 1.0).any() or rig.gas_pressure or rig.biases):
         raise InputError("must be above 0 in some reading: a film that nothing loads stays flat "
                          "under any voltage", key="mass", given="0 g everywhere")
     for slip in slips_of_unit(dataset):
         raise InputError(slip, key=dataset.name)
+
+
+def _parts(dataset: Dataset, setup: Setup) -> tuple[list[ReadingTable], list[str]]:
+    """The rows of each file but of scans, and what was done to the readings."""
     numbers = {specimen.name: number for number, specimen in enumerate(setup.specimens)}
-    remarks, parts = [], []
-    if static is not None:
-        parts += _static(static, numbers, reading_sigma(dataset))
-    if ranges is not None:
-        parts.append(_ranges(ranges, numbers))
-    if frequencies is not None:
-        parts.append(_frequencies(frequencies, numbers))
-    if transients is not None:
-        tables, said = transient_rows(transients, numbers, dataset.noise, dataset.rig)
-        remarks += said
+    parts: list[ReadingTable] = []
+    remarks: list[str] = []
+    if dataset.static is not None:
+        parts += _static(dataset.static, numbers, reading_sigma(dataset))
+    if dataset.ranges is not None:
+        parts.append(_ranges(dataset.ranges, numbers))
+    if dataset.frequencies is not None:
+        parts.append(_frequencies(dataset.frequencies, numbers))
+    if dataset.transients is not None:
+        tables, remarks = transient_rows(dataset.transients, numbers, dataset.noise, dataset.rig)
         parts += tables
-    if sum(map(len, parts)) < FEWEST:
-        raise InputError(f"less than {FEWEST} can be used", key="readings",
-                         given="; ".join(remarks) or count)
-    table = reduce(ReadingTable.joined, parts)
+    return parts, remarks
+
+
+def _with_noise(table: ReadingTable, dataset: Dataset) -> tuple[ReadingTable, str]:
+    """With the noise of all rows; where that is from, in words.
+
+    An :class:`InputError` where readings are still to be made and nobody states their noise.
+    """
     planned = bool(np.isnan(table.value).any())
     unknown = np.isnan(table.sigma)
-    if unknown.any():
-        if planned:
-            raise InputError("is needed to plan: the standard deviation of one reading",
-                             key="noise", given=None)
-        size = ASSUMED * np.sqrt(np.mean(table.value[unknown] ** 2))
-        table = table.with_sigma(np.where(unknown, size, table.sigma))
-        enough = len(table) > 4 * FEWEST
-        noise_from = "from the scatter about smooth curves" if enough else "assumed"
-    else:
+    if not unknown.any():
         repeated = dataset.noise is None and not planned and repeat_noise(dataset) is not None
-        noise_from = "from repeats" if repeated else "stated"
-    stated = STATED if noise_from in ("stated", "assumed") else 0.0
+        return table, "from repeats" if repeated else "stated"
+    if planned:
+        raise InputError("is needed to plan: the standard deviation of one reading", key="noise",
+                         given=None)
+    size = ASSUMED * np.sqrt(np.mean(table.value[unknown] ** 2))
+    enough = len(table) > 4 * FEWEST
+    return (table.with_sigma(np.where(unknown, size, table.sigma)),
+            "from the scatter about smooth curves" if enough else "assumed")
+
+
+def _not_too_many(table: ReadingTable) -> tuple[ReadingTable, list[str]]:
+    """With readings at rest averaged where they are more than :data:`MANY`; a remark on that."""
     resting = ~np.isin(table.state, table.states.passages.rows)
-    if resting.sum() > MANY:
-        few = averaged(table[resting].compact())
-        remarks.append(f"{resting.sum()} readings were averaged to {len(few)} of nearly the same "
-                       "state")
-        table = few if resting.all() else few.joined(table[~resting].compact())
-    if (scans := film_rows(replace(dataset, specimens=setup.specimens))) is not None:
-        table = table.joined(scans[0])
-        remarks += scans[1]
-    return PreparedReadings(setup, table, stated, noise_from, tuple(remarks))
+    if resting.sum() <= MANY:
+        return table, []
+    few = averaged(table[resting].compact())
+    remark = f"{resting.sum()} readings were averaged to {len(few)} of nearly the same state"
+    return few if resting.all() else few.joined(table[~resting].compact()), [remark]
 
 
 def _static(readings: Sheet, numbers: dict[str, int], sigma: Array) -> list[ReadingTable]:

@@ -22,6 +22,7 @@ from tympan.studies.diagnosis.coupons.strip_record import (
     save_strips,
 )
 from tympan.studies.diagnosis.gain import GainReport, gain_of
+from tympan.studies.diagnosis.hypothesis import Cause
 from tympan.studies.diagnosis.inference.identifiability import detectable_effects
 from tympan.studies.diagnosis.inference.posterior import Fit, Posterior
 from tympan.studies.diagnosis.inference.ratios import ratios
@@ -34,7 +35,7 @@ from tympan.studies.diagnosis.inference.verdict import (
 from tympan.studies.diagnosis.next_experiment import Proposal, propose
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.readings import PreparedReadings
-from tympan.studies.diagnosis.reduced.simulation import Cause, Simulation
+from tympan.studies.diagnosis.reduced.simulation import Simulation
 from tympan.studies.diagnosis.self_check import Bench
 from tympan.studies.diagnosis.sentences import (
     found_sizes,

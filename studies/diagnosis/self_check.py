@@ -15,17 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tympan.geometry.errors import InputError
+from tympan.studies.diagnosis.hypothesis import FACTORS, SIZES, Cause, Hypothesis
 from tympan.studies.diagnosis.inference.verdict import judge
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.reduced.growth import grown
-from tympan.studies.diagnosis.reduced.simulation import (
-    FACTORS,
-    SIZES,
-    Cause,
-    Hypothesis,
-    Simulation,
-    bounds_of,
-)
+from tympan.studies.diagnosis.reduced.reduced_films import bounds_of
+from tympan.studies.diagnosis.reduced.simulation import Simulation
 from tympan.studies.files import words_beside
 from tympan.studies.parallel import mapped
 

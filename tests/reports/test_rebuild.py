@@ -16,7 +16,7 @@ from tympan.reports.figures.alpha import draw_map
 from tympan.reports.rebuild import KINDS, rebuild
 from tympan.studies.alpha import LoadGrid
 from tympan.studies.alpha.map import AlphaMap, MapSettings, alpha_map
-from tympan.studies.diagnosis.reduced.simulation import Cause
+from tympan.studies.diagnosis.hypothesis import Cause
 from tympan.studies.diagnosis.self_check import SyntheticSet, summary_of
 from tympan.studies.files import write_json
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from tympan.studies.diagnosis.hypothesis import Cause, Hypothesis
 from tympan.studies.diagnosis.reading_table import ReadingTable, States, rows
-from tympan.studies.diagnosis.reduced.simulation import Cause, Hypothesis, Simulation
+from tympan.studies.diagnosis.reduced.simulation import Simulation
 from tympan.studies.effects import EFFECTS
 
 MASSES = (17.9e-3, 22.45e-3)

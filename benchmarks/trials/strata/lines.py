@@ -20,8 +20,8 @@ from tympan.fem.film.laws import NeoHooke
 from tympan.fem.rig import Rig
 from tympan.geometry.outlines import Circle, Ellipse
 from tympan.geometry.specimen import Film, Plate, Specimen
+from tympan.studies.diagnosis.hypothesis import Cause
 from tympan.studies.diagnosis.reading_table import States
-from tympan.studies.diagnosis.reduced.simulation import Cause
 from tympan.studies.effects import Setup
 from tympan.studies.effects.effect import Use
 

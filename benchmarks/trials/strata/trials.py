@@ -41,9 +41,9 @@ from tympan.geometry.outlines import Circle, Ellipse
 from tympan.geometry.specimen import Film, Plate, Specimen
 from tympan.studies.data.dataset import Dataset, read_dataset
 from tympan.studies.diagnosis.diagnose import judge_dataset
+from tympan.studies.diagnosis.hypothesis import Cause, Hypothesis
 from tympan.studies.diagnosis.inference.verdict import Judgement
 from tympan.studies.diagnosis.readings import PreparedReadings, prepared_readings
-from tympan.studies.diagnosis.reduced.simulation import Cause, Hypothesis
 from tympan.studies.effects import EFFECTS
 
 #: A part of a dataset that is judged.

@@ -20,7 +20,7 @@ from benchmarks.trials.verdict_cases import coupon_readings
 from tympan.fem.toml_writer import specimen_to_toml
 from tympan.studies.columns import write_sheet
 from tympan.studies.data.dataset import STATIC
-from tympan.studies.diagnosis.reduced.simulation import Cause
+from tympan.studies.diagnosis.hypothesis import Cause
 from tympan.studies.effects import EFFECTS
 
 FOLDER = Path(__file__).parent / "cases"

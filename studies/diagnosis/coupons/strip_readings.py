@@ -14,10 +14,10 @@ from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Specimen
 from tympan.studies.data.coupon import Coupons
 from tympan.studies.data.dataset import Dataset
+from tympan.studies.diagnosis.hypothesis import Cause
 from tympan.studies.diagnosis.inference.residual_tests import STATED
 from tympan.studies.diagnosis.reading_table import ReadingTable, States, rows
 from tympan.studies.diagnosis.readings import ASSUMED, FEWEST, PreparedReadings
-from tympan.studies.diagnosis.reduced.simulation import Cause
 from tympan.studies.diagnosis.reduced.strips import StripTests
 from tympan.studies.effects import EFFECTS, Setup
 from tympan.studies.effects.library import IN_TIME, OF_STRIPS, WARMTH

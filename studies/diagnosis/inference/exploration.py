@@ -9,22 +9,21 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from tympan.studies.diagnosis.inference.posterior import Fit, best_of, fit, with_sizes
-from tympan.studies.diagnosis.inference.residual_tests import beside, taken_by
-from tympan.studies.diagnosis.reading_table import ReadingTable
-from tympan.studies.diagnosis.reduced.growth import coupled, grown, refined, regridded
-from tympan.studies.diagnosis.reduced.simulation import (
+from tympan.studies.diagnosis.hypothesis import (
     FACTORS,
     SIZES,
     Cause,
     Hypothesis,
-    Simulation,
-    bounds_of,
     hypotheses_of,
-    limits_of,
     parameters_of,
     sizes_of,
 )
+from tympan.studies.diagnosis.inference.posterior import Fit, best_of, fit, with_sizes
+from tympan.studies.diagnosis.inference.residual_tests import beside, taken_by
+from tympan.studies.diagnosis.reading_table import ReadingTable
+from tympan.studies.diagnosis.reduced.growth import coupled, grown, refined, regridded
+from tympan.studies.diagnosis.reduced.reduced_films import bounds_of, limits_of
+from tympan.studies.diagnosis.reduced.simulation import Simulation
 
 Array = NDArray[np.float64]
 

@@ -12,20 +12,19 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logsumexp
 
-from tympan.studies.diagnosis.inference.residual_tests import JUMPS, orthonormal, taken_by, without
-from tympan.studies.diagnosis.reading_table import ReadingTable
-from tympan.studies.diagnosis.reduced.simulation import (
+from tympan.studies.diagnosis.hypothesis import (
     FACTORS,
     SIZES,
     Cause,
     Hypothesis,
-    Simulation,
-    bounds_of,
-    limits_of,
     parameters_of,
     sizes_of,
     unknown_count,
 )
+from tympan.studies.diagnosis.inference.residual_tests import JUMPS, orthonormal, taken_by, without
+from tympan.studies.diagnosis.reading_table import ReadingTable
+from tympan.studies.diagnosis.reduced.reduced_films import bounds_of, limits_of
+from tympan.studies.diagnosis.reduced.simulation import Simulation
 from tympan.studies.effects.prior import as_residuals
 from tympan.studies.estimation.least_squares import Evaluation, LeastSquares, minimise
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtri, ndtr, ndtri
 
+from tympan.studies.diagnosis.hypothesis import SIZES, Cause, hypotheses_of
 from tympan.studies.diagnosis.inference.exploration import Exploration, reached_further
 from tympan.studies.diagnosis.inference.identifiability import (
     Signatures,
@@ -36,12 +37,7 @@ from tympan.studies.diagnosis.inference.residual_tests import (
 )
 from tympan.studies.diagnosis.inference.strip_patterns import strip_patterns
 from tympan.studies.diagnosis.reading_table import ReadingTable
-from tympan.studies.diagnosis.reduced.simulation import (
-    SIZES,
-    Cause,
-    Simulation,
-    hypotheses_of,
-)
+from tympan.studies.diagnosis.reduced.simulation import Simulation
 
 Array = NDArray[np.float64]
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tympan.geometry.system import MissingLibrary
+from tympan.studies.diagnosis.hypothesis import Cause, Hypothesis
 from tympan.studies.diagnosis.reduced.axes import (
     FIRST_SPAN,
     Axis,
@@ -19,13 +20,8 @@ from tympan.studies.diagnosis.reduced.axes import (
     sampled_film,
 )
 from tympan.studies.diagnosis.reduced.force_law import FORCE, ForceLaw, Grid, Sampled, Solver
-from tympan.studies.diagnosis.reduced.simulation import (
-    Cause,
-    Hypothesis,
-    Simulation,
-    affected,
-    sizes_on,
-)
+from tympan.studies.diagnosis.reduced.reduced_films import affected
+from tympan.studies.diagnosis.reduced.simulation import Simulation
 from tympan.studies.effects import Setup
 from tympan.studies.parallel import mapped
 
@@ -278,7 +274,7 @@ def refined(simulation: Simulation, hypothesis: Hypothesis, unknowns: Array,
     """
     chains = []
     for law_number, law in enumerate(simulation.laws):
-        sizes = sizes_on(simulation, law_number, hypothesis, unknowns)
+        sizes = simulation.axis_sizes(law_number, hypothesis, unknowns)
         active = [number for number, size in enumerate(sizes.tolist())
                   if abs(size) > _NONE * law.axes[number].parameter.deviation]
         base = replace(_chain_of(simulation, law_number), exact=True)
@@ -303,7 +299,7 @@ def coupled(simulation: Simulation, hypotheses: Sequence[Hypothesis],
         base = _chain_of(simulation, law_number)
         groups = {tuple(number for number, _ in sample) for sample in law.samples}
         for hypothesis, values in zip(hypotheses, unknowns, strict=True):
-            sizes = sizes_on(simulation, law_number, hypothesis, values)
+            sizes = simulation.axis_sizes(law_number, hypothesis, values)
             for group in combinations(np.flatnonzero(sizes).tolist(), 2):
                 if group not in groups:
                     groups.add(group)

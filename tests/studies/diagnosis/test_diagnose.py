@@ -22,10 +22,11 @@ from tympan.geometry.mesher import MeshSettings
 from tympan.reports.schema import json_records
 from tympan.studies.case import Case, Settings, solve
 from tympan.studies.data.dataset import read_dataset
+from tympan.studies.diagnosis.hypothesis import Cause
 from tympan.studies.diagnosis.inference.verdict import judge
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.readings import averaged, prepared_readings
-from tympan.studies.diagnosis.reduced.simulation import Cause, Simulation
+from tympan.studies.diagnosis.reduced.simulation import Simulation
 from tympan.studies.diagnosis.result import Diagnosis
 from tympan.studies.diagnosis.sentences import headline, next_step, suspects_among, where
 from tympan.studies.diagnosis.shown.loaded_films import load_films, over_nominal

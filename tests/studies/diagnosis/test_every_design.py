@@ -18,9 +18,9 @@ from tympan.geometry.errors import InputError
 from tympan.studies.data.dataset import read_dataset
 from tympan.studies.diagnosis.calibration import Calibration, calibrated, law_error
 from tympan.studies.diagnosis.diagnose import diagnose
+from tympan.studies.diagnosis.hypothesis import Cause
 from tympan.studies.diagnosis.reading_table import ReadingTable, States, rows
 from tympan.studies.diagnosis.readings import PreparedReadings, prepared_readings
-from tympan.studies.diagnosis.reduced.simulation import Cause
 from tympan.studies.effects import Setup
 
 DOZEN = range(100, 112)

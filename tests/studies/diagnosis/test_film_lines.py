@@ -26,10 +26,11 @@ from tympan.studies.case import Settings, build_model
 from tympan.studies.data.dataset import read_dataset
 from tympan.studies.diagnosis.calibration import calibrated, film_error
 from tympan.studies.diagnosis.diagnose import diagnose
+from tympan.studies.diagnosis.hypothesis import Cause
 from tympan.studies.diagnosis.readings import prepared_readings
 from tympan.studies.diagnosis.reduced.film_shape import ALONG, AROUND, FilmShape, lattice_of
+from tympan.studies.diagnosis.reduced.prediction import Prediction
 from tympan.studies.diagnosis.reduced.sampling import COARSE
-from tympan.studies.diagnosis.reduced.simulation import Cause, Prediction
 
 STATIC = "specimen,mass_g,voltage_kV,displacement_mm\n" + "".join(
     f"A,17.9,{kv},{2 + 0.03 * kv**2}\n" for kv in range(5))

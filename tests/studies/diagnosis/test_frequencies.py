@@ -19,8 +19,9 @@ from tympan.fem.vibration.heave import following
 from tympan.studies.data.dataset import read_dataset
 from tympan.studies.diagnosis.calibration import calibrated, frequency_error
 from tympan.studies.diagnosis.diagnose import diagnose
+from tympan.studies.diagnosis.hypothesis import Cause
 from tympan.studies.diagnosis.readings import prepared_readings
-from tympan.studies.diagnosis.reduced.simulation import Cause, Prediction
+from tympan.studies.diagnosis.reduced.prediction import Prediction
 
 
 @pytest.mark.parametrize(("plate", "near"), [(17.9e-3, 2e-6), (3e-3, 1.5e-4), (1e-3, 3e-3)])

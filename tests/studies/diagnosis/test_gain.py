@@ -19,9 +19,10 @@ from tympan.studies.diagnosis.gain import (
     gain_of,
     splits_of,
 )
+from tympan.studies.diagnosis.hypothesis import Cause
 from tympan.studies.diagnosis.inference.verdict import Judgement, judge
 from tympan.studies.diagnosis.reading_table import ReadingTable, States, rows
-from tympan.studies.diagnosis.reduced.simulation import Cause, Simulation
+from tympan.studies.diagnosis.reduced.simulation import Simulation
 
 SIGMA = 10e-6
 

@@ -44,12 +44,12 @@ from tests.support.datasets import HEAD, write_dataset
 from tympan.fem.toml_writer import specimen_content, toml
 from tympan.studies.data.dataset import read_dataset
 from tympan.studies.diagnosis.diagnose import diagnose
+from tympan.studies.diagnosis.hypothesis import Cause
 from tympan.studies.diagnosis.inference.identifiability import SEEN
 from tympan.studies.diagnosis.inference.verdict import judge
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.readings import prepared_readings
 from tympan.studies.diagnosis.reduced.growth import refined
-from tympan.studies.diagnosis.reduced.simulation import Cause
 
 SEED = 11
 ROOT5 = 5**0.5

@@ -24,13 +24,14 @@ from tympan.geometry.specimen import Plate, Specimen
 from tympan.studies.alpha import AlphaSettings, LoadGrid, alpha
 from tympan.studies.case import Settings
 from tympan.studies.circles import ConeCircle, Lumped
+from tympan.studies.diagnosis.hypothesis import Cause
 from tympan.studies.diagnosis.inference.verdict import Judgement, interval, judge
 from tympan.studies.diagnosis.lumped_model import lumped, lumped_laws
 from tympan.studies.diagnosis.reading_table import ReadingTable, States, rows
 from tympan.studies.diagnosis.readings import PreparedReadings
 from tympan.studies.diagnosis.reduced.axes import film_axes
 from tympan.studies.diagnosis.reduced.force_law import Grid
-from tympan.studies.diagnosis.reduced.simulation import Cause, Simulation
+from tympan.studies.diagnosis.reduced.simulation import Simulation
 from tympan.studies.effects import EFFECTS, Effect, Setup
 
 TAPE = MATERIALS["vhb-4910"].material

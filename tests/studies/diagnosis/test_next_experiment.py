@@ -10,6 +10,7 @@ import pytest
 from tests.support.trials import design, every_cause, read, size_of
 from tympan.studies.data.effort import Effort
 from tympan.studies.diagnosis.calibration import with_masses
+from tympan.studies.diagnosis.hypothesis import Cause, Hypothesis
 from tympan.studies.diagnosis.inference.identifiability import SEEN, TOLD
 from tympan.studies.diagnosis.inference.posterior import Fit, Posterior, fit
 from tympan.studies.diagnosis.inference.verdict import Judgement, judge
@@ -23,7 +24,7 @@ from tympan.studies.diagnosis.next_experiment import (
     rivals,
 )
 from tympan.studies.diagnosis.reading_table import ReadingTable
-from tympan.studies.diagnosis.reduced.simulation import Cause, Hypothesis, Simulation
+from tympan.studies.diagnosis.reduced.simulation import Simulation
 
 SIGMA = 20e-6
 CAPACITANCE, PROBE, TAP = (next(experiment for experiment in MENU if part in experiment.what)

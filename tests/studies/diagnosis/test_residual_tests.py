@@ -14,7 +14,8 @@ from tympan.studies.diagnosis.inference.posterior import fit
 from tympan.studies.diagnosis.inference.residual_tests import ResidualTests, over, patterns
 from tympan.studies.diagnosis.inference.verdict import ALARM, judge
 from tympan.studies.diagnosis.reading_table import ReadingTable
-from tympan.studies.diagnosis.reduced.simulation import Prediction, Simulation
+from tympan.studies.diagnosis.reduced.prediction import Prediction
+from tympan.studies.diagnosis.reduced.simulation import Simulation
 
 NAMES = ("circular", "elliptical-small", "elliptical-large")
 SIGMA = 20e-6

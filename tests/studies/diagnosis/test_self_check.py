@@ -11,7 +11,8 @@ import pytest
 from tests.support.datasets import HEAD, write_dataset
 from tests.support.trials import design, every_cause
 from tympan.cli import main
-from tympan.studies.diagnosis.reduced.simulation import Cause, Simulation
+from tympan.studies.diagnosis.hypothesis import Cause
+from tympan.studies.diagnosis.reduced.simulation import Simulation
 from tympan.studies.diagnosis.self_check import (
     Bench,
     SyntheticSet,

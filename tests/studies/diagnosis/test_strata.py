@@ -21,9 +21,9 @@ from benchmarks.trials.trial import Lab
 from tympan.studies.data.dataset import read_dataset
 from tympan.studies.diagnosis.calibration import calibrated
 from tympan.studies.diagnosis.diagnose import judge_dataset
+from tympan.studies.diagnosis.hypothesis import Cause
 from tympan.studies.diagnosis.inference.identifiability import SEEN
 from tympan.studies.diagnosis.readings import prepared_readings
-from tympan.studies.diagnosis.reduced.simulation import Cause
 
 #: Single effects that films by both means may have, with their sizes.
 HIDDEN = (("parallel_spring", 6.0), ("electrode_mass", 0.1), ("unaccounted_mass", 1e-3),

@@ -11,6 +11,7 @@ from scipy.special import logsumexp
 from scipy.stats import kstest, multivariate_t
 
 from tests.support.trials import design, every_cause, read
+from tympan.studies.diagnosis.hypothesis import Cause, hypotheses_of
 from tympan.studies.diagnosis.inference import residual_tests
 from tympan.studies.diagnosis.inference.identifiability import (
     classes_of,
@@ -22,7 +23,7 @@ from tympan.studies.diagnosis.inference.ratios import ratios
 from tympan.studies.diagnosis.inference.verdict import interval, judge, single_effects
 from tympan.studies.diagnosis.reading_table import ReadingTable, rows
 from tympan.studies.diagnosis.reduced.growth import refined
-from tympan.studies.diagnosis.reduced.simulation import Cause, Simulation, hypotheses_of
+from tympan.studies.diagnosis.reduced.simulation import Simulation
 
 NAMES = ("circular", "elliptical-small", "elliptical-large")
 SIGMA = 20e-6

@@ -16,6 +16,7 @@ from tests.oracles.axisymmetric import Film, Ogden, solve_deflection
 from tests.support.datasets import HEAD, write_dataset
 from tests.support.trials import design, every_cause, read
 from tympan.studies.data.dataset import read_dataset
+from tympan.studies.diagnosis.hypothesis import Cause
 from tympan.studies.diagnosis.inference.identifiability import (
     classes_of,
     distance,
@@ -24,8 +25,9 @@ from tympan.studies.diagnosis.inference.identifiability import (
 from tympan.studies.diagnosis.inference.verdict import judge
 from tympan.studies.diagnosis.reading_table import ReadingTable, States, rows
 from tympan.studies.diagnosis.readings import averaged, prepared_readings
-from tympan.studies.diagnosis.reduced.resting_place import play
-from tympan.studies.diagnosis.reduced.simulation import Cause, Prediction, Simulation
+from tympan.studies.diagnosis.reduced.films_at_rest import play
+from tympan.studies.diagnosis.reduced.prediction import Prediction
+from tympan.studies.diagnosis.reduced.simulation import Simulation
 
 SIGMA = 20e-6
 MASS, GRAVITY = 17.9e-3, 9.80665

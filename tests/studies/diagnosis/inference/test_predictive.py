@@ -10,11 +10,12 @@ from scipy.stats import norm
 
 from tests.support.trials import design, every_cause, read
 from tympan.studies.diagnosis.gain import gain_of
+from tympan.studies.diagnosis.hypothesis import Cause
 from tympan.studies.diagnosis.inference.posterior import fit
 from tympan.studies.diagnosis.inference.predictive import Predictive
 from tympan.studies.diagnosis.inference.verdict import judge
 from tympan.studies.diagnosis.reading_table import ReadingTable, States, rows
-from tympan.studies.diagnosis.reduced.simulation import Cause, Simulation
+from tympan.studies.diagnosis.reduced.simulation import Simulation
 from tympan.studies.diagnosis.shown.curves import curves, dense
 
 SIGMA = 10e-6

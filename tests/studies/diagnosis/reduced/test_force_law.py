@@ -12,10 +12,12 @@ from tests.oracles import axisymmetric
 from tympan.fem.film.laws.stiffened import scaled
 from tympan.fem.rig import Rig
 from tympan.studies.case import Case, solve
+from tympan.studies.diagnosis.hypothesis import Cause
 from tympan.studies.diagnosis.reading_table import States, rows
-from tympan.studies.diagnosis.reduced.resting_place import resting_place
+from tympan.studies.diagnosis.reduced.films_at_rest import resting_place
+from tympan.studies.diagnosis.reduced.prediction import Prediction
 from tympan.studies.diagnosis.reduced.sampling import FINE
-from tympan.studies.diagnosis.reduced.simulation import Cause, Prediction, Simulation
+from tympan.studies.diagnosis.reduced.simulation import Simulation
 
 MASSES, VOLTAGES = (0.0179, 0.02245), (0.0, 3.5e3, 5e3, 6.5e3)
 

@@ -14,20 +14,15 @@ from tympan.fem.film.laws.stiffened import scaled
 from tympan.fem.rig import Rig
 from tympan.studies.case import Case, build_model, solve
 from tympan.studies.diagnosis.calibration import calibrated, with_effects
+from tympan.studies.diagnosis.hypothesis import Cause, Hypothesis, sizes_of
 from tympan.studies.diagnosis.reading_table import ReadingTable, States, rows
 from tympan.studies.diagnosis.reduced import sampling
 from tympan.studies.diagnosis.reduced.axes import HeldFilm
 from tympan.studies.diagnosis.reduced.force_law import Grid
 from tympan.studies.diagnosis.reduced.growth import first_laws, grown, refined, regridded
+from tympan.studies.diagnosis.reduced.reduced_films import bounds_of, limits_of
 from tympan.studies.diagnosis.reduced.sampling import COARSE, FINE, FiniteElements, nominal_law
-from tympan.studies.diagnosis.reduced.simulation import (
-    Cause,
-    Hypothesis,
-    Simulation,
-    bounds_of,
-    limits_of,
-    sizes_of,
-)
+from tympan.studies.diagnosis.reduced.simulation import Simulation
 from tympan.studies.effects import Setup
 from tympan.studies.paper.actuators import actuators
 

@@ -1,0 +1,74 @@
+"""Hypotheses: which effects are there together, and where among the unknowns their sizes stand.
+
+Unknowns of a hypothesis are the logarithms of a factor on all films' stiffness and of one on their
+permittivity, then the sizes of its effects' parameters in its order.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tympan.studies.effects import EFFECTS, Effect, EffectParameter, Use
+
+Array = NDArray[np.float64]
+
+#: What every hypothesis has: the two factors; and the sizes of its effects.
+STIFFNESS, PERMITTIVITY = 0, 1
+FACTORS, SIZES = slice(0, 2), slice(2, None)
+
+
+@dataclass(frozen=True)
+class Cause:
+    """An effect by name, and the specimen it happens to, if it is on one."""
+
+    name: str
+    which: str | None = None
+
+    @property
+    def effect(self) -> Effect:
+        """The effect of the registry."""
+        return EFFECTS[self.name]
+
+    def __str__(self) -> str:
+        return self.name if self.which is None else f"{self.name} of {self.which}"
+
+
+#: Effects that are there together; none for the nominal model.
+Hypothesis = tuple[Cause, ...]
+
+
+def parameters_of(hypothesis: Hypothesis) -> list[EffectParameter]:
+    """The parameters of its effects in the order of their sizes."""
+    return [parameter for cause in hypothesis for parameter in cause.effect.parameters]
+
+
+def unknown_count(hypothesis: Hypothesis) -> int:
+    """How many unknowns it has."""
+    return FACTORS.stop + len(parameters_of(hypothesis))
+
+
+def sizes_of(hypothesis: Hypothesis, cause: Cause) -> slice:
+    """Where among the unknowns the sizes of one of its causes stand."""
+    first = unknown_count(hypothesis[: hypothesis.index(cause)])
+    return slice(first, first + len(cause.effect.parameters))
+
+
+def uses_of(hypothesis: Hypothesis, unknowns: Array) -> tuple[Use, ...]:
+    """The effects with the values of their parameters at unknowns, shape (p,)."""
+    return tuple(
+        (cause.name, tuple(parameter.value(size) for parameter, size in zip(
+            cause.effect.parameters, unknowns[sizes_of(hypothesis, cause)].tolist(),
+            strict=True)), cause.which)
+        for cause in hypothesis)
+
+
+def hypotheses_of(causes: Sequence[Cause]) -> tuple[Hypothesis, ...]:
+    """Each cause alone, then every two together; not two specimens' share of the same effect."""
+    singles: list[Hypothesis] = [(cause,) for cause in causes]
+    pairs: list[Hypothesis] = [(first, second) for k, first in enumerate(causes)
+                               for second in causes[k + 1 :] if first.name != second.name]
+    return (*singles, *pairs)

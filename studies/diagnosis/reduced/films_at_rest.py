@@ -1,0 +1,376 @@
+"""Where the plates of films come to rest, by the forces on them at every heave."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from functools import cached_property, partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tympan.geometry.outlines import area
+from tympan.studies.diagnosis.hypothesis import (
+    PERMITTIVITY,
+    SIZES,
+    STIFFNESS,
+    Hypothesis,
+    parameters_of,
+    sizes_of,
+)
+from tympan.studies.diagnosis.reading_table import States
+from tympan.studies.diagnosis.reduced.force_law import BEYOND, ForceSurface, continued, in_powers
+from tympan.studies.diagnosis.reduced.in_time import charged
+from tympan.studies.diagnosis.reduced.reduced_films import ReducedFilms
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+Numbers = NDArray[np.int64]
+
+#: Force and its derivative by the heave, at heaves, shape (..., states) each.
+Balance = Callable[[Array], tuple[Array, Array]]
+
+#: How far below no heave a force law is trusted, as a share of the largest.
+_BELOW = 0.2
+
+#: The stiffness that missing force is over, at least, as a share of the flat film's; the least of
+#: that [N/m]; the heave that a film certainly has at its limit, as a share of a linear film's.
+_SOFT, _LEAST, _LINEAR = 0.1, 1e-6, 1.0
+
+#: How near derivatives by U² are taken, as a share of the largest.
+_TINY = 1e-4
+
+#: Places on the way between which a crossing is looked for.
+_PLACES = 17
+#: Halvings that leave nothing of a bracket, and a step of Newton's after which the next is nothing.
+_HALVINGS, _SMALL = 60, 1e-9
+#: A difference of heaves that is none [m].
+_STAYS = 1e-10
+
+
+class FilmsAtRest:
+    """States of films at some unknowns: the forces on their plates, and where those rest.
+
+    Force laws reach a little beyond their grids; from there they are continued by lines. A state in
+    which the plate nowhere comes to rest is ``extended`` in proportion to the force that is missing
+    at its limit point. So a fit can come back from where it asks for too much.
+    """
+
+    def __init__(self, films: ReducedFilms, hypothesis: Hypothesis, unknowns: Array,
+                 states: States, like: FilmsAtRest | None = None) -> None:
+        """``like``: the same films under nearly the same voltages."""
+        self.films, self.hypothesis, self.states = films, hypothesis, states
+        self.unknowns, self._like = unknowns, like
+        self.stiffness = float(np.exp(unknowns[STIFFNESS]))
+        self.permittivity = float(np.exp(unknowns[PERMITTIVITY]))
+        self.setup = films.outer(hypothesis, unknowns)
+        self.rig = self.setup.rig
+        grids = [law.grid for law in films.laws]
+        self.reach = np.array([grid.heave for grid in grids])[states.specimen]
+        self.odd = np.array([grid.odd for grid in grids])[states.specimen]
+        self.low, self.high = -_BELOW * self.reach, (1 + BEYOND) * self.reach
+        self.top = (1 + BEYOND) * np.array(
+            [grid.voltage_squared for grid in grids])[states.specimen]
+        self.free = np.isnan(states.heave)
+
+    @cached_property
+    def load(self) -> Array:
+        """What pulls each plate beside its film, springs and friction [N], shape (states,)."""
+        areas = np.array([area(specimen.needed_plate().outline) if self.rig.plate_pressure else 0.0
+                          for specimen in self.films.setup.specimens])
+        load: Array = self.rig.force(self.states.mass, areas[self.states.specimen])
+        if self.films.masses is not None:
+            load = load + self.films.masses.weight(self.setup)[self.states.specimen]
+        return load
+
+    @cached_property
+    def hardening(self) -> Array | float:
+        """Factor on the stiffness by what films remember."""
+        if self.films.memory is None:
+            return 1.0
+        return self.films.memory.hardening(self.setup, self.states, self.load, self.stiffness,
+                                           self.permittivity)
+
+    @cached_property
+    def voltage_squared(self) -> Array:
+        """U² [V²] at which nominal films are as they are in each state, shape (states,)."""
+        seen = np.asarray(self.rig.film_voltage(self.states.voltage, self.states.direction))
+        return (self.permittivity / self.stiffness / self.hardening
+                * charged(self.states, self.rig, seen**2, self.capacitance))
+
+    @property
+    def capacitance(self) -> Array:
+        """About that of the film of each state [F]."""
+        return np.asarray(self.permittivity * self.films.capacitance[self.states.specimen])
+
+    @cached_property
+    def surfaces(self) -> list[tuple[Numbers, ForceSurface]]:
+        """Of each specimen that is read, its states and its film."""
+        if self._like is not None:
+            return self._like.surfaces
+        return [(rows, self.films.surface(number, self.hypothesis, self.unknowns))
+                for number, rows in enumerate(self.states.of_specimen) if len(rows)]
+
+    @cached_property
+    def powers(self) -> Array:
+        """Coefficients of the films' forces by powers of the heave's coordinate.
+
+        Shape (powers, states).
+        """
+        if self._like is None:
+            return self._powers(self.voltage_squared)
+        further = self.voltage_squared - self._like.voltage_squared
+        return self._like.powers + self._like.powers_by_voltage * further
+
+    def _powers(self, voltage_squared: Array) -> Array:
+        powers = np.empty((len(self.low), self.films.laws[0].grid.heaves))
+        for rows, surface in self.surfaces:
+            powers[rows] = continued(surface, voltage_squared[rows])
+        return np.asarray((powers @ in_powers(powers.shape[1])).T)
+
+    @cached_property
+    def powers_by_voltage(self) -> Array:
+        """Derivatives of these coefficients by U², shape (powers, states)."""
+        tiny = _TINY * self.top
+        return (self._powers(self.voltage_squared + tiny)
+                - self._powers(self.voltage_squared - tiny)) / (2 * tiny)
+
+    def changes_films(self, number: int) -> bool:
+        """Whether an unknown changes more of the films' force laws than the voltage."""
+        if number == STIFFNESS:
+            return any(parameter.dimension == "stress" for cause in self.hypothesis
+                       if cause.name not in self.films.outer_effects
+                       for parameter in cause.effect.parameters)
+        return number >= SIZES.start and not any(
+            cause.name in self.films.outer_effects
+            for cause in self.hypothesis
+            if sizes_of(self.hypothesis, cause).start <= number
+            < sizes_of(self.hypothesis, cause).stop)
+
+    @cached_property
+    def _came(self) -> tuple[Numbers, Array, Array, Mask]:
+        """As ``came``; where plates rest that move that way, or nearest to it; whether they do."""
+        states, sizes = self.states, [item.deviation for item in parameters_of(self.hypothesis)]
+        may = self.films.outer(self.hypothesis, np.array([0.0, 0.0, *sizes])).rig
+        if not self.rig.friction and not may.friction:
+            return np.arange(len(states)), np.zeros(len(states)), *self._resting(0.0)
+        (first, above), (last, below) = self._resting(1.0), self._resting(-1.0)
+        place, way = play(first, np.where(below, last, np.inf), states.of_run,
+                          np.where(states.direction < 0, -1.0, 1.0))
+        return (place, np.where(self.free, way, 0.0), np.where(way > 0, first, last),
+                np.where(way > 0, above, below))
+
+    @property
+    def came(self) -> tuple[Numbers, Array]:
+        """Of each state the one at whose heave the plate stands, and the way it came there.
+
+        1 down, -1 up, 0 and itself where nothing rubs.
+        """
+        return self._came[:2]
+
+    def _resting(self, way: float) -> tuple[Array, Mask]:
+        return resting_place(partial(self.balance, way=way), self.low, self.high)
+
+    @cached_property
+    def _rest(self) -> tuple[Array, Mask]:
+        """Where plates come to rest within the laws' reach in heave, or come nearest to it.
+
+        If they move: one that rubs may stay where it was.
+        """
+        _, _, at, rests = self._came
+        return np.where(self.free, at, self.states.heave), rests | ~self.free
+
+    @cached_property
+    def possible(self) -> Mask:
+        """States of stable equilibrium within the force laws' reach."""
+        return self._rest[1][self._came[0]] & (self.voltage_squared <= self.top)
+
+    @cached_property
+    def short(self) -> Mask:
+        """States that are none, but might be by force laws that reach further in heave or U²."""
+        at, rests = self._rest
+        ended = ~rests & ((at <= self.low) | (at >= self.high))
+        return ended[self._came[0]] | (self.voltage_squared > self.top)
+
+    @cached_property
+    def heave(self) -> Array:
+        """Heave of each state [m], nan where it is not possible."""
+        return np.where(self.possible, self.extended_heave, np.nan)
+
+    @cached_property
+    def extended_heave(self) -> Array:
+        """Heave of each state [m]; where the plate nowhere rests, its continuation."""
+        return self._moved[self._came[0]]
+
+    @cached_property
+    def _moved(self) -> Array:
+        """Heave of each state if the plate moves there [m], or its continuation."""
+        at, rests = self._rest
+        if rests.all():
+            return at
+        # Where the film pulls in at less and less heave, force is missing of a heave that stays.
+        flat = self._flat_stiffness
+        least = -_LINEAR * self.balance(np.zeros_like(at))[0] / flat
+        at = np.where(rests, at, np.where(least > 0, np.maximum(at, np.minimum(least, self.high)),
+                                          np.minimum(at, np.maximum(least, self.low))))
+        force, rate = self.balance(at)
+        return np.where(rests, at, at - force / np.maximum(rate, _SOFT * flat))
+
+    @property
+    def _flat_stiffness(self) -> Array:
+        """Stiffness of the flat film without voltage [N/m], positive, shape (states,)."""
+        stiffness = np.empty(len(self.low))
+        for rows, surface in self.surfaces:
+            none = np.zeros(1)
+            stiffness[rows] = surface.force(none, surface.by_heave(none))[1]
+        return np.maximum(self.stiffness * stiffness, _LEAST)
+
+    @property
+    def tension(self) -> Array:
+        """Of the flat films under their voltages, over the nominal films' without, (states,)."""
+        flat = np.zeros(len(self.low))
+        outer = self.rig.spring + sum(bias.derivatives(0.0)[2] for bias in self.rig.biases)
+        stiffness = self.balance(flat, 0.0)[1] - outer
+        return np.maximum(stiffness / self.films.flat_stiffness[self.states.specimen], _SOFT)
+
+    def stiffness_at(self, heave: Array) -> Array:
+        """Of film and rig at heaves [m] of the states [N/m], positive, shape (states,)."""
+        return np.maximum(self.balance(heave, 0.0)[1], _LEAST)
+
+    @cached_property
+    def _about(self) -> tuple[Array, Array]:
+        """Force that is missing where plates move to [N], and a positive stiffness there [N/m]."""
+        force, stiffness = self.balance(self._moved)
+        return force, np.maximum(stiffness, _LEAST)
+
+    def shift(self, there: FilmsAtRest) -> Array:
+        """How far heaves of nearby unknowns are from these [m], shape (states,).
+
+        By the implicit function theorem where a plate rests: differences are taken of the balance
+        of forces at fixed heaves only.
+        """
+        (place, way, *_), (force, stiffness) = self._came, self._about
+        missing = there.balance(self._moved, way)[0] - force
+        shift = np.where(self.free, -missing / stiffness, 0.0)[place]
+        rests = self._rest[1][place]
+        if rests.all():
+            return shift
+        return np.where(rests, shift, there.extended_heave - self.extended_heave)
+
+    def balance(self, heave: Array, way: Array | float | None = None) -> tuple[Array, Array]:
+        """Force that is missing [N], and the stiffness of film and rig [N/m].
+
+        At heaves [m] of the states, shape (..., states), to which a plate that rubs moves down (1)
+        or up (-1); left out: as it came to its own.
+        """
+        force, rate = self._film_force(heave)
+        stiffness = self.stiffness * self.hardening
+        force = stiffness * force + self.rig.spring * heave
+        rate = stiffness * rate + self.rig.spring
+        for bias in self.rig.biases:
+            more = np.array([bias.derivatives(place)[1:] for place in heave.ravel().tolist()])
+            force, rate = (part + more[:, order].reshape(heave.shape)
+                           for order, part in enumerate((force, rate)))
+        load = self.rig.rubbed(self.load, self._came[1] if way is None else way)
+        return force - load, rate
+
+    def _film_force(self, heave: Array) -> tuple[Array, Array]:
+        """Of films of nominal stiffness [N], with its derivative by the heave [N/m]."""
+        at = np.clip(heave, self.low, self.high)
+        share = at / self.reach
+        x = np.where(self.odd, 2 * share**2, 2 * share) - 1
+        force, rate = np.broadcast_to(self.powers[-1], x.shape), np.zeros_like(x)
+        for power in self.powers[-2::-1]:
+            rate = rate * x + force
+            force = force * x + power
+        rate = rate * np.where(self.odd, 4 * share, 2.0) / self.reach
+        if self.odd.any():
+            rate = np.where(self.odd, force + at * rate, rate)
+            force = np.where(self.odd, at * force, force)
+        return force + rate * (heave - at), rate
+
+
+def resting_place(balance: Balance, low: Array, high: Array) -> tuple[Array, Mask]:
+    """Where plates let go at no heave first come to rest, and which of them do.
+
+    ``balance`` is the force that holds the plate less the load [N]; ``low`` < 0 < ``high`` [m],
+    shape (states,), say how far it is sought. Of a plate that nowhere rests, the heave at which the
+    least force is missing: a limit point, or ``low`` or ``high``.
+    """
+    shares, far, way = np.linspace(0.0, 1.0, _PLACES)[:, None], high, np.ones_like(high)
+
+    def along(share: Array) -> tuple[Array, Array]:
+        force, rate = balance(share * far)
+        return np.where(np.isnan(force), -np.inf, way * force), way * rate * far
+
+    force, rate = along(shares)
+    if np.any(force[0] > 0):
+        way = np.where(force[0] > 0, -1.0, 1.0)
+        far = np.where(force[0] > 0, low, high)
+        force, rate = along(shares)
+    crossed = force >= 0
+    rests = np.asarray(crossed.any(axis=0))
+    place = np.where(rests, crossed.argmax(0), force.argmax(0))
+    before, after = shares[np.maximum(place - 1, 0), 0], shares[place, 0]
+    last, rising = place == _PLACES - 1, rate >= 0
+    limited = ~rests & np.where(last, ~rising[-1], rising[0] | (place > 0))
+    if limited.any():
+        def falling(share: Array) -> tuple[Array, Array]:
+            tiny = 1e-5
+            ahead, behind = along(share + tiny)[1], along(share - tiny)[1]
+            return -along(share)[1], -(ahead - behind) / (2 * tiny)
+
+        beyond = shares[np.minimum(place + 1, _PLACES - 1), 0]
+        after = crossing(falling, np.where(limited, before, after),
+                         np.where(limited, beyond, after), after)
+        rests = rests | (limited & (along(after)[0] >= 0))
+    before = np.where(rests, before, after)
+    ends = np.take_along_axis(force, np.stack([np.maximum(place - 1, 0), place]), 0)
+    with np.errstate(all="ignore"):
+        secant = before + ends[0] / (ends[0] - ends[1]) * (after - before)
+    return crossing(along, before, after, secant) * far, rests
+
+
+def play(first: Array, last: Array, runs: Iterable[NDArray[np.int64]],
+         begun: Array) -> tuple[NDArray[np.int64], Array]:
+    """Of each state the one at whose heave a rubbing plate stands, and the way it came there.
+
+    ``first`` and ``last`` are the heaves between which it stays where it is, shape (states,). The
+    ``runs`` are states in their order; ``begun`` says which way the first came: 1 down, -1 up.
+    """
+    at, way = np.arange(len(first)), np.ones(len(first))
+    for run in runs:
+        heave, before = 0.0, -1
+        for state, lower, upper in zip(run.tolist(), first[run].tolist(), last[run].tolist(),
+                                       strict=True):
+            if before < 0:
+                way[state] = begun[state]
+            elif heave < lower - _STAYS:
+                way[state] = 1.0
+            elif heave > upper + _STAYS:
+                way[state] = -1.0
+            else:
+                at[state], way[state] = at[before], way[before]
+                continue
+            heave, before = (lower if way[state] > 0 else upper), state
+    return at, way
+
+
+def crossing(function: Balance, low: Array, high: Array, start: Array) -> Array:
+    """Where functions that are not positive at ``low`` cross 0 below ``high``: Newton in brackets.
+
+    ``function`` answers values and derivatives, shape (n,) each. It begins at ``start`` where that
+    is between them.
+    """
+    lower, upper = low.copy(), high.copy()
+    point = np.where((start >= low) & (start <= high), start, (low + high) / 2)
+    with np.errstate(all="ignore"):
+        for _ in range(_HALVINGS):
+            value, slope = function(point)
+            lower, upper = np.where(value < 0, point, lower), np.where(value < 0, upper, point)
+            following = point - np.where(value == 0, 0.0, value / slope)
+            inside = (following >= lower) & (following <= upper)
+            following = np.where(inside, following, (lower + upper) / 2)
+            moved, point = np.abs(following - point), following
+            if not np.any(moved > _SMALL):
+                break
+    return point

@@ -1,0 +1,140 @@
+"""The films of a setup by their force laws, with the effects of hypotheses on them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tympan.studies.diagnosis.hypothesis import (
+    FACTORS,
+    STIFFNESS,
+    Cause,
+    Hypothesis,
+    sizes_of,
+)
+from tympan.studies.diagnosis.reduced.axes import Axis
+from tympan.studies.diagnosis.reduced.film_memory import FilmMemory
+from tympan.studies.diagnosis.reduced.force_law import ForceLaw, ForceSurface
+from tympan.studies.diagnosis.reduced.seen_film import Sight
+from tympan.studies.diagnosis.reduced.swinging import SwingingMasses, mass_effects
+from tympan.studies.effects import EFFECTS, Setup
+
+Array = NDArray[np.float64]
+
+#: The logarithm of the largest factor on stiffness or permittivity.
+_FACTOR = np.log(20.0)
+
+
+@dataclass(frozen=True, eq=False)
+class ReducedFilms:
+    """A setup with the force laws of its films.
+
+    What of them swings where that is read, and what films remember of the runs that were read.
+    """
+
+    setup: Setup
+    laws: tuple[ForceLaw, ...]
+    masses: SwingingMasses | None = None
+    memory: FilmMemory | None = None
+
+    @cached_property
+    def sights(self) -> tuple[Sight, ...]:
+        """Where each film's lattice lies."""
+        return tuple(Sight(self.setup, specimen.name, law.axes) for specimen, law in zip(
+            self.setup.specimens, self.laws, strict=True))
+
+    @cached_property
+    def capacitance(self) -> Array:
+        """Of the flat nominal films [F], shape (specimens,)."""
+        none = np.zeros(1)
+        return np.array([float(law.at(np.zeros(len(law.axes))).capacitance(none, none)[0])
+                         for law in self.laws])
+
+    @cached_property
+    def flat_stiffness(self) -> Array:
+        """Of the flat nominal films without voltage [N/m], shape (specimens,)."""
+        none, stiffness = np.zeros(1), []
+        for law in self.laws:
+            surface = law.at(np.zeros(len(law.axes)))
+            stiffness.append(float(surface.force(none, surface.by_heave(none))[1][0]))
+        return np.array(stiffness)
+
+    @cached_property
+    def rig_effects(self) -> frozenset[str]:
+        """Effects that edit the rig; none of those on one specimen does."""
+        bare = Setup((), self.setup.rig)
+        return frozenset(name for name, effect in EFFECTS.items() if not effect.on_one and bare
+                         != effect.at(bare, [item.deviation for item in effect.parameters]))
+
+    @cached_property
+    def outer_effects(self) -> frozenset[str]:
+        """Effects that change no film with its plate held: those of the rig, and of masses."""
+        return self.rig_effects | mass_effects(self.setup)
+
+    def outer(self, hypothesis: Hypothesis, unknowns: Array) -> Setup:
+        """The setup with the effects that change no film with its plate held."""
+        setup = self.setup
+        for cause in sorted(hypothesis, key=lambda cause: list(EFFECTS).index(cause.name)):
+            if cause.name in self.outer_effects:
+                sizes = unknowns[sizes_of(hypothesis, cause)].tolist()
+                setup = cause.effect.at(setup, sizes, cause.which)
+        return setup
+
+    def surface(self, number: int, hypothesis: Hypothesis, unknowns: Array) -> ForceSurface:
+        """A specimen's film with the effects that change it."""
+        return self.laws[number].at(self.axis_sizes(number, hypothesis, unknowns))
+
+    def axis_sizes(self, number: int, hypothesis: Hypothesis, unknowns: Array) -> Array:
+        """What unknowns do to a specimen's film: sizes of its law's axes on the nominal film."""
+        law, name = self.laws[number], self.setup.specimens[number].name
+        stiffness = float(np.exp(unknowns[STIFFNESS]))
+        sizes = np.zeros(len(law.axes))
+        for cause in hypothesis:
+            values = unknowns[sizes_of(hypothesis, cause)].tolist()
+            if cause.which in (None, name):
+                for place, axis in enumerate(law.axes):
+                    if axis.effect == cause.name:
+                        sizes[place] = axis.nominal_size(values[axis.index], stiffness)
+        return sizes
+
+
+def affected(films: ReducedFilms, cause: Cause, index: int) -> list[tuple[int, int]]:
+    """The films that a parameter of a cause changes: numbers of law and axis; none without laws."""
+    if not films.laws:
+        return []
+    return [(number, place) for number, (specimen, law)
+            in enumerate(zip(films.setup.specimens, films.laws, strict=True))
+            if cause.which in (None, specimen.name)
+            for place, axis in enumerate(law.axes)
+            if (axis.effect, axis.index) == (cause.name, index)]
+
+
+def bounds_of(films: ReducedFilms, hypothesis: Hypothesis) -> Array:
+    """Smallest and largest unknowns, shape (2, p): sizes at which the films are sampled."""
+    return _bounds(films, hypothesis, Axis.span)
+
+
+def limits_of(films: ReducedFilms, hypothesis: Hypothesis) -> Array:
+    """Smallest and largest unknowns, shape (2, p), that could be sampled, as far as known."""
+    return _bounds(films, hypothesis, Axis.reach)
+
+
+def _bounds(films: ReducedFilms, hypothesis: Hypothesis,
+            largest: Callable[[Axis, int], float]) -> Array:
+    low, high = [-_FACTOR] * FACTORS.stop, [_FACTOR] * FACTORS.stop
+    for cause in hypothesis:
+        for index, parameter in enumerate(cause.effect.parameters):
+            axes = [films.laws[law].axes[number]
+                    for law, number in affected(films, cause, index)]
+            least, most = parameter.limits
+            least = max([least, *(-largest(axis, -1) for axis in axes)])
+            most = min([most, *(largest(axis, 1) for axis in axes)])
+            # On no specimen does the sign of such a parameter change anything.
+            folded = parameter.sign == "even" and all(axis.folded for axis in axes)
+            low.append(max(least, 0.0) if folded else least)
+            high.append(most)
+    return np.array([low, high])
