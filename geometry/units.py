@@ -68,10 +68,6 @@ DIMENSIONS: dict[str, Dimension] = {
 
 METRE = 1e3  #: in cadquery's model unit, the millimetre
 
-#: Units that pint takes for the 1 in 1/s, 2π too small or too large.
-_ANGLES = {"radian", "degree", "revolution", "turn", "cycle", "revolutions_per_minute",
-           "revolutions_per_second", "counts_per_second"}
-
 #: A longer text is no quantity.
 _LONGEST = 100
 #: Largest number of a file, in SI: its fourth power is one still.
@@ -112,6 +108,10 @@ class WrongDimension(ValueError):
     """A unit of another dimension."""
 
 
+class AnglePerTime(ValueError):
+    """Taken for the 1 in 1/s, a frequency would be 2π too small or too large."""
+
+
 @cache
 def _registry() -> Any:
     import pint
@@ -123,19 +123,15 @@ def _registry() -> Any:
 
 @cache
 def _factor(unit: str, dimension: str) -> float:
-    usual, wanted = _product(unit.translate(_SIGNS)), _product(DIMENSIONS[dimension].si)
+    plain = unit.translate(_SIGNS)
+    usual, wanted = _product(plain), _product(DIMENSIONS[dimension].si)
     if usual is None or wanted is None:
         return pint_factor(unit, dimension)
     if usual[1] != wanted[1]:
         raise WrongDimension(unit)
-    if dimension == "frequency" and _turns(unit):
-        raise ValueError(f"an angle per time is no frequency: {unit}")
+    if dimension == "frequency" and any(name in _MULTIPLES["rad"] for name, _ in _powers(plain)):
+        raise AnglePerTime(unit)
     return usual[0]
-
-
-def _turns(unit: str) -> bool:
-    """Whether an angle is among usual units."""
-    return any(name in _MULTIPLES["rad"] for name, _ in _powers(unit.translate(_SIGNS)))
 
 
 def _product(unit: str) -> tuple[float, tuple[int, ...]] | None:
@@ -155,19 +151,24 @@ def _product(unit: str) -> tuple[float, tuple[int, ...]] | None:
 
 
 def pint_factor(unit: str, dimension: str) -> float:
-    """The SI value of one unit of a dimension; raises :class:`WrongDimension` or as pint does."""
+    """The SI value of one unit of a dimension.
+
+    Raises :class:`WrongDimension`, :class:`AnglePerTime` or as pint does.
+    """
     import pint
 
     registry, powers = _registry(), Counter[str]()
     for name, power in _powers(unit.translate(_SIGNS)):
         powers[registry.get_name(name)] += power
-    if dimension == "frequency" and powers.keys() & _ANGLES:
-        raise ValueError(f"an angle per time is no frequency: {unit}")
     whole = registry.Quantity(1.0, registry.UnitsContainer(powers))
     try:
-        return float(whole.to(DIMENSIONS[dimension].si).magnitude)
+        value = float(whole.to(DIMENSIONS[dimension].si).magnitude)
     except pint.DimensionalityError:
         raise WrongDimension(unit) from None
+    # To pint, radians and counts are numbers.
+    if dimension == "frequency" and dict(whole.to_root_units().unit_items()) != {"second": -1}:
+        raise AnglePerTime(unit)
+    return value
 
 
 def _powers(unit: str, sign: int = 1) -> Iterator[tuple[str, int]]:

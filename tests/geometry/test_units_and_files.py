@@ -22,6 +22,7 @@ from tympan.geometry.outlines import Ellipse
 from tympan.geometry.units import (
     DIMENSIONS,
     USUAL,
+    AnglePerTime,
     WrongDimension,
     pint_factor,
     quantity,
@@ -211,13 +212,21 @@ def test_usual_units_are_those_of_pint(unit: str) -> None:
                 expected = pint_factor(written, dimension)
             except WrongDimension:
                 continue
-            except ValueError:  # an angle per time is no frequency
+            except AnglePerTime:
                 with pytest.raises(InputError, match="unit of frequency"):
                     unit_factor(written, dimension)
                 continue
             assert unit_factor(written, dimension) == pytest.approx(expected, rel=1e-15)
             agreed += 1
     assert agreed > 0
+
+
+@pytest.mark.parametrize("unit", ["rad/s", "deg/hour", "krad/s", "mrad/hour", "arcmin/s", "rpm",
+                                  "cycle/s", "cps"])
+def test_an_angle_per_time_is_no_frequency(unit: str) -> None:
+    """Whether the table of usual units knows it, or pint, with whatever prefix."""
+    with pytest.raises(InputError, match="unit of frequency"):
+        unit_factor(unit, "frequency")
 
 
 def test_usual_units_need_no_table_of_all_others(tmp_path: Path) -> None:
