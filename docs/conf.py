@@ -5,6 +5,8 @@ from __future__ import annotations
 import os
 import shutil
 import sys
+from contextlib import redirect_stdout, suppress
+from io import StringIO
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +16,7 @@ os.environ["PYVISTA_OFF_SCREEN"] = os.environ["PYVISTA_BUILDING_GALLERY"] = "tru
 
 import pyvista  # noqa: E402
 
-from tympan.cli import _parser  # noqa: E402
+from tympan.cli import main  # noqa: E402
 from tympan.commands import COMMANDS, HEADINGS  # noqa: E402
 
 pyvista.OFF_SCREEN = pyvista.BUILDING_GALLERY = True
@@ -65,21 +67,22 @@ html_sidebars: dict[str, list[str]] = {"index": [], "start": []}
 copyright = "the tympan authors, BSD-3-Clause"
 
 
+def help_of(command: str) -> str:
+    """What ``tympan COMMAND --help`` prints."""
+    printed = StringIO()
+    with redirect_stdout(printed), suppress(SystemExit):
+        main([*command.split(), "--help"])
+    return printed.getvalue().rstrip()
+
+
 def write_commands(app: Any) -> None:
     """The help of every command as docs/commands.md."""
     os.environ["COLUMNS"] = "84"
-    parsers = {"": _parser()}
     lines = ["# Commands", "", "What `tympan COMMAND --help` prints.", ""]
     for heading, commands in HEADINGS.items():
         lines += [f"## {heading}", ""]
         for command in commands:
-            parser = parsers[""]
-            for word in command.name.split():
-                choices = next(action for action in parser._actions if hasattr(action, "choices")
-                               and isinstance(action.choices, dict))
-                parser = choices.choices[word]
-            lines += [f"### {command.name}", "", "```text", parser.format_help().rstrip(), "```",
-                      ""]
+            lines += [f"### {command.name}", "", "```text", help_of(command.name), "```", ""]
     assert len(COMMANDS) == sum(line.startswith("### ") for line in lines)
     page = Path(app.srcdir) / "commands.md"
     text = "\n".join(lines)

@@ -85,7 +85,7 @@ def test_every_command_of_every_page_is_one(capsys) -> None:
             if "--print-completion" in arguments:
                 continue
             try:
-                cli._parser().parse_args(arguments)
+                cli.build_parser().parse_args(arguments)
             except SystemExit:
                 pytest.fail(f"{page.name}: tympan {shlex.join(arguments)}: "
                             f"{capsys.readouterr().err.splitlines()[-1]}")

@@ -189,7 +189,7 @@ def test_help_is_quick_and_imports_nothing_heavy() -> None:
     cpu = (after.children_user - before.children_user
            + after.children_system - before.children_system)
     assert cpu < 0.5
-    code = "import sys, tympan.cli; tympan.cli._parser(); print('\\n'.join(sys.modules))"
+    code = "import sys, tympan.cli; tympan.cli.build_parser(); print('\\n'.join(sys.modules))"
     listed = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True,
                             check=True)
     modules = set(listed.stdout.split())

@@ -53,7 +53,7 @@ def test_every_help_has_an_example_that_the_parser_takes(command: Command, capsy
     words = " ".join(capsys.readouterr().out.split())
     line = f"tympan {command.name} {command.example}".rstrip()
     assert words.endswith(f"example: {line}")
-    options = cli._parser().parse_args(shlex.split(line)[1:])
+    options = cli.build_parser().parse_args(shlex.split(line)[1:])
     assert options.command == command.name
 
 
@@ -61,7 +61,7 @@ def test_bash_completes_commands_options_and_files(oval: str) -> None:
     pytest.importorskip("shtab")  # of the environment that make test makes
     if shutil.which("bash") is None:
         pytest.skip("there is no bash")
-    parser = cli._parser()
+    parser = cli.build_parser()
     cli._complete_files(parser, {"bash": "_shtab_compgen_files"})
     script = __import__("shtab").complete(parser, shell="bash")
 
