@@ -31,12 +31,15 @@ class Published:
         stress = self.at_rest(coupons.stretch)
         for run in coupons.timed_runs.values():
             for branch in self.branches:
-                stress[run] += _pull(branch, coupons.time[run], coupons.stretch[run])
+                stress[run] += branch_stress(branch, coupons.time[run], coupons.stretch[run])
         return stress
 
 
-def _pull(branch: Branch, time: Array, stretch: Array) -> Array:
-    """Of an unstretched strip, stretched at once to the first reading at time 0."""
+def branch_stress(branch: Branch, time: Array, stretch: Array) -> Array:
+    """Nominal stress [Pa] of a branch of a virgin strip at times [s] of its stretch, (n,) each.
+
+    It is stretched at once to the first reading at time 0, then evenly between them.
+    """
     rate, stress = branch
     inner, last, states = np.zeros(1), 0.0, []
     for now in time:

@@ -11,7 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.constants import epsilon_0
-from scipy.integrate import solve_ivp
+
+from benchmarks.vhb.published import branch_stress, maxwell
 
 Array = NDArray[np.float64]
 
@@ -81,24 +82,6 @@ def at_rest(film: Film, noise: float, seed: int, factors: Sequence[float] = (1.0
     return "mode,stretch,nominal_stress_kPa,voltage_kV,temperature_C,sigma_kPa\n" + "".join(lines)
 
 
-def relaxing(time: Array, stretch: Array, modulus: float, duration: float) -> Array:
-    """Nominal stress of a branch in a uniaxial test [Pa], by its flow along the strip.
-
-    The virgin strip is stretched evenly between the times given.
-    """
-    def at(when: float) -> float:
-        return float(np.interp(when, time, stretch))
-
-    def flow(when: float, state: Array) -> Array:
-        squared, along = at(when) ** 2, state[0]
-        pull = squared / along + 2 * np.sqrt(along) / at(when)
-        return np.array([(squared - pull * along / 3) / duration])
-
-    flown = solve_ivp(flow, (time[0], time[-1]), [1.0], t_eval=time, rtol=1e-9, atol=1e-12,
-                      max_step=float(np.diff(time).max()) / 4).y[0]
-    return modulus * (stretch / flown - np.sqrt(flown) / stretch**2)
-
-
 def in_time(film: Film, noise: float, seed: int) -> str:
     """coupon.csv of uniaxial ramps at two rates to a stretch of 3, held there for five minutes."""
     rows, values = [], []
@@ -106,7 +89,8 @@ def in_time(film: Film, noise: float, seed: int) -> str:
         ramp = np.linspace(1, 3, 16)
         time = np.r_[(ramp - 1) / rate, 2 / rate + np.geomspace(1, 300, 12)]
         stretch = np.r_[ramp, np.full(12, 3.0)]
-        stress = film.stress("uniaxial", stretch) + relaxing(time, stretch, *film.branch)
+        stress = film.stress("uniaxial", stretch) + branch_stress(maxwell(*film.branch), time,
+                                                                  stretch)
         rows += [(f"{rate} per s", *pair) for pair in zip(time, stretch, strict=True)]
         values.append(stress)
     read = np.concatenate(values)
