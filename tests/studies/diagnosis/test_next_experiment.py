@@ -207,7 +207,7 @@ def worth(simulation: Simulation, judgement: Judgement, truth: Hypothesis, unkno
 
 def tried(simulation: Simulation, seed: int) -> Trial | None:
     """A random cause of random size; None where nothing is found, or the truth is not among the
-    rivals."""
+    rivals, as it never is where it explains nothing."""
     generator = np.random.default_rng(seed)
     causes = every_cause(simulation)
     cause = causes[generator.integers(len(causes))]
@@ -216,6 +216,9 @@ def tried(simulation: Simulation, seed: int) -> Trial | None:
                       for parameter in cause.effect.parameters]]
     table = read(simulation, design(SIGMA), (cause,), unknowns[2:].tolist(), seed)
     if not np.isfinite(table.value).all():
+        return None
+    nominal = fit(simulation, (), table)
+    if 2 * (nominal.cost - fit(simulation, (cause,), table, nominal.unknowns).cost) < 1:
         return None
     judgement = judge(simulation, table, causes)
     if judgement.posterior is None:
