@@ -22,7 +22,8 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from tests.oracles.readings.runs_in_time import Hidden, Run, write
+from tests.oracles.readings.round_actuators import Hidden
+from tests.oracles.readings.runs_in_time import Run, write
 from tympan.fem.equilibrium.voltage_path import voltage_path
 from tympan.fem.rig import Rig
 from tympan.geometry.mesher import MeshSettings

@@ -3,11 +3,43 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import dataclass, fields
 
 GRAVITY, THICKNESS, STRETCH = 9.80665, 1e-3, 5**0.5
 #: Radii of plate and frame [m], by name.
 SHAPES = {"small": (8e-3, 3e-2), "middle": (1e-2, 4.5e-2), "large": (1e-2, 7e-2)}
 MASSES = (1e-2, 2e-2)
+
+
+@dataclass(frozen=True)
+class Hidden:
+    """What is there and nobody states [SI]; stiffness and permittivity are factors.
+
+    ``branch`` is a modulus, ``time`` its own.
+    """
+
+    stiffness: float = 1.05
+    permittivity: float = 0.97
+    electrode: float = 0.0
+    unaccounted: float = 0.0
+    added: float = 0.0
+    spring: float = 0.0
+    air: float = 0.0
+    tether: float = 0.0
+    branch: float = 0.0
+    time: float = 5.0
+    damping: float = 0.0
+    resistance: float = 0.0
+    lag: float = 0.0
+
+    def only(self, *names: str) -> None:
+        """Refuse what those who make the readings do not know, but for the two factors."""
+        unknown = [field.name for field in fields(self)
+                   if field.name not in ("stiffness", "permittivity", *names)
+                   and getattr(self, field.name) != field.default]
+        if unknown:
+            raise ValueError(f"cannot be hidden in these readings: {unknown}")
+
 
 SPECIMEN = """[[specimen]]
 name = "{name}"

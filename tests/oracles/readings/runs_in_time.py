@@ -14,25 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tests.oracles.creep import CreepingFilm
-from tests.oracles.readings.round_actuators import GRAVITY, MASSES, SHAPES, dataset_file
+from tests.oracles.readings.round_actuators import GRAVITY, MASSES, SHAPES, Hidden, dataset_file
 from tests.oracles.readings.swinging_plate import SwingingPlate
 
 Array = NDArray[np.float64]
 VOLTAGES = (0.0, 1.5e3, 2.5e3, 3.2e3)
-
-
-@dataclass(frozen=True)
-class Hidden:
-    """What is there and nobody states [SI]; stiffness and permittivity are factors."""
-
-    branch: float = 0.0
-    time: float = 5.0
-    damping: float = 0.0
-    resistance: float = 0.0
-    lag: float = 0.0
-    added: float = 0.0
-    stiffness: float = 1.05
-    permittivity: float = 0.97
 
 
 @dataclass(frozen=True)
@@ -91,6 +77,7 @@ def swinging(shape: str, mass: float, hidden: Hidden, run: Run, when: Array) -> 
 
 def write(folder: Path, hidden: Hidden, run: Run = Run(), seed: int = 0) -> Path:
     """A dataset of readings at rest and of steps with these things hidden in it."""
+    hidden.only("branch", "time", "damping", "resistance", "lag", "added")
     random = np.random.default_rng(seed)
     folder.mkdir(parents=True)
     (folder / "dataset.toml").write_text(dataset_file(run.noise, run.shapes), encoding="utf-8")

@@ -6,7 +6,6 @@ functions of the flat annulus, the electrodes' weight by the shape of a flat fil
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +18,7 @@ from tests.oracles.readings.round_actuators import (
     SHAPES,
     STRETCH,
     THICKNESS,
+    Hidden,
     dataset_file,
 )
 
@@ -26,20 +26,6 @@ DENSITY = 960.0
 #: Mass of the bare film per mounted area [kg/m²].
 COAT = DENSITY * THICKNESS / STRETCH**2
 VOLTAGES, SWUNG = (0.0, 1.5e3, 2.5e3, 3.2e3, 3.8e3), (0.0, 3e3)
-
-
-@dataclass(frozen=True)
-class Hidden:
-    """What is there and nobody states [SI]; stiffness and permittivity are factors."""
-
-    electrode: float = 0.0
-    unaccounted: float = 0.0
-    added: float = 0.0
-    spring: float = 0.0
-    air: float = 0.0
-    tether: float = 0.0
-    stiffness: float = 1.06
-    permittivity: float = 0.96
 
 
 def states_of(shape: tuple[float, float], mass: float, hidden: Hidden) -> list[tuple[float, ...]]:
@@ -78,6 +64,7 @@ def write(folder: Path, hidden: Hidden, seed: int, noise: float = 10e-6, share: 
           swings: bool = True) -> Path:
     """A dataset with these things hidden in it, with ``noise`` [m] and a ``share`` of frequencies.
     """
+    hidden.only("electrode", "unaccounted", "added", "spring", "air", "tether")
     random = np.random.default_rng(seed)
     folder.mkdir()
     (folder / "dataset.toml").write_text(dataset_file(noise, density=DENSITY), encoding="utf-8")

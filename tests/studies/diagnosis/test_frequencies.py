@@ -10,7 +10,7 @@ import pytest
 
 from tests.oracles import annulus_modes
 from tests.oracles.readings import swinging
-from tests.oracles.readings.swinging import Hidden
+from tests.oracles.readings.round_actuators import Hidden
 from tests.support.datasets import HEAD, write_dataset
 from tests.support.models import model
 from tests.support.specimens import circular

@@ -12,8 +12,7 @@ from pathlib import Path
 import pytest
 
 from tests.oracles.readings import swinging
-from tests.oracles.readings.round_actuators import specimen_table
-from tests.oracles.readings.swinging import Hidden
+from tests.oracles.readings.round_actuators import Hidden, specimen_table
 from tests.support.packages import installed, run
 from tympan.geometry.errors import InputError
 from tympan.geometry.plugins import load_plugins

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from tests.oracles.readings import runs_in_time
-from tests.oracles.readings.runs_in_time import Hidden, Run
+from tests.oracles.readings.round_actuators import Hidden
+from tests.oracles.readings.runs_in_time import Run
 from tympan.geometry.errors import InputError
 from tympan.studies.data.dataset import read_dataset
 from tympan.studies.diagnosis.calibration import Calibration, calibrated
