@@ -58,12 +58,13 @@ _NOISES = (NOISE, NOISE / 2, 2 * NOISE)
 _VOLTAGES = np.linspace(0.0, 5500.0, 8)
 
 #: Effects of circular films by the equations, at rest and as they swing; and those that films by
-#: elements do not have: what is one with another, what needs ramps both ways or moves in time, and
-#: air, which they have by the diagnosis' own formula.
+#: elements do not have: what is one with another, what needs ramps both ways or moves in time, what
+#: coupons alone show, and air, which they have by the diagnosis' own formula.
 _ROUND = tuple(name for name in ROUND if name not in ALIASES)
 _SWINGING = ("added_mass", "air_mass")
 _NOT_BY_ELEMENTS = {*ALIASES, "friction", "hysteresis", "cone_kinematics", "creep", "mounting_age",
-                    "plate_damping", "series_resistance", "sensor_lag", "air_mass"}
+                    "plate_damping", "series_resistance", "sensor_lag", "air_mass", "temperature",
+                    "width_not_free", "width_not_held"}
 
 
 @dataclass(frozen=True)
