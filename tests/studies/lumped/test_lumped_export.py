@@ -10,8 +10,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import cast
 
+import fmpy
 import numpy as np
 import pytest
+from fmpy.validation import validate_fmu
 from scipy.integrate import solve_ivp
 
 from tests.support.lumped import OVAL
@@ -118,9 +120,6 @@ def test_a_mass_without_fmu_is_refused(tmp_path: Path, capsys: pytest.CaptureFix
 
 @needs_compiler
 def test_fmu_runs_elsewhere_as_the_model_here(tmp_path: Path) -> None:
-    fmpy = pytest.importorskip("fmpy", reason="fmpy is not installed")
-    from fmpy.validation import validate_fmu
-
     model = MODELS["ogden, two circles"]
     file = export_fmu(model, tmp_path, 17.9e-3)
     assert validate_fmu(str(file)) == []
