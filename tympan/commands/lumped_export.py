@@ -11,7 +11,8 @@ from tympan.options import argument, command, output, parse_quantity
 
 @command("lumped export", argument("model", type=Path, metavar="MODEL.lumped.toml"),
          argument("--fmu", action="store_true",
-                  help="instead: FMU 2.0 for model exchange, its C source and a library inside"),
+                  help="instead: FMU 2.0 for model exchange and co-simulation, with its C source "
+                       "and a library"),
          argument("--slow-fast", action="store_true",
                   help="instead: a polynomial of the voltage before a slow pole and zero and a "
                        "fast pair, with the errors that leaves"),

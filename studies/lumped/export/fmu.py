@@ -1,4 +1,4 @@
-"""A lumped model as FMU 2.0 for model exchange: its C source, a description, a library."""
+"""A lumped model as FMU 2.0, for model exchange and co-simulation: source, description, library."""
 
 from __future__ import annotations
 
@@ -74,9 +74,10 @@ def _description(name: str, guid: str, mass: float, states: int) -> bytes:
     root = Xml.Element("fmiModelDescription", fmiVersion="2.0", modelName=name, guid=guid,
                        generationTool="tympan", numberOfEventIndicators="0",
                        variableNamingConvention="structured")
-    exchange = Xml.SubElement(root, "ModelExchange", modelIdentifier=name)
-    sources = Xml.SubElement(exchange, "SourceFiles")
-    Xml.SubElement(sources, "File", name=f"{name}_fmu.c")
+    for use in ("ModelExchange", "CoSimulation"):
+        itself = Xml.SubElement(root, use, modelIdentifier=name)
+        Xml.SubElement(Xml.SubElement(itself, "SourceFiles"), "File", name=f"{name}_fmu.c")
+    itself.set("canHandleVariableCommunicationStepSize", "true")
     variables = Xml.SubElement(root, "ModelVariables")
     state_names = ["y", "speed", *(f"strain[{circle}]" for circle in range(1, states - 1))]
     for number, state in enumerate(state_names):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import re
 import shutil
 import subprocess
 from collections.abc import Callable
@@ -24,7 +25,7 @@ from tympan.geometry.errors import InputError
 from tympan.studies.lumped.export.c_source import export_c
 from tympan.studies.lumped.export.fmu import export_fmu
 from tympan.studies.lumped.model_file import LumpedModel, write_model
-from tympan.studies.lumped.simulate import simulate
+from tympan.studies.lumped.simulate import Response, simulate
 from tympan.studies.reduced_film.film import ReducedFilm
 from tympan.studies.signals import Pieces
 
@@ -118,21 +119,70 @@ def test_a_mass_without_fmu_is_refused(tmp_path: Path, capsys: pytest.CaptureFix
         assert "--mass" in capsys.readouterr().err
 
 
+@pytest.fixture(scope="module")
+def fmu(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The first model under 17.9 g."""
+    return export_fmu(MODELS["ogden, two circles"], tmp_path_factory.mktemp("fmu"), 17.9e-3)
+
+
+def initial_states(response: Response) -> dict[str, float]:
+    """The states of a response at its beginning, by their names in an FMU."""
+    state = response.state(np.array([0.0]))[0]
+    return dict(zip(("y", "speed", "strain[1]", "strain[2]"), state.tolist(), strict=True))
+
+
 @needs_compiler
-def test_fmu_runs_elsewhere_as_the_model_here(tmp_path: Path) -> None:
-    model = MODELS["ogden, two circles"]
-    file = export_fmu(model, tmp_path, 17.9e-3)
-    assert validate_fmu(str(file)) == []
+def test_fmu_is_as_its_standard_says_and_compiles_without_warnings(fmu: Path,
+                                                                   tmp_path: Path) -> None:
+    assert validate_fmu(str(fmu)) == []
+    fmpy.extract(str(fmu), str(tmp_path))
+    source = next((tmp_path / "sources").glob("*_fmu.c"))
+    subprocess.run([str(COMPILER), "-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic",
+                    "-fsyntax-only", str(source)], check=True)
+
+
+@needs_compiler
+@pytest.mark.parametrize("use", ["ModelExchange", "CoSimulation"])
+def test_fmu_runs_elsewhere_as_the_model_here(fmu: Path, use: str) -> None:
+    actuator = MODELS["ogden, two circles"].actuator(17.9e-3)
     step = Pieces(np.array([0.0, 0.0, 0.5]), np.array([0.0, 4e3, 4e3]))
-    response = simulate(model.actuator(17.9e-3), step, precision=1e-12)
-    start = response.state(np.array([0.0]))[0]
-    names = ["y", "speed", "strain[1]", "strain[2]"]
+    response = simulate(actuator, step, precision=1e-12)
     motion = fmpy.simulate_fmu(
-        str(file), stop_time=0.5, output_interval=1e-3, relative_tolerance=1e-10,
-        start_values={**dict(zip(names, start, strict=True)), "voltage": 4e3},
+        str(fmu), fmi_type=use, stop_time=0.5, output_interval=1e-3, relative_tolerance=1e-10,
+        start_values={**initial_states(response), "voltage": 4e3},
         output=["deflection", "capacitance"])
     ours = response.deflection(motion["time"])
     assert np.ptp(ours) > 1e-4
-    assert motion["deflection"] == pytest.approx(ours, abs=1e-6 * np.abs(ours).max())
-    assert motion["capacitance"] == pytest.approx(model.actuator(17.9e-3).capacitance(ours),
-                                                  rel=1e-6)
+    assert motion["deflection"] == pytest.approx(ours, abs=1e-6 * np.ptp(ours))
+    assert motion["capacitance"] == pytest.approx(actuator.capacitance(ours), rel=1e-6)
+
+
+@needs_compiler
+def test_co_simulation_steps_as_finely_as_it_must(fmu: Path) -> None:
+    """Communicating less than once a swing, at its own tolerance, under steps of the voltage."""
+    levels, communication = np.array([0.0, 4e3, 1.5e3, 4.5e3, 0.0]), 0.1
+    edges = np.repeat(communication * np.arange(len(levels) + 1), 2)[1:-1]
+    staircase = Pieces(edges, np.repeat(levels, 2))
+    response = simulate(MODELS["ogden, two circles"].actuator(17.9e-3), staircase, precision=1e-12)
+    voltage = np.array(list(zip(edges, np.repeat(levels, 2), strict=True)),
+                       dtype=[("time", float), ("voltage", float)])
+    motion = fmpy.simulate_fmu(
+        str(fmu), fmi_type="CoSimulation", stop_time=edges[-1], output_interval=communication,
+        start_values=initial_states(response), input=voltage, output=["deflection", "speed"])
+    assert motion["time"] == pytest.approx(communication * np.arange(len(levels) + 1))
+    states = response.state(motion["time"])
+    for name, ours in (("deflection", states[:, 0]), ("speed", states[:, 1])):
+        assert motion[name] == pytest.approx(ours, abs=1e-6 * np.ptp(ours))
+
+
+@needs_compiler
+def test_co_simulation_ends_at_the_models_reach(fmu: Path, tmp_path: Path) -> None:
+    fmpy.extract(str(fmu), str(tmp_path))
+    header = next((tmp_path / "sources").glob("*.h")).read_text(encoding="utf-8")
+    reach = float(re.search(r"define \w+_REACH (\S+)", header)[1])  # type: ignore[index]
+    motion = fmpy.simulate_fmu(
+        str(fmu), fmi_type="CoSimulation", stop_time=1.0, output_interval=1e-3,
+        start_values={"speed": 100.0}, output=["deflection"])
+    assert motion["time"][-1] < 1e-3
+    assert motion["deflection"][-1] == pytest.approx(reach, rel=1e-4)
+    assert motion["deflection"][-1] <= reach
