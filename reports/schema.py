@@ -1,7 +1,8 @@
 """What ``--json`` prints and result files hold: keys, kinds, units, meaning, and JSON Schemas.
 
 Of results that are dataclasses all of it is from their fields and docstrings; of others, and for
-what docstrings leave out, from schema.toml.
+what docstrings leave out, from schema.toml. There ``[part.NAME]`` is what several objects hold: a
+kind "object: NAME, NAME" has their keys, too.
 """
 
 from __future__ import annotations
@@ -25,10 +26,12 @@ from tympan.reports.template import text_of
 _TYPES = {"text": "string", "number": "number", "whole number": "integer",
           "true or false": "boolean", "object": "object", "list": "array"}
 _KINDS = {str: "text", float: "number", int: "whole number", bool: "true or false"}
+_MISSING = " or missing"
 
 #: Units that are none of SI, by the end of a key.
 _OTHERS = {"_C": "C", "_um": "µm", "_mm": "mm", "_cm2": "cm²", "_deg": "°", "_per_s": "1/s",
-           "_kg_m2": "kg m²", "_V_per_V": "V/V", "_m_per_V": "m/V", "_V_m": "V m"}
+           "_kg_m2": "kg m²", "_V_per_V": "V/V", "_m_per_V": "m/V", "_m_per_V2": "m/V²",
+           "_V_m": "V m", "_g": "g", "_kV": "kV", "_percent": "%"}
 
 #: A clause of a docstring that says what fields are.
 _NAMING = re.compile(r"(?P<names>``\w+``(?:(?:, | and )``\w+``)*)(?::| is| are|,)? (?P<words>.+)")
@@ -38,7 +41,8 @@ _NAMING = re.compile(r"(?P<names>``\w+``(?:(?:, | and )``\w+``)*)(?::| is| are|,
 class JsonKey:
     """One key of a record by its path: ``[]`` is any entry of a list, ``{}`` any key of an object.
 
-    ``kind``: what it holds, such as "number", "text or none", or texts in quotes to choose from.
+    ``kind``: what it holds, such as "number", "text or none", "object or missing" of what is not
+    always there, or texts in quotes to choose from.
     """
 
     path: str
@@ -87,24 +91,23 @@ class JsonRecord:
 def json_records() -> tuple[JsonRecord, ...]:
     """All records that are described."""
     declared = tomllib.loads(text_of("reports/schema.toml"))
-    usual = declared["usual"]
-    return tuple(
-        JsonRecord(name, entry["commands"], entry.get("file", ""), tuple(
-            [*_written(entry.get("keys", "")),
-             *_of_class(entry["class"], usual, entry.get("at", ""))]
-            if "class" in entry else _written(entry["keys"])))
-        for name, entry in declared["record"].items())
+    return tuple(JsonRecord(name, entry["commands"], entry.get("file", ""),
+                            tuple(_declared(entry, declared)))
+                 for name, entry in declared["record"].items())
 
 
-def _written(lines: str) -> Iterator[JsonKey]:
-    """Keys of lines "path | kind | meaning"."""
-    for line in lines.strip().splitlines():
-        path, kind, meaning = (part.strip() for part in line.split("|"))
-        yield JsonKey(path, kind, meaning)
-
-
-def _of_class(name: str, usual: Mapping[str, str], at: str) -> list[JsonKey]:
-    return list(class_keys(resolve_name(f"tympan.studies.{name}"), usual, at))
+def _declared(entry: Mapping[str, Any], declared: Mapping[str, Any], at: str = ""
+              ) -> Iterator[JsonKey]:
+    """The keys of a record or a part: those of its lines "path | kind | meaning", its class's."""
+    for line in entry.get("keys", "").strip().splitlines():
+        path, kind, meaning = (words.strip() for words in line.split("|"))
+        kind, _, parts = kind.partition(": ")
+        yield JsonKey(f"{at}{path}", kind, meaning)
+        for part in parts.split(", ") if parts else ():
+            yield from _declared(declared["part"][part], declared, f"{at}{path}.")
+    if "class" in entry:
+        cls = resolve_name(f"tympan.{entry['class']}")
+        yield from class_keys(cls, declared["usual"], f"{at}{entry.get('at', '')}")
 
 
 def class_keys(cls: type, usual: Mapping[str, str], at: str = "") -> Iterator[JsonKey]:
@@ -183,13 +186,18 @@ def _object(keys: Sequence[tuple[list[str], JsonKey]]) -> dict[str, Any]:
     if list(names) == ["{}"]:
         return {"type": "object", "additionalProperties": _value(inside["{}"])}
     return {"type": "object", "properties": {name: _value(inside[name]) for name in names},
-            "required": list(names), "additionalProperties": False}
+            "required": [name for name in names if not _may_miss(inside[name])],
+            "additionalProperties": False}
+
+
+def _may_miss(keys: Sequence[tuple[list[str], JsonKey]]) -> bool:
+    return any(key.kind.endswith(_MISSING) for steps, key in keys if not steps)
 
 
 def _value(keys: Sequence[tuple[list[str], JsonKey]]) -> dict[str, Any]:
     """The schema of one value: of its key, if it has one, and of those below it."""
     itself, below = [key for steps, key in keys if not steps], [pair for pair in keys if pair[0]]
-    kind = itself[0].kind if itself else ""
+    kind = itself[0].kind.removesuffix(_MISSING) if itself else ""
     schema: dict[str, Any]
     if below and below[0][0][0] == "[]":
         schema = {"type": "array", "items": _value([(steps[1:], key) for steps, key in below])}

@@ -78,7 +78,10 @@ class Combination:
 
 @dataclass(frozen=True)
 class Relation:
-    """A combination as constants write it, ``formula``, its value in a ``unit``, 95 % limits."""
+    """A combination of constants that the data determine.
+
+    ``formula``: as the constants write it; ``low`` and ``high``: 95 % limits.
+    """
 
     formula: str
     value: float
@@ -89,11 +92,11 @@ class Relation:
 
 @dataclass(frozen=True)
 class Estimate:
-    """A constant's value in its ``unit``, and its 95 % limits.
+    """A constant's value and its 95 % limits.
 
-    ``low`` and ``high`` are None where the data do not determine it, and ``by`` profile or, where
-    that was not asked for or took too long, linear; ``linear_low`` and ``linear_high`` are the
-    linearised ones, None where they are wider than its scale allows.
+    ``unit``: of all its numbers; ``low`` and ``high``: limits, None where the data do not determine
+    it; ``by``: the way to them, linear where profiles were not asked for or took too long;
+    ``linear_low`` and ``linear_high``: limits linearised, None where wider than its scale allows.
     """
 
     name: str

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import argparse
 import json
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from tests.support.checks.json_schema import faults
+from tests.support.datasets import write_dataset
 from tests.support.specimens import specimen_toml
 from tympan.cli import main
+from tympan.commands import COMMANDS
+from tympan.options import Command
 from tympan.reports import schema
 from tympan.reports.schema import JsonKey, json_records
 from tympan.studies.alpha.table import OutlineRow, OutlineTable
@@ -21,10 +26,34 @@ COARSE = ("--refine", "0.5")
 BRANCH = '[[membrane.branch]]\nmodulus = "31.2 kPa"\ntime = "6.5 s"\n'
 
 
+PROBLEM = """
+specimen = "oval.toml"
+reference = "oval.toml"
+mass = "17.9 g"
+voltage = "3 kV"
+[vary]
+"plate.radius" = ["9 mm", "12 mm"]
+[limits]
+max_field = "60 MV/m"
+"""
+
+
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with specimens, one with a viscous branch, and a sweep."""
+    """A folder with specimens, one with a viscous branch, plans, readings, and lumped models."""
     place = tmp_path_factory.mktemp("schema")
+    (place / "OPTIMISE.toml").write_text(PROBLEM, encoding="utf-8")
+    stretches = enumerate((1.2, 1.4, 1.6, 1.9, 2.1, 2.5, 2.8, 3.1))
+    tests = [f"uniaxial,{x},{20 * (x - x**-2) + 0.1 * number % 0.3}" for number, x in stretches]
+    write_lines(place / "coupon.csv", "mode,stretch,nominal_stress_kPa", tests)
+    relaxing = [f"uniaxial,{1.5 + 0.25 * run},{(1 + np.exp(-time)) * (10 + run)},{run},{time}"
+                for run in (1, 2, 3) for time in (0.0, 0.5, 1.0, 2.0, 5.0, 10.0)]
+    write_lines(place / "relaxed.csv", "mode,stretch,nominal_stress_kPa,run,t_s", relaxing)
+    rests = [f"{name},{mass},{kilovolts},{0.12 * mass + 0.02 * kilovolts**2}"
+             for name in "AB" for mass in (15, 20) for kilovolts in (0, 1, 2, 3, 4)]
+    rests.append("A,15,0,1.82")
+    write_lines(write_dataset(place / "readings") / "static.csv",
+                "specimen,mass_g,voltage_kV,displacement_mm", rests)
     (place / "oval.toml").write_text(specimen_toml(), encoding="utf-8")
     (place / "creep.toml").write_text(specimen_toml("creep") + BRANCH, encoding="utf-8")
     (place / "SWEEP.toml").write_text('specimen = "oval.toml"\nmass = "17.9 g"\nvoltage = "1 kV"\n'
@@ -32,8 +61,21 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return place
 
 
-#: Commands, and the record each prints; a few of states that do not exist, too.
-PRINTED = [
+def write_lines(file: Path, head: str, rows: list[str]) -> None:
+    file.write_text("\n".join([head, *rows, ""]), encoding="utf-8")
+
+
+@pytest.fixture(scope="module")
+def models(folder: Path) -> Path:
+    """The folder with lumped models of both specimens, too."""
+    built = ["lumped", "build", str(folder / "oval.toml"), str(folder / "creep.toml"), "-o",
+             str(folder / "models"), "--mass", "17.9 g", "--voltages", "0 kV..3 kV", "--count", "3"]
+    assert main([*built, *COARSE]) == 0
+    return folder
+
+
+#: Commands that mesh, and the record each prints; a few of states that do not exist, too.
+MESHED = [
     ("solve", "solve oval.toml", LOADS),
     ("solve", "solve oval.toml", ("--mass", "17.9 g", "--voltage", "40 kV")),
     ("limits", "limits oval.toml", ("--mass", "17.9 g")),
@@ -48,29 +90,51 @@ PRINTED = [
                                            "3 kV", "--duration", "1 s")),
     ("transient", "path creep.toml", ("--mass", "17.9 g", "--rate", "2 kV/s", "--to", "2 kV")),
     ("sweep", "sweep SWEEP.toml", ("-o", "swept", "--workers", "1")),
+    ("optimise", "optimise OPTIMISE.toml", ("-o", "optimum")),
+    ("lumped_build", "lumped build oval.toml creep.toml", ("--count", "2")),
 ]
+SINE = ("--mass", "17.9 g", "--signal", "sine", "--high", "3 kV", "--duration", "1 s")
+#: Those that do not.
+PLAIN = [
+    ("materials", "materials", ()),
+    ("material_show", "material show vhb-4910", ()),
+    ("material_show", "material show oval.toml", ("--held", "2")),
+    ("material_fit", "material fit coupon.csv", ()),
+    ("material_fit", "material fit relaxed.csv", ("--law", "neo_hooke", "--branches", "1")),
+    ("effects", "effects", ()),
+    ("data", "data readings", ()),
+    ("doctor", "doctor", ()),
+    ("lumped_simulate", "lumped simulate --model models/oval.lumped.toml", SINE),
+    ("lumped_simulate", "lumped simulate --model models/creep.lumped.toml", SINE),
+    ("lumped_linearise", "lumped linearise --model models/oval.lumped.toml", ()),
+    ("lumped_linearise", "lumped linearise --model models/creep.lumped.toml",
+     ("--at", "0 kV", "--input", "U2")),
+    ("lumped_identify", "lumped identify readings", ("--paper", "--law", "film", "--nelder-mead")),
+]
+PRINTED = [*((name, command, (*options, *COARSE)) for name, command, options in MESHED), *PLAIN]
 
 
 @pytest.mark.parametrize(("name", "command", "options"), PRINTED)
 def test_real_output_is_as_declared(name: str, command: str, options: tuple[str, ...],
-                                    folder: Path, monkeypatch: pytest.MonkeyPatch,
+                                    models: Path, monkeypatch: pytest.MonkeyPatch,
                                     capsys: pytest.CaptureFixture[str]) -> None:
-    monkeypatch.chdir(folder)
-    main([*command.split(), *options, *COARSE, "--json"])
+    monkeypatch.chdir(models)
+    capsys.readouterr()
+    main([*command.split(), *options, "--json"])
     printed = json.loads(capsys.readouterr().out)
     assert list(faults(printed, RECORDS[name].schema)) == []
-    for path, value in numbers_of(printed):
-        key = next(key for key in RECORDS[name].keys if fits(path, key))
-        assert not key.unit or isinstance(value, float | int)
+    for path in paths_of_numbers(printed):
+        assert any(fits(path, key) for key in RECORDS[name].keys) or path[1:2] == ("material",)
 
 
-def numbers_of(value: Any, path: tuple[str, ...] = ()) -> list[tuple[tuple[str, ...], Any]]:
-    """Every number of a record, with the steps to it."""
+def paths_of_numbers(value: Any, path: tuple[str, ...] = ()) -> list[tuple[str, ...]]:
+    """The steps to every number of a record; a law's constants, which differ, go by "material"."""
     if isinstance(value, dict):
-        return [pair for name, entry in value.items() for pair in numbers_of(entry, (*path, name))]
+        return [steps for name, entry in value.items()
+                for steps in paths_of_numbers(entry, (*path, name))]
     if isinstance(value, list):
-        return [pair for entry in value for pair in numbers_of(entry, (*path, "[]"))]
-    return [(path, value)] if isinstance(value, float) else []
+        return [steps for entry in value for steps in paths_of_numbers(entry, (*path, "[]"))]
+    return [path] if isinstance(value, float) else []
 
 
 def fits(path: tuple[str, ...], key: JsonKey) -> bool:
@@ -86,6 +150,20 @@ def test_outlines_are_as_declared() -> None:
     assert list(faults(OutlineTable((row,), {}).json(), RECORDS["outlines"].schema)) == []
 
 
+def test_every_command_that_prints_json_has_a_record() -> None:
+    described = {name for record in RECORDS.values() for name in record.commands.split(", ")}
+    printing = {f"tympan {command.name}" for command in COMMANDS if "--json" in usage_of(command)}
+    assert len(printing) > 20
+    assert not printing - described
+
+
+def usage_of(command: Command) -> str:
+    parser = argparse.ArgumentParser()
+    for add in command.arguments:
+        add(parser)
+    return parser.format_usage()
+
+
 @pytest.mark.parametrize("name", RECORDS)
 def test_every_key_has_a_meaning_and_every_path_a_parent(name: str) -> None:
     keys = {key.path: key for key in RECORDS[name].keys}
@@ -93,7 +171,7 @@ def test_every_key_has_a_meaning_and_every_path_a_parent(name: str) -> None:
     for path, key in keys.items():
         assert key.meaning or path.endswith(("[]", "{}")), path
         head = path.removesuffix("[]") if path.endswith("[]") else path.rpartition(".")[0]
-        assert not head or head.removesuffix("{}").removesuffix("[]") in keys, path
+        assert not head or head in keys or head.removesuffix("{}").removesuffix("[]") in keys, path
 
 
 def test_units_are_those_of_the_names() -> None:

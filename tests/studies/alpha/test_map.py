@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from scipy.special import ellipj, ellipk
 
+from tests.support.checks.json_schema import faults, schema_of
 from tympan.reports.figures.alpha import draw_map
 from tympan.studies.alpha import LoadGrid
 from tympan.studies.alpha.map import (
@@ -29,6 +30,10 @@ COARSE = MapSettings(loads=LoadGrid((17.9e-3,), (0.0, 3e3)), aspects=(1.1, 1.4, 
 @pytest.fixture(scope="module")
 def made() -> AlphaMap:
     return alpha_map(COARSE)
+
+
+def test_what_is_printed_is_as_declared(made: AlphaMap) -> None:
+    assert list(faults(json.loads(json.dumps(made.json())), schema_of("map"))) == []
 
 
 def test_the_formula_holds_inside_and_not_outside(made: AlphaMap) -> None:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.support.checks.json_schema import faults
+from tests.support.checks.json_schema import faults, schema_of
 from tests.support.datasets import HEAD, write_dataset
 from tests.support.specimens import circular
 from tests.support.trials import design, every_cause, read
@@ -19,7 +19,6 @@ from tympan.fem.film.library import load_specimen
 from tympan.fem.rig import Rig
 from tympan.geometry.errors import InputError
 from tympan.geometry.mesher import MeshSettings
-from tympan.reports.schema import json_records
 from tympan.studies.case import Case, Settings, solve
 from tympan.studies.data.dataset import read_dataset
 from tympan.studies.diagnosis.hypothesis import Cause
@@ -130,8 +129,7 @@ def test_the_record_is_that_of_the_design(written: tuple[Path, dict[str, Any]]) 
     folder, content = written
     text = (folder / "diagnosis.json").read_text(encoding="utf-8")
     assert json.loads(text) == json.loads(json.dumps(content))
-    assert list(faults(json.loads(text), next(record.schema for record in json_records()
-                                              if record.name == "diagnose"))) == []
+    assert list(faults(json.loads(text), schema_of("diagnose"))) == []
     assert content["verdict"] == "named"
     cause = content["causes"][0]
     assert (cause["effect"], cause["which"]) == ("electrode_margin", None)

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from tests.oracles.lumped_model import LumpedFile
+from tests.support.checks.json_schema import faults, schema_of
 from tests.support.lumped import MODELS, clean
 from tests.support.specimens import elliptical, specimen_toml
 from tympan.cli import main
@@ -62,7 +63,9 @@ def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def identified(folder: Path, capsys: pytest.CaptureFixture[str], *options: str) -> dict[str, Any]:
     capsys.readouterr()
     assert main(["lumped", "identify", str(folder), *options, "--json"]) == 0
-    return dict(json.loads(capsys.readouterr().out))
+    content = dict(json.loads(capsys.readouterr().out))
+    assert list(faults(content, schema_of("lumped_identify"))) == []
+    return content
 
 
 def test_the_oracle_rests_and_moves_as_the_model_does(tmp_path: Path) -> None:

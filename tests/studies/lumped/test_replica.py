@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.support.checks.json_schema import faults, schema_of
 from tympan.cli import main
 from tympan.geometry.errors import InputError
 from tympan.reports.paper import page
@@ -214,6 +215,7 @@ def test_paper_command(tmp_path: Path, capsys: pytest.CaptureFixture[str],
     assert main(["lumped", "paper", *options]) == 0
     printed = json.loads(capsys.readouterr().out)
     assert printed == json.loads((out / "paper.json").read_text(encoding="utf-8"))
+    assert list(faults(printed, schema_of("lumped_paper"))) == []
     for name in FIGURES:
         assert (out / f"{name}.png").stat().st_size > 20_000
         assert "<svg" in (out / f"{name}.svg").read_text(encoding="utf-8")

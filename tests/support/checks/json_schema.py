@@ -5,10 +5,17 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
+from tympan.reports.schema import json_records
+
 _TYPES: dict[str, Any] = {"string": str, "number": (int, float), "integer": int, "boolean": bool,
                           "object": dict, "array": list, "null": type(None)}
 _USED = {"$schema", "title", "description", "unit", "type", "enum", "anyOf", "items", "properties",
          "required", "additionalProperties"}
+
+
+def schema_of(name: str) -> dict[str, Any]:
+    """The JSON Schema of a record of the reference."""
+    return next(record.schema for record in json_records() if record.name == name)
 
 
 def faults(value: Any, schema: dict[str, Any], path: str = "") -> Iterator[str]:
