@@ -10,6 +10,8 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.text import Annotation
+from matplotlib.transforms import Bbox
 from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
@@ -24,6 +26,9 @@ _WIDTH, _HEIGHT, _LEFT, _TOP, _BELOW = 110.0, 70.0, 14.0, 8.0, 12.0  # [mm]
 #: How a limit is marked, and its words where a curve passes or ends.
 _MARKS = {"tension": ("s", "loses tension"), "breakdown": ("X", "breaks down"),
           "pull_in": ("x", "pulls in")}
+#: Where words are from their mark [points]; their colour where they are of several curves; times
+#: that room is made for them.
+_BESIDE, _OF_ALL, _TRIES = (-4.0, 2.0), "#333333", 25
 _THINS, _KEPT = "loses tension, thins without bound", "were it kept from wrinkling"
 
 
@@ -116,14 +121,72 @@ def draw_voltage_curves(axes: Axes, result: CurveResult) -> None:
     frame_curves(axes, curves)
 
 
-def frame_curves(axes: Axes, curves: list[VoltageCurve]) -> None:
-    """Limits of axes that show curves whole: from no deflection on, with room for a legend."""
+def frame_curves(axes: Axes, curves: list[VoltageCurve], *others: Axes) -> None:
+    """Limits of axes that show curves whole: from no deflection on, with room for a legend.
+
+    ``others`` show curves of the same limits. Equal words beside each other are said once, others
+    moved apart.
+    """
+    panels, lines = (axes, *others), [curve.line for curve in curves if len(curve.voltage)]
     right = max((float(part.max()) for curve in curves for part in (curve.voltage, curve.asked)
                  if len(part)), default=0.0) or 1.0
-    top = max((float(curve.deflection.max()) for curve in curves if len(curve.deflection)),
-              default=0.0) or 1.0
-    axes.set(xlim=(-0.02 * right, 1.06 * right), ylim=(0, 1.15 * top))
-    axes.legend(loc="upper left")
+    top = max((float(y.max()) for _, y in lines), default=0.0) or 1.0
+    for panel in panels:
+        panel.set(xlim=(-0.02 * right, 1.06 * right), ylim=(0, 1.15 * top))
+        panel.legend(loc="upper left")
+        _say_once(panel)
+    for _ in range(_TRIES):
+        places = [[panel.transData.transform(np.transpose(line)) for line in lines]
+                  for panel in panels]
+        for panel, points in zip(panels, places, strict=True):
+            _move_apart(panel, points)
+        if not any(map(_crowded, panels, places)):
+            break
+        for panel in panels:
+            panel.set_ylim(0, 1.08 * panel.get_ylim()[1])
+
+
+def _crowded(axes: Axes, places: list[Array]) -> bool:
+    """Whether the legend lies over words or curves, whose points [pixels] are at ``places``."""
+    legend = axes.get_legend()
+    assert legend is not None
+    covered = legend.get_window_extent()
+    return (any(covered.overlaps(text.get_window_extent()) for text in _words(axes))
+            or any(covered.count_contains(points) for points in places))
+
+
+def _say_once(axes: Axes) -> None:
+    """Of equal words within a line of each other the uppermost stay, in no curve's colour."""
+    said: dict[str, list[tuple[Annotation, Bbox]]] = {}
+    for text in reversed(_words(axes)):
+        near, box = said.setdefault(text.get_text(), []), text.get_window_extent()
+        first = next((other for other, taken in near if taken.overlaps(box)), None)
+        near.append((first or text, box.padded(0.0, box.height)))
+        if first is not None:
+            first.set_color(_OF_ALL)
+            text.remove()
+
+
+def _move_apart(axes: Axes, places: list[Array]) -> None:
+    """Up from each other and from curves, whose points [pixels] are at ``places``; lowest first."""
+    placed: list[Bbox] = []
+    for text in _words(axes):
+        text.xyann = across, up = _BESIDE
+        while _covers(text.get_window_extent(), placed, places):
+            up += 1.0
+            text.xyann = across, up
+        placed.append(text.get_window_extent())
+
+
+def _covers(box: Bbox, placed: list[Bbox], places: list[Array]) -> bool:
+    return (any(box.overlaps(other) for other in placed)
+            or any(box.count_contains(points) for points in places))
+
+
+def _words(axes: Axes) -> list[Annotation]:
+    """The words at limits, the lowest first."""
+    texts = [text for text in axes.texts if isinstance(text, Annotation)]
+    return sorted(texts, key=lambda text: text.get_window_extent().y0)
 
 
 def draw_curve(axes: Axes, curve: VoltageCurve, number: int, label: str) -> None:
@@ -167,8 +230,9 @@ def _mark(axes: Axes, curve: VoltageCurve, limit: Limit, marker: str, word: str,
 
 
 def _word(axes: Axes, place: tuple[float, float], word: str, colour: str) -> None:
-    axes.annotate(word, place, (-4, 2), textcoords="offset points", ha="right", va="bottom",
-                  color=colour, fontsize=6.5)
+    if word:
+        axes.annotate(word, place, _BESIDE, textcoords="offset points", ha="right", va="bottom",
+                      color=colour, fontsize=6.5)
 
 
 def _deflection(curve: VoltageCurve, limit: Limit) -> float:

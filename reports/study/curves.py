@@ -29,7 +29,7 @@ def compose_curves(run: StudyView) -> Figure:
     width = (style.WIDTH - _LEFT - _RIGHT - _GAP) / 2 if len(rows[0]) > 1 else 110.0
     lefts = style.centred([width] * len(rows[0]), _GAP, _LEFT, _RIGHT)
     height = _TITLE + _PANEL + _AXIS
-    figure = style.new_figure(len(rows) * height)
+    figure, panels = style.new_figure(len(rows) * height), []
     for number, row in enumerate(rows):
         for column, panel in enumerate(row):
             axes = style.place_axes(figure, lefts[column], number * height + _TITLE, width, _PANEL)
@@ -39,5 +39,6 @@ def compose_curves(run: StudyView) -> Figure:
             style.describe(axes, "voltage (kV)", "deflection (mm)" if column == 0 else "",
                            f"{masses[panel]:g} g", bold=True)
             axes.tick_params(labelleft=column == 0)
-            frame_curves(axes, [curve for *_, curve in curves])
+            panels.append(axes)
+    frame_curves(panels[0], [curve for *_, curve in curves], *panels[1:])
     return figure
