@@ -119,7 +119,7 @@ def where(judged: Judgement) -> str:
     specimen is not blamed for what these have moved.
     """
     columns = _singled(judged)
-    taken, told_of = taken_by(judged.nominal.jacobian), list[str]()
+    taken, told_of = taken_by(judged.nominal.free_jacobian), list[str]()
     first: dict[str, float] = {}
     for least in (0.0, _CLEAR):
         shares = {name: _taken(judged.nominal, taken, values) for name, values in columns.items()

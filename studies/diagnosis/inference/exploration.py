@@ -126,7 +126,7 @@ class Exploration:
 
     def _may_help(self, member: Fit, other: Fit) -> bool:
         """Whether a second effect may take enough away of what the first one leaves."""
-        more = beside(taken_by(member.jacobian), other.jacobian[:, SIZES])
+        more = beside(taken_by(member.free_jacobian), other.jacobian[:, SIZES])
         gain = 0.5 * float(np.sum((more.T @ member.residual) ** 2))
         return member.cost - _HELP * gain < self._least + _BEHIND
 
@@ -155,7 +155,7 @@ class Exploration:
         """Fit pairs of which each effect hides or turns what the other does."""
         usual = [_usual(self.nominal, pair) for pair in pairs]
         self.simulation = coupled(self.simulation, pairs, usual, self.workers)
-        taken, promises = taken_by(self.nominal.jacobian), []
+        taken, promises = taken_by(self.nominal.free_jacobian), []
         for pair, corner in zip(pairs, usual, strict=True):
             bounds = bounds_of(self.simulation, pair)
             corners = [np.clip(corner * np.r_[1, 1, signs], *bounds)

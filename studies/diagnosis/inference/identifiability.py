@@ -33,7 +33,9 @@ TYPICAL = 2.0
 def signatures(simulation: Simulation, table: ReadingTable, unknowns: Array,
                causes: Sequence[Cause]) -> Signatures:
     """The signatures of causes about a nominal fit, each at its typical size."""
-    jacobian = simulation.prediction((), unknowns, table).jacobian
+    low, high = bounds_of(simulation, ())
+    jacobian = simulation.prediction((), unknowns, table).jacobian[:, (low < unknowns)
+                                                                   & (unknowns < high)]
     taken = taken_by(jacobian / table.sigma[:, None])
     return {cause: without(taken, np.stack([_shown(simulation, cause, index, unknowns, table)
                                             for index in range(len(cause.effect.parameters))], 1))

@@ -103,6 +103,18 @@ class Fit:
         """Standard deviations of the unknowns."""
         return np.sqrt(np.diag(self.covariance))
 
+    @property
+    def stopped(self) -> NDArray[np.bool_]:
+        """Which unknowns would go on, were they not at a bound."""
+        low, high = self.bounds
+        return np.asarray(((self.unknowns <= low) & (self.slope > 0))
+                          | ((self.unknowns >= high) & (self.slope < 0)))
+
+    @property
+    def free_jacobian(self) -> Array:
+        """That by the unknowns that are not stopped, which alone take up what is missed."""
+        return np.asarray(self.jacobian[:, ~self.stopped])
+
     def surprise(self, cause: Cause) -> float:
         """The largest size of a cause's parameters over its usual one."""
         sizes = np.abs(self.unknowns[sizes_of(self.hypothesis, cause)])
@@ -211,8 +223,12 @@ class _Parabola:
         """Integrated over stiffness and permittivity and their prior."""
         weights = np.zeros(len(fit.unknowns))
         weights[FACTORS] = NUISANCE**-2.0
-        precision = fit.jacobian.T @ fit.jacobian + np.diag(weights)
-        slope = weights * fit.unknowns - fit.jacobian.T @ fit.residual
+        # A factor at its bound stays there whatever the sizes are.
+        moves = np.ones(len(fit.unknowns))
+        moves[FACTORS] = ~fit.stopped[FACTORS]
+        jacobian = fit.jacobian * moves
+        precision = jacobian.T @ jacobian + np.diag(weights)
+        slope = moves * weights * fit.unknowns - jacobian.T @ fit.residual
         inner = precision[FACTORS, FACTORS]
         top = -0.5 * (fit.chi_squared + float(weights @ fit.unknowns**2))
         top += 0.5 * float(slope[FACTORS] @ np.linalg.solve(inner, slope[FACTORS]))
@@ -402,7 +418,7 @@ def odds_of_more(fit: Fit, patterns: dict[str, Array]) -> float:
     coefficients that make it a typical size, the same for one pattern of the table at a time or for
     all. Columns are over the noise of the readings.
     """
-    taken = taken_by(fit.jacobian)
+    taken = taken_by(fit.free_jacobian)
     residual = without(taken, fit.residual)
     gains = []
     for columns in (patterns[name] for name in patterns if name not in JUMPS):

@@ -157,7 +157,7 @@ def judge(simulation: Simulation, table: ReadingTable, causes: Sequence[Cause],
     one_sided = frozenset(
         str(cause) for cause in causes
         if [parameter.sign for parameter in cause.effect.parameters] == ["positive"])
-    tests = ResidualTests.of(nominal.jacobian, over(columns, table) | {
+    tests = ResidualTests.of(nominal.free_jacobian, over(columns, table) | {
         str(cause): signature for cause, signature in signs.items()}, stated, one_sided)
     if not tests.able:
         raise ArithmeticError("there are too few readings to tell a misfit from noise")
@@ -185,7 +185,7 @@ def _with_noise_of_channels(table: ReadingTable, nominal: Fit,
     for kind, rows in table.rows_of.items():
         name = f"channel {kind}"
         if name in scaled:
-            tests = ResidualTests.of(nominal.jacobian[rows], {name: scaled[name][rows]}, 0.0)
+            tests = ResidualTests.of(nominal.free_jacobian[rows], {name: scaled[name][rows]}, 0.0)
             if tests.freedom > 0:
                 factor[rows] = _factor(tests.noise(nominal.residual[rows]), tests.freedom)
     return table.with_sigma(factor * table.sigma)
@@ -214,7 +214,7 @@ class _Adequacy:
         """The test of a fit, done once."""
         if id(fit) not in self.results:
             columns = over(self.base.patterns, self.base.table)
-            tests = ResidualTests.of(fit.jacobian, columns, stated=0.0)
+            tests = ResidualTests.of(fit.free_jacobian, columns, stated=0.0)
             # The fit is kept, too, so that no other one gets its identity.
             self.results[id(fit)] = fit, tests(
                 fit.residual, self.generator, noise_freedom=self.freedom)

@@ -87,6 +87,18 @@ def test_noise_alone_gives_uniform_probabilities(three_shapes: Simulation) -> No
     assert tests(residual + line, generator).p_value < 1e-3
 
 
+def test_a_factor_at_its_bound_takes_up_nothing(three_shapes: Simulation) -> None:
+    """A film that hardly answers to voltage is wrong, though more of the same would show it so."""
+    table = design(1e-6)
+    readings = three_shapes.predict((), np.array([0.05, np.log(0.01)]), table)
+    noise = 1e-6 * np.random.default_rng(5).standard_normal(len(table))
+    judged = judge(three_shapes, table.with_values(readings + noise), [Cause("sensor_zero")])
+    assert judged.nominal.stopped.tolist() == [False, True]
+    assert judged.nominal.chi_squared > 4 * len(table)
+    assert judged.test.p_value < 1e-6
+    assert judged.verdict == "unexplained"
+
+
 def test_the_noise_is_found_though_misstated_and_not_what_is_smooth(
         three_shapes: Simulation) -> None:
     table = read(three_shapes, design(SIGMA), (Cause("unaccounted_mass"),), [3e-3], seed=1)
