@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.distance import cdist
 
 from benchmarks.trials.axisymmetric_readings import round_ramps
 from benchmarks.trials.synthetic_trials import (
@@ -144,12 +145,12 @@ def _tapped(rig: Rig, model: Model, state: State, mass: float) -> float | None:
 def seen_heights(model: Model, state: State, places: Array) -> Array:
     """What a laser above places of the table sees [m]: where the film's points went is sought."""
     plate = model.specimen.needed_plate()
-    film, outside = places.copy(), np.zeros(len(places), bool)
+    film, outside, rim = places.copy(), np.zeros(len(places), bool), plate.points(720).T
     for _ in range(30):
         moved = Places.of(model.discretisation, film).displacement(model, state)
         film = places - moved[:, :2]
         outside = plate.level(*film.T) < 0
-        film[outside] = plate.points(720).T[0]
+        film[outside] = rim[cdist(film[outside], rim).argmin(axis=1)]
     shown = Places.of(model.discretisation, film).displacement(model, state)[:, 2]
     # The plate is a plane through its centre: z = w + n·r with r from where the centre stands.
     turn, centre = state.plate.rotation, model.centre + state.plate.translation

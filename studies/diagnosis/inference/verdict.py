@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
@@ -75,6 +75,9 @@ _QUIETEST = 0.05
 
 #: The probability with which a channel's scatter lies above what excludes a larger noise.
 _EXCLUDES = 0.9
+
+#: Readings of a channel that must be left to tell its noise, as a share, beside all patterns.
+_SHARE = 0.5
 
 #: How many hypotheses are asked whether they leave noise, by probability and by χ².
 _ASKED = (8, 6)
@@ -151,7 +154,9 @@ def judge(simulation: Simulation, table: ReadingTable, causes: Sequence[Cause],
     if simulation.strips is not None:
         columns |= strip_patterns(simulation.strips, table, predicted)
     if not table.lengths.all():
-        table = _with_noise_of_channels(table, nominal, columns)
+        shown = {str(cause): signature for cause, signature in signatures(
+            simulation, table, nominal.unknowns, causes).items()}
+        table = _with_noise_of_channels(table, nominal, over(columns, table) | shown)
         nominal = fit(simulation, (), table, nominal.unknowns)
     signs = signatures(simulation, table, nominal.unknowns, causes)
     one_sided = frozenset(
@@ -179,13 +184,20 @@ def judge(simulation: Simulation, table: ReadingTable, causes: Sequence[Cause],
 
 
 def _with_noise_of_channels(table: ReadingTable, nominal: Fit,
-                            columns: dict[str, Array]) -> ReadingTable:
-    """With the noise of every channel but lengths, which no file states, as its scatter tells."""
-    factor, scaled = np.ones(len(table)), over(columns, table)
+                            scaled: Mapping[str, Array]) -> ReadingTable:
+    """With the noise of every channel but lengths, which no file states, as its scatter tells.
+
+    About all that causes and patterns show, ``scaled`` over the noise, or, of a channel with too
+    few readings for that, about its own smooth misfit: what is missed by much is not noise.
+    """
+    factor = np.ones(len(table))
     for kind, rows in table.rows_of.items():
         name = f"channel {kind}"
         if name in scaled:
-            tests = ResidualTests.of(nominal.free_jacobian[rows], {name: scaled[name][rows]}, 0.0)
+            shown = {other: values[rows] for other, values in scaled.items()}
+            tests = ResidualTests.of(nominal.free_jacobian[rows], shown, 0.0)
+            if tests.freedom < _SHARE * len(rows):
+                tests = ResidualTests.of(nominal.free_jacobian[rows], {name: shown[name]}, 0.0)
             if tests.freedom > 0:
                 factor[rows] = _factor(tests.noise(nominal.residual[rows]), tests.freedom)
     return table.with_sigma(factor * table.sigma)

@@ -159,7 +159,7 @@ class FilmShape:
         """Those of the points that lay there in the flat film [m], shape (3, n)."""
         share, turn = self._sought(places, moved=False)
         film = self._at(share, turn)[0][2:]
-        moved = self._at(np.zeros(AROUND), np.arange(AROUND, dtype=float))[0][2:4].mean(axis=1)
+        moved = self._rim_displacement[:2].mean(axis=1)
         on_plate = np.concatenate([np.tile(moved[:, None], len(places)),
                                    [self.plane[0] + (places + moved) @ self.plane[1:]]])
         return np.where(share < 0, on_plate, np.where(share > 1, 0.0, film))
@@ -184,11 +184,19 @@ class FilmShape:
         rim, edge = (np.hypot(*(self._at(np.full(len(turn), end), turn)[0][:2]
                                 - self.lattice.centre[:, None])) for end in (0.0, 1.0))
         share = (np.hypot(*away.T) - rim) / (edge - rim)
-        near = (share > -_BEYOND) & (share < 1 + _BEYOND)
+        # A plate that slid bares film where it was.
+        slid = moved * np.hypot(*self._rim_displacement[:2]).max() / (edge - rim)
+        near = (share > -_BEYOND - slid) & (share < 1 + _BEYOND)
         if not near.any():
             return share, turn
-        share[near], turn[near] = self._newton(share[near], turn[near], places[near], moved)
+        share[near], turn[near] = self._newton(share[near].clip(0, 1), turn[near], places[near],
+                                               moved)
         return share, turn
+
+    @property
+    def _rim_displacement(self) -> Array:
+        """Of the plate's edge [m], shape (3, AROUND)."""
+        return self._at(np.zeros(AROUND), np.arange(AROUND, dtype=float))[0][2:]
 
     def _newton(self, share: Array, turn: Array, places: Array, moved: bool
                 ) -> tuple[Array, Array]:
