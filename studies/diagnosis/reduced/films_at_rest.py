@@ -14,7 +14,6 @@ from tympan.studies.diagnosis.hypothesis import (
     SIZES,
     STIFFNESS,
     Hypothesis,
-    parameters_of,
     sizes_of,
 )
 from tympan.studies.diagnosis.reading_table import States
@@ -149,9 +148,9 @@ class FilmsAtRest:
     @cached_property
     def _came(self) -> tuple[Numbers, Array, Array, Mask]:
         """As ``came``; where plates rest that move that way, or nearest to it; whether they do."""
-        states, sizes = self.states, [item.deviation for item in parameters_of(self.hypothesis)]
-        may = self.films.outer(self.hypothesis, np.array([0.0, 0.0, *sizes])).rig
-        if not self.rig.friction and not may.friction:
+        states = self.states
+        rubs = any(cause.name in self.films.rubbing_effects for cause in self.hypothesis)
+        if not (rubs or self.rig.friction):
             return np.arange(len(states)), np.zeros(len(states)), *self._resting(0.0)
         (first, above), (last, below) = self._resting(1.0), self._resting(-1.0)
         place, way = play(first, np.where(below, last, np.inf), states.of_run,

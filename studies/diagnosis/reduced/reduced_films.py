@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from tympan.fem.rig import Rig
 from tympan.studies.diagnosis.hypothesis import (
     FACTORS,
     STIFFNESS,
@@ -65,10 +66,20 @@ class ReducedFilms:
 
     @cached_property
     def rig_effects(self) -> frozenset[str]:
-        """Effects that edit the rig; none of those on one specimen does."""
+        """Effects that edit the rig."""
+        return frozenset(name for name, rig in self._rigs.items() if rig != self.setup.rig)
+
+    @cached_property
+    def rubbing_effects(self) -> frozenset[str]:
+        """Effects by which plates rub."""
+        return frozenset(name for name, rig in self._rigs.items() if rig.friction)
+
+    @cached_property
+    def _rigs(self) -> dict[str, Rig]:
+        """The rig with each effect at its usual size; none of those on one specimen edits it."""
         bare = Setup((), self.setup.rig)
-        return frozenset(name for name, effect in EFFECTS.items() if not effect.on_one and bare
-                         != effect.at(bare, [item.deviation for item in effect.parameters]))
+        return {name: effect.at(bare, [item.deviation for item in effect.parameters]).rig
+                for name, effect in EFFECTS.items() if not effect.on_one}
 
     @cached_property
     def outer_effects(self) -> frozenset[str]:
