@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchmarks.explore.browser import Running, browsing, chromium, exploring, pixels
+from benchmarks.explore.browser import Running, exploring, pixels
 from tests.support.specimens import specimen_toml
 from tympan.cli import main
 from tympan.fem.film.library import load_specimen
@@ -47,17 +47,6 @@ def running(folder: Path) -> Iterator[Running]:
     """The explorer of it."""
     with exploring(folder, *START) as process:
         yield process
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    """A headless Chromium, where there is one."""
-    pytest.importorskip("playwright", reason="playwright is not installed")
-    executable = chromium()
-    if executable is None:
-        pytest.skip("Chromium is not installed")
-    with browsing(executable) as chrome:
-        yield chrome
 
 
 @pytest.fixture

@@ -16,7 +16,7 @@ import pytest
 from matplotlib import colormaps
 from numpy.typing import NDArray
 
-from benchmarks.explore.browser import browsing, chromium, pixels
+from benchmarks.explore.browser import pixels
 from tests.support.specimens import circular, specimen_toml
 from tympan.fem.film.library import load_specimen
 from tympan.geometry.mesher import MeshSettings
@@ -163,17 +163,6 @@ def test_names_cannot_end_the_script(films: dict[str, FilmSurface]) -> None:
     assert "</script>" in json.loads(payload(films))["films"][0]["name"]
     for outside in ("http:", "https:", "import(", "fetch", "src=", "url("):
         assert outside not in text
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    """A headless Chromium, where there is one."""
-    pytest.importorskip("playwright", reason="playwright is not installed")
-    executable = chromium()
-    if executable is None:
-        pytest.skip("Chromium is not installed")
-    with browsing(executable) as chrome:
-        yield chrome
 
 
 @pytest.fixture(scope="module")

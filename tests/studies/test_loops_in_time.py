@@ -8,20 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.support.specimens import circular
+from tests.support.creeping import film
 from tympan.cli import main
-from tympan.fem.film.laws import NeoHooke
 from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Specimen, ViscousBranch
 from tympan.studies.case import Case, Settings, solve
 from tympan.studies.transient import loop
 
 MASS, TURN, TIME = 17.9e-3, 5e3, 10.0
-
-
-def film(*branches: ViscousBranch) -> Specimen:
-    specimen = circular(NeoHooke(20e3))
-    return replace(specimen, membrane=replace(specimen.membrane, branches=branches))
 
 
 CREEPS = film(ViscousBranch(200e3, TIME))

@@ -13,6 +13,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NoReturn
 
+import xarray as xr
+
 from tests.support.specimens import specimen_toml
 from tympan.geometry.mesher import MeshSettings
 from tympan.studies.case import Settings
@@ -57,6 +59,12 @@ def finished(sweep: Sweep, folder: Path) -> dict[str, tuple[int, int]]:
             seen = next(folder.glob(f"tasks/*/{entry.task.id}.json")).stat()
             stamps[entry.task.id] = seen.st_ino, seen.st_mtime_ns
     return stamps
+
+
+def table(folder: Path) -> xr.Dataset:
+    """The table of a sweep's folder."""
+    with xr.open_dataset(folder / "sweep.nc", engine="h5netcdf") as stored:
+        return stored.load()
 
 
 class Lethal(SweepTask):

@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from benchmarks.verification.films import rim_peak
 from tests.oracles import axisymmetric
 from tests.support.models import model, pressed_model, structured_quarter
 from tests.support.specimens import NEO_HOOKE, ROOT5, circular, elliptical, reference_film, skewed
@@ -21,7 +22,6 @@ from tympan.fem.film.laws import Ogden
 from tympan.fem.film.library import load_specimen
 from tympan.fem.membrane.loading import Loading, Spring
 from tympan.fem.membrane.model import Model
-from tympan.fem.membrane.state import State
 from tympan.fem.results.fields import edge_fields
 from tympan.fem.rig import Rig
 from tympan.geometry.mesh import from_meshio
@@ -48,13 +48,6 @@ HELD = [
     (STIFF, 15, 0, 4.01666125, 2.74422, 624.2382, 249.7469),
 ]
 FINEST = 4.0  #: refinement at which the tables must be met to 1e-6
-
-
-def rim_peak(film: Model, state: State) -> float:
-    """The largest elastic principal stress around the plate [Pa], as a designer reads it off Fig.
-    4."""
-    fields, _ = edge_fields(film, state, "plate")
-    return float((fields.stress_1 + fields.maxwell_stress).max())
 
 
 @pytest.mark.parametrize(("modulus", "mass", "deflections"), DEFLECTIONS)

@@ -24,14 +24,13 @@ VOLTAGES = (0.0, 1.5e3, 2.5e3, 3.2e3)
 @dataclass(frozen=True)
 class Run:
     """How runs are made: voltage from 0 on [V], their length [s], samples a second before and after
-    the plate has swung out, noise of a sample [m] and its correlation time [s]."""
+    the plate has swung out, and noise of a sample [m]."""
 
     voltage: float = 4.2e3
     length: float = 30.0
     rate: float = 100.0
     before: int = 20
     noise: float = 10e-6
-    correlated: float = 0.0
     shapes: tuple[str, ...] = tuple(SHAPES)
     masses: tuple[float, ...] = MASSES
     swings: bool = False
@@ -47,19 +46,6 @@ def film_of(shape: str, hidden: Hidden) -> CreepingFilm:
 def plate_of(shape: str, mass: float, hidden: Hidden) -> SwingingPlate:
     return SwingingPlate(film_of(shape, hidden), mass + hidden.added, hidden.damping,
                          hidden.resistance, hidden.lag)
-
-
-def noise_of(count: int, run: Run, random: np.random.Generator) -> Array:
-    """White, or of first order with a correlation time."""
-    white = random.standard_normal(count)
-    if not run.correlated:
-        return run.noise * white
-    kept = np.exp(-1 / run.rate / run.correlated)
-    noise = np.empty(count)
-    last = white[0]
-    for number in range(count):
-        noise[number] = last = kept * last + (1 - kept**2) ** 0.5 * white[number]
-    return run.noise * noise
 
 
 def creeping(shape: str, mass: float, hidden: Hidden, run: Run, when: Array) -> Array:
@@ -95,7 +81,7 @@ def write(folder: Path, hidden: Hidden, run: Run = Run(), seed: int = 0) -> Path
             path = follow(name, mass, hidden, run, when)
             start = film.at_rest(load, 0.0, None)[0][-1]
             read = np.r_[np.full(run.before, start), path]
-            read = read + noise_of(len(read), run, random)
+            read = read + run.noise * random.standard_normal(len(read))
             time = np.r_[(np.arange(run.before) - run.before + 0.5) / run.rate, when]
             voltage = np.r_[np.zeros(run.before), np.full(len(when), run.voltage)]
             transient += [f"{name},{1e3 * mass!r},a,{t - time[0]:.6g},{u / 1e3!r},{1e3 * y:.7g}"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import json
 from dataclasses import replace
 from functools import cache
@@ -14,6 +13,7 @@ from scipy.integrate import quad, solve_ivp
 from scipy.optimize import brentq
 from scipy.stats import binom
 
+from tests.support.noise import autoregressive
 from tympan.cli import main
 from tympan.fem.film.laws import NeoHooke
 from tympan.fem.film.library import MATERIALS, load_specimen
@@ -93,9 +93,7 @@ def noisy(sigma: float, seed: int, correlation: float = 0.0) -> Coupons:
     coupons, random = exact(), np.random.default_rng(seed)
     errors = random.standard_normal(len(coupons))
     for run in coupons.timed_runs.values():
-        for before, now in itertools.pairwise(run):
-            errors[now] = (correlation * errors[before]
-                           + (1 - correlation**2) ** 0.5 * errors[now])
+        errors[run] = autoregressive(errors[run], correlation)
     return replace(coupons, stress=coupons.stress + sigma * errors)
 
 

@@ -14,6 +14,7 @@ import pytest
 from tests.oracles.lumped_model import LumpedFile
 from tests.support.checks.json_schema import faults, schema_of
 from tests.support.lumped import MODELS, clean
+from tests.support.noise import autoregressive
 from tests.support.specimens import elliptical, specimen_toml
 from tympan.cli import main
 from tympan.fem.film.library import MATERIALS
@@ -179,14 +180,6 @@ def test_derivatives_by_weights_are_those_of_the_rates() -> None:
     assert slope == pytest.approx((ends[0] - ends[1]) / 2e-4, rel=1e-8)
 
 
-def coloured(size: int, rng: np.random.Generator, memory: float = 0.95) -> np.ndarray:
-    """Of a first-order autoregression, its standard deviation 1."""
-    noise = rng.standard_normal(size)
-    for number in range(1, size):
-        noise[number] = memory * noise[number - 1] + (1 - memory**2) ** 0.5 * noise[number]
-    return noise
-
-
 def test_alike_residuals_widen_the_limits_and_independent_ones_do_not() -> None:
     """A straight line through an autoregression: the inflation of its slope in closed form."""
     size, memory, rng = 4000, 0.95, np.random.default_rng(2)
@@ -194,7 +187,7 @@ def test_alike_residuals_widen_the_limits_and_independent_ones_do_not() -> None:
     white, alike = [], []
     for _ in range(20):
         for residuals, noise in ((white, rng.standard_normal(size)),
-                                 (alike, coloured(size, rng, memory))):
+                                 (alike, autoregressive(rng.standard_normal(size), memory))):
             noise -= line @ np.linalg.lstsq(line, noise, rcond=None)[0]
             residuals.append(variance_inflation([(noise, line)], 1, 1.0))
     assert white.count(1.0) >= 19
@@ -210,7 +203,8 @@ def test_limits_hold_the_truth_where_the_noise_is_alike() -> None:
     volts = np.where(when >= 0.1, 3.5e3, 0.0)
     logs, inside, narrow = np.log([15e6, 100e6, 100e3]), [], []
     for seed in range(16):
-        read = y + 3e-6 * coloured(len(when), np.random.default_rng(seed))
+        white = np.random.default_rng(seed).standard_normal(len(when))
+        read = y + 3e-6 * autoregressive(white, 0.95)
         record = Record(0, 17.9e-3, "1", when, read, drive_of(when, volts), 5e-3, float(read[0]))
         fit = identify_dynamic(DynamicProblem(Exact((NOMINAL.actuator(1.0),)), (record,)), False)
         for combination in fit.judgement.combinations:

@@ -14,7 +14,7 @@ import pandas as pd
 import pytest
 import xarray as xr
 
-from tests.support.sweeps import CHEAP, Lethal, finished, read, written
+from tests.support.sweeps import CHEAP, Lethal, finished, read, table, written
 from tympan.geometry.errors import Failure, InputError
 from tympan.studies.alpha import alpha
 from tympan.studies.case import Case, solve
@@ -35,11 +35,6 @@ def whole(tmp_path_factory) -> tuple[Sweep, Path]:
     sweep = read(folder)
     run_sweep(sweep, folder / "out", serial)
     return sweep, folder / "out"
-
-
-def table(folder: Path) -> xr.Dataset:
-    with xr.open_dataset(folder / "sweep.nc", engine="h5netcdf") as stored:
-        return stored.load()
 
 
 def alike(cases: xr.Dataset, other: xr.Dataset) -> None:

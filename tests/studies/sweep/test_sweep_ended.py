@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from tests.support.sweeps import Command, finished, read, written
+from tests.support.sweeps import Command, finished, read, table, written
 from tympan.geometry.mesher import MeshSettings
 from tympan.studies.case import Settings
 from tympan.studies.parallel import serial
@@ -49,11 +49,6 @@ def right(tmp_path_factory) -> tuple[Sweep, xr.Dataset]:
     sweep = read(folder, MANY, COARSE)
     run_sweep(sweep, folder / "out", serial)
     return sweep, table(folder / "out")
-
-
-def table(folder: Path) -> xr.Dataset:
-    with xr.open_dataset(folder / "sweep.nc", engine="h5netcdf") as stored:
-        return stored.load()
 
 
 def goes_on(right: tuple[Sweep, xr.Dataset], folder: Path) -> None:

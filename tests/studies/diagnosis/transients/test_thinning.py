@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2, f, kstest
 
+from tests.support.noise import autoregressive
 from tympan.studies.diagnosis.inference.residual_tests import STATED
 from tympan.studies.diagnosis.transients.block_means import block_means
 from tympan.studies.diagnosis.transients.ringing import ringing
@@ -32,10 +33,7 @@ def coloured(count: int, correlation: float, random: np.random.Generator) -> np.
     white = random.standard_normal(count)
     if not correlation:
         return NOISE * white
-    kept = np.exp(-1 / RATE / correlation)
-    for number in range(1, count):
-        white[number] = kept * white[number - 1] + (1 - kept**2) ** 0.5 * white[number]
-    return NOISE * white
+    return NOISE * autoregressive(white, np.exp(-1 / RATE / correlation))
 
 
 @pytest.mark.parametrize("correlation", [0.0, 0.05, 0.2])
