@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
 from itertools import combinations
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -158,10 +160,28 @@ DATASETS = {f"{title.split(',')[0]}, {law}": partial(write_dataset, name=name, l
 
 
 def misfits() -> str:
-    """What the command says of each law fitted to one mode, and where it is wrong."""
+    """What the command says of each law fitted to one mode, where it is wrong, what helps most."""
     rows, said = command_table(DATASETS)
     where = "\n".join(f"* {name}: {content['misfit']['where']}." for name, content in said.items())
-    return f"{rows}\n\n{where}"
+    head = ["readings", "effects that explain most", "left [kPa]",
+            "each held out, before → after [kPa]"]
+    most = table(head, [[name, effects_with_sizes(content), f"{content['after']['rmse_kPa']:.1f}",
+                         "; ".join(_split(split) for split in content["gain"]["splits"])]
+                        for name, content in said.items()])
+    return f"{rows}\n\n{where}\n\n{most}"
+
+
+def effects_with_sizes(said: Mapping[str, Any]) -> str:
+    """The effects of the best hypothesis of a verdict, with their sizes."""
+    together = set(said["after"]["effects"])
+    return ", ".join(f"`{cause['effect']}` {value['value']:.3f}" for cause in said["causes"]
+                     if {cause["effect"], *cause["with"]} == together
+                     for value in cause["parameters"].values())
+
+
+def _split(split: Mapping[str, Any]) -> str:
+    misfit = split["rmse_kPa"]
+    return f"{split['held_out']} {misfit['before']:.0f} → {misfit['after']:.0f}"
 
 
 def held_out_table(results: list[Foretold]) -> str:

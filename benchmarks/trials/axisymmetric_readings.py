@@ -84,7 +84,8 @@ def round_ramps(design: Design, truth: Truth) -> Iterator[RoundRamp]:
         stretch = specimen.membrane.prestretch[0] * (1 - loss)
         radii = specimen.needed_plate().outline.semi_axes[0], specimen.frame.semi_axes[0]
         film = Film(*radii, specimen.membrane.thickness, stretch,
-                    _material(law, truth.stiffness, sizes.get("strain_stiffening"), stretch),
+                    _material(law, truth.stiffness, sizes.get("strain_stiffening"),
+                              sizes.get("second_invariant", 0.0), stretch),
                     truth.permittivity * specimen.membrane.relative_permittivity,
                     sizes.get("permittivity_stretch", 0.0))
         voltage = states.voltage[ramp]
@@ -146,16 +147,24 @@ def _balanced(ritz: RitzExpansion, state: _State, load: float, spring: float,
     return None
 
 
-def _material(law: object, factor: float, exponent: float | None, stretch: float) -> Material:
-    """The nominal Ogden law, stiffer by a factor, with an exponent more hardening about the mounted
-    film."""
+def _material(law: object, factor: float, exponent: float | None, share: float, stretch: float
+              ) -> Material:
+    """The nominal Ogden law, stiffer by a factor, with more hardening and a second invariant."""
     mu, alpha = (np.asarray(getattr(law, name)) for name in ("mu", "alpha"))
-    nominal = Ogden(tuple((factor * mu).tolist()), tuple(alpha.tolist()))
-    if exponent is None:
-        return nominal
-    mounted = 2 * stretch**2 + stretch**-4
-    # The neo-Hookean slope with the modulus of the virgin film.
-    slope = float(nominal.w11(np.ones(1), np.ones(1))[0]) / 8
+    nominal: Material = Ogden(tuple((factor * mu).tolist()), tuple(alpha.tolist()))
+    if exponent is not None:
+        nominal = _hardened(nominal, exponent, stretch)
+    return _mooney(nominal, share, stretch) if share else nominal
+
+
+def _slope(law: Material) -> float:
+    """The neo-Hookean slope with the modulus of the virgin film."""
+    return float(law.w11(np.ones(1), np.ones(1))[0]) / 8
+
+
+def _hardened(nominal: Material, exponent: float, stretch: float) -> Material:
+    """A law with an exponent more hardening about the mounted film."""
+    mounted, slope = 2 * stretch**2 + stretch**-4, _slope(nominal)
 
     def invariant(l1: FloatArray, l2: FloatArray) -> FloatArray:
         return l1**2 + l2**2 + (l1 * l2) ** -2
@@ -170,3 +179,16 @@ def _material(law: object, factor: float, exponent: float | None, stretch: float
         return nominal.w1(l1, l2) + rate * 2 * (l1 - l1**-3 * l2**-2)
 
     return EnergyFunction(energy, first, lambda l1, l2: first(l2, l1))
+
+
+def _mooney(nominal: Material, share: float, stretch: float) -> Material:
+    """A law that gives up a share of its virgin modulus for a second invariant's stress.
+
+    By Ogden's terms with the powers 2 and -2, in whose stress the mounted film has none.
+    """
+    lost = 2 * share * _slope(nominal)
+    added = Ogden((-lost, -lost / stretch**2), (2.0, -2.0))
+    return EnergyFunction(
+        lambda l1, l2: nominal.energy(l1, l2) + added.energy(l1, l2),
+        lambda l1, l2: nominal.w1(l1, l2) + added.w1(l1, l2),
+        lambda l1, l2: nominal.w1(l2, l1) + added.w1(l2, l1))

@@ -64,8 +64,8 @@ MESHES = (Settings(MeshSettings(order=3, around_plate=9, growth=0.7, across=0.8)
 FINEST = len(MESHES) - 1
 #: Effects that a circular specimen bears without ceasing to be axisymmetric, as the equations have
 #: them.
-ROUND = ("permittivity_stretch", "strain_stiffening", "prestretch_loss", "unaccounted_mass",
-         "parallel_spring",
+ROUND = ("permittivity_stretch", "strain_stiffening", "second_invariant", "prestretch_loss",
+         "unaccounted_mass", "parallel_spring",
          "voltage_sag", "sensor_gain", "sensor_zero", "drift", "amplifier_gain", "electrode_mass")
 #: Causes that nobody can see in readings of the heave, by dimensional analysis (they are
 #: permittivity).

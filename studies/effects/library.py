@@ -11,7 +11,7 @@ from typing import Annotated
 
 import numpy as np
 
-from tympan.fem.film.laws import Stiffened
+from tympan.fem.film.laws import MooneyShare, Stiffened
 from tympan.fem.film.laws.invariants import first_invariant
 from tympan.geometry.errors import InputError
 from tympan.geometry.paths import with_change
@@ -44,6 +44,23 @@ def strain_stiffening(setup: Setup, h: Annotated[float, EffectParameter(
         return replace(film, material=Stiffened(film.material, h, mounted))
 
     return setup.with_films(change)
+
+
+@effect("A share of the film's stress comes from the second invariant, as in Mooney's law: "
+        "stretched both ways it pulls more (s > 0) than tests of narrow strips tell, or less, with "
+        "the same stress when mounted.",
+        finding="A share of {s} of the film's stress comes from the second invariant, which the "
+                "stated law lacks",
+        check="stretch the same film both ways, by a bulge test, beside a strip of it, and compare "
+              "both with the stated law")
+def second_invariant(setup: Setup, s: Annotated[float, EffectParameter(
+        "share of a neo-Hookean stress that ∂W/∂I₂ has and ∂W/∂I₁ gives up", "",
+        width=0.1, low=-1.0, high=1.0, reason=(
+            "of vulcanised rubber ∂W/∂I₂ is about 1/8 of ∂W/∂I₁ at small stretches, a share of "
+            "0.11, and falls from there (Rivlin, Saunders, Phil. Trans. R. Soc. A 243, 251, 1951, "
+            "as commonly quoted, not read again)"), told_in="%")]) -> Setup:
+    return setup.with_films(lambda film: replace(
+        film, material=MooneyShare(film.material, s, film.area_prestretch)))
 
 
 @effect("The permittivity of the film falls (n > 0) or rises as its area grows beyond the mounted "

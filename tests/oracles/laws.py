@@ -18,6 +18,7 @@ from tympan.fem.film.laws import (
     ArrudaBoyce,
     Gent,
     MooneyRivlin,
+    MooneyShare,
     NeoHooke,
     Ogden,
     PrestretchedOgden,
@@ -154,4 +155,9 @@ SAMPLES = {
         rivlin(lambda i1, _: 90e3 / 1.3 * ((i1 / 9) ** 1.3 - 3**-1.3),
                lambda i1: 10e3 * (i1 / 9) ** 0.3),
         20e3 * 4.96 * (10.04 / 9) ** 0.3),
+    "mooney_share": Sample(
+        MooneyShare(NeoHooke(20e3), 0.3, 4.0),
+        'nominal = { law = "neo_hooke", mu = "20 kPa" }\nshare = 0.3\narea = 4',
+        rivlin(lambda i1, i2: 7e3 * (i1 - 3) + 750 * (i2 - 3), lambda i1: 7e3 + 0 * i1, 750.0),
+        2 * 4.96 * (7e3 + 5 * 750)),
 }

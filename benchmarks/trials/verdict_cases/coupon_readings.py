@@ -41,6 +41,7 @@ class Film:
     """What is hidden in a neo-Hookean film's tests, in the effects' own parameters."""
 
     hardening: float = 0.0
+    second: float = 0.0
     falling: float = 0.0
     power: float = 0.0
     held: float = 0.0
@@ -53,8 +54,9 @@ class Film:
         narrowing = {"uniaxial": 0.5 * (1 - self.held), "pure_shear": 0.5 * self.let}
         across = stretch ** -narrowing.get(mode, -1.0)
         first = stretch**2 + across**2 + (stretch * across) ** -2
-        law = MODULUS * STIFFER * (first / 3) ** self.hardening * (
-            stretch - 1 / (stretch**3 * across**2))
+        # ∂I₂/∂λ₁ is λ₂² ∂I₁/∂λ₁.
+        slope = (first / 3) ** self.hardening + self.second * (across**2 - 1)
+        law = MODULUS * STIFFER * slope * (stretch - 1 / (stretch**3 * across**2))
         field = epsilon_0 * PERMITTIVITY * LESS * (voltage / THICKNESS) ** 2
         area = stretch * across
         pull = field * (1 - self.falling / 2) * area ** (1 - self.falling) * across

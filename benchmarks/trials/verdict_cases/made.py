@@ -108,6 +108,8 @@ COUPON_CASES = (
                coupon_readings.Film(falling=1.2), (("permittivity_stretch", (1.2,)),)),
     CouponCase("coupons-creep", "15 kPa of the film's stiffness relax within 200 s", NAMED,
                coupon_readings.Film(branch=(15e3, 200.0)), (("creep", (15e3, 200.0)),), True),
+    CouponCase("coupons-second-invariant", "a tenth of the film's stress is Mooney's", NAMED,
+               coupon_readings.Film(second=0.1), (("second_invariant", (0.1,)),)),
 )
 
 

@@ -32,7 +32,7 @@ def first_invariant(l1: Any, l2: Any) -> tuple[Any, ...]:
             2 + 6 * (by1 / l1), 4 * (s3 * l3), 2 + 6 * (by2 / l2))
 
 
-def second_invariant(l1: Any, l2: Any) -> tuple[Any, ...]:
+def _second_invariant(l1: Any, l2: Any) -> tuple[Any, ...]:
     """I₂ − 3 = λ₁⁻² + λ₂⁻² + λ₃⁻² − 3."""
     s1, s2 = l1 * l1, l2 * l2
     return (1 / s1 + 1 / s2 + s1 * s2 - 3, 2 * (l1 * s2 - 1 / (s1 * l1)),
@@ -192,7 +192,7 @@ class MooneyRivlin:
     c01: Annotated[float, Key("c₀₁", "stress")]
 
     def derivatives(self, l1: Any, l2: Any) -> tuple[Any, ...]:
-        pairs = zip(first_invariant(l1, l2), second_invariant(l1, l2), strict=True)
+        pairs = zip(first_invariant(l1, l2), _second_invariant(l1, l2), strict=True)
         return tuple(self.c10 * first + self.c01 * second for first, second in pairs)
 
 

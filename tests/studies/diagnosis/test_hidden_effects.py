@@ -132,6 +132,19 @@ def test_exact_aliases_are_called_so(lab: Lab) -> None:
     assert all(record.reported for record in trials(lab, "alias", 3))
 
 
+@pytest.mark.parametrize("share", [-0.3, 1.0])
+def test_a_second_invariant_of_mounted_films_is_their_stiffness(lab: Lab, share: float) -> None:
+    """Three and ten usual shares, by the equations: the stiffness that is fitted takes them up."""
+    design, simulation = lab.circles
+    truth = Truth(1.05, 0.97, (Cause("second_invariant"),), (share,), "equations")
+    values = readings(design, truth)
+    assert values is not None
+    table = measured(design, values, np.random.default_rng(SEED), 0)
+    seen, _ = stands_out(simulation, truth, table.with_values(values), ())
+    assert seen < 5
+    assert judge(simulation, table, design.causes).verdict == "nothing"
+
+
 @pytest.mark.parametrize("stranger", [Bend(0.04), Jump(150e-6, 40), Stick(200e-6)])
 def test_strangers_get_no_name(lab: Lab, stranger: Bend | Jump | Stick) -> None:
     design, simulation = lab.paper

@@ -14,7 +14,7 @@ import pytest
 from tests.support.models import deflection_gradient
 from tests.support.specimens import ROOT5, circular, elliptical, skewed
 from tympan.cli import main
-from tympan.fem.film.laws import NeoHooke, Stiffened
+from tympan.fem.film.laws import Gent, MooneyRivlin, MooneyShare, NeoHooke, Stiffened
 from tympan.fem.film.library import load_specimen
 from tympan.fem.rig import Rig
 from tympan.fem.toml_writer import rig_to_toml, specimen_to_toml
@@ -339,6 +339,7 @@ def test_sizes_have_sensible_digits_and_bounds_are_called_so(
     ("permittivity_stretch", "membrane.permittivity_exponent", 1.0),
     ("electrode_stiffness", "electrode.stiffness", 1.0),
     ("strain_stiffening", "membrane.material.exponent", 1.0),
+    ("second_invariant", "membrane.material.share", 1.0),
     ("unaccounted_mass", "force", 9.80665),
     ("amplifier_gain", "voltage", 5e3),
 ])
@@ -422,6 +423,18 @@ def test_stiffening_keeps_the_stress_of_every_flat_film_and_wraps_any_law() -> N
     assert law.derivatives(ROOT5,
                            ROOT5)[1] == pytest.approx(NeoHooke(20e3).derivatives(ROOT5, ROOT5)[1],
                                                       rel=1e-14)
+
+
+def test_a_film_with_a_second_invariant_is_mooney_s_and_keeps_its_mounted_stress() -> None:
+    """Of a neo-Hookean film, μ/2 (1 - s) and μ s/(2 J); of any, the stress stretched equally."""
+    (film,) = NOMINAL.specimens[:1]
+    setup = EFFECTS["second_invariant"].apply(Setup((film,), Rig()), [0.3])
+    mooney = Setup((replace(film, membrane=replace(
+        film.membrane, material=MooneyRivlin(7e3, 3e3 / 5))),), Rig())
+    assert np.allclose(readings(setup), readings(mooney), rtol=1e-9, atol=0)
+    gent, area = Gent(18e3, 110.0), 2.3**2
+    nominal, shared = (law.derivatives(2.3, 2.3) for law in (gent, MooneyShare(gent, 0.4, area)))
+    assert shared[1:3] == pytest.approx(nominal[1:3], rel=1e-14)
 
 
 def test_several_effects_do_not_depend_on_their_order() -> None:

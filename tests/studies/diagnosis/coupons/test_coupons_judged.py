@@ -58,6 +58,7 @@ def judged(folder: Path) -> tuple[str, list[str]]:
 
 HIDDEN = {
     "strain_stiffening": [Film(hardening=h) for h in (-0.1, 0.1, 0.5)],
+    "second_invariant": [Film(second=s) for s in (-0.04, 0.05, 0.3)],
     "permittivity_stretch": [Film(falling=n) for n in (0.3, 0.6, 1.2)],
     "temperature": [Film(power=p) for p in (-3.0, 0.5, 1.0)],
     "width_not_free": [Film(held=w) for w in (0.15, 0.4, 0.9)],
@@ -79,6 +80,16 @@ def test_what_is_hidden_is_named_or_not_told_but_never_another(
         assert effect in causes
     if noise == 0.01:
         assert verdict in ("named", "ambiguous")
+
+
+def test_hardening_with_a_second_invariant_is_both(tmp_path: Path) -> None:
+    """Neither alone explains three modes of one film, and no third takes the place of one."""
+    hidden = {"strain_stiffening", "second_invariant"}
+    for noise in (0.01, 0.04):
+        film = Film(hardening=0.3, second=0.1)
+        verdict, causes = judged(written(tmp_path / str(noise), film, noise, seed=7))
+        assert verdict == "named" if noise == 0.01 else verdict in ("named", "ambiguous")
+        assert set(causes) == hidden if verdict == "named" else hidden <= set(causes)
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -107,6 +118,7 @@ def test_in_time_nothing_hidden_is_nothing_and_a_hardening_film_does_not_creep(
 
 @pytest.mark.parametrize(("film", "effect", "values"), [
     (Film(hardening=0.4), "strain_stiffening", (0.4,)),
+    (Film(second=-0.3), "second_invariant", (-0.3,)),
     (Film(falling=0.7), "permittivity_stretch", (0.7,)),
     (Film(power=-2.0), "temperature", (-2.0,)), (Film(held=0.3), "width_not_free", (0.3,)),
     (Film(let=0.6), "width_not_held", (0.6,))])
@@ -283,5 +295,5 @@ def test_bad_coupons_get_one_message(tmp_path: Path, capsys: pytest.CaptureFixtu
 def test_only_effects_that_a_coupon_could_show_are_weighed(tmp_path: Path) -> None:
     dataset = read_dataset(written(tmp_path / "data", Film(), 0.01, 0))
     names = {cause.name for cause in strip_readings(dataset).causes}
-    assert names == {"strain_stiffening", "permittivity_stretch", "temperature", "width_not_free",
-                     "width_not_held", "amplifier_gain", "voltage_sag"}
+    assert names == {"strain_stiffening", "second_invariant", "permittivity_stretch", "temperature",
+                     "width_not_free", "width_not_held", "amplifier_gain", "voltage_sag"}
