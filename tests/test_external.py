@@ -14,11 +14,14 @@ from benchmarks.external import (
     rubber,
     spot,
     table2,
+    table2_ranges,
     vhb_temperature,
     vhb_voltage,
 )
 from benchmarks.external.__main__ import CASES
 from benchmarks.external.case import HERE
+from tympan.studies.diagnosis.inference.predictive import Predictive
+from tympan.studies.diagnosis.reading_table import States, rows
 
 DOCS = Path(__file__).parents[1] / "docs"
 
@@ -118,6 +121,39 @@ def test_other_levels_move_the_ends_of_the_ranges(tmp_path: Path) -> None:
     rows = (folder / "range.csv").read_text().splitlines()
     assert rows[0].startswith("specimen,mass_g,voltage_min_kV")
     assert rows[3].split(",")[2:] == [f"{ends[0].low:.4f}", f"{ends[0].high:.4f}", "2.06"]
+
+
+def test_ranges_between_other_ends_are_the_same_rows_at_other_voltages() -> None:
+    states = States.of([0, 1, 0, 1], [17.9e-3] * 4, [0.0, 0.0, 7e3, 7e3])
+    lengths = rows(states, "displacement", 1e-5, 2e-3)[np.array([2, 3])]
+    ranges = replace(lengths, kind=np.full(2, "range"), since=np.array([0, 1]))
+    moved = table2_ranges.Ends("seed", 0.25, 6.5).moved(ranges)
+    assert moved.states.voltage.tolist() == [250.0, 250.0, 6500.0, 6500.0]
+    assert moved.voltage.tolist() == [6500.0, 6500.0]
+    assert ranges.voltage.tolist() == [7e3, 7e3]
+
+
+def test_seeds_are_mixed_evenly() -> None:
+    """Of two expectations 4 apart the median lies between, and the band holds both."""
+    parts = [Predictive(np.ones((1, 1)), np.array([[mean]]), np.zeros((1, 1)))
+             for mean in (0.0, 4.0)]
+    both, noise = table2_ranges.marginal(parts), np.array([1.0])
+    assert both.weight.sum() == pytest.approx(1.0)
+    assert table2_ranges.median(both, noise)[0] == pytest.approx(2.0, abs=1e-6)
+    low, high = both.band(noise)
+    # Half of each, so that each end leaves 5 % of its own.
+    assert (low[0], high[0]) == pytest.approx((-1.6449, 5.6449), abs=0.01)
+
+
+def test_the_command_finds_a_second_invariant_in_three_modes_but_not_all_of_them() -> None:
+    """The equibiaxial sheets of Kawabata's rubber pull more than its strips tell."""
+    said = by_command.judged(rubber.DATASETS["Kawabata 1981, neo_hooke"])
+    best = said["attempts"][0]
+    assert best["effect"] == "second_invariant"
+    assert best["parameters"]["s"]["low"] > 0
+    assert best["explains"] > 0.4
+    assert said["verdict"] == "unexplained"
+    assert "`second_invariant`" in rubber.effects_with_sizes(said)
 
 
 def test_the_command_lists_width_and_permittivity_for_the_strip_under_voltage() -> None:

@@ -4,35 +4,37 @@ from __future__ import annotations
 
 import shutil
 import tempfile
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 from benchmarks.external.case import Case, draw, table, words
+from benchmarks.external.table2_ranges import (
+    Ends,
+    expected,
+    held_out,
+    judged_again,
+    marginal,
+    median,
+)
 from tympan.reports import look
 from tympan.studies import paper
 from tympan.studies.data.dataset import read_dataset
 from tympan.studies.diagnosis.diagnose import diagnose
+from tympan.studies.diagnosis.inference.predictive import Predictive
+from tympan.studies.diagnosis.result import Diagnosis
 from tympan.studies.replica.figures import Choices
 
 FOLDER = Path(paper.__file__).parent / "table-2"
 
-#: Of so many seeds those whose levels reach least and middling far stand for the lost ones.
+#: The levels of so many seeds stand for the lost ones, and these factors for other noises.
 SEEDS = 20
-
-
-@dataclass(frozen=True)
-class Ends:
-    """The lowest and the highest level [kV], whose they are, and how long each is held [s]."""
-
-    name: str
-    low: float
-    high: float
-    dwell: float | None = None
+_NOISES = (0.5, 2.0)
 
 
 def ends_of_seeds(count: int = SEEDS) -> list[Ends]:
@@ -57,21 +59,22 @@ def with_ends(ends: Ends, folder: Path) -> Path:
     return folder
 
 
-def judged(ends: Ends) -> dict[str, Any]:
-    """The record of the verdict on the ranges between these ends."""
+def judged(ends: Ends) -> Diagnosis:
+    """The verdict on the ranges between these ends."""
     with tempfile.TemporaryDirectory() as scratch:
-        return diagnose(read_dataset(with_ends(ends, Path(scratch) / "data"))).json()
+        return diagnose(read_dataset(with_ends(ends, Path(scratch) / "data")))
 
 
 def section(folder: Path) -> str:
-    """Verdict, evidence, misfit before and after, other ends, what would decide, a picture."""
-    stated, others = Ends("as stated", 0.0, 7.0), ends_of_seeds()
-    paused = replace(stated, name="as stated, held for 30 s", dwell=30.0)
-    records = {ends.name: (ends, judged(ends))
-               for ends in (stated, paused, others[0], others[len(others) // 2])}
-    record, in_time = records[stated.name][1], records[paused.name][1]
+    """Verdict, evidence, misfit, ranges expected, other ends and noises, what would decide."""
+    stated = Ends("as stated", 0.0, 7.0)
+    diagnosis = judged(stated)
+    in_time = judged(replace(stated, name="held", dwell=30.0)).json()
+    read, record = diagnosis.judgement.table, diagnosis.json()
+    seeds = [judged_again(diagnosis, ends.moved(read)) for ends in ends_of_seeds()]
+    noises = [judged_again(diagnosis, read.with_sigma(factor * read.sigma)) for factor in _NOISES]
     creep = next(entry for entry in in_time["attempts"] if entry["effect"] == "creep")
-    misfit, after = record["misfit"], record["after"] or {}
+    misfit, after, by_others = record["misfit"], record["after"] or {}, held_out(diagnosis)
     return words("table2").format(
         verdict=record["verdict"], headline=record["headline"],
         before=misfit["baseline_rmse_um"], noise=misfit["noise_um"], p=misfit["p_value"],
@@ -79,11 +82,72 @@ def section(folder: Path) -> str:
         after=after.get("rmse_um", float("nan")), after_p=after.get("p_value", float("nan")),
         creep=creep["headline"], creep_share=creep["explains"],
         attempts=_attempts(record["attempts"]), unknown=record["probability"]["unknown"],
-        ends=table(["levels", "lowest, highest [kV]", "misfit at rest [µm]", "verdict", "left [µm]",
-                    "causes"], _by_ends(records.values())),
-        next=record["next_experiment"]["what"] if record["next_experiment"] else "none",
+        **_expectations(diagnosis, seeds, by_others), seeds=SEEDS,
+        ends=_by_ends({"as stated": record, "as stated, held for 30 s": in_time}),
+        by_seeds=_spread([other.json() for other in seeds]),
+        noises=_by_noise([noises[0], diagnosis, noises[1]]),
+        next=record["next_experiment"]["what"], menu=_menu(record["next_experiment"]["menu"]),
         warnings="; ".join(record["warnings"]) or "none",
         picture=draw(folder, "table-2", lambda: compose(misfit["ratios"])))
+
+
+def _expectations(diagnosis: Diagnosis, seeds: Sequence[Diagnosis],
+                  by_others: tuple[NDArray[np.float64], Predictive]) -> dict[str, Any]:
+    """The table of the six ranges, and what is missed of those held out."""
+    read, (nominal, others) = diagnosis.judgement.table, by_others
+    names = [specimen.name for specimen in diagnosis.simulation.setup.specimens]
+    parts = (expected(diagnosis), others, marginal([expected(other) for other in seeds]))
+    bands = [(median(part, read.sigma), *part.band(read.sigma)) for part in parts]
+    rows = []
+    for row in range(len(read)):
+        cells = [f"{band[0][row] * 1e3:.2f} ({band[1][row] * 1e3:.2f} to {band[2][row] * 1e3:.2f})"
+                 for band in bands]
+        rows.append([f"{names[read.specimen[row]]} at {read.mass[row] * 1e3:.4g} g",
+                     f"{read.value[row] * 1e3:.2f}", *cells[:2],
+                     f"{nominal[row] * 1e3:.2f}", cells[2]])
+    inside = [int(((band[1] < read.value) & (read.value < band[2])).sum()) for band in bands]
+    bare, weighed = (1e6 * float(np.sqrt(np.mean((values - read.value) ** 2)))
+                     for values in (nominal, bands[1][0]))
+    return {"expected": table(
+        ["range [mm]", "read", "by all six: median, 95 %", "by the other five", "the same, nominal",
+         f"by all, levels of {len(seeds)} seeds"], rows),
+            "inside": inside[0], "inside_others": inside[1],
+            "bare": bare, "weighed": weighed, "gain": bare / weighed}
+
+
+def _spread(records: Sequence[Mapping[str, Any]]) -> str:
+    """In words, from least to most over the seeds: misfit, what is left, the first cause."""
+    verdicts = " or ".join(sorted({record["verdict"] for record in records}))
+    first = {record["causes"][0]["effect"] for record in records if record["causes"]}
+    shares = [record["causes"][0]["probability"] for record in records if record["causes"]]
+    spans = [_span([record["misfit"]["baseline_rmse_um"] for record in records]),
+             _span([record["after"]["rmse_um"] for record in records if record["after"]])]
+    return (f"a misfit of {spans[0]} µm, *{verdicts}* in all, {spans[1]} µm left, most probable "
+            f"{' or '.join(sorted(first))} with {min(shares):.1%} to {max(shares):.1%}")
+
+
+def _span(values: Sequence[float]) -> str:
+    return f"{min(values):.1f} to {max(values):.1f}"
+
+
+def _by_noise(diagnoses: Sequence[Diagnosis]) -> str:
+    """What the verdict would be with other noises of the ranges."""
+    rows = []
+    for diagnosis in diagnoses:
+        record = diagnosis.json()
+        share = record["probability"]
+        rows.append([f"{record['misfit']['noise_um']:.0f}", f"{record['misfit']['p_value']:.1g}",
+                     record["verdict"], f"{share['nothing']:.0%}", f"{share['unknown']:.0%}",
+                     _causes(record["causes"][:3])])
+    return table(["noise [µm]", "p of the nominal model", "verdict", "nothing is wrong",
+                  "none of those known", "causes, if something is"], rows)
+
+
+def _menu(menu: Sequence[Mapping[str, Any]]) -> str:
+    rows = [[entry["what"], f"{entry['expected_chi_squared']:.3g}",
+             "yes" if entry["enough"] else "no", f"{entry['minutes']:.0f}"] for entry in menu]
+    return table(["measurement", "expected Δχ² between the first two explanations", "enough",
+                  "minutes"], rows)
 
 
 def _ratios(ratios: list[dict[str, Any]]) -> str:
@@ -98,14 +162,16 @@ def _attempts(attempts: list[dict[str, Any]]) -> str:
     return table(["one effect alone", "of the squared misfit", "usual widths"], rows)
 
 
-def _by_ends(records: Any) -> Iterator[list[str]]:
-    for ends, record in records:
-        after = record["after"] or {}
-        yield [ends.name, f"{ends.low:.2f}, {ends.high:.2f}",
-               f"{record['misfit']['baseline_rmse_um']:.0f}", record["verdict"],
-               f"{after.get('rmse_um', float('nan')):.0f}",
-               ", ".join(f"{cause['effect']} {cause['probability']:.0%}"
-                         for cause in record["causes"]) or "none"]
+def _by_ends(records: Mapping[str, Mapping[str, Any]]) -> str:
+    rows = [[name, f"{record['misfit']['baseline_rmse_um']:.0f}", record["verdict"],
+             f"{(record['after'] or {}).get('rmse_um', float('nan')):.0f}",
+             _causes(record["causes"])] for name, record in records.items()]
+    return table(["levels of 0 and 7 kV", "misfit at rest [µm]", "verdict", "left [µm]", "causes"],
+                 rows)
+
+
+def _causes(causes: Sequence[Mapping[str, Any]]) -> str:
+    return ", ".join(f"{cause['effect']} {cause['probability']:.0%}" for cause in causes) or "none"
 
 
 def compose(ratios: list[dict[str, Any]]) -> Figure:
