@@ -131,15 +131,15 @@ def _span(values: Sequence[float]) -> str:
 
 
 def _by_noise(diagnoses: Sequence[Diagnosis]) -> str:
-    """What the verdict would be with other noises of the ranges."""
+    """What the verdict would be if a noise of the ranges were stated."""
     rows = []
     for diagnosis in diagnoses:
         record = diagnosis.json()
         share = record["probability"]
         rows.append([f"{record['misfit']['noise_um']:.0f}", f"{record['misfit']['p_value']:.1g}",
-                     record["verdict"], f"{share['nothing']:.0%}", f"{share['unknown']:.0%}",
-                     _causes(record["causes"][:3])])
-    return table(["noise [µm]", "p of the nominal model", "verdict", "nothing is wrong",
+                     diagnosis.judgement.verdict, f"{share['nothing']:.0%}",
+                     f"{share['unknown']:.0%}", _causes(record["causes"][:3])])
+    return table(["noise [µm], stated", "p of the nominal model", "verdict", "nothing is wrong",
                   "none of those known", "causes, if something is"], rows)
 
 

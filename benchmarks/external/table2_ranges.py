@@ -8,11 +8,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from tympan.studies.diagnosis.hypothesis import hypotheses_of
 from tympan.studies.diagnosis.inference.posterior import NOTHING, Fit, fit, priors
 from tympan.studies.diagnosis.inference.predictive import Predictive
 from tympan.studies.diagnosis.inference.verdict import Judgement, judge
 from tympan.studies.diagnosis.reading_table import ReadingTable
-from tympan.studies.diagnosis.reduced.simulation import hypotheses_of
 from tympan.studies.diagnosis.result import Diagnosis
 
 Array = NDArray[np.float64]

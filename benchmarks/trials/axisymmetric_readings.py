@@ -186,8 +186,8 @@ def _mooney(nominal: Material, share: float, stretch: float) -> Material:
 
     By Ogden's terms with the powers 2 and -2, in whose stress the mounted film has none.
     """
-    lost = 2 * share * _slope(nominal)
-    added = Ogden((-lost, -lost / stretch**2), (2.0, -2.0))
+    given_up = 2 * share * _slope(nominal)
+    added = Ogden((-given_up, -given_up / stretch**2), (2.0, -2.0))
     return EnergyFunction(
         lambda l1, l2: nominal.energy(l1, l2) + added.energy(l1, l2),
         lambda l1, l2: nominal.w1(l1, l2) + added.w1(l1, l2),
