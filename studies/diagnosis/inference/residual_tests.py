@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.polynomial import legendre
 from numpy.typing import NDArray
+from scipy.linalg import svd
 from scipy.stats import f as f_distribution
 
 from tympan.studies.diagnosis.inference.film_patterns import film_patterns
@@ -380,7 +381,10 @@ def orthonormal(columns: Array, least: float = _RANK) -> Array:
     columns = columns[:, sizes > 0] / sizes[sizes > 0]
     if not columns.shape[1]:
         return columns
-    basis, sizes, _ = np.linalg.svd(columns, full_matrices=False)
+    try:
+        basis, sizes, _ = np.linalg.svd(columns, full_matrices=False)
+    except np.linalg.LinAlgError:  # divide and conquer fails on rare matrices, QR steps do not
+        basis, sizes, _ = svd(columns, full_matrices=False, lapack_driver="gesvd")
     return np.asarray(basis[:, sizes > least])
 
 

@@ -11,7 +11,12 @@ from benchmarks.trials.unmodelled_faults import Jump, Stick
 from tests.support.trials import design, every_cause
 from tympan.studies.diagnosis.inference.identifiability import signatures
 from tympan.studies.diagnosis.inference.posterior import fit
-from tympan.studies.diagnosis.inference.residual_tests import ResidualTests, over, patterns
+from tympan.studies.diagnosis.inference.residual_tests import (
+    ResidualTests,
+    orthonormal,
+    over,
+    patterns,
+)
 from tympan.studies.diagnosis.inference.verdict import ALARM, judge
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.reduced.prediction import Prediction
@@ -120,3 +125,16 @@ def test_what_sticks_and_jumps_is_unexplained(three_shapes: Simulation) -> None:
     assert judged.verdict == "unexplained"
     assert judged.test.noise < 1.5
     assert fit(three_shapes, (), table).chi_squared > 1.5 * len(table)
+
+
+def test_a_span_is_found_where_divide_and_conquer_fails(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As it does on one set of coupons' patterns, all of finite numbers near 1."""
+    columns = np.random.default_rng(0).standard_normal((12, 5))
+    usual = orthonormal(columns)
+
+    def failing(*_: object, **__: object) -> None:
+        raise np.linalg.LinAlgError("SVD did not converge")
+
+    monkeypatch.setattr(np.linalg, "svd", failing)
+    other = orthonormal(columns)
+    assert other @ other.T == pytest.approx(usual @ usual.T, abs=1e-12)
