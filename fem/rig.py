@@ -147,6 +147,8 @@ class Rig:
         sag = voltage / self.sag_voltage
         # As a product: numbers and arrays round a power differently.
         supplied = (1 + self.amplifier_gain) * voltage / (1 + sag * sag)
+        if isinstance(self.lag_voltage, float) and self.lag_voltage == 0:
+            return supplied
         return _not_turned(supplied, supplied - direction * self.lag_voltage)
 
     def nominal_voltage(self, film_voltage: float, direction: float = 0.0) -> float:

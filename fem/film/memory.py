@@ -178,7 +178,22 @@ class Flow:
 
     def stress(self, c: Any, *, tangent: bool = True) -> tuple[Array, Array | None]:
         """S and ∂S/∂E of :meth:`density` alone."""
-        return self._stress(*self._grown(c), tangent)
+        if self.at_once is None:
+            return self._stress(*self._grown(c), tangent)
+        plane, thick = self.at_once
+        stress, bend = of_thickness(np.asarray(c), thick, tangent=tangent)
+        return _aligned(plane, 1, stress.ndim) + stress, bend
+
+    @cached_property
+    def at_once(self) -> tuple[Array, Array] | None:
+        """Where nothing flows Σ μ C_v⁻¹ in the plane, (3, *points), and Σ μ/C_v,33 [Pa].
+
+        The branches then store ½ (the one : C + the other/det C).
+        """
+        if np.any(self.weight):
+            return None
+        moduli, back = self._moduli(self.kept.ndim), inverse(self.kept)
+        return (moduli * back[:3]).sum(1), (moduli * back[3]).sum(0)
 
     def _grown(self, c: Any) -> tuple[Array, Array, Array, Array]:
         """C, w, H + w C and det(H + w C)^⅓, of det H = 1."""
@@ -308,6 +323,33 @@ def _excess(kept: Array, weight: Array, full: Array) -> Array:
 def plane_determinant(a: Array) -> Array:
     """Of symmetric tensors the determinant in the plane, shape (...)."""
     return np.asarray(a[0] * a[1] - a[2] * a[2])
+
+
+def of_thickness(c: Array, thick: Any, *, tangent: bool = True) -> tuple[Array, Array | None]:
+    """S = 2∂/∂C and ∂S/∂E in Voigt form of ½ thick/det C, C in the plane, shape (3, ...)."""
+    across, thin = cofactor(c), 1 / plane_determinant(c)
+    push = thick * thin**2
+    if not tangent:
+        return -push * across, None
+    bend = (4 * push * thin * across)[:, None] * across
+    add_across(bend, push)
+    return -push * across, bend
+
+
+def cofactor(a: Array) -> Array:
+    """Of symmetric tensors in the plane, shape (3, ...)."""
+    result = np.empty((3, *a.shape[1:]), a.dtype)
+    result[0], result[1] = a[1], a[0]
+    np.negative(a[2], out=result[2])
+    return result
+
+
+def add_across(slopes: Array, value: Array) -> None:
+    """Add :data:`ACROSS` times a value to slopes, shape (3, 3, ...)."""
+    double = 2 * value
+    slopes[0, 1] -= double
+    slopes[1, 0] -= double
+    slopes[2, 2] += value
 
 
 def _aligned(values: Array, first: int, axes: int) -> Array:

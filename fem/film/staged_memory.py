@@ -14,11 +14,13 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from scipy.linalg.lapack import dgesv
 
 from tympan.fem.film.memory import (
-    ACROSS,
     Array,
     Memory,
+    add_across,
+    cofactor,
     cube_root,
     determinant,
     incompressible,
@@ -47,62 +49,64 @@ class StagedFlow:
     @classmethod
     def of(cls, memory: Memory, c: Any, duration: float, matrix: Array) -> StagedFlow:
         """A step of a duration [s] from C of the virgin film, (3, ..., points), by a rule's A."""
-        start = replace(memory, viscous=memory.viscous[..., None, :])
-        before = np.asarray(c)[..., None, :]
+        start = Memory(memory.moduli, memory.times, memory.viscous[..., None, :], memory.flows)
+        full = incompressible(np.asarray(c)[..., None, :])[:, None]
         rates = np.ones(len(memory.times))
         if memory.flows:
-            rates = start.fluidity(before).reshape(len(rates), -1).mean(1)
+            rates = start.fluidity(full[:3, 0]).reshape(len(rates), -1).mean(1)
         z = (duration * rates / memory.times)[:, None, None] * matrix
-        weights = np.linalg.solve(np.eye(len(matrix)) + z, z)
-        points = (1,) * (start.viscous.ndim - 4)
-        share = 1 - weights.sum(2).reshape(len(rates), *points, len(matrix), 1)
+        weights = np.array([dgesv(np.eye(len(matrix)) + each, each)[2] for each in z]
+                           ).reshape(z.shape)
+        share = (1 - np.add.reduce(weights, 2)).reshape(-1, *(1,) * (full.ndim - 4), len(matrix), 1)
         flow = cls(start, weights, rates, share * start.viscous, 1.0, np.empty(0))
-        return flow._at(incompressible(before)[:, None], start.viscous, inverse(start.viscous))
+        return flow._at(full, start.viscous, inner(inverse(start.viscous), full))
 
-    def stress(self, c: Any) -> tuple[Array, Array, StagedFlow]:
-        """At C of the stages, (3, ..., stages, points): S = 2∂/∂C [Pa] in that shape, its slopes.
+    def stress(self, c: Any, *, slopes: bool = True
+               ) -> tuple[Array, Array, Array | None, StagedFlow]:
+        """P and t [Pa] of branches that pull as if they stored ½ (P : C + t/det C), and slopes.
 
-        The slopes have the shape (3, 3, 1 + branches, ..., stages, points): ∂S/∂E where nothing
-        flows, then, by branches, ∂S of one stage by E of any over the step's weight for the two, as
-        if C were the same at both. Last comes this flow as it is at C.
+        At C of the stages, (3, ..., stages, points), P has that shape and t (..., stages, points).
+        The slopes have the shape (3, 3, branches, ..., stages, points): ∂S of one stage by E of any
+        over the step's weight for the two, as if C were the same at both, without those of the
+        above; none where they are not asked for. Last comes this flow as it is at C.
         """
         full = incompressible(c)[:, None]
         grown = self._grown(full)
-        back, by_full, size = inverse(grown), inverse(full)[:3], cube_root(determinant(grown))
-        strength, plane = self.memory.each(self.memory.moduli) * size, back[:3]
-        ratio = full[3] / grown[3]
-        part = ratio * by_full
-        pull = plane - part
-        flat, stiffer, along = by_full[:, 0], (strength * ratio).sum(0), plane + part
-        slopes = np.empty((3, 3, 1 + len(strength), *stiffer.shape))
-        slopes[:, :, 0] = (4 * stiffer * flat)[:, None] * flat + _across(
-            stiffer * plane_determinant(flat))
-        slopes[:, :, 1:] = ((-strength * along)[:, None] * along
-                            - (strength / 3 * pull)[:, None] * pull
-                            - _across(strength * plane_determinant(plane)))
-        return (strength * pull).sum(1), slopes, self._at(full, grown / size, size * back)
+        area = plane_determinant(grown)
+        size = cube_root(area * grown[3])
+        strength, plane = self.memory.each(self.memory.moduli) * size, cofactor(grown) / area
+        thick = strength / grown[3]
+        flow = self._at(full, grown, plane[0] * full[0] + plane[1] * full[1]
+                        + 2 * plane[2] * full[2] + full[3] / grown[3], size)
+        whole = np.add.reduce(strength * plane, 1), np.add.reduce(thick, 0)
+        if not slopes:
+            return *whole, None, flow
+        part = full[3] * full[3] / grown[3] * cofactor(full)
+        along, pull = plane + part, plane - part
+        bend = -(strength * along)[:, None] * along - (strength / 3 * pull)[:, None] * pull
+        add_across(bend, -strength / area)
+        return *whole, bend, flow
 
     def after(self, c: Any) -> list[Memory]:
         """The memories at the stages, at their C."""
         grown = self._grown(incompressible(c)[:, None])
         viscous = grown / cube_root(determinant(grown))
-        return [replace(self.memory, viscous=viscous[..., stage, :])
+        memory = self.memory
+        return [Memory(memory.moduli, memory.times, viscous[..., stage, :], memory.flows)
                 for stage in range(viscous.shape[-2])]
 
     def _grown(self, full: Array) -> Array:
         """C_v at the stages but for its size, shape (4, branches, ..., stages, points)."""
         weights = self.weights.reshape(-1, *(1,) * (full.ndim - 4), *self.weights.shape[1:])
-        return np.asarray(self.kept + weights @ (full * self.fluidity - self.lag))
+        moved = full if isinstance(self.fluidity, float) else full * self.fluidity
+        return np.asarray(self.kept + weights @ (moved - self.lag))
 
-    def _at(self, full: Array, viscous: Array, back: Array) -> StagedFlow:
-        """Flowing as it does at C and C_v, whose inverse is known."""
-        fluidity = self.fluidity
-        if self.memory.flows:
-            fluid = replace(self.memory, viscous=viscous).fluidity(full[:3, 0])
-            fluidity = fluid / self.memory.each(self.rates)
-        lag = (inner(back, full) / 3 * fluidity - 1) * viscous
-        return replace(self, fluidity=fluidity, lag=lag)
-
-
-def _across(value: Array) -> Array:
-    return np.multiply.outer(ACROSS, value)
+    def _at(self, full: Array, grown: Array, stretch: Array, size: Any = 1.0) -> StagedFlow:
+        """Flowing as it does at C and at a C_v but for its size, whose C : C_v⁻¹ is known."""
+        memory, fluidity = self.memory, self.fluidity
+        if memory.flows:
+            fluid = replace(memory, viscous=grown / size).fluidity(full[:3, 0])
+            fluidity = fluid / memory.each(self.rates)
+            stretch = stretch * fluidity
+        return StagedFlow(memory, self.weights, self.rates, self.kept, fluidity,
+                          (stretch / 3 - 1 / size) * grown)

@@ -9,7 +9,7 @@ its stages.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.polynomial import legendre
@@ -31,6 +31,11 @@ class CollocationRule:
     inverse: Array
     powers: Array
     tail: Array
+
+    @cached_property
+    def from_start(self) -> Array:
+        """A where the start itself is the first stage, shape (stages + 1, stages + 1)."""
+        return np.pad(self.matrix, ((1, 0), (1, 0)))
 
     def beyond(self, share: float) -> Array:
         """What is at the nodes of a next step, so many times as long, by values of this one."""

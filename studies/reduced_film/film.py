@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg.lapack import dposv
+from scipy.linalg.lapack import dposv, dpotrf
 
 from tympan.fem.film.density import (
     FilmDensity,
@@ -25,7 +25,8 @@ from tympan.fem.film.density import (
     plane_stress,
     principal_stretches,
 )
-from tympan.fem.film.memory import Flow, Memory
+from tympan.fem.film.energy_table import EnergyTable
+from tympan.fem.film.memory import Flow, Memory, of_thickness, plane_determinant
 from tympan.fem.film.staged_memory import StagedFlow
 from tympan.geometry.specimen import Specimen
 
@@ -33,6 +34,9 @@ Array = NDArray[np.float64]
 
 #: The most corrections of a state; and the last one over the gap: of the next its square is left.
 ITERATIONS, _LAST = 12, 1e-4
+
+#: A film's table goes so far over the gap, and beyond the strains there by so much of their range.
+_TABULATED, _MARGIN = 0.25, 0.2
 
 #: Shortest part of a change of loads that is tried.
 _PART = 1e-3
@@ -71,7 +75,8 @@ class ReducedFilm:
 
     ``volumes`` [m³] and ``covered``, 1 under the electrode, shape (points,); ``gradients``: ∂φ/∂X
     of the heave's shape and the others [1/m], shape (shapes, points, 3, 2). ``errors``: the largest
-    of its deflection over the range of the field model's, by runs it was not made from.
+    of its deflection over the range of the field model's, by runs it was not made from. ``table``:
+    of this specimen's law and charge, if there is one; where it ends the law itself is asked.
     """
 
     specimen: Specimen
@@ -79,6 +84,7 @@ class ReducedFilm:
     covered: Array
     gradients: Array
     errors: Mapping[str, float] = field(default_factory=dict)
+    table: EnergyTable | None = None
 
     @property
     def count(self) -> int:
@@ -118,27 +124,27 @@ class ReducedFilm:
 
     @cached_property
     def _forms(self) -> tuple[Array, Array, Array, Array]:
-        """For :meth:`_strained` and :meth:`pull`, flat.
+        """C of the virgin film at the points by 1, by q and by pairs of q; ∂²E/∂q∂q by pairs.
 
-        ∂²E/∂q∂q by one shape, by pairs; C of the flat film, and over ½ q · (its slopes, before and
-        after).
+        Shapes (3 × points,), (shapes, 3 × points), (shapes², 3 × points) and its transpose.
         """
-        count, points = self.count, len(self.volumes)
-        return (self._bend.reshape(count, -1), self._bend.reshape(count * count, -1).T.copy(),
-                np.repeat(self._scale * [1.0, 1.0, 0.0], points),
-                np.repeat([1.0, 1.0, 0.5], points))
+        points = len(self.volumes)
+        by_shear = np.repeat([1.0, 1.0, 0.5], points)
+        pairs = self._bend.reshape(self.count**2, -1)
+        flat = np.repeat(self._scale * [1.0, 1.0, 0.0], points)
+        return flat, 2 * self._slope * by_shear, pairs * by_shear, pairs.T.copy()
 
     def strain(self, q: Array) -> Array:
         """C₁₁, C₂₂, C₁₂ of the virgin film at the points, shape (3, ..., points)."""
-        return self._strained(q)[1]
+        flat, by_shape, by_pair, _ = self._forms
+        pairs = (q[..., None] * q[..., None, :]).reshape(-1, self.count**2)
+        c = flat + q.reshape(-1, self.count) @ by_shape + pairs @ by_pair
+        return c.reshape(*q.shape[:-1], 3, -1).transpose(q.ndim - 1, *range(q.ndim - 1), -1)
 
-    def _strained(self, q: Array) -> tuple[Array, Array]:
-        """∂E/∂q, shape (..., shapes, 3 × points), and C, (3, ..., points)."""
-        by_shape, _, flat, by_shear = self._forms
-        slope = self._slope + (q @ by_shape).reshape(*q.shape, -1)
-        change = (q[..., None, :] @ (self._slope + slope))[..., 0, :]
-        c = (flat + change * by_shear).reshape(*q.shape[:-1], 3, -1)
-        return slope, np.moveaxis(c, -2, 0)
+    def _slopes(self, q: Array) -> Array:
+        """∂E/∂q, shape (..., shapes, 3 × points)."""
+        bent = q.reshape(-1, self.count) @ self._bend.reshape(self.count, -1)
+        return self._slope + bent.reshape(*q.shape, -1)
 
     def pull(self, q: Array, voltage_squared: Any, flow: Flow | None = None
              ) -> tuple[Array, Array]:
@@ -146,9 +152,17 @@ class ReducedFilm:
 
         ``flow``: a step of its branches' memory; without, they are relaxed.
         """
-        slope, c = self._strained(q)
-        stress, tangent = self._stressed(c, voltage_squared, flow)
-        forces, geometric = self._forces(slope, stress)
+        c, slope = self.strain(q), self._slopes(q)
+        if flow is None or flow.at_once is None:
+            stress, tangent = self._law(c, voltage_squared)
+        else:
+            plane, thick = flow.at_once
+            stress, tangent = self._law(c, voltage_squared, thick)
+            stress = stress + plane.reshape(3, *(1,) * (c.ndim - plane.ndim), *plane.shape[1:])
+        if flow is not None and flow.at_once is None:
+            viscous, bend = flow.stress(c)
+            stress, tangent = stress + viscous, tangent + bend
+        forces, geometric = self._forces(q, stress)
         return forces, self._bent(slope, tangent) @ np.swapaxes(slope, -1, -2) + geometric
 
     def staged_pull(self, q: Array, voltage_squared: Any, flow: StagedFlow
@@ -158,53 +172,90 @@ class ReducedFilm:
         The derivatives at a stage by q at another, those as if C were the same at both, have the
         shape (..., stages, shapes, stages, shapes). Last comes the flow as it is at this q.
         """
-        slope, c = self._strained(q)
-        stress, tangent = self._stressed(c, voltage_squared)
-        viscous, slopes, flow = flow.stress(c)
-        slopes[:, :, 0] += _first(_first(tangent))
-        forces, geometric = self._forces(slope, stress + _last(viscous, 1))
-        bent = self._bent(slope, _last(slopes, 2))
-        stiffness = self._across_stages(slope, bent[1:], flow.weights)
+        c, slope = self.strain(q), self._slopes(q)
+        plane, thick, slopes, flow = flow.stress(c)
+        assert slopes is not None
+        stress, tangent = self._law(c, voltage_squared, thick)
+        forces, geometric = self._forces(q, stress + plane)
+        stiffness = self._across_stages(slope, slopes, flow.weights)
         diagonal = np.einsum("...sksl->...skl", stiffness)
-        diagonal += bent[0] @ np.swapaxes(slope, -1, -2) + geometric
+        diagonal += self._bent(slope, tangent) @ np.swapaxes(slope, -1, -2)
+        diagonal += geometric
         return forces, stiffness, flow
 
-    def _forces(self, slope: Array, stress: Array) -> tuple[Array, Array]:
+    def staged_forces(self, q: Array, voltage_squared: Any, flow: StagedFlow
+                      ) -> tuple[Array, StagedFlow]:
+        """As :meth:`staged_pull`, without derivatives."""
+        c = self.strain(q)
+        plane, thick, _, flow = flow.stress(c, slopes=False)
+        stress, _ = self._law(c, voltage_squared, thick, tangent=False)
+        return self._forces(q, stress + plane)[0], flow
+
+    def _forces(self, q: Array, stress: Array) -> tuple[Array, Array]:
         """Generalised forces [N] of S at the points; what S itself adds to their derivatives."""
-        stress = (np.swapaxes(stress, -1, -2) * self.volumes).reshape(*slope.shape[:-2], -1)
-        geometric = (stress @ self._forms[1]).reshape(*slope.shape[:-1], self.count)
-        return (slope @ stress[..., None])[..., 0], geometric
+        work = (stress * self.volumes).transpose(*range(1, q.ndim), 0, -1)
+        work = work.reshape(-1, 3 * len(self.volumes))
+        geometric = (work @ self._forms[3]).reshape(*q.shape, self.count)
+        flat = (work @ self._slope.T).reshape(q.shape)
+        return flat + (geometric @ q[..., None])[..., 0], geometric
 
     def _bent(self, slope: Array, tangent: Array) -> Array:
         """The points' forces [N m] by q for ∂S/∂E, shape (..., shapes, 3 × points)."""
         by_point = slope.reshape(*slope.shape[:-1], 3, -1)
-        bent = np.einsum("...pij,...njp->...nip", tangent, by_point * self.volumes)
-        return np.asarray(bent.reshape(*bent.shape[:-2], -1))
+        bent = np.einsum("ij...p,...njp->...nip", tangent * self.volumes, by_point)
+        return np.asarray(bent.reshape(slope.shape))
 
-    def _across_stages(self, slope: Array, bent: Array, weights: Array) -> Array:
-        """What the memory of one stage does to the forces at another; ``bent`` by branches."""
+    def _across_stages(self, slope: Array, slopes: Array, weights: Array) -> Array:
+        """What the memory of one stage does to the forces at another, by branches."""
         *lead, stages, count, rows = slope.shape
         before = slope.reshape(*lead, stages * count, rows).swapaxes(-1, -2)
-        work = bent.reshape(len(weights), *lead, stages * count, rows) @ before
-        work = work.reshape(len(weights), *lead, stages, count, stages, count)
-        each = weights.reshape(-1, *(1,) * len(lead), stages, 1, stages, 1)
-        return np.asarray((work * each).sum(0))
+        stiffness = np.zeros((*lead, stages, count, stages, count))
+        for branch, each in enumerate(weights):
+            bent = self._bent(slope, slopes[:, :, branch])
+            work = bent.reshape(*lead, stages * count, rows) @ before
+            stiffness += work.reshape(stiffness.shape) * each[:, None, :, None]
+        return stiffness
 
-    def _stressed(self, c: Array, voltage_squared: Any, flow: Flow | None = None
-                  ) -> tuple[Array, Array]:
-        """S [Pa], shape (..., points, 3), and ∂S/∂E, (..., points, 3, 3), of the virgin film."""
-        first, second = self.specimen.membrane.prestretch
-        film = FilmDensity(self.specimen, _each(voltage_squared), self.covered)
+    def _law(self, c: Array, voltage_squared: Any, thick: Any = None, *, tangent: bool = True
+             ) -> tuple[Array, Any]:
+        """S [Pa], shape (3, ..., points), and ∂S/∂E, (3, 3, ..., points), of law and voltage.
+
+        With ½ ``thick`` [Pa] over det C stored besides.
+        """
+        squared = _each(voltage_squared)
+        if self.table is not None:
+            quick = self.table.stress(c, squared, thick, tangent=tangent)
+            if quick is not None:
+                return quick
+        density = FilmDensity(self.specimen, squared, self.covered)
         stress: Any = 0.0
-        tangent: Any = 0.0
-        for material, (along, across) in film.parts:
-            part = plane_stress(material, (c[0], c[1], c[2]), (along / first, across / second))
-            stress, tangent = stress + part.stress, tangent + part.tangent
-        if flow is not None:
-            viscous, bend = flow.stress(c)
-            assert bend is not None
-            stress, tangent = stress + _last(viscous, 1), tangent + _last(bend, 2)
-        return stress, tangent
+        bend: Any = 0.0
+        if thick is not None:
+            stress, bend = of_thickness(c, thick, tangent=tangent)
+        first, second = self.specimen.membrane.prestretch
+        for material, (along, across) in density.parts:
+            part = plane_stress(material, (c[0], c[1], c[2]), (along / first, across / second),
+                                tangent=tangent)
+            stress = stress + part.stress.transpose(-1, *range(part.stress.ndim - 1))
+            if tangent:
+                axes = part.tangent.ndim
+                bend = bend + part.tangent.transpose(-2, -1, *range(axes - 2))
+        return stress, bend
+
+    @cached_property
+    def tabulated(self) -> ReducedFilm:
+        """The film with its law in a table, where one is precise: for the many states of a motion.
+
+        It holds up to a good deal of the gap.
+        """
+        heaves = np.multiply.outer(np.linspace(0.0, _TABULATED * self.specimen.gap, 9),
+                                   np.eye(self.count)[0])
+        c = self.strain(heaves)
+        invariants = np.stack([c[0] + c[1], plane_determinant(c)]).reshape(2, -1)
+        low, high = invariants.min(1), invariants.max(1)
+        margin = _MARGIN * (high - low)
+        table = EnergyTable.of(self.specimen, self.covered, low - margin, high + margin)
+        return replace(self, table=table)
 
     def capacitance(self, q: Array, voltage_squared: Any = 0.0) -> Any:
         """Of the film [F], wrinkles included."""
@@ -273,21 +324,21 @@ class ReducedFilm:
 
     def _weighed(self, weight: FilmLoads, last: float) -> Array:
         """q at rest without voltage; near what the stiffness of the flat film says."""
-        pull, stiffness = self._flat_pull
-        spring = np.zeros_like(stiffness)
-        spring[0, 0] = weight.spring
-        push = np.multiply.outer(weight.force, np.eye(self.count)[0]) - pull
         with suppress(NoBalance, np.linalg.LinAlgError):
-            near = push @ np.linalg.inv(stiffness + spring)
+            offset, slope = self._flat_compliance
+            near = np.multiply.outer(weight.force, slope) - offset
+            near -= weight.spring / (1 + weight.spring * slope[0]) * near[..., :1] * slope
             return self.balanced(near, weight, last=last)
         runs = np.shape(weight.force)
         flat = np.broadcast_to(self.flat, (*runs, self.count))
         return self.carried(flat, FilmLoads(0.0, 0.0), weight, last=last)
 
     @cached_property
-    def _flat_pull(self) -> tuple[Array, Array]:
-        """:meth:`pull` of the flat film without voltage."""
-        return self.pull(self.flat, 0.0)
+    def _flat_compliance(self) -> tuple[Array, Array]:
+        """How far the flat film is from rest without a force, and goes with one [m/N], linearly."""
+        pull, stiffness = self.pull(self.flat, 0.0)
+        compliance = np.linalg.inv(stiffness)
+        return compliance @ pull, compliance[0]
 
 
 def _solved(stiffness: Array, pull: Array) -> Array:
@@ -303,6 +354,10 @@ def _solved(stiffness: Array, pull: Array) -> Array:
 
 def require_stable(stiffness: Array) -> None:
     """That symmetric matrices (..., n, n) are positive definite, else NoBalance."""
+    if stiffness.ndim == 2:
+        if dpotrf(stiffness)[1]:
+            raise NoBalance
+        return
     try:
         np.linalg.cholesky(stiffness)
     except np.linalg.LinAlgError:
@@ -312,13 +367,3 @@ def require_stable(stiffness: Array) -> None:
 def _each(values: Any) -> Any:
     """Of every run, for all of its points."""
     return values[..., None] if np.ndim(values) else values
-
-
-def _last(values: Array, axes: int) -> Array:
-    """A view whose first axes are the last."""
-    return values.transpose(*range(axes, values.ndim), *range(axes))
-
-
-def _first(values: Array) -> Array:
-    """A view whose last axis is the first."""
-    return values.transpose(-1, *range(values.ndim - 1))

@@ -2,9 +2,10 @@
 
 A step is collocated at the stages of Radau's rule (:mod:`tympan.fem.transient.collocation`): film,
 branches (:mod:`tympan.fem.film.staged_memory`) and plate meet their equations at all of them, and
-Newton's method solves for all at once. So a step is long, and the points of all of its stages
-share each call of NumPy, which is what such a small film costs. Its error is told from the highest
-coefficients of the polynomial that it is.
+Newton's method solves for all at once, by one tangent as long as Broyden's updates do. So a step is
+long, and the points of all of its stages share each call of NumPy, which is what such a small film
+costs. Where the loads jump the state at once after it is a stage of the step that begins there. The
+error of a step is told from the highest coefficients of the polynomial that it is.
 """
 
 from __future__ import annotations
@@ -17,11 +18,11 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg.lapack import dgesv
 
 from tympan.fem.film.memory import Memory
 from tympan.fem.film.staged_memory import StagedFlow
 from tympan.fem.transient.collocation import CollocationRule, radau
+from tympan.studies.reduced_film.corrections import Corrections, factorised
 from tympan.studies.reduced_film.film import (
     ITERATIONS,
     FilmLoads,
@@ -29,12 +30,14 @@ from tympan.studies.reduced_film.film import (
     ReducedFilm,
     require_stable,
 )
+from tympan.studies.reduced_film.sampling import by_voltages
 from tympan.studies.signals import Signal, Supplied, Together
 
 Array = NDArray[np.float64]
 
-#: Stages of a step of one run, and of several: these cost arithmetic, not calls.
-_STAGES, _FEWER = 4, 3
+#: Stages of a step of one run, and of several or where the plate has a motion of its own: there
+#: they cost arithmetic, and fast motion that dies out is not followed in longer steps.
+_STAGES, _FEWER = 5, 4
 
 #: Up to how many times as long a step begins where the one before leads to.
 _FAR = 1.5
@@ -45,7 +48,7 @@ _SAFE, _SHRINK, _GROWTH, _FIRST, _SHORTEST = 0.8, 0.2, 5.0, 3.0, 1e-9
 
 #: How much the last coefficient but one counts: where a signal swings between stages, the last may
 #: be nothing. Errors so many times too large after one correction are not corrected further.
-_NEXT, _HOPELESS = 0.2, 3.0
+_TAILS, _HOPELESS = np.diag([1.0, 0.2]), 1.5
 
 #: By how much more closely what swings is followed: over many swings phases add up.
 _PHASES = 2.0
@@ -55,7 +58,10 @@ _TWICE = 2
 
 #: The last correction of a state over the root of a step's error, and at most; what may be left
 #: after later ones, over that error.
-_CLOSER, _NEAR, _LEFT = 0.2, 5e-4, 0.3
+_CLOSER, _NEAR, _LEFT = 0.2, 2e-3, 0.3
+
+#: A tangent serves again where corrections fall at least so fast.
+_SLOW = 0.4
 
 #: Of a step, relative to the gap between plate and frame.
 ERROR = 1e-4
@@ -119,7 +125,7 @@ class ReducedMotion:
         NoBalance
             Where there is no rest.
         """
-        film, time = self.film, float(self.signal.breaks[0])
+        film, time = self.tabulated, float(self.signal.breaks[0])
         if film.specimen.membrane.mounted is not None:
             return self.flat
         loads = FilmLoads(self.force, self.signal.first**2, self.spring)
@@ -144,58 +150,81 @@ class ReducedMotion:
         PulledIn
             Where the film has no equilibrium any more, or the plate is gone.
         """
-        moment, step = begin or self.begin, 0.0
+        moment, step, past = begin or self.begin, 0.0, None
         for piece, (start, end) in enumerate(pairwise(self.signal.breaks.tolist())):
             loads = FilmLoads(self.force, self.signal.within(piece, start) ** 2, self.spring)
-            jumps = loads.differ(moment.loads)
-            if jumps:
-                moment = self._after_jump(moment, loads)
-            if jumps or not step:
+            jump = loads if loads.differ(moment.loads) else None
+            if jump and self.leads:
+                moment = self._after_jump(moment, jump)
+            if jump or not step:
                 step = _FIRST * min([end - start, *self._times(moment)])
-            yield moment
-            moment, step = yield from self._through(moment, step, piece, end)
+            if jump:
+                past = None
+            if jump is None or self.leads:
+                jump = None
+                yield moment
+            moment, step, past = yield from self._through(moment, step, piece, end, past, jump)
+
+    @property
+    def tabulated(self) -> ReducedFilm:
+        """The film with its law in a table."""
+        return self.film.tabulated
 
     @cached_property
     def rule(self) -> CollocationRule:
         """Of a step."""
         several = np.ndim(self.force) or np.ndim(self.signal.first)
-        return radau(_FEWER if several else _STAGES)
+        return radau(_FEWER if several or self.leads else _STAGES)
 
-    @property
+    @cached_property
     def leads(self) -> bool:
         """Whether inertia or a damper hold the plate at once."""
         return self.mass is not None or self.damper > 0
 
-    @property
+    @cached_property
+    def gap(self) -> float:
+        """Between plate and frame [m]."""
+        return self.film.specimen.gap
+
+    @cached_property
     def last(self) -> float:
         """A correction of a state, relative to the gap, after which no other is looked for."""
         return min(_NEAR, _CLOSER * float(np.sqrt(self.closeness)))
 
-    @property
+    @cached_property
     def closeness(self) -> float:
         """The error of a step, relative to the gap; closer of what swings."""
         return self.error / (1.0 if self.mass is None else _PHASES)
 
-    def _through(self, moment: ReducedMoment, step: float, piece: int, end: float
-                 ) -> Generator[ReducedMoment, None, tuple[ReducedMoment, float]]:
-        """A piece of the signal, in steps; its last moment and the next step's length [s]."""
-        shortest, failures, past = _SHORTEST * step, 0, None
+    def _through(self, moment: ReducedMoment, step: float, piece: int, end: float,
+                 past: _StepSolution | None, jump: FilmLoads | None
+                 ) -> Generator[ReducedMoment, None,
+                                tuple[ReducedMoment, float, _StepSolution | None]]:
+        """A piece of the signal, in steps; its last moment, the next step's length [s], the last.
+
+        The loads may ``jump`` at its beginning, which is then part of its first step.
+        """
+        shortest, failures = _SHORTEST * step, 0
         while moment.time < end:
             rest = end - moment.time
             duration = rest if step >= rest else min(step, rest / 2)
             times = moment.time + duration * self.rule.nodes
             if duration == rest:
                 times[-1] = end
-            solution = self._attempt(moment, past, piece, times)
+            solution = self._attempt(_Step(self, moment, piece, times, jump), past)
             error = solution.error if solution is not None else np.inf
             change = _SAFE * (self.error / max(error, 1e-300)) ** (1 / len(times))
             step = duration * min(max(change, _SHRINK), _GROWTH)
             if solution is not None and error <= self.error:
                 past, failures, moments = solution, 0, solution.moments
-                yield from moments
-                moment = moments[-1]
-                if np.abs(solution.q[..., 0]).max() > _REACH * self.film.specimen.gap:
+                yield from moments if jump is None else [solution.start, *moments]
+                moment, jump = moments[-1], None
+                if np.abs(solution.q[..., 0]).max() > _REACH * self.gap:
                     raise PulledIn(moment.time)
+                continue
+            if jump is not None:
+                moment, jump = self._after_jump(moment, jump), None
+                yield moment
                 continue
             if duration < shortest:
                 raise PulledIn(moment.time)
@@ -203,22 +232,23 @@ class ReducedMotion:
             if failures == _TWICE:
                 # Where it begins a little out of balance, that is an error no short step lessens.
                 moment = self._after_jump(moment, moment.loads)
-        return moment, step
+        return moment, step, past
 
-    def _attempt(self, moment: ReducedMoment, past: _StepSolution | None, piece: int, times: Array
-                 ) -> _StepSolution | None:
-        """A step to some times of its stages; None where the film cannot be followed."""
+    def _attempt(self, step: _Step, past: _StepSolution | None) -> _StepSolution | None:
+        """A step after another one; None where the film cannot be followed."""
         try:
             with np.errstate(all="ignore"):
-                return _Step(self, moment, piece, times).solved(self._guess(moment, past, times))
+                return step.solved(self._guess(step, past))
         except NoBalance:
             return None
 
-    def _guess(self, moment: ReducedMoment, past: _StepSolution | None, times: Array) -> Array:
-        """q at the stages of a step from a moment."""
-        if past is not None and times[-1] - moment.time <= _FAR * past.step.duration:
-            return past.beyond(times)
-        return np.repeat(moment.q[..., None, :], len(times), -2)
+    def _guess(self, step: _Step, past: _StepSolution | None) -> Array:
+        """q at the stages of a step."""
+        if past is not None and not self.leads:
+            return past.at_voltages(step)
+        if past is not None and step.duration <= _FAR * past.step.duration:
+            return past.beyond(step.times)
+        return np.repeat(step.moment.q[..., None, :], len(step.stages), -2)
 
     def _times(self, moment: ReducedMoment) -> list[float]:
         """Times that matter [s]: of the branches, of the plate's swing or creep."""
@@ -237,7 +267,7 @@ class ReducedMotion:
 
     def _after_jump(self, moment: ReducedMoment, loads: FilmLoads) -> ReducedMoment:
         """The film at once after its loads jumped, the plate held by inertia or damper."""
-        film, clamped = self.film, self.leads
+        film, clamped = self.tabulated, self.leads
         flow = moment.memory.step(film.strain(moment.q), 0.0)
         try:
             q = film.carried(moment.q, moment.loads, loads, flow, clamped=clamped, last=self.last)
@@ -254,11 +284,22 @@ class _Step:
     moment: ReducedMoment
     piece: int
     times: Array
+    jump: FilmLoads | None = None
 
     @property
     def duration(self) -> float:
         """[s]."""
         return float(self.times[-1]) - self.moment.time
+
+    @cached_property
+    def stages(self) -> Array:
+        """Times [s] at which it is solved for: after a ``jump`` of the loads its start, too."""
+        return self.times if self.jump is None else np.append(self.moment.time, self.times)
+
+    @cached_property
+    def squared(self) -> Array:
+        """U² at the stages [V²]."""
+        return np.asarray(self.motion.signal.within(self.piece, self.stages) ** 2)
 
     def solved(self, guess: Array) -> _StepSolution:
         """Near q at the stages; where its error is far too large not to the last.
@@ -268,34 +309,52 @@ class _Step:
         NoBalance
             Where there is none that is stable.
         """
-        motion, moment, q = self.motion, self.moment, guess
-        film = motion.film
-        voltage = motion.signal.within(self.piece, self.times)
-        flow = StagedFlow.of(moment.memory, film.strain(moment.q), self.duration,
-                             motion.rule.matrix)
-        constant, slope = self._drive
-        size = np.inf
+        motion, q, size, tangent = self.motion, guess, np.inf, None
+        film, flow, (constant, slope) = motion.tabulated, self._flow, self._drive
         for _ in range(ITERATIONS):
-            pull, stiffness, flow = film.staged_pull(q, voltage**2, flow)
+            fresh = tangent is None
+            if tangent is None:
+                pull, stiffness, flow = film.staged_pull(q, self.squared, flow)
+                stiffness[..., :, 0, :, 0] += slope
+                tangent = Corrections(factorised(stiffness))
+            else:
+                pull, flow = film.staged_forces(q, self.squared, flow)
             pull[..., 0] += q[..., 0] @ slope.T - constant
-            stiffness[..., :, 0, :, 0] += slope
-            change, before = _solved(stiffness, pull), size
-            size = float(np.abs(change).max()) / film.specimen.gap
+            change, before = tangent.correction(pull), size
+            size = float(np.maximum.reduce(np.abs(change), None)) / motion.gap
             if not size < 1:
                 break
             q = q - change
-            error = self._error(q)
-            if size < motion.last or size**2 < _LEFT * motion.closeness * before < np.inf:
-                require_stable(stiffness[..., -1, self._led:, -1, self._led:])
-                return _StepSolution(self, q, voltage, flow, error)
-            if error > _HOPELESS * motion.error:
-                return _StepSolution(self, q, voltage, flow, error)
+            if self._settled(size, before, fresh):
+                self._require_stable(stiffness)
+                return _StepSolution(self, q, flow, self._error(q))
+            if fresh and (error := self._error(q)) > _HOPELESS * motion.error:
+                return _StepSolution(self, q, flow, error)
+            if size > _SLOW * before:
+                tangent = None
         raise NoBalance
 
     @property
-    def _led(self) -> int:
-        """How many shapes inertia or damper lead, so that they need not be stable by themselves."""
-        return int(self.motion.leads)
+    def _flow(self) -> StagedFlow:
+        """Of the branches, before anything is known of C at the stages."""
+        moment, motion, rule = self.moment, self.motion, self.motion.rule
+        return StagedFlow.of(moment.memory, motion.tabulated.strain(moment.q), self.duration,
+                             rule.matrix if self.jump is None else rule.from_start)
+
+    def _settled(self, size: float, before: float, fresh: bool) -> bool:
+        """Whether little is left after a correction, relative to the gap, and the one before it.
+
+        Of a fresh tangent's its square, of others as large a share as they are of those before.
+        """
+        if fresh and size < self.motion.last:
+            return True
+        return size**2 < _LEFT * self.motion.closeness * before < np.inf
+
+    def _require_stable(self, stiffness: Array) -> None:
+        # What inertia or a damper lead need not be stable by itself.
+        led = int(self.motion.leads)
+        for stage in (-1,) if self.jump is None else (0, -1):
+            require_stable(stiffness[..., stage, led:, stage, led:])
 
     @cached_property
     def _drive(self) -> tuple[Array, Array]:
@@ -304,64 +363,79 @@ class _Step:
         Shapes (..., stages) and (stages, stages).
         """
         motion, moment = self.motion, self.moment
+        force = np.asarray(motion.force)[..., None]
+        spring = motion.spring * np.eye(len(self.stages))
+        if not motion.leads:
+            return force, spring
         rate = motion.rule.inverse / self.duration
         moving = motion.damper * rate + (motion.mass or 0.0) * rate @ rate
         flown = np.multiply.outer(moment.heave, np.ones(len(rate))) @ moving.T
         if motion.mass is not None:
             flown = flown + motion.mass * np.multiply.outer(moment.velocity, rate.sum(1))
-        return (flown + np.asarray(motion.force)[..., None],
-                moving + motion.spring * np.eye(len(rate)))
+        return flown + force, moving + spring
 
     def _error(self, q: Array) -> float:
         """Of q at the stages, relative to the gap."""
-        tail = self.motion.rule.tail @ np.concatenate([self.moment.q[..., None, :], q], -2)
-        last, before = np.abs(tail).max((*range(tail.ndim - 2), -1))
-        closer = 1.0 if self.motion.mass is None else _PHASES
-        return closer * float(max(last, _NEXT * before)) / self.motion.film.specimen.gap
+        if self.jump is None:
+            q = np.concatenate([self.moment.q[..., None, :], q], -2)
+        motion, tail = self.motion, np.abs(_TAILS @ (self.motion.rule.tail @ q))
+        closer = 1.0 if motion.mass is None else _PHASES
+        return closer * float(np.maximum.reduce(tail, None)) / motion.gap
 
 
 @dataclass(frozen=True, eq=False)
 class _StepSolution:
-    """A step that is made: q at its stages, the voltages there [V], the branches' flow."""
+    """A step that is made: q at its stages, the branches' flow."""
 
     step: _Step
     q: Array
-    voltage: Array
     flow: StagedFlow
     error: float
 
     @property
+    def start(self) -> ReducedMoment:
+        """Where it begins, after the loads jumped if they do."""
+        step = self.step
+        if step.jump is None:
+            return step.moment
+        return replace(step.moment, q=self.q[..., 0, :], loads=step.jump)
+
+    @property
     def moments(self) -> list[ReducedMoment]:
-        """At the stages."""
-        motion, start = self.step.motion, self.step.moment
-        memories = self.flow.after(motion.film.strain(self.q))
-        velocity = np.zeros(self.q.shape[:-1])
+        """At the stages, without the start."""
+        motion, step = self.step.motion, self.step
+        memories = self.flow.after(motion.tabulated.strain(self.q))
+        velocities = np.zeros(self.q.shape[:-1])
         if motion.mass is not None:
-            moved = self.q[..., 0] - np.asarray(start.heave)[..., None]
-            velocity = moved @ motion.rule.inverse.T / self.step.duration
+            moved = self.q[..., 0] - np.asarray(step.moment.heave)[..., None]
+            velocities = moved @ motion.rule.inverse.T / step.duration
+        first = len(step.stages) - len(step.times)
         return [ReducedMoment(time, self.q[..., stage, :],
-                              FilmLoads(motion.force, self.voltage[..., stage] ** 2, motion.spring),
-                              memories[stage], velocity[..., stage])
-                for stage, time in enumerate(self.step.times.tolist())]
+                              FilmLoads(motion.force, step.squared[..., stage], motion.spring),
+                              memories[stage], velocities[..., stage])
+                for stage, time in enumerate(step.times.tolist(), first)]
+
+    @property
+    def _states(self) -> Array:
+        """q at the start and at the stages."""
+        if self.step.jump is not None:
+            return self.q
+        return np.concatenate([self.step.moment.q[..., None, :], self.q], -2)
 
     def beyond(self, times: Array) -> Array:
-        """q at the stages of the step that follows."""
+        """q at the stages of the step that follows, by this step's polynomial."""
         share = (times[-1] - self.step.times[-1]) / self.step.duration
-        states = np.concatenate([self.step.moment.q[..., None, :], self.q], -2)
-        return np.asarray(self.step.motion.rule.beyond(float(share)) @ states)
+        return np.asarray(self.step.motion.rule.beyond(float(share)) @ self._states)
 
+    def at_voltages(self, step: _Step) -> Array:
+        """q at the stages of the step that follows, by how it went with U², U⁴ and time here.
 
-def _solved(stiffness: Array, pull: Array) -> Array:
-    """The solution, in the shape of the right side, of systems over stages and shapes."""
-    size = pull.shape[-2] * pull.shape[-1]
-    matrix = stiffness.reshape(*pull.shape[:-2], size, size)
-    if pull.ndim == 2:
-        *_, step, singular = dgesv(matrix, pull.ravel())
-        if singular:
-            raise NoBalance
-        return np.asarray(step).reshape(pull.shape)
-    try:
-        step = np.linalg.solve(matrix, pull.reshape(*pull.shape[:-2], size, 1))
-    except np.linalg.LinAlgError:
-        raise NoBalance from None
-    return np.asarray(step.reshape(pull.shape))
+        Where the voltage swings, that leads further than a polynomial of time alone.
+        """
+        here, squared = self.step, self.step.squared
+        if here.jump is None:
+            first = np.asarray(here.moment.loads.voltage_squared)[..., None]
+            squared = np.concatenate([first, squared], -1)
+        known, wanted = ((times - here.times[-1]) / here.duration
+                         for times in (np.append(here.moment.time, here.times), step.times))
+        return by_voltages(known, squared, self._states, wanted, step.squared)

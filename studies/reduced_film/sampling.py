@@ -1,4 +1,4 @@
-"""Motions in steps as samples: values at even times, the last period of a loop."""
+"""Motions in steps as samples: values at even or later times, the last period of a loop."""
 
 from __future__ import annotations
 
@@ -13,6 +13,9 @@ Array = NDArray[np.float64]
 
 #: A loop that drifts by less than this share of its range counts as closed; points of a loop.
 _CLOSED, _POINTS = 0.01, 401
+
+#: Where squared voltages, relative, differ by less they are alike; and a voltage that is none [V²].
+_ALIKE, _NO_VOLTAGE = 1e-10, 1e-12
 
 
 def in_time(time: Array, values: Array, when: Array) -> Array:
@@ -44,3 +47,24 @@ def last_loop(name: str, signal: Signal, period: float, time: Array, deflection:
                         "began: the film still creeps; more periods (--count) close the loop")
     area = float(-np.sum((y[1:] + y[:-1]) / 2 * np.diff(u)))
     return pd.DataFrame({"specimen": name, "voltage": u, "deflection": y}), area, warnings
+
+
+def by_voltages(time: Array, squared: Array, values: Array, later: Array, ahead: Array) -> Array:
+    """Values at later times from the last one on, by how they went with U², U⁴ and time.
+
+    ``squared``: U² [V²] at the times, shape (..., times), and ``ahead`` at the later ones; values
+    have the shape (..., times, n), times no unit. By least squares.
+    """
+    largest = max(squared.max(), ahead.max(), _NO_VOLTAGE)
+    known, wanted = _terms(time, squared / largest), _terms(later, ahead / largest)
+    known, wanted = known - known[..., -1:, :], wanted - known[..., -1:, :]
+    last, turned = values[..., -1:, :], known.swapaxes(-1, -2)
+    shares = np.linalg.solve(turned @ known + _ALIKE * np.eye(3), turned @ (values - last))
+    return np.asarray(last + wanted @ shares)
+
+
+def _terms(time: Array, squared: Array) -> Array:
+    """What values are taken to be a sum of, shape (..., times, 3)."""
+    terms = np.empty((*squared.shape, 3))
+    terms[..., 0], terms[..., 1], terms[..., 2] = time, squared, squared * squared
+    return terms

@@ -1,0 +1,184 @@
+"""A film's stress by polynomials of trace and determinant of C: few calls where points are few.
+
+An isotropic energy W(λ₁, λ₂) is an analytic function of I = tr C and J = det C, equal stretches
+included, and of pairs that no C has: there λ² are conjugate complex. So Chebyshev's nodes of any
+box of I and J tell it, and S = 2 W_I 1 + 2 W_J cof C and ∂S/∂E need neither stretches nor
+directions.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tympan.fem.film.density import FilmDensity, maxwell
+from tympan.fem.film.memory import add_across, cofactor
+from tympan.geometry.specimen import Specimen
+
+Array = NDArray[np.float64]
+
+#: Of an energy's slopes over the largest of them, across the box; degrees tried in each variable.
+PRECISION, _DEGREES = 1e-5, (3, 4, 5, 6, 8, 10)
+
+#: Nodes along an axis more than the degree, those of the fit and those that check it.
+_NODES, _CHECKS = 2, 5
+
+
+@dataclass(frozen=True, eq=False)
+class EnergyTable:
+    """A film's law and its energy by U² in a box of (I, J): ``middle`` ± ``reach``, both (2, 1).
+
+    ``rows``, shape (2, 5, coefficients), give 2 W_I, 2 W_J, 4 W_II, 4 W_IJ, 4 W_JJ of the law and
+    of the charge on a covered film at 1 V. The film is ``covered`` as its points are, and wrinkles
+    where a principal S is below ``least`` [Pa].
+    """
+
+    middle: Array
+    reach: Array
+    rows: Array
+    covered: Array
+    least: float
+
+    @classmethod
+    def of(cls, specimen: Specimen, covered: Array, low: Array, high: Array
+           ) -> EnergyTable | None:
+        """Of a specimen's film between two pairs (I, J) of its virgin C.
+
+        None where no degree is precise enough, as where an energy is infinite, or where electrodes
+        are stiff.
+        """
+        if specimen.electrode.stiffness:
+            return None
+        energies = specimen.membrane.material, maxwell(specimen, 1.0)
+        middle, reach = (low + high) / 2, (high - low) / 2
+        units = np.array([reach[0], reach[1], reach[0]**2, reach[0] * reach[1], reach[1]**2])
+        for degree in _DEGREES:
+            fit = _fit(degree)
+            places = (middle + reach * fit.nodes).T
+            slopes = np.stack([_slopes(energy, *places) * reach[:, None] for energy in energies])
+            coefficients = slopes[..., :fit.count].reshape(2, -1) @ fit.inverse
+            error = np.abs(coefficients @ fit.checks - slopes[..., fit.count:].reshape(2, -1))
+            if (error.max(1) <= PRECISION * np.abs(slopes).max((1, 2))).all():
+                rows = (coefficients @ fit.derivatives).swapaxes(0, 1) / units[:, None]
+                rows[:, :2], rows[:, 2:] = 2 * rows[:, :2], 4 * rows[:, 2:]
+                residual = FilmDensity(specimen, 0.0, covered).material.residual
+                return cls(middle[:, None], reach[:, None], rows, covered,
+                           float(residual))
+        return None
+
+    def stress(self, c: Array, voltage_squared: Any, thick: Any = None, *, tangent: bool = True
+               ) -> tuple[Array, Any] | None:
+        """S [Pa] at C, (3, ..., points), and ∂S/∂E, (3, 3, ..., points), if it is asked for.
+
+        ``thick``: with ½ so much over det C [Pa], (..., points), stored besides. None where any C
+        is not in the box, or the film wrinkles.
+        """
+        trace, area = c[0] + c[1], c[0] * c[1] - c[2] * c[2]
+        values = self._derivatives(trace, area, voltage_squared * self.covered, 5 if tangent else 2)
+        if values is None or not self._tense(trace, area, values):
+            return None
+        if thick is not None:
+            push = thick / (area * area)
+            values[1] -= push
+        across = cofactor(c)
+        stress = values[1] * across
+        stress[:2] += values[0]
+        if not tangent:
+            return stress, None
+        if thick is not None:
+            values[4] += 4 * push / area
+        bend = (values[4] * across)[:, None] * across
+        mixed = values[3] * across
+        bend[:2] += mixed
+        bend[:, :2] += mixed[:, None]
+        bend[:2, :2] += values[2]
+        add_across(bend, -values[1])
+        return stress, bend
+
+    def _derivatives(self, trace: Array, area: Array, charge: Any, count: int) -> Array | None:
+        """So many, by ``rows``, shape (count, ..., points), of the law and so often the charge."""
+        place = np.empty((2, trace.size))
+        place[0], place[1] = trace.ravel(), area.ravel()
+        place -= self.middle
+        place /= self.reach
+        if not np.maximum.reduce(np.abs(place), None) <= 1:
+            return None
+        powers = np.empty((self.degree + 1, *place.shape))
+        powers[0], powers[1] = 1.0, place
+        for number in range(1, self.degree):
+            np.multiply(powers[number], place, powers[number + 1])
+        terms = (powers[:, None, 0] * powers[:, 1]).reshape(-1, place.shape[1])
+        law, charged = self.rows[:, :count]
+        values = (law @ terms).reshape(count, *trace.shape)
+        values += charge * (charged @ terms).reshape(values.shape)
+        return np.asarray(values)
+
+    def _tense(self, trace: Array, area: Array, values: Array) -> bool:
+        """Whether both principal S, 2 W_I + 2 W_J λ² of the other stretch, are above ``least``."""
+        flat, across = values[0] - self.least, values[1]
+        other = flat + across * trace
+        both = np.minimum(flat * other + across * across * area, flat + other)
+        return bool(np.minimum.reduce(both, None) > 0)
+
+    @cached_property
+    def degree(self) -> int:
+        """Of the polynomials, in each variable."""
+        return math.isqrt(self.rows.shape[2]) - 1
+
+
+@dataclass(frozen=True, eq=False)
+class _Fit:
+    """Of a polynomial's coefficients to its slopes at nodes in (−1, 1)², ``count`` of the fit.
+
+    ``inverse``, (2 × count, coefficients); ``checks``: slopes at the other nodes, (coefficients,
+    2 × others); ``derivatives``: coefficients of x, y, xx, xy, yy by the polynomial's, (5,
+    coefficients, coefficients).
+    """
+
+    nodes: Array
+    count: int
+    inverse: Array
+    checks: Array
+    derivatives: Array
+
+
+@lru_cache
+def _fit(degree: int) -> _Fit:
+    along = np.diag(np.arange(1.0, degree + 1), -1)
+    unit = np.eye(degree + 1)
+    first, second = np.kron(along, unit), np.kron(unit, along)
+    derivatives = np.stack([first, second, first @ first, first @ second, second @ second])
+    grids = [_grid(degree + more) for more in (_NODES, _CHECKS)]
+    slopes = [np.concatenate([part @ _powers(grid, degree) for part in derivatives[:2]], 1)
+              for grid in grids]
+    return _Fit(np.concatenate(grids), len(grids[0]), np.linalg.pinv(slopes[0]), slopes[1],
+                derivatives)
+
+
+def _grid(count: int) -> Array:
+    """Pairs of Chebyshev's nodes, shape (count², 2)."""
+    nodes = np.cos(np.pi * (np.arange(count) + 0.5) / count)
+    return np.stack(np.meshgrid(nodes, nodes), -1).reshape(-1, 2)
+
+
+def _powers(places: Array, degree: int) -> Array:
+    """xⁱ yʲ at places, shape (coefficients, places)."""
+    x, y = places.T[:, None] ** np.arange(degree + 1)[:, None]
+    return np.asarray((x[:, None] * y).reshape(-1, len(places)))
+
+
+def _slopes(energy: Any, trace: Array, determinant: Array) -> Array:
+    """W_I and W_J of an energy by principal stretches, nan where it has none, shape (2, ...)."""
+    half = trace / 2
+    radius = np.sqrt(half * half - determinant + 0j)
+    first, second = np.sqrt(half + radius), np.sqrt(half - radius)
+    with np.errstate(all="ignore"):
+        _, w1, w2, *_ = energy.derivatives(first, second)
+        by_first, by_second = w1 / (2 * first), w2 / (2 * second)
+        across = (by_second - by_first) / (2 * radius)
+        return np.real(np.stack([by_first - across * second**2, across]))

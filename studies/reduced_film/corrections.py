@@ -1,0 +1,74 @@
+"""Corrections of a collocated step: its systems of equations, and Broyden's updates of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg.lapack import dgetrf, dgetrs
+
+from tympan.studies.reduced_film.film import NoBalance
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Corrections:
+    """Corrections by a tangent that is not formed again but learns from those that were made.
+
+    Broyden's good method by its first tangent's ``solve`` and its steps (Kelley, *Iterative Methods
+    for Linear and Nonlinear Equations*, §7.3); arrays are (..., stages, shapes), of several runs.
+    """
+
+    solve: Callable[[Array], Array]
+    steps: list[tuple[Array, Any]] = field(default_factory=list)
+
+    def correction(self, pull: Array) -> Array:
+        """Of a state that is out of balance by a pull."""
+        change = self.solve(pull)
+        for (step, square), (following, _) in pairwise(self.steps):
+            change = change + following * (_product(step, change) / square)
+        if self.steps:
+            step, square = self.steps[-1]
+            change = change / (1 - _product(step, change) / square)
+        self.steps.append((change, _product(change, change)))
+        return change
+
+
+def _product(a: Array, b: Array) -> Any:
+    """Of two changes, by runs."""
+    if a.ndim == 2:
+        return np.vdot(a, b)
+    return (a * b).sum((-1, -2), keepdims=True)
+
+
+def factorised(stiffness: Array) -> Callable[[Array], Array]:
+    """What solves for right sides, (..., stages, shapes), by a matrix over stages and shapes.
+
+    Raises
+    ------
+    NoBalance
+        Where it is singular.
+    """
+    *runs, stages, count = stiffness.shape[:-2]
+    size = stages * count
+    matrix = stiffness.reshape(*runs, size, size)
+    if not runs:
+        factors, pivots, singular = dgetrf(matrix.T)
+        if singular:
+            raise NoBalance
+        return lambda pull: np.asarray(
+            dgetrs(factors, pivots, pull.ravel(), trans=1)[0]).reshape(stages, count)
+
+    def solve(pull: Array) -> Array:
+        try:
+            right = pull.reshape(*runs, size, 1)
+            return np.asarray(np.linalg.solve(matrix, right)).reshape(pull.shape)
+        except np.linalg.LinAlgError:
+            raise NoBalance from None
+
+    return solve
