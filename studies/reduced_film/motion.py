@@ -35,8 +35,7 @@ from tympan.studies.signals import Signal, Supplied, Together
 
 Array = NDArray[np.float64]
 
-#: Stages of a step of one run, and of several or where the plate has a motion of its own: there
-#: they cost arithmetic, and fast motion that dies out is not followed in longer steps.
+#: Stages of a step of one run; of several, which cost arithmetic, or where the plate is led.
 _STAGES, _FEWER = 5, 4
 
 #: Up to how many times as long a step begins where the one before leads to.
@@ -62,6 +61,10 @@ _CLOSER, _NEAR, _LEFT = 0.2, 2e-3, 0.3
 
 #: A tangent serves again where corrections fall at least so fast.
 _SLOW = 0.4
+
+#: A signal is a line where it is one at these places, but for so much of it; else the first step is
+#: so long a part of it.
+_PLACES, _LINE, _BENT = np.array([0.0, 0.3, 0.6]), 1e-9, 0.25
 
 #: Of a step, relative to the gap between plate and frame.
 ERROR = 1e-4
@@ -157,9 +160,9 @@ class ReducedMotion:
             if jump and self.leads:
                 moment = self._after_jump(moment, jump)
             if jump or not step:
-                step = _FIRST * min([end - start, *self._times(moment)])
-            if jump:
-                past = None
+                step = min(_FIRST * min([end - start, *self._times(moment)]),
+                           self._straight(piece, start, end))
+            past = None if jump else past
             if jump is None or self.leads:
                 jump = None
                 yield moment
@@ -249,6 +252,12 @@ class ReducedMotion:
         if past is not None and step.duration <= _FAR * past.step.duration:
             return past.beyond(step.times)
         return np.repeat(step.moment.q[..., None, :], len(step.stages), -2)
+
+    def _straight(self, piece: int, start: float, end: float) -> float:
+        """The longest first step in a piece of the signal [s]: a part of one that is no line."""
+        voltage = self.signal.within(piece, start + (end - start) * _PLACES)
+        bends = np.abs(np.diff(voltage, 2)) > _LINE * np.abs(voltage).max()
+        return _BENT * (end - start) if np.any(bends) else np.inf
 
     def _times(self, moment: ReducedMoment) -> list[float]:
         """Times that matter [s]: of the branches, of the plate's swing or creep."""
@@ -346,9 +355,8 @@ class _Step:
 
         Of a fresh tangent's its square, of others as large a share as they are of those before.
         """
-        if fresh and size < self.motion.last:
-            return True
-        return size**2 < _LEFT * self.motion.closeness * before < np.inf
+        little = _LEFT * self.motion.closeness
+        return (fresh and size < self.motion.last) or size**2 < little * before < np.inf
 
     def _require_stable(self, stiffness: Array) -> None:
         # What inertia or a damper lead need not be stable by itself.
@@ -436,6 +444,6 @@ class _StepSolution:
         if here.jump is None:
             first = np.asarray(here.moment.loads.voltage_squared)[..., None]
             squared = np.concatenate([first, squared], -1)
-        known, wanted = ((times - here.times[-1]) / here.duration
+        before, later = ((times - here.times[-1]) / here.duration
                          for times in (np.append(here.moment.time, here.times), step.times))
-        return by_voltages(known, squared, self._states, wanted, step.squared)
+        return by_voltages(before, squared, self._states, later, step.squared)

@@ -56,11 +56,12 @@ def by_voltages(time: Array, squared: Array, values: Array, later: Array, ahead:
     have the shape (..., times, n), times no unit. By least squares.
     """
     largest = max(squared.max(), ahead.max(), _NO_VOLTAGE)
-    known, wanted = _terms(time, squared / largest), _terms(later, ahead / largest)
-    known, wanted = known - known[..., -1:, :], wanted - known[..., -1:, :]
-    last, turned = values[..., -1:, :], known.swapaxes(-1, -2)
-    shares = np.linalg.solve(turned @ known + _ALIKE * np.eye(3), turned @ (values - last))
-    return np.asarray(last + wanted @ shares)
+    terms, last = _terms(time, squared / largest), values[..., -1:, :]
+    change = terms - terms[..., -1:, :]
+    following = _terms(later, ahead / largest) - terms[..., -1:, :]
+    turned = change.swapaxes(-1, -2)
+    shares = np.linalg.solve(turned @ change + _ALIKE * np.eye(3), turned @ (values - last))
+    return np.asarray(last + following @ shares)
 
 
 def _terms(time: Array, squared: Array) -> Array:

@@ -31,14 +31,14 @@ def _stretched(x: np.ndarray) -> np.ndarray:
     """Springs between neighbours that stiffen, over two stages and three shapes."""
     flat = x.reshape(*x.shape[:-2], 6)
     ends = np.diff(flat, prepend=0.0)
-    pull = ends + 2 * ends**3
+    pull = ends + 0.3 * ends**3
     return (pull - np.append(pull[..., 1:], 0 * pull[..., :1], -1)).reshape(x.shape)
 
 
 @pytest.mark.parametrize("runs", [(), (2,)])
 def test_corrections_learn_what_the_tangent_has_become(runs: tuple[int, ...]) -> None:
-    """They need fewer than half of those by the same tangent alone, each run as if it were alone."""
-    load = np.broadcast_to(0.1 * np.arange(1.0, 7.0).reshape(2, 3), (*runs, 2, 3)).copy()
+    """They need fewer than half of those by the same tangent alone, each run as if by itself."""
+    load = np.tile(0.05 * np.arange(1.0, 7.0).reshape(2, 3), (*runs, 1, 1))
     if runs:
         load[1] *= 0.5
     matrix = 2 * np.eye(6) - np.eye(6, k=1) - np.eye(6, k=-1)
@@ -46,16 +46,12 @@ def test_corrections_learn_what_the_tangent_has_become(runs: tuple[int, ...]) ->
     stiffness = np.broadcast_to(matrix, (*runs, 6, 6)).reshape(*runs, 2, 3, 2, 3)
     counts = []
     for learns in (True, False):
-        x, corrections = np.zeros_like(load), Corrections(factorised(stiffness))
-        for count in range(200):
-            pull = _stretched(x) - load
-            if np.abs(pull).max() < 1e-9:
-                break
-            step = corrections.correction(pull) if learns else 0.3 * corrections.solve(pull)
-            x = x - step
+        x, corrections, count = np.zeros_like(load), Corrections(factorised(stiffness)), 0
+        while np.abs(pull := _stretched(x) - load).max() > 1e-9 and count < 200:
+            x = x - (corrections.correction(pull) if learns else corrections.solve(pull))
+            count += 1
         counts.append(count)
-    assert counts[0] < counts[1] / 2
-    assert counts[0] < 40
+    assert counts[0] < counts[1] / 2 < 100
 
 
 def test_a_singular_tangent_is_no_balance() -> None:
