@@ -57,18 +57,14 @@ def factorised(stiffness: Array) -> Callable[[Array], Array]:
     *runs, stages, count = stiffness.shape[:-2]
     size = stages * count
     matrix = stiffness.reshape(*runs, size, size)
-    if not runs:
-        factors, pivots, singular = dgetrf(matrix.T)
-        if singular:
-            raise NoBalance
-        return lambda pull: np.asarray(
-            dgetrs(factors, pivots, pull.ravel(), trans=1)[0]).reshape(stages, count)
+    # By LAPACK itself: NumPy has no factors to solve by again, and costs a small system more.
+    factors = [dgetrf(each.T) for each in matrix.reshape(-1, size, size)]
+    if any(singular for *_, singular in factors):
+        raise NoBalance
 
     def solve(pull: Array) -> Array:
-        try:
-            right = pull.reshape(*runs, size, 1)
-            return np.asarray(np.linalg.solve(matrix, right)).reshape(pull.shape)
-        except np.linalg.LinAlgError:
-            raise NoBalance from None
+        rights = zip(factors, pull.reshape(-1, size), strict=True)
+        changes = [dgetrs(both, pivots, right, trans=1)[0] for (both, pivots, _), right in rights]
+        return np.array(changes).reshape(pull.shape)
 
     return solve
