@@ -26,9 +26,11 @@ _WIDTH, _HEIGHT, _LEFT, _TOP, _BELOW = 110.0, 70.0, 14.0, 8.0, 12.0  # [mm]
 #: How a limit is marked, and its words where a curve passes or ends.
 _MARKS = {"tension": ("s", "loses tension"), "breakdown": ("X", "breaks down"),
           "pull_in": ("x", "pulls in")}
-#: Where words are from their mark [points]; their colour where they are of several curves; times
-#: that room is made for them.
-_BESIDE, _OF_ALL, _TRIES = (-4.0, 2.0), "#333333", 25
+#: Where words are from their mark, and how far above that they are still beside it [points]; their
+#: colour where they are of several curves; times that room is made for them.
+_BESIDE, _NEAR, _OF_ALL, _TRIES = (-4.0, 2.0), 16.0, "#333333", 25
+#: Behind words, where they lie over a curve after all.
+_PAPER = {"facecolor": "white", "alpha": 0.75, "linewidth": 0.0, "pad": 0.5}
 _THINS, _KEPT = "loses tension, thins without bound", "were it kept from wrinkling"
 
 
@@ -127,32 +129,31 @@ def frame_curves(axes: Axes, curves: list[VoltageCurve], *others: Axes) -> None:
     ``others`` show curves of the same limits. Equal words beside each other are said once, others
     moved apart.
     """
-    panels, lines = (axes, *others), [curve.line for curve in curves if len(curve.voltage)]
+    panels = axes, *others
     right = max((float(part.max()) for curve in curves for part in (curve.voltage, curve.asked)
                  if len(part)), default=0.0) or 1.0
-    top = max((float(y.max()) for _, y in lines), default=0.0) or 1.0
+    top = max((float(curve.deflection.max()) for curve in curves if len(curve.deflection)),
+              default=0.0) or 1.0
     for panel in panels:
         panel.set(xlim=(-0.02 * right, 1.06 * right), ylim=(0, 1.15 * top))
         panel.legend(loc="upper left")
         _say_once(panel)
     for _ in range(_TRIES):
-        places = [[panel.transData.transform(np.transpose(line)) for line in lines]
-                  for panel in panels]
-        for panel, points in zip(panels, places, strict=True):
-            _move_apart(panel, points)
-        if not any(map(_crowded, panels, places)):
+        for panel in panels:
+            _move_apart(panel)
+        if not any(map(_crowded, panels)):
             break
         for panel in panels:
             panel.set_ylim(0, 1.08 * panel.get_ylim()[1])
 
 
-def _crowded(axes: Axes, places: list[Array]) -> bool:
-    """Whether the legend lies over words or curves, whose points [pixels] are at ``places``."""
+def _crowded(axes: Axes) -> bool:
+    """Whether the legend lies over words or curves."""
     legend = axes.get_legend()
     assert legend is not None
     covered = legend.get_window_extent()
     return (any(covered.overlaps(text.get_window_extent()) for text in _words(axes))
-            or any(covered.count_contains(points) for points in places))
+            or any(covered.count_contains(points) for points in _drawn(axes)))
 
 
 def _say_once(axes: Axes) -> None:
@@ -167,20 +168,35 @@ def _say_once(axes: Axes) -> None:
             text.remove()
 
 
-def _move_apart(axes: Axes, places: list[Array]) -> None:
-    """Up from each other and from curves, whose points [pixels] are at ``places``; lowest first."""
+def _move_apart(axes: Axes) -> None:
+    """Up from each other, the lowest first; from curves only if words stay near their mark."""
     placed: list[Bbox] = []
     for text in _words(axes):
-        text.xyann = across, up = _BESIDE
-        while _covers(text.get_window_extent(), placed, places):
-            up += 1.0
-            text.xyann = across, up
+        if not _move_up(text, placed, _drawn(axes), _NEAR):
+            _move_up(text, placed, [], np.inf)
         placed.append(text.get_window_extent())
 
 
-def _covers(box: Bbox, placed: list[Bbox], places: list[Array]) -> bool:
+def _move_up(text: Annotation, placed: list[Bbox], drawn: list[Array], most: float) -> bool:
+    """Up until nothing is covered; False where that is not reached ``most`` points above."""
+    across, start = _BESIDE
+    up = start
+    while up < start + most:
+        text.xyann = across, up
+        if not _covers(text.get_window_extent(), placed, drawn):
+            return True
+        up += 1.0
+    return False
+
+
+def _covers(box: Bbox, placed: list[Bbox], drawn: list[Array]) -> bool:
     return (any(box.overlaps(other) for other in placed)
-            or any(box.count_contains(points) for points in places))
+            or any(box.count_contains(points) for points in drawn))
+
+
+def _drawn(axes: Axes) -> list[Array]:
+    """Points of curves and marks [pixels]."""
+    return [axes.transData.transform(line.get_xydata()) for line in axes.get_lines()]
 
 
 def _words(axes: Axes) -> list[Annotation]:
@@ -232,7 +248,7 @@ def _mark(axes: Axes, curve: VoltageCurve, limit: Limit, marker: str, word: str,
 def _word(axes: Axes, place: tuple[float, float], word: str, colour: str) -> None:
     if word:
         axes.annotate(word, place, _BESIDE, textcoords="offset points", ha="right", va="bottom",
-                      color=colour, fontsize=6.5)
+                      color=colour, fontsize=6.5, bbox=_PAPER, zorder=5)
 
 
 def _deflection(curve: VoltageCurve, limit: Limit) -> float:
