@@ -15,6 +15,7 @@ sys.path.insert(0, str(ROOT))
 os.environ["PYVISTA_OFF_SCREEN"] = os.environ["PYVISTA_BUILDING_GALLERY"] = "true"
 
 import pyvista  # noqa: E402
+from docutils import nodes  # noqa: E402
 
 from tympan.cli import main  # noqa: E402
 from tympan.commands import COMMANDS, HEADINGS  # noqa: E402
@@ -90,6 +91,15 @@ def write_commands(app: Any) -> None:
         page.write_text(text, encoding="utf-8")
 
 
+def name_thumbnails(app: Any, doctree: Any, _: str) -> None:
+    """A thumbnail, which sphinx-gallery leaves without words, is called what its tutorial is."""
+    for image in doctree.findall(nodes.image):
+        name = Path(image["uri"]).stem.removeprefix("sphx_glr_").removesuffix("_thumb")
+        if not image.get("alt"):
+            image["alt"] = app.env.titles[f"tutorials/{name}"].astext()
+
+
 def setup(app: Any) -> None:
     """Sphinx calls it."""
     app.connect("builder-inited", write_commands, priority=1)
+    app.connect("doctree-resolved", name_thumbnails)

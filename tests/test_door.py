@@ -186,7 +186,8 @@ def test_pictures_and_tables_of_notebooks(solved: tympan.Result[CaseResult]) -> 
             assert axes.has_data()
             assert axes.figure.number in pyplot.get_fignums()
             assert "circle" in axes.get_title()
-        assert f"{solved.deflection_m:.6f}" in solved._repr_html_()
+        for value in (solved.deflection_m, solved.capacitance_F):
+            assert f"<td>{value:.6g}</td>" in solved._repr_html_()
         gone = replace(solved.numbers, film=None)
         with pytest.raises(tympan.InputError):
             tympan.Result(gone).plot()

@@ -52,8 +52,15 @@ class Result(Generic[Numbers]):
         return plot(self.numbers, target, **choices)
 
     def _repr_html_(self) -> str:
-        """As notebooks show it: the result's table, its longest ones cut."""
-        return str(self.to_pandas().to_html(index=False, max_rows=12, border=0, na_rep=""))
+        """As notebooks show it: the result's table, its longest ones cut; one row goes down."""
+        from pandas import json_normalize
+
+        table, digits = self.to_pandas(), "{:.6g}".format
+        if len(table) != 1:
+            return str(table.to_html(index=False, max_rows=12, border=0, na_rep="",
+                                     float_format=digits))
+        row = json_normalize(table.to_dict("records")).iloc[0].dropna()
+        return str(row.to_frame().to_html(header=False, border=0, float_format=digits))
 
     def save(self, target: str | os.PathLike[str]) -> Path:
         """Write what the command writes into a folder; into NAME.json or NAME.csv numbers alone.

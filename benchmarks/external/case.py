@@ -18,6 +18,9 @@ DATA = HERE / "data"
 #: Resolution of the page's pictures.
 _DPI = 160
 
+#: Characters of the longest cell of a column of numbers.
+_NUMBER = 24
+
 
 @dataclass(frozen=True)
 class Case:
@@ -33,9 +36,12 @@ def words(name: str) -> str:
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """A Markdown table; all columns but the first hold numbers."""
-    lines = [f"| {' | '.join(head)} |", "|---|" + "---:|" * (len(head) - 1)]
-    return "\n".join([*lines, *(f"| {' | '.join(row)} |" for row in rows)])
+    """A Markdown table; columns of words stand on the left, of anything shorter on the right."""
+    rows = list(rows)
+    longest = [max((len(row[column]) for row in rows), default=0) for column in range(len(head))]
+    rules = ["---", *("---" if length > _NUMBER else "---:" for length in longest[1:])]
+    return "\n".join([f"| {' | '.join(head)} |", f"|{'|'.join(rules)}|",
+                      *(f"| {' | '.join(row)} |" for row in rows)])
 
 
 def draw(folder: Path, name: str, compose: Callable[[], Figure]) -> str:

@@ -28,7 +28,7 @@ oval = tympan.Specimen("oval", tympan.Ellipse(("6 cm", "4 cm")), plate, film)
 # On the command line: ``tympan solve oval.toml --mass "17.9 g" --voltage "3.5 kV" -o solved``.
 result = tympan.solve(oval, mass="17.9 g", voltage="3.5 kV")
 print(f"{result.status}: the plate sinks {1e3 * result.deflection_m:.3f} mm")
-print(f"it pulls in at {1e-3 * result.limits.pull_in.voltage_V:.2f} kV")
+print(f"further up {result.limits.ended}")
 result.plot()
 
 # %%
