@@ -18,6 +18,7 @@ Columns = Mapping[str, NDArray[Any]]
 
 _TITLE, _PANEL, _GAP, _AXIS, _LEGEND = 8.0, 34.0, 6.0, 11.0, 8.0  # heights [mm]
 _LEFT, _RIGHT, _BETWEEN = 16.0, 3.0, 8.0
+_NAMED = 20.0  # left of panels with their specimen's name
 
 #: Panels of readings beside each other, their height and what is below them [mm].
 _ACROSS, _TALL, _BELOW = 3, 52.0, 14.0
@@ -124,14 +125,14 @@ def compose_residuals(readings: Columns) -> Figure:
                      for model in ("baseline", "extended"))
     height = _TITLE + len(names) * (_PANEL + _GAP) - _GAP + _AXIS + _LEGEND
     figure = style.new_figure(height)
-    width = (style.WIDTH - _LEFT - _RIGHT - _BETWEEN) / 2
+    width = (style.WIDTH - _NAMED - _RIGHT - _BETWEEN) / 2
     changed = not np.array_equal(before, after)
     noise = float((1e6 * readings["sigma"]).max())
     reach = 1.15 * max(float(np.abs(before).max()), 2.5 * noise)
     titles = "nominal model, stiffness and permittivity fitted", "extended model"
     for row, name in enumerate(names):
         for column, (title, values) in enumerate(zip(titles, (before, after), strict=True)):
-            axes = style.place_axes(figure, _LEFT + column * (width + _BETWEEN),
+            axes = style.place_axes(figure, _NAMED + column * (width + _BETWEEN),
                                     _TITLE + row * (_PANEL + _GAP), width, _PANEL)
             _panel(axes, readings, name, values if column == 0 or changed else None)
             axes.set_ylim(-reach, reach)
