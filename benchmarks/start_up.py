@@ -2,15 +2,17 @@
 
     python -m benchmarks.start_up [--before TREE] [--repeats 5]
 
-Every command runs in a process of its own, on the specimen below: once with nothing kept on disk
+Every command runs in a process of its own, on the small files below: once with nothing kept on disk
 by earlier runs ("first"), then some times more, of which the least counts ("again"). TREE is a
-working tree of another version, to compare with.
+working tree of another version, to compare with; what it does not have yet is "-".
 """
 
 from __future__ import annotations
 
 import argparse
 import os
+import re
+import shutil
 import subprocess
 import sys
 import time
@@ -34,11 +36,100 @@ prestretch = [3, 3]
 relative_permittivity = 4.7
 material = "vhb-4910"
 """
-LOADS = ("--mass", "20 g", "--voltage", "3 kV")
-COMMANDS = (("--help",), ("solve", "--help"), ("materials",), ("effects",),
-            ("solve", "rounded.toml", *LOADS), ("limits", "rounded.toml", "--mass", "20 g"),
-            ("modes", "rounded.toml", *LOADS), ("sensitivity", "rounded.toml", *LOADS),
-            ("alpha", "rounded.toml"), ("curve", "rounded.toml", "--mass", "20 g", "-o", "curve"))
+BRANCH = """
+[[membrane.branch]]
+modulus = "31.2 kPa"
+time = "6.5 s"
+"""
+STUDY = """
+specimens = ["rounded.toml"]
+[curves]
+mass = ["20 g"]
+voltage = ["0 kV", "3 kV"]
+[alpha_fit]
+mass = ["20 g"]
+voltage = ["0 kV", "3 kV"]
+[alpha_held_out]
+mass = ["22 g"]
+voltage = ["2.5 kV"]
+"""
+SWEEP = """
+specimen = "rounded.toml"
+mass = "20 g"
+voltage = "3 kV"
+[grid]
+"membrane.prestretch.0" = [2.9, 3.0]
+"""
+OPTIMISE = """
+specimen = "round.toml"
+reference = "round.toml"
+mass = "20 g"
+voltage = "3 kV"
+[vary]
+"plate.radius" = ["9 mm", "12 mm"]
+[limits]
+max_field = "60 MV/m"
+"""
+ROUND = re.sub(r'\[frame\].*\[membrane\]', '''[frame]
+shape = "circle"
+radius = "45 mm"
+[plate]
+shape = "circle"
+radius = "1 cm"
+[membrane]''', ROUNDED.replace('"rounded"', '"round"', 1), flags=re.DOTALL)
+READINGS = "".join(f"round,{mass},{kilovolts},{0.12 * mass + 0.02 * kilovolts**2}\n"
+                   for mass in (15, 20) for kilovolts in (0, 1, 2, 3, 4))
+TESTS = "".join(f"uniaxial,{stretch},{20 * (stretch - stretch**-2)}\n"
+                for stretch in (1.2, 1.4, 1.6, 1.9, 2.1, 2.5, 2.8))
+FILES = {"rounded.toml": ROUNDED, "round.toml": ROUND, "STUDY.toml": STUDY, "SWEEP.toml": SWEEP,
+         "OPTIMISE.toml": OPTIMISE, "viscous.toml": ROUND + BRANCH,
+         "coupon.csv": f"mode,stretch,nominal_stress_kPa\n{TESTS}",
+         "readings/dataset.toml": 'name = "readings"\n' + "".join(
+             line.replace("[", "[specimen.") if line.startswith("[") else line
+             for line in f"[[specimen]]{ROUND}".splitlines(keepends=True)).replace(
+                 "[specimen.[specimen.specimen]]", "[[specimen]]"),
+         "readings/static.csv": f"specimen,mass_g,voltage_kV,displacement_mm\n{READINGS}"}
+
+#: A small piece of work for each command; of those that work for minutes, and of the page, what
+#: they are called with.
+WORK = """
+--help
+solve --help
+solve rounded.toml --mass 20g --voltage 3kV
+limits rounded.toml --mass 20g
+curve rounded.toml --mass 20g -o curve
+path rounded.toml --mass 20g
+modes rounded.toml --mass 20g --voltage 3kV
+sensitivity rounded.toml --mass 20g --voltage 3kV
+transient viscous.toml --mass 20g --signal step --high 3kV
+response viscous.toml --mass 20g --voltage 3kV
+alpha rounded.toml
+study STUDY.toml -o study
+sweep SWEEP.toml -o swept --workers 1
+optimise OPTIMISE.toml -o optimum
+outlines --help
+map --help
+draw rounded.toml -o drawing
+explore --help
+export rounded.toml -o parts
+report solved
+materials
+material show vhb-4910
+effects
+doctor
+data readings
+diagnose --help
+material fit coupon.csv
+lumped build round.toml -o built
+lumped simulate --model models/round.lumped.toml --mass 20g --signal step --high 3kV
+lumped linearise --model models/round.lumped.toml --mass 20g
+lumped identify readings --model models/round.lumped.toml --no-limits
+lumped export models/round.lumped.toml -o controller
+lumped paper --help
+"""
+COMMANDS = tuple(tuple(line.split()) for line in WORK.split("\n") if line)
+#: What some of that starts from.
+MADE = ("solve rounded.toml --mass 20g -o solved", "lumped build round.toml -o models")
 
 
 @dataclass(frozen=True)
@@ -49,26 +140,39 @@ class Times:
     processor: float
 
 
-def times(tree: Path, folder: Path, command: tuple[str, ...]) -> Times:
-    """Of one command by a tree's sources."""
+def times(tree: Path, folder: Path, command: tuple[str, ...]) -> Times | None:
+    """Of one command by a tree's sources; None where it does not have it."""
     before, began = os.times(), time.perf_counter()
-    subprocess.run([sys.executable, "-m", "tympan", *command], cwd=folder, check=True,
-                   capture_output=True,
-                   env=os.environ | {"PYTHONPATH": str(tree), "TYMPAN_CACHE": str(folder / "kept"),
-                                     "OPENBLAS_NUM_THREADS": "1"})
+    done = subprocess.run([sys.executable, "-m", "tympan", *command], cwd=folder, check=False,
+                          capture_output=True, env=os.environ | {
+                              "PYTHONPATH": str(tree), "TYMPAN_CACHE": str(folder / "kept"),
+                              "OPENBLAS_NUM_THREADS": "1"})
     after = os.times()
     busy = (after.children_user - before.children_user
             + after.children_system - before.children_system)
-    return Times(time.perf_counter() - began, busy)
+    if done.returncode and tree == ROOT:
+        raise SystemExit(f"{' '.join(command)}: {done.stderr.decode()}")
+    return None if done.returncode else Times(time.perf_counter() - began, busy)
 
 
-def first_and_again(tree: Path, command: tuple[str, ...], repeats: int) -> tuple[Times, Times]:
+def first_and_again(tree: Path, command: tuple[str, ...], repeats: int
+                    ) -> tuple[Times | None, Times | None]:
     """Times of the first run and the least of the others."""
     with TemporaryDirectory() as scratch:
         folder = Path(scratch)
-        (folder / "rounded.toml").write_text(ROUNDED)
-        first, *others = (times(tree, folder, command) for _ in range(repeats + 1))
-    return first, Times(min(run.wall for run in others), min(run.processor for run in others))
+        for name, text in FILES.items():
+            (folder / name).parent.mkdir(exist_ok=True)
+            (folder / name).write_text(text, encoding="utf-8")
+        needed = next((made for made in MADE if made.split()[-1] in " ".join(command)), None)
+        if needed is not None:
+            times(ROOT, folder, tuple(needed.split()))
+            shutil.rmtree(folder / "kept")
+        runs = [times(tree, folder, command) for _ in range(repeats + 1)]
+    first, *others = [run for run in runs if run is not None] or [None, None]
+    if first is None or not all(others):
+        return None, None
+    return first, Times(min(run.wall for run in others if run),
+                        min(run.processor for run in others if run))
 
 
 def main() -> None:
@@ -79,15 +183,21 @@ def main() -> None:
     options = parser.parse_args()
     trees = ([options.before] if options.before else []) + [ROOT]
     for tree in trees:  # compile, and read from disk once
-        first_and_again(tree, ("solve", "rounded.toml", *LOADS), 1)
+        first_and_again(tree, COMMANDS[2], 1)
     print(f"load {os.getloadavg()[0]:.1f}; seconds on the clock (of processors)")
     heads = (["before, first", "before, again"] if options.before else []) + ["first", "again"]
-    print(f"{'':<12}" + "".join(f"{head:>16}" for head in heads))
+    print(f"{'':<18}" + "".join(f"{head:>16}" for head in heads))
     for command in COMMANDS:
         cells = [run for tree in trees for run in first_and_again(tree, command, options.repeats)]
-        name = " ".join(command[:2]) if command[-1] == "--help" else command[0]
-        print(f"{name:<12}" + "".join(f"{f'{run.wall:.2f} ({run.processor:.2f})':>16}"
-                                      for run in cells), flush=True)
+        texts = [f"{run.wall:.2f} ({run.processor:.2f})" if run else "-" for run in cells]
+        print(f"{named(command):<18}" + "".join(f"{text:>16}" for text in texts), flush=True)
+
+
+def named(command: tuple[str, ...]) -> str:
+    """What the table calls it: the command's words, and whether only help is asked for."""
+    words = [word for word in command if not word.startswith("-")]
+    count = 2 if words[:1] in (["lumped"], ["material"]) else 1
+    return " ".join([*words[:count], *(["--help"] if "--help" in command else [])])
 
 
 if __name__ == "__main__":

@@ -15,6 +15,7 @@ import pytest
 import pyvista
 from matplotlib import pyplot
 
+from tests.support.checks.accessible import wordless
 from tympan import cli
 from tympan.cli import main
 
@@ -142,6 +143,13 @@ def test_every_link_leads_somewhere(page: Path) -> None:
         assert not anchor or anchor in anchors(target), link
 
 
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_every_picture_has_words(page: Path) -> None:
+    text = page.read_text(encoding="utf-8")
+    assert all(" " in alt.strip() for alt in re.findall(r"!\[([^\]]*)\]", text))
+    assert not wordless(text)
+
+
 def test_every_page_is_in_a_table_of_contents() -> None:
     listed = {(page.parent / f"{name}.md").resolve() for page in PAGES
               for block in re.findall(r"```{toctree}\n(.*?)```",
@@ -160,8 +168,10 @@ def test_the_site_is_built_without_warnings(tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
     for name in ("index", "commands", "api", "tutorials/plot_5_own_data_diagnosed"):
         assert (tmp_path / f"site/{name}.html").stat().st_size > 5000
-    site = (tmp_path / "site").rglob("*.html")
-    pages = "".join(page.read_text(encoding="utf-8") for page in site)
+    site = {page: page.read_text(encoding="utf-8") for page in (tmp_path / "site").rglob("*.html")}
+    pages = "".join(site.values())
+    assert not [picture for page in site.values() for picture in wordless(page)
+                if picture.startswith("<img")]
     assert not re.findall(r"<(?:script|link|img)[^>]+(?:src|href)=\"https?://[^\"]+", pages)
 
 

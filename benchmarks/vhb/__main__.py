@@ -40,7 +40,7 @@ def main() -> None:
                   *misfits(coupons, chosen, published), "", *laws(fits), "",
                   *rest(tape, coupons, chosen)]
         draw(tape)
-        lines += ["", f"![{tape}]({tape}.png)"]
+        lines += ["", f"![Tests of {tape} in time, and its law at rest]({tape}.png)"]
         for branch in (chosen.law.values[0], *chosen.values):
             print(tape, f"{branch:.4g}")
     lines += ["", *late_times()]

@@ -177,6 +177,36 @@ def typed(page: Any, key: str, text: str) -> None:
     page.keyboard.press("Enter")
 
 
+#: Whether what is focused is seen to be, and what it is called: by itself or by a label.
+FOCUSED = """() => {
+  const at = document.activeElement, style = getComputedStyle(at);
+  const words = [at.ariaLabel, ...[...(at.labels || [])].map(label => label.innerText),
+                 at.tagName === "BUTTON" || at.tagName === "SUMMARY" ? at.innerText : ""];
+  return [at.tagName, at.id, words.filter(Boolean).join(" ").trim(),
+          style.outlineStyle !== "none" && parseFloat(style.outlineWidth) > 0];
+}"""
+
+
+def test_every_control_is_reached_by_the_tab_key_and_has_a_name(page: Any) -> None:
+    controls = page.evaluate("""() => [...document.querySelectorAll("input, select, button")]
+        .filter(item => !item.disabled && item.offsetParent).map(item => item.id)""")
+    page.evaluate("() => document.activeElement.blur()")
+    reached = []
+    for _ in range(2 * len(controls)):
+        page.keyboard.press("Tab")
+        reached.append(page.evaluate(FOCUSED))
+        if reached[-1][0] == "BODY":
+            break
+    named = {name for tag, name, *_ in reached}
+    assert len([name for name in controls if name.startswith(("slider-", "number-"))]) >= 10
+    assert {*controls} <= named
+    controlled = [stop for stop in reached if stop[0] in ("INPUT", "SELECT", "BUTTON")]
+    assert len(controlled) >= len(controls)
+    for tag, name, words, seen in controlled:
+        assert words, (tag, name)
+        assert seen, (tag, name)
+
+
 def test_bad_values_are_told_in_place_and_the_last_film_stays(page: Any) -> None:
     began = deflection(page)
     typed(page, r"plate.outline.radius", "50")

@@ -15,6 +15,7 @@ import pyvista as pv
 from matplotlib import colormaps
 from PIL import Image
 
+from tests.support.checks.accessible import wordless
 from tympan.geometry.errors import InputError
 from tympan.geometry.mesher import MeshSettings
 from tympan.geometry.outlines import Ellipse
@@ -247,6 +248,13 @@ def test_no_opengl_is_one_clear_message(stored: StudyView, monkeypatch: pytest.M
     with pytest.raises(MissingLibrary, match="libegl1"):
         figure4.specimen_picture(stored.specimens[0], figure4.lay_out(
             stored.specimens, stored.stress_range).view)
+
+
+def test_pictures_and_controls_have_words(report: Path) -> None:
+    text = report.read_text(encoding="utf-8")
+    assert "<img" in text
+    assert "<select" in text
+    assert wordless(text) == []
 
 
 def test_page_refers_to_nothing_outside_itself(page: Page, report: Path) -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.support.checks.accessible import wordless
 from tests.support.sweeps import read
 from tympan.geometry.errors import InputError
 from tympan.reports.sweep import page
@@ -100,6 +101,7 @@ def test_the_page_stands_alone_and_says_what_failed_and_what_waits(view: SweepVi
     assert "3 of 3" in body
     assert "2 of 3" in body
     assert "data:image/png;base64,AAAA" in text
+    assert wordless(text) == []
 
 
 def test_the_page_is_kept_while_a_sweep_runs_but_never_ends_it(view, tmp_path: Path,

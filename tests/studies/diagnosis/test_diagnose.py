@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.support.checks.accessible import wordless
 from tests.support.checks.json_schema import faults, schema_of
 from tests.support.datasets import HEAD, write_dataset
 from tests.support.specimens import circular
@@ -176,6 +177,7 @@ def test_the_page_says_it_in_one_sentence_and_is_rebuilt(
         written: tuple[Path, dict[str, Any]], capsys: pytest.CaptureFixture[str]) -> None:
     folder, _ = written
     page = (folder / "diagnosis.html").read_text(encoding="utf-8")
+    assert wordless(page) == []
     assert "The electrodes end" in page
     assert "The electrode does not reach the frame" in page
     assert page.index("The electrodes end") < page.index("Readings, and the models through them")
