@@ -4,14 +4,13 @@
 
 Every command runs in a process of its own, on the small files below: once with nothing kept on disk
 by earlier runs ("first"), then some times more, of which the least counts ("again"). TREE is a
-working tree of another version, to compare with; what it does not have yet is "-".
+working tree of another version, to compare with; what it cannot do is "-".
 """
 
 from __future__ import annotations
 
 import argparse
 import os
-import re
 import shutil
 import subprocess
 import sys
@@ -21,6 +20,13 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 ROOT = Path(__file__).parents[1]
+MEMBRANE = """
+[membrane]
+thickness = "1 mm"
+prestretch = [3, 3]
+relative_permittivity = 4.7
+material = "vhb-4910"
+"""
 ROUNDED = """
 name = "rounded"
 [frame]
@@ -30,12 +36,16 @@ corner_radius = "8 mm"
 [plate]
 shape = "stadium"
 semi_axes = ["12 mm", "8 mm"]
-[membrane]
-thickness = "1 mm"
-prestretch = [3, 3]
-relative_permittivity = 4.7
-material = "vhb-4910"
-"""
+""" + MEMBRANE
+ROUND = """
+name = "round"
+[frame]
+shape = "circle"
+radius = "45 mm"
+[plate]
+shape = "circle"
+radius = "1 cm"
+""" + MEMBRANE
 BRANCH = """
 [[membrane.branch]]
 modulus = "31.2 kPa"
@@ -70,13 +80,7 @@ voltage = "3 kV"
 [limits]
 max_field = "60 MV/m"
 """
-ROUND = re.sub(r'\[frame\].*\[membrane\]', '''[frame]
-shape = "circle"
-radius = "45 mm"
-[plate]
-shape = "circle"
-radius = "1 cm"
-[membrane]''', ROUNDED.replace('"rounded"', '"round"', 1), flags=re.DOTALL)
+DATASET = 'name = "readings"\n[[specimen]]' + ROUND.replace("\n[", "\n[specimen.")
 READINGS = "".join(f"round,{mass},{kilovolts},{0.12 * mass + 0.02 * kilovolts**2}\n"
                    for mass in (15, 20) for kilovolts in (0, 1, 2, 3, 4))
 TESTS = "".join(f"uniaxial,{stretch},{20 * (stretch - stretch**-2)}\n"
@@ -84,10 +88,7 @@ TESTS = "".join(f"uniaxial,{stretch},{20 * (stretch - stretch**-2)}\n"
 FILES = {"rounded.toml": ROUNDED, "round.toml": ROUND, "STUDY.toml": STUDY, "SWEEP.toml": SWEEP,
          "OPTIMISE.toml": OPTIMISE, "viscous.toml": ROUND + BRANCH,
          "coupon.csv": f"mode,stretch,nominal_stress_kPa\n{TESTS}",
-         "readings/dataset.toml": 'name = "readings"\n' + "".join(
-             line.replace("[", "[specimen.") if line.startswith("[") else line
-             for line in f"[[specimen]]{ROUND}".splitlines(keepends=True)).replace(
-                 "[specimen.[specimen.specimen]]", "[[specimen]]"),
+         "readings/dataset.toml": DATASET,
          "readings/static.csv": f"specimen,mass_g,voltage_kV,displacement_mm\n{READINGS}"}
 
 #: A small piece of work for each command; of those that work for minutes, and of the page, what

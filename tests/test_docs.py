@@ -18,6 +18,7 @@ from matplotlib import pyplot
 from tests.support.checks.accessible import wordless
 from tympan import cli
 from tympan.cli import main
+from tympan.commands import COMMANDS
 
 ROOT = Path(__file__).parent.parent
 SCRIPTS = sorted((ROOT / "docs/gallery").glob("plot_*.py"))
@@ -148,6 +149,13 @@ def test_every_picture_has_words(page: Path) -> None:
     text = page.read_text(encoding="utf-8")
     assert all(" " in alt.strip() for alt in re.findall(r"!\[([^\]]*)\]", text))
     assert not wordless(text)
+
+
+def test_start_up_times_are_of_every_command() -> None:
+    page = (ROOT / "docs/benchmarks.md").read_text(encoding="utf-8")
+    table = page[page.index("before, first"):].split("```")[0]
+    measured = {re.split(r" --help|  ", line)[0] for line in table.splitlines()[1:]}
+    assert {command.name for command in COMMANDS} <= measured
 
 
 def test_every_page_is_in_a_table_of_contents() -> None:
