@@ -91,8 +91,8 @@ def test_films_mounted_for_ever_are_not_called_young(tmp_path: Path) -> None:
 
 
 def test_what_heaves_leave_open_is_named_by_taps() -> None:
-    """A trial of the study: a hook of 0.7 g, by the equations."""
-    records = {record.population: record for record in Lab(2026).run("frequencies", 4)}
+    """A trial of the study: 3.3 g left out of account, by the equations."""
+    records = {record.population: record for record in Lab(2026).run("frequencies", 34)}
     alone, tapped = records["frequencies, at rest"], records["frequencies"]
     assert alone.truth == ("unaccounted_mass",)
     assert alone.verdict == "ambiguous"
