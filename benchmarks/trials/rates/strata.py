@@ -52,8 +52,8 @@ def strata_page(records: Sequence[Record], about: str) -> str:
         decided=table("evidence | ambiguous at rest | then named | then ambiguous | then another "
                       "named | then unexplained or nothing", _decided(records)),
         effects=table("evidence | effect | trials | at rest | by all", _by_effect(records)),
-        wrong=table("evidence | judged by | readings by | hidden | usual sizes | named",
-                    _wrong(records)))
+        wrong=table("evidence | judged by | readings by | hidden | usual sizes | named", names)
+        if (names := list(_wrong(records))) else "None.")
 
 
 def _hidden(records: Sequence[Record], population: str) -> dict[int, Record]:
