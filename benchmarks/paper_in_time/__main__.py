@@ -19,6 +19,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=main.__doc__)
     parser.add_argument("-o", type=Path, dest="output", required=True, metavar="DIR")
     output = parser.parse_args().output
+    output.mkdir(parents=True, exist_ok=True)
     comparison = compare()
     (output / "paper-in-time.md").write_text(page(comparison), encoding="utf-8")
     drawn = {"paper-in-time": partial(compose, comparison),

@@ -55,6 +55,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("-o", type=Path, dest="output", help="folder of reduced-film.png")
     output = parser.parse_args().output
+    if output is not None:
+        output.mkdir(parents=True, exist_ok=True)
     print(_HEAD)
     for specimen in _specimens():
         film, spent = _spent(lambda item=specimen: _reduced(item))
