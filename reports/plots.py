@@ -227,12 +227,12 @@ def _curve(axes: Axes, number: int, voltage: Any, deflection: Any, specimen: str
 
 @draw.register
 def _(result: BuildResult, axes: Axes) -> None:
-    for number, (name, loads) in enumerate(result.statics.groupby("specimen", sort=False)):
-        for mass, ramp in loads.groupby("mass", sort=False):
-            for kinematics, line in {"field": "o", "membrane": "-"}.items():
-                axes.plot(1e-3 * ramp["voltage"], ramp[f"{kinematics}_mm"], line,
-                          color=look.colour_of(number), markersize=3,
-                          label=f"{name}, {1e3 * mass:.4g} g, {kinematics}")
+    ramps = result.statics.groupby(["specimen", "mass"], sort=False)
+    for number, ((name, mass), ramp) in enumerate(ramps):
+        for kinematics, line in {"field": "o", "membrane": "-"}.items():
+            axes.plot(1e-3 * ramp["voltage"], ramp[f"{kinematics}_mm"], line,
+                      color=look.colour_of(number), markersize=3,
+                      label=f"{name}, {1e3 * mass:.4g} g, {kinematics}")
     axes.set(xlabel="voltage (kV)", ylabel="deflection (mm)")
     axes.legend()
 
