@@ -75,10 +75,9 @@ def mesh_film(specimen: Specimen, settings: MeshSettings, planes: frozenset[str]
     ``planes`` are coordinates about whose zero it will be mirrored: only the positive part is
     meshed.
     """
-    from tympan.geometry.cad import membrane  # not loaded by those who let others mesh
-
+    faces = _faces(specimen, planes)
     with tempfile.TemporaryDirectory() as folder, _session() as gmsh:
-        surfaces = _surface_groups(gmsh, membrane.membrane_faces(specimen, planes), Path(folder))
+        surfaces = _surface_groups(gmsh, faces, Path(folder))
         groups = _curve_groups(gmsh, specimen) | surfaces
         _size_field(gmsh, specimen, settings, groups, 2 ** len(planes))
         try:
@@ -88,6 +87,19 @@ def mesh_film(specimen: Specimen, settings: MeshSettings, planes: frozenset[str]
             raise InputError(f"cannot be meshed: {error}", key="frame, plate, electrode",
                              given=specimen.name) from None
         return _to_meshio(gmsh, groups, settings.order)
+
+
+def _faces(specimen: Specimen, planes: frozenset[str]) -> dict[str, list[Any]]:
+    """The flat film, ``covered`` and ``bare``, in OpenCASCADE; cadquery only where it is cut."""
+    from tympan.geometry.cad import wires  # not loaded by those who let others mesh
+
+    quarter = wires.quarter(specimen) if len(planes) == 2 else None
+    if quarter is not None:
+        return {"covered": [quarter], "bare": []}
+    from tympan.geometry.cad.membrane import membrane_faces
+
+    return {name: [face.wrapped for face in faces]
+            for name, faces in membrane_faces(specimen, planes).items()}
 
 
 @contextmanager
@@ -150,7 +162,7 @@ def _parameters(gmsh: Any, curve: tuple[int, int], count: int) -> np.ndarray:
 
 def _surface_groups(gmsh: Any, faces: dict[str, list[Any]], folder: Path) -> Groups:
     """Faces brought into gmsh and glued together: the surfaces of each name."""
-    from tympan.geometry.cad.membrane import brep
+    from tympan.geometry.cad.wires import brep
 
     surfaces: list[tuple[int, int]] = []
     names: list[str] = []

@@ -9,7 +9,7 @@ from pathlib import Path
 import cadquery as cq
 import numpy as np
 
-from tympan.geometry.cad.membrane import offset_wire, outline_wire
+from tympan.geometry.cad.wires import offset_wire, outline_wire
 from tympan.geometry.errors import InputError
 from tympan.geometry.outlines import Outline
 from tympan.geometry.outlines.drawn import joined
@@ -61,9 +61,9 @@ class PartOptions:
 
 def ring_part(frame: Outline, options: PartOptions, height: float) -> cq.Solid:
     """The ring the film is mounted on, or the one that clamps it there with the same screws."""
-    inner = outline_wire(frame)
+    inner = cq.Wire(outline_wire(frame))
     try:
-        outer = offset_wire(frame, (0.0, 0.0), options.width)
+        outer = cq.Wire(offset_wire(frame, (0.0, 0.0), options.width))
     except InputError:  # around sharp corners
         outer = inner.offset2D(options.width * METRE)[0]
     holes = [_hole(centre, options.screw / 2) for centre in options.holes(frame)]
@@ -77,7 +77,7 @@ def plate_part(specimen: Specimen, options: PartOptions) -> cq.Solid:
     depth = -float(outline.level(np.zeros(1), np.zeros(1))[0])
     holes = [_hole(np.array(offset), radius)] if depth > 2 * radius else []
     top = cq.Vector(0, 0, options.plate_height * METRE)
-    return cq.Solid.extrudeLinear(outline_wire(outline, offset), holes, top)
+    return cq.Solid.extrudeLinear(cq.Wire(outline_wire(outline, offset)), holes, top)
 
 
 def _hole(centre: Array, radius: float) -> cq.Wire:

@@ -19,6 +19,7 @@ from tympan.commands.export import SIZES
 from tympan.geometry.cad import membrane as cad
 from tympan.geometry.cad import parts
 from tympan.geometry.cad.parts import PartOptions
+from tympan.geometry.cad.wires import outline_wire, planar
 from tympan.geometry.errors import InputError
 from tympan.geometry.outlines import (
     OUTLINES,
@@ -233,7 +234,7 @@ def test_a_layer_in_latin_1_and_lines_without_length(tmp_path: Path) -> None:
 
 def test_a_drawing_that_crashes_its_reader_is_refused(tmp_path: Path) -> None:
     """Each in a process of its own: OpenCASCADE ends with a segmentation fault on the second."""
-    face = cq.Face.makeFromWires(cad.outline_wire(EXAMPLES["rounded_rectangle"]))
+    face = cq.Face(planar(outline_wire(EXAMPLES["rounded_rectangle"])))
     cad.write_step([face], tmp_path / "egg.step")
     drawn = imported(tmp_path, shape="step", file="egg.step")
     assert area(drawn) == pytest.approx(area(EXAMPLES["rounded_rectangle"]))

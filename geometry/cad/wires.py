@@ -1,0 +1,211 @@
+"""Outlines as wires and planar faces of OpenCASCADE's, the kernel of cadquery [mm].
+
+The kernel alone takes half the time of cadquery's import, which a film meshed for the first time
+would wait for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from io import BytesIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tympan.geometry.errors import InputError
+from tympan.geometry.outlines import Circle, Ellipse, Outline
+from tympan.geometry.outlines.pieces import Arc, Line, Piece, Spline
+from tympan.geometry.specimen import Electrode, Specimen
+from tympan.geometry.system import missing_library
+from tympan.geometry.units import METRE
+
+try:
+    from OCP.BRepBuilderAPI import (
+        BRepBuilderAPI_MakeEdge,
+        BRepBuilderAPI_MakeFace,
+        BRepBuilderAPI_MakeWire,
+    )
+    from OCP.BRepTools import BRepTools
+    from OCP.Geom import Geom_Circle, Geom_Ellipse
+    from OCP.GeomAPI import GeomAPI_Interpolate
+    from OCP.gp import gp_Ax2, gp_Dir, gp_Pln, gp_Pnt, gp_Trsf, gp_Vec
+    from OCP.ShapeFix import ShapeFix_Face
+    from OCP.TColgp import TColgp_HArray1OfPnt
+    from OCP.TColStd import TColStd_HArray1OfReal
+    from OCP.TopLoc import TopLoc_Location
+    from OCP.TopoDS import (
+        TopoDS_Builder,
+        TopoDS_Compound,
+        TopoDS_Edge,
+        TopoDS_Face,
+        TopoDS_Shape,
+        TopoDS_Wire,
+    )
+    from OCP.TopTools import TopTools_ListOfShape
+except ImportError as error:
+    if ".so" not in str(error):
+        raise
+    raise missing_library(error) from None
+
+Pair = tuple[float, float]
+
+#: How near an axis a piece ends that ends on it, relative to the outline.
+_MEET = 1e-12
+
+_UP = gp_Dir(0, 0, 1)
+
+
+def outline_wire(outline: Outline, centre: Pair = (0.0, 0.0)) -> TopoDS_Wire:
+    """The outline in the plane z = 0 [mm], its centre at the given place [m]."""
+    return _pieces_wire(outline.curve.pieces, centre)
+
+
+def offset_wire(outline: Outline, centre: Pair, distance: float) -> TopoDS_Wire:
+    """The parallel curve at a distance [m], outwards if positive.
+
+    That of an ellipse or spline is within 1e-8 of its size. An outline with a sharp corner, or one
+    that bends too tightly, is an :class:`InputError`. OpenCASCADE's own offset curves do not
+    survive STEP into gmsh.
+    """
+    if isinstance(outline, Circle | Ellipse):
+        return _smooth_offset(outline, centre, distance)
+    curve = outline.curve
+    moved = curve.beside(distance)
+    backwards = [(before.at(np.array([0.5]))[1] * after.at(np.array([0.5]))[1]).sum() <= 0
+                 for before, after in zip(curve.pieces, moved.pieces, strict=True)]
+    shrunk = [isinstance(piece, Arc) and min(piece.radii) <= 0 for piece in moved.pieces]
+    corners = np.abs(curve.turns()).max() > 1e-6
+    if corners or any(backwards) or any(shrunk):
+        where = "needs an outline without sharp corners" if corners else \
+            "must stay below the outline's radius of curvature"
+        raise InputError(f"an electrode margin {where}", key="electrode",
+                         given=f"{abs(distance) * METRE:.4g} mm")
+    return _pieces_wire(moved.pieces, centre)
+
+
+def planar(outer: TopoDS_Wire, *inner: TopoDS_Wire) -> TopoDS_Face:
+    """A face in the plane z = 0; cadquery's own repairs what outlines, checked, do not need."""
+    builder = BRepBuilderAPI_MakeFace(gp_Pln(gp_Pnt(0, 0, 0), _UP), outer, True)
+    for wire in inner:
+        builder.Add(wire)
+    oriented = ShapeFix_Face(builder.Face())
+    oriented.FixOrientation()
+    return oriented.Face()
+
+
+def quarter(specimen: Specimen) -> TopoDS_Face | None:
+    """The film where both coordinates are positive, all of it under the electrode.
+
+    None where the electrode leaves some bare, or an outline has no piece that ends on the axes.
+    """
+    outer = _first_quadrant(specimen.frame)
+    if outer is None or specimen.electrode != Electrode():
+        return None
+    (a, _), (_, b) = outer.at(np.array([0.0, 1.0]))[0].tolist()
+    if specimen.plate is None:
+        return planar(_pieces_wire((outer, Line((0.0, b), (0.0, 0.0)),
+                                    Line((0.0, 0.0), (a, 0.0))), (0.0, 0.0)))
+    inner = _first_quadrant(specimen.plate.outline)
+    if inner is None:
+        return None
+    (c, _), (_, d) = inner.at(np.array([0.0, 1.0]))[0].tolist()
+    return planar(_pieces_wire((outer, Line((0.0, b), (0.0, d)), inner.backwards(),
+                                Line((c, 0.0), (a, 0.0))), (0.0, 0.0)))
+
+
+def brep(shapes: Iterable[TopoDS_Shape]) -> bytes:
+    """Shapes as another program that builds on OpenCASCADE reads them, half of one ends it [mm]."""
+    compound, builder, content = TopoDS_Compound(), TopoDS_Builder(), BytesIO()
+    builder.MakeCompound(compound)
+    for shape in shapes:
+        builder.Add(compound, shape)
+    BRepTools.Write_s(compound, content)
+    return content.getvalue()
+
+
+def millimetres(*metres: float) -> tuple[float, ...]:
+    """Rounded to the femtometre, so that equal sizes in any unit give equal CAD."""
+    return tuple(round(metre * METRE, 12) for metre in metres)
+
+
+def _first_quadrant(outline: Outline) -> Piece | None:
+    """The piece from the x axis to the y axis; None where no piece begins or ends there."""
+    piece, *others = outline.curve.pieces
+    whole = isinstance(piece, Arc) and not others and piece.sweep == 2 * np.pi
+    if isinstance(piece, Arc) and whole:
+        piece = replace(piece, sweep=np.pi / 2)
+    ends = piece.at(np.array([0.0, 1.0]))[0]
+    close = _MEET * max(outline.semi_axes)
+    meets = abs(ends[0, 1]) < close and abs(ends[1, 0]) < close and (ends.sum(axis=1) > 0).all()
+    return piece if meets and (whole or len(others) == 3) else None
+
+
+def _smooth_offset(outline: Circle | Ellipse, centre: Pair, distance: float) -> TopoDS_Wire:
+    """As a periodic spline."""
+    points = outline.points(96)
+    ahead, behind = np.roll(points, -1, axis=1), np.roll(points, 1, axis=1)
+    tangent = (ahead - behind) / np.hypot(*(ahead - behind))
+    moved = points + distance * np.array([tangent[1], -tangent[0]])
+    if np.any(np.sum((np.roll(moved, -1, axis=1) - moved) * tangent, axis=0) <= 0):
+        raise InputError("an electrode margin must stay below the outline's radius of curvature",
+                         key="electrode", given=f"{abs(distance) * METRE:.4g} mm")
+    places = (moved + np.array(centre)[:, None]).T * METRE
+    spline = GeomAPI_Interpolate(_points(places), True, 1e-6)
+    spline.Perform()
+    return _wire([BRepBuilderAPI_MakeEdge(spline.Curve()).Edge()])
+
+
+def _pieces_wire(pieces: Sequence[Piece], centre: Pair) -> TopoDS_Wire:
+    shift = gp_Trsf()
+    shift.SetTranslation(gp_Vec(*millimetres(*centre), 0))
+    return _wire(_edge(piece).Moved(TopLoc_Location(shift)) for piece in pieces)
+
+
+def _wire(edges: Iterable[TopoDS_Shape]) -> TopoDS_Wire:
+    """Edges in any order as one wire."""
+    members, builder = TopTools_ListOfShape(), BRepBuilderAPI_MakeWire()
+    for edge in edges:
+        members.Append(edge)
+    builder.Add(members)
+    return builder.Wire()
+
+
+def _edge(piece: Piece) -> TopoDS_Edge:
+    if isinstance(piece, Line):
+        start, end = (gp_Pnt(*millimetres(*place), 0) for place in (piece.start, piece.end))
+        return BRepBuilderAPI_MakeEdge(start, end).Edge()
+    return _arc(piece) if isinstance(piece, Arc) else _spline(piece)
+
+
+def _arc(arc: Arc) -> TopoDS_Edge:
+    if arc.sweep < 0:
+        arc = arc.backwards()
+    x, y, a, b = millimetres(*arc.centre, *arc.radii)
+    first = arc.turn if a >= b else arc.turn + np.pi / 2
+    start = arc.start if a >= b else arc.start - np.pi / 2
+    axes = gp_Ax2(gp_Pnt(x, y, 0), _UP, gp_Dir(np.cos(first), np.sin(first), 0))
+    curve = Geom_Circle(axes, a) if a == b else Geom_Ellipse(axes, max(a, b), min(a, b))
+    if arc.sweep > 2 * np.pi - 1e-12:
+        return BRepBuilderAPI_MakeEdge(curve).Edge()
+    return BRepBuilderAPI_MakeEdge(curve, start, start + arc.sweep).Edge()
+
+
+def _spline(spline: Spline) -> TopoDS_Edge:
+    """Cubic between its knots, with its slopes at its ends."""
+    knots = TColStd_HArray1OfReal(1, len(spline.knots))
+    for number, knot in enumerate(spline.knots, start=1):
+        knots.SetValue(number, knot)
+    curve = GeomAPI_Interpolate(_points(np.array(spline.points) * METRE), knots, False, 1e-9)
+    start, end = (gp_Vec(x * METRE, y * METRE, 0) for x, y in spline.slopes)
+    curve.Load(start, end, False)
+    curve.Perform()
+    return BRepBuilderAPI_MakeEdge(curve.Curve()).Edge()
+
+
+def _points(places: NDArray[np.float64]) -> TColgp_HArray1OfPnt:
+    """Places in the plane z = 0, shape (count, 2) [mm]."""
+    points = TColgp_HArray1OfPnt(1, len(places))
+    for number, (x, y) in enumerate(places.tolist(), start=1):
+        points.SetValue(number, gp_Pnt(x, y, 0))
+    return points
