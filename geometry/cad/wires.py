@@ -54,6 +54,7 @@ Pair = tuple[float, float]
 _MEET = 1e-12
 
 _UP = gp_Dir(0, 0, 1)
+_START, _MIDDLE, _END = np.array([0.0]), np.array([0.5]), np.array([1.0])
 
 
 def outline_wire(outline: Outline, centre: Pair = (0.0, 0.0)) -> TopoDS_Wire:
@@ -97,21 +98,19 @@ def planar(outer: TopoDS_Wire, *inner: TopoDS_Wire) -> TopoDS_Face:
 def quarter(specimen: Specimen) -> TopoDS_Face | None:
     """The film where both coordinates are positive, all of it under the electrode.
 
-    None where the electrode leaves some bare, or an outline has no piece that ends on the axes.
+    None where the electrode leaves some bare, or an outline cannot be cut at the axes.
     """
-    outer = _first_quadrant(specimen.frame)
-    if outer is None or specimen.electrode != Electrode():
+    plate, outer = specimen.plate, _first_quadrant(specimen.frame)
+    inner = _first_quadrant(plate.outline) if plate is not None else ()
+    if outer is None or inner is None or specimen.electrode != Electrode():
         return None
-    (a, _), (_, b) = outer.at(np.array([0.0, 1.0]))[0].tolist()
-    if specimen.plate is None:
-        return planar(_pieces_wire((outer, Line((0.0, b), (0.0, 0.0)),
-                                    Line((0.0, 0.0), (a, 0.0))), (0.0, 0.0)))
-    inner = _first_quadrant(specimen.plate.outline)
-    if inner is None:
-        return None
-    (c, _), (_, d) = inner.at(np.array([0.0, 1.0]))[0].tolist()
-    return planar(_pieces_wire((outer, Line((0.0, b), (0.0, d)), inner.backwards(),
-                                Line((c, 0.0), (a, 0.0))), (0.0, 0.0)))
+    back = [piece.backwards() for piece in reversed(inner)]
+    corner = (0.0, 0.0)
+    low, high = (back[-1].at(_END)[0][0], back[0].at(_START)[0][0]) if back else (corner, corner)
+    top, right = outer[-1].at(_END)[0][0], outer[0].at(_START)[0][0]
+    pieces = (*outer, Line((0.0, float(top[1])), (0.0, float(high[1]))),
+              *back, Line((float(low[0]), 0.0), (float(right[0]), 0.0)))
+    return planar(_pieces_wire(pieces, corner))
 
 
 def brep(shapes: Iterable[TopoDS_Shape]) -> bytes:
@@ -129,16 +128,34 @@ def millimetres(*metres: float) -> tuple[float, ...]:
     return tuple(round(metre * METRE, 12) for metre in metres)
 
 
-def _first_quadrant(outline: Outline) -> Piece | None:
-    """The piece from the x axis to the y axis; None where no piece begins or ends there."""
-    piece, *others = outline.curve.pieces
-    whole = isinstance(piece, Arc) and not others and piece.sweep == 2 * np.pi
-    if isinstance(piece, Arc) and whole:
-        piece = replace(piece, sweep=np.pi / 2)
-    ends = piece.at(np.array([0.0, 1.0]))[0]
+def _first_quadrant(outline: Outline) -> list[Piece] | None:
+    """The pieces from the x axis to the y axis; None where one crosses an axis within itself."""
     close = _MEET * max(outline.semi_axes)
-    meets = abs(ends[0, 1]) < close and abs(ends[1, 0]) < close and (ends.sum(axis=1) > 0).all()
-    return piece if meets and (whole or len(others) == 3) else None
+    parts = [part for piece in outline.curve.pieces for part in _halved(piece, close)]
+    within = [bool((part.at(_MIDDLE)[0] > 0).all()) for part in parts]
+    if not any(within):
+        return None
+    first = next((number for number, inside in enumerate(within)
+                  if inside and not within[number - 1]), 0)
+    pieces = [*parts[first:], *parts[:first]][:sum(within)]
+    ends = np.array([part.at(np.array([0.0, 1.0]))[0] for part in pieces])
+    meets = max(abs(ends[0, 0, 1]), abs(ends[-1, 1, 0]), -ends.min()) < close
+    return pieces if meets and all([*within[first:], *within[:first]][:len(pieces)]) else None
+
+
+def _halved(piece: Piece, close: float) -> list[Piece]:
+    """A line or an arc in parts that do not cross an axis in their middle."""
+    middle = piece.at(_MIDDLE)[0][0]
+    if isinstance(piece, Spline) or np.abs(middle).min() > close:
+        return [piece]
+    if isinstance(piece, Line):
+        place = (float(middle[0]), float(middle[1]))
+        halves: list[Piece] = [Line(piece.start, place), Line(place, piece.end)]
+    else:
+        half = piece.sweep / 2
+        halves = [replace(piece, sweep=half),
+                  replace(piece, start=piece.start + half, sweep=half)]
+    return [part for each in halves for part in _halved(each, close)]
 
 
 def _smooth_offset(outline: Circle | Ellipse, centre: Pair, distance: float) -> TopoDS_Wire:
