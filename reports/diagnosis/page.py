@@ -174,8 +174,12 @@ def cause_label(cause: Content) -> str:
 
 
 def number(value: float | None) -> str:
-    """Three digits; infinity where there is none."""
-    return "∞" if value is None else f"{value:.3g}"
+    """Three digits, without a power of ten up to a million; infinity where there is none.
+
+    >>> number(7912.0), number(0.0312)
+    ('7910', '0.0312')
+    """
+    return "∞" if value is None else f"{float(f'{value:.3g}'):g}"
 
 
 def error(value: float | None) -> str:
