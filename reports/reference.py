@@ -1,4 +1,4 @@
-"""The page docs/reference.md: every key of files a user writes and of what commands print.
+"""The page docs/reference.md: every key of files a user writes.
 
 From the fields' declarations.
 
@@ -31,7 +31,6 @@ from tympan.geometry.specimen import (
 )
 from tympan.geometry.toml_reader import FINITE
 from tympan.geometry.units import DIMENSIONS, quantity_text
-from tympan.reports.schema import json_records
 from tympan.reports.template import template
 from tympan.studies.effects import EFFECTS, listing
 from tympan.studies.sweep.asked import QUANTITIES
@@ -50,7 +49,6 @@ def page(rig: type[Rig] = Rig) -> str:
               ("[electrode.outline]", Region), ("rig.toml", rig))
     return template("reports/reference.txt", summary=_summary, named=listing.named).render(
         tables=tables, sections=_SECTIONS, rows=_rows, effects=EFFECTS, quantities=QUANTITIES,
-        records=json_records(),
         libraries={"Laws": tuple(MATERIALS), "Strengths": tuple(STRENGTH_LIBRARY)})
 
 

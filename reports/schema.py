@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 import re
+import sys
 import tomllib
 import types
 from collections.abc import Iterator, Mapping, Sequence
@@ -20,7 +21,7 @@ from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 import numpy as np
 
 from tympan.geometry.units import unit_of
-from tympan.reports.template import text_of
+from tympan.reports.template import template, text_of
 
 #: Types of JSON by what a kind of value is called.
 _TYPES = {"text": "string", "number": "number", "whole number": "integer",
@@ -223,5 +224,10 @@ def schemas() -> str:
                       ensure_ascii=False) + "\n"
 
 
+def json_page() -> str:
+    """The page docs/json.md: the keys of all records, as people read them."""
+    return template("reports/schema.txt").render(records=json_records())
+
+
 if __name__ == "__main__":
-    print(schemas(), end="")
+    print(json_page() if "--page" in sys.argv else schemas(), end="")

@@ -204,7 +204,9 @@ def test_what_is_wrong_would_be_noticed(change: dict[str, Any], words: str, fold
     assert said[0].startswith(words)
 
 
-def test_the_file_of_schemas_is_current() -> None:
-    file = Path(__file__).parents[2] / "docs" / "schemas.json"
-    assert file.read_text(encoding="utf-8") == schema.schemas(), \
+def test_schemas_and_their_page_are_current() -> None:
+    docs = Path(__file__).parents[2] / "docs"
+    assert (docs / "schemas.json").read_text(encoding="utf-8") == schema.schemas(), \
         "run python -m tympan.reports.schema > docs/schemas.json"
+    assert (docs / "json.md").read_text(encoding="utf-8") == schema.json_page(), \
+        "run python -m tympan.reports.schema --page > docs/json.md"
