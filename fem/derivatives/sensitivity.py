@@ -29,9 +29,10 @@ from tympan.fem.derivatives.quantities import THINNING_MARGIN, Quantity
 from tympan.fem.derivatives.residual_derivative import ResidualDerivative, Stiffness
 from tympan.fem.derivatives.shape import moved_by, velocity
 from tympan.fem.equilibrium.arc_length import PathPoint
-from tympan.fem.equilibrium.newton import Solution, Tangent
+from tympan.fem.equilibrium.newton import Solution
 from tympan.fem.equilibrium.ramp import Outcome
 from tympan.fem.equilibrium.subspace import FULL
+from tympan.fem.equilibrium.tangent import Tangent
 from tympan.fem.membrane.loading import Loading
 from tympan.fem.membrane.model import Model, Parts
 from tympan.fem.membrane.state import Load, State

@@ -10,8 +10,9 @@ import numpy as np
 from scipy.optimize import brentq
 
 from tympan.fem.equilibrium.constraints import Constraint, arc_length, difference, length, product
-from tympan.fem.equilibrium.newton import NewtonSettings, Solution, Tangent, moved, newton
+from tympan.fem.equilibrium.newton import NewtonSettings, Solution, moved, newton
 from tympan.fem.equilibrium.subspace import FULL, Subspace
+from tympan.fem.equilibrium.tangent import Tangent
 from tympan.fem.membrane.model import Model, Parts
 from tympan.fem.membrane.state import Load, State
 

@@ -1,34 +1,23 @@
-"""Newton's method for equilibria of the film and its plate, with error-oriented damping.
-
-Its tangent is the film's, factorised, bordered by the plate's freedoms and by loads not given.
-"""
+"""Newton's method for equilibria of the film and its plate, with error-oriented damping."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from copy import copy
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import lu_factor, lu_solve
 
-from tympan.fem.equilibrium.constraints import Constraint, Equation, length
+from tympan.fem.equilibrium.constraints import Constraint, length
 from tympan.fem.equilibrium.subspace import FULL, Subspace
-from tympan.fem.linear_solver.direct import factorise
-from tympan.fem.membrane.model import Linearised, Model, Parts
+from tympan.fem.equilibrium.tangent import Tangent
+from tympan.fem.membrane.model import Model, Parts
 from tympan.fem.membrane.state import Load, State
 
 Array = NDArray[np.float64]
 
 #: Why Newton's method stops where the law gives no stress.
 STRAINED = "the film would be strained beyond what its material can reach"
-
-#: Unknowns from which on factors that a path has left behind are dropped; below, they take less
-#: than some 100 MB.
-_LARGE = 50_000
 
 #: Iterations by the tangent of another state, and how much shorter than the one before each
 #: correction must be.
@@ -249,161 +238,3 @@ def _unbalanced(model: Model, subspace: Subspace, state: State, forces: Array) -
         push = np.maximum(push - rounding / model.discretisation.mirrored, 0.0)
     largest = max(np.abs(inner).max(initial=0.0), (push / arms).max(initial=0.0))
     return float(largest / max(np.abs(forces).max(), np.finfo(float).tiny))
-
-
-class Tangent:
-    """Block elimination with the film factorised once.
-
-    Rows are the film's unknowns, the plate's freedoms, and one equation for each free load; columns
-    the same with the free loads last. The film's matrix and its pattern are the same whatever is
-    solved for.
-    """
-
-    def __init__(self, model: Model, part: Linearised, state: State, free: tuple[Load, ...] = (),
-                 equations: Sequence[Equation] = (), subspace: Subspace = FULL) -> None:
-        self.model, self.free, self.subspace, self._state = model, free, subspace, state
-        part = subspace.reduced(part)
-        self._kept: Any = _factorise(part.inner, model)
-        loads = {name: subspace.project(model.by_load(state, name)) for name in free}
-        rows = [subspace.project(equation.by_motion) for equation in equations]
-        self._plates = len(model.plate_freedoms)
-        # l t for an equation's row e = t g and derivative l by the load of g.
-        self._closures = [sum(by_load * _dot(row, loads[name]) / _dot(loads[name], loads[name])
-                              for name, by_load in equation.by_load.items() if name in loads)
-                          for equation, row in zip(equations, rows, strict=True)]
-        columns = np.column_stack([part.border, *(load[0] for load in loads.values())])
-        self._rows = np.vstack([part.border.T, *(row[0] for row in rows)])
-        self._corner = np.vstack([
-            np.column_stack([part.corner, *(load[1] for load in loads.values())]),
-            *(np.append(row[1], [equation.by_load.get(name, 0.0) for name in free])
-              for row, equation in zip(rows, equations, strict=True))])
-        self._influence = self._factor.solve(columns)
-        self._schur = self._corner - self._rows @ self._influence
-
-    def adapted(self, model: Model, equations: Sequence[Equation]) -> Tangent:
-        """The same for another step of the plate's motion, and other derivatives by free loads.
-
-        The film's factors stay.
-        """
-        corner, plates = self._corner.copy(), self._plates
-        freedoms = np.ix_(model.plate_freedoms, model.plate_freedoms)
-        change = _inertia(model) - _inertia(self.model)
-        corner[:plates, :plates] += change[freedoms] / model.discretisation.mirrored
-        for row, equation in enumerate(equations, plates):
-            corner[row, plates:] = [equation.by_load.get(name, 0.0) for name in self.free]
-        if np.array_equal(corner, self._corner):
-            return self
-        result = copy(self)
-        result.model, result._corner = model, corner
-        result._schur = self._schur + (corner - self._corner)
-        return result
-
-    def release(self) -> None:
-        """Drop the factors of a large film; they are made anew should something ask for them."""
-        if self.model.unknowns >= _LARGE and self.subspace is FULL:
-            self._kept = None
-
-    @property
-    def _factor(self) -> Any:
-        if self._kept is None:
-            self._kept = _factorise(self.subspace.reduced(self.model.linearised(self._state)).inner,
-                                    self.model)
-        return self._kept
-
-    @property
-    def plate_stiffness(self) -> Array:
-        """Stiffness of this part's plate freedoms at given loads, the film following, (p, p)."""
-        schur = self._schur[: self._plates, : self._plates]
-        return np.asarray((schur + schur.T) / 2)
-
-    @property
-    def stable(self) -> bool:
-        """Whether film and plate return when pushed.
-
-        Of a film whose every node moves by itself only the plate is asked, as far as it can move:
-        without tension such a film wrinkles, whatever the plate does. Motions that cannot wrinkle
-        are asked altogether, and so is a film without plate.
-        """
-        if self.subspace is not FULL or self.model.specimen.plate is None:
-            return self.negative == 0
-        return bool((np.linalg.eigvalsh(self.plate_stiffness) > 0).all())
-
-    @cached_property
-    def wrinkling(self) -> int:
-        """Number of negative eigenvalues of the film with the plate held."""
-        return int(self._factor.negative)
-
-    @property
-    def negative(self) -> int:
-        """Number of negative eigenvalues of film and plate at given loads."""
-        return self.wrinkling + int((np.linalg.eigvalsh(self.plate_stiffness) < 0).sum())
-
-    @property
-    def negative_closed(self) -> int:
-        """Number of negative eigenvalues of film and plate when the constraints hold.
-
-        That is stability at constant charge, or with the plate held: of the tangent K within the
-        motions that a hard equation e·δx = 0 leaves; and of K − g eᵀ/l, with g the forces of the
-        load, where the load gives way by δq = −e·δx/l. Both have the inertia of K bordered by e
-        (Haynsworth), less one negative eigenvalue for each.
-        """
-        rows = self._corner[self._plates :, : self._plates]
-        corner = np.block([[self._corner[: self._plates, : self._plates], rows.T],
-                           [rows, np.diag(self._closures)]])
-        matrix = corner - self._rows @ self._factor.solve(np.ascontiguousarray(self._rows.T))
-        negative = int((np.linalg.eigvalsh((matrix + matrix.T) / 2) < 0).sum())
-        return self.wrinkling + negative - sum(closure <= 0 for closure in self._closures)
-
-    def correct(self, residual: Parts, misses: Sequence[float]) -> tuple[Parts, dict[Load, float]]:
-        """Motion and changes of the free loads that undo a residual, and what the equations miss.
-
-        The tangent times them is minus that.
-        """
-        inner, plate = self.subspace.project(residual)
-        film, border = self._solved(-inner, -np.concatenate([plate, misses]))
-        motion = self.subspace.expand((film, border[: self._plates]))
-        return motion, dict(zip(self.free, border[self._plates :].tolist(), strict=True))
-
-    def respond(self, forces: Parts) -> Parts:
-        """Motion of film and plate under forces, at given loads."""
-        return self.subspace.expand(self._solved(*self.subspace.project(forces)))
-
-    def _solved(self, inner: Array, border: Array) -> Parts:
-        count = len(border)
-        particular = self._factor.solve(inner)
-        solution = np.linalg.solve(self._schur[:count, :count],
-                                   border - self._rows[:count] @ particular)
-        return particular - self._influence[:, :count] @ solution, solution
-
-    def along(self) -> tuple[Parts, dict[Load, float]]:
-        """Motion and changes of the free loads as the last equation's value grows by one."""
-        zero = np.zeros(self.model.discretisation.free_count), np.zeros(self._plates)
-        return self.correct(zero, [*np.zeros(len(self.free) - 1), -1.0])
-
-
-def _inertia(model: Model) -> Array:
-    """What a step of the plate's motion adds to its stiffness, shape (6, 6)."""
-    swing = model.loading.swing
-    return np.zeros((6, 6)) if swing is None else swing.stiffness
-
-
-def _dot(first: Parts, second: Parts) -> float:
-    return float(first[0] @ second[0] + first[1] @ second[1])
-
-
-def _factorise(matrix: Any, model: Model) -> Any:
-    if isinstance(matrix, np.ndarray):
-        return _Dense(matrix)
-    return factorise(matrix, model.discretisation.unknowns.analysis)
-
-
-class _Dense:
-    def __init__(self, matrix: Array) -> None:
-        self._matrix, self._lu = matrix, lu_factor(matrix)
-
-    def solve(self, right: Array) -> Array:
-        return np.asarray(lu_solve(self._lu, right))
-
-    @property
-    def negative(self) -> int:
-        return int((np.linalg.eigvalsh((self._matrix + self._matrix.T) / 2) < 0).sum())

@@ -32,12 +32,12 @@ from tympan.fem.equilibrium.constraints import (
 from tympan.fem.equilibrium.newton import (
     NewtonSettings,
     Solution,
-    Tangent,
     moved,
     newton,
     simplified_newton,
     tangent_at,
 )
+from tympan.fem.equilibrium.tangent import Tangent
 from tympan.fem.film.density import from_virgin, small_strain_modulus
 from tympan.fem.film.memory import Memory, determinant
 from tympan.fem.membrane.model import Model, Parts

@@ -22,8 +22,9 @@ from tympan.fem.derivatives.sensitivity import (
     shape_names,
     solve_adjoint,
 )
-from tympan.fem.equilibrium.newton import Tangent, newton
+from tympan.fem.equilibrium.newton import newton
 from tympan.fem.equilibrium.ramp import equilibrium
+from tympan.fem.equilibrium.tangent import Tangent
 from tympan.fem.membrane.loading import Loading, Magnet, Spring
 from tympan.fem.membrane.model import Model
 from tympan.geometry.errors import InputError

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.constants import epsilon_0
 
 from tests.oracles.potential import potential
-from tympan.fem.equilibrium.newton import Tangent
+from tympan.fem.equilibrium.tangent import Tangent
 from tympan.fem.membrane.loading import GUIDES, Magnet, Spring
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import FREEDOMS, PlateMotion, State

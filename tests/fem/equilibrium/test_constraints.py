@@ -20,9 +20,10 @@ from tympan.fem.equilibrium.constraints import (
     held_plate,
     length,
 )
-from tympan.fem.equilibrium.newton import Tangent, moved, newton
+from tympan.fem.equilibrium.newton import moved, newton
 from tympan.fem.equilibrium.ramp import equilibrium, held
 from tympan.fem.equilibrium.subspace import SmoothSubspace
+from tympan.fem.equilibrium.tangent import Tangent
 from tympan.fem.membrane.loading import Loading
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import HEAVE

@@ -11,7 +11,7 @@ import pytest
 
 from tests.support.models import deflection_gradient, model
 from tests.support.specimens import circular
-from tympan.fem.equilibrium import newton
+from tympan.fem.equilibrium import tangent
 from tympan.fem.equilibrium.ramp import equilibrium, held
 from tympan.fem.film.laws import Ogden
 from tympan.fem.linear_solver.direct import factorise
@@ -30,7 +30,7 @@ def alive(monkeypatch: pytest.MonkeyPatch) -> list[int]:
         living.add(factors)
         return factors
 
-    monkeypatch.setattr(newton, "factorise", counted)
+    monkeypatch.setattr(tangent, "factorise", counted)
     return counts
 
 
@@ -54,7 +54,7 @@ def test_large_films_keep_the_factors_of_one_state(alive: list[int],
     assert max(alive) > 2
     gc.collect()  # SciPy's searches refer to themselves, and to solutions of the first path
     alive.clear()
-    monkeypatch.setattr(newton, "_LARGE", 0)
+    monkeypatch.setattr(tangent, "_LARGE", 0)
     assert path() == expected
     assert max(alive) == 0
 
@@ -66,7 +66,7 @@ def test_what_was_dropped_is_made_anew(alive: list[int], monkeypatch: pytest.Mon
     outcome.solution.release()
     deflection_gradient(film, outcome, ["force"])
     assert len(alive) == made
-    monkeypatch.setattr(newton, "_LARGE", 0)
+    monkeypatch.setattr(tangent, "_LARGE", 0)
     outcome.solution.release()
     assert deflection_gradient(film, outcome, ["force", "frame.radius"]) == before
     assert len(alive) == made + 1

@@ -7,7 +7,7 @@ import pytest
 
 from tests.support.models import model
 from tests.support.specimens import circular, elliptical
-from tympan.fem.equilibrium import newton
+from tympan.fem.equilibrium import tangent
 from tympan.fem.equilibrium.ramp import PathSettings, Ramp, equilibrium
 from tympan.fem.equilibrium.voltage_path import between, leapt, voltage_path
 from tympan.fem.film.laws import NeoHooke, Ogden
@@ -46,8 +46,8 @@ def test_most_voltages_need_no_tangent_of_their_own(monkeypatch: pytest.MonkeyPa
     film = model(FILMS["taut"], refine=0.7)
     first = equilibrium(film, FORCE, 0.0).solution
     made = []
-    factorise = newton._factorise
-    monkeypatch.setattr(newton, "_factorise",
+    factorise = tangent._factorise
+    monkeypatch.setattr(tangent, "_factorise",
                         lambda *parts: made.append(None) or factorise(*parts))
     outcomes = list(voltage_path(film, FORCE, np.linspace(0, 4e3, 25).tolist(), start=first))
     assert [outcome.status for outcome in outcomes] == ["equilibrium"] * 25
