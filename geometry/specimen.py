@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 from functools import lru_cache
+from math import prod
 from typing import Annotated, Any, ClassVar, Protocol
 
 import numpy as np
@@ -14,6 +15,7 @@ from tympan.geometry.errors import InputError
 from tympan.geometry.fields import Key, Registry, read, takes_units
 from tympan.geometry.outlines import OUTLINES, Circle, Ellipse, Outline, check_outline
 from tympan.geometry.paths import any_complex
+from tympan.geometry.rays import exits
 from tympan.geometry.toml_reader import NON_NEGATIVE, POSITIVE, Rule, Table
 
 Stretch = NDArray[np.float64] | NDArray[np.complex128]
@@ -204,6 +206,20 @@ class Film:
 
 @takes_units
 @dataclass(frozen=True)
+class Patch:
+    """A round spot that the electrode misses; its edge fades over about a third of its width."""
+
+    centre: Annotated[Pair, Key("from the frame's centre", "length")]
+    diameter: Annotated[float, Key("where half of the film is covered", "length", POSITIVE)]
+
+    def bare(self, x: Any, y: Any) -> Any:
+        """Share of the film that it leaves bare at places [m]: 2^(-s⁴), s = 2 r/d, so smooth."""
+        away = (x - self.centre[0]) ** 2 + (y - self.centre[1]) ** 2
+        return np.exp(-np.log(2) * (4 * away / self.diameter**2) ** 2)
+
+
+@takes_units
+@dataclass(frozen=True)
 class Electrode:
     """What conducts on the film: what is between two uncovered bands and within an outline, if any.
 
@@ -220,11 +236,17 @@ class Electrode:
     outline: Annotated[Region | None, Key("only the film within this outline is covered")] = None
     mass: Annotated[float, Key(
         "of the electrodes on both sides, per mounted area", "mass per area", _ELECTRODE)] = 0.0
+    patches: Annotated[tuple[Patch, ...], Key(
+        "spots that it misses, of a smooth edge that no mesh follows", name="patch")] = ()
 
     @property
     def everywhere(self) -> bool:
-        """Whether it covers the whole film between plate and frame."""
+        """Whether it covers the whole film between plate and frame, but for spots it misses."""
         return self.outline is None and self.margin_frame == self.margin_plate == 0
+
+    def coverage(self, x: Any, y: Any) -> Any:
+        """Share of the film covered at places of its bands and outline [m]; 1 without patches."""
+        return prod((1 - patch.bare(x, y) for patch in self.patches), start=1.0)
 
 
 @dataclass(frozen=True)
@@ -297,6 +319,10 @@ class Specimen:
         if self.electrode.outline is not None and not self._meets(self.electrode.outline):
             raise InputError("must cover some of the film",
                              key="electrode.outline", given=str(self.electrode.outline))
+        for number, patch in enumerate(self.electrode.patches):
+            if not self._holds(patch):
+                raise InputError("must lie in the frame and be no wider than it",
+                                 key=f"electrode.patch[{number}]", given=str(patch))
         if sum(map(abs, self.membrane.thickness_gradient)) > _UNEVENNESS:
             raise InputError("must leave some film everywhere: shares must add up to 0.9 at most",
                              key="membrane.thickness_gradient",
@@ -349,15 +375,17 @@ class Specimen:
         round_edges = all(outline.semi_axes[0] == outline.semi_axes[1]
                           and isinstance(outline, Circle | Ellipse) for outline in edges)
         centred = all(part.offset == (0.0, 0.0) for part in inside)
+        whole = all(patch.centre == (0.0, 0.0) for patch in self.electrode.patches)
         film = self.membrane.prestretch
-        return even and round_edges and centred and film[0] == film[1]
+        return even and round_edges and centred and whole and film[0] == film[1]
 
     @property
     def mirror_planes(self) -> frozenset[str]:
         """Axes whose coordinate may change sign without changing the specimen."""
         parts = (self.frame, self.plate, self.electrode.outline)
-        uneven = {axis for axis, share in zip("xy", self.membrane.thickness_gradient, strict=True)
-                  if share}
+        lopsided = (self.membrane.thickness_gradient,
+                    *(patch.centre for patch in self.electrode.patches))
+        uneven = {axis for pair in lopsided for axis, part in zip("xy", pair, strict=True) if part}
         return frozenset("xy").intersection(*(part.mirror_planes for part in parts
                                               if part is not None)) - uneven
 
@@ -368,6 +396,21 @@ class Specimen:
             return 1.0
         a, b = self.frame.semi_axes
         return 1 + along * x / a + across * y / b
+
+    def place_between(self, way: Pair, share: float) -> Pair:
+        """The place so far from plate to frame, on a ray of this direction from its centre [m]."""
+        centre, direction = np.array(self.centre)[:, None], np.array(way)[:, None]
+        far = 3 * max(self.frame.semi_axes)
+        inner = 0.0 if self.plate is None else exits(self.plate, centre, direction, far)[0]
+        outer = exits(self.frame, centre, direction, far)[0]
+        x, y = (centre + direction * (inner + share * (outer - inner)))[:, 0].tolist()
+        return x, y
+
+    def _holds(self, patch: Patch) -> bool:
+        """Whether a patch's centre lies in the frame, or on it, and the patch is no wider."""
+        size = max(self.frame.semi_axes)
+        depth = self.frame.level(*np.array(patch.centre)[:, None])[0]
+        return bool(depth <= 1e-6 * size and patch.diameter <= 2 * size)
 
     def _meets(self, region: Region) -> bool:
         """Whether film lies within: the region's edge is on it, or it holds the film whole."""

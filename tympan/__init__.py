@@ -23,9 +23,10 @@ if TYPE_CHECKING:
 
 __all__ = [
     "ArrudaBoyce", "Case", "Circle", "ClosedSpline", "Electrode", "Ellipse", "Film", "Gent",
-    "InputError", "Magnet", "MeshSettings", "MooneyRivlin", "NeoHooke", "Ogden", "Plate", "Polygon",
-    "Region", "RegularPolygon", "Result", "Rig", "Rotated", "RoundedRectangle", "Settings",
-    "ShearThinning", "Specimen", "Spring", "Stadium", "Superellipse", "ViscousBranch", "Yeoh",
+    "InputError", "Magnet", "MeshSettings", "MooneyRivlin", "NeoHooke", "Ogden", "Patch", "Plate",
+    "Polygon", "Region", "RegularPolygon", "Result", "Rig", "Rotated", "RoundedRectangle",
+    "Settings", "ShearThinning", "Specimen", "Spring", "Stadium", "Superellipse", "ViscousBranch",
+    "Yeoh",
     "__version__",
     "alpha", "curve", "diagnose", "draw", "load", "lumped", "material", "modes", "optimise", "path",
     "sensitivity", "solve", "study", "sweep", "transient",

@@ -23,6 +23,7 @@ from tympan.geometry.outlines import Stadium as Stadium
 from tympan.geometry.outlines import Superellipse as Superellipse
 from tympan.geometry.specimen import Electrode as Electrode
 from tympan.geometry.specimen import Film as Film
+from tympan.geometry.specimen import Patch as Patch
 from tympan.geometry.specimen import Plate as Plate
 from tympan.geometry.specimen import Region as Region
 from tympan.geometry.specimen import Specimen as Specimen

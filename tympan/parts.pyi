@@ -27,6 +27,7 @@ from tympan.geometry.outlines import Superellipse as AnySuperellipse
 from tympan.geometry.specimen import Electrode as AnyElectrode
 from tympan.geometry.specimen import Film as AnyFilm
 from tympan.geometry.specimen import FlowLaw, Material, Strength
+from tympan.geometry.specimen import Patch as AnyPatch
 from tympan.geometry.specimen import Plate as AnyPlate
 from tympan.geometry.specimen import Region as AnyRegion
 from tympan.geometry.specimen import Specimen as Specimen
@@ -108,7 +109,7 @@ class Superellipse(AnySuperellipse):
 class Electrode(AnyElectrode):
     def __init__(self, margin_frame: Quantity = ..., margin_plate: Quantity = ..., stiffness:
                  Quantity = ..., outline: AnyRegion | None = ..., mass: Quantity
-                 = ...) -> None: ...
+                 = ..., patches: Sequence[AnyPatch] = ...) -> None: ...
 
 class Film(AnyFilm):
     def __init__(self, thickness: Quantity, prestretch: tuple[float, float], material: Material,
@@ -117,6 +118,9 @@ class Film(AnyFilm):
                  branches: Sequence[AnyViscousBranch] = ..., thickness_gradient:
                  tuple[float, float] = ..., mounted: Quantity | None = ...,
                  temperature_power: float = ...) -> None: ...
+
+class Patch(AnyPatch):
+    def __init__(self, centre: Pair, diameter: Quantity) -> None: ...
 
 class Plate(AnyPlate):
     def __init__(self, outline: Outline, offset: Pair = ...) -> None: ...

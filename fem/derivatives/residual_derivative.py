@@ -165,9 +165,10 @@ class ResidualDerivative:
         film, result = model.specimen.membrane, np.zeros(len(self._plate))
         thickness = film.thickness / film.area_prestretch
         uneven = bool(np.any(np.imag(model.relative_thickness)))
+        stirred = uneven or bool(np.any(np.imag(model.covered)))
         relative = model.relative_thickness if uneven else self.at.model.relative_thickness
         for part in self._parts_of(model, state):
-            if uneven or part not in self._parts:
+            if stirred or part not in self._parts:
                 result = result + np.imag(thickness * self._virtual_work(*part, relative))
             elif np.imag(thickness):
                 result = result + np.imag(thickness) * np.real(self._virtual_work(*part, relative))
@@ -176,8 +177,8 @@ class ResidualDerivative:
     def _same_film(self, model: Model) -> bool:
         """Whether film and electrode are those at the start, wherever their points moved."""
         mine, other = self.at.model.specimen, model.specimen
-        even = np.ndim(self.at.model.relative_thickness) == 0
-        return even and other.membrane is mine.membrane and other.electrode is mine.electrode
+        same = other.membrane is mine.membrane and other.electrode is mine.electrode
+        return same and self.at.model.even
 
     def _virtual_work(self, material: Any, prestretch: tuple[Any, Any], relative: Any) -> Any:
         """∫ W₁δλ₁ + W₂δλ₂ over the mounted film for each motion [N].

@@ -85,7 +85,7 @@ def _loading_names(loading: Loading) -> tuple[str, ...]:
 
 
 #: Names of pairs whose parts have the opposite effect in a mirror.
-_ODD = {"arm", "thickness_gradient"}
+_ODD = {"arm", "thickness_gradient", "centre"}
 
 
 def _of_film(name: str) -> ModelParameter:
@@ -93,7 +93,7 @@ def _of_film(name: str) -> ModelParameter:
 
 
 def _number(name: str) -> ModelParameter:
-    """A number of film, electrode or surroundings; odd along the axis of an arm or a gradient."""
+    """A number of film, electrode or surroundings; odd along the axis of a pair of :data:`_ODD`."""
     path = name.split(".")
     return ModelParameter(
         lambda model, state: float(at(model, path)),
@@ -130,7 +130,7 @@ def film_names(specimen: Specimen) -> tuple[str, ...]:
     """Names of numbers of film and electrode that move nothing, such as membrane.material.mu.0."""
     # Strength decides nothing but breakdown.
     return (*numbers(replace(specimen.membrane, strength=None), "membrane"), "electrode.stiffness",
-            "electrode.mass")
+            "electrode.mass", *numbers(specimen.electrode.patches, "electrode.patches"))
 
 
 @lru_cache(maxsize=64)

@@ -31,7 +31,7 @@ _RESIDUAL = 1e-3
 
 @dataclass(frozen=True)
 class Maxwell:
-    """Electrostatic energy −½ c (λ₁λ₂)^p, a "material" like any other, where ``covered`` is 1.
+    """Electrostatic energy −½ c (λ₁λ₂)^p, a "material" like any other, for the share ``covered``.
 
     With c = ε₀ ε_r J_pⁿ (U/T)² and p = 2 − n this is the ideal dielectric (n = 0) or one
     whose permittivity falls as (J/J_p)^(−n).
@@ -65,7 +65,7 @@ Part = tuple[Any, tuple[Any, Any]]
 class FilmDensity:
     """The film's energy at a voltage: elastic, and electrostatic and electrode where covered.
 
-    ``covered`` is 1 under the electrode and 0 elsewhere, broadcastable against the quadrature
+    ``covered`` is the share of the film under the electrode, broadcastable against the quadrature
     points, and so is ``thickness``, that of the virgin film over the stated one. With ``wrinkles``
     the film wrinkles rather than carry compression
     (:class:`~tympan.fem.film.tension_field.TensionField`), without it carries any.

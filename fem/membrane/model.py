@@ -71,9 +71,24 @@ class Model:
     @cached_property
     def relative_thickness(self) -> Any:
         """Virgin thickness over the stated one, 1 or of shape (elements, points)."""
+        return self.specimen.relative_thickness(*self._places)
+
+    @cached_property
+    def covered(self) -> Any:
+        """Share of the film under the electrode, shape (elements, 1 or points)."""
+        return self.discretisation.covered * self.specimen.electrode.coverage(*self._places)
+
+    @property
+    def even(self) -> bool:
+        """Whether thickness and coverage are alike wherever points of an element move."""
+        return np.ndim(self.relative_thickness) == 0 and not self.specimen.electrode.patches
+
+    @property
+    def _places(self) -> tuple[Array, Array]:
+        """x and y of the quadrature points in the mounted film [m], (elements, points) each."""
         mesh = self.discretisation
         x, y, _ = np.moveaxis(mesh.shapes @ mesh.reference[mesh.connectivity], -1, 0)
-        return self.specimen.relative_thickness(x, y)
+        return x, y
 
     @property
     def centre(self) -> Array:
@@ -154,7 +169,7 @@ class Model:
         film = self.specimen.membrane
         bare = film.density * (film.thickness / film.area_prestretch)
         bare = bare * self.relative_thickness
-        return bare + self.specimen.electrode.mass * self.discretisation.covered
+        return bare + self.specimen.electrode.mass * self.covered
 
     @property
     def pull(self) -> Any:
@@ -181,11 +196,13 @@ class Model:
 
     def density(self, voltage_squared: Any, *, nodal: bool = False) -> FilmDensity:
         """The film's energy density at U² [V²] at quadrature points, or nodes of the elements."""
-        mesh, thickness = self.discretisation, self.relative_thickness
+        thickness, covered = self.relative_thickness, self.covered
         if nodal:
+            mesh = self.discretisation
             x, y, _ = np.moveaxis(mesh.reference[mesh.connectivity], -1, 0)
             thickness = self.specimen.relative_thickness(x, y)
-        return FilmDensity(self.specimen, voltage_squared, mesh.covered, self.wrinkles, self.flow,
+            covered = mesh.covered * self.specimen.electrode.coverage(x, y)
+        return FilmDensity(self.specimen, voltage_squared, covered, self.wrinkles, self.flow,
                            thickness)
 
     def in_tension(self, state: State) -> bool:

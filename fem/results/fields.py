@@ -227,9 +227,10 @@ def _tension(model: Model, states: Sequence[State], gradients: Array, points: Ar
     c = cauchy_green(deformation(gradients, positions[:, mesh.connectivity[cells]]))
     squared = np.array([state.voltage_squared for state in states])[:, None, None]
     there = tabulated(mesh.mesh.order, points)[0].T @ mesh.reference[mesh.connectivity[cells]]
-    density = FilmDensity(model.specimen, squared, mesh.covered[cells], model.wrinkles,
-                          _flow_at(model, cells, points),
-                          model.specimen.relative_thickness(there[..., 0], there[..., 1]))
+    place = there[..., 0], there[..., 1]
+    covered = mesh.covered[cells] * model.specimen.electrode.coverage(*place)
+    density = FilmDensity(model.specimen, squared, covered, model.wrinkles,
+                          _flow_at(model, cells, points), model.specimen.relative_thickness(*place))
     # As the eigenvalues of S C.
     s = np.moveaxis(density(c, tangent=False).stress, -1, 0)
     mean = (s[0] * c[0] + s[1] * c[1]) / 2 + s[2] * c[2]
@@ -261,6 +262,7 @@ def _fields(model: Model, states: Sequence[State], cells: Array, points: Array,
     current = np.matmul(shapes.T, positions).reshape(-1, 3)
     f = deformation(gradients, positions).reshape(-1, 3, 2)
     covered = np.tile(np.repeat(mesh.covered[cells, 0], points.shape[1]), len(states))
+    covered = covered * model.specimen.electrode.coverage(*reference[:, :2].T)
     voltage_squared = np.repeat([state.voltage_squared for state in states], len(here))
 
     c = cauchy_green(f)

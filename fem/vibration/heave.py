@@ -94,7 +94,7 @@ def following(model: Model, state: State) -> FollowingFilm:
     motion = np.ones(stiffness.shape[0])
     motion[others] = factors.solve(-stiffness[:, heave].toarray().ravel()[others])
     masses = [coordinates.T @ kron(mass_matrix(model, part), identity(3)) @ coordinates
-              for part in (np.ones_like(mesh.covered), mesh.covered)]
+              for part in (np.ones_like(mesh.covered), model.covered)]
     inertia = np.stack([mass @ motion for mass in masses])
     lag = inertia[:, others] @ np.stack([factors.solve(row[others]) for row in inertia]).T
     lag = lag * (motion @ stiffness @ motion) * mesh.mirrored**2
@@ -104,4 +104,4 @@ def following(model: Model, state: State) -> FollowingFilm:
     (first, mixed), (_, second) = lag.tolist()
     plate = float(model.plate_area)
     return FollowingFilm((film, electrode), ((first, mixed), (mixed, second)),
-                         float((mesh.covered * lift).sum()), float(lift.sum()) + plate, plate)
+                         float((model.covered * lift).sum()), float(lift.sum()) + plate, plate)

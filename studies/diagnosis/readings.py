@@ -66,7 +66,14 @@ class PreparedReadings:
                  IN_TIME: bool(len(states.passages.rows))}
         return tuple(Cause(name, which) for name, effect in EFFECTS.items()
                      if all(there.get(column, False) for column in effect.columns)
-                     for which in effect.choices(self.setup))
+                     for which in effect.choices(self.setup)
+                     if which is None or "x_mm" not in effect.columns or which in self._scanned)
+
+    @property
+    def _scanned(self) -> frozenset[str]:
+        """Names of the specimens over whose films lines or fields were read."""
+        scanned = self.table.states.specimen[self.table.state[self.table.scan >= 0]]
+        return frozenset(self.setup.specimens[number].name for number in scanned.tolist())
 
 
 def prepared_readings(dataset: Dataset) -> PreparedReadings:

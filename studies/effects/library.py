@@ -15,7 +15,7 @@ from tympan.fem.film.laws import MooneyShare, Stiffened
 from tympan.fem.film.laws.invariants import first_invariant
 from tympan.geometry.errors import InputError
 from tympan.geometry.paths import with_change
-from tympan.geometry.specimen import NARROWEST, Film, Specimen, ViscousBranch
+from tympan.geometry.specimen import NARROWEST, Film, Patch, Specimen, ViscousBranch
 from tympan.studies.circles import Lumped
 from tympan.studies.effects.effect import EffectParameter, Setup, effect
 
@@ -148,6 +148,39 @@ def electrode_margin(setup: Setup, d: Annotated[float, EffectParameter(
         return changed
 
     return setup.with_specimens(banded)
+
+
+def _wide(axis: str) -> EffectParameter:
+    return EffectParameter(
+        f"the spot's diameter times the cosine between {axis} and the way to it from the plate's "
+        "centre", "mm", width=10e-3, low=-1.0, high=1.0, even=True, reason=(
+            "grease that a finger took along, or a brush did not reach, is a spot about as wide as "
+            "either; no source"))
+
+
+@effect("The electrode of one specimen misses a spot of the film, which carries no field there.",
+        finding="The electrode of {which} leaves a spot bare: laid off from the plate's centre "
+                "towards it, its diameter reaches {dx} along x and {dy} along y; it is {p} of the "
+                "way from plate to frame",
+        check="look through the film of {which} against a light, for a spot without electrode",
+        columns=("x_mm",))
+def electrode_patch(setup: Setup, dx: Annotated[float, _wide("x")],
+                    dy: Annotated[float, _wide("y")], p: Annotated[float, EffectParameter(
+                        "share of the way from plate to frame at which the spot is", "", width=0.5,
+                        low=0.05, high=1.0, spread=log(1.5),
+                        reason="between plate and frame no place is likelier than others",
+                        told_in="%")], which: str) -> Setup:
+    diameter = float(np.hypot(dx, dy))
+    if not diameter:
+        return setup
+
+    def spotted(specimen: Specimen) -> Specimen:
+        centre = specimen.place_between((dx / diameter, dy / diameter), p)
+        electrode = specimen.electrode
+        return replace(specimen, electrode=replace(
+            electrode, patches=(*electrode.patches, Patch(centre, diameter))))
+
+    return setup.with_specimens(spotted, which)
 
 
 @effect("The electrodes add stiffness of their own, without stress in the flat mounted film.",

@@ -80,10 +80,14 @@ def reduced_film(model: Model, forces: Sequence[float], voltage: float, spring: 
 def film_of_runs(model: Model, forces: Sequence[float], voltage: float,
                  settings: ReductionSettings = ReductionSettings()) -> ReducedFilm:
     """As :func:`reduced_film`, and not held against the model."""
-    uneven = model.specimen.membrane.thickness_gradient
-    if uneven != (0.0, 0.0):
+    gradient, patches = (model.specimen.membrane.thickness_gradient,
+                         model.specimen.electrode.patches)
+    if gradient != (0.0, 0.0):
         raise InputError("must be 0, 0 for a reduced film", key="membrane.thickness_gradient",
-                         given=uneven)
+                         given=gradient)
+    if patches:
+        raise InputError("must not be there for a reduced film", key="electrode.patch",
+                         given=str(patches[0]))
     run = _there_and_back(model, voltage)
     snapshots = [*_at_rest(model, forces, voltage), *_in_motion(model, forces[0], run)]
     return reduced(model, snapshots, settings)

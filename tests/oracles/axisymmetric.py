@@ -211,7 +211,8 @@ class Film:
     ``inner`` (plate edge) and ``outer`` (frame) are mounted radii [m], ``thickness`` is that of the
     virgin film [m], ``prestretch`` the equibiaxial stretch per axis [-].  The permittivity is
     ``relative_permittivity (l1 l2 / prestretch^2)^(-permittivity_exponent)`` times ``eps0`` [F/m].
-    ``relaxed`` says whether a compressive hoop stress is relaxed by wrinkling.
+    ``relaxed`` says whether a compressive hoop stress is relaxed by wrinkling.  ``coverage`` is the
+    share of the film under the electrode by mounted radius [m], 1 without; by the Ritz method only.
     """
 
     inner: float
@@ -223,6 +224,7 @@ class Film:
     permittivity_exponent: float = 0.0
     eps0: float = 8.8541878128e-12
     relaxed: bool = False
+    coverage: Callable[[FloatArray], FloatArray] | None = None
 
     def __post_init__(self) -> None:
         if not 0.0 < self.inner < self.outer:
@@ -508,7 +510,8 @@ class RitzExpansion:
             return None
         if max(l1.max(), l2.max()) > 1e3:
             return None
-        psi = energy_derivatives(self.film, l1, l2, q)
+        covered = 1.0 if self.film.coverage is None else self.film.coverage(self.radius)
+        psi = energy_derivatives(self.film, l1, l2, q * covered)
         if not np.all(np.isfinite(psi.value)):
             return None
         ratio = self.film.prestretch / self.radius
@@ -526,7 +529,7 @@ class RitzExpansion:
 
         value = float(weight @ psi.value)
         gradient = l1_all.T @ (weight * psi.d1) + l2_all.T @ (weight * psi.d2)
-        mixed = l1_all.T @ (weight * psi.q1) + l2_all.T @ (weight * psi.q2)
+        mixed = l1_all.T @ (weight * psi.q1 * covered) + l2_all.T @ (weight * psi.q2 * covered)
         cross = l1_all.T @ ((weight * psi.d12)[:, None] * l2_all)
         hessian = (
             l1_all.T @ ((weight * (psi.d11 - psi.d1 / l1))[:, None] * l1_all)

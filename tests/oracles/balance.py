@@ -96,11 +96,11 @@ def _nominal_stress(model: Model, state: State, deformation: Array) -> Array:
         j, n = l1 * l2, film.permittivity_exponent
         permittivity = epsilon_0 * film.relative_permittivity * (j / film.area_prestretch) ** -n
         maxwell = ((1 - n / 2) * permittivity * state.voltage_squared / film.thickness**2
-                   * j**2 * model.discretisation.covered)
+                   * j**2 * model.covered)
         return w1 - maxwell / l1, w2 - maxwell / l2
 
     def electrode_stress(l1: Array, l2: Array) -> tuple[Array, Array]:
-        stiffness, l3 = electrode.stiffness * model.discretisation.covered, 1 / (l1 * l2)
+        stiffness, l3 = electrode.stiffness * model.covered, 1 / (l1 * l2)
         return stiffness * (l1 - l3**2 / l1), stiffness * (l2 - l3**2 / l2)
 
     def together(l1: Array, l2: Array) -> tuple[Array, Array]:

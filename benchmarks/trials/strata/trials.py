@@ -140,7 +140,7 @@ def _by_turns(circular: Callable[[], ReadingPlan], others: Callable[[], ReadingP
     plan = others()
     effects = tuple(name for name in EFFECTS if name not in _NOT_BY_ELEMENTS
                     and (len(plan.tapped) or name != "added_mass")
-                    and (len(plan.scanned) or name != "thickness_gradient"))
+                    and (len(plan.scanned) or "x_mm" not in EFFECTS[name].columns))
     # Of each effect now one law, now the other.
     return Question(plan, ("elements", "another law")[(number // 2 + number // 32) % 2], effects)
 

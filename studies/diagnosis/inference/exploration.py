@@ -31,6 +31,9 @@ Array = NDArray[np.float64]
 #: usual ones where that is less.
 _SHARE, _USUAL = 0.9, 8.0
 
+#: Sizes at which fits of effects begin that are no sum of their parameters, over usual ones.
+_TOGETHER = 1.5 * np.array([-1.0, 0.0, 1.0])
+
 #: What a fit that presses against the end of what is sampled may promise, by what factor more than
 #: its derivatives do, and how far behind the best one it may still end, in the cost.
 _PROMISE, _BEHIND = 3.0, 15.0
@@ -131,19 +134,26 @@ class Exploration:
         return member.cost - _HELP * gain < self._least + _BEHIND
 
     def _starts(self, hypothesis: Hypothesis) -> list[Array]:
-        """Without effect, and with each parameter large to either side."""
+        """Without effect, and with each parameter large to either side.
+
+        Where a sign changes nothing there is no way from 0; sizes of which the readings are no sum
+        also begin together.
+        """
         bounds = bounds_of(self.simulation, hypothesis)
         none = np.zeros(bounds.shape[1])
         none[: len(self.nominal.unknowns)] = self.nominal.unknowns
+        parameters = parameters_of(hypothesis)
+        even = all(item.sign == "even" or item.spread for item in parameters)
+        if even and any(item.spread for item in parameters):
+            ends = [(0.0,) if item.spread else item.deviation * _TOGETHER for item in parameters]
+            return [np.r_[none[: SIZES.start], way] for way in product(*ends) if any(way)]
         starts = [none]
-        for number, parameter in enumerate(parameters_of(hypothesis), SIZES.start):
+        for number, parameter in enumerate(parameters, SIZES.start):
             for bound in bounds[:, number]:
                 size = np.sign(bound) * _SHARE * min(abs(bound), _USUAL * parameter.deviation)
                 if size:
                     starts.append(none.copy())
                     starts[-1][number] = size
-        # Where a sign changes nothing there is no way from 0.
-        even = all(parameter.sign == "even" for parameter in parameters_of(hypothesis))
         return starts[1:] if even else starts
 
     def _fit(self, hypothesis: Hypothesis, starts: Sequence[Array]) -> None:

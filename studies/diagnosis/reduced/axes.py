@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import combinations, product
 
 from tympan.fem.membrane.loading import Loading
 from tympan.geometry.errors import InputError
@@ -156,11 +157,37 @@ def film_axes(setup: Setup, name: str, shapes: bool = False) -> tuple[Axis, ...]
     nothing.
     """
     nominal = HeldFilm.of(setup, name)
-    axes = (_axis(setup, name, effect, index, shapes) for effect in EFFECTS.values()
+    axes = [axis for effect in EFFECTS.values()
             if shapes or SHAPES_ALONE not in effect.columns
-            for index in range(len(effect.parameters)))
-    return tuple(axis for axis in axes if axis.places
-                 and sampled_film(setup, name, (axis,), ((0, axis.places[-1]),)) != nominal)
+            for index in range(len(effect.parameters))
+            if (axis := _axis(setup, name, effect, index, shapes)).places]
+    acting = {axis.effect for axis in axes
+              if sampled_film(setup, name, (axis,), ((0, axis.places[-1]),)) != nominal}
+    return tuple(axis for axis in axes if axis.effect in acting)
+
+
+def acting_together(axes: Sequence[Axis]) -> list[tuple[Sample, ...]]:
+    """Samples, by meshes, of effects one of whose axes only says how the others act.
+
+    At the least places of these: each with the ends of that one, and every two together.
+    """
+    groups: list[tuple[Sample, ...]] = []
+    for effect in dict.fromkeys(axis.effect for axis in axes if axis.parameter.spread):
+        own = [number for number, axis in enumerate(axes) if axis.effect == effect]
+        how = [number for number in own if axes[number].parameter.spread]
+        acting = {number: [place for sense in (1, -1) for place in axes[number].side(sense)[:1]]
+                  for number in own if number not in how}
+        groups += [tuple(_ascending((number, place), (other, end)) for other in how
+                         for end in (axes[other].places[0], axes[other].places[-1]))
+                   for number, places in acting.items() for place in places]
+        groups += [tuple(_ascending((first, one), (second, two))
+                         for one, two in product(acting[first], acting[second]))
+                   for first, second in combinations(acting, 2)]
+    return groups
+
+
+def _ascending(*places: tuple[int, float]) -> Sample:
+    return tuple(sorted(places))
 
 
 def _axis(setup: Setup, name: str, effect: Effect, index: int, shapes: bool) -> Axis:

@@ -385,9 +385,10 @@ def _remembering(specimen: Specimen, rig: Rig, runs: tuple[tuple[float, VoltageH
     modulus = float(slope[0] / stretches[0][0])
     length = max(float(history.signal.end) for _, history in runs)
     branches = specimen.membrane.branches or (ViscousBranch(modulus, length / 3),)
-    model = build_model(replace(specimen, membrane=replace(
-        specimen.membrane, branches=branches, mounted=None, thickness_gradient=(0.0, 0.0))),
-        settings, rig.loading)
+    even = replace(specimen, membrane=replace(
+        specimen.membrane, branches=branches, mounted=None, thickness_gradient=(0.0, 0.0)),
+        electrode=replace(specimen.electrode, patches=()))
+    model = build_model(even, settings, rig.loading)
     forces = sorted({float(rig.force(mass)) for mass, _ in runs}, reverse=True)
     highest = max(float(np.abs(rig.film_voltage(np.abs(history.signal.voltage))).max())
                   for _, history in runs)

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from tympan.geometry.errors import InputError
 from tympan.geometry.outlines import Outline
+from tympan.geometry.rays import exits, outside
 from tympan.geometry.specimen import Plate
 
 Array = NDArray[np.float64]
@@ -28,8 +29,6 @@ ALONG, AROUND = 12, 48
 #: Numbers of a lattice: three components at each point.
 COUNT = 3 * ALONG * AROUND
 
-#: Places on a ray between which an outline is looked for; halvings of where it is.
-_SOUGHT, _HALVINGS = 400, 50
 #: Steps of Newton's method, at most, on the lattice; a step that is the last, in its coordinates;
 #: how far beyond plate and frame the lattice is continued, as a share of a ray.
 _STEPS, _SMALL, _BEYOND = 12, 1e-9, 0.02
@@ -73,18 +72,11 @@ def lattice_of(frame: Outline, plate: Plate) -> Lattice:
 
 def _crossing(outline: Outline | Plate, centre: Array, way: Array, far: float) -> Array:
     """Where rays leave an outline [m], shape (AROUND,)."""
-    radius = np.linspace(0, far, _SOUGHT)[:, None]
-    outside = outline.level(*(centre[:, None] + way[:, None] * radius)) > 0
-    if np.any(np.diff(outside.astype(int), axis=0) < 0) or not outside[-1].all():
+    beyond = outside(outline, centre, way, far)
+    if np.any(np.diff(beyond.astype(int), axis=0) < 0) or not beyond[-1].all():
         raise InputError("must be one whose whole edge is seen from the plate's centre, for "
                          "field.csv to be judged", key="frame, plate", given=str(outline))
-    first = outside.argmax(axis=0)
-    low, high = radius[first - 1, 0], radius[first, 0]
-    for _ in range(_HALVINGS):
-        middle = (low + high) / 2
-        beyond = outline.level(*(centre + way * middle)) > 0
-        low, high = np.where(beyond, low, middle), np.where(beyond, middle, high)
-    return np.asarray((low + high) / 2)
+    return exits(outline, centre, way, far)
 
 
 @lru_cache

@@ -16,6 +16,7 @@ from tympan.studies.diagnosis.reduced.axes import (
     Axis,
     HeldFilm,
     Sample,
+    acting_together,
     film_axes,
     sampled_film,
 )
@@ -201,20 +202,20 @@ def first_laws(solver: Solver, setup: Setup, grids: Sequence[Grid], workers: int
     """The force law of every specimen of a setup, each effect alone at its first sizes."""
     laws = [ForceLaw(solver, grid, axes_of(setup, specimen.name), {})
             for specimen, grid in zip(setup.specimens, grids, strict=True)]
-    return _sampled(setup, laws, (), workers, progress)
+    return _sampled(setup, laws, [acting_together(law.axes) for law in laws], workers, progress)
 
 
 def regridded(simulation: Simulation, grids: Sequence[Grid], workers: int = 1) -> Simulation:
     """The same samples on other grids, as far as the films can be solved there."""
     laws = [replace(law, grid=grid) for law, grid in zip(simulation.laws, grids, strict=True)]
-    joint = [[sample for sample in law.samples if len(sample) > 1] for law in laws]
+    joint = [[(sample,) for sample in law.samples if len(sample) > 1] for law in laws]
     return replace(simulation, laws=_sampled(simulation.setup, laws, joint, workers))
 
 
-def _sampled(setup: Setup, laws: Sequence[ForceLaw], joint: Sequence[Sequence[Sample]],
-             workers: int, progress: Progress = lambda done, all_of_them: None
-             ) -> tuple[ForceLaw, ...]:
-    """Laws with everything at their axes' places, and further samples, solved."""
+def _sampled(setup: Setup, laws: Sequence[ForceLaw],
+             joint: Sequence[Sequence[tuple[Sample, ...]]], workers: int,
+             progress: Progress = lambda done, all_of_them: None) -> tuple[ForceLaw, ...]:
+    """Laws with everything at their axes' places, and further samples of a kind, solved."""
     chains: list[Chain] = []
     for number, (specimen, law) in enumerate(zip(setup.specimens, laws, strict=True)):
         base = _base(setup, specimen.name, law)
@@ -222,7 +223,7 @@ def _sampled(setup: Setup, laws: Sequence[ForceLaw], joint: Sequence[Sequence[Sa
         # Films on meshes of their own, which take longest, are those of the last effects.
         chains += [Chain.along(base, axis, places) for axis in reversed(range(len(law.axes)))
                    for sense in (1, -1) if (places := law.axes[axis].side(sense))]
-        chains += [replace(base, samples=(sample,)) for sample in (joint[number] if joint else ())]
+        chains += [replace(base, samples=samples) for samples in joint[number]]
     solved = solve_chains(chains, workers, progress)
     for answer in solved:
         if answer.chain.samples == ((),) and answer.failure:

@@ -142,6 +142,37 @@ def test_what_heaves_do_not_tell_a_line_names(tmp_path: Path, effect: str,
         assert parameter["value"] * unit == pytest.approx(size, rel=0.1, abs=0.05e-3)
 
 
+def test_a_spot_without_electrode_is_named_by_a_line(tmp_path: Path) -> None:
+    """By films of other meshes and order; without a line nothing is said of spots."""
+    sizes = (20e-3, -12e-3, 0.5)
+    hidden = [("electrode_patch", sizes, "round")]
+    heaves, line = (film_lines.write(tmp_path / name, hidden, 1, shapes=["round"], places=places)
+                    for name, places in (("heaves", None), ("line", cross)))
+    spot = Cause("electrode_patch", "round")
+    assert spot not in prepared_readings(read_dataset(heaves)).causes
+    verdict = diagnose(read_dataset(line)).json()
+    assert verdict["verdict"] == "named"
+    cause = verdict["causes"][0]
+    assert (cause["effect"], cause["which"]) == (spot.name, spot.which)
+    for parameter, size in zip(cause["parameters"].values(), sizes, strict=True):
+        unit = {"mm": 1e-3}.get(parameter["unit"], 1.0)
+        assert parameter["low"] <= size / unit <= parameter["high"]
+        assert parameter["high"] - parameter["low"] < 0.75 * abs(size) / unit or unit == 1.0
+
+
+@pytest.mark.study
+@pytest.mark.parametrize(("effect", "sizes"), [
+    ("electrode_margin", (6e-3,)), ("plate_eccentricity", (2e-3, -1e-3)),
+    ("thickness_gradient", (0.15, -0.03))])
+def test_what_lies_over_a_film_otherwise_is_no_spot(tmp_path: Path, effect: str,
+                                                    sizes: tuple[float, ...]) -> None:
+    data = film_lines.write(tmp_path / "d", [(effect, sizes, None)], 1, shapes=["round"])
+    verdict = diagnose(read_dataset(data)).json()
+    listed = {cause["effect"]: cause["probability"] for cause in verdict["causes"]}
+    assert listed[effect] > 0.9
+    assert listed.get("electrode_patch", 0.0) < 0.1
+
+
 def test_nothing_hidden_in_lines_is_nothing_found(tmp_path: Path) -> None:
     data = film_lines.write(tmp_path / "d", seed=2, shapes=["round"])
     assert diagnose(read_dataset(data)).json()["verdict"] == "nothing"

@@ -169,8 +169,8 @@ def test_readings_are_smooth_in_the_size(effect: Effect, number: int) -> None:
     item = effect.parameters[number]
     middle = max(item.deviation, 2 * item.least)
     slopes = []
-    # What fades in time bends more.
-    far = middle / 8 if IN_TIME in effect.columns else middle / 2
+    # What fades in time bends more, and so does what moves over the film.
+    far = middle / 8 if IN_TIME in effect.columns or item.spread else middle / 2
     for near in (far, far / 2):
         high, low = (readings_for(effect, changed(effect, number, middle + sign * near))
                      for sign in (1, -1))
@@ -203,7 +203,9 @@ def test_sign_rule(effect: Effect, number: int) -> None:
     assert low < 0 < high
     up, down = (readings_for(effect, changed(effect, number, sign * size)) for sign in (1, -1))
     if item.sign == "even":
-        assert np.allclose(up, down, rtol=0, atol=1e-9)
+        # The mesh of a film without mirror planes is not its own mirror image.
+        seen = np.abs(up - readings_for(effect, NOMINAL)).max()
+        assert np.allclose(up, down, rtol=0, atol=max(1e-9, 2e-3 * seen))
     else:
         moved = up - readings_for(effect, unchanged(effect, number))
         assert np.abs(down - up).max() > np.abs(moved).max()

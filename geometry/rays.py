@@ -1,0 +1,41 @@
+"""Where rays from a place within an outline leave it."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+#: Places on a ray between which an outline is looked for; halvings of where it is.
+_SOUGHT, _HALVINGS = 400, 50
+
+
+class Bounded(Protocol):
+    """What has an inside, such as an outline or a plate."""
+
+    def level(self, x: Array, y: Array) -> Array:
+        """Negative inside, zero on the edge [m]."""
+
+
+def exits(inside: Bounded, centre: Array, way: Array, far: float) -> Array:
+    """Distances at which rays first leave [m], shape (n,); ``centre`` (2, 1), ``way`` (2, n).
+
+    ``far`` is beyond them all [m].
+    """
+    radius = np.linspace(0, far, _SOUGHT)[:, None]
+    first = outside(inside, centre, way, far).argmax(axis=0)
+    low, high = radius[first - 1, 0], radius[first, 0]
+    for _ in range(_HALVINGS):
+        middle = (low + high) / 2
+        beyond = inside.level(*(centre + way * middle)) > 0
+        low, high = np.where(beyond, low, middle), np.where(beyond, middle, high)
+    return np.asarray((low + high) / 2)
+
+
+def outside(inside: Bounded, centre: Array, way: Array, far: float) -> NDArray[np.bool_]:
+    """Whether places on rays up to ``far`` are outside, from the centre on, shape (places, n)."""
+    radius = np.linspace(0, far, _SOUGHT)[:, None]
+    return np.asarray(inside.level(*(centre[:, None] + way[:, None] * radius)) > 0)
