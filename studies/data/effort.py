@@ -27,4 +27,10 @@ class Effort:
                                 NON_NEGATIVE)] = 3600.0
     tap: Annotated[float, Key("to set up the recording of free swings", "time",
                               NON_NEGATIVE)] = 900.0
+    line: Annotated[float, Key("to set up a laser line over a film", "time",
+                               NON_NEGATIVE)] = 1800.0
+    make: Annotated[float, Key("to make a specimen of another shape", "time",
+                               NON_NEGATIVE)] = 4 * 3600.0
+    coupons: Annotated[float, Key("to cut strips and set up a tensile test", "time",
+                                  NON_NEGATIVE)] = 2 * 3600.0
     waiting: Annotated[float, Key("share of a pause that counts as work", rule=_SHARE)] = 0.1

@@ -21,6 +21,7 @@ from tympan.studies.diagnosis.coupons.strip_record import (
     at_temperature,
     save_strips,
 )
+from tympan.studies.diagnosis.experiments import MENU, Foreseen
 from tympan.studies.diagnosis.gain import GainReport, gain_of
 from tympan.studies.diagnosis.hypothesis import Cause
 from tympan.studies.diagnosis.inference.identifiability import detectable_effects
@@ -48,6 +49,7 @@ from tympan.studies.diagnosis.sentences import (
 )
 from tympan.studies.diagnosis.shown.curves import CURVES, curves
 from tympan.studies.diagnosis.shown.loaded_films import LoadedFilm, loaded_films
+from tympan.studies.diagnosis.solved_experiments import SOLVED
 from tympan.studies.effects import Setup
 from tympan.studies.files import read_json, words_beside, write_json, write_text
 
@@ -116,8 +118,13 @@ class Diagnosis:
         """With all that follows from a judgement of the dataset's readings."""
         causes, simulation = readings.causes, judgement.simulation
         # Nothing more is proposed beside coupons than the checks of what is found.
+        # What is to be solved takes its time, and is for causes that cannot be told apart.
+        menu: tuple[Foreseen, ...] = MENU
+        if judgement.verdict == "ambiguous" and all(
+                isinstance(specimen, Specimen) for specimen in simulation.setup.specimens):
+            menu = (*MENU, *SOLVED)
         proposals: tuple[tuple[Proposal, ...], str] = ((), "") if simulation.strips else propose(
-            simulation, judgement, causes, effort=dataset.effort)
+            simulation, judgement, causes, menu, dataset.effort)
         return cls(dataset, readings, judgement, model_error, judgement.chosen,
                    gain_of(simulation, readings.table, causes, judgement, seed), *proposals,
                    single_effects(judgement),

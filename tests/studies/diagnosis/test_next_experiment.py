@@ -10,19 +10,12 @@ import pytest
 from tests.support.trials import design, every_cause, read, size_of
 from tympan.studies.data.effort import Effort
 from tympan.studies.diagnosis.calibration import with_masses
+from tympan.studies.diagnosis.experiments import MENU, Experiment, Readout
 from tympan.studies.diagnosis.hypothesis import Cause, Hypothesis
 from tympan.studies.diagnosis.inference.identifiability import SEEN, TOLD
 from tympan.studies.diagnosis.inference.posterior import Fit, Posterior, fit
 from tympan.studies.diagnosis.inference.verdict import Judgement, judge
-from tympan.studies.diagnosis.next_experiment import (
-    MENU,
-    Experiment,
-    Readout,
-    expected,
-    possible,
-    propose,
-    rivals,
-)
+from tympan.studies.diagnosis.next_experiment import propose, rivals
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.reduced.simulation import Simulation
 
@@ -30,6 +23,7 @@ SIGMA = 20e-6
 CAPACITANCE, PROBE, TAP = (next(experiment for experiment in MENU if part in experiment.what)
                            for part in ("capacitance", "probe", "tap the plate"))
 REPEAT, BETWEEN, BACKWARDS, LATER = MENU[:4]
+DWELL = MENU[-1]
 SET_UP = Effort(capacitance=0.0, probe=0.0)  # where everything stands ready
 
 
@@ -49,7 +43,8 @@ def refitted(simulation: Simulation, fitted: Fit, old: ReadingTable, new: Readin
                 - fitted.cost)
 
 
-@pytest.mark.parametrize("experiment", MENU, ids=lambda experiment: experiment.what)
+@pytest.mark.parametrize("experiment", [item for item in MENU if item is not DWELL],
+                         ids=lambda experiment: experiment.what)
 def test_expected_worth_is_that_of_refits(three_shapes: Simulation, experiment: Experiment) -> None:
     """Δχ² by one linear step is that of a full fit to old and new readings within a tenth, or a
     tenth of enough."""
@@ -59,9 +54,12 @@ def test_expected_worth_is_that_of_refits(three_shapes: Simulation, experiment: 
     assert judgement.posterior is not None
     fits = judgement.posterior.fits
     tapped = with_masses(three_shapes)
-    new = possible(experiment, Readout(tapped, table, judgement.nominal), fits)
-    assert new is not None
-    distances = expected(tapped, fits, new)
+    readout = Readout(tapped, table, judgement.nominal)
+    possible, outlook = (experiment.possible(readout, fits),
+                         experiment.outlook(readout, fits, Effort()))
+    assert possible is not None
+    assert outlook is not None
+    new, distances = possible[1], outlook.losses(fits)
     for true, other in ((0, 1), (1, 0), (1, 2), (2, 1)):
         values = tapped.predict(fits[true].hypothesis, fits[true].unknowns, new)
         full = refitted(tapped, fits[other], table, new.with_values(values))
@@ -176,8 +174,9 @@ def test_new_readings_stay_below_pull_in(three_shapes: Simulation) -> None:
     half, _, double = (entry for entry in MENU if entry.what.startswith("hang"))
     tops = []
     for experiment in (half, double):
-        new = possible(experiment, readout, [nominal])
-        assert new is not None
+        possible = experiment.possible(readout, [nominal])
+        assert possible is not None
+        new = possible[1]
         assert np.isfinite(three_shapes.predict((), nominal.unknowns, new)).all()
         tops.append(float(new.voltage.max()))
     assert tops[0] == 6.5e3 > tops[1]
@@ -231,10 +230,11 @@ def tried(simulation: Simulation, seed: int) -> Trial | None:
     readout = Readout(with_masses(simulation), judgement.table, judgement.nominal)
     worths = {}
     for experiment in MENU:
-        new = possible(experiment, readout, fits)
-        if new is not None:
-            worths[experiment.words(new)] = worth(readout.simulation, judgement, (cause,),
-                                                  unknowns, new, others)
+        possible = experiment.possible(readout, fits)
+        if possible is not None:
+            new = possible[1]
+            worths[experiment.words(new, simulation.setup)] = worth(
+                readout.simulation, judgement, (cause,), unknowns, new, others)
     proposals, _ = propose(simulation, judgement, causes)
     per_minute = {proposal.what: worths[proposal.what] / proposal.minutes for proposal in proposals}
     return Trial(per_minute[proposals[0].what] / max(*per_minute.values(), 1e-9),

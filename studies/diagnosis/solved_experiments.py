@@ -1,0 +1,219 @@
+"""Experiments whose readings no force law has: what they would show is solved for every rival.
+
+A line over a film, a specimen of another shape, strips of the film.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tympan.fem.equilibrium.ramp import PathSettings
+from tympan.geometry.errors import InputError
+from tympan.geometry.outlines import Circle, Ellipse
+from tympan.geometry.specimen import Specimen
+from tympan.studies.case import build_model, voltage_ramp
+from tympan.studies.data.coupon import Coupons
+from tympan.studies.data.effort import Effort
+from tympan.studies.diagnosis.experiments import WORDS, Outlook, Readout
+from tympan.studies.diagnosis.film_readings import ZERO
+from tympan.studies.diagnosis.hypothesis import FACTORS, parameters_of
+from tympan.studies.diagnosis.inference.posterior import Fit
+from tympan.studies.diagnosis.reading_table import Scan
+from tympan.studies.diagnosis.reduced.sampling import COARSE
+from tympan.studies.diagnosis.reduced.seen_film import scanned_exactly
+from tympan.studies.diagnosis.reduced.strips import StripTests
+from tympan.studies.effects import Setup
+
+Array = NDArray[np.float64]
+
+#: Changes by which derivatives are taken: of the factors' logarithms, and of sizes over usual ones.
+_FACTOR, _SHARE = 0.005, 0.02
+
+#: Places on each line over a film, and how far they go, as a share of the frame's half extents.
+_PLACES, _REACH = 41, 0.97
+
+#: How much longer a frame, or larger a plate, another shape has.
+_LONGER, _LARGER = 1.5, 1.6
+
+#: Noise of strips' stresses as a share, each stretched from a strip of its own; their largest
+#: stretch over the mounted film's.
+_STRIPS, _FURTHER = 0.05, 1.2
+
+
+@dataclass(frozen=True, eq=False)
+class NewReadings:
+    """Readings that could be made.
+
+    ``setup`` holds every specimen, also those to be made; ``shown`` of a setup with effects gives
+    the readings' values, an ArithmeticError where a film has no equilibrium; ``sigma`` their noise
+    by their values. ``count``: what is read one after the other, ``loads``: masses put on, and
+    ``specimens`` put on the stand; ``words`` say what is done.
+    """
+
+    setup: Setup
+    shown: Callable[[Setup], Array]
+    sigma: Callable[[Array], Array]
+    count: int
+    loads: int
+    specimens: int
+    words: Mapping[str, str]
+
+
+@dataclass(frozen=True)
+class SolvedExperiment:
+    """Readings that could be made, of which nothing is reduced beforehand.
+
+    ``what`` are the words for it; ``plan`` says what would be read, None where that makes no sense;
+    ``sets_up`` is what it takes besides readings, a field of
+    :class:`~tympan.studies.data.effort.Effort`.
+    """
+
+    what: str
+    plan: Callable[[Readout], NewReadings | None]
+    sets_up: str
+
+    def outlook(self, readout: Readout, fits: Sequence[Fit], effort: Effort) -> Outlook | None:
+        """What the readings would be by each rival; None where one has no equilibrium."""
+        new = self.plan(readout)
+        if new is None:
+            return None
+        try:
+            shown = [_shown(readout, new, fit) for fit in fits]
+        except (ArithmeticError, InputError):
+            return None
+        values, jacobians = zip(*shown, strict=True)
+        work = (new.count * effort.reading + new.loads * effort.load
+                + new.specimens * effort.specimen + getattr(effort, self.sets_up))
+        return Outlook(values, jacobians, new.sigma(values[0]), self.what.format(**new.words), work)
+
+
+def _shown(readout: Readout, new: NewReadings, fit: Fit) -> tuple[Array, Array]:
+    """Values by a fit, and their derivatives by its unknowns, shape (readings, unknowns)."""
+    films = replace(readout.simulation, setup=new.setup)
+
+    def at(unknowns: Array) -> Array:
+        return new.shown(films.extended(fit.hypothesis, unknowns))
+
+    values, columns = at(fit.unknowns), []
+    usual = [item.deviation for item in parameters_of(fit.hypothesis)]
+    steps = np.array([_FACTOR] * FACTORS.stop + [_SHARE * size for size in usual])
+    for number, step in enumerate(steps.tolist()):
+        inwards = step if fit.unknowns[number] + step < fit.limits[1, number] else -step
+        moved = fit.unknowns + inwards * np.eye(len(steps))[number]
+        columns.append((at(moved) - values) / inwards)
+    return values, np.stack(columns, axis=1)
+
+
+def _heaviest(readout: Readout) -> tuple[int, float, Array]:
+    """Specimen and mass [kg] of the ramp of the largest mass and highest voltage; its voltages."""
+    states = readout.states
+    last = np.lexsort((states.voltage, states.mass))[-1]
+    specimen, mass = int(states.specimen[last]), float(states.mass[last])
+    ramp = (states.specimen == specimen) & (states.mass == mass)
+    return specimen, mass, np.unique(states.voltage[ramp])
+
+
+def _loads(mass: float, voltage: float) -> dict[str, str]:
+    return {"mass": f"{1e3 * mass:.4g} g", "voltage": f"{voltage / 1e3:.3g} kV"}
+
+
+def film_line(readout: Readout) -> NewReadings | None:
+    """A line along x and one along y over one film, at the lowest and highest voltage."""
+    if readout.table.scans:
+        return None
+    setup, (number, mass, voltages) = readout.simulation.setup, _heaviest(readout)
+    specimen, ends = setup.specimens[number], voltages[[0, -1]][: len(voltages)]
+    noise = readout.noise
+    scan = _cross(specimen, 1 - (1 + 2 * _PLACES * (ZERO / noise) ** 2) ** -0.5)
+
+    def shown(extended: Setup) -> Array:
+        lines = [scanned_exactly(extended.specimens[number], extended.rig, mass, voltage, scan,
+                                 COARSE) for voltage in ends.tolist()]
+        if any(line is None for line in lines):
+            raise ArithmeticError("no equilibrium")
+        return np.concatenate([line[-1] for line in lines if line is not None])
+
+    return NewReadings(setup, shown, lambda values: np.full(len(values), noise), len(ends), 1, 1,
+                       {"specimen": specimen.name, **_loads(mass, float(ends[-1]))})
+
+
+def _cross(specimen: Specimen, share: float) -> Scan:
+    place = np.zeros((2, _PLACES, 2))
+    for axis, half in enumerate(specimen.frame.semi_axes):
+        place[axis, :, axis] = np.linspace(-_REACH * half, _REACH * half, _PLACES)
+    flat = place.reshape(-1, 2)
+    return Scan(flat, False, specimen.needed_plate().level(*flat.T) <= 0, False, share)
+
+
+def other_shape(readout: Readout, change: Callable[[Specimen], Specimen | None]
+                ) -> NewReadings | None:
+    """One more specimen, of the film of one that was read, at its lowest, middle, top voltages."""
+    setup, (number, mass, voltages) = readout.simulation.setup, _heaviest(readout)
+    other = change(setup.specimens[number])
+    if other is None:
+        return None
+    some = voltages[np.unique(np.linspace(0, len(voltages) - 1, 3).round().astype(int))]
+
+    def shown(extended: Setup) -> Array:
+        model = build_model(extended.specimens[-1], COARSE, extended.rig.loading)
+        outcomes = [outcome for _, outcome in voltage_ramp(model, mass, some.tolist(),
+                                                           extended.rig, PathSettings())]
+        if any(outcome.status != "equilibrium" for outcome in outcomes):
+            raise ArithmeticError("no equilibrium")
+        return np.array([extended.rig.reading(outcome.state.plate.deflection)
+                         for outcome in outcomes])
+
+    long, wide = (2e3 * half for half in other.frame.semi_axes)
+    plate = 2e3 * max(other.needed_plate().outline.semi_axes)
+    return NewReadings(
+        replace(setup, specimens=(*setup.specimens, other)), shown,
+        lambda values: np.full(len(values), readout.noise), len(some), 1, 1,
+        {"frame": f"{long:.4g} by {wide:.4g} mm", "plate": f"{plate:.4g} mm",
+         **_loads(mass, float(some[-1]))})
+
+
+def longer(specimen: Specimen) -> Specimen | None:
+    """With an elliptical frame half as long again along x, of a round or elliptical one."""
+    if not isinstance(specimen.frame, Circle | Ellipse):
+        return None
+    a, b = specimen.frame.semi_axes
+    return replace(specimen, name="another shape", frame=Ellipse((_LONGER * a, b)))
+
+
+def larger_plate(specimen: Specimen) -> Specimen | None:
+    """With a larger plate, if it is round and there is room."""
+    plate = specimen.needed_plate()
+    if not isinstance(plate.outline, Circle):
+        return None
+    try:
+        return replace(specimen, name="another shape", plate=replace(
+            plate, outline=Circle(_LARGER * plate.outline.radius)))
+    except InputError:
+        return None
+
+
+def strips(readout: Readout) -> NewReadings:
+    """Strips of the film of a specimen that was read, narrowing freely and stretched both ways."""
+    setup, (number, *_) = readout.simulation.setup, _heaviest(readout)
+    top = _FURTHER * max(setup.specimens[number].membrane.prestretch)
+    stretch = np.tile(np.linspace(1.0, top, 4)[1:], 2)
+    mode, none = np.repeat(["uniaxial", "equibiaxial"], 3), np.full(6, np.nan)
+    blank = np.full(6, "")
+    coupons = Coupons(mode, stretch, np.zeros(6), blank, blank, none)
+    tests = StripTests(coupons, np.full(6, number), np.arange(6))
+    return NewReadings(setup, lambda extended: tests.shown(extended)[0],
+                       lambda values: _STRIPS * np.abs(values), 6, 0, 0, {"stretch": f"{top:.2g}"})
+
+
+#: What is on offer where causes cannot be told apart: each takes seconds to foresee.
+SOLVED = (
+    SolvedExperiment(WORDS["line"], film_line, "line"),
+    SolvedExperiment(WORDS["longer_frame"], lambda readout: other_shape(readout, longer), "make"),
+    SolvedExperiment(WORDS["larger_plate"], lambda readout: other_shape(readout, larger_plate),
+                     "make"),
+    SolvedExperiment(WORDS["strips"], strips, "coupons"),
+)
