@@ -77,6 +77,9 @@ def _cover(specimen: Specimen, axes: Axes) -> None:
         depth = np.minimum(depth, specimen.plate.level(x, y) - electrode.margin_plate)
     if electrode.outline is not None:
         depth = np.minimum(depth, -electrode.outline.level(x, y))
+    for patch in electrode.patches:
+        away = np.hypot(x - patch.centre[0], y - patch.centre[1])
+        depth = np.minimum(depth, away - patch.diameter / 2)
     axes.contourf(1e3 * x, 1e3 * y, depth, [0.0, np.inf], colors=[_COVERED], zorder=1)
 
 

@@ -70,14 +70,14 @@ class StepEvidence:
     steps: tuple[tuple[int, float, Array], ...]
 
 
-def slow(*branches: ViscousBranch) -> StepPlan:
+def slow(*branches: ViscousBranch, shapes: Sequence[str] = ("middle", "large")) -> StepPlan:
     """Films of stated branches, each state held for 30 s, steps of as long."""
-    return StepPlan(_design("slow", ("middle", "large"), branches), 4e3, 5.0, 30.0, 20.0, 30.0)
+    return StepPlan(_design("slow", shapes, branches), 4e3, 5.0, 30.0, 20.0, 30.0)
 
 
-def fast() -> StepPlan:
+def fast(shapes: Sequence[str] = ("small", "middle")) -> StepPlan:
     """Plates that swing and are damped as stated."""
-    design = _design("fast", ("small", "middle"))
+    design = _design("fast", shapes)
     return StepPlan(replace(design, setup=replace(design.setup, rig=Rig(plate_damping=DAMPED))),
                     3.5e3, 0.4, 3.0, 1000.0)
 

@@ -1,6 +1,7 @@
 """Makes the folders: readings by the axisymmetric equations and by closed forms.
 
-None of the project's solvers is used.
+None of the project's solvers is used, but for films that are not round, whose lines are of finer
+elements of another order (:mod:`benchmarks.trials.verdict_cases.evidence_cases`).
 
 python -m benchmarks.trials.verdict_cases.made
 """
@@ -17,6 +18,7 @@ from benchmarks.trials import axisymmetric_readings
 from benchmarks.trials.synthetic_trials import NOBODY, NOISE, Design, Stranger, Truth, circles
 from benchmarks.trials.unmodelled_faults import Jump
 from benchmarks.trials.verdict_cases import coupon_readings
+from benchmarks.trials.verdict_cases.evidence_cases import EVIDENCE_CASES, write_evidence
 from tympan.fem.toml_writer import specimen_to_toml
 from tympan.studies.columns import write_sheet
 from tympan.studies.data.dataset import STATIC
@@ -172,3 +174,5 @@ if __name__ == "__main__":
         write(hidden, circles(), FOLDER / hidden.name)
     for strips in COUPON_CASES:
         write_coupons(strips, FOLDER / strips.name)
+    for more in EVIDENCE_CASES:
+        write_evidence(more, FOLDER / more.name)

@@ -11,6 +11,11 @@ import pytest
 
 from benchmarks.trials.synthetic_trials import circles
 from benchmarks.trials.verdict_cases.__main__ import PROGRAM, right, said_by, within
+from benchmarks.trials.verdict_cases.evidence_cases import (
+    EVIDENCE_CASES,
+    EvidenceCase,
+    write_evidence,
+)
 from benchmarks.trials.verdict_cases.made import (
     CASES,
     COUPON_CASES,
@@ -80,7 +85,7 @@ def test_a_folder_is_what_its_script_makes(tmp_path: Path, name: str) -> None:
 
 
 def test_there_is_a_folder_for_every_case() -> None:
-    assert sorted(case.name for case in (*CASES, *COUPON_CASES)) == sorted(
+    assert sorted(case.name for case in (*CASES, *COUPON_CASES, *EVIDENCE_CASES)) == sorted(
         folder.name for folder in FOLDER.iterdir())
 
 
@@ -91,3 +96,30 @@ def test_a_folder_of_coupons_is_what_its_script_makes_and_is_judged_rightly(
     for file in (tmp_path / case.name).iterdir():
         assert file.read_text() == (FOLDER / case.name / file.name).read_text()
     assert right(diagnose(read_dataset(FOLDER / case.name)).json(), expected(case.name))
+
+
+@pytest.mark.parametrize("case", EVIDENCE_CASES, ids=lambda case: case.name)
+def test_a_folder_of_more_evidence_is_what_its_script_makes(tmp_path: Path,
+                                                            case: EvidenceCase) -> None:
+    """To a hundredth of its noise, and what is expected says what was hidden."""
+    write_evidence(case, tmp_path / case.name)
+    made, kept = (read_dataset(folder / case.name) for folder in (tmp_path, FOLDER))
+    assert (made.specimens, made.rig, made.noise) == (kept.specimens, kept.rig, kept.noise)
+    assert set(made.tables) == set(kept.tables)
+    for name in ("static", "transients", "fields", "frequencies"):
+        new, old = getattr(made, name), getattr(kept, name)
+        assert (new is None) == (old is None)
+        if new is not None:
+            column = "frequency" if name == "frequencies" else "displacement"
+            assert new[column] == pytest.approx(old[column], rel=1e-6, abs=1.1e-7)
+    assert case.expected == expected(case.name)
+
+
+@pytest.mark.parametrize("name", [
+    "line-nothing", "steps-late-sensor",
+    *(pytest.param(case.name, marks=pytest.mark.study) for case in EVIDENCE_CASES
+      if case.name not in ("line-nothing", "steps-late-sensor"))])
+def test_more_evidence_is_judged_rightly(name: str) -> None:
+    said = diagnose(read_dataset(FOLDER / name)).json()
+    assert right(said, expected(name))
+    assert all(within(said, expected(name)))
