@@ -33,7 +33,7 @@ from tympan.studies.diagnosis.gain import gain_of
 from tympan.studies.diagnosis.hypothesis import Cause
 from tympan.studies.diagnosis.inference.identifiability import detectable_effects, signatures
 from tympan.studies.diagnosis.inference.verdict import judge
-from tympan.studies.diagnosis.next_experiment import propose
+from tympan.studies.diagnosis.next_experiment.proposals import propose
 from tympan.studies.diagnosis.reading_table import ReadingTable, States, rows
 from tympan.studies.effects import EFFECTS, Setup, Use, extended
 from tympan.studies.paper.actuators import actuators

@@ -21,7 +21,6 @@ from tympan.studies.diagnosis.coupons.strip_record import (
     at_temperature,
     save_strips,
 )
-from tympan.studies.diagnosis.experiments import MENU, Foreseen
 from tympan.studies.diagnosis.gain import GainReport, gain_of
 from tympan.studies.diagnosis.hypothesis import Cause
 from tympan.studies.diagnosis.inference.identifiability import detectable_effects
@@ -33,7 +32,9 @@ from tympan.studies.diagnosis.inference.verdict import (
     interval,
     single_effects,
 )
-from tympan.studies.diagnosis.next_experiment import Proposal, propose
+from tympan.studies.diagnosis.next_experiment.experiments import MENU, Foreseen
+from tympan.studies.diagnosis.next_experiment.proposals import Proposal, propose
+from tympan.studies.diagnosis.next_experiment.solved_experiments import SOLVED
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.readings import PreparedReadings
 from tympan.studies.diagnosis.reduced.simulation import Simulation
@@ -49,7 +50,6 @@ from tympan.studies.diagnosis.sentences import (
 )
 from tympan.studies.diagnosis.shown.curves import CURVES, curves
 from tympan.studies.diagnosis.shown.loaded_films import LoadedFilm, loaded_films
-from tympan.studies.diagnosis.solved_experiments import SOLVED
 from tympan.studies.effects import Setup
 from tympan.studies.files import read_json, words_beside, write_json, write_text
 

@@ -173,15 +173,15 @@ def acting_together(axes: Sequence[Axis]) -> list[tuple[Sample, ...]]:
     """
     groups: list[tuple[Sample, ...]] = []
     for effect in dict.fromkeys(axis.effect for axis in axes if axis.parameter.spread):
-        own = [number for number, axis in enumerate(axes) if axis.effect == effect]
-        how = [number for number in own if axes[number].parameter.spread]
+        members = [number for number, axis in enumerate(axes) if axis.effect == effect]
+        how = [number for number in members if axes[number].parameter.spread]
         acting = {number: [place for sense in (1, -1) for place in axes[number].side(sense)[:1]]
-                  for number in own if number not in how}
+                  for number in members if number not in how}
         groups += [tuple(_ascending((number, place), (other, end)) for other in how
                          for end in (axes[other].places[0], axes[other].places[-1]))
                    for number, places in acting.items() for place in places]
-        groups += [tuple(_ascending((first, one), (second, two))
-                         for one, two in product(acting[first], acting[second]))
+        groups += [tuple(_ascending((first, size), (second, other))
+                         for size, other in product(acting[first], acting[second]))
                    for first, second in combinations(acting, 2)]
     return groups
 

@@ -10,12 +10,12 @@ import pytest
 from tests.support.trials import design, every_cause, read, size_of
 from tympan.studies.data.effort import Effort
 from tympan.studies.diagnosis.calibration import with_masses
-from tympan.studies.diagnosis.experiments import MENU, Experiment, Readout
 from tympan.studies.diagnosis.hypothesis import Cause, Hypothesis
 from tympan.studies.diagnosis.inference.identifiability import SEEN, TOLD
 from tympan.studies.diagnosis.inference.posterior import Fit, Posterior, fit
 from tympan.studies.diagnosis.inference.verdict import Judgement, judge
-from tympan.studies.diagnosis.next_experiment import propose, rivals
+from tympan.studies.diagnosis.next_experiment.experiments import MENU, Experiment, Readout
+from tympan.studies.diagnosis.next_experiment.proposals import propose, rivals
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.reduced.simulation import Simulation
 

@@ -19,13 +19,10 @@ from tympan.studies.data.dataset import read_dataset
 from tympan.studies.data.effort import Effort
 from tympan.studies.diagnosis.calibration import calibrated
 from tympan.studies.diagnosis.diagnose import diagnose
-from tympan.studies.diagnosis.experiments import MENU, Readout
 from tympan.studies.diagnosis.hypothesis import Cause
 from tympan.studies.diagnosis.inference.posterior import Fit, fit
-from tympan.studies.diagnosis.reading_table import States, rows
-from tympan.studies.diagnosis.readings import prepared_readings
-from tympan.studies.diagnosis.reduced.simulation import Simulation
-from tympan.studies.diagnosis.solved_experiments import (
+from tympan.studies.diagnosis.next_experiment.experiments import MENU, Readout
+from tympan.studies.diagnosis.next_experiment.solved_experiments import (
     SOLVED,
     SolvedExperiment,
     film_line,
@@ -34,6 +31,9 @@ from tympan.studies.diagnosis.solved_experiments import (
     other_shape,
     strips,
 )
+from tympan.studies.diagnosis.reading_table import States, rows
+from tympan.studies.diagnosis.readings import prepared_readings
+from tympan.studies.diagnosis.reduced.simulation import Simulation
 
 SIGMA = 10e-6
 DWELL = MENU[-1]

@@ -1,0 +1,1 @@
+"""Which experiment would tell apart what readings leave open."""
