@@ -13,7 +13,7 @@ from scipy.special import gamma
 
 from tests.oracles.axisymmetric import solve_deflection
 from tests.support.models import deformed, model
-from tests.support.specimens import circular, reference_film, skewed, specimen_toml
+from tests.support.specimens import circular, elliptical, reference_film, skewed, specimen_toml
 from tympan.fem.derivatives.quantities import QUANTITIES
 from tympan.fem.derivatives.sensitivity import gradient_many, parameters
 from tympan.fem.equilibrium.newton import newton
@@ -21,11 +21,14 @@ from tympan.fem.equilibrium.ramp import equilibrium, held
 from tympan.fem.film.library import load_specimen
 from tympan.fem.membrane.model import Model
 from tympan.fem.results.fields import film_integrals
+from tympan.fem.rig import Rig
 from tympan.fem.toml_writer import specimen_to_toml
 from tympan.geometry.errors import InputError
 from tympan.geometry.mesher import MeshSettings
-from tympan.geometry.specimen import Electrode, Patch, Specimen
+from tympan.geometry.outlines import Circle
+from tympan.geometry.specimen import Electrode, Patch, Plate, Specimen
 from tympan.studies.case import Settings, build_model
+from tympan.studies.effects import EFFECTS, Setup
 
 SPOT = Patch((27e-3, 5e-3), 12e-3)
 #: C = ε A/t of the flat mounted film, per area.
@@ -164,6 +167,26 @@ def test_a_patch_beside_a_mirror_plane_may_be_moved_along_it_alone() -> None:
     names = [f"electrode.patches.0.centre.{axis}" for axis in (0, 1)]
     slopes = gradient_many(film, solution, {"": QUANTITIES["heave"]}, parameters(film, names))[""]
     assert slopes[names[1]] == 0.0 != slopes[names[0]]
+
+
+def test_the_effect_puts_a_spot_between_plate_and_frame() -> None:
+    """Its diameter is the length of (dx, dy), along which it lies; on an ellipse by its equation,
+    from a plate off the centre."""
+    oval = replace(elliptical(60e-3), name="oval", plate=Plate(Circle(10e-3), (5e-3, 0.0)))
+    setup = Setup((circular(), oval), Rig())
+    effect, values = EFFECTS["electrode_patch"], (6e-3, -8e-3, 0.25)
+    spot, = effect.apply(setup, values, "circle").specimens[0].electrode.patches
+    assert spot.diameter == pytest.approx(10e-3)
+    assert spot.centre == pytest.approx(np.array([0.6, -0.8]) * (10e-3 + 0.25 * 35e-3))
+    first, second = effect.apply(setup, values, "oval").specimens
+    assert not first.electrode.patches
+    (x, y), = (spot.centre for spot in second.electrode.patches)
+    away = np.hypot(x - 5e-3, y)
+    edge = (away - 10e-3) / 0.25 + 10e-3
+    assert ((5e-3 + 0.6 * edge) / 60e-3) ** 2 + (0.8 * edge / 45e-3) ** 2 == pytest.approx(1)
+    assert effect.apply(setup, (0.0, 0.0, 0.5), "oval") == setup
+    twice = effect.apply(effect.apply(setup, values, "circle"), values, "circle")
+    assert len(twice.specimens[0].electrode.patches) == 2
 
 
 def test_files_hold_patches_and_refuse_those_off_the_film(tmp_path: Path) -> None:
