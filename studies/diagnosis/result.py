@@ -120,7 +120,7 @@ class Diagnosis:
         # Nothing more is proposed beside coupons than the checks of what is found.
         # What is to be solved takes its time, and is for causes that cannot be told apart.
         menu: tuple[Foreseen, ...] = MENU
-        if judgement.verdict == "ambiguous" and all(
+        if _verdict(judgement, readings) == "ambiguous" and all(
                 isinstance(specimen, Specimen) for specimen in simulation.setup.specimens):
             menu = (*MENU, *SOLVED)
         proposals: tuple[tuple[Proposal, ...], str] = ((), "") if simulation.strips else propose(
@@ -133,8 +133,7 @@ class Diagnosis:
     @property
     def verdict(self) -> str:
         """The verdict; with a noise that is only assumed no cause is named."""
-        verdict = self.judgement.verdict
-        return "ambiguous" if verdict == "named" and self.readings.assumed else verdict
+        return _verdict(self.judgement, self.readings)
 
     @property
     def simulation(self) -> Simulation:
@@ -366,6 +365,11 @@ class Diagnosis:
         if scatter > _ROUGH and self.readings.stated:
             words.append(WORDS["rough"].format(scatter=scatter))
         return words
+
+
+def _verdict(judgement: Judgement, readings: PreparedReadings) -> str:
+    verdict = judgement.verdict
+    return "ambiguous" if verdict == "named" and readings.assumed else verdict
 
 
 def load_diagnosis(folder: Path) -> tuple[Json, dict[str, NDArray[Any]], dict[str, NDArray[Any]]]:
