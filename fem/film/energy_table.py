@@ -78,7 +78,8 @@ class EnergyTable:
         ``thick``: with ½ so much over det C [Pa], (..., points), stored besides. None where any C
         is not in the box, or the film wrinkles.
         """
-        trace, area = c[0] + c[1], c[0] * c[1] - c[2] * c[2]
+        first, last, shear = c
+        trace, area = first + last, first * last - shear * shear
         values = self._derivatives(trace, area, voltage_squared * self.covered, 5 if tangent else 2)
         if values is None or not self._tense(trace, area, values):
             return None
@@ -102,26 +103,27 @@ class EnergyTable:
 
     def _derivatives(self, trace: Array, area: Array, charge: Any, count: int) -> Array | None:
         """So many, by ``rows``, shape (count, ..., points), of the law and so often the charge."""
-        place = np.empty((2, trace.size))
+        powers = np.ones((self.degree + 1, 2, trace.size))
+        place = powers[1]
         place[0], place[1] = trace.ravel(), area.ravel()
         place -= self.middle
         place /= self.reach
         if not np.maximum.reduce(np.abs(place), None) <= 1:
             return None
-        powers = np.empty((self.degree + 1, *place.shape))
-        powers[0], powers[1] = 1.0, place
         for number in range(1, self.degree):
             np.multiply(powers[number], place, powers[number + 1])
         terms = (powers[:, None, 0] * powers[:, 1]).reshape(-1, place.shape[1])
-        law, charged = self.rows[:, :count]
-        values = (law @ terms).reshape(count, *trace.shape)
-        values += charge * (charged @ terms).reshape(values.shape)
-        return np.asarray(values)
+        law, charged = (self.rows[:, :count] @ terms).reshape(2, count, *trace.shape)
+        charged *= charge
+        charged += law
+        return np.asarray(charged)
 
     def _tense(self, trace: Array, area: Array, values: Array) -> bool:
         """Whether both principal S, 2 W_I + 2 W_J λ² of the other stretch, are above ``least``."""
         flat, across = values[0] - self.least, values[1]
         other = flat + across * trace
+        if np.minimum.reduce(np.minimum(flat, other), None) > 0:
+            return True
         both = np.minimum(flat * other + across * across * area, flat + other)
         return bool(np.minimum.reduce(both, None) > 0)
 

@@ -62,7 +62,7 @@ class Memory:
         """At rest for ever at C of the virgin film, (C₁₁, C₂₂, C₁₂)."""
         full = incompressible(c)[:, None]
         moduli, times, flows = _constants(film)
-        return cls(moduli, times, np.broadcast_to(full, (4, len(times), *full.shape[2:])), flows)
+        return cls(moduli, times, np.repeat(full, len(times), 1), flows)
 
     @classmethod
     def mounted(cls, film: Film, points: tuple[int, ...]) -> Memory:
@@ -268,8 +268,8 @@ def _grown(flat: Array, age: float, branch: ViscousBranch) -> float:
 def incompressible(c: Any) -> Array:
     """C of (C₁₁, C₂₂, C₁₂) with the C₃₃ that keeps the volume, shape (4, *points)."""
     c11, c22, c12 = c
-    across = 1 / (c11 * c22 - c12 * c12)
-    full = np.empty((4, *np.shape(across)), np.result_type(across))
+    across = np.asarray(1 / (c11 * c22 - c12 * c12))
+    full = np.empty((4, *across.shape), across.dtype)
     full[0], full[1], full[2], full[3] = c11, c22, c12, across
     return full
 
@@ -281,15 +281,19 @@ def determinant(a: Array) -> Array:
 
 def inverse(a: Array) -> Array:
     """Of symmetric tensors, in their shape."""
-    plane = a[0] * a[1] - a[2] * a[2]
+    first, last, shear, thick = a
+    plane = first * last - shear * shear
     result = np.empty_like(a)
-    result[0], result[1], result[2], result[3] = a[1] / plane, a[0] / plane, -a[2] / plane, 1 / a[3]
+    result[0], result[1], result[2] = last / plane, first / plane, -shear / plane
+    result[3] = 1 / thick
     return result
 
 
 def inner(a: Array, b: Array) -> Array:
     """a : b of symmetric tensors, shape (...)."""
-    return np.asarray(a[0] * b[0] + a[1] * b[1] + 2 * a[2] * b[2] + a[3] * b[3])
+    sums = a * b
+    sums[2] *= 2
+    return np.asarray(np.add.reduce(sums, 0))
 
 
 def _weights(rate: Array) -> tuple[Array, Array]:
@@ -322,7 +326,8 @@ def _excess(kept: Array, weight: Array, full: Array) -> Array:
 
 def plane_determinant(a: Array) -> Array:
     """Of symmetric tensors the determinant in the plane, shape (...)."""
-    return np.asarray(a[0] * a[1] - a[2] * a[2])
+    first, last, shear = a[:3]
+    return np.asarray(first * last - shear * shear)
 
 
 def of_thickness(c: Array, thick: Any, *, tangent: bool = True) -> tuple[Array, Array | None]:

@@ -55,8 +55,8 @@ class StagedFlow:
         if memory.flows:
             rates = start.fluidity(full[:3, 0]).reshape(len(rates), -1).mean(1)
         z = (duration * rates / memory.times)[:, None, None] * matrix
-        weights = np.array([dgesv(np.eye(len(matrix)) + each, each)[2] for each in z]
-                           ).reshape(z.shape)
+        unit = np.eye(len(matrix))
+        weights = np.array([dgesv(unit + each, each)[2] for each in z]).reshape(z.shape)
         share = (1 - np.add.reduce(weights, 2)).reshape(-1, *(1,) * (full.ndim - 4), len(matrix), 1)
         flow = cls(start, weights, rates, share * start.viscous, 1.0, np.empty(0))
         return flow._at(full, start.viscous, inner(inverse(start.viscous), full))
@@ -76,8 +76,9 @@ class StagedFlow:
         size = cube_root(area * grown[3])
         strength, plane = self.memory.each(self.memory.moduli) * size, cofactor(grown) / area
         thick = strength / grown[3]
-        flow = self._at(full, grown, plane[0] * full[0] + plane[1] * full[1]
-                        + 2 * plane[2] * full[2] + full[3] / grown[3], size)
+        stretch = plane * full[:3]
+        stretch[2] *= 2
+        flow = self._at(full, grown, np.add.reduce(stretch, 0) + full[3] / grown[3], size)
         whole = np.add.reduce(strength * plane, 1), np.add.reduce(thick, 0)
         if not slopes:
             return *whole, None, flow

@@ -13,8 +13,9 @@ from tympan.fem.rig import Rig, checked_load
 from tympan.geometry.errors import InputError
 from tympan.studies.lumped.model_file import LumpedModel
 from tympan.studies.lumped.simulate import SampledResponse, settling_time
+from tympan.studies.reduced_film.driven_film import ERROR, ReducedMoment
 from tympan.studies.reduced_film.film import NoBalance, ReducedFilm
-from tympan.studies.reduced_film.motion import ERROR, PulledIn, ReducedMoment, ReducedMotion
+from tympan.studies.reduced_film.motion import PulledIn, ReducedMotion
 from tympan.studies.reduced_film.sampling import in_time, last_loop
 from tympan.studies.signals import Signal, Supplied, Together, lagging, nominal
 

@@ -29,6 +29,7 @@ from tympan.fem.film.energy_table import EnergyTable
 from tympan.fem.film.memory import Flow, Memory, of_thickness, plane_determinant
 from tympan.fem.film.staged_memory import StagedFlow
 from tympan.geometry.specimen import Specimen
+from tympan.studies.reduced_film.heave_path import DEGREE, HeavePath, HeaveSamples
 
 Array = NDArray[np.float64]
 
@@ -40,6 +41,10 @@ _TABULATED, _MARGIN = 0.25, 0.2
 
 #: Shortest part of a change of loads that is tried.
 _PART = 1e-3
+
+
+#: By which square of a voltage [V²] its pull is told.
+_CHARGED = 1e6
 
 
 class NoBalance(ArithmeticError):
@@ -123,23 +128,36 @@ class ReducedFilm:
         return np.array([first * first, second * second, first * second])
 
     @cached_property
-    def _forms(self) -> tuple[Array, Array, Array, Array]:
-        """C of the virgin film at the points by 1, by q and by pairs of q; ∂²E/∂q∂q by pairs.
+    def _pairs(self) -> tuple[NDArray[np.int64], NDArray[np.int64], Array]:
+        """Numbers of pairs of (1, q), each once, and C of the virgin film by their products.
 
-        Shapes (3 × points,), (shapes, 3 × points), (shapes², 3 × points) and its transpose.
+        Shapes (pairs,) twice and (3, pairs, points).
         """
-        points = len(self.volumes)
+        points, size = len(self.volumes), self.count + 1
         by_shear = np.repeat([1.0, 1.0, 0.5], points)
-        pairs = self._bend.reshape(self.count**2, -1)
-        flat = np.repeat(self._scale * [1.0, 1.0, 0.0], points)
-        return flat, 2 * self._slope * by_shear, pairs * by_shear, pairs.T.copy()
+        whole = np.zeros((size, size, 3 * points))
+        whole[0, 0] = np.repeat(self._scale * [1.0, 1.0, 0.0], points)
+        whole[0, 1:] = 2 * self._slope * by_shear
+        whole[1:, 1:] = self._bend * by_shear
+        whole += np.triu(np.ones((size, size)), 1)[..., None] * whole.swapaxes(0, 1)
+        first, second = np.triu_indices(size)
+        by_pair = whole[first, second].reshape(-1, 3, points).swapaxes(0, 1)
+        return first, second, np.ascontiguousarray(by_pair)
+
+    @cached_property
+    def _works(self) -> Array:
+        """V ∂E/∂q of the flat film and V ∂²E/∂q∂q, (3 × points, shapes and pairs of shapes)."""
+        by_point = np.tile(self.volumes, 3)
+        both = np.concatenate([self._slope, self._bend.reshape(-1, len(by_point))])
+        return np.ascontiguousarray((by_point * both).T)
 
     def strain(self, q: Array) -> Array:
         """C₁₁, C₂₂, C₁₂ of the virgin film at the points, shape (3, ..., points)."""
-        flat, by_shape, by_pair, _ = self._forms
-        pairs = (q[..., None] * q[..., None, :]).reshape(-1, self.count**2)
-        c = flat + q.reshape(-1, self.count) @ by_shape + pairs @ by_pair
-        return c.reshape(*q.shape[:-1], 3, -1).transpose(q.ndim - 1, *range(q.ndim - 1), -1)
+        first, second, by_pair = self._pairs
+        along = np.ones((q.size // self.count, self.count + 1))
+        along[:, 1:] = q.reshape(-1, self.count)
+        pairs = along.take(first, 1) * along.take(second, 1)
+        return np.asarray((pairs @ by_pair).reshape(3, *q.shape[:-1], -1))
 
     def _slopes(self, q: Array) -> Array:
         """∂E/∂q, shape (..., shapes, 3 × points)."""
@@ -177,9 +195,13 @@ class ReducedFilm:
         assert slopes is not None
         stress, tangent = self._law(c, voltage_squared, thick)
         forces, geometric = self._forces(q, stress + plane)
-        stiffness = self._across_stages(slope, slopes, flow.weights)
+        back = np.swapaxes(slope, -1, -2)
+        stiffness = np.zeros((*q.shape, *q.shape[-2:]))
+        for branch, weights in enumerate(flow.weights):
+            viscous = self._bent(slope, slopes[:, :, branch]) @ back
+            stiffness += viscous[..., None, :] * weights[:, None, :, None]
         diagonal = np.einsum("...sksl->...skl", stiffness)
-        diagonal += self._bent(slope, tangent) @ np.swapaxes(slope, -1, -2)
+        diagonal += self._bent(slope, tangent) @ back
         diagonal += geometric
         return forces, stiffness, flow
 
@@ -193,10 +215,10 @@ class ReducedFilm:
 
     def _forces(self, q: Array, stress: Array) -> tuple[Array, Array]:
         """Generalised forces [N] of S at the points; what S itself adds to their derivatives."""
-        work = (stress * self.volumes).transpose(*range(1, q.ndim), 0, -1)
-        work = work.reshape(-1, 3 * len(self.volumes))
-        geometric = (work @ self._forms[3]).reshape(*q.shape, self.count)
-        flat = (work @ self._slope.T).reshape(q.shape)
+        work = stress.transpose(*range(1, q.ndim), 0, -1).reshape(-1, 3 * len(self.volumes))
+        both = work @ self._works
+        geometric = both[:, self.count:].reshape(*q.shape, self.count)
+        flat = both[:, :self.count].reshape(q.shape)
         return flat + (geometric @ q[..., None])[..., 0], geometric
 
     def _bent(self, slope: Array, tangent: Array) -> Array:
@@ -204,17 +226,6 @@ class ReducedFilm:
         by_point = slope.reshape(*slope.shape[:-1], 3, -1)
         bent = np.einsum("ij...p,...njp->...nip", tangent * self.volumes, by_point)
         return np.asarray(bent.reshape(slope.shape))
-
-    def _across_stages(self, slope: Array, slopes: Array, weights: Array) -> Array:
-        """What the memory of one stage does to the forces at another, by branches."""
-        *lead, stages, count, rows = slope.shape
-        before = slope.reshape(*lead, stages * count, rows).swapaxes(-1, -2)
-        stiffness = np.zeros((*lead, stages, count, stages, count))
-        for branch, each in enumerate(weights):
-            bent = self._bent(slope, slopes[:, :, branch])
-            work = bent.reshape(*lead, stages * count, rows) @ before
-            stiffness += work.reshape(stiffness.shape) * each[:, None, :, None]
-        return stiffness
 
     def _law(self, c: Array, voltage_squared: Any, thick: Any = None, *, tangent: bool = True
              ) -> tuple[Array, Any]:
@@ -316,29 +327,52 @@ class ReducedFilm:
 
     def at_rest(self, loads: FilmLoads, last: float = _LAST) -> Array:
         """q at rest for ever under loads."""
-        weight = replace(loads, voltage_squared=0.0)
-        weighed = self._weighed(weight, last)
         if not np.any(loads.voltage_squared):
-            return weighed
-        return self.carried(weighed, weight, loads, last=last)
+            return self._weighed(loads, last)
+        weight = replace(loads, voltage_squared=0.0)
+        return self.carried(self._weighed(weight, last), weight, loads, last=last)
 
     def _weighed(self, weight: FilmLoads, last: float) -> Array:
-        """q at rest without voltage; near what the stiffness of the flat film says."""
-        with suppress(NoBalance, np.linalg.LinAlgError):
-            offset, slope = self._flat_compliance
-            near = np.multiply.outer(weight.force, slope) - offset
-            near -= weight.spring / (1 + weight.spring * slope[0]) * near[..., :1] * slope
-            return self.balanced(near, weight, last=last)
+        """q at rest without voltage."""
+        if self.path is not None:
+            q = self.path.at_rest(weight.force, weight.spring)
+            if q is not None:
+                return q
         runs = np.shape(weight.force)
         flat = np.broadcast_to(self.flat, (*runs, self.count))
         return self.carried(flat, FilmLoads(0.0, 0.0), weight, last=last)
 
+    def led(self, q: Array, before: FilmLoads, after: FilmLoads) -> Array:
+        """Nearly where a voltage that jumps leads to at once from q."""
+        if self.path is None:
+            return q
+        squares = before.voltage_squared, after.voltage_squared
+        return q + self.path.jump(q[..., 0], *squares, after.spring)
+
     @cached_property
-    def _flat_compliance(self) -> tuple[Array, Array]:
-        """How far the flat film is from rest without a force, and goes with one [m/N], linearly."""
-        pull, stiffness = self.pull(self.flat, 0.0)
-        compliance = np.linalg.inv(stiffness)
-        return compliance @ pull, compliance[0]
+    def path(self) -> HeavePath | None:
+        """By heave at rest without voltage, up to a good deal of the gap; None where there is none.
+
+        As of a film that is slack.
+        """
+        nodes = -np.cos(np.pi * np.arange(DEGREE + 1) / DEGREE)
+        places = nodes, (nodes[1:] + nodes[:-1]) / 2
+        highest = _TABULATED * self.specimen.gap
+        with suppress(NoBalance, np.linalg.LinAlgError):
+            return HeavePath.of(*(self._held(highest * (1 + each) / 2) for each in places))
+        return None
+
+    def _held(self, heaves: Array) -> HeaveSamples:
+        """At rest without voltage, held at ascending heaves [m]."""
+        q = np.multiply.outer(heaves, np.eye(self.count)[0])
+        q = self.balanced(q, FilmLoads(0.0, 0.0), clamped=True)
+        force, relaxed = self.pull(q, 0.0)
+        charged, _ = self.pull(q, _CHARGED)
+        _, at_once = self.pull(q, 0.0, self.relaxed(q).step(self.strain(q), 0.0))
+        soft, softer = np.linalg.inv(at_once), np.linalg.inv(relaxed)[:, 0, 0]
+        moved = (soft @ (force - charged)[..., None])[..., 0] / _CHARGED
+        stiff = 1 / soft[:, 0, 0]
+        return HeaveSamples(heaves, force[:, 0], stiff - 1 / softer, stiff * moved[:, 0], q, moved)
 
 
 def _solved(stiffness: Array, pull: Array) -> Array:

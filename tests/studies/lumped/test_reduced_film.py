@@ -31,8 +31,9 @@ from tympan.studies.limits import limits
 from tympan.studies.lumped.build import BuildSettings, build
 from tympan.studies.lumped.film_response import film_deflections, film_motion, film_response
 from tympan.studies.lumped.model_file import STILL, LumpedModel, read_model, write_model
+from tympan.studies.reduced_film.driven_film import ReducedMoment
 from tympan.studies.reduced_film.film import FilmLoads, NoBalance, ReducedFilm
-from tympan.studies.reduced_film.motion import PulledIn, ReducedMoment
+from tympan.studies.reduced_film.motion import PulledIn
 from tympan.studies.reduced_film.reduction import error_of, held_out, reduced_film
 from tympan.studies.reduced_film.sampling import in_time
 from tympan.studies.signals import Pieces, Sine, ramp, random_steps, step

@@ -1,13 +1,25 @@
-"""What a reduced film's steps are found with: first guesses by voltages, Broyden's corrections."""
+"""What a reduced film's steps are found with: first guesses, Broyden's corrections."""
 
 from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
 
+from tests.support.specimens import circular
+from tympan.fem.film.laws import NeoHooke
+from tympan.geometry.specimen import ViscousBranch
+from tympan.studies.case import Settings, build_model
 from tympan.studies.reduced_film.corrections import Corrections, factorised
-from tympan.studies.reduced_film.film import NoBalance
+from tympan.studies.reduced_film.film import FilmLoads, NoBalance, ReducedFilm
+from tympan.studies.reduced_film.heave_path import HeavePath, HeaveSamples
+from tympan.studies.reduced_film.reduction import film_of_runs
 from tympan.studies.reduced_film.sampling import by_voltages
+
+FORCES = 0.17554, 0.22016
+PLAIN = circular(NeoHooke(20e3))
 
 
 def test_what_follows_voltages_and_time_is_led_on() -> None:
@@ -58,3 +70,71 @@ def test_a_singular_tangent_is_no_balance() -> None:
     for runs in ((), (2,)):
         with pytest.raises(NoBalance):
             factorised(np.zeros((*runs, 2, 1, 2, 1)))(np.ones((*runs, 2, 1)))
+
+
+@cache
+def film() -> ReducedFilm:
+    branch = ViscousBranch(200e3, 10.0)
+    specimen = replace(PLAIN, membrane=replace(PLAIN.membrane, branches=(branch,)))
+    return film_of_runs(build_model(specimen, Settings()), FORCES, 7e3).tabulated
+
+
+def solved(force: float, spring: float = 0.0) -> np.ndarray:
+    """By Newton's method from the flat film, without the path."""
+    loads = FilmLoads(force, 0.0, spring)
+    return film().carried(film().flat, FilmLoads(0.0, 0.0), loads, last=1e-9)
+
+
+@pytest.mark.parametrize("spring", [0.0, 20.0])
+def test_a_film_at_rest_is_on_its_path(spring: float) -> None:
+    path, forces = film().path, np.array([0.01, 0.1, *FORCES, 0.4])
+    assert path is not None
+    together = path.at_rest(forces, spring)
+    assert together is not None
+    for q, force in zip(together, forces.tolist(), strict=True):
+        assert q == pytest.approx(solved(force, spring), abs=1e-9 * film().specimen.gap)
+        assert path.at_rest(force, spring) == pytest.approx(q, abs=1e-15)
+
+
+def test_a_film_beyond_its_path_is_solved_for() -> None:
+    """Forces below none and above its end, alone or among others."""
+    path = film().path
+    assert path is not None
+    for force in (-0.1, 1.2):
+        assert path.at_rest(np.array([force, 0.1]), 0.0) is None
+        q = film().at_rest(FilmLoads(force, 0.0), 1e-9)
+        assert q == pytest.approx(solved(force), abs=1e-9 * film().specimen.gap)
+
+
+@pytest.mark.parametrize(("high", "near"), [(1e3, 2e-3), (6e3, 0.1)])
+def test_a_jump_leads_nearly_where_the_film_goes_at_once(high: float, near: float) -> None:
+    """To first order in U²: a small one to that of the film, a large one to a tenth of its way."""
+    begin = solved(FORCES[0])
+    loads = FilmLoads(FORCES[0], 0.0), FilmLoads(FORCES[0], high**2)
+    flow = film().relaxed(begin).step(film().strain(begin), 0.0)
+    moved = film().carried(begin, *loads, flow, last=1e-9) - begin
+    led = film().led(begin, *loads) - begin
+    assert np.abs(led - moved).max() < near * np.abs(moved).max()
+
+
+def test_a_jump_off_the_path_leads_nowhere() -> None:
+    q = np.stack([solved(FORCES[0]), solved(FORCES[1])])
+    high = np.array([3e3, 40e3]) ** 2
+    led = film().led(q, FilmLoads(0.0, np.zeros(2)), FilmLoads(0.0, high)) - q
+    assert led[0, 0] > 0
+    assert (led[1] == 0).all()
+
+
+def test_a_film_that_no_polynomial_gives_has_no_path() -> None:
+    """As one that has a kink; here of what is smooth, and of the same with one."""
+    path = film().path
+    assert path is not None
+    heaves = path.samples.heaves
+    between = (heaves[1:] + heaves[:-1]) / 2
+
+    def bent(places: np.ndarray, power: int) -> HeaveSamples:
+        column = np.abs(places - heaves.mean()) ** power
+        return HeaveSamples(places, column, column, column, column[:, None], column[:, None])
+
+    assert HeavePath.of(bent(heaves, 2), bent(between, 2)) is not None
+    assert HeavePath.of(bent(heaves, 1), bent(between, 1)) is None

@@ -1,0 +1,131 @@
+"""A reduced film with what drives it: a force, a signal, and what its plate has besides."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tympan.fem.film.memory import Memory
+from tympan.fem.transient.collocation import CollocationRule, radau
+from tympan.studies.reduced_film.film import FilmLoads, ReducedFilm
+from tympan.studies.signals import Signal, Supplied, Together
+
+Array = NDArray[np.float64]
+
+#: Stages of a step of one run; of several, which cost arithmetic, or where the plate is led.
+_STAGES, _FEWER = 5, 4
+
+#: By how much more closely what swings is followed: over many swings phases add up.
+PHASES = 2.0
+
+#: The last correction of a state over the root of a step's error, and at most.
+_CLOSER, _NEAR = 0.2, 2e-3
+
+#: Of a step, relative to the gap between plate and frame.
+ERROR = 1e-4
+
+
+@dataclass(frozen=True, eq=False)
+class ReducedMoment:
+    """A reduced film at a time [s]: q, its loads and memory, the velocity of a plate with mass.
+
+    Of one run or, as arrays, of several.
+    """
+
+    time: float
+    q: Array
+    loads: FilmLoads
+    recall: Callable[[], Memory]
+    velocity: Any = 0.0
+
+    @property
+    def memory(self) -> Memory:
+        """Of the branches; worked out where it is asked for."""
+        return self.recall()
+
+    @property
+    def heave(self) -> Any:
+        """The plate's deflection [m]."""
+        return self.q[..., 0]
+
+
+@dataclass(frozen=True, eq=False)
+class DrivenFilm:
+    """A reduced film under a force [N] and a signal of the voltage across it, or several runs.
+
+    These have forces of shape (runs,), or signals :class:`~tympan.studies.signals.Together`; they
+    share their steps.
+
+    ``spring`` on the plate [N/m]; its ``mass`` [kg], None for one that follows the film at once;
+    ``damper`` on it [N s/m]; ``error``: of a step, relative to the gap between plate and frame.
+    """
+
+    film: ReducedFilm
+    force: Any
+    signal: Signal | Supplied | Together
+    spring: float = 0.0
+    mass: float | None = None
+    damper: float = 0.0
+    error: float = ERROR
+
+    @property
+    def begin(self) -> ReducedMoment:
+        """At rest for ever under force and first voltage; mounted and flat where the film says.
+
+        Raises
+        ------
+        NoBalance
+            Where there is no rest.
+        """
+        film, time = self.tabulated, float(self.signal.breaks[0])
+        if film.specimen.membrane.mounted is not None:
+            return self.flat
+        loads = FilmLoads(self.force, self.signal.first**2, self.spring)
+        q = film.at_rest(loads, self.last)
+        memory = film.relaxed(q)
+        return ReducedMoment(time, q, loads, lambda: memory)
+
+    @property
+    def flat(self) -> ReducedMoment:
+        """Mounted and flat, so long ago as the film says, before the loads are put on."""
+        film, time = self.film, float(self.signal.breaks[0])
+        runs = np.broadcast_shapes(np.shape(self.force), np.shape(self.signal.first))
+        memory = Memory.mounted(film.specimen.membrane, (*runs, len(film.volumes)))
+        q, none = np.zeros((*runs, film.count)), FilmLoads(0.0, 0.0)
+        return ReducedMoment(time, q, none, lambda: memory)
+
+    @property
+    def tabulated(self) -> ReducedFilm:
+        """The film with its law in a table."""
+        return self.film.tabulated
+
+    @cached_property
+    def rule(self) -> CollocationRule:
+        """Of a step."""
+        several = np.ndim(self.force) or np.ndim(self.signal.first)
+        return radau(_FEWER if several or self.leads else _STAGES)
+
+    @cached_property
+    def leads(self) -> bool:
+        """Whether inertia or a damper hold the plate at once."""
+        return self.mass is not None or self.damper > 0
+
+    @cached_property
+    def gap(self) -> float:
+        """Between plate and frame [m]."""
+        return self.film.specimen.gap
+
+    @cached_property
+    def last(self) -> float:
+        """A correction of a state, relative to the gap, after which no other is looked for."""
+        return min(_NEAR, _CLOSER * float(np.sqrt(self.closeness)))
+
+    @cached_property
+    def closeness(self) -> float:
+        """The error of a step, relative to the gap; closer of what swings."""
+        return self.error / (1.0 if self.mass is None else PHASES)
