@@ -41,7 +41,7 @@ from tympan.studies.limits.voltages import first_limit
 from tympan.studies.lumped.remarks import remark
 from tympan.studies.lumped.simulate import SampledResponse, SimulationResult, settling_time
 from tympan.studies.modes import carried
-from tympan.studies.reduced_film.sampling import in_time, last_loop
+from tympan.studies.reduced_film.sampling import extremes, in_time, last_loop
 from tympan.studies.signals import Pieces, Signal, Supplied, lagging, nominal, ramp
 
 Array = NDArray[np.float64]
@@ -258,6 +258,7 @@ def respond(case: TransientCase, settings: Settings, interval: float, period: fl
     when = np.linspace(0.0, done.end, max(2, round(done.end / interval) + 1))
     deflection = done.at(done.deflection, when)
     voltage = nominal(case.signal, when)
+    (low_s, low), (high_s, high) = extremes(done.time, done.deflection)
     warnings = _left_out(case.rig)
     if done.stopped is not None:
         warnings.append(_ending(done.stopped))
@@ -277,9 +278,11 @@ def respond(case: TransientCase, settings: Settings, interval: float, period: fl
         "first_voltage_V": case.signal.first,
         "first_m": float(deflection[0]),
         "last_m": float(deflection[-1]),
-        "lowest_m": float(done.deflection.min()),
-        "highest_m": float(done.deflection.max()),
-        "range_m": float(np.ptp(done.deflection)),
+        "lowest_m": low,
+        "lowest_s": low_s,
+        "highest_m": high,
+        "highest_s": high_s,
+        "range_m": high - low,
         "settling_time_s": settled if np.isfinite(settled) else None,
         "hysteresis_area_V_m": area,
         "energy": to_json(done.balance),

@@ -16,7 +16,7 @@ from tympan.studies.lumped.simulate import SampledResponse, settling_time
 from tympan.studies.reduced_film.driven_film import ERROR, ReducedMoment
 from tympan.studies.reduced_film.film import NoBalance, ReducedFilm
 from tympan.studies.reduced_film.motion import PulledIn, ReducedMotion
-from tympan.studies.reduced_film.sampling import in_time, last_loop
+from tympan.studies.reduced_film.sampling import extremes, in_time, last_loop
 from tympan.studies.signals import Signal, Supplied, Together, lagging, nominal
 
 Array = NDArray[np.float64]
@@ -109,6 +109,7 @@ def film_response(model: LumpedModel, signal: Signal, mass: float, rig: Rig, int
         warnings.append(f"the film pulls in after {stopped:.4g} s; lower the voltage")
     time = np.array([moment.time for moment in moments])
     deflection = np.array([moment.heave for moment in moments])
+    (_, low), (_, high) = extremes(time, deflection)
     when = np.linspace(time[0], time[-1], max(2, round(time[-1] / interval) + 1))
     sampled = in_time(time, deflection, when)
     loop = area = None
@@ -123,7 +124,7 @@ def film_response(model: LumpedModel, signal: Signal, mass: float, rig: Rig, int
         "first_voltage_V": signal.first,
         "first_m": float(sampled[0]),
         "last_m": float(sampled[-1]),
-        "range_m": float(np.ptp(deflection)),
+        "range_m": high - low,
         "settling_time_s": settled if np.isfinite(settled) else None,
         "hysteresis_area_V_m": area,
         "stopped_s": stopped,

@@ -24,13 +24,36 @@ def in_time(time: Array, values: Array, when: Array) -> Array:
     Along the first axis, by cubic splines between the jumps; at a jump what comes after it. Nan
     beyond the last.
     """
-    starts = np.flatnonzero(np.diff(time) == 0) + 1
     result = np.full((len(when), *values.shape[1:]), np.nan)
-    for begin, end in zip([0, *starts], [*starts, len(time)], strict=True):
-        times, last = time[begin:end], end == len(time)
+    for part in _between_jumps(time):
+        times, last = time[part], part.stop == len(time)
         within = (when >= times[0]) & ((when < times[-1]) | (last & (when <= times[-1])))
-        result[within] = spline(times, values[begin:end])(when[within])
+        result[within] = spline(times, values[part])(when[within])
     return result
+
+
+def extremes(time: Array, values: Array) -> tuple[tuple[float, float], tuple[float, float]]:
+    """When [s] values are smallest and how small, when largest and how large, between times too.
+
+    By the splines of :func:`in_time`, of values of shape (times,); the first time of several.
+    """
+    when, what = [time], [values]
+    for part in _between_jumps(time):
+        curve = spline(time[part], values[part])
+        turns = curve.derivative().roots(extrapolate=False)
+        # Where it is constant any time is a root, which is told by one that is no number.
+        turns = turns[np.isfinite(turns)]
+        when.append(turns)
+        what.append(curve(turns))
+    times, heights = np.concatenate(when), np.concatenate(what)
+    low, high = (int(np.lexsort((times, sign * heights))[0]) for sign in (1, -1))
+    return (float(times[low]), float(heights[low])), (float(times[high]), float(heights[high]))
+
+
+def _between_jumps(time: Array) -> list[slice]:
+    """Of ascending times, one that stands twice being a jump."""
+    starts = (np.flatnonzero(np.diff(time) == 0) + 1).tolist()
+    return [slice(*ends) for ends in zip([0, *starts], [*starts, len(time)], strict=True)]
 
 
 def last_loop(name: str, signal: Signal, period: float, time: Array, deflection: Array

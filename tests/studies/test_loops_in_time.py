@@ -10,10 +10,13 @@ import pytest
 
 from tests.support.creeping import film
 from tympan.cli import main
+from tympan.fem.transient.integrate import StepSettings
 from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Specimen, ViscousBranch
 from tympan.studies.case import Case, Settings, solve
-from tympan.studies.transient import loop
+from tympan.studies.reduced_film.sampling import extremes
+from tympan.studies.signals import Sine
+from tympan.studies.transient import TransientCase, loop, respond
 
 MASS, TURN, TIME = 17.9e-3, 5e3, 10.0
 
@@ -60,6 +63,34 @@ def test_a_loop_that_cannot_be_is_refused(words: list[str], tmp_path: Path,
     file.write_text(specimen_to_toml(CREEPS), encoding="utf-8")
     assert main(["path", str(file), "--mass", "17.9 g", *words]) == 2
     assert "--to" in capsys.readouterr().err
+
+
+def test_the_highest_deflection_is_the_motions_not_that_of_a_step() -> None:
+    """By usual steps and by far finer ones; of the states that were solved for none is as near."""
+    peaks, solved = [], []
+    for error in (1e-5, 1e-7):
+        case = TransientCase(CREEPS, Sine(2e3, 2e3, TIME, 1.0), mass=MASS,
+                             steps=StepSettings(error=error))
+        response, done = respond(case, Settings(), 0.1)
+        numbers = response.numbers
+        peaks.append((numbers["highest_s"], numbers["highest_m"]))
+        solved.append(done.deflection.max())
+        assert numbers["range_m"] == numbers["highest_m"] - numbers["lowest_m"]
+        assert numbers["lowest_m"] <= done.deflection.min()
+    usual, fine = np.array(peaks)
+    assert usual[0] == pytest.approx(fine[0], abs=2e-3)
+    assert usual[1] == pytest.approx(fine[1], rel=1e-5)
+    assert solved[0] < fine[1] * (1 - 3e-5)
+
+
+def test_extremes_between_times_and_at_jumps() -> None:
+    time = np.array([0.0, 0.8, 1.7, 3.0, 3.0, 4.0, 4.0, 5.0])
+    values = np.array([(moment - 1.2) * (moment - 3.1) for moment in time[:4]] + [0, -7, 2, 2])
+    (low_s, low), (high_s, high) = extremes(time, values)
+    assert (low_s, low) == (4.0, -7.0)
+    assert (high_s, high) == pytest.approx((0.0, 3.72))
+    assert extremes(time[:4], values[:4])[0] == pytest.approx((2.15, -(0.95**2)))
+    assert extremes(time, 0 * time) == ((0.0, 0.0), (0.0, 0.0))
 
 
 def test_the_turn_must_be_known() -> None:
