@@ -24,6 +24,10 @@ Series = Sequence[NDArray[Any]]
 _MOST = 0.998
 
 
+#: Half the difference of correlations by which slopes are told.
+_APART = 1e-4
+
+
 @dataclass(frozen=True, eq=False)
 class CorrelatedNoise:
     """Errors of readings along series, and what they leave open of the unknowns.
@@ -39,16 +43,21 @@ class CorrelatedNoise:
     freedom: float
     covariance: Array
     widening: Array
+    scatter: _Scatter
 
     @property
-    def quantile(self) -> float:
-        """Of 95 % limits."""
-        return float(norm.ppf(0.975) if np.isinf(self.freedom) else t.ppf(0.975, self.freedom))
+    def quantiles(self) -> Array:
+        """Of 95 % limits of each unknown, shape (p,)."""
+        return self._quantiles(np.eye(len(self.covariance)))
 
-    def deviations(self, rows: Array) -> Array:
-        """Standard deviations of what depends on the unknowns by ``rows``, shape (m, p)."""
+    def halves(self, rows: Array) -> Array:
+        """Half the 95 % bands of what depends on the unknowns by ``rows``, shape (m, p)."""
         spread = np.where(np.isfinite(self.covariance), self.covariance, 0.0)
-        return np.asarray(np.sqrt(np.maximum(np.einsum("ni,ij,nj->n", rows, spread, rows), 0.0)))
+        return np.asarray(np.sqrt(_along(rows, spread)) * self._quantiles(rows))
+
+    def _quantiles(self, rows: Array) -> Array:
+        freedoms = self.scatter.freedoms(rows)
+        return np.asarray(np.where(np.isinf(freedoms), norm.ppf(0.975), t.ppf(0.975, freedoms)))
 
     @classmethod
     def of(cls, jacobian: Array, residual: Array, series: Series,
@@ -65,19 +74,78 @@ class CorrelatedNoise:
         seen = singular > 1e-10 * singular[0]
         sight = _Sight(basis[:, seen], series, len(residual))
         correlation = _correlation(sight, residual)
-        spread, square, plain = sight.moments(correlation)
-        sigma = float(np.sqrt(residual @ residual / plain)) if given is None else given
+        moments = sight.moments(correlation)
+        sigma = float(np.sqrt(residual @ residual / moments.plain)) if given is None else given
         back = right[seen].T / singular[seen] / safe[:, None]
-        covariance = sigma**2 * back @ spread @ back.T
+        covariance = sigma**2 * back @ moments.spread @ back.T
         with np.errstate(invalid="ignore", divide="ignore"):
-            widening = np.sqrt(np.einsum("ij,jk,ik->i", back, spread, back)
-                               / np.sum(back**2, axis=1))
+            widening = np.sqrt(_along(back, moments.spread) / np.sum(back**2, axis=1))
         hidden = (np.abs(right[~seen]) > 1e-6).any(axis=0) | (lengths == 0)
         covariance[np.diag_indices_from(covariance)] = np.where(hidden, np.inf,
                                                                 np.diag(covariance))
-        freedom = np.inf if given is not None else float(plain**2 / square)
+        freedom = np.inf if given is not None else float(moments.plain**2 / moments.squares[0])
         return cls(sigma, correlation, freedom, covariance,
-                   np.where(np.isfinite(widening), widening, 1.0))
+                   np.where(np.isfinite(widening), widening, 1.0),
+                   _Scatter.of(sight, correlation, back, given is not None))
+
+
+@dataclass(frozen=True, eq=False)
+class _Scatter:
+    """How uncertain a variance of what depends on the unknowns is, itself.
+
+    Such a variance is an estimate by two sums over residuals, of squares and of products of
+    neighbours: the second tells the correlation. To first order its logarithm is the quadratic form
+    eᵀM(g + κ(N − a))Me over the expected first sum, with as many effective degrees of freedom as
+    have its variance (Satterthwaite; for correlations that are estimated Kenward and Roger,
+    Biometrics 53, 983, 1997). N has the products of neighbours, a is their expected sum over that
+    of the squares, g is 0 where the noise is given, and κ how much the variance grows with a.
+
+    ``moments`` are those at the correlation, ``slope`` that of QᵀRQ by a, ``growth`` that of the
+    logarithm of the first sum, 0 where the noise is given.
+    """
+
+    moments: _Moments
+    back: Array
+    slope: Array
+    growth: float
+    given: bool
+
+    @classmethod
+    def of(cls, sight: _Sight, correlation: float, back: Array, given: bool) -> _Scatter:
+        """Slopes are none where the correlation does not follow the residuals."""
+        moments = sight.moments(correlation)
+        if not 0 < correlation < _MOST:
+            return cls(moments, back, 0 * moments.spread, 0.0, given)
+        low, high = (sight.moments(correlation + step) for step in (-_APART, _APART))
+        likeness = high.likeness - low.likeness
+        growth = 0.0 if given else float(np.log(high.plain / low.plain)) / likeness
+        return cls(moments, back, (high.spread - low.spread) / likeness, growth, given)
+
+    def freedoms(self, rows: Array) -> Array:
+        """Of what depends on the unknowns by rows, at least one, shape (m,)."""
+        along = rows @ self.back
+        with np.errstate(invalid="ignore", divide="ignore"):
+            grown = _signed(along, self.slope) / _along(along, self.moments.spread) - self.growth
+            squares, cross, products = self.moments.squares
+            a, g = self.moments.likeness, 0.0 if self.given else 1.0
+            variance = (g * squares + 2 * g * grown * (cross - a * squares)
+                        + grown**2 * (products - 2 * a * cross + a * a * squares))
+            freedoms = np.nan_to_num(self.moments.plain**2 / variance, nan=np.inf, posinf=np.inf)
+            return np.asarray(np.maximum(freedoms, 1.0))
+
+
+@dataclass(frozen=True, eq=False)
+class _Moments:
+    """Of errors with a correlation R, by the residuals MRM that they leave, M = 1 − QQᵀ.
+
+    ``spread`` QᵀRQ; ``plain`` tr MR, of the squares; ``likeness``, of products of neighbours, over
+    it; ``squares``: tr (MR)², tr MRMNMR, tr (NMRM)², N with the products of neighbours.
+    """
+
+    spread: Array
+    plain: float
+    likeness: float
+    squares: tuple[float, float, float]
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,34 +160,55 @@ class _Sight:
         """Σ of the products of neighbours."""
         return float(sum(values[run[:-1]] @ values[run[1:]] for run in self.series))
 
-    def moments(self, correlation: float) -> tuple[Array, float, float]:
-        """QᵀRQ, tr (MR)², tr MR of R, the correlations of errors, and M = 1 − QQᵀ."""
-        carried = self._carried(correlation)
-        spread = self.basis.T @ carried
-        lags = sum(float(_powers(correlation**2, len(run)) @ _weights(len(run)))
-                   for run in self.series) + self.count - sum(map(len, self.series))
-        square = lags - 2 * float(np.sum(carried**2)) + float(np.sum(spread**2))
-        return spread, square, self.count - float(np.trace(spread))
-
     def likeness(self, correlation: float) -> float:
         """Of neighbours after a fit: expected Σ of products over expected Σ of squares."""
-        carried = self._carried(correlation)
-        spread = self.basis.T @ carried
-        shifted = np.zeros_like(self.basis)
-        for run in self.series:
-            shifted[run[:-1]] += self.basis[run[1:]] / 2
-            shifted[run[1:]] += self.basis[run[:-1]] / 2
+        carried = self._carried(self.basis, correlation)
+        spread, shifted = self.basis.T @ carried, self._shifted(self.basis)
         products = correlation * sum(max(len(run) - 1, 0) for run in self.series)
         products -= 2 * float(np.sum(shifted * carried))
         products += float(np.sum((self.basis.T @ shifted) * spread))
         return products / (self.count - float(np.trace(spread)))
 
-    def _carried(self, correlation: float) -> Array:
-        """R times the basis; what is in no series is correlated with nothing."""
-        carried = self.basis.copy()
+    def moments(self, correlation: float) -> _Moments:
+        """By MRM = R − U J Uᵀ of few columns U = (Q, RQ − ½ QQᵀRQ), J that swaps them."""
+        carried = self._carried(self.basis, correlation)
+        spread = self.basis.T @ carried
+        u = np.hstack([self.basis, carried - self.basis @ spread / 2])
+        swapped = np.roll(u, len(spread), axis=1)
+        shifted, carried = self._shifted(u), self._carried(u, correlation)
+        squares = self._squares(correlation)
+        within, across = swapped.T @ u, swapped.T @ shifted
+        whole = (
+            squares[0] - 2 * _trace(swapped, carried) + np.trace(within @ within),
+            squares[1] - 2 * _trace(self._shifted(swapped), carried) + np.trace(within @ across),
+            squares[2] - 2 * _trace(self._shifted(swapped), self._carried(shifted, correlation))
+            + np.trace(across @ across))
+        return _Moments(spread, self.count - float(np.trace(spread)), self.likeness(correlation),
+                        (float(whole[0]), float(whole[1]), float(whole[2])))
+
+    def _squares(self, correlation: float) -> Array:
+        """tr R², tr NR², tr (NR)²."""
+        sums = np.array([self.count - sum(map(len, self.series)), 0.0, 0.0])
         for run in self.series:
-            carried[run] = toeplitz(_powers(correlation, len(run))) @ self.basis[run]
+            r = toeplitz(_powers(correlation, len(run)))
+            near = toeplitz(np.where(np.arange(len(run)) == 1, 0.5, 0.0)) @ r
+            sums += np.sum(r * r), np.sum(near * r), np.sum(near * near.T)
+        return sums
+
+    def _carried(self, columns: Array, correlation: float) -> Array:
+        """R times columns; what is in no series is correlated with nothing."""
+        carried = columns.copy()
+        for run in self.series:
+            carried[run] = toeplitz(_powers(correlation, len(run))) @ columns[run]
         return carried
+
+    def _shifted(self, columns: Array) -> Array:
+        """N times columns: half the sum of a reading's neighbours."""
+        shifted = np.zeros_like(columns)
+        for run in self.series:
+            shifted[run[:-1]] += columns[run[1:]] / 2
+            shifted[run[1:]] += columns[run[:-1]] / 2
+        return shifted
 
 
 def _correlation(sight: _Sight, residual: Array) -> float:
@@ -140,6 +229,16 @@ def _powers(base: float, count: int) -> Array:
     return np.asarray(base ** np.arange(count), float)
 
 
-def _weights(count: int) -> Array:
-    """How often each lag stands in a Toeplitz matrix."""
-    return np.append(count, 2.0 * np.arange(count - 1, 0, -1))
+def _trace(first: Array, second: Array) -> float:
+    """Of firstᵀ second."""
+    return float(np.sum(first * second))
+
+
+def _signed(rows: Array, matrix: Array) -> Array:
+    """Of every row x, xᵀAx."""
+    return np.asarray(np.einsum("ni,ij,nj->n", rows, matrix, rows))
+
+
+def _along(rows: Array, matrix: Array) -> Array:
+    """Of every row x, xᵀAx of an A that is not negative."""
+    return np.maximum(_signed(rows, matrix), 0.0)

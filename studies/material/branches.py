@@ -395,7 +395,7 @@ def fit_branches(tests: TimedTests, count: int, noise: float | None = None,
     return BranchFit(law=replace(law, notes=notes), values=natural[tests.laws:],
                      limits=limits[tests.laws:], foretold=None,
                      correlation=errors_of.correlation, stress=tests.predict(values),
-                     half=errors_of.quantile * errors_of.deviations(jacobian), tried={})
+                     half=errors_of.halves(jacobian), tried={})
 
 
 def _limits(tests: TimedTests, values: Array, noise: CorrelatedNoise) -> tuple[Limits, ...]:
@@ -404,8 +404,8 @@ def _limits(tests: TimedTests, values: Array, noise: CorrelatedNoise) -> tuple[L
     if judged(tests.family, values[:tests.laws], tests.coupons)[1] is None:
         return ((None, None),) * len(values)
     problem, limits = tests.problem(count, noise.sigma), []
-    for index, widening in enumerate(noise.widening):
-        line = profile(problem, values, index, noise.quantile * widening)
+    for index, reach in enumerate((noise.quantiles * noise.widening).tolist()):
+        line = profile(problem, values, index, reach)
         low, high = line.low, line.high
         if index >= tests.laws + count:
             low, high = (None if end is None else float(np.exp(end)) for end in (low, high))
@@ -417,6 +417,7 @@ def _law_at_rest(tests: TimedTests, values: Array, limits: tuple[Limits, ...],
                  noise: CorrelatedNoise, residual: Array, jacobian: Array,
                  errors: Mapping[str, float | None]) -> LawFit:
     law = slice(0, tests.laws)
+    widest = float(noise.quantiles[law].max())
     _, material, failing = judged(tests.family, values[law], tests.coupons)
     mean = float(residual @ residual) / len(residual)
     independent = len(residual) * (1 - noise.correlation) / (1 + noise.correlation)
@@ -424,7 +425,7 @@ def _law_at_rest(tests: TimedTests, values: Array, limits: tuple[Limits, ...],
     condition = np.linalg.cond(jacobian / lengths) if lengths.all() else np.inf
     return LawFit(
         family=tests.family, material=material, values=values[law], limits=limits[law],
-        covariance=noise.covariance[law, law], noise=Noise(noise.sigma, noise.quantile),
+        covariance=noise.covariance[law, law], noise=Noise(noise.sigma, widest),
         rmse=mean**0.5,
         criterion=float(independent * np.log(max(mean, 1e-300)) + 2 * (len(values) + 1)),
         condition=float(min(condition, 1e300)), held_out=dict(errors),

@@ -3,17 +3,32 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from dataclasses import replace
-from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.integrate import quad, solve_ivp
-from scipy.optimize import brentq
+from scipy.integrate import quad
 from scipy.stats import binom
 
-from tests.support.noise import autoregressive
+from benchmarks.trials.coupon_limits import (
+    KINDS,
+    LAW,
+    TRUTH,
+    Kind,
+    by_dop853,
+    coupons_of,
+    creep,
+    cycles,
+    exact,
+    held,
+    hung,
+    looked_up,
+    noisy,
+    problem_of,
+    pulled,
+)
 from tympan.cli import main
 from tympan.fem.film.laws import NeoHooke
 from tympan.fem.film.library import MATERIALS, load_specimen
@@ -22,7 +37,7 @@ from tympan.geometry.specimen import Film, ViscousBranch
 from tympan.studies.columns import write_sheet
 from tympan.studies.data.coupon import COLUMNS, MODES, Coupons, read_coupons
 from tympan.studies.material.branches import (
-    TimedTests,
+    BranchFit,
     compare_in_time,
     fit_branches,
     held_out_groups,
@@ -32,86 +47,9 @@ from tympan.studies.material.relaxation import BranchStress, integrate_branches
 from tympan.studies.material.result import MaterialFitResult, fit_coupons
 
 VHB = Path(__file__).parents[3] / "benchmarks" / "vhb"
-LAW, BRANCHES = 13.4e3, ((31.2e3, 6.5), (11.6e3, 140.0))
-TRUTH = np.array([LAW, 31.2e3, 11.6e3, 6.5, 140.0])
-HISTORIES = ((0.05, 2.5), (0.01, 2.5), (0.002, 2.5), (0.05, 1.6))
-
-
-def cycles(mode: str = "uniaxial", readings: int = 16) -> Coupons:
-    """Up and down at several rates and to two levels, then relaxation at once; without stress."""
-    parts = []
-    for rate, top in HISTORIES:
-        half = (top - 1) / rate
-        time = np.linspace(0, 2 * half, 2 * readings - 1)
-        parts.append((f"{rate:g}/s to {top:g}", time, 1 + rate * np.minimum(time, 2 * half - time)))
-    parts.append(("hold", np.geomspace(1.0, 1000.0, readings), np.full(readings, 2.0)))
-    return coupons_of(parts, mode)
-
-
-def coupons_of(parts: list[tuple[str, np.ndarray, np.ndarray]], mode: str = "uniaxial") -> Coupons:
-    names, times, stretches = zip(*parts, strict=True)
-    counts = [len(time) for time in times]
-    every = sum(counts)
-    return Coupons(np.full(every, mode), np.concatenate(stretches), np.zeros(every),
-                   np.full(every, ""), np.repeat(names, counts), np.concatenate(times))
-
-
-def by_dop853(time: np.ndarray, stretch: np.ndarray, mode: str, tau: float) -> np.ndarray:
-    """Nominal stress of a branch of unit modulus: ȧ = (C − ⅓ (C : C_v⁻¹) a)/τ of the principal a.
-    """
-    def squares(at: float) -> np.ndarray:
-        l1 = np.interp(at, time, stretch)
-        return np.array([l1, l1 ** MODES[mode], l1 ** (-1 - MODES[mode])]) ** 2
-
-    def flow(at: float, a: np.ndarray) -> np.ndarray:
-        c = squares(at)
-        return (c - (c / a).sum() / 3 * a) / tau
-
-    a, last, states = np.ones(3), 0.0, []
-    for now in time:  # each interval by itself: the rate jumps between them
-        if now > last:
-            a = solve_ivp(flow, (last, now), a, "DOP853", rtol=1e-10, atol=1e-12).y[:, -1]
-        states.append(a)
-        last = now
-    a, c = np.array(states).T, np.array([squares(at) for at in time]).T
-    return (c[0] / a[0] - c[2] / a[2]) / stretch
-
-
-@cache
-def exact(mode: str = "uniaxial", readings: int = 16) -> Coupons:
-    """The cycles with the stress of the known constants, by the other integrator."""
-    coupons = cycles(mode, readings)
-    stress = FAMILIES["neo_hooke"].stress(*coupons.in_plane, np.array([LAW]))
-    for run in coupons.timed_runs.values():
-        for modulus, tau in BRANCHES:
-            stress[run] += modulus * by_dop853(coupons.time[run], coupons.stretch[run], mode, tau)
-    return replace(coupons, stress=stress)
-
-
-def noisy(sigma: float, seed: int, correlation: float = 0.0) -> Coupons:
-    """With errors that are normal, and autoregressive along each run."""
-    coupons, random = exact(), np.random.default_rng(seed)
-    errors = random.standard_normal(len(coupons))
-    for run in coupons.timed_runs.values():
-        errors[run] = autoregressive(errors[run], correlation)
-    return replace(coupons, stress=coupons.stress + sigma * errors)
-
-
-@cache
-def looked_up() -> BranchStress:
-    return BranchStress.of(cycles())
-
-
-def problem_of(coupons: Coupons, law: str = "neo_hooke") -> TimedTests:
-    return TimedTests(coupons, looked_up(), FAMILIES[law])
-
 
 def values_of(fit) -> np.ndarray:  # type: ignore[no-untyped-def]
     return np.concatenate([fit.law.values, fit.values])
-
-
-def limits_of(fit) -> tuple:  # type: ignore[no-untyped-def]
-    return (*fit.law.limits, *fit.limits)
 
 
 @pytest.mark.parametrize("mode", MODES)
@@ -174,59 +112,31 @@ def test_exact_readings_give_the_constants_back() -> None:
 @pytest.mark.parametrize("correlation", [0.0, 0.8])
 def test_limits_hold_as_often_as_they_say_in_a_few(correlation: float) -> None:
     """Of 20 seeds and 5 constants; noise of 1 % of the largest stress."""
-    covers(range(20), correlation)
+    covers(lambda seed: pulled(seed, correlation), range(20))
 
 
 @pytest.mark.study
-@pytest.mark.parametrize("correlation", [0.0, 0.6, 0.9])
-def test_limits_hold_as_often_as_they_say(correlation: float) -> None:
-    covers(range(100), correlation)
+@pytest.mark.parametrize("kind", KINDS, ids=[kind.name for kind in KINDS])
+def test_limits_hold_as_often_as_they_say(kind: Kind) -> None:
+    covers(kind.fit, range(100))
 
 
-def covers(seeds: range, correlation: float) -> None:
+def covers(fit: Callable[[int], BranchFit], seeds: range) -> None:
     """Constants of one coupon share its noise: each counts by itself."""
-    hits = np.zeros(len(TRUTH), int)
-    for seed in seeds:
-        fit = fit_branches(problem_of(noisy(600.0, seed, correlation)), 2)
-        hits += [(low is None or low < true) and (high is None or true < high)
-                 for (low, high), true in zip(limits_of(fit), TRUTH, strict=True)]
+    hits = np.sum([held(fit(seed)) for seed in seeds], axis=0)
     least, most = (binom.ppf(share, len(seeds), 0.95) for share in (0.001, 0.999))
     assert (hits >= least).all()
     assert (hits <= most).all()
     assert hits.mean() >= binom.ppf(0.01, len(seeds), 0.95)
 
 
-def crept(load: float, time: np.ndarray) -> np.ndarray:
-    """Stretch of a strip under constant nominal stress, by DOP853 and a root at each time."""
-    moduli, taus = np.array(BRANCHES).T
-
-    def stretch_at(a: np.ndarray) -> float:
-        return brentq(lambda x: LAW * (x - x**-2) + np.sum(moduli * (x / a - a**0.5 / x**2)) - load,
-                      1.0, 12.0, xtol=1e-13)
-
-    def flow(_: float, a: np.ndarray) -> np.ndarray:
-        x = stretch_at(a)
-        return (x**2 - (x**2 / a + 2 * a**0.5 / x) / 3 * a) / taus
-
-    states = solve_ivp(flow, (0, time[-1]), [1.0, 1.0], "DOP853", t_eval=time, rtol=1e-9,
-                       atol=1e-10).y.T
-    return np.array([stretch_at(a) for a in states])
-
-
 def test_creep_gives_the_constants_back() -> None:
     """Limits hold the truth as often as they say with stretch read to 0.004, in 6 seeds."""
-    time, loads = np.append(0.0, np.geomspace(1, 1500, 39)), (15e3, 30e3, 45e3)
-    base = coupons_of([(f"{load:g} Pa", time, crept(load, time)) for load in loads])
-    base = replace(base, stress=np.repeat(loads, len(time)))
-    assert set(held_out_groups(base)) == {f"creep under {x} kPa" for x in (15, 30, 45)}
-    hits = np.zeros(len(TRUTH), int)
-    for seed in range(6):
-        errors = 0.004 * np.random.default_rng(seed).standard_normal(len(base))
-        coupons = replace(base, stretch=base.stretch + errors)
-        fit = fit_branches(TimedTests(coupons, BranchStress.of(coupons), FAMILIES["neo_hooke"]), 2)
+    assert set(held_out_groups(creep())) == {f"creep under {x} kPa" for x in (15, 30, 45)}
+    fits = [hung(seed) for seed in range(6)]
+    for fit in fits:
         assert values_of(fit) == pytest.approx(TRUTH, rel=0.1)
-        hits += [low < true < high for (low, high), true in zip(limits_of(fit), TRUTH, strict=True)]
-    assert (hits >= binom.ppf(0.001, 6, 0.95)).all()
+    assert (np.sum([held(fit) for fit in fits], axis=0) >= binom.ppf(0.001, 6, 0.95)).all()
 
 
 def test_runs_held_out_say_how_many_branches() -> None:
