@@ -70,7 +70,7 @@ class CollocatedStep:
             Where there is none that is stable.
         """
         motion, q, size, tangent = self.motion, guess, np.inf, None
-        film, flow, (constant, slope) = motion.tabulated, self._flow, self._drive
+        film, flow, (constant, slope) = motion.tabulated, self.flow, self._drive
         for _ in range(ITERATIONS):
             fresh = tangent is None
             if tangent is None:
@@ -94,8 +94,8 @@ class CollocatedStep:
                 tangent = None
         raise NoBalance
 
-    @property
-    def _flow(self) -> StagedFlow:
+    @cached_property
+    def flow(self) -> StagedFlow:
         """Of the branches, before anything is known of C at the stages."""
         moment, motion, rule = self.moment, self.motion, self.motion.rule
         return StagedFlow.of(moment.memory, motion.tabulated.strain(moment.q), self.duration,

@@ -26,7 +26,13 @@ from tympan.fem.film.density import (
     principal_stretches,
 )
 from tympan.fem.film.energy_table import EnergyTable
-from tympan.fem.film.memory import Flow, Memory, of_thickness, plane_determinant
+from tympan.fem.film.memory import (
+    Flow,
+    Memory,
+    incompressible,
+    of_thickness,
+    plane_determinant,
+)
 from tympan.fem.film.staged_memory import StagedFlow
 from tympan.geometry.specimen import Specimen
 from tympan.studies.reduced_film.heave_path import DEGREE, HeavePath, HeaveSamples
@@ -278,7 +284,13 @@ class ReducedFilm:
 
     def relaxed(self, q: Array) -> Memory:
         """The memory of branches that have rested at q for ever."""
-        return Memory.relaxed(self.specimen.membrane, self.strain(q))
+        full = incompressible(self.strain(q))[:, None]
+        memory = self._flat_memory
+        return replace(memory, viscous=np.repeat(full, len(memory.times), 1))
+
+    @cached_property
+    def _flat_memory(self) -> Memory:
+        return Memory.relaxed(self.specimen.membrane, self.strain(self.flat))
 
     def balanced(self, q: Array, loads: FilmLoads, flow: Flow | None = None, *,
                  clamped: bool = False, last: float = _LAST) -> Array:
@@ -342,12 +354,15 @@ class ReducedFilm:
         flat = np.broadcast_to(self.flat, (*runs, self.count))
         return self.carried(flat, FilmLoads(0.0, 0.0), weight, last=last)
 
-    def led(self, q: Array, before: FilmLoads, after: FilmLoads) -> Array:
-        """Nearly where a voltage that jumps leads to at once from q."""
-        if self.path is None:
-            return q
+    def led(self, q: Array, before: FilmLoads, after: FilmLoads, flow: StagedFlow) -> Array:
+        """Nearly where a voltage that jumps leads to from q at the stages of a step."""
+        q = q[..., None, :]
+        moduli = flow.memory.moduli
+        if self.path is None or not len(moduli):
+            return np.repeat(q, flow.weights.shape[-1], -2)
+        flown = (moduli[:, None, None] * flow.weights).sum(0) / moduli.sum()
         squares = before.voltage_squared, after.voltage_squared
-        return q + self.path.jump(q[..., 0], *squares, after.spring)
+        return q + self.path.jump(q[..., 0, 0], *squares, after.spring, flown)
 
     @cached_property
     def path(self) -> HeavePath | None:
@@ -366,13 +381,20 @@ class ReducedFilm:
         """At rest without voltage, held at ascending heaves [m]."""
         q = np.multiply.outer(heaves, np.eye(self.count)[0])
         q = self.balanced(q, FilmLoads(0.0, 0.0), clamped=True)
-        force, relaxed = self.pull(q, 0.0)
-        charged, _ = self.pull(q, _CHARGED)
-        _, at_once = self.pull(q, 0.0, self.relaxed(q).step(self.strain(q), 0.0))
-        soft, softer = np.linalg.inv(at_once), np.linalg.inv(relaxed)[:, 0, 0]
-        moved = (soft @ (force - charged)[..., None])[..., 0] / _CHARGED
-        stiff = 1 / soft[:, 0, 0]
-        return HeaveSamples(heaves, force[:, 0], stiff - 1 / softer, stiff * moved[:, 0], q, moved)
+        flow = self.relaxed(q).step(self.strain(q), 0.0)
+        (force, relaxed), (_, at_once) = self.pull(q, 0.0), self.pull(q, 0.0, flow)
+        moved = self._moved(q, 0.0, flow)
+        bent = (self._moved(q + _CHARGED * moved, _CHARGED, flow) - moved) / (2 * _CHARGED)
+        stiff, softer = (1 / np.linalg.inv(each)[:, 0, 0] for each in (at_once, relaxed))
+        return HeaveSamples(heaves, force[:, 0], stiff - softer, stiff * moved[:, 0], q, moved,
+                            bent)
+
+    def _moved(self, q: Array, voltage_squared: float, flow: Flow) -> Array:
+        """q by U² [m/V²] in a step of no time, shape (..., shapes)."""
+        before, stiffness = self.pull(q, voltage_squared, flow)
+        after, _ = self.pull(q, voltage_squared + _CHARGED, flow)
+        pull = (before - after)[..., None] / _CHARGED
+        return np.asarray(np.linalg.solve(stiffness, pull)[..., 0])
 
 
 def _solved(stiffness: Array, pull: Array) -> Array:

@@ -1,8 +1,8 @@
 """A film at rest without voltage by its heave: where motions begin, how far a jump leads.
 
 A film that rests under a weight has one freedom, its heave, which the other shapes follow; so it is
-a curve, and that is smooth. Along it are also known how stiff the film is at once and what a
-voltage does to it there, so that where loads that jump lead is nearly known without the film.
+a curve, and that is smooth. Along it are also known how stiff the film is, at once and at rest,
+and what a voltage does to it, so that where one that jumps leads is nearly known without the film.
 """
 
 from __future__ import annotations
@@ -18,8 +18,11 @@ Array = NDArray[np.float64]
 #: Of the polynomials, and how precisely they give q, over the highest heave.
 DEGREE, PRECISION = 8, 1e-8
 
-#: Corrections of a heave that is looked for between samples.
-_CORRECTIONS = 2
+#: Corrections of a heave that is looked for between samples; iterations of creep, for a guess.
+_CORRECTIONS, _CREEPS = 2, 4
+
+#: What counts as no heave by U² [m/V²].
+_NONE = 1e-30
 
 _DEGREES = np.arange(DEGREE + 1.0)
 
@@ -28,9 +31,9 @@ _DEGREES = np.arange(DEGREE + 1.0)
 class HeaveSamples:
     """A film held at ``heaves`` [m] at rest without voltage: the ``force`` for it [N], q [m].
 
-    ``stiffer`` [N/m]: by how much branches make it so at once, the other shapes free; ``moved``
-    [m/V²]: q at once by U², and ``pull`` [N/V²], the force against heave that does the same.
-    Shapes (heaves,) and (heaves, shapes).
+    ``stiffer`` [N/m]: by how much branches make it so at once, the other shapes free; ``pull``
+    [N/V²]: the force against heave of a voltage by its square; ``moved`` [m/V²] and ``bent``
+    [m/V⁴]: q at once by U² and by U⁴. Shapes (heaves,) and (heaves, shapes).
     """
 
     heaves: Array
@@ -39,6 +42,7 @@ class HeaveSamples:
     pull: Array
     q: Array
     moved: Array
+    bent: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +50,7 @@ class HeavePath:
     """What :class:`HeaveSamples` say by a heave y up to ``samples``' last [m], from 0 on.
 
     ``rows``: coefficients by powers of 2 y/highest − 1, (degree + 1, columns), of force and its
-    slope, ``stiffer``, ``pull`` and its slope, q, ``moved``.
+    slope, ``stiffer``, the slope of ``pull``, q, ``moved``, ``bent``.
     """
 
     samples: HeaveSamples
@@ -57,9 +61,9 @@ class HeavePath:
         """Through samples, from 0 to the highest heave; None where checks are far off."""
         highest = samples.heaves[-1]
         values = np.column_stack([samples.force, samples.stiffer, samples.pull, samples.q,
-                                  samples.moved])
+                                  samples.moved, samples.bent])
         force, stiffer, pull, *others = np.linalg.solve(_powers(samples.heaves, highest), values).T
-        rows = [force, _slope(force, highest), stiffer, pull, _slope(pull, highest), *others]
+        rows = [force, _slope(force, highest), stiffer, _slope(pull, highest), *others]
         path = cls(samples, np.stack(rows, axis=1))
         gap = path._at(checks.heaves)[:, path._shapes] - checks.q
         return path if np.abs(gap).max() < PRECISION * highest else None
@@ -76,20 +80,28 @@ class HeavePath:
             heave = heave - (here[..., 0] + spring * heave - force) / (here[..., 1] + spring)
         return self._at(heave)[..., self._shapes]
 
-    def jump(self, heave: Any, before: Any, after: Any, spring: float) -> Array:
-        """How far U² [V²] leads q at once, nearly, from a heave [m], shape (..., shapes).
+    def jump(self, heave: Any, before: Any, after: Any, spring: float, flown: Array) -> Array:
+        """How far U² [V²] nearly leads q from a heave [m], shape (..., stages, shapes).
 
+        ``flown``, (stages, stages): what of a change at a stage branches have followed at another.
         Nowhere if it leads off the path.
         """
-        here = self._at(heave)
-        pull, softer = here[..., 3] * (after - before), here[..., 4] * after
-        change = pull / (here[..., 1] + here[..., 2] + spring - softer)
-        ahead = heave + change
-        within = (ahead >= 0) & (ahead <= self.highest)
-        moved = self._at(np.where(within, ahead, heave))[..., self._shapes.stop:]
-        moved = moved * np.multiply(after - before, within)[..., None]
-        moved[..., 0] = change * within
-        return np.asarray(moved)
+        here, count = self._at(heave), self.samples.q.shape[1]
+        relaxed, stiffer, pull_slope = here[..., 1], here[..., 2], here[..., 3]
+        moved, bent = here[..., -2 * count:-count], here[..., -count:]
+        change = _so_far(moved, bent, after)
+        if np.any(before):
+            change -= _so_far(moved, bent, before)
+        if spring:
+            stiff = relaxed + stiffer
+            change *= np.asarray(stiff / (stiff + spring))[..., None]
+        change = np.repeat(change[..., None, :], len(flown), -2)
+        change[..., 0] *= _creep(stiffer / (relaxed + stiffer + spring - pull_slope * after), flown)
+        ahead = change[..., 0] + np.asarray(heave)[..., None]
+        within = ((ahead >= 0) & (ahead <= self.highest)).all(-1)
+        if not within.all():
+            change = np.where(within[..., None, None], change, 0.0)
+        return np.asarray(change)
 
     @property
     def highest(self) -> float:
@@ -98,10 +110,34 @@ class HeavePath:
 
     @property
     def _shapes(self) -> slice:
-        return slice(5, 5 + self.samples.q.shape[1])
+        return slice(4, 4 + self.samples.q.shape[1])
 
     def _at(self, heave: Any) -> Array:
         return np.asarray(_powers(heave, self.highest) @ self.rows)
+
+
+def _so_far(moved: Array, bent: Array, squared: Any) -> Array:
+    """How far U² leads q at once, by its first two derivatives; the heave grows exponentially.
+
+    So does that of a film that softens on its way to pull-in, nearly.
+    """
+    squared = np.asarray(squared)[..., None]
+    change = (moved + bent * squared) * squared
+    heave = moved[..., 0]
+    rate = bent[..., 0] * squared[..., 0] / np.maximum(heave, _NONE)
+    change[..., 0] = heave * squared[..., 0] * np.exp(np.minimum(rate, 1.0))
+    return np.asarray(change)
+
+
+def _creep(share: Any, flown: Array) -> Array:
+    """How far a change goes at stages over how far at once, (..., stages).
+
+    By the branches' share of the stiffness at once: r = 1 + share · flown r, by a few iterations.
+    """
+    share, creep = np.asarray(share)[..., None], np.ones(len(flown))
+    for _ in range(_CREEPS):
+        creep = 1 + share * (creep @ flown.T)
+    return np.asarray(creep)
 
 
 def _powers(heave: Any, highest: float) -> Array:

@@ -128,7 +128,7 @@ class ReducedMotion(DrivenFilm):
             return past.beyond(step.times)
         q = step.moment.q
         if step.jump is not None:
-            q = self.tabulated.led(q, step.moment.loads, step.jump)
+            return self.tabulated.led(q, step.moment.loads, step.jump, step.flow)
         return np.repeat(q[..., None, :], len(step.stages), -2)
 
     def _straight(self, piece: int, start: float, end: float) -> float:
