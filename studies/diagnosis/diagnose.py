@@ -20,7 +20,7 @@ from tympan.studies.diagnosis.calibration import (
     with_effects,
     with_masses,
 )
-from tympan.studies.diagnosis.coupons.strip_readings import strip_readings
+from tympan.studies.diagnosis.coupons.strip_readings import StripReadings, strip_readings
 from tympan.studies.diagnosis.frame_check import check_frame
 from tympan.studies.diagnosis.inference.identifiability import (
     classes_of,
@@ -62,7 +62,7 @@ def diagnose(dataset: Dataset, workers: int = 1, seed: int = 0,
     """
     if dataset.coupons is not None:
         coupons = diagnose_coupons(dataset, seed)
-        if set(dataset.tables) == {"coupon.csv"}:
+        if _of_coupons_alone(dataset):
             return coupons
         actuators = diagnose(replace(dataset, coupons=None), workers, seed, progress)
         return replace(actuators, dataset=dataset, coupons=coupons)
@@ -76,6 +76,8 @@ def judge_dataset(dataset: Dataset, workers: int = 1, seed: int = 0,
 
     As :func:`diagnose`, which adds what follows from the verdict.
     """
+    if _of_coupons_alone(dataset):
+        return (*_judge_coupons(dataset, seed), 0.0)
     readings = _prepared(dataset)
     nominal = calibrated(readings.setup, readings.table)
     check_frame(nominal.simulation, nominal.table,
@@ -108,14 +110,22 @@ def diagnose_coupons(dataset: Dataset, seed: int = 0) -> Diagnosis:
 
     An :class:`InputError` when nothing can be concluded.
     """
+    return Diagnosis.of(dataset, *_judge_coupons(dataset, seed), seed=seed)
+
+
+def _of_coupons_alone(dataset: Dataset) -> bool:
+    return set(dataset.tables) == {"coupon.csv"}
+
+
+def _judge_coupons(dataset: Dataset, seed: int) -> tuple[StripReadings, Judgement]:
     readings = strip_readings(dataset)
     simulation = Simulation(readings.setup, (), strips=readings.tests)
     try:
-        judged = judge(simulation, readings.table, readings.causes, readings.stated, seed=seed)
+        return readings, judge(simulation, readings.table, readings.causes, readings.stated,
+                               seed=seed)
     except ArithmeticError as failure:
         raise InputError(str(failure), key="readings",
                          given=f"{len(readings.table)} readings of coupons") from None
-    return Diagnosis.of(dataset, readings, judged, seed=seed)
 
 
 def plan_readings(dataset: Dataset, workers: int = 1,

@@ -126,7 +126,7 @@ class Diagnosis:
         proposals: tuple[tuple[Proposal, ...], str] = ((), "") if simulation.strips else propose(
             simulation, judgement, causes, menu, dataset.effort)
         return cls(dataset, readings, judgement, model_error, judgement.chosen,
-                   gain_of(simulation, readings.table, causes, judgement, seed), *proposals,
+                   gain_of(simulation, judgement.table, causes, judgement, seed), *proposals,
                    single_effects(judgement),
                    detectable_effects(judgement.signatures))
 

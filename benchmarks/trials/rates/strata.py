@@ -49,9 +49,9 @@ def strata_page(records: Sequence[Record], about: str) -> str:
         rates=rate_table(strata_rates(records)),
         before_after=table("evidence | trials | judged by | " + " | ".join(OUTCOMES),
                            _outcomes(records)),
-        decided=table("evidence | ambiguous at rest | then named | then ambiguous | then another "
+        decided=table("evidence | ambiguous before | then named | then ambiguous | then another "
                       "named | then unexplained or nothing", _decided(records)),
-        effects=table("evidence | effect | trials | at rest | by all", _by_effect(records)),
+        effects=table("evidence | effect | trials | before | by all", _by_effect(records)),
         wrong=table("evidence | judged by | readings by | hidden | usual sizes | named", names)
         if (names := list(_wrong(records))) else "None.")
 
@@ -72,7 +72,7 @@ def _outcomes(records: Sequence[Record]) -> Iterator[str]:
 
 
 def _decided(records: Sequence[Record]) -> Iterator[str]:
-    """What becomes of those that readings at rest list among others."""
+    """What becomes of those that the lesser evidence lists among others."""
     for name, stratum in STRATA.items():
         first = _hidden(records, population_of(name, next(iter(stratum.views))))
         after = _hidden(records, name)

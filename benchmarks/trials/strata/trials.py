@@ -14,7 +14,7 @@ import numpy as np
 
 from benchmarks.trials.judging import concluded, stands_out
 from benchmarks.trials.record import Record
-from benchmarks.trials.strata import steps
+from benchmarks.trials.strata import steps, strips
 from benchmarks.trials.strata.evidence import (
     Columns,
     ReadingPlan,
@@ -23,11 +23,13 @@ from benchmarks.trials.strata.evidence import (
     write_dataset,
 )
 from benchmarks.trials.strata.steps import StepPlan, step_evidence, step_sheets
+from benchmarks.trials.strata.strips import StripPlan, strip_evidence, strip_sheet
 from benchmarks.trials.synthetic_trials import (
     ALIASES,
     FINEST,
     NOISE,
     ROUND,
+    Array,
     Means,
     Truth,
     circles,
@@ -48,7 +50,7 @@ from tympan.studies.effects import EFFECTS
 
 #: A part of a dataset that is judged.
 View = Callable[[Dataset], Dataset]
-Plan = ReadingPlan | StepPlan
+Plan = ReadingPlan | StepPlan | StripPlan
 
 #: Sizes over the usual ones.
 SIZES = (0.3, 20.0)
@@ -103,6 +105,12 @@ def without_dwell(dataset: Dataset) -> Dataset:
     return replace(alone, static=replace(alone.static, values=values))
 
 
+def uniaxial(dataset: Dataset) -> Dataset:
+    """Strips that are pulled one way, alone."""
+    assert dataset.coupons is not None
+    return replace(dataset, coupons=dataset.coupons[dataset.coupons.mode == "uniaxial"])
+
+
 def whole(dataset: Dataset) -> Dataset:
     """All of it."""
     return dataset
@@ -155,6 +163,23 @@ def _step(number: int) -> Question:
     return Question(steps.slow(), means, ("creep", *steps.AT_REST))
 
 
+#: Noise of coupons as a share of the stress; None: of a laboratory that does not state it.
+_SHARES = (0.01, 0.02, 0.04, None)
+
+
+def _strips(number: int) -> Question:
+    """Coupons at rest and in time by turns, of each effect by both means and with every noise."""
+    runs, effects = ((strips.AT_REST, tuple(strips.EFFECTS_OF)),
+                     (strips.IN_TIME, strips.SEEN_IN_TIME))[number % 2]
+    turn = number // 2
+    noise = _SHARES[turn // 2 % len(_SHARES)]
+    means: tuple[Means, ...] = ("equations", "another law")
+    count = strips.DENSE if noise is None else (12, 24)[number % 2]
+    plan = StripPlan(_film_alone(), runs, count, noise)
+    return Question(plan, means[(turn + turn // len(effects)) % 2], effects)
+
+
+_film_alone = cache(strips.film_alone)
 _TWICE = {"at rest": at_rest, "": whole}
 STRATA: dict[str, Stratum] = {
     "frequencies": Stratum(partial(_by_turns, partial(_three, "circles"),
@@ -163,7 +188,8 @@ STRATA: dict[str, Stratum] = {
     "transients": Stratum(_step, {"at rest": without_dwell, "at rest, with dwell": with_dwell,
                                   "": whole}),
     "mixture": Stratum(partial(_by_turns, partial(_two, "circles", True),
-                               partial(_two, "others", True)), _TWICE)}
+                               partial(_two, "others", True)), _TWICE),
+    "coupons": Stratum(_strips, {"uniaxial alone": uniaxial, "": whole})}
 
 
 def population_of(stratum: str, view: str) -> str:
@@ -210,6 +236,8 @@ def _on_its_mesh(question: Question, truth: Truth) -> Truth:
 
 
 def _read(plan: Plan, truth: Truth) -> Any | None:
+    if isinstance(plan, StripPlan):
+        return strip_evidence(plan, truth)
     return step_evidence(plan, truth) if isinstance(plan, StepPlan) else evidence(plan, truth)
 
 
@@ -218,12 +246,16 @@ def _dataset(folder: Path, plan: Plan, read: Any, noise: float, seed: int, exact
     samples in time, which is told by themselves."""
     random = np.random.default_rng(seed)
     files: dict[str, Columns]
-    if isinstance(plan, StepPlan):
+    if isinstance(plan, StripPlan):
+        files = {"coupon.csv": strip_sheet(plan, read, random, exact)}
+    elif isinstance(plan, StepPlan):
         files = step_sheets(plan, read, noise, random, exact)
     else:
         files = sheets(plan, read, noise, None if exact else random)
     damping = plan.design.setup.rig.plate_damping
-    head = {"rig": {"plate_damping": f"{damping} N s/m"}} if damping else {}
+    head: dict[str, Any] = {"rig": {"plate_damping": f"{damping} N s/m"}} if damping else {}
+    if isinstance(plan, StripPlan) and plan.noise is None:
+        head["strip_scatter"] = strips.STRIPS_DIFFER
     return read_dataset(write_dataset(folder, plan.design, files, noise, **head))
 
 
@@ -239,10 +271,18 @@ def _judged(record: Record, truth: Truth, dataset: Dataset, exact: Dataset) -> R
     finished, judgement = concluded(record, truth, ask)
     if judgement is None or not truth.hypothesis:
         return finished
+    table, clean = judgement.table, _without_noise(judgement, exact)
     # Readings that were left out as impossible leave those with noise.
-    table, clean = judgement.table, prepared_readings(exact).table
     if len(clean) == len(table):
-        table = table.with_values(clean.value)
+        table = table.with_values(clean)
     causes = [cause for cause in prepared[0].causes if cause.name not in ALIASES]
     seen, apart = stands_out(judgement.simulation, truth, table, causes, judgement)
     return replace(finished, seen=seen, told=apart, words=f"{record.words} {finished.words}")
+
+
+def _without_noise(judgement: Judgement, exact: Dataset) -> Array:
+    """Values of a part without noise, as those that were judged are."""
+    if (strips := judgement.simulation.strips) is None:
+        return prepared_readings(exact).table.value
+    assert exact.coupons is not None
+    return strips.judged(exact.coupons.stress)

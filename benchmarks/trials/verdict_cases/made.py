@@ -14,10 +14,9 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.trials import axisymmetric_readings
+from benchmarks.trials import axisymmetric_readings, coupon_readings
 from benchmarks.trials.synthetic_trials import NOBODY, NOISE, Design, Stranger, Truth, circles
 from benchmarks.trials.unmodelled_faults import Jump
-from benchmarks.trials.verdict_cases import coupon_readings
 from benchmarks.trials.verdict_cases.evidence_cases import EVIDENCE_CASES, write_evidence
 from tympan.fem.toml_writer import specimen_to_toml
 from tympan.studies.columns import write_sheet

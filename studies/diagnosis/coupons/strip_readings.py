@@ -39,6 +39,9 @@ _DEGREE, _PER_COEFFICIENT, _QUIETEST = 5, 1.5, 0.002
 #: Degrees of freedom from which a scatter is known.
 _KNOWN = 6
 
+#: Changes of the stretch, as a share of a run's, from which on a strip is not held.
+_HELD = 1e-3
+
 #: How far in the logarithm of the stretch a strip goes on to differ from others.
 _LASTS = 0.5
 
@@ -99,30 +102,27 @@ def strip_readings(dataset: Dataset) -> StripReadings:
     tests = StripTests(coupons, film, chosen, references)
     if dataset.strip_scatter:
         remarks.append(WORDS["scatter"].format(share=dataset.strip_scatter))
-        tests = replace(tests, whitening=_whitening(tests, keys, sigma[chosen],
-                                                    dataset.strip_scatter))
+        tests = replace(tests, lasting=_lasting(tests, keys, dataset.strip_scatter)
+                        ).with_noise(sigma[chosen])
     table = _table(coupons, film, judged).with_values(tests.judged(values))
     return StripReadings(setup, table.with_sigma(sigma[chosen]), STATED, noise_from, tuple(remarks),
                          tests)
 
 
-def _whitening(tests: StripTests, keys: Array, sigma: Array, scatter: float) -> Array:
-    """What makes rows independent whose strips differ by a share of their stress.
+def _lasting(tests: StripTests, keys: Array, scatter: float) -> Array:
+    """Covariance of rows whose strips differ by a share of their stress [Pa²], (rows, rows).
 
-    Smoothly in the logarithm of the stretch along a run, and in nothing from run to run; shape
-    (rows, rows). Their own noise ``sigma`` stays what it is.
+    Smoothly in the logarithm of the stretch along a run, and in nothing from run to run.
     """
     coupons, rows = tests.coupons, tests.rows
     squared = coupons.stress[rows] ** 2
     if tests.references is not None:
         squared = squared + (tests.references[rows] @ coupons.stress) ** 2
-    size = scatter * np.sqrt(squared) / sigma
+    size = scatter * np.sqrt(squared)
     along = np.log(coupons.stretch[rows])
     alike = (keys[rows][:, None] == keys[rows]).all(-1)
     near = np.exp(-0.5 * ((along[:, None] - along) / _LASTS) ** 2)
-    values, vectors = np.linalg.eigh(np.eye(len(rows)) + np.outer(size, size) * near * alike)
-    root = (vectors / np.sqrt(np.maximum(values, 1.0))) @ vectors.T
-    return np.asarray(sigma[:, None] * root / sigma)
+    return np.asarray(np.outer(size, size) * near * alike)
 
 
 def _films(dataset: Dataset, coupons: Coupons) -> tuple[Setup, Numbers]:
@@ -217,7 +217,7 @@ def _noise(coupons: Coupons, references: Array | None, values: Array, legs: list
     every = np.concatenate(legs)
     size = float(np.sqrt(np.mean(values[every] ** 2))) or 1.0
     squares, freedom = 0.0, 0
-    for leg in legs:
+    for leg in (part for whole in legs for part in _smooth(coupons, whole)):
         degree = min(_DEGREE, int(len(leg) / _PER_COEFFICIENT) - 2)
         if degree >= 1:
             basis = legendre.legvander(np.linspace(-1, 1, len(leg)), degree)
@@ -235,6 +235,16 @@ def _noise(coupons: Coupons, references: Array | None, values: Array, legs: list
     stated = np.isfinite(sigma[every]).all()
     return (np.where(np.isfinite(sigma), sigma, estimated),
             "stated" if stated else "from the scatter about smooth curves")
+
+
+def _smooth(coupons: Coupons, leg: Numbers) -> list[Numbers]:
+    """The parts of a leg whose stress goes on smoothly: as it is stretched, and as it is held."""
+    stretch = coupons.stretch[leg]
+    moves = np.abs(np.diff(stretch)) > _HELD * max(float(np.ptp(stretch)), _HELD)
+    turns = 1 + np.flatnonzero(np.diff(moves.astype(int)))
+    parts = np.split(leg, turns)
+    # What is hardly more than the readings about a turn says nothing by itself.
+    return parts if min(map(len, parts)) >= FEWEST else [leg]
 
 
 def _table(coupons: Coupons, film: Numbers, legs: list[Numbers]) -> ReadingTable:

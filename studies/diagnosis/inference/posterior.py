@@ -146,8 +146,10 @@ def _fit_from(simulation: Simulation, hypothesis: Hypothesis, table: ReadingTabl
 
     def evaluate(unknowns: Array, near: Evaluation | None) -> Evaluation:
         prediction = simulation.prediction(hypothesis, unknowns, table)
-        return Evaluation((table.value - prediction.extended) / table.sigma,
-                          lambda: -prediction.jacobian / table.sigma[:, None], prediction)
+        residual = (table.value - prediction.extended) / table.sigma
+        if near is not None and prediction.beyond(near.state):
+            residual = np.full(len(table), np.nan)
+        return Evaluation(residual, lambda: -prediction.jacobian / table.sigma[:, None], prediction)
 
     problem = LeastSquares(evaluate, bounds[0], bounds[1], prior=prior)
     start = np.clip(start, *bounds)
@@ -307,6 +309,9 @@ def nominal_fits(simulation: Simulation, table: ReadingTable) -> Iterator[Fit]:
         count = max(int(share * len(order)), FACTORS.stop)
         lowest = table[np.sort(order[:count])].compact() if count < len(order) else table
         nominal = fit(simulation, (), lowest, unknowns)
+        if simulation.strips is not None and not nominal.possible:
+            # Factors that others liked may leave a charged strip without width.
+            nominal = best_of([nominal, fit(simulation, (), lowest)])
         unknowns = nominal.unknowns
         yield nominal
 

@@ -148,27 +148,22 @@ def judge(simulation: Simulation, table: ReadingTable, causes: Sequence[Cause],
         nominal = nominal_fit(simulation, table)
     if not nominal.possible:
         raise ArithmeticError("the nominal model has no equilibrium at the states that were read")
-    names = [specimen.name for specimen in simulation.setup.specimens]
-    predicted = table.value - nominal.residual * table.sigma
-    columns = patterns(table, names, predicted)
-    if simulation.strips is not None:
-        columns |= strip_patterns(simulation.strips, table, predicted)
+    columns = _patterns(simulation, table, nominal)
     if not table.lengths.all():
         shown = {str(cause): signature for cause, signature in signatures(
             simulation, table, nominal.unknowns, causes).items()}
         table = _with_noise_of_channels(table, nominal, over(columns, table) | shown)
         nominal = fit(simulation, (), table, nominal.unknowns)
-    signs = signatures(simulation, table, nominal.unknowns, causes)
-    one_sided = frozenset(
-        str(cause) for cause in causes
-        if [parameter.sign for parameter in cause.effect.parameters] == ["positive"])
-    tests = ResidualTests.of(nominal.free_jacobian, over(columns, table) | {
-        str(cause): signature for cause, signature in signs.items()}, stated, one_sided)
+    if simulation.strips is not None and simulation.strips.lasting is not None:
+        # What lasts along strips is told from noise once that is known.
+        tests = _tests(simulation, table, nominal, causes, columns, stated)
+        simulation, table, nominal, columns = _louder(
+            simulation, table, nominal, columns, tests.noise(nominal.residual))
+    tests = _tests(simulation, table, nominal, causes, columns, stated)
     if not tests.able:
         raise ArithmeticError("there are too few readings to tell a misfit from noise")
     test = tests(nominal.residual, generator)
-    table = table.with_sigma(table.sigma * test.noise)
-    nominal = fit(simulation, (), table, nominal.unknowns)
+    simulation, table, nominal, columns = _louder(simulation, table, nominal, columns, test.noise)
     signs = signatures(simulation, table, nominal.unknowns, causes)
     invisible, classes = classes_of(signs)
     base = Judgement("nothing", simulation, table, nominal, test, columns, signs,
@@ -181,6 +176,37 @@ def judge(simulation: Simulation, table: ReadingTable, causes: Sequence[Cause],
     exploration = Exploration(simulation, table, nominal, possible, adequacy.enough, widen, workers)
     exploration.run()
     return _weighed(replace(base, simulation=exploration.simulation), exploration, adequacy)
+
+
+def _tests(simulation: Simulation, table: ReadingTable, nominal: Fit, causes: Sequence[Cause],
+           columns: dict[str, Array], stated: float) -> ResidualTests:
+    """Of the nominal fit, against patterns' columns and what causes show."""
+    signs = signatures(simulation, table, nominal.unknowns, causes)
+    one_sided = frozenset(
+        str(cause) for cause in causes
+        if [parameter.sign for parameter in cause.effect.parameters] == ["positive"])
+    return ResidualTests.of(nominal.free_jacobian, over(columns, table) | {
+        str(cause): signature for cause, signature in signs.items()}, stated, one_sided)
+
+
+def _louder(simulation: Simulation, table: ReadingTable, nominal: Fit, columns: dict[str, Array],
+            factor: float) -> tuple[Simulation, ReadingTable, Fit, dict[str, Array]]:
+    """All of these with a factor on the noise of the readings."""
+    further, table = simulation.with_noise(table, factor)
+    nominal = fit(further, (), table, nominal.unknowns)
+    if further is not simulation:
+        columns = _patterns(further, table, nominal)
+    return further, table, nominal, columns
+
+
+def _patterns(simulation: Simulation, table: ReadingTable, nominal: Fit) -> dict[str, Array]:
+    """What a misfit may be a combination of, in units of the readings."""
+    names = [specimen.name for specimen in simulation.setup.specimens]
+    predicted = table.value - nominal.residual * table.sigma
+    columns = patterns(table, names, predicted)
+    if simulation.strips is not None:
+        columns |= strip_patterns(simulation.strips, table, predicted)
+    return columns
 
 
 def _with_noise_of_channels(table: ReadingTable, nominal: Fit,

@@ -70,6 +70,10 @@ class Prediction:
         """Whether all states that are read are possible."""
         return not self.impossible_rows.any()
 
+    def beyond(self, before: Prediction) -> bool:
+        """Whether a search must not go here: never, for extended heaves lead back."""
+        return False
+
     @cached_property
     def extended(self) -> Array:
         """What each row shows at the extended heaves."""

@@ -50,6 +50,18 @@ class Simulation(ReducedFilms):
         return (replace(self, strips=replace(strips, whitening=None)),
                 part.with_values(read[part.point]).with_sigma(spread[part.point]))
 
+    def with_noise(self, table: ReadingTable, factor: float) -> tuple[Simulation, ReadingTable]:
+        """The table with that factor on its noise, and what predicts it.
+
+        What lasts along strips is no part of the noise and stays as large as it is.
+        """
+        louder = table.with_sigma(factor * table.sigma)
+        if self.strips is None or self.strips.lasting is None:
+            return self, louder
+        strips = self.strips.with_noise(louder.sigma)
+        return (replace(self, strips=strips),
+                louder.with_values(strips.whitened(self.strips.as_read(table.value))))
+
     def extended(self, hypothesis: Hypothesis, unknowns: Array) -> Setup:
         """The setup with stiffness, permittivity and effects."""
         stiffness, permittivity = np.exp(unknowns[FACTORS]).tolist()

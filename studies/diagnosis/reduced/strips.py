@@ -44,14 +44,15 @@ class StripTests:
     ``film``: number of the specimen whose film each of the ``coupons`` is, shape (readings,);
     ``references``: of each reading the shares, shape (readings, readings), of those it is counted
     from, as a drop of the stress; None where readings are stresses. ``rows`` are numbers of the
-    readings that are judged, ``whitening``, shape (rows, rows), makes of them what errors that last
-    along a strip leave independent.
+    readings that are judged, ``lasting`` the covariance [Pa²] of errors of them that last along a
+    strip, and ``whitening`` makes of them what those leave independent, shape (rows, rows) each.
     """
 
     coupons: Coupons
     film: Numbers
     rows: Numbers
     references: Array | None = None
+    lasting: Array | None = None
     whitening: Array | None = None
 
     def shown(self, setup: Setup) -> tuple[Array, NDArray[np.bool_]]:
@@ -64,6 +65,14 @@ class StripTests:
             return stress, possible
         used = self.references > 0
         return self.references @ stress - stress, possible & ~(used & ~possible).any(1)
+
+    def with_noise(self, sigma: Array) -> StripTests:
+        """Whitened for a noise of these standard deviations beside what lasts [Pa], (rows,)."""
+        if self.lasting is None:
+            return self
+        values, vectors = np.linalg.eigh(np.eye(len(sigma)) + self.lasting / np.outer(sigma, sigma))
+        root = (vectors / np.sqrt(np.maximum(values, 1.0))) @ vectors.T
+        return replace(self, whitening=sigma[:, None] * root / sigma)
 
     def judged(self, readings: Array) -> Array:
         """Values of readings, (readings,), as those that are judged, (rows,)."""
@@ -215,6 +224,13 @@ class StripPrediction:
     def complete(self) -> bool:
         """Whether all that was read is possible."""
         return bool(self.possible.all())
+
+    def beyond(self, before: StripPrediction) -> bool:
+        """Whether a search must not go here, from where all is possible.
+
+        What a strip without equilibrium shows leads nowhere.
+        """
+        return before.complete and not self.complete
 
     @property
     def values(self) -> Array:
