@@ -20,14 +20,19 @@ from tympan.studies.diagnosis.calibration import (
     with_effects,
     with_masses,
 )
-from tympan.studies.diagnosis.coupons.strip_readings import StripReadings, strip_readings
+from tympan.studies.diagnosis.coupons.beside_actuators import (
+    BATCH,
+    of_one_film,
+    weighed_together,
+)
+from tympan.studies.diagnosis.coupons.strip_readings import WORDS, StripReadings, strip_readings
 from tympan.studies.diagnosis.frame_check import check_frame
 from tympan.studies.diagnosis.inference.identifiability import (
     classes_of,
     detectable_effects,
     signatures,
 )
-from tympan.studies.diagnosis.inference.verdict import Judgement, judge
+from tympan.studies.diagnosis.inference.verdict import Judgement, judge, with_noise_found
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.readings import PreparedReadings, prepared_readings
 from tympan.studies.diagnosis.reduced.simulation import Simulation
@@ -43,7 +48,8 @@ def diagnose(dataset: Dataset, workers: int = 1, seed: int = 0,
              progress: Callable[[int, int], None] = lambda done, all_of_them: None) -> Diagnosis:
     """Diagnose a dataset's static readings, ranges, frequencies and scans of films, and coupons.
 
-    Coupons are judged by themselves, by the same rules; where there is nothing else, alone.
+    Coupons are judged by themselves, by the same rules, and weighed with the readings of actuators
+    of the same film, if there are some.
 
     Parameters
     ----------
@@ -60,13 +66,15 @@ def diagnose(dataset: Dataset, workers: int = 1, seed: int = 0,
         When nothing can be concluded: too few readings, a column off by a unit, films that cannot
         be solved, scans in another frame than is said.
     """
-    if dataset.coupons is not None:
-        coupons = diagnose_coupons(dataset, seed)
-        if _of_coupons_alone(dataset):
-            return coupons
-        actuators = diagnose(replace(dataset, coupons=None), workers, seed, progress)
-        return replace(actuators, dataset=dataset, coupons=coupons)
-    return Diagnosis.of(dataset, *judge_dataset(dataset, workers, seed, progress), seed)
+    if dataset.coupons is None:
+        return Diagnosis.of(dataset, *judge_dataset(dataset, workers, seed, progress), seed)
+    strips = _judge_coupons(dataset, seed)
+    coupons = Diagnosis.of(dataset, *strips, seed=seed)
+    if _of_coupons_alone(dataset):
+        return coupons
+    actuators = Diagnosis.of(dataset, *_judge_actuators(dataset, strips, workers, seed, progress),
+                             seed)
+    return replace(actuators, coupons=coupons)
 
 
 def judge_dataset(dataset: Dataset, workers: int = 1, seed: int = 0,
@@ -76,8 +84,16 @@ def judge_dataset(dataset: Dataset, workers: int = 1, seed: int = 0,
 
     As :func:`diagnose`, which adds what follows from the verdict.
     """
-    if _of_coupons_alone(dataset):
-        return (*_judge_coupons(dataset, seed), 0.0)
+    strips = None if dataset.coupons is None else _judge_coupons(dataset, seed)
+    if strips is not None and _of_coupons_alone(dataset):
+        return (*strips, 0.0)
+    return _judge_actuators(dataset, strips, workers, seed, progress)
+
+
+def _judge_actuators(dataset: Dataset, strips: tuple[StripReadings, Judgement] | None,
+                     workers: int, seed: int, progress: Callable[[int, int], None]
+                     ) -> tuple[PreparedReadings, Judgement, float]:
+    """As :func:`judge_dataset`, ``strips`` being what coupons say by themselves."""
     readings = _prepared(dataset)
     nominal = calibrated(readings.setup, readings.table)
     check_frame(nominal.simulation, nominal.table,
@@ -95,7 +111,8 @@ def judge_dataset(dataset: Dataset, workers: int = 1, seed: int = 0,
     simulation = with_effects(nominal.simulation, solved, workers)
     progress(films, films + _LATER)
     try:
-        judged = judge(simulation, table, readings.causes, readings.stated, seed=seed,
+        readings, simulation, every = _with_coupons(readings, simulation, strips)
+        judged = judge(simulation, every, readings.causes, readings.stated, seed=seed,
                        workers=workers)
     except ArithmeticError as failure:
         raise InputError(str(failure), key="readings", given=f"{len(table)} readings") from None
@@ -111,6 +128,23 @@ def diagnose_coupons(dataset: Dataset, seed: int = 0) -> Diagnosis:
     An :class:`InputError` when nothing can be concluded.
     """
     return Diagnosis.of(dataset, *_judge_coupons(dataset, seed), seed=seed)
+
+
+def _with_coupons(readings: PreparedReadings, simulation: Simulation,
+                  strips: tuple[StripReadings, Judgement] | None
+                  ) -> tuple[PreparedReadings, Simulation, ReadingTable]:
+    """With coupons of the same film beside them, if there are some, each with its noise found."""
+    tests = None if strips is None else strips[1].simulation.strips
+    if strips is None or tests is None:
+        return readings, simulation, readings.table
+    coupons, judged = strips
+    if not of_one_film(readings.setup, tests):
+        remark = WORDS["other_film"]
+        return (replace(readings, remarks=(*readings.remarks, remark)), simulation, readings.table)
+    table = with_noise_found(simulation, readings.table, readings.causes, readings.stated)
+    remark = WORDS["together"].format(count=len(judged.table), share=BATCH)
+    together = replace(readings, coupons=coupons, remarks=(*readings.remarks, remark))
+    return together, *weighed_together(simulation, table, judged)
 
 
 def _of_coupons_alone(dataset: Dataset) -> bool:

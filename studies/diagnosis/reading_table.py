@@ -232,6 +232,11 @@ class ReadingTable:
         return np.where(self.point < 0, -1,
                         np.searchsorted(self.first_points, self.point, "right") - 1)
 
+    @property
+    def coupon(self) -> Numbers:
+        """Which of the coupons' rows each row is, if it is one of them; they come after places."""
+        return self.point - sum(map(len, self.scans))
+
     @cached_property
     def rows_of(self) -> dict[str, Numbers]:
         return {str(kind): np.flatnonzero(self.kind == kind) for kind in np.unique(self.kind)}

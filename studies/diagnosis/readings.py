@@ -41,7 +41,7 @@ class PreparedReadings:
 
     ``stated``: degrees of freedom the noise in the table counts as before the readings' own
     scatter; ``noise_from`` says in words where it is from; ``remarks`` what was done to the
-    readings.
+    readings. ``coupons``: those that are weighed with them, of the same film.
     """
 
     setup: Setup
@@ -49,6 +49,7 @@ class PreparedReadings:
     stated: float
     noise_from: str
     remarks: tuple[str, ...] = ()
+    coupons: PreparedReadings | None = None
 
     @property
     def assumed(self) -> bool:
@@ -64,10 +65,15 @@ class PreparedReadings:
                  "frequency_Hz": "frequency" in self.table.kind,
                  "x_mm": bool(self.table.scans),
                  IN_TIME: bool(len(states.passages.rows))}
-        return tuple(Cause(name, which) for name, effect in EFFECTS.items()
-                     if all(there.get(column, False) for column in effect.columns)
-                     for which in effect.choices(self.setup)
-                     if which is None or "x_mm" not in effect.columns or which in self._scanned)
+        others = () if self.coupons is None else self.coupons.causes
+
+        def shown(cause: Cause, columns: tuple[str, ...]) -> bool:
+            anywhere = cause.which is None or "x_mm" not in columns or cause.which in self._scanned
+            return anywhere and all(there.get(column, False) for column in columns)
+
+        return tuple(cause for name, effect in EFFECTS.items()
+                     for cause in (Cause(name, which) for which in effect.choices(self.setup))
+                     if cause in others or shown(cause, effect.columns))
 
     @property
     def _scanned(self) -> frozenset[str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -116,7 +117,8 @@ class Diagnosis:
     def of(cls, dataset: Dataset, readings: PreparedReadings, judgement: Judgement,
            model_error: float = 0.0, seed: int = 0) -> Diagnosis:
         """With all that follows from a judgement of the dataset's readings."""
-        causes, simulation = readings.causes, judgement.simulation
+        causes, films = readings.causes, judgement.of_actuators()
+        simulation = films.simulation
         # Nothing more is proposed beside coupons than the checks of what is found.
         # What is to be solved takes its time, and is for causes that cannot be told apart.
         menu: tuple[Foreseen, ...] = MENU
@@ -124,9 +126,9 @@ class Diagnosis:
                 isinstance(specimen, Specimen) for specimen in simulation.setup.specimens):
             menu = (*MENU, *SOLVED)
         proposals: tuple[tuple[Proposal, ...], str] = ((), "") if simulation.strips else propose(
-            simulation, judgement, causes, menu, dataset.effort)
+            simulation, films, causes, menu, dataset.effort)
         return cls(dataset, readings, judgement, model_error, judgement.chosen,
-                   gain_of(simulation, judgement.table, causes, judgement, seed), *proposals,
+                   gain_of(simulation, films.table, causes, films, seed), *proposals,
                    single_effects(judgement),
                    detectable_effects(judgement.signatures))
 
@@ -135,15 +137,20 @@ class Diagnosis:
         """The verdict; with a noise that is only assumed no cause is named."""
         return _verdict(self.judgement, self.readings)
 
+    @cached_property
+    def films(self) -> Judgement:
+        """The judgement's part on readings of actuators, where there are some."""
+        return self.judgement.of_actuators()
+
     @property
     def simulation(self) -> Simulation:
         """The dataset's simulation, as far as effects were explored."""
-        return self.judgement.simulation
+        return self.films.simulation
 
     @property
     def bench(self) -> Bench:
         """What makes synthetic readings like these."""
-        return Bench(self.simulation, self.judgement.nominal.unknowns, self.judgement.table,
+        return Bench(self.simulation, self.films.nominal.unknowns, self.films.table,
                      self.readings.causes, self.readings.stated)
 
     @property
@@ -155,7 +162,7 @@ class Diagnosis:
 
     def with_films(self) -> Diagnosis:
         """With the specimens' films, which are solved by finite elements."""
-        return replace(self, loaded=tuple(loaded_films(self.judgement, self.extended)))
+        return replace(self, loaded=tuple(loaded_films(self.films, self.extended)))
 
     def json(self) -> Json:
         """The JSON object that the command prints, and what else the report shows."""
@@ -188,7 +195,7 @@ class Diagnosis:
                           "headline": told(effect.fit, effect.cause)["headline"],
                           "prior_widths": effect.widths, "plausible": effect.plausible,
                           "at_limit": effect.bounded} for effect in self.single_effects],
-            "after": chosen and {f"rmse_{unit}": self._rmse(chosen.residual),
+            "after": chosen and {f"rmse_{unit}": self._rmse(self.films.chosen),
                                  "p_value": judged.after and judged.after.p_value,
                                  "effects": [str(cause) for cause in chosen.hypothesis]},
             "baseline": {name: dict(zip(("value", "low", "high"), values, strict=True))
@@ -200,22 +207,22 @@ class Diagnosis:
             "knowable": self.detectable,
             "self_check": self.self_check,
             "warnings": self._limitations(),
-            "films": self._films() if judged.table.scans else {},
+            "films": self._plans() if judged.table.scans else {},
             "loaded_films": [{"specimen": film.specimen, "mass_kg": film.mass,
                               "voltage_V": film.voltage} for film in self.loaded],
             **({"coupons": self.coupons.json()} if self.coupons else {}),
             **({"coupon_reading": self.dataset.coupon_reading} if self.simulation.strips else {}),
         }
 
-    def _rmse(self, residual: Array) -> float:
-        """Root mean square of residuals over their noise, as they were read."""
-        table, strips = self.judgement.table, self.simulation.strips
-        errors = residual * table.sigma
+    def _rmse(self, fit: Fit | None) -> float:
+        """Root mean square of what a fit of the films misses, as it was read."""
+        table, strips = self.films.table, self.simulation.strips
+        errors = (fit or self.films.nominal).residual * table.sigma
         return _root(errors if strips is None else strips.as_read(errors), table)
 
-    def _films(self) -> Json:
+    def _plans(self) -> Json:
         """Plans of the films that were scanned, by specimen, in the places' frame [mm]."""
-        table, plans = self.judgement.table, {}
+        table, plans = self.films.table, {}
         centred = self.dataset.field_frame == "plate"
         for number in np.unique(table.specimen[table.point >= 0]):
             specimen = self.simulation.setup.specimens[number]
@@ -250,7 +257,7 @@ class Diagnosis:
         write_json(folder / "diagnosis.json", self.json())
 
     def _save_readings(self, folder: Path) -> None:
-        table, nominal = self.judgement.table, self.judgement.nominal
+        table, nominal, chosen = self.films.table, self.films.nominal, self.films.chosen
         specimens = np.array([specimen.name for specimen in self.simulation.setup.specimens])
         write_sheet(folder / "readings.csv", COLUMNS, {
             "file": table.file, "line": table.line, "kind": table.kind,
@@ -258,10 +265,10 @@ class Diagnosis:
             "elapsed": table.states.elapsed[table.state], "run": table.run, "order": table.order,
             "read": table.value, "sigma": table.sigma,
             "baseline": table.value - nominal.residual * table.sigma,
-            "extended": table.value - (self.chosen or nominal).residual * table.sigma,
+            "extended": table.value - (chosen or nominal).residual * table.sigma,
             **dict(zip("xy", table.places.T, strict=True))})
         write_sheet(folder / "curves.csv", CURVES,
-                    curves(self.simulation, self.judgement, self.chosen))
+                    curves(self.simulation, self.films, chosen))
         for film in self.loaded:
             film.film.save(folder / "films" / f"{film.specimen}.vtu")
 
@@ -315,13 +322,13 @@ class Diagnosis:
         return float(weight[:-1][named].sum() / weight.sum())
 
     def _misfit(self, place: str) -> Json:
-        judged, table = self.judgement, self.judgement.table
+        judged, table, nominal = self.judgement, self.films.table, self.films.nominal
         unit = table.unit.name
         names = [specimen.name for specimen in self.simulation.setup.specimens]
-        predicted = table.value - judged.nominal.residual * table.sigma
+        predicted = table.value - nominal.residual * table.sigma
         p_values = sorted(judged.test.p_values.items(), key=lambda item: item[1])
         return {
-            f"baseline_rmse_{unit}": self._rmse(judged.nominal.residual),
+            f"baseline_rmse_{unit}": self._rmse(None),
             f"noise_{unit}": _root(table.sigma, table),
             "noise_from": self.readings.noise_from,
             "noise_over_stated": judged.test.noise,
@@ -357,7 +364,7 @@ class Diagnosis:
     def _limitations(self) -> list[str]:
         """What limits the conclusions."""
         words = [*dataset_warnings(self.dataset), *self.readings.remarks]
-        noise, scatter = float(np.median(self.judgement.table.sigma)), self.judgement.test.noise
+        noise, scatter = float(np.median(self.films.table.sigma)), self.judgement.test.noise
         if self.readings.assumed:
             words.append(WORDS["assumed"])
         if self.model_error > 0.5 * noise:

@@ -68,12 +68,14 @@ class StripPlan:
     """Tests of a film beside what a design reads of actuators of it, if anything.
 
     So many readings of each run; their noise is stated as a share of the stress, or a laboratory's.
+    ``batch``: factors on stiffness and permittivity by which strips differ from actuators.
     """
 
     design: Design
     runs: tuple[Run, ...]
     count: int = 12
     noise: float | None = None
+    batch: tuple[float, float] = (1.0, 1.0)
 
 
 #: Three modes, two voltages, two temperatures, a free strip under voltage too.
@@ -116,8 +118,8 @@ def strip_evidence(plan: StripPlan, truth: Truth) -> list[Array] | None:
 def film_of(plan: StripPlan, truth: Truth) -> Film:
     """The film that is tested."""
     stated = plan.design.setup.specimens[0].membrane
-    film = Film(stiffer=truth.stiffness, less=truth.permittivity, mounted=stated.prestretch[0],
-                logarithmic=truth.means == "another law")
+    film = Film(stiffer=plan.batch[0] * truth.stiffness, less=plan.batch[1] * truth.permittivity,
+                mounted=stated.prestretch[0], logarithmic=truth.means == "another law")
     if isinstance(stated.material, Gent):
         film = replace(film, slope=_yeoh if film.logarithmic else _gent)
     sizes = iter(truth.sizes)
@@ -125,7 +127,7 @@ def film_of(plan: StripPlan, truth: Truth) -> Film:
         values = tuple(item.value(next(sizes)) for item in cause.effect.parameters)
         if cause.name == "creep":
             film = replace(film, branch=(values[0], values[1]))
-        else:
+        elif cause.name in EFFECTS_OF:
             film = replace(film, **{EFFECTS_OF[cause.name]: values[0]})
     return film
 

@@ -17,6 +17,7 @@ from benchmarks.trials.record import Record
 from benchmarks.trials.strata import steps, strips
 from benchmarks.trials.strata.evidence import (
     Columns,
+    Evidence,
     ReadingPlan,
     evidence,
     sheets,
@@ -37,6 +38,7 @@ from benchmarks.trials.synthetic_trials import (
     draw,
     drawn_until,
     paper,
+    readings,
 )
 from tympan.fem.film.laws import Ogden
 from tympan.geometry.outlines import Circle, Ellipse
@@ -89,7 +91,12 @@ class Stratum:
 
 def at_rest(dataset: Dataset) -> Dataset:
     """Its readings at rest alone."""
-    return replace(dataset, frequencies=None, fields=None, transients=None)
+    return replace(dataset, frequencies=None, fields=None, transients=None, coupons=None)
+
+
+def coupons_alone(dataset: Dataset) -> Dataset:
+    """What was read of its film in no actuator."""
+    return replace(at_rest(dataset), coupons=dataset.coupons, static=None)
 
 
 def with_dwell(dataset: Dataset) -> Dataset:
@@ -179,6 +186,16 @@ def _strips(number: int) -> Question:
     return Question(plan, means[(turn + turn // len(effects)) % 2], effects)
 
 
+def _film(number: int) -> Question:
+    """Coupons at rest of the film of two round actuators, whose own factors are others."""
+    noise, batch = _SHARES[number // 2 % 3], np.random.default_rng(number).normal(1.0, 0.05, 2)
+    plan = StripPlan(_two("circles").design, strips.AT_REST, 12, noise, (batch[0], batch[1]))
+    return Question(plan, "equations", (*_OF_FILM, "temperature", "width_not_free", *_OF_ACTUATORS))
+
+
+#: Effects that actuators and coupons show, and those of actuators alone.
+_OF_FILM = ("strain_stiffening", "second_invariant", "permittivity_stretch")
+_OF_ACTUATORS = ("parallel_spring", "unaccounted_mass", "sensor_zero")
 _film_alone = cache(strips.film_alone)
 _TWICE = {"at rest": at_rest, "": whole}
 STRATA: dict[str, Stratum] = {
@@ -189,7 +206,9 @@ STRATA: dict[str, Stratum] = {
                                   "": whole}),
     "mixture": Stratum(partial(_by_turns, partial(_two, "circles", True),
                                partial(_two, "others", True)), _TWICE),
-    "coupons": Stratum(_strips, {"uniaxial alone": uniaxial, "": whole})}
+    "coupons": Stratum(_strips, {"uniaxial alone": uniaxial, "": whole}),
+    "film": Stratum(_film, {"actuators alone": at_rest, "coupons alone": coupons_alone,
+                            "": whole})}
 
 
 def population_of(stratum: str, view: str) -> str:
@@ -237,7 +256,9 @@ def _on_its_mesh(question: Question, truth: Truth) -> Truth:
 
 def _read(plan: Plan, truth: Truth) -> Any | None:
     if isinstance(plan, StripPlan):
-        return strip_evidence(plan, truth)
+        heaves = readings(plan.design, truth) if len(plan.design.table) else np.zeros(0)
+        stresses = strip_evidence(plan, truth)
+        return None if heaves is None or stresses is None else (heaves, stresses)
     return step_evidence(plan, truth) if isinstance(plan, StepPlan) else evidence(plan, truth)
 
 
@@ -247,7 +268,11 @@ def _dataset(folder: Path, plan: Plan, read: Any, noise: float, seed: int, exact
     random = np.random.default_rng(seed)
     files: dict[str, Columns]
     if isinstance(plan, StripPlan):
-        files = {"coupon.csv": strip_sheet(plan, read, random, exact)}
+        heaves, stresses = read
+        files = {"coupon.csv": strip_sheet(plan, stresses, random, exact)}
+        if len(heaves):
+            files |= sheets(ReadingPlan(plan.design), Evidence(heaves, {}, {}), noise,
+                            None if exact else random)
     elif isinstance(plan, StepPlan):
         files = step_sheets(plan, read, noise, random, exact)
     else:
@@ -264,8 +289,8 @@ def _judged(record: Record, truth: Truth, dataset: Dataset, exact: Dataset) -> R
     prepared: list[PreparedReadings] = []
 
     def ask() -> Judgement:
-        readings, judgement, _ = judge_dataset(dataset, seed=record.number)
-        prepared.append(readings)
+        made, judgement, _ = judge_dataset(dataset, seed=record.number)
+        prepared.append(made)
         return judgement
 
     finished, judgement = concluded(record, truth, ask)
@@ -282,7 +307,10 @@ def _judged(record: Record, truth: Truth, dataset: Dataset, exact: Dataset) -> R
 
 def _without_noise(judgement: Judgement, exact: Dataset) -> Array:
     """Values of a part without noise, as those that were judged are."""
-    if (strips := judgement.simulation.strips) is None:
-        return prepared_readings(exact).table.value
+    tests, values = judgement.simulation.tests, np.zeros(0)
+    if judgement.simulation.strips is None:
+        values = prepared_readings(exact).table.value
+    if tests is None:
+        return values
     assert exact.coupons is not None
-    return strips.judged(exact.coupons.stress)
+    return np.concatenate([values, tests.judged(exact.coupons.stress)])

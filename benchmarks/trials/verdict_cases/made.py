@@ -9,15 +9,24 @@ python -m benchmarks.trials.verdict_cases.made
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from benchmarks.trials import axisymmetric_readings, coupon_readings
-from benchmarks.trials.synthetic_trials import NOBODY, NOISE, Design, Stranger, Truth, circles
+from benchmarks.trials.synthetic_trials import (
+    NOBODY,
+    NOISE,
+    Design,
+    Stranger,
+    Truth,
+    circles,
+    design,
+)
 from benchmarks.trials.unmodelled_faults import Jump
 from benchmarks.trials.verdict_cases.evidence_cases import EVIDENCE_CASES, write_evidence
+from tympan.fem.film.laws import Ogden
 from tympan.fem.toml_writer import specimen_to_toml
 from tympan.studies.columns import write_sheet
 from tympan.studies.data.dataset import STATIC
@@ -29,13 +38,28 @@ FOLDER = Path(__file__).parent / "cases"
 
 @dataclass(frozen=True)
 class HiddenCase:
-    """What is hidden: effects with their values in SI, or something no effect is."""
+    """What is hidden: effects with their values in SI, or something no effect is.
+
+    With ``coupons`` there are two films of a neo-Hookean law, and tests of that film.
+    """
 
     name: str
     words: str
     verdict: tuple[str, ...]
     effects: tuple[tuple[str, float, str | None], ...] = ()
     stranger: Stranger = NOBODY
+    coupons: coupon_readings.Film | None = None
+
+    @property
+    def design(self) -> Design:
+        """What is read of actuators."""
+        three = circles()
+        if self.coupons is None:
+            return three
+        law = Ogden((coupon_readings.MODULUS,), (2.0,))
+        return design(self.name, [replace(specimen, membrane=replace(
+            specimen.membrane, material=law)) for specimen in three.setup.specimens[:2]],
+                      voltages=np.linspace(0.0, 6500.0, 40))
 
     @property
     def causes(self) -> tuple[Cause, ...]:
@@ -77,6 +101,11 @@ CASES = (
                (("parallel_spring", 5.0, None), ("sensor_zero", 200e-6, None))),
     HiddenCase("knocked", "the sensor was knocked half-way and reads 0.4 mm more from then on: no "
                "effect of the library", ("unexplained",), stranger=Jump(0.4e-3, 40)),
+    # Of the actuators alone a permittivity that rises with stretch does as well.
+    HiddenCase("softer-film", "the film hardens less than stated, which its coupons tell, though "
+               "they are 2 % stiffer than its actuators", NAMED,
+               (("strain_stiffening", -0.3, None),),
+               coupons=coupon_readings.Film(hardening=-0.3, mounted=5**0.5)),
 )
 
 
@@ -148,29 +177,33 @@ def write_coupons(case: CouponCase, folder: Path) -> None:
     (folder / "expected.json").write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
 
 
-def write(case: HiddenCase, design: Design, folder: Path) -> None:
+def write(case: HiddenCase, folder: Path) -> None:
     """A case's folder."""
+    made = case.design
     folder.mkdir(parents=True, exist_ok=True)
     head = (f'name = "{case.name}"\nsource = "axisymmetric equations"\n'
             f'noise = "{NOISE * 1e6:g} um"\n')
     specimens = "".join(
         "\n[[specimen]]\n" + specimen_to_toml(specimen).replace("\n[", "\n[specimen.")
-        for specimen in design.setup.specimens)
+        for specimen in made.setup.specimens)
     (folder / "dataset.toml").write_text(head + specimens, encoding="utf-8")
-    states = design.table.states
-    names = [specimen.name for specimen in design.setup.specimens]
+    states = made.table.states
+    names = [specimen.name for specimen in made.setup.specimens]
     columns = {"specimen": [names[number] for number in states.specimen.tolist()],
                "mass": states.mass, "voltage": states.voltage, "elapsed": states.elapsed,
-               "order": design.table.order, "displacement": readings(case, design)}
+               "order": made.table.order, "displacement": readings(case, made)}
     write_sheet(folder / "static.csv", [column for column in STATIC if column.name in columns],
                 columns)
+    if case.coupons is not None:
+        (folder / "coupon.csv").write_text(
+            coupon_readings.at_rest(case.coupons, 0.02, CASES.index(case)), encoding="utf-8")
     (folder / "expected.json").write_text(json.dumps(expected(case), indent=1) + "\n",
                                           encoding="utf-8")
 
 
 if __name__ == "__main__":
     for hidden in CASES:
-        write(hidden, circles(), FOLDER / hidden.name)
+        write(hidden, FOLDER / hidden.name)
     for strips in COUPON_CASES:
         write_coupons(strips, FOLDER / strips.name)
     for more in EVIDENCE_CASES:

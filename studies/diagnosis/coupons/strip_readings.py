@@ -66,16 +66,7 @@ class StripReadings(PreparedReadings):
         possible = (Cause(name, which) for name, effect in EFFECTS.items()
                     if all(there.get(column, False) for column in effect.columns)
                     for which in effect.choices(self.setup))
-        return tuple(cause for cause in possible if self._changes(tests, cause))
-
-    def _changes(self, tests: StripTests, cause: Cause) -> bool:
-        """Whether an effect changes anything that the readings depend on."""
-        usual = [item.deviation for item in cause.effect.parameters]
-        try:
-            changed = cause.effect.at(self.setup, usual, cause.which)
-        except InputError:  # of what such a specimen does not have
-            return False
-        return tests.seen_of(changed) != tests.seen_of(self.setup)
+        return tuple(cause for cause in possible if tests.feel(cause))
 
 
 def strip_readings(dataset: Dataset) -> StripReadings:
@@ -99,14 +90,15 @@ def strip_readings(dataset: Dataset) -> StripReadings:
     if len(chosen) < sum(map(len, legs)):
         remarks.append(WORDS["thinned"].format(every=sum(map(len, legs)), kept=len(chosen),
                                                most=MOST))
-    tests = StripTests(coupons, film, chosen, references)
+    leg = np.concatenate([np.full(len(part), number) for number, part in enumerate(judged)])
+    tests = StripTests(setup, coupons, film, chosen, leg, references)
     if dataset.strip_scatter:
         remarks.append(WORDS["scatter"].format(share=dataset.strip_scatter))
         tests = replace(tests, lasting=_lasting(tests, keys, dataset.strip_scatter)
                         ).with_noise(sigma[chosen])
-    table = _table(coupons, film, judged).with_values(tests.judged(values))
+    table = _table(coupons, tests).with_values(tests.judged(values))
     return StripReadings(setup, table.with_sigma(sigma[chosen]), STATED, noise_from, tuple(remarks),
-                         tests)
+                         tests=tests)
 
 
 def _lasting(tests: StripTests, keys: Array, scatter: float) -> Array:
@@ -247,12 +239,11 @@ def _smooth(coupons: Coupons, leg: Numbers) -> list[Numbers]:
     return parts if min(map(len, parts)) >= FEWEST else [leg]
 
 
-def _table(coupons: Coupons, film: Numbers, legs: list[Numbers]) -> ReadingTable:
+def _table(coupons: Coupons, tests: StripTests) -> ReadingTable:
     """Rows of the readings that are judged, without values."""
-    reading = np.concatenate(legs)
-    run = np.concatenate([np.full(len(leg), number) for number, leg in enumerate(legs)])
-    states = States.of(film[reading], np.zeros(len(reading)), coupons.volts[reading],
-                       np.nan_to_num(coupons.time[reading]), 0.0, run)
+    reading = tests.rows
+    states = States.of(tests.film[reading], np.zeros(len(reading)), coupons.volts[reading],
+                       np.nan_to_num(coupons.time[reading]), 0.0, tests.leg)
     # No plate moves: they are states at a heave that is given.
     states = replace(states, heave=np.zeros(len(reading)))
     labels = [" ".join(filter(None, pair)) for pair in

@@ -90,26 +90,26 @@ def patterns(table: ReadingTable, names: Sequence[str], predicted: Array) -> dic
     """
     lengths, columns = table.lengths, dict[str, Array]()
     if lengths.any():
-        columns = {name: _among(lengths, values) for name, values in _patterns_of_lengths(
+        columns = {name: among(lengths, values) for name, values in _patterns_of_lengths(
             table[lengths], names, predicted[lengths]).items()}
     for kind, rows in table.rows_of.items():
         if kind in COMPONENTS:
-            columns[f"channel {kind}"] = _among(table.kind == kind,
+            columns[f"channel {kind}"] = among(table.kind == kind,
                                                 film_patterns(table[rows], predicted[rows]))
         elif not lengths[rows[0]] and kind != "stress":
             channel, typical = table[rows], float(np.sqrt(np.mean(predicted[rows] ** 2)))
             size = np.full(len(rows), typical or float(channel.sigma.max()))
             voltage = _legendre(channel.voltage**2)
-            columns[f"channel {kind}"] = _among(table.kind == kind, np.hstack(
+            columns[f"channel {kind}"] = among(table.kind == kind, np.hstack(
                 [size[:, None] * voltage, _ramps(channel, size, voltage)]))
     return columns
 
 
-def _among(rows: NDArray[np.bool_], columns: Array) -> Array:
+def among(rows: NDArray[np.bool_], columns: Array) -> Array:
     """Columns of some rows among all of them."""
-    among = np.zeros((len(rows), columns.shape[1]))
-    among[rows] = columns
-    return among
+    every = np.zeros((len(rows), columns.shape[1]))
+    every[rows] = columns
+    return every
 
 
 def _patterns_of_lengths(table: ReadingTable, names: Sequence[str],
@@ -359,8 +359,8 @@ class ResidualTests:
         if name in self.jumps:
             tail = tail[0]
             # As many columns as would do as much where one in a hundred draws gets.
-            among = 0.01 / max(float(np.quantile(tail[1:], 0.01)), 1e-300)
-            return np.asarray(np.minimum(among * tail, 1.0))
+            many = 0.01 / max(float(np.quantile(tail[1:], 0.01)), 1e-300)
+            return np.asarray(np.minimum(many * tail, 1.0))
         return np.asarray(tail)
 
 

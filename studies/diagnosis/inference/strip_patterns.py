@@ -7,23 +7,23 @@ from numpy.polynomial import legendre
 from numpy.typing import NDArray
 
 from tympan.studies.data.coupon import MODES, Coupons
-from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.reduced.strips import StripTests
 
 Array = NDArray[np.float64]
+Numbers = NDArray[np.int64]
 
 #: Degree of the polynomials in the stretch.
 _DEGREE = 4
 
 
-def strip_patterns(tests: StripTests, table: ReadingTable, predicted: Array) -> dict[str, Array]:
-    """By name, columns a misfit of a table of all coupons may be a combination of [Pa].
+def strip_patterns(tests: StripTests, sigma: Array, predicted: Array) -> dict[str, Array]:
+    """By name, columns a misfit of all coupons' rows may be a combination of [Pa].
 
-    ``predicted`` is what the nominal model says of each row [Pa].
+    ``predicted`` is what the nominal model says of each row, ``sigma`` its noise [Pa].
     """
     coupons, reading = tests.coupons, tests.rows
     predicted = tests.as_read(predicted)
-    size = float(np.sqrt(np.mean(predicted**2))) or float(table.sigma.max())
+    size = float(np.sqrt(np.mean(predicted**2))) or float(sigma.max())
     stretch = _legendre(coupons.stretch[reading])
     few = stretch[:, :3]
     columns = {"level": stretch[:, :1], "stretch": stretch[:, 1:]}
@@ -37,8 +37,8 @@ def strip_patterns(tests: StripTests, table: ReadingTable, predicted: Array) -> 
     if np.ptp(time) > 0:
         columns["time"] = _legendre(np.log(time + np.ptp(time) / 1e3))[:, 1:]
     columns["rate"] = _times(_log_rate(coupons)[reading], few)
-    columns["way"] = _times(_way(table, coupons.stretch[reading]), few)
-    columns["runs"] = _runs(table, coupons.stretch[reading])
+    columns["way"] = _times(_way(tests.leg, coupons.stretch[reading]), few)
+    columns["runs"] = _runs(tests.leg, coupons.stretch[reading])
     return {f"strip_{name}": tests.whitened(size * values) for name, values in columns.items()
             if np.abs(values).max(initial=0.0) > 0}
 
@@ -70,9 +70,9 @@ def _log_rate(coupons: Coupons) -> Array:
     return rate
 
 
-def _way(table: ReadingTable, stretch: Array) -> Array:
+def _way(run: Numbers, stretch: Array) -> Array:
     """1 on legs that come back to the virgin stretch, else 0."""
-    run, back = table.states.run[table.state], np.zeros(len(table))
+    back = np.zeros(len(run))
     for number in np.unique(run):
         rows = np.flatnonzero(run == number)
         away = np.abs(stretch[rows] - 1)
@@ -80,16 +80,16 @@ def _way(table: ReadingTable, stretch: Array) -> Array:
     return back
 
 
-def _runs(table: ReadingTable, stretch: Array) -> Array:
+def _runs(run: Numbers, stretch: Array) -> Array:
     """A polynomial for each leg of a run that leaves some scatter."""
-    run, columns = table.states.run[table.state], []
+    columns = []
     for number in np.unique(run):
         rows = np.flatnonzero(run == number)
         along = stretch[rows]
         place = along if np.ptp(along) > 1e-3 else np.arange(len(rows), dtype=float)
         within = _legendre(place)
         within = within[:, : max(1, len(rows) // 3)]
-        part = np.zeros((len(table), within.shape[1]))
+        part = np.zeros((len(run), within.shape[1]))
         part[rows] = within
         columns.append(part)
     return np.hstack(columns)

@@ -32,6 +32,7 @@ from tympan.studies.diagnosis.inference.residual_tests import (
     STATED,
     ResidualTests,
     TestResult,
+    among,
     over,
     patterns,
 )
@@ -130,6 +131,25 @@ class Judgement:
             return None
         return self.posterior.fit_of(self.named) or self.posterior.fits[0]
 
+    def of_actuators(self) -> Judgement:
+        """What of it concerns readings of actuators, where coupons were weighed with them."""
+        if self.simulation.coupons is None:
+            return self
+        films = self.table.kind != "stress"
+
+        def part(fit: Fit) -> Fit:
+            return replace(fit, residual=fit.residual[films], jacobian=fit.jacobian[films])
+
+        posterior = self.posterior and replace(
+            self.posterior, fits=tuple(map(part, self.posterior.fits)))
+        return replace(
+            self, simulation=replace(self.simulation, coupons=None), table=self.table[films
+            ].compact(), nominal=part(self.nominal), posterior=posterior,
+            patterns={name: values[films] for name, values in self.patterns.items()
+                      if values[films].any()},
+            signatures={cause: values[films] for cause, values in self.signatures.items()},
+            alone=tuple(map(part, self.alone)))
+
 
 def judge(simulation: Simulation, table: ReadingTable, causes: Sequence[Cause],
           stated: float = STATED, widen: float = 1.0, seed: int = 0, workers: int = 1
@@ -140,6 +160,35 @@ def judge(simulation: Simulation, table: ReadingTable, causes: Sequence[Cause],
     is made up. ``workers``: processes for the films of effects larger than those simulated so far.
     """
     generator = np.random.default_rng(seed)
+    simulation, table, nominal, columns, tests = _begun(simulation, table, causes, stated, workers)
+    if not tests.able:
+        raise ArithmeticError("there are too few readings to tell a misfit from noise")
+    test = tests(nominal.residual, generator)
+    simulation, table, nominal, columns = _louder(simulation, table, nominal, columns, test.noise)
+    signs = signatures(simulation, table, nominal.unknowns, causes)
+    invisible, classes = classes_of(signs)
+    base = Judgement("nothing", simulation, table, nominal, test, columns, signs,
+                     indistinguishable=classes, invisible=invisible)
+    if test.p_value >= ALARM:
+        return base
+    adequacy = _Adequacy(base, tests.freedom + stated, generator)
+    possible = tuple(cause for cause in causes if cause not in invisible
+                     or shows_when_large(simulation, cause, nominal, table))
+    exploration = Exploration(simulation, table, nominal, possible, adequacy.enough, widen, workers)
+    exploration.run()
+    return _weighed(replace(base, simulation=exploration.simulation), exploration, adequacy)
+
+
+def with_noise_found(simulation: Simulation, table: ReadingTable, causes: Sequence[Cause],
+                     stated: float) -> ReadingTable:
+    """A table with its noise as :func:`judge` finds it."""
+    _, table, nominal, _, tests = _begun(simulation, table, causes, stated, 1)
+    return table.with_sigma(table.sigma * tests.noise(nominal.residual))
+
+
+def _begun(simulation: Simulation, table: ReadingTable, causes: Sequence[Cause], stated: float,
+           workers: int) -> tuple[Simulation, ReadingTable, Fit, dict[str, Array], ResidualTests]:
+    """The nominal fit, patterns and tests, by a simulation that reaches as far as they need."""
     nominal = nominal_fit(simulation, table)
     for _ in range(_REACHES):
         if nominal.possible or nominal.short == np.inf:
@@ -159,23 +208,8 @@ def judge(simulation: Simulation, table: ReadingTable, causes: Sequence[Cause],
         tests = _tests(simulation, table, nominal, causes, columns, stated)
         simulation, table, nominal, columns = _louder(
             simulation, table, nominal, columns, tests.noise(nominal.residual))
-    tests = _tests(simulation, table, nominal, causes, columns, stated)
-    if not tests.able:
-        raise ArithmeticError("there are too few readings to tell a misfit from noise")
-    test = tests(nominal.residual, generator)
-    simulation, table, nominal, columns = _louder(simulation, table, nominal, columns, test.noise)
-    signs = signatures(simulation, table, nominal.unknowns, causes)
-    invisible, classes = classes_of(signs)
-    base = Judgement("nothing", simulation, table, nominal, test, columns, signs,
-                     indistinguishable=classes, invisible=invisible)
-    if test.p_value >= ALARM:
-        return base
-    adequacy = _Adequacy(base, tests.freedom + stated, generator)
-    possible = tuple(cause for cause in causes if cause not in invisible
-                     or shows_when_large(simulation, cause, nominal, table))
-    exploration = Exploration(simulation, table, nominal, possible, adequacy.enough, widen, workers)
-    exploration.run()
-    return _weighed(replace(base, simulation=exploration.simulation), exploration, adequacy)
+    return (simulation, table, nominal, columns,
+            _tests(simulation, table, nominal, causes, columns, stated))
 
 
 def _tests(simulation: Simulation, table: ReadingTable, nominal: Fit, causes: Sequence[Cause],
@@ -204,8 +238,10 @@ def _patterns(simulation: Simulation, table: ReadingTable, nominal: Fit) -> dict
     names = [specimen.name for specimen in simulation.setup.specimens]
     predicted = table.value - nominal.residual * table.sigma
     columns = patterns(table, names, predicted)
-    if simulation.strips is not None:
-        columns |= strip_patterns(simulation.strips, table, predicted)
+    if (tests := simulation.tests) is not None:
+        stress = table.kind == "stress"
+        columns |= {name: among(stress, values) for name, values in strip_patterns(
+            tests, table.sigma[stress], predicted[stress]).items()}
     return columns
 
 

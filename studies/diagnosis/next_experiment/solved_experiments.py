@@ -204,7 +204,7 @@ def strips(readout: Readout) -> NewReadings:
     mode, none = np.repeat(["uniaxial", "equibiaxial"], 3), np.full(6, np.nan)
     blank = np.full(6, "")
     coupons = Coupons(mode, stretch, np.zeros(6), blank, blank, none)
-    tests = StripTests(coupons, np.full(6, number), np.arange(6))
+    tests = StripTests(setup, coupons, np.full(6, number), np.arange(6), np.zeros(6, int))
     return NewReadings(setup, lambda extended: tests.shown(extended)[0],
                        lambda values: _STRIPS * np.abs(values), 6, 0, 0, {"stretch": f"{top:.2g}"})
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,29 +18,89 @@ from tympan.studies.diagnosis.reduced.strips import StripPrediction, StripTests,
 from tympan.studies.effects import Setup, extended
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+
+class WithCoupons:
+    """Rows of films and, where ``of_strips``, of coupons; with the names of a film's prediction."""
+
+    def __init__(self, films: Prediction, strips: StripPrediction, of_strips: Mask) -> None:
+        self.films, self.strips, self.of_strips = films, strips, of_strips
+        self.possible, self.short, self.heave = films.possible, films.short, films.heave
+
+    @property
+    def complete(self) -> bool:
+        """Whether all that was read is possible."""
+        return self.films.complete and self.strips.complete
+
+    def beyond(self, before: WithCoupons) -> bool:
+        """Whether a search must not go here: where a strip has no equilibrium."""
+        return self.strips.beyond(before.strips)
+
+    @cached_property
+    def extended(self) -> Array:
+        """What each row shows, films at the extended heaves."""
+        return self._joined(self.films.extended, self.strips.extended)
+
+    @cached_property
+    def values(self) -> Array:
+        """What each row shows, nan where it has no equilibrium."""
+        return self._joined(self.films.values, self.strips.values)
+
+    @cached_property
+    def jacobian(self) -> Array:
+        """Derivatives of the extended rows by the unknowns, shape (rows, unknowns)."""
+        return self._joined(self.films.jacobian, self.strips.jacobian)
+
+    def _joined(self, films: Array, strips: Array) -> Array:
+        values = np.empty((len(self.of_strips), *films.shape[1:]))
+        values[~self.of_strips], values[self.of_strips] = films, strips
+        return values
 
 
 @dataclass(frozen=True, eq=False)
 class Simulation(ReducedFilms):
     """The films of a setup, and what is read of them.
 
-    Of ``strips`` instead of actuators there are no force laws.
+    Of ``strips`` instead of actuators there are no force laws; ``coupons`` are read beside them.
     """
 
     strips: StripTests | None = None
+    coupons: StripTests | None = None
+
+    @property
+    def tests(self) -> StripTests | None:
+        """Tests of coupons, alone or beside actuators."""
+        return self.strips or self.coupons
 
     def predict(self, hypothesis: Hypothesis, unknowns: Array, table: ReadingTable) -> Array:
         """What each row of a table shows."""
         return self.prediction(hypothesis, unknowns, table).values
 
     def prediction(self, hypothesis: Hypothesis, unknowns: Array,
-                   table: ReadingTable) -> Prediction | StripPrediction:
+                   table: ReadingTable) -> Prediction | StripPrediction | WithCoupons:
         """What a table's readings show, with derivatives."""
-        if self.strips is None:
+        if self.strips is not None:
+            return self._of_strips(self.strips, hypothesis, unknowns, table)
+        stress = table.kind == "stress"
+        if self.coupons is None or not stress.any():
             return Prediction(self, hypothesis, unknowns, table)
+        return WithCoupons(Prediction(self, hypothesis, unknowns, table[~stress]), self._of_strips(
+            self.coupons, hypothesis, unknowns, table[stress]), stress)
+
+    def _of_strips(self, tests: StripTests, hypothesis: Hypothesis, unknowns: Array,
+                   table: ReadingTable) -> StripPrediction:
+        felt = [cause for cause in hypothesis if tests.feel(cause)]
+
+        def setup_at(moved: Array) -> Setup:
+            stiffness, permittivity = np.exp(moved[FACTORS]).tolist()
+            uses = [use for cause, use in zip(hypothesis, uses_of(hypothesis, moved), strict=True)
+                    if cause in felt]
+            return strip_setup(tests.setup, stiffness, permittivity, tuple(uses))
+
         sizes = [1.0, 1.0, *(item.deviation for item in parameters_of(hypothesis))]
-        return StripPrediction(self.strips, lambda moved: self.extended(hypothesis, moved),
-                               unknowns, table.point, bounds_of(self, hypothesis), np.array(sizes))
+        return StripPrediction(tests, setup_at, unknowns, table.coupon, bounds_of(self, hypothesis),
+                               np.array(sizes))
 
     def as_read(self, table: ReadingTable, part: ReadingTable) -> tuple[Simulation, ReadingTable]:
         """A part of a table's rows with values as they were read, and what predicts those."""
@@ -55,12 +116,15 @@ class Simulation(ReducedFilms):
 
         What lasts along strips is no part of the noise and stays as large as it is.
         """
-        louder = table.with_sigma(factor * table.sigma)
-        if self.strips is None or self.strips.lasting is None:
+        louder, tests = table.with_sigma(factor * table.sigma), self.tests
+        if tests is None or tests.lasting is None:
             return self, louder
-        strips = self.strips.with_noise(louder.sigma)
-        return (replace(self, strips=strips),
-                louder.with_values(strips.whitened(self.strips.as_read(table.value))))
+        stress, values = table.kind == "stress", table.value.copy()
+        further = tests.with_noise(louder.sigma[stress])
+        values[stress] = further.whitened(tests.as_read(table.value[stress]))
+        again = (replace(self, strips=further) if self.strips is not None
+                   else replace(self, coupons=further))
+        return again, louder.with_values(values)
 
     def extended(self, hypothesis: Hypothesis, unknowns: Array) -> Setup:
         """The setup with stiffness, permittivity and effects."""

@@ -20,6 +20,7 @@ from tympan.fem.rig import Rig
 from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import ConstantFlow, Film, Specimen
 from tympan.studies.data.coupon import Coupons
+from tympan.studies.diagnosis.hypothesis import Cause
 from tympan.studies.effects import Setup, Use, extended
 from tympan.studies.material.relaxation import BranchStress
 
@@ -39,18 +40,21 @@ _STEP = 1e-5
 
 @dataclass(frozen=True, eq=False)
 class StripTests:
-    """Coupon tests of the films of some specimens.
+    """Coupon tests of the films of a setup's specimens.
 
     ``film``: number of the specimen whose film each of the ``coupons`` is, shape (readings,);
     ``references``: of each reading the shares, shape (readings, readings), of those it is counted
     from, as a drop of the stress; None where readings are stresses. ``rows`` are numbers of the
-    readings that are judged, ``lasting`` the covariance [Pa²] of errors of them that last along a
-    strip, and ``whitening`` makes of them what those leave independent, shape (rows, rows) each.
+    readings that are judged, ``leg`` of the legs of runs they are of. ``lasting``: covariance [Pa²]
+    of errors of them that last along a strip; ``whitening`` makes of them what those leave
+    independent, shape (rows, rows) each.
     """
 
+    setup: Setup
     coupons: Coupons
     film: Numbers
     rows: Numbers
+    leg: Numbers
     references: Array | None = None
     lasting: Array | None = None
     whitening: Array | None = None
@@ -61,10 +65,9 @@ class StripTests:
         for number, specimen in enumerate(setup.specimens):
             part = np.flatnonzero(self.film == number)
             stress[part], possible[part] = self._stress(specimen, setup.rig, part)
-        if self.references is None:
-            return stress, possible
-        used = self.references > 0
-        return self.references @ stress - stress, possible & ~(used & ~possible).any(1)
+        if self.references is not None:
+            possible = possible & ~((self.references > 0) & ~possible).any(1)
+        return self.counted(stress), possible
 
     def with_noise(self, sigma: Array) -> StripTests:
         """Whitened for a noise of these standard deviations beside what lasts [Pa], (rows,)."""
@@ -73,6 +76,11 @@ class StripTests:
         values, vectors = np.linalg.eigh(np.eye(len(sigma)) + self.lasting / np.outer(sigma, sigma))
         root = (vectors / np.sqrt(np.maximum(values, 1.0))) @ vectors.T
         return replace(self, whitening=sigma[:, None] * root / sigma)
+
+    def counted(self, readings: Array) -> Array:
+        """Stresses as what is read: themselves, or by how much they drop, shape (readings,)."""
+        shares = self.references
+        return readings if shares is None else np.asarray(shares @ readings - readings)
 
     def judged(self, readings: Array) -> Array:
         """Values of readings, (readings,), as those that are judged, (rows,)."""
@@ -142,6 +150,21 @@ class StripTests:
         other = np.select([mode == "uniaxial", mode == "pure_shear"], ["pure_shear", "uniaxial"],
                           mode)
         return BranchStress.of(replace(self.coupons, mode=other))
+
+    def feel(self, cause: Cause) -> bool:
+        """Whether an effect changes anything that the readings depend on."""
+        if cause not in self._felt:
+            usual = [item.deviation for item in cause.effect.parameters]
+            try:
+                changed = self.seen_of(cause.effect.at(self.setup, usual, cause.which))
+                self._felt[cause] = changed != self.seen_of(self.setup)
+            except InputError:  # of what such a specimen does not have
+                self._felt[cause] = False
+        return self._felt[cause]
+
+    @cached_property
+    def _felt(self) -> dict[Cause, bool]:
+        return {}
 
     def seen_of(self, setup: Setup) -> tuple[Any, ...]:
         """All of a setup that these tests may depend on."""

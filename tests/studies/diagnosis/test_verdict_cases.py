@@ -9,7 +9,6 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.trials.synthetic_trials import circles
 from benchmarks.trials.verdict_cases.__main__ import PROGRAM, right, said_by, within
 from benchmarks.trials.verdict_cases.evidence_cases import (
     EVIDENCE_CASES,
@@ -67,10 +66,10 @@ def test_the_program_itself_is_right_where_nothing_is_hidden() -> None:
     assert right(said_by(PROGRAM, FOLDER / "nothing"), expected("nothing"))
 
 
-@pytest.mark.parametrize("name", ["spring", "knocked"])
+@pytest.mark.parametrize("name", ["spring", "knocked", "softer-film"])
 def test_a_folder_is_what_its_script_makes(tmp_path: Path, name: str) -> None:
     case, = (case for case in CASES if case.name == name)
-    write(case, circles(), tmp_path / name)
+    write(case, tmp_path / name)
     assert (tmp_path / name / "expected.json").read_text() == (
         FOLDER / name / "expected.json").read_text()
     made, kept = (read_dataset(folder / name) for folder in (tmp_path, FOLDER))
