@@ -252,9 +252,12 @@ def test_one_command_writes_page_readings_and_films_at_each_temperature(
     assert Rig.read(extended / "rig.toml") == Rig()
 
 
-def test_coupons_beside_an_actuator_are_judged_by_themselves(
+def test_coupons_beside_an_actuator_are_judged_by_themselves_and_with_it(
         tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Coupons of an actuator's film: its own verdict in the same file and a page of its own."""
+    """Coupons of an actuator's film: a verdict on both, their own one in the same file and a page.
+
+    Lines of actuators' readings alone are in readings.csv.
+    """
     rows = "".join(f"A,{mass},{kv},{1.9 * mass / 17.9 + 0.03 * kv**2}\n"
                    for mass in (17.9, 22.45) for kv in (0, 2, 4, 6))
     coupons = (written(tmp_path / "film", Film(power=-3.0), 0.01, 2) / "coupon.csv").read_text()
@@ -267,6 +270,8 @@ def test_coupons_beside_an_actuator_are_judged_by_themselves(
     content = json.loads(capsys.readouterr().out)
     assert "baseline_rmse_um" in content["misfit"]
     assert content["coupons"]["causes"][0]["effect"] == "temperature"
+    assert any("weighed together" in words for words in content["warnings"])
+    assert "stress" not in (tmp_path / "out" / "readings.csv").read_text(encoding="utf-8")
     assert (tmp_path / "out" / "coupons" / "diagnosis.html").exists()
     assert "coupons/diagnosis.html" in (tmp_path / "out" / "diagnosis.html").read_text(
         encoding="utf-8")
