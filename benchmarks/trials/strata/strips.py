@@ -1,6 +1,6 @@
 """Tests of coupons by closed forms, at rest and in time, and the files a laboratory makes of them.
 
-All by :mod:`benchmarks.trials.coupon_readings`. As "another law" the film is of another material
+All by :mod:`benchmarks.trials.coupons.readings`. As "another law" the film is of another material
 family, whose stresses differ by 0.02 %, and a branch evolves by logarithms of its strains.
 """
 
@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from benchmarks.trials.coupon_readings import PERMITTIVITY, THICKNESS, Film
+from benchmarks.trials.coupons.readings import PERMITTIVITY, THICKNESS, Film
 from benchmarks.trials.strata.evidence import Columns
 from benchmarks.trials.synthetic_trials import Array, Design, Truth
 from tympan.fem.film.laws import Gent

@@ -14,7 +14,8 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.trials import axisymmetric_readings, coupon_readings
+from benchmarks.trials import axisymmetric_readings
+from benchmarks.trials.coupons import readings as coupon_readings
 from benchmarks.trials.synthetic_trials import (
     NOBODY,
     NOISE,

@@ -12,7 +12,7 @@ import pytest
 from scipy.integrate import quad
 from scipy.stats import binom
 
-from benchmarks.trials.coupon_limits import (
+from benchmarks.trials.coupons.limits import (
     KINDS,
     LAW,
     TRUTH,

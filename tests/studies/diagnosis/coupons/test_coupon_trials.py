@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.trials.coupon_readings import DESIGN, FILM, Film, at_rest
+from benchmarks.trials.coupons.readings import DESIGN, FILM, Film, at_rest
 from benchmarks.trials.strata import strips
 from benchmarks.trials.strata.evidence import write_dataset
 from benchmarks.trials.strata.strips import StripPlan, strip_evidence, strip_sheet

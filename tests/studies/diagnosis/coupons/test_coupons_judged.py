@@ -1,6 +1,6 @@
 """Coupons as evidence: what is hidden in stresses by closed forms is named, or never another.
 
-No stress here is the engine's: see :mod:`benchmarks.trials.coupon_readings`.
+No stress here is the engine's: see :mod:`benchmarks.trials.coupons.readings`.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from scipy.constants import epsilon_0
 
-from benchmarks.trials.coupon_readings import (
+from benchmarks.trials.coupons.readings import (
     DESIGN,
     FILM,
     LESS,

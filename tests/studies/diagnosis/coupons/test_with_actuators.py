@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.trials.coupon_readings import DESIGN, FILM, STRETCH, Film, at_rest
+from benchmarks.trials.coupons.readings import DESIGN, FILM, STRETCH, Film, at_rest
 from benchmarks.trials.strata.trials import at_rest as actuators_alone
 from benchmarks.trials.trial import Lab
 from benchmarks.trials.verdict_cases.made import FOLDER

@@ -1,6 +1,6 @@
 """Coupons whose constants are known: how often 95 % limits hold them.
 
-    python -m benchmarks.trials.coupon_limits [--seeds 100]
+    python -m benchmarks.trials.coupons.limits [--seeds 100]
 
 A neo-Hookean law with two branches, pulled in cycles and held, by another integrator than the
 fit's, with errors of stress that are independent or last along a run; in creep, with errors of

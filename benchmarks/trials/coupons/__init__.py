@@ -1,0 +1,1 @@
+"""Coupons by closed forms, and how often limits from them hold."""
