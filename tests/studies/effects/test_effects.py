@@ -105,7 +105,8 @@ def of_coupons(setup: Setup) -> np.ndarray:
     blank, none = np.full(3, ""), np.full(3, np.nan)
     coupons = Coupons(mode, np.full(3, 2.0), np.zeros(3), blank, blank, none,
                       celsius=np.full(3, 40.0))
-    tests = StripTests(coupons, np.zeros(3, np.int64), np.arange(3))
+    first = np.zeros(3, np.int64)
+    tests = StripTests(setup, coupons, first, np.arange(3), first)
     return 1e-6 * tests.shown(replace(setup, specimens=setup.specimens[:1]))[0][None]
 
 
