@@ -18,6 +18,7 @@ benchmarks: .venv/ready
 	.venv/bin/python -m benchmarks.gradient
 	.venv/bin/python -m benchmarks.diagnosis
 	.venv/bin/python -m benchmarks.sweep
+	.venv/bin/python -m benchmarks.sweep --asked
 	.venv/bin/python -m benchmarks.start_up
 	.venv/bin/python -m benchmarks.transient
 
