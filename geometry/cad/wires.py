@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from io import BytesIO
+from itertools import takewhile
 
 import numpy as np
 from numpy.typing import NDArray
@@ -132,15 +133,19 @@ def _first_quadrant(outline: Outline) -> list[Piece] | None:
     """The pieces from the x axis to the y axis; None where one crosses an axis within itself."""
     close = _MEET * max(outline.semi_axes)
     parts = [part for piece in outline.curve.pieces for part in _halved(piece, close)]
-    within = [bool((part.at(_MIDDLE)[0] > 0).all()) for part in parts]
-    if not any(within):
+    first = next((number for number, part in enumerate(parts)
+                  if _within(part) and not _within(parts[number - 1])), None)
+    if first is None:
         return None
-    first = next((number for number, inside in enumerate(within)
-                  if inside and not within[number - 1]), 0)
-    pieces = [*parts[first:], *parts[:first]][:sum(within)]
-    ends = np.array([part.at(np.array([0.0, 1.0]))[0] for part in pieces])
+    pieces = list(takewhile(_within, (*parts[first:], *parts[:first])))
+    ends = np.array([piece.at(np.array([0.0, 1.0]))[0] for piece in pieces])
     meets = max(abs(ends[0, 0, 1]), abs(ends[-1, 1, 0]), -ends.min()) < close
-    return pieces if meets and all([*within[first:], *within[:first]][:len(pieces)]) else None
+    return pieces if meets else None
+
+
+def _within(piece: Piece) -> bool:
+    """Whether its middle has positive coordinates."""
+    return bool((piece.at(_MIDDLE)[0] > 0).all())
 
 
 def _halved(piece: Piece, close: float) -> list[Piece]:

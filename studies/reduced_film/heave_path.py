@@ -58,7 +58,10 @@ class HeavePath:
 
     @classmethod
     def of(cls, samples: HeaveSamples, checks: HeaveSamples) -> HeavePath | None:
-        """Through samples, from 0 to the highest heave; None where checks are far off."""
+        """Through samples, from 0 to the highest heave.
+
+        None where checks are far off, or the force does not grow with the heave.
+        """
         highest = samples.heaves[-1]
         values = np.column_stack([samples.force, samples.stiffer, samples.pull, samples.q,
                                   samples.moved, samples.bent])
@@ -66,7 +69,8 @@ class HeavePath:
         rows = [force, _slope(force, highest), stiffer, _slope(pull, highest), *others]
         path = cls(samples, np.stack(rows, axis=1))
         gap = path._at(checks.heaves)[:, path._shapes] - checks.q
-        return path if np.abs(gap).max() < PRECISION * highest else None
+        grows = bool((np.diff(samples.force) > 0).all())
+        return path if grows and np.abs(gap).max() < PRECISION * highest else None
 
     def at_rest(self, force: Any, spring: float) -> Array | None:
         """q under forces [N] and a spring [N/m], shape (..., shapes); None beyond the path."""

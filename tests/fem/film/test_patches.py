@@ -12,7 +12,7 @@ from scipy.constants import epsilon_0
 from scipy.special import gamma
 
 from tests.oracles.axisymmetric import solve_deflection
-from tests.support.models import deformed, model
+from tests.support.models import model
 from tests.support.specimens import circular, elliptical, reference_film, skewed, specimen_toml
 from tympan.fem.derivatives.quantities import QUANTITIES
 from tympan.fem.derivatives.sensitivity import gradient_many, parameters
@@ -100,16 +100,6 @@ def test_another_mesh_and_order_has_the_same_film() -> None:
                                                        abs=0.02 * moved)
     assert states[0].plate.tilt == pytest.approx(states[1].plate.tilt, rel=0.01)
     assert states[0].plate.tilt > 1e-4
-
-
-def test_forces_are_derivatives_of_the_energy() -> None:
-    film = model(spotted(SPOT), refine=0.5)
-    positions, _ = deformed(film)
-    squared, step = 4e6, 1e-8
-    direction = np.random.default_rng(0).standard_normal(positions.shape)
-    ends = [film.energy(positions + sign * step * direction, squared) for sign in (1, -1)]
-    assert np.sum(film.forces(positions, squared) * direction) == pytest.approx(
-        (ends[0] - ends[1]) / (2 * step), rel=1e-6)
 
 
 def test_the_same_film_seen_from_the_other_side() -> None:

@@ -14,7 +14,7 @@ from tympan.fem.equilibrium.ramp import equilibrium
 from tympan.fem.membrane.loading import Loading
 from tympan.fem.results.fields import film_integrals
 from tympan.geometry.errors import InputError
-from tympan.geometry.specimen import Specimen
+from tympan.geometry.specimen import Electrode, Patch, Specimen
 
 UNEVEN = (0.3, -0.1)
 INNER, OUTER = 10e-3, 45e-3
@@ -32,8 +32,12 @@ def test_capacitance_and_volume_are_those_of_a_wedge() -> None:
     assert film.volumes.sum() == pytest.approx(volume, rel=1e-6)
 
 
-def test_forces_are_derivatives_of_the_energy() -> None:
-    film = model(circular(thickness_gradient=UNEVEN, density=960.0), refine=0.5)
+@pytest.mark.parametrize("specimen", [
+    circular(thickness_gradient=UNEVEN, density=960.0),
+    replace(circular(), electrode=Electrode(patches=(Patch((27e-3, 5e-3), 12e-3),)))],
+    ids=["wedge", "spot"])
+def test_forces_are_derivatives_of_the_energy(specimen: Specimen) -> None:
+    film = model(specimen, refine=0.5)
     positions, _ = deformed(film)
     squared, step = 4e6, 1e-8
     direction = np.random.default_rng(0).standard_normal(positions.shape)

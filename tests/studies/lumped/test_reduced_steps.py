@@ -154,7 +154,10 @@ def test_a_film_that_no_polynomial_gives_has_no_path() -> None:
 
     def bent(places: np.ndarray, power: int) -> HeaveSamples:
         column = np.abs(places - heaves.mean()) ** power
-        return HeaveSamples(places, column, column, column, *3 * [column[:, None]])
+        return HeaveSamples(places, places, column, column, *3 * [column[:, None]])
 
-    assert HeavePath.of(bent(heaves, 2), bent(between, 2)) is not None
+    smooth = bent(heaves, 2), bent(between, 2)
+    assert HeavePath.of(*smooth) is not None
     assert HeavePath.of(bent(heaves, 1), bent(between, 1)) is None
+    softening = replace(smooth[0], force=smooth[0].q[:, 0])
+    assert HeavePath.of(softening, smooth[1]) is None, "its force has two heaves"
