@@ -32,6 +32,7 @@ from tympan.studies.diagnosis.inference.identifiability import (
     detectable_effects,
     signatures,
 )
+from tympan.studies.diagnosis.inference.part_noise import PartNoise
 from tympan.studies.diagnosis.inference.verdict import Judgement, judge, with_noise_found
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.readings import PreparedReadings, prepared_readings
@@ -111,9 +112,9 @@ def _judge_actuators(dataset: Dataset, strips: tuple[StripReadings, Judgement] |
     simulation = with_effects(nominal.simulation, solved, workers)
     progress(films, films + _LATER)
     try:
-        readings, simulation, every = _with_coupons(readings, simulation, strips)
+        readings, simulation, every, part_noise = _with_coupons(readings, simulation, strips)
         judged = judge(simulation, every, readings.causes, readings.stated, seed=seed,
-                       workers=workers)
+                       workers=workers, part_noise=part_noise)
     except ArithmeticError as failure:
         raise InputError(str(failure), key="readings", given=f"{len(table)} readings") from None
     progress(films + 1, films + _LATER)
@@ -132,19 +133,23 @@ def diagnose_coupons(dataset: Dataset, seed: int = 0) -> Diagnosis:
 
 def _with_coupons(readings: PreparedReadings, simulation: Simulation,
                   strips: tuple[StripReadings, Judgement] | None
-                  ) -> tuple[PreparedReadings, Simulation, ReadingTable]:
+                  ) -> tuple[PreparedReadings, Simulation, ReadingTable, PartNoise | None]:
     """With coupons of the same film beside them, if there are some, each with its noise found."""
     tests = None if strips is None else strips[1].simulation.strips
     if strips is None or tests is None:
-        return readings, simulation, readings.table
+        return readings, simulation, readings.table, None
     coupons, judged = strips
     if not of_one_film(readings.setup, tests):
         remark = WORDS["other_film"]
-        return (replace(readings, remarks=(*readings.remarks, remark)), simulation, readings.table)
-    table = with_noise_found(simulation, readings.table, readings.causes, readings.stated)
+        return (replace(readings, remarks=(*readings.remarks, remark)), simulation,
+                readings.table, None)
+    table, freedom = with_noise_found(simulation, readings.table, readings.causes, readings.stated)
     remark = WORDS["together"].format(count=len(judged.table), share=BATCH)
     together = replace(readings, coupons=coupons, remarks=(*readings.remarks, remark))
-    return together, *weighed_together(simulation, table, judged)
+    simulation, every = weighed_together(simulation, table, judged)
+    part_noise = PartNoise((every.kind == "stress").astype(np.int64),
+                           np.array([freedom, judged.test.freedom]))
+    return together, simulation, every, part_noise
 
 
 def _of_coupons_alone(dataset: Dataset) -> bool:

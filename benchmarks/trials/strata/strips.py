@@ -67,8 +67,9 @@ class Run:
 class StripPlan:
     """Tests of a film beside what a design reads of actuators of it, if anything.
 
-    So many readings of each run; their noise is stated as a share of the stress, or a laboratory's.
-    ``batch``: factors on stiffness and permittivity by which strips differ from actuators.
+    So many readings of each run; their noise is a share of the stress, or a laboratory's, and
+    ``stated`` in a column or not. ``batch``: factors on stiffness and permittivity by which strips
+    differ from actuators; ``differ``: share of the stress by which they do from each other.
     """
 
     design: Design
@@ -76,6 +77,8 @@ class StripPlan:
     count: int = 12
     noise: float | None = None
     batch: tuple[float, float] = (1.0, 1.0)
+    differ: float = 0.0
+    stated: bool = True
 
 
 #: Three modes, two voltages, two temperatures, a free strip under voltage too.
@@ -94,6 +97,11 @@ def film_alone() -> Design:
     none = np.zeros(0)
     return Design("coupons", Setup((made,), Rig()),
                   rows(States.of(none, none, none), "displacement", 0.0), ())
+
+
+def laboratory(design: Design, runs: tuple[Run, ...]) -> StripPlan:
+    """Strips as a laboratory reads them."""
+    return StripPlan(design, runs, DENSE, differ=STRIPS_DIFFER, stated=False)
 
 
 def strip_evidence(plan: StripPlan, truth: Truth) -> list[Array] | None:
@@ -145,10 +153,9 @@ def strip_sheet(plan: StripPlan, stresses: list[Array], random: np.random.Genera
     """Columns of coupon.csv, with noise unless ``exact``."""
     every = np.concatenate(stresses)
     size = float(np.sqrt(np.mean(every**2)))
-    laboratory = plan.noise is None
-    sigma = UNSTATED * float(every.max()) if laboratory else float(plan.noise or 0.0) * size
+    sigma = UNSTATED * float(every.max()) if plan.noise is None else plan.noise * size
     if not exact:
-        factors = 1 + STRIPS_DIFFER * laboratory * random.standard_normal(len(stresses))
+        factors = 1 + plan.differ * random.standard_normal(len(stresses))
         every = np.concatenate([factor * stress for factor, stress in
                                 zip(factors.tolist(), stresses, strict=True)])
         every = every + sigma * random.standard_normal(len(every))
@@ -165,4 +172,4 @@ def strip_sheet(plan: StripPlan, stresses: list[Array], random: np.random.Genera
         "temperature_C": np.array(each([run.celsius for run in plan.runs]))}
     if np.isfinite(times).any():
         sheet["t"] = times
-    return sheet if laboratory else {**sheet, "sigma": np.full(len(every), sigma)}
+    return {**sheet, "sigma": np.full(len(every), sigma)} if plan.stated else sheet

@@ -133,7 +133,7 @@ def _three(kind: str) -> ReadingPlan:
 
 
 @cache
-def _two(kind: str, tapped: bool = False) -> ReadingPlan:
+def two(kind: str, tapped: bool = False) -> ReadingPlan:
     """Two specimens, lines over them under the heavier mass at the lowest and highest voltage."""
     film = Film(1e-3, (5**0.5, 5**0.5), Ogden((20e3,), (2.0,)), 4.7)
     other = Circle(60e-3) if kind == "circles" else Ellipse((60e-3, 45e-3))
@@ -181,15 +181,15 @@ def _strips(number: int) -> Question:
     turn = number // 2
     noise = _SHARES[turn // 2 % len(_SHARES)]
     means: tuple[Means, ...] = ("equations", "another law")
-    count = strips.DENSE if noise is None else (12, 24)[number % 2]
-    plan = StripPlan(_film_alone(), runs, count, noise)
+    plan = (strips.laboratory(_film_alone(), runs) if noise is None
+            else StripPlan(_film_alone(), runs, (12, 24)[number % 2], noise))
     return Question(plan, means[(turn + turn // len(effects)) % 2], effects)
 
 
 def _film(number: int) -> Question:
     """Coupons at rest of the film of two round actuators, whose own factors are others."""
     noise, batch = _SHARES[number // 2 % 3], np.random.default_rng(number).normal(1.0, 0.05, 2)
-    plan = StripPlan(_two("circles").design, strips.AT_REST, 12, noise, (batch[0], batch[1]))
+    plan = StripPlan(two("circles").design, strips.AT_REST, 12, noise, (batch[0], batch[1]))
     return Question(plan, "equations", (*_OF_FILM, "temperature", "width_not_free", *_OF_ACTUATORS))
 
 
@@ -201,11 +201,11 @@ _TWICE = {"at rest": at_rest, "": whole}
 STRATA: dict[str, Stratum] = {
     "frequencies": Stratum(partial(_by_turns, partial(_three, "circles"),
                                    partial(_three, "paper")), _TWICE),
-    "lines": Stratum(partial(_by_turns, partial(_two, "circles"), partial(_two, "others")), _TWICE),
+    "lines": Stratum(partial(_by_turns, partial(two, "circles"), partial(two, "others")), _TWICE),
     "transients": Stratum(_step, {"at rest": without_dwell, "at rest, with dwell": with_dwell,
                                   "": whole}),
-    "mixture": Stratum(partial(_by_turns, partial(_two, "circles", True),
-                               partial(_two, "others", True)), _TWICE),
+    "mixture": Stratum(partial(_by_turns, partial(two, "circles", True),
+                               partial(two, "others", True)), _TWICE),
     "coupons": Stratum(_strips, {"uniaxial alone": uniaxial, "": whole}),
     "film": Stratum(_film, {"actuators alone": at_rest, "coupons alone": coupons_alone,
                             "": whole})}
@@ -222,14 +222,14 @@ def stratum_trial(name: str, generator: np.random.Generator, number: int) -> lis
     question = stratum.ask(number)
     hypothesis = _hidden(question, number, generator)
     truth, read, again = drawn_until(
-        partial(_read, question.plan),
+        partial(evidence_of, question.plan),
         lambda: _on_its_mesh(question, draw(generator, hypothesis, question.means, widths=SIZES)))
     noise = _NOISES[number // 3 % len(_NOISES)]
     blank = Record(name, number, question.means, tuple(map(str, hypothesis)), again, 0.0, 0.0,
                    words=f"{truth.sizes}")
     seed = int(generator.integers(2**32))
     with TemporaryDirectory() as place:
-        datasets = [_dataset(Path(place) / words, question.plan, read, noise, seed, exact)
+        datasets = [dataset_of(Path(place) / words, question.plan, read, noise, seed, exact)
                     for words, exact in (("noisy", False), ("exact", True))]
         return [_judged(replace(blank, population=population_of(name, words)), truth,
                         *(view(dataset) for dataset in datasets))
@@ -254,7 +254,8 @@ def _on_its_mesh(question: Question, truth: Truth) -> Truth:
     return replace(truth, mesh=FINEST) if lines else truth
 
 
-def _read(plan: Plan, truth: Truth) -> Any | None:
+def evidence_of(plan: Plan, truth: Truth) -> Any | None:
+    """What a plan reads without noise if that is the truth, None where something cannot be."""
     if isinstance(plan, StripPlan):
         heaves = readings(plan.design, truth) if len(plan.design.table) else np.zeros(0)
         stresses = strip_evidence(plan, truth)
@@ -262,7 +263,8 @@ def _read(plan: Plan, truth: Truth) -> Any | None:
     return step_evidence(plan, truth) if isinstance(plan, StepPlan) else evidence(plan, truth)
 
 
-def _dataset(folder: Path, plan: Plan, read: Any, noise: float, seed: int, exact: bool) -> Dataset:
+def dataset_of(folder: Path, plan: Plan, read: Any, noise: float, seed: int, exact: bool
+               ) -> Dataset:
     """Written and read as any other; ``exact``: without the noise that is stated, but for that of
     samples in time, which is told by themselves."""
     random = np.random.default_rng(seed)
@@ -279,8 +281,8 @@ def _dataset(folder: Path, plan: Plan, read: Any, noise: float, seed: int, exact
         files = sheets(plan, read, noise, None if exact else random)
     damping = plan.design.setup.rig.plate_damping
     head: dict[str, Any] = {"rig": {"plate_damping": f"{damping} N s/m"}} if damping else {}
-    if isinstance(plan, StripPlan) and plan.noise is None:
-        head["strip_scatter"] = strips.STRIPS_DIFFER
+    if isinstance(plan, StripPlan) and plan.differ:
+        head["strip_scatter"] = plan.differ
     return read_dataset(write_dataset(folder, plan.design, files, noise, **head))
 
 

@@ -20,6 +20,7 @@ from scipy.linalg import svd
 from scipy.stats import f as f_distribution
 
 from tympan.studies.diagnosis.inference.film_patterns import film_patterns
+from tympan.studies.diagnosis.inference.part_noise import PartNoise
 from tympan.studies.diagnosis.reading_table import COMPONENTS, ReadingTable
 
 Array = NDArray[np.float64]
@@ -197,13 +198,15 @@ class TestResult:
     """What tests found.
 
     ``p_values``: the probability that noise alone shows as much, of each pattern; ``p_value``: of
-    the strongest of them, corrected for their number; ``noise``: over the stated one; ``reading``:
-    the number of that from which the readings are shifted, if they are.
+    the strongest of them, corrected for their number; ``noise``: over the stated one, known with
+    ``freedom`` degrees of freedom; ``reading``: the number of that from which the readings are
+    shifted, if they are.
     """
 
     p_values: dict[str, float]
     p_value: float
     noise: float
+    freedom: float
     reading: int = 0
 
     def words(self, name: str) -> str:
@@ -299,17 +302,21 @@ class ResidualTests:
         return np.maximum(squares + stated, 1e-12) / (freedom + self.stated)
 
     def __call__(self, residual: Array, generator: np.random.Generator,
-                 noise_freedom: float | None = None) -> TestResult:
+                 part_noise: PartNoise | None = None) -> TestResult:
         """Test residuals at a best fit, shape (rows,), against their noise and the stated one.
 
-        Or against the stated noise alone, known with ``noise_freedom`` degrees of freedom.
+        Or against the noise of each part, ``part_noise``, as it was found before.
         """
         # Draws are of the readings, not of any basis: those turn with the last digit of a column.
-        draws = generator.standard_normal((len(residual), _DRAWS))
-        counted = self.stated if noise_freedom is None else noise_freedom
-        scatter = generator.chisquare(counted, _DRAWS) if counted else np.zeros(_DRAWS)
-        every = self._ratios(np.column_stack([residual, draws]), np.r_[counted, scatter],
-                             noise_freedom)
+        draws = np.column_stack([residual, generator.standard_normal((len(residual), _DRAWS))])
+        if part_noise is None:
+            scatter = (generator.chisquare(self.stated, _DRAWS) if self.stated
+                       else np.zeros(_DRAWS))
+            every = self._ratios(draws, np.r_[self.stated, scatter])
+        else:
+            variances = np.column_stack([np.ones(len(part_noise.freedom)),
+                                         part_noise.drawn(generator, _DRAWS)])
+            every = self._ratios_to(part_noise, draws, variances)
         tails = {name: self._tail(name, *ratios) for name, ratios in every.items()}
         p_values = {name: float(tail[0]) for name, tail in tails.items()}
         least = min(p_values.values(), default=1.0)
@@ -318,11 +325,12 @@ class ResidualTests:
         bound = min(1.0, least * len(p_values)) if p_values else 1.0
         p_value = min(bound, max(corrected, 1 / _DRAWS)) if corrected > 0 else bound
         step = every["step"][0][:, 0].argmax() if "step" in every else None
-        return TestResult(p_values, p_value, self.noise(residual) if noise_freedom is None else 1.0,
+        noise, freedom = ((self.noise(residual), self.freedom + self.stated) if part_noise is None
+                          else (1.0, float(part_noise.freedom.sum())))
+        return TestResult(p_values, p_value, noise, freedom,
                           0 if step is None else int(self.readings[step]))
 
-    def _ratios(self, residuals: Array, stated: Array, noise_freedom: float | None
-                ) -> dict[str, tuple[Array, int, float]]:
+    def _ratios(self, residuals: Array, stated: Array) -> dict[str, tuple[Array, int, float]]:
         """By pattern, ratios of variances of residuals, shape (n,), and their degrees of freedom.
 
         Of jumps those of each column, shape (columns, n).
@@ -330,17 +338,11 @@ class ResidualTests:
         inner = self.smooth.T @ residuals
         squares = np.sum(residuals**2, axis=0) - np.sum((self.taken.T @ residuals) ** 2, axis=0)
         squares = squares - np.sum(inner**2, axis=0)
-        freedom = self.freedom + self.stated if noise_freedom is None else noise_freedom
-        variance = stated / freedom if noise_freedom is not None else self._variance(
-            squares, stated, self.freedom)
-        ratios = {}
-        for name, basis in self.bases.items():
-            parts = self._small[name].T @ inner
-            ratio = np.sum(parts**2, axis=0) / len(parts) / variance
-            if name in self.one_sided:
-                ratio = ratio * np.sign(parts[0])
-            ratios[name] = ratio, basis.shape[1], freedom
-        apart = noise_freedom is None and self.freedom >= 2
+        freedom = self.freedom + self.stated
+        variance = self._variance(squares, stated, self.freedom)
+        ratios = {name: (self._mean_square(name, inner) / variance, basis.shape[1], freedom)
+                  for name, basis in self.bases.items()}
+        apart = self.freedom >= 2
         for name, columns in self.jumps.items():
             parts = columns.T @ residuals
             if apart:
@@ -350,6 +352,29 @@ class ResidualTests:
                 variance = self._variance(others, stated, self.freedom - 1)
             ratios[name] = parts**2 / variance, 1, freedom - apart
         return ratios
+
+    def _ratios_to(self, part_noise: PartNoise, residuals: Array, variances: Array
+                   ) -> dict[str, tuple[Array, int, float]]:
+        """The same over noise whose parts have these ``variances``, shape (parts, n).
+
+        A pattern's noise is that of the parts it is in, by its share in each.
+        """
+        inner, ratios = self.smooth.T @ residuals, {}
+        for name, columns in self.bases.items():
+            shares = part_noise.shares(columns)
+            ratios[name] = (self._mean_square(name, inner) / (shares @ variances),
+                            columns.shape[1], part_noise.freedom_of(shares))
+        for name, columns in self.jumps.items():
+            shares = part_noise.shares(columns)
+            ratios[name] = ((columns.T @ residuals) ** 2 / (shares @ variances), 1,
+                            part_noise.freedom_of(shares))
+        return ratios
+
+    def _mean_square(self, name: str, inner: Array) -> Array:
+        """Of residuals in the smooth basis along a pattern, (n,); less than 0 on its wrong side."""
+        parts = self._small[name].T @ inner
+        squares = np.sum(parts**2, axis=0) / len(parts)
+        return np.asarray(squares * np.sign(parts[0]) if name in self.one_sided else squares)
 
     def _tail(self, name: str, ratios: Array, count: int, freedom: float) -> Array:
         top = ratios.max(0, keepdims=True) if name in self.jumps else ratios

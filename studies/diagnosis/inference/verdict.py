@@ -18,6 +18,7 @@ from tympan.studies.diagnosis.inference.identifiability import (
     shows_when_large,
     signatures,
 )
+from tympan.studies.diagnosis.inference.part_noise import PartNoise
 from tympan.studies.diagnosis.inference.posterior import (
     Fit,
     Posterior,
@@ -79,6 +80,8 @@ _EXCLUDES = 0.9
 
 #: Readings of a channel that must be left to tell its noise, as a share, beside all patterns.
 _SHARE = 0.5
+
+_TOO_FEW = "there are too few readings to tell a misfit from noise"
 
 #: How many hypotheses are asked whether they leave noise, by probability and by χ².
 _ASKED = (8, 6)
@@ -152,18 +155,19 @@ class Judgement:
 
 
 def judge(simulation: Simulation, table: ReadingTable, causes: Sequence[Cause],
-          stated: float = STATED, widen: float = 1.0, seed: int = 0, workers: int = 1
-          ) -> Judgement:
+          stated: float = STATED, widen: float = 1.0, seed: int = 0, workers: int = 1,
+          part_noise: PartNoise | None = None) -> Judgement:
     """Judge a table's readings by what may be wrong, usual sizes taken ``widen`` times as large.
 
     The noise is the table's as far as it is ``stated``: by so many degrees of freedom, 0 where it
-    is made up. ``workers``: processes for the films of effects larger than those simulated so far.
+    is made up; or that of each part, ``part_noise``, as it was found before. ``workers``: processes
+    for the films of effects larger than those simulated so far.
     """
     generator = np.random.default_rng(seed)
     simulation, table, nominal, columns, tests = _begun(simulation, table, causes, stated, workers)
     if not tests.able:
-        raise ArithmeticError("there are too few readings to tell a misfit from noise")
-    test = tests(nominal.residual, generator)
+        raise ArithmeticError(_TOO_FEW)
+    test = tests(nominal.residual, generator, part_noise)
     simulation, table, nominal, columns = _louder(simulation, table, nominal, columns, test.noise)
     signs = signatures(simulation, table, nominal.unknowns, causes)
     invisible, classes = classes_of(signs)
@@ -171,7 +175,7 @@ def judge(simulation: Simulation, table: ReadingTable, causes: Sequence[Cause],
                      indistinguishable=classes, invisible=invisible)
     if test.p_value >= ALARM:
         return base
-    adequacy = _Adequacy(base, tests.freedom + stated, generator)
+    adequacy = _Adequacy(base, part_noise or PartNoise.of_all(len(table), test.freedom), generator)
     possible = tuple(cause for cause in causes if cause not in invisible
                      or shows_when_large(simulation, cause, nominal, table))
     exploration = Exploration(simulation, table, nominal, possible, adequacy.enough, widen, workers)
@@ -180,10 +184,12 @@ def judge(simulation: Simulation, table: ReadingTable, causes: Sequence[Cause],
 
 
 def with_noise_found(simulation: Simulation, table: ReadingTable, causes: Sequence[Cause],
-                     stated: float) -> ReadingTable:
-    """A table with its noise as :func:`judge` finds it."""
+                     stated: float) -> tuple[ReadingTable, float]:
+    """A table with its noise as :func:`judge` finds it, and degrees of freedom of that."""
     _, table, nominal, _, tests = _begun(simulation, table, causes, stated, 1)
-    return table.with_sigma(table.sigma * tests.noise(nominal.residual))
+    if not (freedom := tests.freedom + stated):
+        raise ArithmeticError(_TOO_FEW)
+    return table.with_sigma(table.sigma * tests.noise(nominal.residual)), freedom
 
 
 def _begun(simulation: Simulation, table: ReadingTable, causes: Sequence[Cause], stated: float,
@@ -280,7 +286,7 @@ class _Adequacy:
     """Tests whether what a hypothesis leaves is noise, known as well as before."""
 
     base: Judgement
-    freedom: float
+    part_noise: PartNoise
     generator: np.random.Generator
     results: dict[int, tuple[Fit, TestResult]] = field(default_factory=dict)
 
@@ -290,8 +296,7 @@ class _Adequacy:
             columns = over(self.base.patterns, self.base.table)
             tests = ResidualTests.of(fit.free_jacobian, columns, stated=0.0)
             # The fit is kept, too, so that no other one gets its identity.
-            self.results[id(fit)] = fit, tests(
-                fit.residual, self.generator, noise_freedom=self.freedom)
+            self.results[id(fit)] = fit, tests(fit.residual, self.generator, self.part_noise)
         return self.results[id(fit)][1]
 
     def enough(self, fit: Fit) -> bool:

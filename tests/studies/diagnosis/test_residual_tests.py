@@ -10,6 +10,7 @@ import pytest
 from benchmarks.trials.unmodelled_faults import Jump, Stick
 from tests.support.trials import design, every_cause
 from tympan.studies.diagnosis.inference.identifiability import signatures
+from tympan.studies.diagnosis.inference.part_noise import PartNoise
 from tympan.studies.diagnosis.inference.posterior import fit
 from tympan.studies.diagnosis.inference.residual_tests import (
     ResidualTests,
@@ -72,7 +73,8 @@ def test_a_knock_is_told_with_its_reading(bench: Bench, reading: int) -> None:
     assert min(result.p_values, key=lambda name: result.p_values[name]) == "step"
     assert abs(result.reading - (reading + 1)) <= 1
     assert result.words("step") == f"from reading {result.reading} on, readings are shifted"
-    assert bench.tests({})(bench.left(knocked), generator, noise_freedom=60.0).p_value < 1e-3
+    part_noise = PartNoise.of_all(len(knocked), 60.0)
+    assert bench.tests({})(bench.left(knocked), generator, part_noise).p_value < 1e-3
 
 
 def test_jumps_are_no_noise(bench: Bench) -> None:

@@ -32,7 +32,7 @@ HIDDEN = (("strain_stiffening", (-0.3,)), ("strain_stiffening", (0.5,)),
           ("width_not_held", (0.7,)))
 
 
-def plan_of(runs: tuple[strips.Run, ...], noise: float | None = 0.01, count: int = 12) -> StripPlan:
+def plan_of(runs: tuple[strips.Run, ...], noise: float = 0.01, count: int = 12) -> StripPlan:
     return StripPlan(strips.film_alone(), runs, count, noise)
 
 
@@ -114,7 +114,7 @@ def test_a_law_far_off_is_no_reason_to_refuse(
 def test_runs_that_are_stretched_and_held_tell_their_noise(tmp_path: Path, seed: int) -> None:
     """The corner between both was taken for noise, three times as large as that is; strips that
     differ by 3 % were then something wrong."""
-    plan = plan_of(strips.IN_TIME, None, strips.DENSE)
+    plan = strips.laboratory(strips.film_alone(), strips.IN_TIME)
     folder = written(tmp_path / "data", plan, Truth(1.1, 1.0), seed,
                      strip_scatter=strips.STRIPS_DIFFER)
     _, judgement, _ = judge_dataset(read_dataset(folder))
