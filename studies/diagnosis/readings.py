@@ -20,7 +20,7 @@ from tympan.studies.diagnosis.inference.residual_tests import STATED
 from tympan.studies.diagnosis.reading_table import Kind, ReadingTable, States, rows
 from tympan.studies.diagnosis.transients.block_means import transient_rows
 from tympan.studies.effects import EFFECTS, Setup
-from tympan.studies.effects.library import IN_TIME
+from tympan.studies.effects.effect import IN_TIME
 
 Array = NDArray[np.float64]
 

@@ -179,6 +179,13 @@ class Effect:
         return self.apply(setup, values, which)
 
 
+#: What tells how readings go on in time: a transient's times, or how long states were held.
+IN_TIME = "t_s or dwell_s"
+#: What coupon tests are read by.
+OF_STRIPS, WARMTH = "nominal_stress_kPa", "temperature_C"
+#: Columns that only coupons have.
+COUPONS_ALONE = frozenset({OF_STRIPS, WARMTH})
+
 #: An effect by name, its values in SI, and the specimen it happens to, if it is on one.
 Use = tuple[str, tuple[float, ...], str | None]
 

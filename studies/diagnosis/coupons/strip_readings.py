@@ -20,7 +20,7 @@ from tympan.studies.diagnosis.reading_table import ReadingTable, States, rows
 from tympan.studies.diagnosis.readings import ASSUMED, FEWEST, PreparedReadings
 from tympan.studies.diagnosis.reduced.strips import StripTests
 from tympan.studies.effects import EFFECTS, Setup
-from tympan.studies.effects.library import IN_TIME, OF_STRIPS, WARMTH
+from tympan.studies.effects.effect import IN_TIME, OF_STRIPS, WARMTH
 from tympan.studies.files import words_beside
 
 Array = NDArray[np.float64]

@@ -25,8 +25,8 @@ from tympan.studies.case import Case, Settings, equilibrate, solve
 from tympan.studies.data.coupon import Coupons
 from tympan.studies.diagnosis.reduced.strips import StripTests
 from tympan.studies.effects import EFFECTS, Effect, Setup, Use, extended
+from tympan.studies.effects.effect import COUPONS_ALONE, IN_TIME
 from tympan.studies.effects.findings import FoundSize, finding, limits_told
-from tympan.studies.effects.library import COUPONS_ALONE, IN_TIME
 from tympan.studies.modes import heave_frequency, modes
 from tympan.studies.signals import step
 from tympan.studies.transient import TransientCase, respond
