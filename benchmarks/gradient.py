@@ -18,7 +18,7 @@ from statistics import median
 
 from tympan.fem.derivatives.quantities import QUANTITIES
 from tympan.fem.derivatives.sensitivity import gradient, parameters, shape_names
-from tympan.fem.equilibrium.ramp import equilibrium
+from tympan.fem.equilibrium.solve import equilibrium
 from tympan.fem.film.laws import Ogden
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import State

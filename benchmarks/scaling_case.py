@@ -18,7 +18,7 @@ import numpy as np
 
 from benchmarks.tympan_rows import specimen
 from tympan.fem.discretisation.discretisation import Discretisation
-from tympan.fem.equilibrium.ramp import equilibrium
+from tympan.fem.equilibrium.solve import equilibrium
 from tympan.fem.film.laws import Ogden
 from tympan.fem.linear_solver import direct
 from tympan.fem.linear_solver.direct import factorise

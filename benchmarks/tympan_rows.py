@@ -11,7 +11,7 @@ import numpy as np
 
 from benchmarks.peers.harness import PROBLEM, Peer, Row, Solution, measure
 from tympan.fem.discretisation.discretisation import Discretisation
-from tympan.fem.equilibrium.ramp import held
+from tympan.fem.equilibrium.solve import held
 from tympan.fem.film.laws import Ogden
 from tympan.fem.membrane.model import Model
 from tympan.geometry.mesh import ELEMENTS, CurvedTriangles, curved_mesh, from_meshio

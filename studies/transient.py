@@ -14,7 +14,8 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from tympan.fem.equilibrium.newton import Solution
-from tympan.fem.equilibrium.ramp import Outcome, Status, equilibrium
+from tympan.fem.equilibrium.ramp import Outcome, Status
+from tympan.fem.equilibrium.solve import equilibrium
 from tympan.fem.film.density import from_virgin
 from tympan.fem.film.memory import Memory
 from tympan.fem.membrane.model import Model

@@ -25,7 +25,7 @@ from typing import TypeVar
 from unittest.mock import patch
 
 from benchmarks.peers.viscous_film import PROBLEM
-from tympan.fem.equilibrium.ramp import equilibrium
+from tympan.fem.equilibrium.solve import equilibrium
 from tympan.fem.film.laws import NeoHooke
 from tympan.fem.film.library import load_specimen
 from tympan.fem.transient.integrate import StepSettings

@@ -18,7 +18,8 @@ from tests.oracles.laws import SAMPLES
 from tests.oracles.unstable import end_voltage
 from tympan.fem.equilibrium.constraints import held_plate
 from tympan.fem.equilibrium.newton import moved, newton
-from tympan.fem.equilibrium.ramp import Outcome, Ramp, equilibrium
+from tympan.fem.equilibrium.ramp import Outcome, Ramp
+from tympan.fem.equilibrium.solve import equilibrium
 from tympan.fem.equilibrium.subspace import FULL
 from tympan.fem.film.laws import Ogden
 from tympan.fem.membrane.model import Model

@@ -25,7 +25,7 @@ from benchmarks.trials.synthetic_trials import (
     design_of,
     ramp_states,
 )
-from tympan.fem.equilibrium.ramp import equilibrium
+from tympan.fem.equilibrium.solve import equilibrium
 from tympan.fem.film.laws.stiffened import scaled
 from tympan.fem.film.library import MATERIALS
 from tympan.fem.rig import Rig

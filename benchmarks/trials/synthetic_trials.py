@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq, least_squares
 
 from benchmarks.trials import axisymmetric_readings as hidden_equations
-from tympan.fem.equilibrium.ramp import equilibrium
+from tympan.fem.equilibrium.solve import equilibrium
 from tympan.fem.equilibrium.voltage_path import voltage_path
 from tympan.fem.film.laws import Gent, MooneyRivlin, stiffened
 from tympan.fem.film.library import MATERIALS, load_specimen

@@ -13,7 +13,7 @@ from benchmarks.verification.claim import Pair, claim
 from benchmarks.verification.films import MU, PERMITTIVITY, ROOT5, A, B, T, annulus
 from tests.oracles.axisymmetric import Material
 from tests.oracles.laws import SAMPLES
-from tympan.fem.equilibrium.ramp import held
+from tympan.fem.equilibrium.solve import held
 from tympan.fem.film.density import FilmDensity
 from tympan.fem.film.laws import NeoHooke
 from tympan.geometry.specimen import Material as FilmMaterial

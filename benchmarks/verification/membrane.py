@@ -27,7 +27,7 @@ from benchmarks.verification.references import INCH, PSI, VM218, rubber_disc
 from tests.oracles.axisymmetric import neo_hooke, solve_deflection, solve_load
 from tests.oracles.inflation import Disc, Loads, hencky, minimise
 from tests.oracles.laws import SAMPLES
-from tympan.fem.equilibrium.ramp import equilibrium, held
+from tympan.fem.equilibrium.solve import equilibrium, held
 from tympan.fem.film.laws import MooneyRivlin, NeoHooke
 from tympan.fem.membrane.loading import Loading
 from tympan.geometry.specimen import Film

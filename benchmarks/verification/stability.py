@@ -21,7 +21,8 @@ from tests.oracles.unstable import branch_voltage, slack_voltage
 from tympan.fem.equilibrium.arc_length import Branch
 from tympan.fem.equilibrium.constraints import held_plate
 from tympan.fem.equilibrium.newton import newton
-from tympan.fem.equilibrium.ramp import Outcome, equilibrium
+from tympan.fem.equilibrium.ramp import Outcome
+from tympan.fem.equilibrium.solve import equilibrium
 from tympan.fem.equilibrium.subspace import SmoothSubspace
 from tympan.fem.film.laws import NeoHooke
 from tympan.fem.membrane.model import Model

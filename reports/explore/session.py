@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tympan.fem.equilibrium.newton import Solution
-from tympan.fem.equilibrium.ramp import Outcome, equilibrium
+from tympan.fem.equilibrium.ramp import Outcome
+from tympan.fem.equilibrium.solve import equilibrium
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import State
 from tympan.fem.rig import DIRECTIONS, Rig

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import numpy as np
 
-from tympan.fem.equilibrium.ramp import held
+from tympan.fem.equilibrium.solve import held
 from tympan.fem.rig import VOLTAGES, Rig
 from tympan.geometry.errors import InputError
 from tympan.geometry.fields import Key

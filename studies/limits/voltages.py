@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tympan.fem.equilibrium.arc_length import PathPoint
-from tympan.fem.equilibrium.ramp import Outcome, equilibrium
+from tympan.fem.equilibrium.ramp import Outcome
+from tympan.fem.equilibrium.solve import equilibrium
 from tympan.fem.membrane.model import Model
 from tympan.studies.case import (
     Case,

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import nnls
 
-from tympan.fem.equilibrium.ramp import equilibrium
+from tympan.fem.equilibrium.solve import equilibrium
 from tympan.fem.film.density import from_virgin, principal_stretches
 from tympan.fem.film.memory import Memory
 from tympan.fem.membrane.model import Model

@@ -9,7 +9,7 @@ import pytest
 from tests.oracles import axisymmetric
 from tests.support.models import model
 from tests.support.specimens import NEO_HOOKE, ROOT5, circular, elliptical, skewed
-from tympan.fem.equilibrium.ramp import equilibrium, held
+from tympan.fem.equilibrium.solve import equilibrium, held
 from tympan.fem.film.library import MATERIALS
 from tympan.fem.results.fields import Fields, cell_fields, edge_fields
 from tympan.geometry.mesh import ELEMENTS

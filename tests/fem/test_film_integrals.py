@@ -9,7 +9,7 @@ import pytest
 
 from tests.support.models import model
 from tests.support.specimens import NEO_HOOKE, circular, elliptical
-from tympan.fem.equilibrium.ramp import held
+from tympan.fem.equilibrium.solve import held
 from tympan.fem.film.laws import Ogden
 from tympan.fem.film.tension_field import Tension
 from tympan.fem.membrane.model import Model

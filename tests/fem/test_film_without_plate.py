@@ -20,7 +20,7 @@ from tests.oracles.inflation import (
 )
 from tests.support.models import model
 from tympan.fem.discretisation.discretisation import Discretisation
-from tympan.fem.equilibrium.ramp import equilibrium, held
+from tympan.fem.equilibrium.solve import equilibrium, held
 from tympan.fem.film.laws import NeoHooke
 from tympan.fem.results.fields import whole
 from tympan.fem.rig import Rig

@@ -28,7 +28,7 @@ from tests.support.specimens import (
 )
 from tympan.cli import main
 from tympan.fem.equilibrium.newton import newton
-from tympan.fem.equilibrium.ramp import equilibrium, held
+from tympan.fem.equilibrium.solve import equilibrium, held
 from tympan.fem.membrane.loading import Loading, Spring
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import FREEDOMS, HEAVE, PlateMotion, State

@@ -23,7 +23,7 @@ from tympan.fem.derivatives.sensitivity import (
     solve_adjoint,
 )
 from tympan.fem.equilibrium.newton import newton
-from tympan.fem.equilibrium.ramp import equilibrium
+from tympan.fem.equilibrium.solve import equilibrium
 from tympan.fem.equilibrium.tangent import Tangent
 from tympan.fem.membrane.loading import Loading, Magnet, Spring
 from tympan.fem.membrane.model import Model

@@ -17,7 +17,7 @@ from tympan.fem.derivatives.sensitivity import limit_gradient, parameters
 from tympan.fem.derivatives.shape import edge_nodes, velocity
 from tympan.fem.discretisation.isoparametric import isoparametric
 from tympan.fem.equilibrium.newton import newton
-from tympan.fem.equilibrium.ramp import equilibrium
+from tympan.fem.equilibrium.solve import equilibrium
 from tympan.fem.film.laws import Ogden
 from tympan.fem.membrane.loading import Loading
 from tympan.geometry.errors import InputError

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from tests.support.specimens import ROOT5
 from tympan.fem.discretisation.isoparametric import folded
-from tympan.fem.equilibrium.ramp import equilibrium
+from tympan.fem.equilibrium.solve import equilibrium
 from tympan.fem.film.library import MATERIALS
 from tympan.geometry.errors import InputError
 from tympan.geometry.mesher import MeshSettings

@@ -6,7 +6,7 @@ from tests.oracles.axisymmetric import Film as Reference
 from tests.oracles.axisymmetric import FloatArray, RitzExpansion
 from tests.oracles.unstable import shape_at
 from tympan.fem.equilibrium.arc_length import ArcSettings, Branch, PathPoint
-from tympan.fem.equilibrium.ramp import equilibrium
+from tympan.fem.equilibrium.solve import equilibrium
 from tympan.fem.equilibrium.subspace import Subspace
 from tympan.fem.film.laws import Ogden
 from tympan.fem.membrane.model import Model

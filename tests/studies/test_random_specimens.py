@@ -16,7 +16,7 @@ from tests.oracles.potential import potential
 from tests.support.models import model
 from tests.support.specimens import circular
 from tympan.fem.equilibrium.newton import STRAINED
-from tympan.fem.equilibrium.ramp import equilibrium
+from tympan.fem.equilibrium.solve import equilibrium
 from tympan.fem.film.laws import ArrudaBoyce, Gent
 from tympan.fem.membrane.loading import Magnet
 from tympan.fem.results.fields import whole

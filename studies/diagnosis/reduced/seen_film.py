@@ -9,7 +9,7 @@ from functools import cached_property, lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from tympan.fem.equilibrium.ramp import equilibrium
+from tympan.fem.equilibrium.solve import equilibrium
 from tympan.fem.results.places import Places
 from tympan.fem.rig import Rig
 from tympan.geometry.errors import InputError

@@ -15,7 +15,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from tympan.fem.equilibrium.ramp import held
+from tympan.fem.equilibrium.solve import held
 from tympan.fem.results.places import Places
 from tympan.fem.vibration.heave import FollowingFilm, following
 from tympan.geometry.errors import InputError

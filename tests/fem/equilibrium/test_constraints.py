@@ -21,7 +21,7 @@ from tympan.fem.equilibrium.constraints import (
     length,
 )
 from tympan.fem.equilibrium.newton import moved, newton
-from tympan.fem.equilibrium.ramp import equilibrium, held
+from tympan.fem.equilibrium.solve import equilibrium, held
 from tympan.fem.equilibrium.subspace import SmoothSubspace
 from tympan.fem.equilibrium.tangent import Tangent
 from tympan.fem.membrane.loading import Loading

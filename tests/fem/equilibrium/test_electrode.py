@@ -15,7 +15,7 @@ from scipy.constants import epsilon_0
 from tests.support.models import model
 from tests.support.specimens import PATCH_TOML, ROOT5, circular
 from tympan.fem.discretisation.isoparametric import folded
-from tympan.fem.equilibrium.ramp import equilibrium
+from tympan.fem.equilibrium.solve import equilibrium
 from tympan.fem.film.library import load_specimen
 from tympan.fem.results.fields import edge_fields
 from tympan.geometry.errors import InputError

@@ -16,7 +16,7 @@ from tests.oracles.potential import potential
 from tests.support.models import loaded, model
 from tests.support.specimens import NEO_HOOKE, circular, elliptical, reference_film
 from tympan.fem.equilibrium.arc_length import Branch
-from tympan.fem.equilibrium.ramp import equilibrium
+from tympan.fem.equilibrium.solve import equilibrium
 from tympan.fem.membrane.loading import Loading, plate_volume
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import PlateMotion, State

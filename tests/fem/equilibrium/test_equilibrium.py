@@ -16,7 +16,7 @@ from tests.support.models import model, pressed_model, structured_quarter
 from tests.support.specimens import NEO_HOOKE, ROOT5, circular, elliptical, reference_film, skewed
 from tympan.fem.discretisation.discretisation import Discretisation
 from tympan.fem.equilibrium.newton import NewtonSettings, newton
-from tympan.fem.equilibrium.ramp import equilibrium, held
+from tympan.fem.equilibrium.solve import equilibrium, held
 from tympan.fem.equilibrium.voltage_path import voltage_path
 from tympan.fem.film.laws import Ogden
 from tympan.fem.film.library import load_specimen

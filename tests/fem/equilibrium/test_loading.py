@@ -17,7 +17,7 @@ from tests.support.models import loaded, model
 from tests.support.specimens import circular, elliptical
 from tympan.fem.discretisation.discretisation import Discretisation
 from tympan.fem.equilibrium.newton import moved
-from tympan.fem.equilibrium.ramp import equilibrium
+from tympan.fem.equilibrium.solve import equilibrium
 from tympan.fem.membrane.loading import BIASES, GUIDES, Loading, Magnet, Spring
 from tympan.fem.membrane.model import Model
 from tympan.fem.rig import Rig

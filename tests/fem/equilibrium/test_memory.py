@@ -12,7 +12,7 @@ import pytest
 from tests.support.models import deflection_gradient, model
 from tests.support.specimens import circular
 from tympan.fem.equilibrium import tangent
-from tympan.fem.equilibrium.ramp import equilibrium, held
+from tympan.fem.equilibrium.solve import equilibrium, held
 from tympan.fem.film.laws import Ogden
 from tympan.fem.linear_solver.direct import factorise
 

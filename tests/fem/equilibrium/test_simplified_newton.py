@@ -11,7 +11,7 @@ from tests.support.models import model
 from tests.support.specimens import circular
 from tympan.fem.equilibrium.constraints import held_charge, held_plate
 from tympan.fem.equilibrium.newton import NewtonSettings, newton, simplified_newton, tangent_at
-from tympan.fem.equilibrium.ramp import equilibrium
+from tympan.fem.equilibrium.solve import equilibrium
 from tympan.fem.film.laws import NeoHooke
 from tympan.fem.membrane.rigid_plate import Swing
 

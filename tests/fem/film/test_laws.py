@@ -18,7 +18,7 @@ from tests.support.models import deflection_gradient, model
 from tests.support.specimens import ROOT5, circular
 from tympan.fem.equilibrium.constraints import held_plate
 from tympan.fem.equilibrium.newton import newton
-from tympan.fem.equilibrium.ramp import equilibrium, held
+from tympan.fem.equilibrium.solve import equilibrium, held
 from tympan.fem.film.admissibility import (
     STRETCH_RANGE,
     checked,

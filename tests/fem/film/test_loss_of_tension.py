@@ -14,7 +14,7 @@ from tests.oracles import axisymmetric
 from tests.oracles.unstable import slack_voltage
 from tests.support.models import model, pressed_model
 from tests.support.specimens import NEO_HOOKE, ROOT5, circular
-from tympan.fem.equilibrium.ramp import equilibrium
+from tympan.fem.equilibrium.solve import equilibrium
 from tympan.fem.film.laws import Ogden
 from tympan.fem.film.tension_field import Tension
 from tympan.fem.membrane.model import Model

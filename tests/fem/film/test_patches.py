@@ -17,7 +17,7 @@ from tests.support.specimens import circular, elliptical, reference_film, skewed
 from tympan.fem.derivatives.quantities import QUANTITIES
 from tympan.fem.derivatives.sensitivity import gradient_many, parameters
 from tympan.fem.equilibrium.newton import newton
-from tympan.fem.equilibrium.ramp import equilibrium, held
+from tympan.fem.equilibrium.solve import equilibrium, held
 from tympan.fem.film.library import load_specimen
 from tympan.fem.membrane.model import Model
 from tympan.fem.results.fields import film_integrals

@@ -16,7 +16,7 @@ from tests.oracles.axisymmetric import energy_derivatives
 from tests.oracles.laws import SAMPLES
 from tests.support.models import model
 from tests.support.specimens import NEO_HOOKE, circular, reference_film
-from tympan.fem.equilibrium.ramp import held
+from tympan.fem.equilibrium.solve import held
 from tympan.fem.film.density import Maxwell
 from tympan.fem.film.tension_field import TensionField, total
 

@@ -10,7 +10,7 @@ from scipy.constants import epsilon_0
 
 from tests.support.models import deformed, model
 from tests.support.specimens import circular
-from tympan.fem.equilibrium.ramp import equilibrium
+from tympan.fem.equilibrium.solve import equilibrium
 from tympan.fem.membrane.loading import Loading
 from tympan.fem.results.fields import film_integrals
 from tympan.geometry.errors import InputError

@@ -16,7 +16,7 @@ from tests.support.models import model
 from tests.support.specimens import circular
 from tests.support.strip import BentStrip
 from tympan.fem.equilibrium.newton import newton
-from tympan.fem.equilibrium.ramp import equilibrium
+from tympan.fem.equilibrium.solve import equilibrium
 from tympan.fem.film.laws import NeoHooke
 from tympan.fem.membrane.loading import Loading
 from tympan.fem.membrane.state import PlateMotion

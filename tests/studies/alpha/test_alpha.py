@@ -13,7 +13,7 @@ from scipy.optimize import minimize
 
 from tests.support.models import model
 from tests.support.specimens import circular, elliptical
-from tympan.fem.equilibrium.ramp import equilibrium
+from tympan.fem.equilibrium.solve import equilibrium
 from tympan.fem.film.library import MATERIALS
 from tympan.fem.rig import Rig
 from tympan.geometry.errors import InputError

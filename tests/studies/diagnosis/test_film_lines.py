@@ -16,7 +16,7 @@ from tests.oracles.axisymmetric import solve_deflection
 from tests.support.datasets import HEAD, write_dataset
 from tests.support.specimens import circular, reference_film, skewed
 from tympan.cli import main
-from tympan.fem.equilibrium.ramp import equilibrium, held
+from tympan.fem.equilibrium.solve import equilibrium, held
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import State
 from tympan.fem.results.places import Places

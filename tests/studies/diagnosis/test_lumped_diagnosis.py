@@ -12,7 +12,7 @@ from scipy.optimize import brentq
 
 from tests.support.models import model
 from tests.support.specimens import circular, elliptical
-from tympan.fem.equilibrium.ramp import held
+from tympan.fem.equilibrium.solve import held
 from tympan.fem.equilibrium.voltage_path import voltage_path
 from tympan.fem.film.laws import NeoHooke
 from tympan.fem.film.library import MATERIALS

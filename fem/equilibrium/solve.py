@@ -1,0 +1,127 @@
+"""The equilibrium under given loads, or with the plate held."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from tympan.fem.equilibrium.constraints import held_plate
+from tympan.fem.equilibrium.newton import Solution, moved, newton
+from tympan.fem.equilibrium.ramp import SLACK, Outcome, PathSettings, Ramp, still_slack
+from tympan.fem.membrane.model import Model
+from tympan.fem.membrane.state import HEAVE, Load, State
+
+#: How far the plate, or the centre, of a film that is slack when mounted is first pushed out,
+#: relative to the frame's half extent.
+_PUSHED = 0.2
+
+#: Iterations with which Newton's method makes a short step, if at all.
+_FEW = 8
+
+
+def equilibrium(model: Model, force: float, voltage: float, pressure: float = 0.0,
+                start: Solution | None = None,
+                settings: PathSettings = PathSettings()) -> Outcome:
+    """The equilibrium under a force on the plate [N], a voltage [V] and a gas pressure [Pa].
+
+    Force, which there is none of without a plate, and gas, which is below film and plate, push
+    along the load. ``start`` is a converged solution; by default the flat mounted film, loaded
+    first and then charged. An "equilibrium" is stable under these loads and connected to the start
+    without passing a limit point.
+    """
+    solution = start or _first(model, settings)
+    outcome = Outcome("equilibrium" if solution.converged else "not_converged", solution,
+                      solution.advice)
+    targets: dict[Load, float] = {"force": force, "pressure": pressure, "voltage": voltage**2}
+    # A film mounted slack starts pushed out by a force, which it may lose only once the gas holds
+    # it.
+    pushed = start is None and solution.state.load(model.pushed_by) != 0
+    order: tuple[Load, ...] = ("force", "pressure", "voltage")
+    for load in ("pressure", "force", "voltage") if pushed else order:
+        if outcome.status == "equilibrium":
+            unloads = abs(targets[load]) < abs(outcome.state.load(load))
+            stepping = _unloading(settings) if unloads and model.slack_when_mounted else settings
+            outcome = Ramp(model, load, targets[load], stepping).run(outcome.solution)
+    changed = outcome.status == "equilibrium" and outcome.solution is not solution
+    if changed and still_slack(model, outcome.state):
+        return Outcome("not_converged", outcome.solution, f"{SLACK} under its loads")
+    return outcome
+
+
+def _unloading(settings: PathSettings) -> PathSettings:
+    """To unload a film slack when mounted: short steps, soon given up.
+
+    Where such a film goes slack, Newton's method uses all its iterations and fails.
+    """
+    return replace(settings, handover=1.0, arc=replace(settings.arc, longest=settings.arc.first),
+                   newton=replace(settings.newton, iterations=_FEW))
+
+
+def _first(model: Model, settings: PathSettings) -> Solution:
+    """The flat mounted film; or, where that is slack, the film pushed out at plate or centre.
+
+    An unstressed flat membrane has no stiffness across its plane, so its load path cannot start
+    there.
+    """
+    flat = newton(model, model.mounted(), settings=settings.newton)
+    if flat.converged and flat.stable and model.in_tension(flat.state):
+        return flat
+    pushed_by = model.pushed_by
+    if pushed_by == "force" and HEAVE not in model.plate_freedoms:
+        return replace(flat, converged=False,
+                       advice="the film is slack when mounted, and its plate cannot move")
+    deflection = _PUSHED * model.size
+    while True:
+        solution = newton(model, _cone(model, deflection), (pushed_by,), (held_plate(deflection),),
+                          settings.newton)
+        pushed = solution.converged and solution.state.load(pushed_by) > 0
+        if pushed and not still_slack(model, solution.state):
+            return solution
+        if deflection >= settings.reach * model.high:
+            return replace(solution, converged=False,
+                           advice=f"{SLACK} when it is pushed out")
+        deflection = min(2 * deflection, settings.reach * model.high)
+
+
+def _cone(model: Model, deflection: float) -> State:
+    """A cone from the frame to the lifted plate; without a plate a dome."""
+    cone, plate = model.mounted(), model.specimen.plate
+    x, y, _ = cone.positions.T
+    to_frame = np.abs(model.specimen.frame.level(x, y))
+    if plate is None:
+        share = to_frame / to_frame[model.centre_node]
+        cone.positions[:, 2] = deflection * share * (2 - np.minimum(share, 1.0))
+        return cone
+    to_plate = np.abs(plate.level(x, y))
+    cone.positions[:, 2] = deflection * to_frame / (to_frame + to_plate)
+    return replace(cone, plate=cone.plate.raised_to(deflection))
+
+
+def held(model: Model, deflection: float, voltage: float = 0.0, start: Solution | None = None,
+         settings: PathSettings = PathSettings()) -> Outcome:
+    """The film under a voltage [V], its plate held at a deflection [m] by ``state.force`` [N].
+
+    Without a plate its centre, by ``state.pressure`` [Pa].
+    """
+    free = (model.pushed_by,)
+    solution = start or newton(model, model.mounted(), free, (held_plate(0.0),), settings.newton)
+    origin, squared = model.deflection(solution.state), solution.state.voltage_squared
+    advice = solution.advice
+    done, step = (0.0, 1.0) if (deflection, voltage**2) != (origin, squared) else (1.0, 0.0)
+    while solution.converged and done < 1:
+        share = min(1.0, done + step)
+        target = origin + share * (deflection - origin)
+        guess, tangent = solution.state, solution.tangent
+        if tangent is not None and tangent.free == free:  # the force follows the deflection
+            motion, loads = tangent.along()
+            guess = moved(model, guess, motion, target - model.deflection(guess), loads)
+        guess = guess.under(voltage=squared + share * (voltage**2 - squared))
+        solution.release()
+        trial = newton(model, guess, free, (held_plate(target),), settings.newton)
+        if trial.converged:
+            solution, done, step = trial, share, 2 * step
+        elif (step := step / 2) < settings.shortest:
+            advice = trial.advice
+            break
+    return Outcome("equilibrium" if done == 1 else "not_converged", solution, advice)
