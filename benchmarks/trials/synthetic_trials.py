@@ -251,6 +251,12 @@ class Truth:
             shares.append(float(np.linalg.norm(parts)))
         return tuple(shares)
 
+    def sizes_of(self, causes: Hypothesis) -> tuple[float, ...]:
+        """Sizes of some of the effects."""
+        sizes = iter(self.sizes)
+        each = {cause: [next(sizes) for _ in cause.effect.parameters] for cause in self.hypothesis}
+        return tuple(size for cause in causes for size in each[cause])
+
     @property
     def unknowns(self) -> Array:
         """As the fitted model has them."""

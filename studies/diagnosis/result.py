@@ -177,7 +177,7 @@ class Diagnosis:
         return {
             "dataset": self.dataset.name,
             "verdict": self.verdict,
-            "headline": headline(self.verdict, named, suspects, place),
+            "headline": headline(self.verdict, named, suspects, place, judged.small_errors),
             "causes": causes,
             "together": together(suspects),
             "indistinguishable": [sorted({cause.name for cause in group})
@@ -201,6 +201,7 @@ class Diagnosis:
             "baseline": {name: dict(zip(("value", "low", "high"), values, strict=True))
                          for name, values in factors.items()},
             "noisier": {"factor": _NOISIER, "probability": self._with_more_noise()},
+            "small_errors": judged.small_errors,
             "robust": [{"factor": factor, "stand_out": sorted(map(str, causes))}
                        for factor, causes in sorted(judged.robust.items())],
             f"model_error_{unit}": judged.table.unit.per_si * self.model_error,
@@ -302,9 +303,12 @@ class Diagnosis:
         return listed
 
     def _with_more_noise(self) -> float | None:
-        """About how probable what is named would be with a larger noise; None without any."""
+        """About how probable what is named would be with a larger noise; None without any.
+
+        Nor where small errors have been added to it already.
+        """
         posterior, nominal = self.judgement.posterior, self.judgement.nominal
-        if posterior is None or self.verdict != "named":
+        if posterior is None or self.verdict != "named" or self.judgement.small_errors:
             return None
         fits = (nominal, *posterior.fits)
         # Misfits weigh less, and what they leave of the unknowns grows.

@@ -90,8 +90,11 @@ def together(suspects: Sequence[Json]) -> bool:
         for cause in suspects[1:])
 
 
-def headline(verdict: str, named: Sequence[Json], suspects: Sequence[Json], where: str) -> str:
+def headline(verdict: str, named: Sequence[Json], suspects: Sequence[Json], where: str,
+             small_errors: float | None = None) -> str:
     """What a reader is told first."""
+    if verdict == "unexplained" and small_errors is not None:
+        return WORDS["rough"].format(share=100 * small_errors)
     if verdict == "named":
         return ". ".join(cause["headline"] for cause in named) + "."
     if verdict == "ambiguous":

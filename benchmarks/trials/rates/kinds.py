@@ -34,7 +34,7 @@ def rates(records: Sequence[Record]) -> list[Rate]:
             *_of_wrong_noise_and_law(kinds),
             share("refused, or ended in an error", list(records),
                   lambda record: record.verdict in GONE),
-            *_of_gains(kinds), *_of_random(kinds, records), *size_rates(records)]
+            *_of_rough(kinds), *_of_gains(kinds), *_of_random(kinds, records), *size_rates(records)]
 
 
 def _named(kinds: Kinds) -> list[Record]:
@@ -115,6 +115,24 @@ def _of_wrong_noise_and_law(kinds: Kinds) -> list[Rate]:
         share("one identifiable effect, stress 1 to 2 % wrong: another is named",
               [record for record in form if record.identifiable],
               lambda record: record.misnamed)]
+
+
+def _of_rough(kinds: Kinds) -> list[Rate]:
+    rough = kinds.get("rough", [])
+    large = [record for record in rough if record.identifiable]
+
+    def named(record: Record) -> bool:
+        return set(record.truth) <= set(record.named)
+
+    return [
+        share("all else off by 0.3 usual sizes, one identifiable effect of 3 to 20: it is the most "
+              "probable cause", large, _first),
+        share("the same: it is named", large, named),
+        share("the same: something small alone is named", large,
+              lambda record: bool(record.named) and not named(record)),
+        share("the same: unexplained", large, lambda record: record.verdict == "unexplained"),
+        share("all off by 0.3 usual sizes, nothing large: something is named",
+              [record for record in rough if not record.truth], lambda record: bool(record.named))]
 
 
 def _of_gains(kinds: Kinds) -> list[Rate]:

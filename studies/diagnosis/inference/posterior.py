@@ -22,6 +22,7 @@ from tympan.studies.diagnosis.hypothesis import (
     unknown_count,
 )
 from tympan.studies.diagnosis.inference.residual_tests import JUMPS, orthonormal, taken_by, without
+from tympan.studies.diagnosis.inference.small_errors import SmallErrors
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.reduced.reduced_films import bounds_of, limits_of
 from tympan.studies.diagnosis.reduced.simulation import Simulation
@@ -63,7 +64,7 @@ class Fit:
     and ``evidence``: logarithm of the readings' probability, up to what all hypotheses share;
     ``heave``: of the states [m]. Where not all states are possible, cost and evidence are infinite,
     and ``short`` is the cost that laws of further reach might have, or inf. Usual sizes were taken
-    ``widen`` times as large.
+    ``widen`` times as large, and there may be small errors ``beside`` the hypothesis.
     """
 
     hypothesis: Hypothesis
@@ -79,6 +80,7 @@ class Fit:
     heave: Array
     short: float = np.inf
     widen: float = 1.0
+    beside: SmallErrors | None = None
 
     @property
     def possible(self) -> bool:
@@ -115,6 +117,10 @@ class Fit:
         """That by the unknowns that are not stopped, which alone take up what is missed."""
         return np.asarray(self.jacobian[:, ~self.stopped])
 
+    def whitened(self, values: Array) -> Array:
+        """Values of readings over their noise as if that were all, not small errors besides."""
+        return values if self.beside is None else self.beside.whitened(values)
+
     def surprise(self, cause: Cause) -> float:
         """The largest size of a cause's parameters over its usual one."""
         sizes = np.abs(self.unknowns[sizes_of(self.hypothesis, cause)])
@@ -123,18 +129,19 @@ class Fit:
 
 
 def fit(simulation: Simulation, hypothesis: Hypothesis, table: ReadingTable,
-        start: Array | None = None, widen: float = 1.0) -> Fit:
+        start: Array | None = None, widen: float = 1.0, beside: SmallErrors | None = None) -> Fit:
     """The best fit of a hypothesis to readings, usual sizes taken ``widen`` times as large.
 
     It begins at ``start``, of which the nominal hypothesis' unknowns are enough; without effects
-    else, or, where a sign changes nothing, with some of the usual size.
+    else, or, where a sign changes nothing, with some of the usual size. Small errors ``beside`` it
+    count as noise.
     """
-    return best_of([_fit_from(simulation, hypothesis, table, first, widen)
+    return best_of([_fit_from(simulation, hypothesis, table, first, widen, beside)
                     for first in _starts(hypothesis, start)])
 
 
 def _fit_from(simulation: Simulation, hypothesis: Hypothesis, table: ReadingTable, start: Array,
-              widen: float) -> Fit:
+              widen: float, beside: SmallErrors | None) -> Fit:
     bounds, limits = bounds_of(simulation, hypothesis), limits_of(simulation, hypothesis)
     scales = np.array([parameter.prior.widened(widen).scale
                        for parameter in parameters_of(hypothesis)])
@@ -144,21 +151,28 @@ def _fit_from(simulation: Simulation, hypothesis: Hypothesis, table: ReadingTabl
         return (np.concatenate([unknowns[FACTORS] / NUISANCE, rows]),
                 np.concatenate([1 / NUISANCE, slopes]))
 
+    def white(values: Array) -> Array:
+        return values if beside is None else beside.whitened(values)
+
     def evaluate(unknowns: Array, near: Evaluation | None) -> Evaluation:
         prediction = simulation.prediction(hypothesis, unknowns, table)
         residual = (table.value - prediction.extended) / table.sigma
         if near is not None and prediction.beyond(near.state):
             residual = np.full(len(table), np.nan)
-        return Evaluation(residual, lambda: -prediction.jacobian / table.sigma[:, None], prediction)
+        return Evaluation(white(residual),
+                          lambda: -white(prediction.jacobian / table.sigma[:, None]), prediction)
 
     problem = LeastSquares(evaluate, bounds[0], bounds[1], prior=prior)
     start = np.clip(start, *bounds)
     minimum = minimise(problem, start, quick=_SMALL, iterations=_ITERATIONS)
     point, unknowns, prediction = minimum.point, minimum.unknowns, minimum.point.state
-    derivatives = (-point.jacobian, problem.slope(unknowns, point),
-                   problem.curvature(unknowns, point))
-    reached = Fit(hypothesis, unknowns, bounds, limits, point.residual, *derivatives, minimum.cost,
-                  0.0, prediction.heave, widen=widen)
+    residual, jacobian = point.residual, -point.jacobian
+    if beside is not None:
+        residual = (table.value - prediction.extended) / table.sigma
+        jacobian = prediction.jacobian / table.sigma[:, None]
+    reached = Fit(hypothesis, unknowns, bounds, limits, residual, jacobian,
+                  problem.slope(unknowns, point), problem.curvature(unknowns, point), minimum.cost,
+                  0.0, prediction.heave, widen=widen, beside=beside)
     if prediction.complete:
         return replace(reached, evidence=evidence(reached, widen))
     further = np.all(prediction.possible | prediction.short)
@@ -228,11 +242,12 @@ class _Parabola:
         # A factor at its bound stays there whatever the sizes are.
         moves = np.ones(len(fit.unknowns))
         moves[FACTORS] = ~fit.stopped[FACTORS]
-        jacobian = fit.jacobian * moves
+        jacobian, residual = fit.whitened(fit.jacobian) * moves, fit.whitened(fit.residual)
         precision = jacobian.T @ jacobian + np.diag(weights)
-        slope = moves * weights * fit.unknowns - jacobian.T @ fit.residual
+        slope = moves * weights * fit.unknowns - jacobian.T @ residual
         inner = precision[FACTORS, FACTORS]
-        top = -0.5 * (fit.chi_squared + float(weights @ fit.unknowns**2))
+        top = -0.5 * float(residual @ residual + weights @ fit.unknowns**2)
+        top -= fit.beside.log_volume if fit.beside is not None else 0.0
         top += 0.5 * float(slope[FACTORS] @ np.linalg.solve(inner, slope[FACTORS]))
         top -= 0.5 * np.linalg.slogdet(inner)[1] + np.log(NUISANCE).sum()
         gain = np.linalg.solve(inner, precision[FACTORS, SIZES])

@@ -37,6 +37,7 @@ from tympan.studies.diagnosis.inference.residual_tests import (
     over,
     patterns,
 )
+from tympan.studies.diagnosis.inference.rough_bench import SMALL, RoughBench, near_rivals
 from tympan.studies.diagnosis.inference.strip_patterns import strip_patterns
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.reduced.simulation import Simulation
@@ -104,7 +105,8 @@ class Judgement:
     those tested. ``named`` are the causes that stand out, ``robust`` those that do with usual sizes
     times each of some factors, ``rivals`` what only its size speaks against; ``indistinguishable``
     classes that these readings cannot tell apart, ``invisible`` causes they cannot see; ``alone``
-    every effect fitted by itself with hardly any prior.
+    every effect fitted by itself with hardly any prior. ``small_errors``: the share of their usual
+    sizes at which all other causes are there, where that is what explains the rest.
     """
 
     verdict: Verdict
@@ -123,6 +125,7 @@ class Judgement:
     invisible: tuple[Cause, ...] = ()
     suspects: tuple[Cause, ...] = ()
     alone: tuple[Fit, ...] = ()
+    small_errors: float | None = None
 
     @property
     def chosen(self) -> Fit | None:
@@ -141,7 +144,8 @@ class Judgement:
         films = self.table.kind != "stress"
 
         def part(fit: Fit) -> Fit:
-            return replace(fit, residual=fit.residual[films], jacobian=fit.jacobian[films])
+            return replace(fit, residual=fit.residual[films], jacobian=fit.jacobian[films],
+                           beside=fit.beside and fit.beside[films])
 
         posterior = self.posterior and replace(
             self.posterior, fits=tuple(map(part, self.posterior.fits)))
@@ -293,10 +297,12 @@ class _Adequacy:
     def of(self, fit: Fit) -> TestResult:
         """The test of a fit, done once."""
         if id(fit) not in self.results:
-            columns = over(self.base.patterns, self.base.table)
-            tests = ResidualTests.of(fit.free_jacobian, columns, stated=0.0)
+            columns = {name: fit.whitened(values) for name, values in over(
+                self.base.patterns, self.base.table).items()}
+            tests = ResidualTests.of(fit.whitened(fit.free_jacobian), columns, stated=0.0)
             # The fit is kept, too, so that no other one gets its identity.
-            self.results[id(fit)] = fit, tests(fit.residual, self.generator, self.part_noise)
+            self.results[id(fit)] = fit, tests(fit.whitened(fit.residual), self.generator,
+                                               self.part_noise)
         return self.results[id(fit)][1]
 
     def enough(self, fit: Fit) -> bool:
@@ -326,7 +332,7 @@ def _weighed(base: Judgement, exploration: Exploration, adequacy: _Adequacy) -> 
     weighed = replace(base, posterior=posterior, after=adequacy.of(best), alone=singles,
                       suspects=_causes(posterior.credible()))
     if not enough or posterior.discrepancy > DISCREPANCY:
-        return replace(weighed, verdict="unexplained")
+        return _on_a_rough_bench(replace(weighed, verdict="unexplained"), exploration, adequacy)
     robust = {scale: _sure(Posterior.of(base.nominal, [
         replace(fit, evidence=evidence(fit, scale * exploration.widen)) for fit in kept], odds,
         among)) for scale in SCALES}
@@ -342,6 +348,33 @@ def _weighed(base: Judgement, exploration: Exploration, adequacy: _Adequacy) -> 
     if alone is None or rivals or doubted or not firm or not adequacy.enough(alone):
         return replace(weighed, verdict="ambiguous")
     return replace(weighed, verdict="named", named=sure)
+
+
+def _on_a_rough_bench(base: Judgement, exploration: Exploration, adequacy: _Adequacy) -> Judgement:
+    """An unexplained misfit, where causes and small errors of every kind beside them explain it.
+
+    A cause that stands out from these is named.
+    """
+    posterior, among = base.posterior, hypotheses_of(exploration.causes)
+    assert posterior is not None
+    bench = RoughBench.of((base.nominal, *posterior.fits), base.signatures, among,
+                          exploration.widen)
+    if bench.small < SURE:
+        return base
+    again, best = bench.again(base.simulation, base.table, exploration.widen)
+    if not adequacy.enough(best):
+        return base
+    robust = {scale: bench.widened(scale * exploration.widen).sure(SURE) for scale in SCALES}
+    sure = tuple(cause for cause in robust[1.0]
+                 if all(cause in others for others in robust.values()))
+    named = again.fit_of(sure) if sure else None
+    share = bench.share(best.hypothesis if named is None else named.hypothesis)
+    rough = replace(base, small_errors=share if share <= SMALL else None)
+    if named is None or share > SMALL or not adequacy.enough(named) or near_rivals(
+            named, base.alone, base.signatures, share, EXCLUDED):
+        return rough
+    return replace(rough, verdict="named", named=sure, posterior=again, robust=robust,
+                   after=adequacy.of(named), suspects=_causes(again.credible()))
 
 
 def _twice_told(fit: Fit, exploration: Exploration, base: Judgement) -> bool:

@@ -1,0 +1,146 @@
+"""Causes weighed as on a bench where nothing is quite as stated.
+
+Beside what is wrong a bench has small errors of every kind. Readings enough see them all, and then
+no one or two causes leave noise alone. Here every cause but those of a hypothesis is there at some
+share of its usual size, the same share for all, as noise that readings have in common; what it does
+is taken in proportion to its signature. The share is weighed with the hypotheses, as a model's
+discrepancy is (Kennedy, O'Hagan, J. R. Stat. Soc. B 63, 425, 2001), but one made of the library.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import logsumexp
+
+from tympan.studies.diagnosis.hypothesis import Cause, Hypothesis
+from tympan.studies.diagnosis.inference.identifiability import TYPICAL, Signatures
+from tympan.studies.diagnosis.inference.posterior import Fit, Posterior, evidence, fit, priors
+from tympan.studies.diagnosis.inference.residual_tests import taken_by, without
+from tympan.studies.diagnosis.inference.small_errors import SmallErrors
+from tympan.studies.diagnosis.reading_table import ReadingTable
+from tympan.studies.diagnosis.reduced.simulation import Simulation
+
+Array = NDArray[np.float64]
+
+#: Shares of usual sizes that small errors may have, each as probable as another.
+SHARES = (0.0, 0.1, 0.2, 0.3, 0.5, 0.8)
+
+#: The largest of them that still is small.
+SMALL = 0.5
+
+#: Hypotheses that are fitted again beside small errors: so far behind the best one at most, by
+#: logarithm of probability, and so many.
+_NEAR, _MOST = 8.0, 8
+
+
+@dataclass(frozen=True, eq=False)
+class RoughBench:
+    """Hypotheses beside small errors of every kind.
+
+    ``fits``: those weighed, that of the nominal model first; ``logs``: logarithms of their
+    probabilities with each of ``SHARES``, shape (fits, shares), which add up to 1; ``among``: all
+    hypotheses there are.
+    """
+
+    fits: tuple[Fit, ...]
+    logs: Array
+    signatures: Signatures
+    among: Sequence[Hypothesis]
+
+    @classmethod
+    def of(cls, fits: Sequence[Fit], signatures: Signatures, among: Sequence[Hypothesis],
+           widen: float = 1.0) -> RoughBench:
+        """By fits to readings with noise alone, and what small errors change of them in proportion.
+
+        The nominal one is the first. Usual sizes are taken ``widen`` times as large, but not those
+        of small errors.
+        """
+        chances = dict(zip(among, np.log(priors(among) / priors(among).sum()), strict=True))
+        logs = np.array([[evidence(member, widen) for member in _beside_each(fitted, signatures)]
+                         for fitted in fits])
+        logs += np.array([chances.get(member.hypothesis, 0.0) for member in fits])[:, None]
+        return cls(tuple(fits), logs - logsumexp(logs), signatures, among)
+
+    def share(self, hypothesis: Hypothesis) -> float:
+        """The most probable share of their usual sizes that small errors have beside it."""
+        number = [member.hypothesis for member in self.fits].index(hypothesis)
+        return SHARES[int(np.argmax(self.logs[number]))]
+
+    @property
+    def small(self) -> float:
+        """How probable it is that they are small."""
+        return float(np.exp(self.logs[:, np.array(SHARES) <= SMALL]).sum())
+
+    def near(self) -> list[Fit]:
+        """Those with causes that are worth another look, the most probable first."""
+        each = logsumexp(self.logs, axis=1)
+        order = 1 + np.argsort(-each[1:], kind="stable")[:_MOST]
+        return [self.fits[k] for k in order if each[k] > each.max() - _NEAR]
+
+    def widened(self, widen: float) -> RoughBench:
+        """Those near weighed with other usual sizes."""
+        return self.of((self.fits[0], *self.near()), self.signatures, self.among, widen)
+
+    def sure(self, least: float) -> tuple[Cause, ...]:
+        """Causes of at least that probability, that nothing stands out being another."""
+        shares: dict[Cause, float] = {}
+        for member, chance in zip(self.fits, np.exp(self.logs).sum(1).tolist(), strict=True):
+            for cause in member.hypothesis:
+                shares[cause] = shares.get(cause, 0.0) + chance
+        return tuple(cause for cause, chance in shares.items() if chance >= least)
+
+    def again(self, simulation: Simulation, table: ReadingTable, widen: float
+              ) -> tuple[Posterior, Fit]:
+        """Those near fitted again, each beside small errors as is most probable; and the best.
+
+        That nothing stands out from them counts as a discrepancy.
+        """
+        nominal, *members = (
+            fit(simulation, member.hypothesis, table, member.unknowns, widen,
+                _beside(member, self.signatures, self.share(member.hypothesis)).beside)
+            for member in (self.fits[0], *self.near()))
+        members = [member for member in members if member.possible]
+        chances = {member.hypothesis: chance for member, chance in zip(
+            self.fits, np.exp(self.logs).sum(1).tolist(), strict=True)}
+        nothing = float(np.exp(self.logs[0, 0]))
+        weights = np.array([nothing, chances[()] - nothing,
+                            *(chances[member.hypothesis] for member in members)])
+        weights /= weights.sum()
+        best = int(np.argmax(weights[1:]))
+        return (Posterior(tuple(members), weights[2:], float(weights[0]), float(weights[1])),
+                (nominal, *members)[best])
+
+
+def least_chi_squared(fitted: Fit) -> float:
+    """χ² of a fit with its unknowns where readings alone want them, small errors taken for noise.
+
+    In proportion to its derivatives.
+    """
+    taken = taken_by(fitted.whitened(fitted.free_jacobian))
+    return float(np.sum(without(taken, fitted.whitened(fitted.residual)) ** 2))
+
+
+def near_rivals(named: Fit, others: Sequence[Fit], signatures: Signatures, share: float,
+                within: float) -> tuple[Fit, ...]:
+    """Other causes alone that miss readings by hardly more χ², of whatever size they would be."""
+    most = least_chi_squared(_beside(named, signatures, share)) + within
+    return tuple(other for other in others if other.hypothesis[0] not in named.hypothesis
+                 and least_chi_squared(_beside(other, signatures, share)) < most)
+
+
+def _beside_each(member: Fit, signatures: Signatures) -> list[Fit]:
+    """With small errors of each of the shares."""
+    rough = _beside(member, signatures, 1.0)
+    return [replace(rough, beside=rough.beside and rough.beside.scaled(share)) for share in SHARES]
+
+
+def _beside(member: Fit, signatures: Signatures, share: float) -> Fit:
+    """With small errors of every kind but those of its hypothesis."""
+    columns = [signature for cause, signature in signatures.items()
+               if cause not in member.hypothesis]
+    errors = SmallErrors.of(np.concatenate(columns, axis=1) / TYPICAL) if columns else None
+    return replace(member, beside=errors and errors.scaled(share))

@@ -1,0 +1,51 @@
+"""A bench where nothing is quite as stated, and one thing is far off or nothing is."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tests.support.trials import design, every_cause, read, size_of
+from tympan.studies.diagnosis.hypothesis import Cause
+from tympan.studies.diagnosis.inference.posterior import fit
+from tympan.studies.diagnosis.inference.small_errors import SmallErrors
+from tympan.studies.diagnosis.inference.verdict import interval, judge
+from tympan.studies.diagnosis.reduced.simulation import Simulation
+from tympan.studies.diagnosis.self_check import sizes_at
+
+
+def test_small_errors_are_a_covariance() -> None:
+    """Whitening makes of it the unit one, and its determinant is the volume's square."""
+    generator = np.random.default_rng(3)
+    columns = generator.normal(size=(12, 4)) * [3.0, 1.0, 0.1, 0.0]
+    errors = SmallErrors.of(columns)
+    covariance = np.eye(12) + columns @ columns.T
+    root = errors.whitened(np.eye(12))
+    assert np.allclose(root @ covariance @ root.T, np.eye(12), atol=1e-12)
+    assert errors.log_volume == pytest.approx(0.5 * np.linalg.slogdet(covariance)[1])
+    assert errors.scaled(2.0).log_volume == pytest.approx(
+        0.5 * np.linalg.slogdet(np.eye(12) + 4 * columns @ columns.T)[1])
+    some = np.arange(12) < 7
+    assert errors[some].log_volume == pytest.approx(
+        0.5 * np.linalg.slogdet(covariance[np.ix_(some, some)])[1])
+
+
+@pytest.mark.parametrize("large", ["drift", "sensor_zero"])
+def test_what_is_large_is_named_among_much_that_is_small(three_shapes: Simulation, large: str
+                                                         ) -> None:
+    """No two causes leave noise alone; but small errors of every kind beside that one do."""
+    causes, generator = every_cause(three_shapes), np.random.default_rng(2)
+    small = {cause: sizes_at(generator, cause, 0.3 * abs(generator.normal())) for cause in causes}
+    size = size_of(Cause(large), 12.0)
+    sizes = np.concatenate([*(small | {Cause(large): np.array([size])}).values()])
+    table = read(three_shapes, design(6e-6), tuple(causes), sizes.tolist(), 2)
+    judged = judge(three_shapes, table, causes)
+    assert judged.named == (Cause(large),)
+    assert judged.small_errors in (0.1, 0.2, 0.3, 0.5)
+    assert judged.chosen is not None
+    _, low, high = interval(judged.chosen, 2)
+    assert low < size < high
+    # Its size is told less sharply than beside noise alone.
+    alone = fit(judged.simulation, judged.named, judged.table, judged.chosen.unknowns)
+    _, lowest, highest = interval(alone, 2)
+    assert high - low > 1.5 * (highest - lowest)
