@@ -9,7 +9,7 @@ from __future__ import annotations
 import ctypes
 import signal
 import tempfile
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,9 +18,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tympan.geometry.errors import InputError
+from tympan.geometry.outlines.pieces import Arc, Line, Piece, Spline
+from tympan.geometry.quarter import quarter
 from tympan.geometry.specimen import Plate, Specimen
 from tympan.geometry.system import missing_library
-from tympan.geometry.units import METRE
+from tympan.geometry.units import METRE, millimetres
 
 if TYPE_CHECKING:
     import meshio
@@ -75,9 +77,10 @@ def mesh_film(specimen: Specimen, settings: MeshSettings, planes: frozenset[str]
     ``planes`` are coordinates about whose zero it will be mirrored: only the positive part is
     meshed.
     """
-    faces = _faces(specimen, planes)
-    with tempfile.TemporaryDirectory() as folder, _session() as gmsh:
-        surfaces = _surface_groups(gmsh, faces, Path(folder))
+    pieces = quarter(specimen) if len(planes) == 2 else None
+    faces = _cut_faces(specimen, planes) if pieces is None else {}
+    with _session() as gmsh:
+        surfaces = _imported(gmsh, faces) if pieces is None else _quarter_surface(gmsh, pieces)
         groups = _curve_groups(gmsh, specimen) | surfaces
         _size_field(gmsh, specimen, settings, groups, 2 ** len(planes))
         try:
@@ -89,14 +92,9 @@ def mesh_film(specimen: Specimen, settings: MeshSettings, planes: frozenset[str]
         return _to_meshio(gmsh, groups, settings.order)
 
 
-def _faces(specimen: Specimen, planes: frozenset[str]) -> dict[str, list[Any]]:
-    """The flat film, ``covered`` and ``bare``, in OpenCASCADE; cadquery only where it is cut."""
-    from tympan.geometry.cad import wires  # not loaded by those who let others mesh
-
-    quarter = wires.quarter(specimen) if len(planes) == 2 else None
-    if quarter is not None:
-        return {"covered": [quarter], "bare": []}
-    from tympan.geometry.cad.membrane import membrane_faces
+def _cut_faces(specimen: Specimen, planes: frozenset[str]) -> dict[str, list[Any]]:
+    """The flat film, ``covered`` and ``bare``, as faces of OpenCASCADE's that cadquery cut."""
+    from tympan.geometry.cad.membrane import membrane_faces  # not loaded where nothing is cut
 
     return {name: [face.wrapped for face in faces]
             for name, faces in membrane_faces(specimen, planes).items()}
@@ -160,29 +158,86 @@ def _parameters(gmsh: Any, curve: tuple[int, int], count: int) -> np.ndarray:
     return np.linspace(start[0], end[0], count)
 
 
-def _surface_groups(gmsh: Any, faces: dict[str, list[Any]], folder: Path) -> Groups:
-    """Faces brought into gmsh and glued together: the surfaces of each name."""
-    from tympan.geometry.cad.wires import brep
+def _quarter_surface(gmsh: Any, pieces: Sequence[Piece]) -> Groups:
+    """A covered film within pieces in order, in gmsh's own OpenCASCADE.
 
+    The triangulation depends on the order of curves and points: it is from both ends, as in the
+    kernel's own wires.
+    """
+    occ = gmsh.model.occ
+    ends = [piece for pair in zip(pieces, reversed(pieces), strict=True) for piece in pair]
+    loop = occ.addCurveLoop([_curve(occ, piece) for piece in ends[:len(pieces)]])
+    surface = (2, occ.addPlaneSurface([loop]))
+    # Curves that were joined by their copies, and poles of splines, would be meshed.
+    for dimension in (1, 0):
+        occ.remove(occ.getEntities(dimension))
+    occ.synchronize()
+    curves = [gmsh.model.getBoundary([curve], oriented=False) for curve in gmsh.model.getEntities(1)]
+    points = list(dict.fromkeys(tag for ends in curves for tag in _tags(ends)))
+    for number, point in enumerate(points, start=max(points) + 1):
+        gmsh.model.setTag(0, point, number)
+    return {"covered": [surface], "bare": []}
+
+
+def _curve(occ: Any, piece: Piece) -> int:
+    """A piece as a curve [mm]; its tag."""
+    if isinstance(piece, Line):
+        return int(occ.addLine(*(occ.addPoint(*millimetres(*place), 0)
+                                 for place in (piece.start, piece.end))))
+    return _arc(occ, piece) if isinstance(piece, Arc) else _spline(occ, piece)
+
+
+def _arc(occ: Any, arc: Arc) -> int:
+    arc = arc.counterclockwise()
+    x, y, a, b = millimetres(*arc.centre, *arc.radii)
+    start = arc.start % (2 * np.pi)
+    # Of sums of angles the last digit is noise, which would decide between triangulations.
+    angles = (float(f"{angle:.15g}") for angle in (start, start + arc.sweep))
+    axes = (0, 0, 1), (np.cos(arc.turn), np.sin(arc.turn), 0)
+    if a == b:
+        return int(occ.addCircle(x, y, 0, a, -1, *angles, *axes))
+    return int(occ.addEllipse(x, y, 0, a, b, -1, *angles, *axes))
+
+
+def _spline(occ: Any, spline: Spline) -> int:
+    from scipy.interpolate import make_interp_spline  # few films need it
+
+    ends = [[(1, METRE * np.array(slope))] for slope in spline.slopes]
+    curve = make_interp_spline(spline.knots, METRE * np.array(spline.points), bc_type=ends)
+    knots, multiplicities = np.unique(curve.t, return_counts=True)
+    return int(occ.addBSpline([occ.addPoint(x, y, 0) for x, y in curve.c], degree=3, knots=knots,
+                              multiplicities=multiplicities))
+
+
+def _imported(gmsh: Any, faces: dict[str, list[Any]]) -> Groups:
+    """Faces brought into gmsh and glued together: the surfaces of each name."""
     surfaces: list[tuple[int, int]] = []
     names: list[str] = []
-    for name, members in faces.items():
-        if members:
-            file = folder / f"{name}.brep"
-            try:
-                file.write_bytes(brep(members))
-            except OSError as error:
-                raise InputError("cannot be meshed: there is no room for temporary files in "
-                                 f"{folder.parent} (TMPDIR names another place): {error.strerror}",
-                                 key="frame, plate, electrode") from None
-            surfaces += gmsh.model.occ.importShapes(str(file))
-            names += [name] * (len(surfaces) - len(names))
+    with tempfile.TemporaryDirectory() as folder:
+        for name, members in faces.items():
+            if members:
+                surfaces += gmsh.model.occ.importShapes(_brep_file(Path(folder), name, members))
+                names += [name] * (len(surfaces) - len(names))
     pieces = [[surface] for surface in surfaces]
     if len(surfaces) > 1:
         _, pieces = gmsh.model.occ.fragment(surfaces[:1], surfaces[1:])
     gmsh.model.occ.synchronize()
     return {name: [entity for owner, entities in zip(names, pieces, strict=True) if owner == name
                    for entity in entities] for name in faces}
+
+
+def _brep_file(folder: Path, name: str, faces: list[Any]) -> str:
+    """The path of a new file of faces."""
+    from tympan.geometry.cad.wires import brep
+
+    file = folder / f"{name}.brep"
+    try:
+        file.write_bytes(brep(faces))
+    except OSError as error:
+        raise InputError("cannot be meshed: there is no room for temporary files in "
+                         f"{folder.parent} (TMPDIR names another place): {error.strerror}",
+                         key="frame, plate, electrode") from None
+    return str(file)
 
 
 def _size_field(gmsh: Any, specimen: Specimen, settings: MeshSettings, groups: Groups,

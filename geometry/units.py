@@ -258,6 +258,11 @@ def quantity_text(value: float, dimension: str) -> str:
     return f"{value!r} {units.si}"
 
 
+def millimetres(*metres: float) -> tuple[float, ...]:
+    """Rounded to the femtometre, so that equal sizes in any unit give equal CAD."""
+    return tuple(round(metre * METRE, 12) for metre in metres)
+
+
 def any_quantity(text: object) -> tuple[float, str] | None:
     """The SI value of a quantity and its dimension, whatever that is; None of what is none.
 

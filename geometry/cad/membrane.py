@@ -8,11 +8,11 @@ from pathlib import Path
 
 from OCP.TopoDS import TopoDS_Wire
 
-from tympan.geometry.cad.wires import millimetres, offset_wire, outline_wire, planar
+from tympan.geometry.cad.wires import offset_wire, outline_wire, planar
 from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Region, Specimen
 from tympan.geometry.system import missing_library
-from tympan.geometry.units import METRE
+from tympan.geometry.units import METRE, millimetres
 
 try:
     import cadquery as cq

@@ -1,15 +1,9 @@
-"""Outlines as wires and planar faces of OpenCASCADE's, the kernel of cadquery [mm].
-
-The kernel alone takes half the time of cadquery's import, which a film meshed for the first time
-would wait for.
-"""
+"""Outlines as wires and planar faces of OpenCASCADE's, the kernel of cadquery [mm]."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
 from io import BytesIO
-from itertools import takewhile
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,9 +11,8 @@ from numpy.typing import NDArray
 from tympan.geometry.errors import InputError
 from tympan.geometry.outlines import Circle, Ellipse, Outline
 from tympan.geometry.outlines.pieces import Arc, Line, Piece, Spline
-from tympan.geometry.specimen import Electrode, Specimen
 from tympan.geometry.system import missing_library
-from tympan.geometry.units import METRE
+from tympan.geometry.units import METRE, millimetres
 
 try:
     from OCP.BRepBuilderAPI import (
@@ -51,16 +44,19 @@ except ImportError as error:
 
 Pair = tuple[float, float]
 
-#: How near an axis a piece ends that ends on it, relative to the outline.
-_MEET = 1e-12
-
 _UP = gp_Dir(0, 0, 1)
-_START, _MIDDLE, _END = np.array([0.0]), np.array([0.5]), np.array([1.0])
 
 
 def outline_wire(outline: Outline, centre: Pair = (0.0, 0.0)) -> TopoDS_Wire:
     """The outline in the plane z = 0 [mm], its centre at the given place [m]."""
-    return _pieces_wire(outline.curve.pieces, centre)
+    return pieces_wire(outline.curve.pieces, centre)
+
+
+def pieces_wire(pieces: Sequence[Piece], centre: Pair = (0.0, 0.0)) -> TopoDS_Wire:
+    """Pieces that meet at their ends, in the plane z = 0 [mm], shifted by ``centre`` [m]."""
+    shift = gp_Trsf()
+    shift.SetTranslation(gp_Vec(*millimetres(*centre), 0))
+    return _wire(_edge(piece).Moved(TopLoc_Location(shift)) for piece in pieces)
 
 
 def offset_wire(outline: Outline, centre: Pair, distance: float) -> TopoDS_Wire:
@@ -83,7 +79,7 @@ def offset_wire(outline: Outline, centre: Pair, distance: float) -> TopoDS_Wire:
             "must stay below the outline's radius of curvature"
         raise InputError(f"an electrode margin {where}", key="electrode",
                          given=f"{abs(distance) * METRE:.4g} mm")
-    return _pieces_wire(moved.pieces, centre)
+    return pieces_wire(moved.pieces, centre)
 
 
 def planar(outer: TopoDS_Wire, *inner: TopoDS_Wire) -> TopoDS_Face:
@@ -96,24 +92,6 @@ def planar(outer: TopoDS_Wire, *inner: TopoDS_Wire) -> TopoDS_Face:
     return oriented.Face()
 
 
-def quarter(specimen: Specimen) -> TopoDS_Face | None:
-    """The film where both coordinates are positive, all of it under the electrode.
-
-    None where the electrode leaves some bare, or an outline cannot be cut at the axes.
-    """
-    plate, outer = specimen.plate, _first_quadrant(specimen.frame)
-    inner = _first_quadrant(plate.outline) if plate is not None else ()
-    if outer is None or inner is None or specimen.electrode != Electrode():
-        return None
-    back = [piece.backwards() for piece in reversed(inner)]
-    corner = (0.0, 0.0)
-    low, high = (back[-1].at(_END)[0][0], back[0].at(_START)[0][0]) if back else (corner, corner)
-    top, right = outer[-1].at(_END)[0][0], outer[0].at(_START)[0][0]
-    pieces = (*outer, Line((0.0, float(top[1])), (0.0, float(high[1]))),
-              *back, Line((float(low[0]), 0.0), (float(right[0]), 0.0)))
-    return planar(_pieces_wire(pieces, corner))
-
-
 def brep(shapes: Iterable[TopoDS_Shape]) -> bytes:
     """Shapes as another program that builds on OpenCASCADE reads them, half of one ends it [mm]."""
     compound, builder, content = TopoDS_Compound(), TopoDS_Builder(), BytesIO()
@@ -122,45 +100,6 @@ def brep(shapes: Iterable[TopoDS_Shape]) -> bytes:
         builder.Add(compound, shape)
     BRepTools.Write_s(compound, content)
     return content.getvalue()
-
-
-def millimetres(*metres: float) -> tuple[float, ...]:
-    """Rounded to the femtometre, so that equal sizes in any unit give equal CAD."""
-    return tuple(round(metre * METRE, 12) for metre in metres)
-
-
-def _first_quadrant(outline: Outline) -> list[Piece] | None:
-    """The pieces from the x axis to the y axis; None where one crosses an axis within itself."""
-    close = _MEET * max(outline.semi_axes)
-    parts = [part for piece in outline.curve.pieces for part in _halved(piece, close)]
-    first = next((number for number, part in enumerate(parts)
-                  if _within(part) and not _within(parts[number - 1])), None)
-    if first is None:
-        return None
-    pieces = list(takewhile(_within, (*parts[first:], *parts[:first])))
-    ends = np.array([piece.at(np.array([0.0, 1.0]))[0] for piece in pieces])
-    meets = max(abs(ends[0, 0, 1]), abs(ends[-1, 1, 0]), -ends.min()) < close
-    return pieces if meets else None
-
-
-def _within(piece: Piece) -> bool:
-    """Whether its middle has positive coordinates."""
-    return bool((piece.at(_MIDDLE)[0] > 0).all())
-
-
-def _halved(piece: Piece, close: float) -> list[Piece]:
-    """A line or an arc in parts that do not cross an axis in their middle."""
-    middle = piece.at(_MIDDLE)[0][0]
-    if isinstance(piece, Spline) or np.abs(middle).min() > close:
-        return [piece]
-    if isinstance(piece, Line):
-        place = (float(middle[0]), float(middle[1]))
-        halves: list[Piece] = [Line(piece.start, place), Line(place, piece.end)]
-    else:
-        half = piece.sweep / 2
-        halves = [replace(piece, sweep=half),
-                  replace(piece, start=piece.start + half, sweep=half)]
-    return [part for each in halves for part in _halved(each, close)]
 
 
 def _smooth_offset(outline: Circle | Ellipse, centre: Pair, distance: float) -> TopoDS_Wire:
@@ -176,12 +115,6 @@ def _smooth_offset(outline: Circle | Ellipse, centre: Pair, distance: float) -> 
     spline = GeomAPI_Interpolate(_points(places), True, 1e-6)
     spline.Perform()
     return _wire([BRepBuilderAPI_MakeEdge(spline.Curve()).Edge()])
-
-
-def _pieces_wire(pieces: Sequence[Piece], centre: Pair) -> TopoDS_Wire:
-    shift = gp_Trsf()
-    shift.SetTranslation(gp_Vec(*millimetres(*centre), 0))
-    return _wire(_edge(piece).Moved(TopLoc_Location(shift)) for piece in pieces)
 
 
 def _wire(edges: Iterable[TopoDS_Shape]) -> TopoDS_Wire:
@@ -201,16 +134,13 @@ def _edge(piece: Piece) -> TopoDS_Edge:
 
 
 def _arc(arc: Arc) -> TopoDS_Edge:
-    if arc.sweep < 0:
-        arc = arc.backwards()
+    arc = arc.counterclockwise()
     x, y, a, b = millimetres(*arc.centre, *arc.radii)
-    first = arc.turn if a >= b else arc.turn + np.pi / 2
-    start = arc.start if a >= b else arc.start - np.pi / 2
-    axes = gp_Ax2(gp_Pnt(x, y, 0), _UP, gp_Dir(np.cos(first), np.sin(first), 0))
-    curve = Geom_Circle(axes, a) if a == b else Geom_Ellipse(axes, max(a, b), min(a, b))
+    axes = gp_Ax2(gp_Pnt(x, y, 0), _UP, gp_Dir(np.cos(arc.turn), np.sin(arc.turn), 0))
+    curve = Geom_Circle(axes, a) if a == b else Geom_Ellipse(axes, a, b)
     if arc.sweep > 2 * np.pi - 1e-12:
         return BRepBuilderAPI_MakeEdge(curve).Edge()
-    return BRepBuilderAPI_MakeEdge(curve, start, start + arc.sweep).Edge()
+    return BRepBuilderAPI_MakeEdge(curve, arc.start, arc.start + arc.sweep).Edge()
 
 
 def _spline(spline: Spline) -> TopoDS_Edge:

@@ -197,6 +197,15 @@ class Arc(Curved):
     def backwards(self) -> Arc:
         return Arc(self.centre, self.radii, self.start + self.sweep, -self.sweep, self.turn)
 
+    def counterclockwise(self) -> Arc:
+        """The same points, told from the larger semi-axis on."""
+        if self.sweep < 0:
+            return self.backwards().counterclockwise()
+        (a, b), right = self.radii, np.pi / 2
+        return self if a >= b else Arc(self.centre, (b, a), self.start - right, self.sweep,
+                                       self.turn + right)
+
+
 @PIECES.register
 @dataclass(frozen=True)
 class Spline(Curved):

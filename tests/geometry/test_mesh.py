@@ -9,18 +9,23 @@ import subprocess
 import sys
 from dataclasses import replace
 
+import cadquery as cq
 import gmsh
 import numpy as np
 import pytest
 import skfem
+from scipy.spatial import cKDTree
 
 from tests.support.specimens import circular, elliptical, skewed
 from tympan.fem.discretisation.isoparametric import folded
 from tympan.fem.results.fields import cell_fields
+from tympan.geometry import mesher
+from tympan.geometry.cad.wires import pieces_wire, planar
 from tympan.geometry.errors import InputError
 from tympan.geometry.mesh import ELEMENTS, facets_of, from_bytes, from_meshio, to_bytes, unfold
 from tympan.geometry.mesher import MeshSettings, mesh_film
-from tympan.geometry.outlines import Circle, Ellipse, Superellipse
+from tympan.geometry.outlines import Circle, Ellipse, Outline, Superellipse, examples
+from tympan.geometry.quarter import quarter
 from tympan.geometry.specimen import Electrode, Plate, Region, Specimen
 from tympan.studies.case import Settings, build_model
 
@@ -31,6 +36,11 @@ SPECIMENS = {
     "off centre": replace(elliptical(60e-3), plate=Plate(Circle(10e-3), (12e-3, 0.0))),
     "skewed": skewed(),
 }
+
+#: Frames and plates of two mirror planes, with lines, arcs, arcs of ellipses and splines.
+QUARTERED = {name: frame for name, frame in examples().items() if frame.mirror_planes == {"x", "y"}}
+QUARTERED_PLATES = {"round": Circle(10e-3), "upright": Ellipse((8e-3, 12e-3)),
+                    "superellipse": Superellipse((12e-3, 9e-3), 3.5), "none": None}
 
 
 def area(mesh: skfem.Mesh, cells: object = None) -> float:
@@ -72,6 +82,28 @@ def test_a_quarter_that_is_built_is_the_one_that_would_be_cut() -> None:
                       for specimen in (whole, replace(whole, electrode=Electrode(3e-3))))
         assert area(built) == pytest.approx(area(cut), rel=1e-6)
         assert area(built) == pytest.approx((frame.curve.area - np.pi * 10e-3**2) / 4, rel=1e-5)
+
+
+@pytest.mark.parametrize("plate", QUARTERED_PLATES.values(), ids=QUARTERED_PLATES)
+@pytest.mark.parametrize("frame", QUARTERED.values(), ids=QUARTERED)
+def test_a_quarter_built_in_gmsh_is_the_one_of_cadquerys_kernel(
+        frame: Outline, plate: Outline | None, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Area, extents, and every point of the mesh, of the same pieces by the other way."""
+    film = replace(circular(), frame=frame, plate=None if plate is None else Plate(plate))
+    pieces = quarter(film)
+    assert pieces is not None
+    face = cq.Face(planar(pieces_wire(pieces)))
+    mesh = mesh_film(film, MeshSettings(), frozenset("xy"))
+    assert area(from_meshio(mesh)) * 1e6 == pytest.approx(face.Area(), rel=2e-6)
+    box = face.BoundingBox()
+    extents = [*mesh.points.min(0), *mesh.points.max(0)]
+    assert np.allclose(extents, np.array([box.xmin, box.ymin, box.xmax, box.ymax]) / 1e3,
+                       atol=1e-9)
+    monkeypatch.setattr(mesher, "_quarter_surface", lambda gmsh, _: mesher._imported(
+        gmsh, {"covered": [face.wrapped], "bare": []}))
+    other = mesh_film(film, MeshSettings(), frozenset("xy"))
+    assert len(other.points) == len(mesh.points)
+    assert cKDTree(other.points).query(mesh.points)[0].max() < 1e-12
 
 
 def test_electrode_margins_have_their_areas() -> None:
