@@ -84,14 +84,16 @@ def centred(widths: Sequence[float], gap: float, left_margin: float = 0.0,
     return list(starts)
 
 
-def show_picture(axes: Axes, picture: Picture, *captions: tuple[str, float, str, float]) -> None:
+def show_picture(axes: Axes, picture: Picture, *captions: tuple[str, float, str, float],
+                 interpolation: str = "hanning") -> None:
     """A picture in axes of the millimetres it shows, and what stands above it.
 
-    ``captions`` are text, distance from the picture [mm], weight and size.
+    ``captions`` are text, distance from the picture [mm], weight and size; ``interpolation`` is
+    "none" of a picture whose pixels are the print's, which is quicker and sharper.
     """
     pixels, extent = picture
     axes.set_axis_off()
-    axes.imshow(pixels, extent=extent, interpolation="hanning", aspect="auto")
+    axes.imshow(pixels, extent=extent, interpolation=interpolation, aspect="auto")
     for text, above, weight, size in captions:
         axes.annotate(text, (0.5, 1.0), (0, above * MM * 72), xycoords="axes fraction",
                       textcoords="offset points", ha="center", va="bottom", weight=weight,

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import product
 from math import ceil, cos, floor, radians, sin, sqrt
 
 import numpy as np
@@ -43,6 +44,7 @@ class View:
     long: str
     elevation: float = 66.0
     ink: str = "white"  #: of the net
+    samples: int = 1  #: across a pixel, which is their average
 
     @property
     def towards(self) -> Array:
@@ -77,7 +79,9 @@ def film_picture(film: FilmSurface, values: Array, view: View, turned: bool) -> 
     """
     surface = placed_surface(film, values, view, turned)
     extent, size = picture_frame(view.project(np.asarray(surface.points)), view.resolution)
-    with _plotter(size) as plotter:
+    fine = view.samples
+    view = replace(view, resolution=fine * view.resolution, line=fine * view.line)
+    with _plotter((fine * size[0], fine * size[1])) as plotter:
         plotter.add_mesh(surface, scalars="value", cmap=view.colours,
                          clim=(view.scale.low, view.scale.high),
                          lighting=False, show_scalar_bar=False, n_colors=1024)
@@ -89,7 +93,14 @@ def film_picture(film: FilmSurface, values: Array, view: View, turned: bool) -> 
             plotter.add_mesh(face.triangulate(), color="#d5d7da", lighting=False)
         _aim(plotter, extent, view)
         pixels = plotter.screenshot(return_img=True)
-    return np.ascontiguousarray(pixels[..., :3]), extent
+    return averaged(pixels[..., :3], fine), extent
+
+
+def averaged(pixels: NDArray[np.uint8], across: int) -> NDArray[np.uint8]:
+    """One of every ``across`` by ``across`` pixels, shape (rows, columns, 3)."""
+    total = sum(pixels[row::across, column::across].astype(np.uint16)
+                for row, column in product(range(across), repeat=2))
+    return np.asarray((total + across**2 // 2) // across**2, np.uint8)
 
 
 def placed_surface(film: FilmSurface, values: Array, view: View, turned: bool) -> pv.PolyData:

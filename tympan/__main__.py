@@ -7,6 +7,7 @@ terminated.
 from __future__ import annotations
 
 import codecs
+import gc
 import io
 import os
 import signal
@@ -134,6 +135,8 @@ def run_command() -> NoReturn:
         os.environ["MPLBACKEND"] = "agg"  # whatever the user has: nothing is drawn on a screen
         # Of small dense matrices threads only wait for one another.
         os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+        # What libraries make while they are imported stays: to look for garbage among it is vain.
+        gc.set_threshold(20_000, 50)
         try:
             from tympan.cli import main
 

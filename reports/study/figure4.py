@@ -70,9 +70,10 @@ def lay_out(specimens: Sequence[SpecimenView], stress: tuple[float, float]) -> L
     reach = max(float(side.distance[-1]) / width
                 for item, width in zip(specimens, flat, strict=True)
                 for line in (item.along_x, item.along_y) for side in line.sides)
-    # Twice the pixels of the print: the average of four makes smooth edges.
-    view = View(2 * style.DPI * style.MM * paper, 2 * style.DPI * 0.7 / 72, style.COLOURS,
-                round_scale(*stress), bar_length(max(widths)) / 2, style.SHORT, style.LONG)
+    # The print's pixels, each the average of four, which makes smooth edges.
+    view = View(style.DPI * style.MM * paper, style.DPI * 0.7 / 72, style.COLOURS,
+                round_scale(*stress), bar_length(max(widths)) / 2, style.SHORT, style.LONG,
+                samples=2)
     return Layout(tuple(rows), columns, paper, 1.03 * reach, view)
 
 
@@ -91,7 +92,8 @@ def compose_figure4(run: StudyView, design: Layout, pictures: Sequence[style.Pic
             specimen = run.specimens[index]
             style.show_picture(
                 axes, pictures[index], (specimen.name, 4.2, "bold", 8.5),
-                (f"deflection {digits(specimen.deflection)} mm", 0.6, "normal", 7.5))
+                (f"deflection {digits(specimen.deflection)} mm", 0.6, "normal", 7.5),
+                interpolation="none")
             *_, bottom, upper = pictures[index][1]
             middle, half = (bottom + upper) / 2, height / design.paper / 2
             axes.set(xlim=(-width / design.paper / 2, width / design.paper / 2),
