@@ -1,9 +1,9 @@
 """How long commands take from the shell and back, start and end of the process included.
 
-    python -m benchmarks.start_up [--before TREE] [--repeats 5]
+    python -m benchmarks.start_up [--before TREE] [--repeats 3] [--only study,solve]
 
-Every command runs in a process of its own, on the small files below: once with nothing kept on disk
-by earlier runs ("first"), then some times more, of which the least counts ("again"). TREE is a
+Every command runs in a process of its own, on the small files below: with nothing kept on disk by
+earlier runs ("first"), then once more ("again"); of some times that, the least counts. TREE is a
 working tree of another version, to compare with; what it cannot do is "-".
 """
 
@@ -37,6 +37,17 @@ corner_radius = "8 mm"
 shape = "stadium"
 semi_axes = ["12 mm", "8 mm"]
 """ + MEMBRANE
+FILM = """
+name = "film"
+[frame]
+shape = "rounded_rectangle"
+semi_axes = ["40 mm", "25 mm"]
+corner_radius = "8 mm"
+[plate]
+shape = "rounded_rectangle"
+semi_axes = ["12 mm", "8 mm"]
+corner_radius = "3 mm"
+""" + MEMBRANE.replace("1 mm", "0.5 mm")
 ROUND = """
 name = "round"
 [frame]
@@ -52,16 +63,8 @@ modulus = "31.2 kPa"
 time = "6.5 s"
 """
 STUDY = """
-specimens = ["rounded.toml"]
-[curves]
-mass = ["20 g"]
-voltage = ["0 kV", "3 kV"]
-[alpha_fit]
-mass = ["20 g"]
-voltage = ["0 kV", "3 kV"]
-[alpha_held_out]
-mass = ["22 g"]
-voltage = ["2.5 kV"]
+specimens = ["film.toml"]
+mass = "20 g"
 """
 SWEEP = """
 specimen = "rounded.toml"
@@ -85,8 +88,8 @@ READINGS = "".join(f"round,{mass},{kilovolts},{0.12 * mass + 0.02 * kilovolts**2
                    for mass in (15, 20) for kilovolts in (0, 1, 2, 3, 4))
 TESTS = "".join(f"uniaxial,{stretch},{20 * (stretch - stretch**-2)}\n"
                 for stretch in (1.2, 1.4, 1.6, 1.9, 2.1, 2.5, 2.8))
-FILES = {"rounded.toml": ROUNDED, "round.toml": ROUND, "STUDY.toml": STUDY, "SWEEP.toml": SWEEP,
-         "OPTIMISE.toml": OPTIMISE, "viscous.toml": ROUND + BRANCH,
+FILES = {"rounded.toml": ROUNDED, "round.toml": ROUND, "film.toml": FILM, "STUDY.toml": STUDY,
+         "SWEEP.toml": SWEEP, "OPTIMISE.toml": OPTIMISE, "viscous.toml": ROUND + BRANCH,
          "coupon.csv": f"mode,stretch,nominal_stress_kPa\n{TESTS}",
          "readings/dataset.toml": DATASET,
          "readings/static.csv": f"specimen,mass_g,voltage_kV,displacement_mm\n{READINGS}"}
@@ -158,7 +161,15 @@ def times(tree: Path, folder: Path, command: tuple[str, ...]) -> Times | None:
 
 def first_and_again(tree: Path, command: tuple[str, ...], repeats: int
                     ) -> tuple[Times | None, Times | None]:
-    """Times of the first run and the least of the others."""
+    """The least times of first runs and of those that follow them."""
+    pairs = [_twice(tree, command) for _ in range(repeats)]
+    first, again = (_least([run for run in runs if run is not None])
+                    for runs in zip(*pairs, strict=True))
+    return first, again
+
+
+def _twice(tree: Path, command: tuple[str, ...]) -> tuple[Times | None, Times | None]:
+    """Times of a command in a new folder, and once more there."""
     with TemporaryDirectory() as scratch:
         folder = Path(scratch)
         for name, text in FILES.items():
@@ -168,27 +179,30 @@ def first_and_again(tree: Path, command: tuple[str, ...], repeats: int
         if needed is not None:
             times(ROOT, folder, tuple(needed.split()))
             shutil.rmtree(folder / "kept")
-        runs = [times(tree, folder, command) for _ in range(repeats + 1)]
-    first, *others = [run for run in runs if run is not None] or [None, None]
-    if first is None or not all(others):
-        return None, None
-    return first, Times(min(run.wall for run in others if run),
-                        min(run.processor for run in others if run))
+        return times(tree, folder, command), times(tree, folder, command)
+
+
+def _least(runs: list[Times]) -> Times | None:
+    return Times(min(run.wall for run in runs),
+                 min(run.processor for run in runs)) if runs else None
 
 
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--before", type=Path, metavar="TREE")
-    parser.add_argument("--repeats", type=int, default=5)
+    parser.add_argument("--repeats", type=int, default=3)
+    parser.add_argument("--only", metavar="NAMES", help="rows of the table, such as study,solve")
     options = parser.parse_args()
+    rows = [command for command in COMMANDS
+            if options.only is None or named(command) in options.only.split(",")]
     trees = ([options.before] if options.before else []) + [ROOT]
     for tree in trees:  # compile, and read from disk once
         first_and_again(tree, COMMANDS[2], 1)
     print(f"load {os.getloadavg()[0]:.1f}; seconds on the clock (of processors)")
     heads = (["before, first", "before, again"] if options.before else []) + ["first", "again"]
     print(f"{'':<18}" + "".join(f"{head:>16}" for head in heads))
-    for command in COMMANDS:
+    for command in rows:
         cells = [run for tree in trees for run in first_and_again(tree, command, options.repeats)]
         texts = [f"{run.wall:.2f} ({run.processor:.2f})" if run else "-" for run in cells]
         print(f"{named(command):<18}" + "".join(f"{text:>16}" for text in texts), flush=True)

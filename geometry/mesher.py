@@ -172,10 +172,10 @@ def _quarter_surface(gmsh: Any, pieces: Sequence[Piece]) -> Groups:
     for dimension in (1, 0):
         occ.remove(occ.getEntities(dimension))
     occ.synchronize()
-    curves = [gmsh.model.getBoundary([curve], oriented=False) for curve in gmsh.model.getEntities(1)]
-    points = list(dict.fromkeys(tag for ends in curves for tag in _tags(ends)))
-    for number, point in enumerate(points, start=max(points) + 1):
-        gmsh.model.setTag(0, point, number)
+    met = dict.fromkeys(point for curve in gmsh.model.getEntities(1)
+                        for point in gmsh.model.getBoundary([curve], oriented=False))
+    for number, point in enumerate(met, start=1 + max(_tags(met))):
+        gmsh.model.setTag(*point, number)
     return {"covered": [surface], "bare": []}
 
 

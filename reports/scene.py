@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import closing, contextmanager
+from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass, replace
 from itertools import product
 from math import ceil, cos, floor, radians, sin, sqrt
@@ -93,10 +93,10 @@ def film_picture(film: FilmSurface, values: Array, view: View, turned: bool) -> 
             plotter.add_mesh(face.triangulate(), color="#d5d7da", lighting=False)
         _aim(plotter, extent, view)
         pixels = plotter.screenshot(return_img=True)
-    return averaged(pixels[..., :3], fine), extent
+    return downsampled(pixels[..., :3], fine), extent
 
 
-def averaged(pixels: NDArray[np.uint8], across: int) -> NDArray[np.uint8]:
+def downsampled(pixels: NDArray[np.uint8], across: int) -> NDArray[np.uint8]:
     """One of every ``across`` by ``across`` pixels, shape (rows, columns, 3)."""
     total = sum(pixels[row::across, column::across].astype(np.uint16)
                 for row, column in product(range(across), repeat=2))
@@ -217,6 +217,10 @@ def _plotter(size: tuple[int, int]) -> Iterator[pv.Plotter]:
                                 theme=pv.themes.DocumentTheme())) as plotter:
             plotter.set_background("white")
             plotter.enable_anti_aliasing("msaa", multi_samples=8)
+            # The pass for surfaces seen through one another takes one sample a pixel, and time.
+            # Here only lines are seen through.
+            with suppress(AttributeError):  # before VTK 9.5
+                plotter.renderer.SetUseOIT(False)
             yield plotter
     finally:
         vtkLogger.SetStderrVerbosity(verbosity)

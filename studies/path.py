@@ -217,6 +217,8 @@ class Stop:
     @cached_property
     def pressed(self) -> Fields:
         """The same of a film that would not wrinkle."""
+        if not self.model.wrinkles:
+            return self.fields
         return node_fields(replace(self.model, wrinkles=False), self.point.state)
 
     @cached_property

@@ -1,6 +1,6 @@
 """Meshes of films, kept on disk.
 
-To load the CAD kernel alone takes longer than to solve a film on a mesh that is there.
+Where a film is cut, to load cadquery alone takes longer than to solve it on a mesh that is there.
 """
 
 from __future__ import annotations

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 import pyvista as pv
 from matplotlib import colormaps
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from PIL import Image
 
 from tests.support.checks.accessible import wordless
@@ -146,6 +147,30 @@ def test_membranes_have_one_scale_and_their_true_width(stored: StudyView) -> Non
         # The outline adds half its width on either side.
         wide = (np.ptp(drawn) + 1 - view.line) / view.resolution
         assert wide == pytest.approx(2 * max(specimen.semi_axes), abs=3 / view.resolution)
+
+
+def test_a_pixel_is_the_mean_of_its_samples() -> None:
+    pixels = np.random.default_rng(1).integers(0, 256, (6, 9, 3), dtype=np.uint8)
+    means = pixels.reshape(2, 3, 3, 3, 3).mean(axis=(1, 3))
+    assert np.abs(scene.downsampled(pixels, 3) - means).max() <= 0.5
+    assert np.array_equal(scene.downsampled(pixels, 1), pixels)
+    assert (scene.downsampled(np.full((4, 4, 3), 255, np.uint8), 2) == 255).all()
+
+
+def test_pixels_of_the_print_reach_it_as_they_are() -> None:
+    """Wherever on the page a picture lies, none is lost, met twice or mixed with others."""
+    pixels = np.random.default_rng(2).integers(0, 256, (80, 100, 3), dtype=np.uint8)
+    height, width = (count / style.DPI / style.MM for count in pixels.shape[:2])
+    for across, down in ((3.0, 4.0), (3.02, 4.01), (5.033, 2.047)):
+        figure = style.new_figure(20.0, 20.0)
+        axes = style.place_axes(figure, across, down, width, height)
+        style.show_picture(axes, (pixels, (0, width, 0, height)), interpolation="none")
+        assert isinstance(figure.canvas, FigureCanvasAgg)
+        figure.canvas.draw()
+        page = np.asarray(figure.canvas.buffer_rgba())[..., :3]
+        row, column = (round(start * style.DPI * style.MM) for start in (down, across))
+        assert any(np.array_equal(page[top:top + 80, left:left + 100], pixels)
+                   for top in (row - 1, row, row + 1) for left in (column - 1, column, column + 1))
 
 
 def test_plate_sinks_in_the_picture(stored: StudyView) -> None:
