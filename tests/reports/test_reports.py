@@ -161,16 +161,17 @@ def test_pixels_of_the_print_reach_it_as_they_are() -> None:
     """Wherever on the page a picture lies, none is lost, met twice or mixed with others."""
     pixels = np.random.default_rng(2).integers(0, 256, (80, 100, 3), dtype=np.uint8)
     height, width = (count / style.DPI / style.MM for count in pixels.shape[:2])
-    for across, down in ((3.0, 4.0), (3.02, 4.01), (5.033, 2.047)):
+    for place in ((3.0, 4.0), (3.02, 4.01), (5.033, 2.047)):
         figure = style.new_figure(20.0, 20.0)
-        axes = style.place_axes(figure, across, down, width, height)
+        axes = style.place_axes(figure, *place, width, height)
         style.show_picture(axes, (pixels, (0, width, 0, height)), interpolation="none")
         assert isinstance(figure.canvas, FigureCanvasAgg)
         figure.canvas.draw()
         page = np.asarray(figure.canvas.buffer_rgba())[..., :3]
-        row, column = (round(start * style.DPI * style.MM) for start in (down, across))
-        assert any(np.array_equal(page[top:top + 80, left:left + 100], pixels)
-                   for top in (row - 1, row, row + 1) for left in (column - 1, column, column + 1))
+        column, row = (round(start * style.DPI * style.MM) for start in place)
+        assert any(np.array_equal(page[down:down + 80, across:across + 100], pixels)
+                   for down in (row - 1, row, row + 1)
+                   for across in (column - 1, column, column + 1))
 
 
 def test_plate_sinks_in_the_picture(stored: StudyView) -> None:
