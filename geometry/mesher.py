@@ -161,21 +161,26 @@ def _parameters(gmsh: Any, curve: tuple[int, int], count: int) -> np.ndarray:
 def _quarter_surface(gmsh: Any, pieces: Sequence[Piece]) -> Groups:
     """A covered film within pieces in order, in gmsh's own OpenCASCADE.
 
-    The triangulation depends on the order of curves and points: it is from both ends, as in the
-    kernel's own wires.
+    The triangulation depends on the plane's origin, and on the numbers of curves and points: they
+    are from both ends, as in the kernel's own wires.
     """
     occ = gmsh.model.occ
-    ends = [piece for pair in zip(pieces, reversed(pieces), strict=True) for piece in pair]
-    loop = occ.addCurveLoop([_curve(occ, piece) for piece in ends[:len(pieces)]])
-    surface = (2, occ.addPlaneSurface([loop]))
+    loop = occ.addCurveLoop([_curve(occ, piece) for piece in pieces])
+    plane = occ.addDisk(0, 0, 0, 1, 1)
+    surface = (2, occ.addTrimmedSurface(plane, [loop], True))
+    occ.remove([(2, plane)])
     # Curves that were joined by their copies, and poles of splines, would be meshed.
     for dimension in (1, 0):
         occ.remove(occ.getEntities(dimension))
     occ.synchronize()
-    met = dict.fromkeys(point for curve in gmsh.model.getEntities(1)
+    curves = gmsh.model.getEntities(1)
+    ends = [curve for pair in zip(curves, reversed(curves), strict=True) for curve in pair]
+    ends = ends[:len(curves)]
+    met = dict.fromkeys(point for curve in ends
                         for point in gmsh.model.getBoundary([curve], oriented=False))
-    for number, point in enumerate(met, start=1 + max(_tags(met))):
-        gmsh.model.setTag(*point, number)
+    for entities in (ends, [*met]):
+        for number, entity in enumerate(entities, start=1 + max(_tags(entities))):
+            gmsh.model.setTag(*entity, number)
     return {"covered": [surface], "bare": []}
 
 
