@@ -256,7 +256,7 @@ def rate(simulation: Simulation, wanted: int, first: int) -> float:
 
 def test_the_proposed_experiment_is_about_the_best(three_shapes: Simulation) -> None:
     """A few of the trials of the study below."""
-    assert rate(three_shapes, 8, 100) >= 0.75
+    assert rate(three_shapes, 4, 100) >= 0.75
 
 
 @pytest.mark.study
