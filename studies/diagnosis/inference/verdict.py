@@ -367,14 +367,16 @@ def _on_a_rough_bench(base: Judgement, exploration: Exploration, adequacy: _Adeq
     robust = {scale: bench.widened(scale * exploration.widen).sure(SURE) for scale in SCALES}
     sure = tuple(cause for cause in robust[1.0]
                  if all(cause in others for others in robust.values()))
-    named = again.fit_of(sure) if sure else None
-    share = bench.share(best.hypothesis if named is None else named.hypothesis)
+    # The fewest causes that explain it: where they alone do, what else is likely is not told.
+    alone = again.fit_of(sure)
+    chosen = alone if alone is not None and adequacy.enough(alone) else best
+    share = bench.share(chosen.hypothesis)
     rough = replace(base, small_errors=share if share <= SMALL else None)
-    if named is None or share > SMALL or not adequacy.enough(named) or near_rivals(
-            named, base.alone, base.signatures, share, EXCLUDED):
+    if not sure or share > SMALL or not set(sure) <= set(chosen.hypothesis) or near_rivals(
+            chosen, base.alone, base.signatures, share, EXCLUDED):
         return rough
     return replace(rough, verdict="named", named=sure, posterior=again, robust=robust,
-                   after=adequacy.of(named), suspects=_causes(again.credible()))
+                   after=adequacy.of(chosen), suspects=_causes(again.credible()))
 
 
 def _twice_told(fit: Fit, exploration: Exploration, base: Judgement) -> bool:
