@@ -45,6 +45,16 @@ def test_a_surprise_is_to_be_looked_at_first() -> None:
     assert "usual" not in verdict_words(content("named", usual))
 
 
+@pytest.mark.parametrize(("verdict", "words"), [
+    ("named", "no more than small errors of every other kind make at once, each about 30 %"),
+    ("unexplained", "Such a bench has no single fault to find")])
+def test_small_errors_are_said_where_they_are_the_rest(verdict: str, words: str) -> None:
+    usual = content(verdict, cause("drift", "Readings rise", named=verdict == "named"))
+    rough = usual | {"small_errors": 0.3}
+    assert words in " ".join(verdict_words(rough).split())
+    assert words not in " ".join(verdict_words(usual).split())
+
+
 def test_a_rival_that_only_its_size_speaks_against_is_called_so() -> None:
     page = render_diagnosis(content(
         "ambiguous", cause("sensor_zero", "Every reading is 50 µm too large"), cause(
