@@ -102,7 +102,10 @@ def judged(drawn: Drawn, mesh: MeshSettings = MESH, sample: int = 1) -> Record:
     if outcome.limited == "voltage" and outcome.limit is not None:
         share = 0.95 * outcome.limit**0.5 / drawn.case.film_voltage
         inner = replace(drawn.case, voltage=share * drawn.case.voltage)
-        record = replace(record, past=search / _timed(lambda: equilibrate(inner, settings))[0])
+        # Both on the same mesh, whose tables the first search has made.
+        within, _ = _timed(lambda: equilibrate(inner, settings))
+        beyond, _ = _timed(lambda: equilibrate(drawn.case, settings))
+        record = replace(record, past=beyond / within)
     if outcome.status == "equilibrium":
         record = replace(record, balance=balance(model, outcome.state))
     record = replace(record, verdicts=tuple(_verdicts(model, drawn, outcome, sample)))

@@ -44,8 +44,9 @@ _UNFOLLOWED = "the path could not be followed to the load: the film strains with
 #: Step, relative to the load, within which a film that would be stiff even wrinkled does not thin.
 _SMALL_STEP = 0.5
 
-#: Relative accuracy of the load at which a film begins to thin without bound, and of a guess.
-_SHARP, _NEAR = 1e-6, 1e-3
+#: Relative accuracy of the load at which a film begins to thin without bound, and of a guess; how
+#: many equilibria are looked at for it.
+_SHARP, _NEAR, _THINNED = 1e-6, 1e-3, 60
 
 #: Shortest step, relative to the frame, of a charged film: its wrinkles may end in one spot.
 _LOCAL = 1e-6
@@ -173,20 +174,29 @@ class Ramp:
 
     def _short_of_thinning(self, start: Solution, value: float) -> float:
         """The load, no further than a value, up to which a film is predicted not to thin."""
-        def margin(load: float) -> float:
-            return min(self.model.thinning_margin(start.predicted(self.model, self.load, load)),
-                       1.0)
-
+        if not self.model.wrinkles:
+            return value
         origin = start.state.load(self.load)
         far = start.thinning_margin(self.model) == np.inf
         if far and abs(value - origin) < _SMALL_STEP * abs(value):
             return value
+        reached = self._foretold(start, origin, value, _NEAR)
+        return value if reached is None else reached + 2 * _NEAR * (value - origin)
+
+    def _foretold(self, start: Solution, low: float, high: float, sharp: float) -> float | None:
+        """The load between two at which a film moving on as at the start begins to thin.
+
+        ``sharp``: its accuracy, relative to their difference. None if it does not.
+        """
+        def margin(load: float) -> float:
+            return self.model.thinning_margin(start.predicted(self.model, self.load, load))
+
         with np.errstate(all="ignore"):
-            if not margin(value) < 0:
-                return value
-            reached = brentq(lambda load: np.arctan(margin(load)), origin, value,
-                             xtol=_NEAR * abs(value - origin))
-        return float(reached + 2 * _NEAR * (value - origin))
+            most = -margin(high)
+            if not most > 0 or margin(low) < 0:
+                return None
+            return float(brentq(lambda load: min(margin(load), most), low, high,
+                                xtol=sharp * abs(high - low)))
 
     def _at(self, start: Solution, value: float) -> tuple[Solution, State]:
         """The equilibrium near another one at another value of the load; what was predicted."""
@@ -201,36 +211,38 @@ class Ramp:
         return trial, trial.converged and trial.stable and self._foreseen(start, guess, trial)
 
     def _thinned(self, before: Solution, after: Solution) -> Outcome | None:
-        """Where, between two equilibria, the film begins to thin without bound; None if unclear."""
-        near = {solution.state.load(self.load): solution for solution in (before, after)}
-        low, high = near
-        scale = abs(after.thinning_margin(self.model))
+        """Where, between two equilibria, the film begins to thin without bound; None if unclear.
+
+        From the equilibrium closest to that to where the film, moving on as there, begins to, until
+        that is no further away; now and then to the middle, should that not close in.
+        """
+        ends = [before, after]
         after.release()
-
-        def margin(value: float) -> float:
-            if value not in near:
-                closest = min(near, key=lambda other: abs(other - value))
-                solution = self._at(near[closest], value)[0]
-                solution.release()
-                if not solution.converged:
-                    raise LookupError
-                near[value] = solution
-            return min(near[value].thinning_margin(self.model), scale)
-
-        try:
-            limit = float(brentq(margin, low, high, xtol=_SHARP * abs(high - low), rtol=_SHARP))
-        except LookupError:
-            return None
-        last = min((value for value in near if margin(value) >= 0),
-                   key=lambda value: abs(value - limit))
-        return self._ended("thinning", near[last], self._point(near[limit]))
+        sharp = _SHARP * abs(before.state.load(self.load) - after.state.load(self.load))
+        for count in range(1, _THINNED + 1):
+            low, high = (end.state.load(self.load) for end in ends)
+            close = min(ends, key=lambda end: abs(end.thinning_margin(self.model)))
+            limit = self._foretold(close, low, high, _SHARP) if count % 6 else None
+            if limit is None:
+                limit = (low + high) / 2
+            if abs(limit - close.state.load(self.load)) <= sharp:
+                break
+            solution = self._at(close, limit)[0]
+            solution.release()
+            if not solution.converged:
+                return None
+            ends[solution.thinning_margin(self.model) < 0] = solution
+        return self._ended("thinning", ends[0], self._point(close))
 
     def _point(self, solution: Solution) -> PathPoint | None:
-        """The equilibrium as a point of its branch."""
-        state = solution.state
-        sense = 1 if self.target >= state.load(self.load) else -1
-        branch = Branch(self.model, self.load, newton=self.settings.newton)
-        return next(branch.points(state, sense), None)
+        """The equilibrium as a point of its branch; None where the load moves nothing."""
+        film, plate = solution.rate(self.model, self.load)
+        solution.release()
+        scale = length(self.model, (film, plate))
+        if not scale:
+            return None
+        scale *= np.sign(self.target - solution.state.load(self.load)) or 1.0
+        return PathPoint(solution, (film / scale, plate / scale), 1 / scale)
 
     def _foreseen(self, last: Solution, guess: State, trial: Solution) -> bool:
         """Whether a step ended so near its prediction that it passed no limit points.
