@@ -8,8 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from tympan.studies.diagnosis.fits.fit import Fit
+from tympan.studies.diagnosis.fits.fitting import fit
 from tympan.studies.diagnosis.hypothesis import hypotheses_of
-from tympan.studies.diagnosis.inference.posterior import NOTHING, Fit, fit, priors
+from tympan.studies.diagnosis.inference.posterior import NOTHING, priors
 from tympan.studies.diagnosis.inference.predictive import Predictive
 from tympan.studies.diagnosis.inference.verdict import Judgement, judge
 from tympan.studies.diagnosis.reading_table import ReadingTable

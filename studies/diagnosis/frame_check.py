@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tympan.geometry.errors import InputError
-from tympan.studies.diagnosis.inference.posterior import nominal_fit
+from tympan.studies.diagnosis.fits.fitting import nominal_fit
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.reduced.simulation import Simulation
 from tympan.studies.files import words_beside

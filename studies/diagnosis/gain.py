@@ -18,17 +18,11 @@ from numpy.typing import NDArray
 from scipy.special import logsumexp
 
 from tympan.studies.diagnosis.coupons.strip_splits import strip_splits
+from tympan.studies.diagnosis.fits.fit import Fit, best_of
+from tympan.studies.diagnosis.fits.fitting import fit, fit_all, nominal_fit
 from tympan.studies.diagnosis.hypothesis import Cause, Hypothesis, hypotheses_of
 from tympan.studies.diagnosis.inference.identifiability import SAME, signatures, visibility
-from tympan.studies.diagnosis.inference.posterior import (
-    NOTHING,
-    Fit,
-    best_of,
-    fit,
-    fit_all,
-    nominal_fit,
-    priors,
-)
+from tympan.studies.diagnosis.inference.posterior import NOTHING, priors
 from tympan.studies.diagnosis.inference.predictive import SHARE, Predictive
 from tympan.studies.diagnosis.inference.verdict import Judgement
 from tympan.studies.diagnosis.reading_table import MICROMETRES, ReadingTable, Unit

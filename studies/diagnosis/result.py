@@ -22,10 +22,11 @@ from tympan.studies.diagnosis.coupons.strip_record import (
     at_temperature,
     save_strips,
 )
+from tympan.studies.diagnosis.fits.fit import Fit
 from tympan.studies.diagnosis.gain import GainReport, gain_of
 from tympan.studies.diagnosis.hypothesis import Cause
 from tympan.studies.diagnosis.inference.identifiability import detectable_effects
-from tympan.studies.diagnosis.inference.posterior import Fit, Posterior
+from tympan.studies.diagnosis.inference.posterior import Posterior
 from tympan.studies.diagnosis.inference.ratios import ratios
 from tympan.studies.diagnosis.inference.verdict import (
     Judgement,

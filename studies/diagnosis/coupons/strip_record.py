@@ -9,7 +9,7 @@ from tympan.fem.film.laws.stiffened import scaled
 from tympan.geometry.specimen import Specimen
 from tympan.studies.columns import Column, write_sheet
 from tympan.studies.data.coupon import MODES
-from tympan.studies.diagnosis.inference.posterior import Fit
+from tympan.studies.diagnosis.fits.fit import Fit
 from tympan.studies.diagnosis.inference.verdict import Judgement
 from tympan.studies.diagnosis.reduced.strips import ICE, USUAL_KELVIN, StripTests
 

@@ -9,6 +9,8 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
+from tympan.studies.diagnosis.fits.fit import Fit, best_of
+from tympan.studies.diagnosis.fits.fitting import fit, with_sizes
 from tympan.studies.diagnosis.hypothesis import (
     FACTORS,
     SIZES,
@@ -18,7 +20,6 @@ from tympan.studies.diagnosis.hypothesis import (
     parameters_of,
     sizes_of,
 )
-from tympan.studies.diagnosis.inference.posterior import Fit, best_of, fit, with_sizes
 from tympan.studies.diagnosis.inference.residual_tests import beside, taken_by
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.reduced.growth import coupled, grown, refined, regridded

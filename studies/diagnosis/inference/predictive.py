@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr
 
-from tympan.studies.diagnosis.inference.posterior import Fit
+from tympan.studies.diagnosis.fits.fit import Fit
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.reduced.simulation import Simulation
 

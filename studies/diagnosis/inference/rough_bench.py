@@ -16,11 +16,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logsumexp
 
+from tympan.studies.diagnosis.fits.evidence import evidence
+from tympan.studies.diagnosis.fits.fit import Fit
+from tympan.studies.diagnosis.fits.fitting import fit
+from tympan.studies.diagnosis.fits.small_errors import SmallErrors
 from tympan.studies.diagnosis.hypothesis import Cause, Hypothesis
 from tympan.studies.diagnosis.inference.identifiability import TYPICAL, Signatures
-from tympan.studies.diagnosis.inference.posterior import Fit, Posterior, evidence, fit, priors
+from tympan.studies.diagnosis.inference.posterior import Posterior, priors
 from tympan.studies.diagnosis.inference.residual_tests import taken_by, without
-from tympan.studies.diagnosis.inference.small_errors import SmallErrors
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.reduced.simulation import Simulation
 

@@ -10,6 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtri, ndtr, ndtri
 
+from tympan.studies.diagnosis.fits.evidence import evidence, quantiles
+from tympan.studies.diagnosis.fits.fit import Fit
+from tympan.studies.diagnosis.fits.fitting import fit, nominal_fit
 from tympan.studies.diagnosis.hypothesis import SIZES, Cause, hypotheses_of
 from tympan.studies.diagnosis.inference.exploration import Exploration, reached_further
 from tympan.studies.diagnosis.inference.identifiability import (
@@ -19,16 +22,7 @@ from tympan.studies.diagnosis.inference.identifiability import (
     signatures,
 )
 from tympan.studies.diagnosis.inference.part_noise import PartNoise
-from tympan.studies.diagnosis.inference.posterior import (
-    Fit,
-    Posterior,
-    evidence,
-    fit,
-    log_odds_to_smooth,
-    nominal_fit,
-    odds_of_more,
-    quantiles,
-)
+from tympan.studies.diagnosis.inference.posterior import Posterior, log_odds_to_smooth, odds_of_more
 from tympan.studies.diagnosis.inference.residual_tests import (
     STATED,
     ResidualTests,

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
 from tympan.studies.data.effort import Effort
+from tympan.studies.diagnosis.fits.fit import Fit
 from tympan.studies.diagnosis.history import staircase
 from tympan.studies.diagnosis.hypothesis import FACTORS
-from tympan.studies.diagnosis.inference.posterior import Fit
 from tympan.studies.diagnosis.reading_table import ReadingTable, States, rows
 from tympan.studies.diagnosis.reduced.film_memory import FilmMemory
 from tympan.studies.diagnosis.reduced.films_at_rest import FilmsAtRest

@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 
 from tympan.studies.data.effort import Effort
 from tympan.studies.diagnosis.calibration import with_masses
+from tympan.studies.diagnosis.fits.fit import Fit
 from tympan.studies.diagnosis.hypothesis import Cause, Hypothesis
 from tympan.studies.diagnosis.inference.identifiability import SEEN, TOLD
-from tympan.studies.diagnosis.inference.posterior import Fit, Posterior
+from tympan.studies.diagnosis.inference.posterior import Posterior
 from tympan.studies.diagnosis.inference.verdict import Judgement
 from tympan.studies.diagnosis.next_experiment.experiments import MENU, Foreseen, Readout
 from tympan.studies.diagnosis.reduced.simulation import Simulation

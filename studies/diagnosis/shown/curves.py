@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tympan.studies.columns import Column
-from tympan.studies.diagnosis.inference.posterior import Fit
+from tympan.studies.diagnosis.fits.fit import Fit
 from tympan.studies.diagnosis.inference.predictive import Predictive
 from tympan.studies.diagnosis.inference.verdict import Judgement
 from tympan.studies.diagnosis.reading_table import LENGTHS, ReadingTable

@@ -9,9 +9,9 @@ import pytest
 
 from benchmarks.trials.unmodelled_faults import Jump, Stick
 from tests.support.trials import design, every_cause
+from tympan.studies.diagnosis.fits.fitting import fit
 from tympan.studies.diagnosis.inference.identifiability import signatures
 from tympan.studies.diagnosis.inference.part_noise import PartNoise
-from tympan.studies.diagnosis.inference.posterior import fit
 from tympan.studies.diagnosis.inference.residual_tests import (
     ResidualTests,
     orthonormal,

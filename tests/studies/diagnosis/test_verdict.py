@@ -11,6 +11,8 @@ from scipy.special import logsumexp
 from scipy.stats import kstest, multivariate_t
 
 from tests.support.trials import design, every_cause, read
+from tympan.studies.diagnosis.fits.fit import NUISANCE
+from tympan.studies.diagnosis.fits.fitting import fit
 from tympan.studies.diagnosis.hypothesis import Cause, hypotheses_of
 from tympan.studies.diagnosis.inference import residual_tests
 from tympan.studies.diagnosis.inference.identifiability import (
@@ -18,7 +20,6 @@ from tympan.studies.diagnosis.inference.identifiability import (
     detectable_effects,
     signatures,
 )
-from tympan.studies.diagnosis.inference.posterior import NUISANCE, fit
 from tympan.studies.diagnosis.inference.ratios import ratios
 from tympan.studies.diagnosis.inference.verdict import interval, judge, single_effects
 from tympan.studies.diagnosis.reading_table import ReadingTable, rows

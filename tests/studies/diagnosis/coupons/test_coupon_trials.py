@@ -21,8 +21,8 @@ from tests.support import datasets
 from tympan.studies.data.dataset import read_dataset
 from tympan.studies.diagnosis.coupons.strip_readings import strip_readings
 from tympan.studies.diagnosis.diagnose import judge_dataset
+from tympan.studies.diagnosis.fits.fitting import nominal_fit
 from tympan.studies.diagnosis.hypothesis import Cause
-from tympan.studies.diagnosis.inference.posterior import nominal_fit
 from tympan.studies.diagnosis.reduced.simulation import Simulation
 
 #: Of a film of Gent's law that is mounted at √5, strips with free widths under voltage among them.

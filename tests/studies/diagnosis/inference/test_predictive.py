@@ -9,9 +9,9 @@ import pytest
 from scipy.stats import norm
 
 from tests.support.trials import design, every_cause, read
+from tympan.studies.diagnosis.fits.fitting import fit
 from tympan.studies.diagnosis.gain import gain_of
 from tympan.studies.diagnosis.hypothesis import Cause
-from tympan.studies.diagnosis.inference.posterior import fit
 from tympan.studies.diagnosis.inference.predictive import Predictive
 from tympan.studies.diagnosis.inference.verdict import judge
 from tympan.studies.diagnosis.reading_table import ReadingTable, States, rows

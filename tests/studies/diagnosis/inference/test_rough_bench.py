@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from tests.support.trials import design, every_cause, read, size_of
+from tympan.studies.diagnosis.fits.fitting import fit
+from tympan.studies.diagnosis.fits.small_errors import SmallErrors
 from tympan.studies.diagnosis.hypothesis import Cause
-from tympan.studies.diagnosis.inference.posterior import fit
-from tympan.studies.diagnosis.inference.small_errors import SmallErrors
 from tympan.studies.diagnosis.inference.verdict import interval, judge
 from tympan.studies.diagnosis.reduced.simulation import Simulation
 from tympan.studies.diagnosis.self_check import sizes_at

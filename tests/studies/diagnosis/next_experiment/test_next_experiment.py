@@ -10,9 +10,11 @@ import pytest
 from tests.support.trials import design, every_cause, read, size_of
 from tympan.studies.data.effort import Effort
 from tympan.studies.diagnosis.calibration import with_masses
+from tympan.studies.diagnosis.fits.fit import Fit
+from tympan.studies.diagnosis.fits.fitting import fit
 from tympan.studies.diagnosis.hypothesis import Cause, Hypothesis
 from tympan.studies.diagnosis.inference.identifiability import SEEN, TOLD
-from tympan.studies.diagnosis.inference.posterior import Fit, Posterior, fit
+from tympan.studies.diagnosis.inference.posterior import Posterior
 from tympan.studies.diagnosis.inference.verdict import Judgement, judge
 from tympan.studies.diagnosis.next_experiment.experiments import MENU, Experiment, Readout
 from tympan.studies.diagnosis.next_experiment.proposals import propose, rivals

@@ -19,8 +19,9 @@ from tympan.studies.data.dataset import read_dataset
 from tympan.studies.data.effort import Effort
 from tympan.studies.diagnosis.calibration import calibrated
 from tympan.studies.diagnosis.diagnose import diagnose
+from tympan.studies.diagnosis.fits.fit import Fit
+from tympan.studies.diagnosis.fits.fitting import fit
 from tympan.studies.diagnosis.hypothesis import Cause
-from tympan.studies.diagnosis.inference.posterior import Fit, fit
 from tympan.studies.diagnosis.next_experiment.experiments import MENU, Readout
 from tympan.studies.diagnosis.next_experiment.solved_experiments import (
     SOLVED,

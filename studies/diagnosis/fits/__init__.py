@@ -1,0 +1,1 @@
+"""Hypotheses fitted to readings, and how probable the readings then are."""

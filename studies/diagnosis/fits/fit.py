@@ -1,0 +1,99 @@
+"""What a hypothesis comes to when it is fitted: its most probable unknowns."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tympan.studies.diagnosis.fits.small_errors import SmallErrors
+from tympan.studies.diagnosis.hypothesis import Cause, Hypothesis, sizes_of
+
+Array = NDArray[np.float64]
+
+#: What is known beforehand of the logarithms of the factors on stiffness and permittivity, as
+#: standard deviations: sources on one tape differ by a factor of 1.7 in stiffness, and from 2.6 to
+#: 4.7 in permittivity.
+NUISANCE = np.array([0.5, 0.4])
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """A hypothesis fitted to a table.
+
+    ``residual``: readings minus predictions over their noise, shape (rows,); ``jacobian``:
+    derivatives of the predictions over the noise by the unknowns; ``bounds`` and ``limits``: what
+    films are sampled for and could be, shape (2, unknowns); ``slope`` and ``precision``:
+    first and second derivatives of the cost; ``cost``: minus the logarithm of posterior density,
+    and ``evidence``: logarithm of the readings' probability, up to what all hypotheses share;
+    ``heave``: of the states [m]. Where not all states are possible, cost and evidence are infinite,
+    and ``short`` is the cost that laws of further reach might have, or inf. Usual sizes were taken
+    ``widen`` times as large, and there may be small errors ``beside`` the hypothesis.
+    """
+
+    hypothesis: Hypothesis
+    unknowns: Array
+    bounds: Array
+    limits: Array
+    residual: Array
+    jacobian: Array
+    slope: Array
+    precision: Array
+    cost: float
+    evidence: float
+    heave: Array
+    short: float = np.inf
+    widen: float = 1.0
+    beside: SmallErrors | None = None
+
+    @property
+    def possible(self) -> bool:
+        """Whether any unknowns make a state of equilibrium of every state that was read."""
+        return bool(np.isfinite(self.cost))
+
+    @property
+    def chi_squared(self) -> float:
+        """Sum of squared residuals."""
+        return float(self.residual @ self.residual)
+
+    @property
+    def covariance(self) -> Array:
+        """Of the unknowns, shape (p, p)."""
+        # Over their own widths, since unknowns in different units are of different magnitude.
+        width = np.maximum(np.abs(np.diag(self.precision)), 1e-300) ** -0.5
+        scaled = self.precision * width * width[:, None]
+        return np.asarray(np.linalg.pinv(scaled, hermitian=True) * width * width[:, None], float)
+
+    @property
+    def deviations(self) -> Array:
+        """Standard deviations of the unknowns."""
+        return np.sqrt(np.diag(self.covariance))
+
+    @property
+    def stopped(self) -> NDArray[np.bool_]:
+        """Which unknowns would go on, were they not at a bound."""
+        low, high = self.bounds
+        return np.asarray(((self.unknowns <= low) & (self.slope > 0))
+                          | ((self.unknowns >= high) & (self.slope < 0)))
+
+    @property
+    def free_jacobian(self) -> Array:
+        """That by the unknowns that are not stopped, which alone take up what is missed."""
+        return np.asarray(self.jacobian[:, ~self.stopped])
+
+    def whitened(self, values: Array) -> Array:
+        """Values of readings over their noise as if that were all, not small errors besides."""
+        return values if self.beside is None else self.beside.whitened(values)
+
+    def surprise(self, cause: Cause) -> float:
+        """The largest size of a cause's parameters over its usual one."""
+        sizes = np.abs(self.unknowns[sizes_of(self.hypothesis, cause)])
+        usual = [parameter.deviation for parameter in cause.effect.parameters]
+        return float((sizes / usual).max())
+
+
+def best_of(fits: Sequence[Fit]) -> Fit:
+    """The most probable, possible ones first."""
+    return min(fits, key=lambda fit: (fit.cost, fit.short))

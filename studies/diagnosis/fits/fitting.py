@@ -1,0 +1,148 @@
+"""Hypotheses fitted to a table of readings: the nominal one, and others from it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tympan.studies.diagnosis.fits.evidence import evidence
+from tympan.studies.diagnosis.fits.fit import NUISANCE, Fit, best_of
+from tympan.studies.diagnosis.fits.small_errors import SmallErrors
+from tympan.studies.diagnosis.hypothesis import (
+    FACTORS,
+    SIZES,
+    Hypothesis,
+    parameters_of,
+    sizes_of,
+    unknown_count,
+)
+from tympan.studies.diagnosis.reading_table import ReadingTable
+from tympan.studies.diagnosis.reduced.reduced_films import bounds_of, limits_of
+from tympan.studies.diagnosis.reduced.simulation import Simulation
+from tympan.studies.effects.prior import as_residuals
+from tympan.studies.estimation.least_squares import Evaluation, LeastSquares, minimise
+
+Array = NDArray[np.float64]
+
+_ITERATIONS, _SMALL = 40, 1e-4
+
+#: Shares of the readings, those of the lowest voltages first, that the nominal model is fitted to.
+_SHARES = (0.25, 0.5, 0.75, 1.0)
+
+
+def fit(simulation: Simulation, hypothesis: Hypothesis, table: ReadingTable,
+        start: Array | None = None, widen: float = 1.0, beside: SmallErrors | None = None) -> Fit:
+    """The best fit of a hypothesis to readings, usual sizes taken ``widen`` times as large.
+
+    It begins at ``start``, of which the nominal hypothesis' unknowns are enough; without effects
+    else, or, where a sign changes nothing, with some of the usual size. Small errors ``beside`` it
+    count as noise.
+    """
+    return best_of([_fit_from(simulation, hypothesis, table, first, widen, beside)
+                    for first in _starts(hypothesis, start)])
+
+
+def _fit_from(simulation: Simulation, hypothesis: Hypothesis, table: ReadingTable, start: Array,
+              widen: float, beside: SmallErrors | None) -> Fit:
+    bounds, limits = bounds_of(simulation, hypothesis), limits_of(simulation, hypothesis)
+    scales = np.array([parameter.prior.widened(widen).scale
+                       for parameter in parameters_of(hypothesis)])
+
+    def prior(unknowns: Array) -> tuple[Array, Array]:
+        rows, slopes = as_residuals(unknowns[SIZES], scales)
+        return (np.concatenate([unknowns[FACTORS] / NUISANCE, rows]),
+                np.concatenate([1 / NUISANCE, slopes]))
+
+    def white(values: Array) -> Array:
+        return values if beside is None else beside.whitened(values)
+
+    def evaluate(unknowns: Array, near: Evaluation | None) -> Evaluation:
+        prediction = simulation.prediction(hypothesis, unknowns, table)
+        residual = (table.value - prediction.extended) / table.sigma
+        if near is not None and prediction.beyond(near.state):
+            residual = np.full(len(table), np.nan)
+        return Evaluation(white(residual),
+                          lambda: -white(prediction.jacobian / table.sigma[:, None]), prediction)
+
+    problem = LeastSquares(evaluate, bounds[0], bounds[1], prior=prior)
+    start = np.clip(start, *bounds)
+    minimum = minimise(problem, start, quick=_SMALL, iterations=_ITERATIONS)
+    point, unknowns, prediction = minimum.point, minimum.unknowns, minimum.point.state
+    residual, jacobian = point.residual, -point.jacobian
+    if beside is not None:
+        residual = (table.value - prediction.extended) / table.sigma
+        jacobian = prediction.jacobian / table.sigma[:, None]
+    reached = Fit(hypothesis, unknowns, bounds, limits, residual, jacobian,
+                  problem.slope(unknowns, point), problem.curvature(unknowns, point), minimum.cost,
+                  0.0, prediction.heave, widen=widen, beside=beside)
+    if prediction.complete:
+        return replace(reached, evidence=evidence(reached, widen))
+    further = np.all(prediction.possible | prediction.short)
+    return replace(reached, cost=np.inf, evidence=-np.inf,
+                   short=minimum.cost if further else np.inf)
+
+
+def _starts(hypothesis: Hypothesis, start: Array | None) -> list[Array]:
+    usual = np.array([parameter.deviation for parameter in parameters_of(hypothesis)])
+    first = np.zeros(FACTORS.stop + len(usual))
+    if start is not None:
+        first[: len(start)] = start[: len(first)]
+    even = np.array([parameter.sign == "even" for parameter in parameters_of(hypothesis)], bool)
+    if not even.any() or (start is not None and len(start) >= len(first)):
+        return [first]
+    moved = np.zeros(len(first))
+    moved[SIZES] = np.where(even, usual, 0.0)
+    return [first + share * moved for share in (0.5, 2.0)]
+
+
+def nominal_fit(simulation: Simulation, table: ReadingTable) -> Fit:
+    """The nominal model fitted: to the readings of low voltages first, and from there to more.
+
+    So films find their stiffness before their limits matter.
+    """
+    return list(nominal_fits(simulation, table))[-1]
+
+
+def nominal_fits(simulation: Simulation, table: ReadingTable) -> Iterator[Fit]:
+    """The nominal model fitted to more and more readings, in the end to all."""
+    order, unknowns = np.argsort(table.voltage, kind="stable"), np.zeros(FACTORS.stop)
+    for share in _SHARES:
+        count = max(int(share * len(order)), FACTORS.stop)
+        lowest = table[np.sort(order[:count])].compact() if count < len(order) else table
+        nominal = fit(simulation, (), lowest, unknowns)
+        if simulation.tests is not None and not nominal.possible:
+            # Factors that others liked may leave a charged strip without width.
+            nominal = best_of([nominal, fit(simulation, (), lowest)])
+        unknowns = nominal.unknowns
+        yield nominal
+
+
+def fit_all(simulation: Simulation, hypotheses: Sequence[Hypothesis], table: ReadingTable,
+            start: Array, widen: float = 1.0, fitted: Sequence[Fit] = ()) -> list[Fit]:
+    """Every hypothesis fitted but those that are ``fitted``.
+
+    They start from the nominal one's unknowns, pairs from each of their members' fits.
+    """
+    fits = {fit.hypothesis: fit for fit in fitted}
+    for hypothesis in hypotheses:
+        if hypothesis in fits:
+            continue
+        starts = [with_sizes(hypothesis, fits[cause,]) for cause in hypothesis
+                  if len(hypothesis) > 1 and (cause,) in fits and fits[cause,].possible]
+        fits[hypothesis] = best_of([fit(simulation, hypothesis, table, first, widen)
+                                    for first in starts or [start[FACTORS]]])
+    return [fits[hypothesis] for hypothesis in hypotheses]
+
+
+def with_sizes(hypothesis: Hypothesis, *fits: Fit) -> Array:
+    """Unknowns of a hypothesis with the factors of the last fit, and the sizes of all, else 0."""
+    unknowns = np.zeros(unknown_count(hypothesis))
+    for member in fits:
+        unknowns[FACTORS] = member.unknowns[FACTORS]
+        for cause in member.hypothesis:
+            sizes = member.unknowns[sizes_of(member.hypothesis, cause)]
+            unknowns[sizes_of(hypothesis, cause)] = sizes
+    return unknowns
