@@ -170,6 +170,16 @@ def test_numbers_typed_make_another_film_and_another_browser_keeps_its_own(
     context.close()
 
 
+def test_what_is_being_typed_stays_while_another_film_arrives(page: Any) -> None:
+    began, words = deflection(page), page.locator("#number-stiffness")
+    typed(page, "frame.semi_axes.0", "5.1 cm")
+    words.fill("1.3")
+    waited(lambda: deflection(page) != began, True)
+    assert words.input_value() == "1.3"
+    words.press("Enter")
+    waited(lambda: page.locator("#slider-stiffness").input_value(), "1.3")
+
+
 def typed(page: Any, key: str, text: str) -> None:
     """Type into a number field."""
     escaped = key.replace(".", r"\.")
