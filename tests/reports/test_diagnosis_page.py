@@ -53,6 +53,9 @@ def test_small_errors_are_said_where_they_are_the_rest(verdict: str, words: str)
     rough = usual | {"small_errors": 0.3}
     assert words in " ".join(verdict_words(rough).split())
     assert words not in " ".join(verdict_words(usual).split())
+    beside = "here small errors of other kinds leave trends beside it"
+    assert [beside in render_diagnosis(each, "<svg/>", "<svg/>") for each in (rough, usual)] == [
+        True, False]
 
 
 def test_a_rival_that_only_its_size_speaks_against_is_called_so() -> None:
