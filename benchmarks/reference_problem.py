@@ -17,6 +17,7 @@ import sys
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Literal
 
 from benchmarks.peers.harness import MISSING, Row
 
@@ -25,10 +26,13 @@ PEERS = Path(__file__).parent / "peers"
 
 @dataclass(frozen=True)
 class Script:
-    """A peer script and whether it needs the Python of the operating system's packages."""
+    """A peer script and whose Python it needs.
+
+    That of the operating system's packages, of the pip-installed peers, or tympan's own.
+    """
 
     name: str
-    system_python: bool = False
+    python: Literal["system", "peers", "tympan"] = "peers"
 
     @property
     def path(self) -> Path:
@@ -47,18 +51,19 @@ class Outcome:
 
 SCRIPTS = (
     Script("ngsolve_membrane"),
-    Script("fenicsx_membrane", system_python=True),
+    Script("fenicsx_membrane", "system"),
     Script("felupe_membrane"),
     Script("felupe_axisymmetric"),
     Script("sfepy_membrane"),
-    Script("getfem_membrane", system_python=True),
-    Script("calculix_membrane"),
+    Script("getfem_membrane", "system"),
+    Script("calculix_membrane", "tympan"),
 )
 
 
 def interpreter(script: Script, peer_python: str) -> str | None:
     """Python to run the script with; None if the operating system has none."""
-    return shutil.which("python3", path="/usr/bin") if script.system_python else peer_python
+    return {"system": shutil.which("python3", path="/usr/bin"), "peers": peer_python,
+            "tympan": sys.executable}[script.python]
 
 
 def run(script: Script, peer_python: str, levels: int, repeat: int) -> Outcome:
