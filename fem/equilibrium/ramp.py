@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from itertools import chain, dropwhile, pairwise
 from typing import Literal
@@ -36,6 +36,9 @@ Status = Literal["equilibrium", "no_equilibrium", "not_converged"]
 #: How a film ends: its load passes a maximum, or wrinkled it has no stable width.
 LimitKind = Literal["pull_in", "thinning"]
 
+#: A number of a state that is positive up to where something happens to it.
+Margin = Callable[[State], float]
+
 _ENDS: dict[LimitKind, str] = {"pull_in": "pulls in", "thinning": "thins without bound"}
 #: What is said of such a film.
 SLACK = "the film is slack when mounted, and still"
@@ -46,7 +49,7 @@ _SMALL_STEP = 0.5
 
 #: Relative accuracy of the load at which a film begins to thin without bound, and of a guess; how
 #: many equilibria are looked at for it.
-_SHARP, _NEAR, _THINNED = 1e-6, 1e-3, 60
+_SHARP, _NEAR, _CLOSING = 1e-6, 1e-3, 60
 
 #: Shortest step, relative to the frame, of a charged film: its wrinkles may end in one spot.
 _LOCAL = 1e-6
@@ -151,7 +154,7 @@ class Ramp:
                     return outcome
             trial.release()
             if (step := (share - done) / 2) < max(self.settings.handover * (before + done), 1e-12):
-                outcome = self._by_arc_length(solution)
+                outcome = self._by_arc_length(start, solution)
                 if outcome.status == "not_converged" and trial.advice.startswith(STRAINED):
                     return replace(outcome, advice=f"{STRAINED} before the {self._word} is reached")
                 return outcome
@@ -180,22 +183,23 @@ class Ramp:
         far = start.thinning_margin(self.model) == np.inf
         if far and abs(value - origin) < _SMALL_STEP * abs(value):
             return value
-        reached = self._foretold(start, origin, value, _NEAR)
+        reached = self._foretold(start, self.model.thinning_margin, origin, value, _NEAR)
         return value if reached is None else reached + 2 * _NEAR * (value - origin)
 
-    def _foretold(self, start: Solution, low: float, high: float, sharp: float) -> float | None:
-        """The load between two at which a film moving on as at the start begins to thin.
+    def _foretold(self, start: Solution, margin: Margin, low: float, high: float, sharp: float
+                  ) -> float | None:
+        """The load between two at which a film moving on as at the start uses a margin up.
 
         ``sharp``: its accuracy, relative to their difference. None if it does not.
         """
-        def margin(load: float) -> float:
-            return self.model.thinning_margin(start.predicted(self.model, self.load, load))
+        def at(load: float) -> float:
+            return margin(start.predicted(self.model, self.load, load))
 
         with np.errstate(all="ignore"):
-            most = -margin(high)
-            if not most > 0 or margin(low) < 0:
+            most = -at(high)
+            if not most > 0 or at(low) < 0:
                 return None
-            return float(brentq(lambda load: min(margin(load), most), low, high,
+            return float(brentq(lambda load: min(at(load), most), low, high,
                                 xtol=sharp * abs(high - low)))
 
     def _at(self, start: Solution, value: float) -> tuple[Solution, State]:
@@ -211,28 +215,51 @@ class Ramp:
         return trial, trial.converged and trial.stable and self._foreseen(start, guess, trial)
 
     def _thinned(self, before: Solution, after: Solution) -> Outcome | None:
-        """Where, between two equilibria, the film begins to thin without bound; None if unclear.
+        """The film's end between two equilibria where it begins to thin; None if unclear."""
+        ends = self._around(before, after, self.model.thinning_margin)
+        return ends and self._ended("thinning", ends[0], self._point(ends[1]))
 
-        From the equilibrium closest to that to where the film, moving on as there, begins to, until
-        that is no further away; now and then to the middle, should that not close in.
+    def _around(self, before: Solution, after: Solution, margin: Margin
+                ) -> tuple[Solution, Solution] | None:
+        """Where between two equilibria a margin is used up: the last with some, the closest to it.
+
+        From the closest so far to where the film, moving on as there, uses it up, until that is no
+        further away; now and then to the middle, should that not close in; and from the last with
+        some, should the film go astray. None if it still does.
         """
-        ends = [before, after]
+        ends, margins = [before, after], [margin(before.state), margin(after.state)]
         after.release()
         sharp = _SHARP * abs(before.state.load(self.load) - after.state.load(self.load))
-        for count in range(1, _THINNED + 1):
+        for count in range(1, _CLOSING + 1):
             low, high = (end.state.load(self.load) for end in ends)
-            close = min(ends, key=lambda end: abs(end.thinning_margin(self.model)))
-            limit = self._foretold(close, low, high, _SHARP) if count % 6 else None
-            if limit is None:
-                limit = (low + high) / 2
-            if abs(limit - close.state.load(self.load)) <= sharp:
+            close = ends[abs(margins[1]) < abs(margins[0])]
+            load = self._foretold(close, margin, low, high, _SHARP) if count % 6 else None
+            if load is None:
+                load = (low + high) / 2
+            if abs(load - close.state.load(self.load)) <= sharp:
                 break
-            solution = self._at(close, limit)[0]
+            solution = self._at(close, load)[0]
             solution.release()
+            if not solution.converged and close is not ends[0]:
+                solution = self._at(ends[0], load)[0]
+                solution.release()
             if not solution.converged:
                 return None
-            ends[solution.thinning_margin(self.model) < 0] = solution
-        return self._ended("thinning", ends[0], self._point(close))
+            remaining = margin(solution.state)
+            ends[remaining < 0], margins[remaining < 0] = solution, remaining
+        return ends[0], close
+
+    def _tense(self, start: Solution, reached: Solution) -> Solution:
+        """The equilibrium from which a film is followed on that was reached from a start.
+
+        Of one that bears compression the one where it loses tension: the smooth motions start
+        there, for further on its soft waves depend on each step that was made.
+        """
+        tension = self.model.least_tension
+        if self.model.wrinkles or tension(start.state) < 0 or tension(reached.state) > 0:
+            return reached
+        ends = self._around(start, reached, tension)
+        return reached if ends is None else ends[1]
 
     def _point(self, solution: Solution) -> PathPoint | None:
         """The equilibrium as a point of its branch; None where the load moves nothing."""
@@ -257,11 +284,12 @@ class Ramp:
         return (missed <= _SURPRISE * gone + UNNOTICED
                 and explained >= _EXPLAINED * gone - UNNOTICED)
 
-    def _by_arc_length(self, start: Solution) -> Outcome:
-        """To where the branch reaches the target, turns back (pull-in), thins, or ends."""
+    def _by_arc_length(self, origin: Solution, reached: Solution) -> Outcome:
+        """From the last equilibrium reached to where the branch does, or turns, thins or ends."""
         load, target, settings = self.load, self.target, self.settings
+        start = self._tense(origin, reached)
         sense = 1 if target >= start.state.load(load) else -1
-        stable, last = start, None
+        stable, last = reached, None
         start.release()
         points = follow_branch(self.model, start.state, load, settings, sense)
         for (_, before), (branch, after) in pairwise(points):

@@ -207,12 +207,19 @@ class Model:
 
     def in_tension(self, state: State) -> bool:
         """Whether the film is in tension everywhere, at the quadrature points."""
-        return self._tense(self.cauchy_green(state.positions), state.voltage_squared)
+        return self.least_tension(state) > 0
 
-    def _tense(self, c: tuple[Array, Array, Array], voltage_squared: Any) -> bool:
+    def least_tension(self, state: State) -> float:
+        """Smallest principal tension of a film that bears compression, at the quadrature points.
+
+        It is ∂W/∂λ₂ [Pa].
+        """
+        return self._least_tension(self.cauchy_green(state.positions), state.voltage_squared)
+
+    def _least_tension(self, c: tuple[Array, Array, Array], voltage_squared: Any) -> float:
         materials = self.density(voltage_squared).material.materials
         stretches = principal_stretches(c, self.specimen.membrane.prestretch)
-        return bool((total(materials, *stretches)[2] > 0).all())
+        return float(total(materials, *stretches)[2].min())
 
     def thinning_margin(self, state: State) -> float:
         """Least stiffness or tension of a film that wrinkles [Pa], as a :class:`TensionField` says.
@@ -316,7 +323,7 @@ class Model:
         """Derivative of the nodal forces by U² [N/V²]; not linear in it where wrinkled."""
         f = self.discretisation.deformation(state.positions)
         c = cauchy_green(f)
-        if self.wrinkles and not self._tense(c, state.voltage_squared):
+        if self.wrinkles and not self._least_tension(c, state.voltage_squared) > 0:
             return np.asarray(complex_step(lambda squared: self.forces(state.positions, squared),
                                            state.voltage_squared))
         electric = self.density(1.0).maxwell

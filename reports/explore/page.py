@@ -105,7 +105,8 @@ class Page:
         self.start = self.subject.view(number, mass) if number else self._first
         with self.server.state as state:
             state.update({
-                "title": self.subject.name, "chosen": number, "errors": {}, "typing": {}, "written": "",
+                "title": self.subject.name, "chosen": number,
+                "errors": {}, "typing": {}, "written": "",
                 "names": [specimen.name for specimen in self.subject.specimens],
                 "masses": [f"{mass * 1e3:.6g} g" for mass in masses],
                 "colourings": [{"key": key, "label": quantity.label}
