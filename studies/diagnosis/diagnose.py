@@ -32,8 +32,9 @@ from tympan.studies.diagnosis.inference.identifiability import (
     detectable_effects,
     signatures,
 )
+from tympan.studies.diagnosis.inference.nominal import with_noise_found
 from tympan.studies.diagnosis.inference.part_noise import PartNoise
-from tympan.studies.diagnosis.inference.verdict import Judgement, judge, with_noise_found
+from tympan.studies.diagnosis.inference.verdict import Judgement, judge
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.readings import PreparedReadings, prepared_readings
 from tympan.studies.diagnosis.reduced.simulation import Simulation

@@ -22,18 +22,15 @@ from tympan.studies.diagnosis.coupons.strip_record import (
     at_temperature,
     save_strips,
 )
+from tympan.studies.diagnosis.fits.evidence import interval
 from tympan.studies.diagnosis.fits.fit import Fit
 from tympan.studies.diagnosis.gain import GainReport, gain_of
 from tympan.studies.diagnosis.hypothesis import Cause
 from tympan.studies.diagnosis.inference.identifiability import detectable_effects
 from tympan.studies.diagnosis.inference.posterior import Posterior
 from tympan.studies.diagnosis.inference.ratios import ratios
-from tympan.studies.diagnosis.inference.verdict import (
-    Judgement,
-    SingleEffect,
-    interval,
-    single_effects,
-)
+from tympan.studies.diagnosis.inference.single_effects import SingleEffect, single_effects
+from tympan.studies.diagnosis.inference.verdict import Judgement
 from tympan.studies.diagnosis.next_experiment.experiments import MENU, Foreseen
 from tympan.studies.diagnosis.next_experiment.proposals import Proposal, propose
 from tympan.studies.diagnosis.next_experiment.solved_experiments import SOLVED

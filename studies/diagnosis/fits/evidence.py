@@ -8,7 +8,7 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import logsumexp
+from scipy.special import logsumexp, ndtr, ndtri
 
 from tympan.studies.diagnosis.fits.fit import NUISANCE, Fit
 from tympan.studies.diagnosis.hypothesis import FACTORS, SIZES, parameters_of
@@ -18,6 +18,9 @@ Array = NDArray[np.float64]
 #: Points of quadrature in each of one, two, three or more sizes, and in one of which limits are
 #: asked; how far it reaches, in standard deviations.
 _NODES, _FINE, _REACH = (32, 20, 12, 6, 4, 3), 128, 6.0
+
+#: Standard deviations within which a value lies on a bound.
+_AT_BOUND = 1e-6
 
 
 def evidence(fit: Fit, widen: float = 1.0) -> float:
@@ -33,6 +36,20 @@ def evidence(fit: Fit, widen: float = 1.0) -> float:
     sizes = list(range(len(fit.unknowns) - SIZES.start))
     _, logs = parabola.quadrature(fit, fit.bounds, widen, sizes)
     return parabola.top + float(logsumexp(logs))
+
+
+def interval(fit: Fit, number: int) -> tuple[float, float, float]:
+    """An unknown's most probable value and 95 % limits; a bound that the value lies on is one."""
+    centre, width = float(fit.unknowns[number]), float(fit.deviations[number])
+    low, high = ((bound - centre) / width for bound in fit.bounds[:, number])
+    parts = ((0.0, 0.95) if low >= -_AT_BOUND else (0.05, 1.0) if high <= _AT_BOUND
+             else (0.025, 0.975))
+    if number < SIZES.start:
+        below, above = ndtr(low), ndtr(high)
+        limits = centre + width * ndtri(below + np.array(parts) * (above - below))
+    else:
+        limits = quantiles(fit, number, parts)
+    return centre, min(float(limits[0]), centre), max(float(limits[1]), centre)
 
 
 def quantiles(fit: Fit, number: int, shares: Sequence[float]) -> Array:

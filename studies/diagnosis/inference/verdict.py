@@ -2,44 +2,36 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import chdtri, ndtr, ndtri
 
-from tympan.studies.diagnosis.fits.evidence import evidence, quantiles
+from tympan.studies.diagnosis.fits.evidence import evidence
 from tympan.studies.diagnosis.fits.fit import Fit
-from tympan.studies.diagnosis.fits.fitting import fit, nominal_fit
-from tympan.studies.diagnosis.hypothesis import SIZES, Cause, hypotheses_of
-from tympan.studies.diagnosis.inference.exploration import Exploration, reached_further
+from tympan.studies.diagnosis.hypothesis import Cause, hypotheses_of
+from tympan.studies.diagnosis.inference.exploration import Exploration
 from tympan.studies.diagnosis.inference.identifiability import (
     Signatures,
     classes_of,
     shows_when_large,
-    signatures,
 )
+from tympan.studies.diagnosis.inference.nominal import TOO_FEW, NominalMisfit
 from tympan.studies.diagnosis.inference.part_noise import PartNoise
 from tympan.studies.diagnosis.inference.posterior import Posterior, log_odds_to_smooth, odds_of_more
 from tympan.studies.diagnosis.inference.residual_tests import (
     STATED,
     ResidualTests,
     TestResult,
-    among,
     over,
-    patterns,
 )
 from tympan.studies.diagnosis.inference.rough_bench import SMALL, RoughBench, near_rivals
-from tympan.studies.diagnosis.inference.strip_patterns import strip_patterns
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.reduced.simulation import Simulation
 
 Array = NDArray[np.float64]
-
-#: Standard deviations within which a value lies on a bound.
-_AT_BOUND = 1e-6
 
 Verdict = Literal["nothing", "named", "ambiguous", "unexplained"]
 
@@ -63,20 +55,6 @@ MORE = 4.0
 #: How much more two causes must explain than a smooth misfit of no cause, to be named: logarithm of
 #: the odds.
 PAIRED = 3.0
-
-#: How often force laws are made to reach further for the nominal fit.
-_REACHES = 3
-
-#: The least noise of a channel, over what is assumed.
-_QUIETEST = 0.05
-
-#: The probability with which a channel's scatter lies above what excludes a larger noise.
-_EXCLUDES = 0.9
-
-#: Readings of a channel that must be left to tell its noise, as a share, beside all patterns.
-_SHARE = 0.5
-
-_TOO_FEW = "there are too few readings to tell a misfit from noise"
 
 #: How many hypotheses are asked whether they leave noise, by probability and by χ².
 _ASKED = (8, 6)
@@ -162,14 +140,15 @@ def judge(simulation: Simulation, table: ReadingTable, causes: Sequence[Cause],
     for the films of effects larger than those simulated so far.
     """
     generator = np.random.default_rng(seed)
-    simulation, table, nominal, columns, tests = _begun(simulation, table, causes, stated, workers)
+    misfit, tests = NominalMisfit.of(simulation, table, causes, stated, workers)
     if not tests.able:
-        raise ArithmeticError(_TOO_FEW)
-    test = tests(nominal.residual, generator, part_noise)
-    simulation, table, nominal, columns = _louder(simulation, table, nominal, columns, test.noise)
-    signs = signatures(simulation, table, nominal.unknowns, causes)
+        raise ArithmeticError(TOO_FEW)
+    test = tests(misfit.fit.residual, generator, part_noise)
+    misfit = misfit.louder(test.noise)
+    simulation, table, nominal = misfit.simulation, misfit.table, misfit.fit
+    signs = misfit.signatures(causes)
     invisible, classes = classes_of(signs)
-    base = Judgement("nothing", simulation, table, nominal, test, columns, signs,
+    base = Judgement("nothing", simulation, table, nominal, test, misfit.patterns, signs,
                      indistinguishable=classes, invisible=invisible)
     if test.p_value >= ALARM:
         return base
@@ -179,104 +158,6 @@ def judge(simulation: Simulation, table: ReadingTable, causes: Sequence[Cause],
     exploration = Exploration(simulation, table, nominal, possible, adequacy.enough, widen, workers)
     exploration.run()
     return _weighed(replace(base, simulation=exploration.simulation), exploration, adequacy)
-
-
-def with_noise_found(simulation: Simulation, table: ReadingTable, causes: Sequence[Cause],
-                     stated: float) -> tuple[ReadingTable, float]:
-    """A table with its noise as :func:`judge` finds it, and degrees of freedom of that."""
-    _, table, nominal, _, tests = _begun(simulation, table, causes, stated, 1)
-    if not (freedom := tests.freedom + stated):
-        raise ArithmeticError(_TOO_FEW)
-    return table.with_sigma(table.sigma * tests.noise(nominal.residual)), freedom
-
-
-def _begun(simulation: Simulation, table: ReadingTable, causes: Sequence[Cause], stated: float,
-           workers: int) -> tuple[Simulation, ReadingTable, Fit, dict[str, Array], ResidualTests]:
-    """The nominal fit, patterns and tests, by a simulation that reaches as far as they need."""
-    nominal = nominal_fit(simulation, table)
-    for _ in range(_REACHES):
-        if nominal.possible or nominal.short == np.inf:
-            break
-        simulation = reached_further(simulation, workers)
-        nominal = nominal_fit(simulation, table)
-    if not nominal.possible:
-        raise ArithmeticError("the nominal model has no equilibrium at the states that were read")
-    columns = _patterns(simulation, table, nominal)
-    if not table.lengths.all():
-        shown = {str(cause): signature for cause, signature in signatures(
-            simulation, table, nominal.unknowns, causes).items()}
-        table = _with_noise_of_channels(table, nominal, over(columns, table) | shown)
-        nominal = fit(simulation, (), table, nominal.unknowns)
-    if simulation.strips is not None and simulation.strips.lasting is not None:
-        # What lasts along strips is told from noise once that is known.
-        tests = _tests(simulation, table, nominal, causes, columns, stated)
-        simulation, table, nominal, columns = _louder(
-            simulation, table, nominal, columns, tests.noise(nominal.residual))
-    return (simulation, table, nominal, columns,
-            _tests(simulation, table, nominal, causes, columns, stated))
-
-
-def _tests(simulation: Simulation, table: ReadingTable, nominal: Fit, causes: Sequence[Cause],
-           columns: dict[str, Array], stated: float) -> ResidualTests:
-    """Of the nominal fit, against patterns' columns and what causes show."""
-    signs = signatures(simulation, table, nominal.unknowns, causes)
-    one_sided = frozenset(
-        str(cause) for cause in causes
-        if [parameter.sign for parameter in cause.effect.parameters] == ["positive"])
-    return ResidualTests.of(nominal.free_jacobian, over(columns, table) | {
-        str(cause): signature for cause, signature in signs.items()}, stated, one_sided)
-
-
-def _louder(simulation: Simulation, table: ReadingTable, nominal: Fit, columns: dict[str, Array],
-            factor: float) -> tuple[Simulation, ReadingTable, Fit, dict[str, Array]]:
-    """All of these with a factor on the noise of the readings."""
-    further, table = simulation.with_noise(table, factor)
-    nominal = fit(further, (), table, nominal.unknowns)
-    if further is not simulation:
-        columns = _patterns(further, table, nominal)
-    return further, table, nominal, columns
-
-
-def _patterns(simulation: Simulation, table: ReadingTable, nominal: Fit) -> dict[str, Array]:
-    """What a misfit may be a combination of, in units of the readings."""
-    names = [specimen.name for specimen in simulation.setup.specimens]
-    predicted = table.value - nominal.residual * table.sigma
-    columns = patterns(table, names, predicted)
-    if (tests := simulation.tests) is not None:
-        stress = table.kind == "stress"
-        columns |= {name: among(stress, values) for name, values in strip_patterns(
-            tests, table.sigma[stress], predicted[stress]).items()}
-    return columns
-
-
-def _with_noise_of_channels(table: ReadingTable, nominal: Fit,
-                            scaled: Mapping[str, Array]) -> ReadingTable:
-    """With the noise of every channel but lengths, which no file states, as its scatter tells.
-
-    About all that causes and patterns show, ``scaled`` over the noise, or, of a channel with too
-    few readings for that, about its own smooth misfit: what is missed by much is not noise.
-    """
-    factor = np.ones(len(table))
-    for kind, rows in table.rows_of.items():
-        name = f"channel {kind}"
-        if name in scaled:
-            shown = {other: values[rows] for other, values in scaled.items()}
-            tests = ResidualTests.of(nominal.free_jacobian[rows], shown, 0.0)
-            if tests.freedom < _SHARE * len(rows):
-                tests = ResidualTests.of(nominal.free_jacobian[rows], {name: shown[name]}, 0.0)
-            if tests.freedom > 0:
-                factor[rows] = _factor(tests.noise(nominal.residual[rows]), tests.freedom)
-    return table.with_sigma(factor * table.sigma)
-
-
-def _factor(scatter: float, freedom: float) -> float:
-    """That on a channel's noise by its scatter.
-
-    Less than 1 only as far as the scatter excludes more: of a few degrees of freedom it is small by
-    chance.
-    """
-    most = scatter * float((freedom / chdtri(freedom, _EXCLUDES)) ** 0.5)
-    return max(min(most, max(scatter, 1.0)), _QUIETEST)
 
 
 @dataclass
@@ -397,54 +278,3 @@ def _rivals(fit: Fit, singles: Sequence[Fit], adequacy: _Adequacy) -> tuple[Riva
 
 def _causes(fits: Sequence[Fit]) -> tuple[Cause, ...]:
     return tuple(dict.fromkeys(cause for fit in fits for cause in fit.hypothesis))
-
-
-def interval(fit: Fit, number: int) -> tuple[float, float, float]:
-    """An unknown's most probable value and 95 % limits; a bound that the value lies on is one."""
-    centre, width = float(fit.unknowns[number]), float(fit.deviations[number])
-    low, high = ((bound - centre) / width for bound in fit.bounds[:, number])
-    parts = ((0.0, 0.95) if low >= -_AT_BOUND else (0.05, 1.0) if high <= _AT_BOUND
-             else (0.025, 0.975))
-    if number < SIZES.start:
-        below, above = ndtr(low), ndtr(high)
-        limits = centre + width * ndtri(below + np.array(parts) * (above - below))
-    else:
-        limits = quantiles(fit, number, parts)
-    return centre, min(float(limits[0]), centre), max(float(limits[1]), centre)
-
-
-@dataclass(frozen=True, eq=False)
-class SingleEffect:
-    """One effect fitted with hardly any prior.
-
-    ``share``: of the nominal model's χ² beyond noise that it takes away; ``widths``: its largest
-    parameter over its usual size.
-    """
-
-    cause: Cause
-    fit: Fit
-    share: float
-    widths: float
-
-    @property
-    def bounded(self) -> bool:
-        """Whether it stopped at a limit."""
-        sizes, (low, high) = self.fit.unknowns[SIZES], self.fit.bounds[:, SIZES]
-        return bool(np.any((sizes != 0) & ((sizes <= low) | (sizes >= high))))
-
-    @property
-    def plausible(self) -> bool:
-        """Whether the size is one such actuators have: up to twice the usual one."""
-        return self.widths <= 2.0
-
-
-def single_effects(judged: Judgement) -> tuple[SingleEffect, ...]:
-    """Every effect fitted alone, the one that explains most first; none when nothing is wrong."""
-    excess = max(judged.nominal.chi_squared - len(judged.table), 1e-9)
-    effects = []
-    for alone in judged.alone:
-        share = (judged.nominal.chi_squared - alone.chi_squared) / excess
-        cause = alone.hypothesis[0]
-        effects.append(SingleEffect(cause, alone, min(max(share, 0.0), 1.0),
-                                    alone.surprise(cause)))
-    return tuple(sorted(effects, key=lambda effect: -effect.share))

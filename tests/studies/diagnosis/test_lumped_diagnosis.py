@@ -24,8 +24,9 @@ from tympan.geometry.specimen import Plate, Specimen
 from tympan.studies.alpha import AlphaSettings, LoadGrid, alpha
 from tympan.studies.case import Settings
 from tympan.studies.circles import ConeCircle, Lumped
+from tympan.studies.diagnosis.fits.evidence import interval
 from tympan.studies.diagnosis.hypothesis import Cause
-from tympan.studies.diagnosis.inference.verdict import Judgement, interval, judge
+from tympan.studies.diagnosis.inference.verdict import Judgement, judge
 from tympan.studies.diagnosis.lumped_model import lumped, lumped_laws
 from tympan.studies.diagnosis.reading_table import ReadingTable, States, rows
 from tympan.studies.diagnosis.readings import PreparedReadings

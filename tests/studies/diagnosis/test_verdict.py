@@ -11,6 +11,7 @@ from scipy.special import logsumexp
 from scipy.stats import kstest, multivariate_t
 
 from tests.support.trials import design, every_cause, read
+from tympan.studies.diagnosis.fits.evidence import interval
 from tympan.studies.diagnosis.fits.fit import NUISANCE
 from tympan.studies.diagnosis.fits.fitting import fit
 from tympan.studies.diagnosis.hypothesis import Cause, hypotheses_of
@@ -21,7 +22,8 @@ from tympan.studies.diagnosis.inference.identifiability import (
     signatures,
 )
 from tympan.studies.diagnosis.inference.ratios import ratios
-from tympan.studies.diagnosis.inference.verdict import interval, judge, single_effects
+from tympan.studies.diagnosis.inference.single_effects import single_effects
+from tympan.studies.diagnosis.inference.verdict import judge
 from tympan.studies.diagnosis.reading_table import ReadingTable, rows
 from tympan.studies.diagnosis.reduced.growth import refined
 from tympan.studies.diagnosis.reduced.simulation import Simulation

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from tests.support.trials import design, every_cause, read, size_of
+from tympan.studies.diagnosis.fits.evidence import interval
 from tympan.studies.diagnosis.fits.fitting import fit
 from tympan.studies.diagnosis.fits.small_errors import SmallErrors
 from tympan.studies.diagnosis.hypothesis import Cause
-from tympan.studies.diagnosis.inference.verdict import interval, judge
+from tympan.studies.diagnosis.inference.verdict import judge
 from tympan.studies.diagnosis.reduced.simulation import Simulation
 from tympan.studies.diagnosis.self_check import sizes_at
 

@@ -1,0 +1,158 @@
+"""What the nominal model misses of readings, and their noise as they tell it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import chdtri
+
+from tympan.studies.diagnosis.fits.fit import Fit
+from tympan.studies.diagnosis.fits.fitting import fit, nominal_fit
+from tympan.studies.diagnosis.hypothesis import Cause
+from tympan.studies.diagnosis.inference.exploration import reached_further
+from tympan.studies.diagnosis.inference.identifiability import Signatures, signatures
+from tympan.studies.diagnosis.inference.residual_tests import (
+    ResidualTests,
+    among,
+    over,
+    patterns,
+)
+from tympan.studies.diagnosis.inference.strip_patterns import strip_patterns
+from tympan.studies.diagnosis.reading_table import ReadingTable
+from tympan.studies.diagnosis.reduced.simulation import Simulation
+
+Array = NDArray[np.float64]
+
+#: How often force laws are made to reach further for the nominal fit.
+_REACHES = 3
+
+#: The least noise of a channel, over what is assumed.
+_QUIETEST = 0.05
+
+#: The probability with which a channel's scatter lies above what excludes a larger noise.
+_EXCLUDES = 0.9
+
+#: Readings of a channel that must be left to tell its noise, as a share, beside all patterns.
+_SHARE = 0.5
+
+#: What is said of them.
+TOO_FEW = "there are too few readings to tell a misfit from noise"
+
+
+@dataclass(frozen=True, eq=False)
+class NominalMisfit:
+    """The fit of the nominal model to a table's readings.
+
+    ``patterns``: what its misfit may be a combination of, in units of the readings, by name.
+    """
+
+    simulation: Simulation
+    table: ReadingTable
+    fit: Fit
+    patterns: dict[str, Array]
+
+    @classmethod
+    def of(cls, simulation: Simulation, table: ReadingTable, causes: Sequence[Cause],
+           stated: float, workers: int = 1) -> tuple[NominalMisfit, ResidualTests]:
+        """By a simulation that reaches as far as it needs; and the tests of what it misses.
+
+        The noise is the table's as far as it is ``stated``: by so many degrees of freedom. Raises
+        ArithmeticError where there is no equilibrium at the readings' states.
+        """
+        nominal = nominal_fit(simulation, table)
+        for _ in range(_REACHES):
+            if nominal.possible or nominal.short == np.inf:
+                break
+            simulation = reached_further(simulation, workers)
+            nominal = nominal_fit(simulation, table)
+        if not nominal.possible:
+            raise ArithmeticError("the nominal model has no equilibrium at the states that were "
+                                  "read")
+        misfit = cls(simulation, table, nominal, _patterns(simulation, table, nominal))
+        if not table.lengths.all():
+            misfit = misfit._with_noise_of_channels(misfit._shown(causes))
+        tests = misfit._tests(causes, stated)
+        if simulation.strips is not None and simulation.strips.lasting is not None:
+            # What lasts along strips is told from noise once that is known.
+            misfit = misfit.louder(tests.noise(misfit.fit.residual))
+            tests = misfit._tests(causes, stated)
+        return misfit, tests
+
+    def signatures(self, causes: Sequence[Cause]) -> Signatures:
+        """What causes show in the readings."""
+        return signatures(self.simulation, self.table, self.fit.unknowns, causes)
+
+    def louder(self, factor: float) -> NominalMisfit:
+        """All of it with a factor on the noise of the readings."""
+        simulation, table = self.simulation.with_noise(self.table, factor)
+        nominal = fit(simulation, (), table, self.fit.unknowns)
+        columns = (self.patterns if simulation is self.simulation
+                   else _patterns(simulation, table, nominal))
+        return NominalMisfit(simulation, table, nominal, columns)
+
+    def _shown(self, causes: Sequence[Cause]) -> dict[str, Array]:
+        """What patterns and causes show, over the noise, by name."""
+        return over(self.patterns, self.table) | {
+            str(cause): signature for cause, signature in self.signatures(causes).items()}
+
+    def _tests(self, causes: Sequence[Cause], stated: float) -> ResidualTests:
+        one_sided = frozenset(
+            str(cause) for cause in causes
+            if [parameter.sign for parameter in cause.effect.parameters] == ["positive"])
+        return ResidualTests.of(self.fit.free_jacobian, self._shown(causes), stated, one_sided)
+
+    def _with_noise_of_channels(self, shown: Mapping[str, Array]) -> NominalMisfit:
+        """With the noise of every channel but lengths, which no file states, as its scatter tells.
+
+        About all that is ``shown``, or, of a channel with too few readings for that, about its own
+        smooth misfit: what is missed by much is not noise.
+        """
+        factor, table = np.ones(len(self.table)), self.table
+        for kind, rows in table.rows_of.items():
+            name = f"channel {kind}"
+            if name in shown:
+                columns = {other: values[rows] for other, values in shown.items()}
+                tests = ResidualTests.of(self.fit.free_jacobian[rows], columns, 0.0)
+                if tests.freedom < _SHARE * len(rows):
+                    tests = ResidualTests.of(self.fit.free_jacobian[rows],
+                                             {name: columns[name]}, 0.0)
+                if tests.freedom > 0:
+                    factor[rows] = _factor(tests.noise(self.fit.residual[rows]), tests.freedom)
+        table = table.with_sigma(factor * table.sigma)
+        return replace(self, table=table,
+                       fit=fit(self.simulation, (), table, self.fit.unknowns))
+
+
+def with_noise_found(simulation: Simulation, table: ReadingTable, causes: Sequence[Cause],
+                     stated: float) -> tuple[ReadingTable, float]:
+    """A table with its noise as the nominal model's misfit tells it, and degrees of freedom."""
+    misfit, tests = NominalMisfit.of(simulation, table, causes, stated)
+    if not tests.freedom + stated:
+        raise ArithmeticError(TOO_FEW)
+    noise = tests.noise(misfit.fit.residual)
+    return misfit.table.with_sigma(misfit.table.sigma * noise), tests.freedom + stated
+
+
+def _patterns(simulation: Simulation, table: ReadingTable, nominal: Fit) -> dict[str, Array]:
+    """What a misfit may be a combination of, in units of the readings."""
+    names = [specimen.name for specimen in simulation.setup.specimens]
+    predicted = table.value - nominal.residual * table.sigma
+    columns = patterns(table, names, predicted)
+    if (tests := simulation.tests) is not None:
+        stress = table.kind == "stress"
+        columns |= {name: among(stress, values) for name, values in strip_patterns(
+            tests, table.sigma[stress], predicted[stress]).items()}
+    return columns
+
+
+def _factor(scatter: float, freedom: float) -> float:
+    """That on a channel's noise by its scatter.
+
+    Less than 1 only as far as the scatter excludes more: of a few degrees of freedom it is small by
+    chance.
+    """
+    most = scatter * float((freedom / chdtri(freedom, _EXCLUDES)) ** 0.5)
+    return max(min(most, max(scatter, 1.0)), _QUIETEST)
