@@ -15,7 +15,8 @@ import numpy as np
 from tympan.fem.discretisation.discretisation import Discretisation
 from tympan.fem.discretisation.isoparametric import folded
 from tympan.fem.equilibrium.newton import Solution
-from tympan.fem.equilibrium.ramp import Outcome, PathSettings, Status
+from tympan.fem.equilibrium.path_following import PathSettings
+from tympan.fem.equilibrium.ramp import Outcome, Status
 from tympan.fem.equilibrium.solve import equilibrium
 from tympan.fem.equilibrium.voltage_path import voltage_path
 from tympan.fem.film.admissibility import failures

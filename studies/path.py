@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from tympan.fem.equilibrium.arc_length import Branch, PathPoint
 from tympan.fem.equilibrium.newton import moved
-from tympan.fem.equilibrium.ramp import PathSettings, follow_branch
+from tympan.fem.equilibrium.path_following import PathSettings, follow_branch
 from tympan.fem.film.tension_field import Tension
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import Load, State

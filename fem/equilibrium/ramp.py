@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from itertools import chain, dropwhile, pairwise
+from itertools import pairwise
 from typing import Literal
 
 import numpy as np
 from scipy.optimize import brentq
 
-from tympan.fem.equilibrium.arc_length import ArcSettings, Branch, PathPoint
+from tympan.fem.equilibrium.arc_length import PathPoint
 from tympan.fem.equilibrium.constraints import difference, length
-from tympan.fem.equilibrium.newton import STRAINED, NewtonSettings, Solution, newton
-from tympan.fem.equilibrium.subspace import FULL, SmoothSubspace
+from tympan.fem.equilibrium.newton import STRAINED, Solution, newton
+from tympan.fem.equilibrium.path_following import PathSettings, follow_branch
+from tympan.fem.equilibrium.subspace import FULL
 from tympan.fem.film.density import small_strain_modulus
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import Load, State
@@ -51,45 +52,8 @@ _SMALL_STEP = 0.5
 #: many equilibria are looked at for it.
 _SHARP, _NEAR, _CLOSING = 1e-6, 1e-3, 60
 
-#: Shortest step, relative to the frame, of a charged film: its wrinkles may end in one spot.
-_LOCAL = 1e-6
-
 #: Stiffness of the wrinkled film, in moduli, below which a branch that ends does so by thinning.
 _SOFT = 0.2
-
-
-@dataclass(frozen=True)
-class PathSettings:
-    """Steps of a ramp.
-
-    ``first``: first step as a share of the ramp; ``handover``: step, relative to the load or U²
-    reached, below which the ramp is followed by its arc length instead; ``shortest``: step of a
-    held plate at which to give up; ``reach``: deflection, relative to the frame's half extent, at
-    which a search for equilibrium ends; ``smooth``: numbers of waves around the plate, and degrees
-    between plate and frame, of the smooth motions of a film that bears compression, ``annular``
-    those degrees where it is axisymmetric; ``unbalanced``: nodal force that these may leave,
-    relative to the largest, if the mesh is to resolve them.
-    """
-
-    newton: NewtonSettings = field(default_factory=NewtonSettings)
-    arc: ArcSettings = field(default_factory=ArcSettings)
-    first: float = 1.0
-    handover: float = 1e-2
-    shortest: float = 2e-4
-    reach: float = 1.5
-    smooth: tuple[tuple[int, int], ...] = ((4, 14), (6, 6), (4, 10), (2, 14))
-    annular: tuple[int, ...] = (14, 10, 20)
-    unbalanced: float = 1e-2
-
-    def subspaces(self, model: Model) -> Iterator[SmoothSubspace]:
-        """Smooth motions of a model: without waves where it is axisymmetric.
-
-        None of a film without plate, whose motions are no waves around one.
-        """
-        if model.specimen.plate is None:
-            return iter(())
-        kinds = [(0, degree) for degree in self.annular] if model.axisymmetric else self.smooth
-        return (SmoothSubspace.of(model, *kind) for kind in kinds)
 
 
 @dataclass(frozen=True, eq=False)
@@ -350,41 +314,3 @@ class Ramp:
     @property
     def _word(self) -> str:
         return "load" if self.load == "force" else self.load
-
-
-def follow_branch(model: Model, start: State, load: Load, settings: PathSettings = PathSettings(),
-                  sense: int = 1, beyond: bool = False) -> Iterator[tuple[Branch, PathPoint]]:
-    """Points from an equilibrium on, each with the branch it is on.
-
-    One load grows at first (``sense`` 1) or falls (−1). With all motions as far as the film has an
-    equilibrium. A film that is taut until, wrinkled, it would thin without bound, is followed on as
-    one that bears compression, with smooth motions; with ``beyond`` from the first point beyond the
-    loss of tension on, which is then among the points.
-    """
-    last, passed = start, 0.0
-    shortest, charged = settings.arc.shortest, load == "voltage" or start.voltage_squared > 0
-    fine = min(shortest, _LOCAL) if model.wrinkles and charged else shortest
-    branch = Branch(model, load, newton=settings.newton,
-                    arc=replace(settings.arc, shortest=fine))
-    for point in branch.points(start, sense):
-        pressed = not model.wrinkles or model.thinning_margin(point.state) < 0
-        loose = model.wrinkles and not model.in_tension(last)
-        if pressed and (loose or point.solution.wrinkling):
-            if beyond and not loose and point.rate * sense > 0:
-                yield branch, point
-                passed = length(model, difference(model, point.state, last))
-            break
-        yield branch, point
-        last, sense = point.state, sense if point.rate * sense >= 0 else -sense
-    if model.wrinkles and not model.in_tension(last) and model.thinning_margin(last) >= 0:
-        return
-    model = replace(model, wrinkles=False)
-    for subspace in settings.subspaces(model):
-        smooth = replace(branch, model=model, subspace=subspace, arc=settings.arc)
-        points = smooth.points(last, sense)
-        # The first point is the last one again, by smooth motions.
-        if next(points, None) is not None and (first := next(points, None)) is not None:
-            yield from ((smooth, point) for point in dropwhile(
-                lambda point: length(model, difference(model, point.state, last)) < passed,
-                chain((first,), points)))
-            return

@@ -8,7 +8,8 @@ import numpy as np
 
 from tympan.fem.equilibrium.constraints import held_plate
 from tympan.fem.equilibrium.newton import Solution, moved, newton
-from tympan.fem.equilibrium.ramp import SLACK, Outcome, PathSettings, Ramp, still_slack
+from tympan.fem.equilibrium.path_following import PathSettings
+from tympan.fem.equilibrium.ramp import SLACK, Outcome, Ramp, still_slack
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import HEAVE, Load, State
 

@@ -8,7 +8,8 @@ import numpy as np
 
 from tympan.fem.equilibrium.constraints import difference, length
 from tympan.fem.equilibrium.newton import Solution, moved, simplified_newton
-from tympan.fem.equilibrium.ramp import UNNOTICED, Outcome, PathSettings, Ramp
+from tympan.fem.equilibrium.path_following import PathSettings
+from tympan.fem.equilibrium.ramp import UNNOTICED, Outcome, Ramp
 from tympan.fem.equilibrium.solve import equilibrium
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import State

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tympan.fem.discretisation.discretisation import Discretisation
-from tympan.fem.equilibrium.ramp import PathSettings
+from tympan.fem.equilibrium.path_following import PathSettings
 from tympan.fem.membrane.model import Model
 from tympan.fem.rig import Rig
 from tympan.geometry.errors import InputError

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from tympan.fem.complex_step import STEP
 from tympan.fem.derivatives.quantities import Field, Quantity, larger_stress, largest, true_field
 from tympan.fem.derivatives.sensitivity import ModelParameter, gradient_many, limit_gradient
-from tympan.fem.equilibrium.ramp import Outcome, PathSettings
+from tympan.fem.equilibrium.path_following import PathSettings
+from tympan.fem.equilibrium.ramp import Outcome
 from tympan.fem.equilibrium.solve import equilibrium
 from tympan.fem.film.density import principal_stretches
 from tympan.fem.membrane.model import Model

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tympan.fem.equilibrium.ramp import PathSettings
+from tympan.fem.equilibrium.path_following import PathSettings
 from tympan.geometry.errors import InputError
 from tympan.geometry.outlines import Circle, Ellipse
 from tympan.geometry.specimen import Specimen

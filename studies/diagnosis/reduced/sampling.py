@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from tympan.fem.equilibrium.constraints import held_plate
 from tympan.fem.equilibrium.newton import NewtonSettings, Solution, newton
-from tympan.fem.equilibrium.ramp import PathSettings
+from tympan.fem.equilibrium.path_following import PathSettings
 from tympan.fem.equilibrium.solve import held
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import State

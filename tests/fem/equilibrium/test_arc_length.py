@@ -19,7 +19,7 @@ from tympan.fem.discretisation.discretisation import Discretisation
 from tympan.fem.equilibrium.arc_length import ArcSettings, Branch, PathPoint
 from tympan.fem.equilibrium.constraints import difference, length
 from tympan.fem.equilibrium.newton import newton
-from tympan.fem.equilibrium.ramp import PathSettings
+from tympan.fem.equilibrium.path_following import PathSettings
 from tympan.fem.equilibrium.solve import equilibrium, held
 from tympan.fem.equilibrium.subspace import SmoothSubspace
 from tympan.fem.film.laws import Ogden

@@ -8,7 +8,8 @@ import pytest
 from tests.support.models import model
 from tests.support.specimens import circular, elliptical
 from tympan.fem.equilibrium import tangent
-from tympan.fem.equilibrium.ramp import PathSettings, Ramp
+from tympan.fem.equilibrium.path_following import PathSettings
+from tympan.fem.equilibrium.ramp import Ramp
 from tympan.fem.equilibrium.solve import equilibrium
 from tympan.fem.equilibrium.voltage_path import between, leapt, voltage_path
 from tympan.fem.film.laws import NeoHooke, Ogden
