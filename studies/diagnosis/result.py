@@ -333,7 +333,7 @@ class Diagnosis:
             f"baseline_rmse_{unit}": self._rmse(None),
             f"noise_{unit}": _root(table.sigma, table),
             "noise_from": self.readings.noise_from,
-            "noise_over_stated": judged.test.noise,
+            "noise_over_stated": judged.noise_over(self.readings.table),
             "p_value": judged.test.p_value,
             "where": place,
             "ratios": ratios(table, predicted, names) if table.lengths.any() else [],
@@ -366,7 +366,8 @@ class Diagnosis:
     def _limitations(self) -> list[str]:
         """What limits the conclusions."""
         words = [*dataset_warnings(self.dataset), *self.readings.remarks]
-        noise, scatter = float(np.median(self.films.table.sigma)), self.judgement.test.noise
+        noise = float(np.median(self.films.table.sigma))
+        scatter = self.judgement.noise_over(self.readings.table)
         if self.readings.assumed:
             words.append(WORDS["assumed"])
         if self.model_error > 0.5 * noise:

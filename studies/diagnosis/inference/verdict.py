@@ -109,6 +109,16 @@ class Judgement:
             return None
         return self.posterior.fit_of(self.named) or self.posterior.fits[0]
 
+    def noise_over(self, stated: ReadingTable) -> float:
+        """What deflections scatter by, over the noise of the table they came in; else all readings.
+
+        Weighed with coupons they have had their noise found before.
+        """
+        films, lengths = self.of_actuators().table, stated.lengths
+        if not lengths.any():
+            return self.test.noise
+        return float(np.median(films.sigma[lengths] / stated.sigma[lengths]))
+
     def of_actuators(self) -> Judgement:
         """What of it concerns readings of actuators, where coupons were weighed with them."""
         if self.simulation.coupons is None:

@@ -7,6 +7,7 @@ film 2 % stiffer and as much less permittive (the verdict case ``softer-film``).
 from __future__ import annotations
 
 import json
+import shutil
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -54,6 +55,19 @@ def test_a_cause_of_the_film_is_named_by_both(together: tuple[PreparedReadings, 
     assert chosen is not None
     assert abs(chosen.unknowns[2] + 0.3) < 3 * chosen.deviations[2] < 0.06
     assert any("weighed together with 72 readings" in remark for remark in readings.remarks)
+
+
+def test_noise_of_actuators_is_told_over_what_is_stated(
+        tmp_path: Path, together: tuple[PreparedReadings, Judgement]) -> None:
+    """Also beside coupons, where it is found before all are judged."""
+    assert together[1].noise_over(together[0].table) == pytest.approx(1.0, abs=0.1)
+    folder = shutil.copytree(CASE, tmp_path / "quieter")
+    words = (CASE / "dataset.toml").read_text(encoding="utf-8")
+    assert 'noise = "20 um"' in words
+    (folder / "dataset.toml").write_text(words.replace("20 um", "10 um"), encoding="utf-8")
+    readings, judgement, _ = judge_dataset(read_dataset(folder))
+    assert judgement.verdict == "named"
+    assert judgement.noise_over(readings.table) == pytest.approx(2.0, rel=0.2)
 
 
 @pytest.mark.study
