@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 from tympan.studies.diagnosis.fits.evidence import interval
 from tympan.studies.diagnosis.fits.fit import Fit
 from tympan.studies.diagnosis.hypothesis import Cause, sizes_of
-from tympan.studies.diagnosis.inference.residual_tests import JUMPS, beside, over, taken_by
+from tympan.studies.diagnosis.inference.projection import beside, taken_by
 from tympan.studies.diagnosis.inference.verdict import Judgement
+from tympan.studies.diagnosis.patterns.reading_patterns import JUMPS, over
 from tympan.studies.effects.findings import FoundSize, finding, limits_told
 from tympan.studies.files import words_beside
 

@@ -20,7 +20,7 @@ from tympan.studies.diagnosis.hypothesis import (
     parameters_of,
     sizes_of,
 )
-from tympan.studies.diagnosis.inference.residual_tests import beside, taken_by
+from tympan.studies.diagnosis.inference.projection import beside, taken_by
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.reduced.growth import coupled, grown, refined, regridded
 from tympan.studies.diagnosis.reduced.reduced_films import bounds_of, limits_of

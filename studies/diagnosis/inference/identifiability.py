@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from tympan.studies.diagnosis.fits.fit import Fit
 from tympan.studies.diagnosis.fits.fitting import fit
 from tympan.studies.diagnosis.hypothesis import FACTORS, SIZES, Cause
-from tympan.studies.diagnosis.inference.residual_tests import orthonormal, taken_by, without
+from tympan.studies.diagnosis.inference.projection import orthonormal, taken_by, without
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.reduced.reduced_films import bounds_of
 from tympan.studies.diagnosis.reduced.simulation import Simulation

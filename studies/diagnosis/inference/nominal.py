@@ -14,13 +14,9 @@ from tympan.studies.diagnosis.fits.fitting import fit, nominal_fit
 from tympan.studies.diagnosis.hypothesis import Cause
 from tympan.studies.diagnosis.inference.exploration import reached_further
 from tympan.studies.diagnosis.inference.identifiability import Signatures, signatures
-from tympan.studies.diagnosis.inference.residual_tests import (
-    ResidualTests,
-    among,
-    over,
-    patterns,
-)
-from tympan.studies.diagnosis.inference.strip_patterns import strip_patterns
+from tympan.studies.diagnosis.inference.residual_tests import ResidualTests
+from tympan.studies.diagnosis.patterns.reading_patterns import among, over, patterns
+from tympan.studies.diagnosis.patterns.strip_patterns import strip_patterns
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.reduced.simulation import Simulation
 

@@ -13,7 +13,8 @@ from scipy.special import logsumexp
 
 from tympan.studies.diagnosis.fits.fit import Fit
 from tympan.studies.diagnosis.hypothesis import Cause, Hypothesis
-from tympan.studies.diagnosis.inference.residual_tests import JUMPS, orthonormal, taken_by, without
+from tympan.studies.diagnosis.inference.projection import orthonormal, taken_by, without
+from tympan.studies.diagnosis.patterns.reading_patterns import JUMPS
 
 Array = NDArray[np.float64]
 

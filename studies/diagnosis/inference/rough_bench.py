@@ -23,7 +23,7 @@ from tympan.studies.diagnosis.fits.small_errors import SmallErrors
 from tympan.studies.diagnosis.hypothesis import Cause, Hypothesis
 from tympan.studies.diagnosis.inference.identifiability import TYPICAL, Signatures
 from tympan.studies.diagnosis.inference.posterior import Posterior, priors
-from tympan.studies.diagnosis.inference.residual_tests import taken_by, without
+from tympan.studies.diagnosis.inference.projection import taken_by, without
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.reduced.simulation import Simulation
 

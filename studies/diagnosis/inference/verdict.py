@@ -21,13 +21,9 @@ from tympan.studies.diagnosis.inference.identifiability import (
 from tympan.studies.diagnosis.inference.nominal import TOO_FEW, NominalMisfit
 from tympan.studies.diagnosis.inference.part_noise import PartNoise
 from tympan.studies.diagnosis.inference.posterior import Posterior, log_odds_to_smooth, odds_of_more
-from tympan.studies.diagnosis.inference.residual_tests import (
-    STATED,
-    ResidualTests,
-    TestResult,
-    over,
-)
+from tympan.studies.diagnosis.inference.residual_tests import STATED, ResidualTests, TestResult
 from tympan.studies.diagnosis.inference.rough_bench import SMALL, RoughBench, near_rivals
+from tympan.studies.diagnosis.patterns.reading_patterns import over
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.reduced.simulation import Simulation
 

@@ -12,13 +12,10 @@ from tests.support.trials import design, every_cause
 from tympan.studies.diagnosis.fits.fitting import fit
 from tympan.studies.diagnosis.inference.identifiability import signatures
 from tympan.studies.diagnosis.inference.part_noise import PartNoise
-from tympan.studies.diagnosis.inference.residual_tests import (
-    ResidualTests,
-    orthonormal,
-    over,
-    patterns,
-)
+from tympan.studies.diagnosis.inference.projection import orthonormal
+from tympan.studies.diagnosis.inference.residual_tests import ResidualTests
 from tympan.studies.diagnosis.inference.verdict import ALARM, judge
+from tympan.studies.diagnosis.patterns.reading_patterns import over, patterns
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.reduced.prediction import Prediction
 from tympan.studies.diagnosis.reduced.simulation import Simulation

@@ -24,6 +24,7 @@ from tympan.studies.diagnosis.inference.identifiability import (
 from tympan.studies.diagnosis.inference.ratios import ratios
 from tympan.studies.diagnosis.inference.single_effects import single_effects
 from tympan.studies.diagnosis.inference.verdict import judge
+from tympan.studies.diagnosis.patterns import reading_patterns
 from tympan.studies.diagnosis.reading_table import ReadingTable, rows
 from tympan.studies.diagnosis.reduced.growth import refined
 from tympan.studies.diagnosis.reduced.simulation import Simulation
@@ -76,8 +77,8 @@ def test_evidence_is_the_integral_and_limits_its_quantiles(
 def test_noise_alone_gives_uniform_probabilities(three_shapes: Simulation) -> None:
     table = read(three_shapes, design(SIGMA), (), [], seed=0)
     nominal = fit(three_shapes, (), table)
-    columns = residual_tests.patterns(table, NAMES, table.value)
-    tests = residual_tests.ResidualTests.of(nominal.jacobian, residual_tests.over(columns, table))
+    columns = reading_patterns.patterns(table, NAMES, table.value)
+    tests = residual_tests.ResidualTests.of(nominal.jacobian, reading_patterns.over(columns, table))
     generator = np.random.default_rng(2)
     p_values = []
     for _ in range(120):

@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 from scipy.stats import binom
 
 from tympan.studies.diagnosis.inference.part_noise import PartNoise
-from tympan.studies.diagnosis.inference.residual_tests import ResidualTests, without
+from tympan.studies.diagnosis.inference.projection import without
+from tympan.studies.diagnosis.inference.residual_tests import ResidualTests
 from tympan.studies.diagnosis.inference.verdict import ALARM
 
 Array = NDArray[np.float64]

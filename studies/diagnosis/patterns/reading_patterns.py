@@ -1,0 +1,167 @@
+"""Smooth columns of readings by voltage, mass, specimen and time, and jumps: what is not noise."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.polynomial import legendre
+from numpy.typing import NDArray
+
+from tympan.studies.diagnosis.patterns.film_patterns import film_patterns
+from tympan.studies.diagnosis.reading_table import COMPONENTS, ReadingTable
+
+Array = NDArray[np.float64]
+
+#: What a misfit is, by its pattern's name or the first word of it; {1} is the rest of it.
+WORDS = {
+    "level": "all readings are off by about the same length",
+    "voltage": "the way it depends on voltage is wrong",
+    "specimen": "{1} is off against the other specimens",
+    "mass": "the way it depends on mass is wrong",
+    "order": "readings wander with their order",
+    "time": "readings wander with the time since the run began",
+    "direction": "readings differ on the way up and on the way down",
+    "fitted": "large deflections are off against small ones",
+    "ramps": "single ramps are off in different ways",
+    "channel": "readings of {1} are off",
+    "channel film": "the film's shape is off",
+    "channel film_x": "displacements within the film along x are off",
+    "channel film_y": "displacements within the film along y are off",
+    "strip_level": "all stresses are off by about the same amount",
+    "strip_stretch": "the way stress depends on stretch is wrong",
+    "strip_mode": "{1} tests are off against the other modes",
+    "strip_voltage": "readings under voltage are off against those without",
+    "strip_temperature": "readings of warm and cold strips are off against each other",
+    "strip_time": "the way stress depends on time is wrong",
+    "strip_rate": "fast and slow runs are off against each other",
+    "strip_way": "readings differ on the way out and back",
+    "strip_runs": "single runs are off in different ways",
+    "step": "from one reading on, readings are shifted",
+    "shifted": "from reading {0} on, readings are shifted",
+    "stick": "the readings stick and jump, as a plate does that rubs",
+}
+
+#: Patterns of jumps: a misfit is one of their columns, and no combination of them.
+JUMPS = ("step", "stick")
+
+#: Degree of polynomials in the voltage's square.
+_DEGREE = 4
+
+#: Steps tried at most; thresholds at which a plate may stick, as shares of the largest prediction.
+_STEPS, _THRESHOLDS = 100, np.geomspace(0.003, 0.3, 64)
+
+
+def words_of(name: str) -> str:
+    """What a misfit of a pattern is, in words."""
+    return WORDS.get(name, WORDS[name.split()[0]]).format(*name.split(" ", 1))
+
+
+def patterns(table: ReadingTable, names: Sequence[str], predicted: Array) -> dict[str, Array]:
+    """By name, columns a misfit may be a combination of, in units of the readings.
+
+    ``names`` are the specimens', ``predicted`` what the nominal model says. Those of lengths, then
+    those of every other channel.
+    """
+    lengths, columns = table.lengths, dict[str, Array]()
+    if lengths.any():
+        columns = {name: among(lengths, values) for name, values in _patterns_of_lengths(
+            table[lengths], names, predicted[lengths]).items()}
+    for kind, rows in table.rows_of.items():
+        if kind in COMPONENTS:
+            columns[f"channel {kind}"] = among(table.kind == kind,
+                                                film_patterns(table[rows], predicted[rows]))
+        elif not lengths[rows[0]] and kind != "stress":
+            channel, typical = table[rows], float(np.sqrt(np.mean(predicted[rows] ** 2)))
+            size = np.full(len(rows), typical or float(channel.sigma.max()))
+            voltage = _legendre(channel.voltage**2)
+            columns[f"channel {kind}"] = among(table.kind == kind, np.hstack(
+                [size[:, None] * voltage, _ramps(channel, size, voltage)]))
+    return columns
+
+
+def among(rows: NDArray[np.bool_], columns: Array) -> Array:
+    """Columns of some rows among all of them."""
+    every = np.zeros((len(rows), columns.shape[1]))
+    every[rows] = columns
+    return every
+
+
+def _patterns_of_lengths(table: ReadingTable, names: Sequence[str],
+                         predicted: Array) -> dict[str, Array]:
+    size = np.full(len(table), float(np.sqrt(np.mean(predicted**2))))
+    voltage, numbers = _legendre(table.voltage**2), np.unique(table.specimen)
+    few = voltage[:, :3]
+    columns = {"level": size[:, None] * voltage[:, :1], "voltage": size[:, None] * voltage[:, 1:]}
+    for number in numbers if len(numbers) > 1 else ():
+        contrast = _standard((table.specimen == number).astype(float))
+        columns[f"specimen {names[number]}"] = (size * contrast)[:, None] * few
+    columns["mass"] = (size * _standard(table.mass))[:, None] * few
+    elapsed = np.nan_to_num(table.states.elapsed[table.state])
+    for name, values in (("order", np.nan_to_num(table.order)), ("time", elapsed)):
+        if np.ptp(values) > 0:
+            line = _standard(values)
+            columns[name] = size[:, None] * np.stack([line, line**2 - 1], 1)
+    direction = table.states.direction[table.state]
+    if np.ptp(direction) > 0:
+        columns["direction"] = (size * direction)[:, None] * few
+    columns["fitted value"] = np.stack([predicted, predicted * abs(predicted) / size.max()], 1)
+    columns["ramps"] = np.concatenate([*columns.values(), _ramps(table, size, voltage)], axis=1)
+    columns |= _jumps(table, size, predicted)
+    return {name: values for name, values in columns.items()
+            if np.abs(values).max(initial=0.0) > 0}
+
+
+def over(columns: dict[str, Array], table: ReadingTable) -> dict[str, Array]:
+    """Patterns' columns over the noise of a table."""
+    return {name: values / table.sigma[:, None] for name, values in columns.items()}
+
+
+def _legendre(squared: Array) -> Array:
+    share = 2 * squared / max(float(squared.max(initial=0.0)), 1.0) - 1
+    degree = max(0, min(_DEGREE, len(np.unique(squared)) - 2))
+    return np.asarray(legendre.legvander(share, degree), float)
+
+
+def _standard(values: Array) -> Array:
+    spread = float(values.std())
+    if spread <= 1e-12 * float(np.abs(values).max()):
+        return 0 * values
+    return np.asarray((values - values.mean()) / spread)
+
+
+def _ramps(table: ReadingTable, size: Array, voltage: Array) -> Array:
+    """A polynomial for each specimen under each mass that leaves some scatter."""
+    columns = [((table.ramp == number).astype(float) * size)[:, None]
+               * voltage[:, : min(voltage.shape[1], max(1, rows // 2))]
+               for number, rows in enumerate(np.bincount(table.ramp).tolist())]
+    return np.concatenate(columns, axis=1)
+
+
+def _jumps(table: ReadingTable, size: Array, predicted: Array) -> dict[str, Array]:
+    """Shifts from a reading on, and what plates show that stick up to a threshold."""
+    read = np.flatnonzero(table.kind == "displacement")
+    order = table.order[read]
+    ordered = len(np.unique(order[np.isfinite(order)])) == len(read)
+    turn = read[np.argsort(order if ordered else table.line[read], kind="stable")]
+    first = np.unique(np.linspace(1, max(len(read) - 1, 1), _STEPS).round().astype(int))
+    steps = np.zeros((len(table), len(first)))
+    steps[turn] = size[turn, None] * (np.arange(len(read))[:, None] >= first)
+    runs = [rows[np.argsort(table.state[rows])] for run in table.states.of_run
+            if len(rows := read[np.isin(table.state[read], run)])]
+    some = [runs, *([rows for rows in runs if table.specimen[rows[0]] == number]
+                    for number in np.unique(table.specimen[read]))]
+    thresholds = _THRESHOLDS * np.abs(predicted[read]).max(initial=0.0)
+    sticks = [_stuck(predicted, rubbing, threshold) for rubbing in some for threshold in thresholds]
+    return {"step": steps, "stick": np.unique(sticks, axis=0).T}
+
+
+def _stuck(predicted: Array, runs: Sequence[NDArray[np.int64]], threshold: float) -> Array:
+    """How far plates are behind that stay where they are up to a threshold, then go all the way."""
+    behind = np.zeros(len(predicted))
+    for rows in runs:
+        at = predicted[rows[0]]
+        for row in rows[1:].tolist():
+            at = predicted[row] if abs(predicted[row] - at) >= threshold else at
+            behind[row] = at - predicted[row]
+    return behind
