@@ -32,7 +32,7 @@ from benchmarks.trials.trial import ALIAS_PAIRS, MAP_WIDTHS, Lab
 from tympan.progress import bar
 
 #: Trials drawn of each population; what of them is identifiable follows from the draw.
-COUNTS = {"null": 200, "single": 160, "strong": 240, "pair": 40, "duo": 160, "outside": 200,
+COUNTS = {"null": 200, "single": 160, "strong": 240, "pair": 120, "duo": 160, "outside": 200,
           "alias": 60, "noise": 60, "form": 30, "gain": 60, "large": 280, "large pair": 50,
           "map": len(ALIAS_PAIRS) * len(MAP_WIDTHS) ** 2, "random": 300,
           "frequencies": 60, "lines": 40, "transients": 20, "mixture": 20, "coupons": 60,
