@@ -27,7 +27,7 @@ from benchmarks.trials.rates.page import draw_power, page
 from benchmarks.trials.rates.sizes import draw_maps, draw_sizes
 from benchmarks.trials.rates.strata import strata_page, strata_rates
 from benchmarks.trials.record import Record
-from benchmarks.trials.strata.trials import STRATA, population_of
+from benchmarks.trials.strata.trials import SMOOTH, STRATA, population_of
 from benchmarks.trials.trial import ALIAS_PAIRS, MAP_WIDTHS, Lab
 from tympan.progress import bar
 
@@ -36,7 +36,7 @@ COUNTS = {"null": 200, "single": 160, "strong": 240, "pair": 120, "duo": 160, "o
           "alias": 60, "noise": 60, "form": 30, "gain": 60, "large": 280, "large pair": 50,
           "map": len(ALIAS_PAIRS) * len(MAP_WIDTHS) ** 2, "random": 300,
           "frequencies": 60, "lines": 40, "transients": 20, "mixture": 20, "coupons": 60,
-          "film": 24, "rough": 80}
+          "film": 24, "rough": 80, "rough transients": 48}
 
 _labs: list[Lab] = []
 
@@ -103,14 +103,13 @@ def kept(keep: Path | None) -> tuple[list[Record], set[tuple[str, int]]]:
 
 def write(records: Sequence[Record], about: Callable[[Iterable[str]], str], file: Path) -> None:
     """The pages that there are records for, and their pictures; ``about`` some populations."""
-    strata = {population_of(name, view) for name, stratum in STRATA.items()
-              for view in stratum.views}
+    strata = {population_of(name, view) for name in SMOOTH for view in STRATA[name].views}
     further = [record for record in records if record.population in strata]
     if further:
         file.with_name(f"{file.stem}-strata.md").write_text(
-            strata_page(further, about(STRATA)), encoding="utf-8")
+            strata_page(further, about(SMOOTH)), encoding="utf-8")
     if usual := [record for record in records if record.population not in strata]:
-        file.write_text(page(usual, about(set(COUNTS) - set(STRATA))), encoding="utf-8")
+        file.write_text(page(usual, about(set(COUNTS) - set(SMOOTH))), encoding="utf-8")
         draw_power(usual, file.with_suffix(".png"))
         draw_sizes(usual, file.with_name(f"{file.stem}-sizes.png"))
         draw_maps(usual, file.with_name("alias-maps.png"))

@@ -53,6 +53,9 @@ MASSES, UP = (17.9e-3, 22.45e-3), np.linspace(0.0, 6500.0, 15)
 #: Up and down again, in as many readings.
 LOOP = np.concatenate([np.linspace(0.0, 6500.0, 8), np.linspace(6500.0, 0.0, 8)[1:]])
 NOISE = 20e-6
+#: On a rough bench, the share of its usual size at which every effect is there, and the sizes of
+#: one that is large over usual ones.
+ROUGH, LARGE = 0.3, (3.0, 20.0)
 #: Seconds between two readings.
 PACE = 60.0
 #: Largest heave and voltage of the fitted force laws.
@@ -251,11 +254,12 @@ class Truth:
             shares.append(float(np.linalg.norm(parts)))
         return tuple(shares)
 
-    def sizes_of(self, causes: Hypothesis) -> tuple[float, ...]:
-        """Sizes of some of the effects."""
+    def of(self, causes: Hypothesis) -> Truth:
+        """The same with some of the effects alone."""
         sizes = iter(self.sizes)
         each = {cause: [next(sizes) for _ in cause.effect.parameters] for cause in self.hypothesis}
-        return tuple(size for cause in causes for size in each[cause])
+        return replace(self, hypothesis=causes,
+                       sizes=tuple(size for cause in causes for size in each[cause]))
 
     @property
     def unknowns(self) -> Array:
@@ -279,6 +283,16 @@ def draw(generator: np.random.Generator, hypothesis: Hypothesis, means: Means,
     return Truth(float(np.exp(generator.normal(0, 0.1))), float(np.exp(generator.normal(0, 0.05))),
                  hypothesis,
                  tuple(sizes), means, int(generator.integers(FINEST)), stranger)
+
+
+def draw_rough(generator: np.random.Generator, causes: Sequence[Cause], large: Hypothesis,
+               means: Means) -> Truth:
+    """One effect that is large, or none, and all others at a normal share of their usual sizes."""
+    nothing, alone = (draw(generator, some, means, widths=LARGE) for some in ((), large))
+    sizes = [alone.sizes if cause in large else
+             sizes_at(generator, cause, ROUGH * abs(generator.normal())) for cause in causes]
+    return replace(nothing, hypothesis=tuple(causes),
+                   sizes=tuple(map(float, np.concatenate(sizes))))
 
 
 def readings(design: Design, truth: Truth) -> Array | None:

@@ -25,6 +25,7 @@ from benchmarks.trials.synthetic_trials import (
     Truth,
     circles,
     draw,
+    draw_rough,
     drawn_until,
     hidden,
     paper,
@@ -39,7 +40,7 @@ from tympan.studies.diagnosis.hypothesis import Cause, Hypothesis, hypotheses_of
 from tympan.studies.diagnosis.inference.identifiability import SEEN, TOLD
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.reduced.simulation import Simulation
-from tympan.studies.diagnosis.self_check import grown_to, sizes_at
+from tympan.studies.diagnosis.self_check import grown_to
 
 _NOISES = (NOISE, NOISE, NOISE, NOISE / 2, 2 * NOISE)
 _MISJUDGED = 1.5
@@ -48,9 +49,6 @@ _OTHERS = 100_000
 
 #: Sizes over the usual ones of single effects of any size, and of two.
 SIZES_DRAWN, PAIRS_DRAWN = (0.3, 20.0), (1.0, 10.0)
-#: On a rough bench, the share of its usual size at which every effect is there, and the sizes of
-#: one that is large over usual ones.
-ROUGH, LARGE = 0.3, (3.0, 20.0)
 #: What is judged also by priors of another scale, and by how much it is wrong.
 WRONG_SCALES = {"large, priors a fifth as wide": 0.2, "large, priors five times as wide": 5.0}
 
@@ -373,19 +371,13 @@ def _rough(lab: Lab, generator: np.random.Generator, number: int) -> list[Record
     large = (causes[int(generator.integers(len(causes)))],) if number % 4 else ()
     means: Means = "another law" if number % 4 == 2 else "elements"
 
-    def drawn() -> Truth:
-        nothing, alone = (draw(generator, some, means, widths=LARGE) for some in ((), large))
-        sizes = [alone.sizes if cause in large else
-                 sizes_at(generator, cause, ROUGH * abs(generator.normal())) for cause in causes]
-        return replace(nothing, hypothesis=causes, sizes=tuple(map(float, np.concatenate(sizes))))
-
-    truth, values, again = drawn_until(partial(readings, design), drawn)
+    truth, values, again = drawn_until(
+        partial(readings, design), lambda: draw_rough(generator, causes, large, means))
     record = Record("rough", number, means, tuple(map(str, large)), again, 0.0, 0.0)
     table = measured(design, values, generator, number)
     finished, verdict = judged(record, design, simulation, table, truth)
-    finished = replace(finished, widths=tuple(
-        width for cause, width in zip(causes, truth.widths, strict=True) if cause in large))
-    by_itself = replace(truth, hypothesis=large, sizes=truth.sizes_of(large))
+    by_itself = truth.of(large)
+    finished = replace(finished, widths=by_itself.widths)
     if not large or (exact := readings(design, by_itself)) is None:
         return [finished]
     further = simulation if verdict is None else verdict.simulation

@@ -10,6 +10,7 @@ import numpy as np
 from benchmarks.trials.rates.rate import GONE, Rate, share
 from benchmarks.trials.rates.sizes import size_rates
 from benchmarks.trials.record import Record
+from benchmarks.trials.synthetic_trials import LARGE, ROUGH
 from tympan.studies.diagnosis.inference.identifiability import SEEN, TOLD
 
 #: Edges of the bins of Δχ² for the power curve, and bins of equal count for stated probabilities.
@@ -118,21 +119,25 @@ def _of_wrong_noise_and_law(kinds: Kinds) -> list[Rate]:
 
 
 def _of_rough(kinds: Kinds) -> list[Rate]:
-    rough = kinds.get("rough", [])
-    large = [record for record in rough if record.identifiable]
-
+    """On benches where all is a little off, of readings at rest and of steps in time, too."""
     def named(record: Record) -> bool:
         return set(record.truth) <= set(record.named)
 
-    return [
-        share("all else off by 0.3 usual sizes, one identifiable effect of 3 to 20: it is the most "
-              "probable cause", large, _first),
-        share("the same: it is named", large, named),
-        share("the same: something small alone is named", large,
-              lambda record: bool(record.named) and not named(record)),
-        share("the same: unexplained", large, lambda record: record.verdict == "unexplained"),
-        share("all off by 0.3 usual sizes, nothing large: something is named",
-              [record for record in rough if not record.truth], lambda record: bool(record.named))]
+    def of(rough: list[Record], words: str) -> list[Rate]:
+        large = [record for record in rough if record.identifiable]
+        return [
+            share(f"all else off by {ROUGH:g} usual sizes{words}, one identifiable effect of "
+                  f"{LARGE[0]:g} to {LARGE[1]:g}: it is the most probable cause", large, _first),
+            share("the same: it is named", large, named),
+            share("the same: something small alone is named", large,
+                  lambda record: bool(record.named) and not named(record)),
+            share("the same: unexplained", large, lambda record: record.verdict == "unexplained"),
+            share(f"all off by {ROUGH:g} usual sizes{words}, nothing large: something is named",
+                  [record for record in rough if not record.truth],
+                  lambda record: bool(record.named))]
+
+    return [*of(kinds.get("rough", []), ""),
+            *of(kinds.get("rough transients", []), ", with steps in time")]
 
 
 def _of_gains(kinds: Kinds) -> list[Rate]:

@@ -10,7 +10,7 @@ from benchmarks.trials.rates.page import rate_table, table
 from benchmarks.trials.rates.rate import GONE, Rate, share
 from benchmarks.trials.rates.sizes import BANDS, UNEXPLAINED, WRONG, said
 from benchmarks.trials.record import Record
-from benchmarks.trials.strata.trials import STRATA, population_of
+from benchmarks.trials.strata.trials import SMOOTH, STRATA, population_of
 from tympan.studies.diagnosis.inference.identifiability import SEEN, TOLD
 
 #: What may be said, best first.
@@ -19,7 +19,7 @@ OUTCOMES = ("named", "listed", "nothing", "unexplained", "others listed", "anoth
 
 def strata_rates(records: Sequence[Record]) -> list[Rate]:
     """The rates of every stratum, by all of its evidence, with the targets of readings at rest."""
-    return [rate for name in STRATA
+    return [rate for name in SMOOTH
             for rate in _rates(name, [record for record in records if record.population == name
                                       and record.verdict not in GONE])]
 
@@ -63,8 +63,8 @@ def _hidden(records: Sequence[Record], population: str) -> dict[int, Record]:
 
 
 def _outcomes(records: Sequence[Record]) -> Iterator[str]:
-    for name, stratum in STRATA.items():
-        for view in stratum.views:
+    for name in SMOOTH:
+        for view in STRATA[name].views:
             some = _hidden(records, population_of(name, view))
             counts = Counter(map(said, some.values()))
             yield (f"{name} | {len(some)} | {view or 'all'} | "
@@ -73,8 +73,8 @@ def _outcomes(records: Sequence[Record]) -> Iterator[str]:
 
 def _decided(records: Sequence[Record]) -> Iterator[str]:
     """What becomes of those that the lesser evidence lists among others."""
-    for name, stratum in STRATA.items():
-        first = _hidden(records, population_of(name, next(iter(stratum.views))))
+    for name in SMOOTH:
+        first = _hidden(records, population_of(name, next(iter(STRATA[name].views))))
         after = _hidden(records, name)
         counts = Counter(said(after[number]) for number, record in first.items()
                          if record.verdict == "ambiguous" and number in after)
@@ -85,8 +85,8 @@ def _decided(records: Sequence[Record]) -> Iterator[str]:
 
 
 def _by_effect(records: Sequence[Record]) -> Iterator[str]:
-    for name, stratum in STRATA.items():
-        first = _hidden(records, population_of(name, next(iter(stratum.views))))
+    for name in SMOOTH:
+        first = _hidden(records, population_of(name, next(iter(STRATA[name].views))))
         after = _hidden(records, name)
         effects = dict.fromkeys(record.truth[0].partition(" of ")[0] for record in after.values())
         for effect in sorted(effects):
@@ -103,8 +103,8 @@ def _counted(records: Iterator[Record]) -> str:
 
 
 def _wrong(records: Sequence[Record]) -> Iterator[str]:
-    for name, stratum in STRATA.items():
-        for view in stratum.views:
+    for name in SMOOTH:
+        for view in STRATA[name].views:
             for record in _hidden(records, population_of(name, view)).values():
                 if record.misnamed:
                     yield (f"{name} #{record.number} | {view or 'all'} | {record.means} | "

@@ -36,6 +36,7 @@ from benchmarks.trials.synthetic_trials import (
     circles,
     design,
     draw,
+    draw_rough,
     drawn_until,
     paper,
     readings,
@@ -56,8 +57,8 @@ Plan = ReadingPlan | StepPlan | StripPlan
 
 #: Sizes over the usual ones.
 SIZES = (0.3, 20.0)
-#: Every so many trials nothing is hidden.
-_NOTHING = 11
+#: Every so many trials nothing is hidden, and on a rough bench nothing large.
+_NOTHING, _NOTHING_LARGE = 11, 4
 _NOISES = (NOISE, NOISE / 2, 2 * NOISE)
 _VOLTAGES = np.linspace(0.0, 5500.0, 8)
 
@@ -83,10 +84,14 @@ class Question:
 @dataclass(frozen=True)
 class Stratum:
     """Evidence beside readings at rest: what is asked in a trial of a number, and the ``views`` of
-    its dataset that are judged, in words, "" for all there is."""
+    its dataset that are judged, in words, "" for all there is.
+
+    ``rough``: beside what is hidden, which is large, all else that is asked for is a little there.
+    """
 
     ask: Callable[[int], Question]
     views: Mapping[str, View]
+    rough: bool = False
 
 
 def at_rest(dataset: Dataset) -> Dataset:
@@ -208,7 +213,10 @@ STRATA: dict[str, Stratum] = {
                                partial(two, "others", True)), _TWICE),
     "coupons": Stratum(_strips, {"uniaxial alone": uniaxial, "": whole}),
     "film": Stratum(_film, {"actuators alone": at_rest, "coupons alone": coupons_alone,
-                            "": whole})}
+                            "": whole}),
+    "rough transients": Stratum(_step, {"": whole}, rough=True)}
+#: Those whose rates are on a page of their own.
+SMOOTH = tuple(name for name, stratum in STRATA.items() if not stratum.rough)
 
 
 def population_of(stratum: str, view: str) -> str:
@@ -220,26 +228,43 @@ def stratum_trial(name: str, generator: np.random.Generator, number: int) -> lis
     """The records of a trial, one of each view."""
     stratum = STRATA[name]
     question = stratum.ask(number)
-    hypothesis = _hidden(question, number, generator)
-    truth, read, again = drawn_until(
-        partial(evidence_of, question.plan),
-        lambda: _on_its_mesh(question, draw(generator, hypothesis, question.means, widths=SIZES)))
+    hypothesis = _hidden(question, number, generator, stratum.rough)
+    truth, read, again = drawn_until(partial(evidence_of, question.plan), lambda: _on_its_mesh(
+        question, _drawn(generator, question, hypothesis, stratum.rough)))
+    by_itself = truth.of(hypothesis)
+    alone = evidence_of(question.plan, by_itself) if stratum.rough else read
     noise = _NOISES[number // 3 % len(_NOISES)]
     blank = Record(name, number, question.means, tuple(map(str, hypothesis)), again, 0.0, 0.0,
-                   words=f"{truth.sizes}")
+                   words=f"{by_itself.sizes}", widths=by_itself.widths)
     seed = int(generator.integers(2**32))
     with TemporaryDirectory() as place:
-        datasets = [dataset_of(Path(place) / words, question.plan, read, noise, seed, exact)
-                    for words, exact in (("noisy", False), ("exact", True))]
-        return [_judged(replace(blank, population=population_of(name, words)), truth,
-                        *(view(dataset) for dataset in datasets))
+        noisy, exact = (
+            None if values is None else
+            dataset_of(Path(place) / words, question.plan, values, noise, seed, words == "exact")
+            for words, values in (("noisy", read), ("exact", alone)))
+        assert noisy is not None
+        return [_judged(replace(blank, population=population_of(name, words)), by_itself,
+                        view(noisy), exact and view(exact))
                 for words, view in stratum.views.items()
                 if view is not with_dwell or getattr(question.plan, "dwell", None)]
 
 
-def _hidden(question: Question, number: int, generator: np.random.Generator) -> Hypothesis:
+def _drawn(generator: np.random.Generator, question: Question, hypothesis: Hypothesis, rough: bool
+           ) -> Truth:
+    """What is hidden, and, on a rough bench, a little of all else that is asked for."""
+    if not rough:
+        return draw(generator, hypothesis, question.means, widths=SIZES)
+    setup = question.plan.design.setup
+    causes = [Cause(name, choice) for name in question.effects
+              for choice in EFFECTS[name].choices(setup)]
+    return draw_rough(generator, causes, hypothesis, question.means)
+
+
+def _hidden(question: Question, number: int, generator: np.random.Generator, rough: bool
+            ) -> Hypothesis:
     """Each effect in turn, in an order of no meaning, or nothing."""
-    if number % _NOTHING == _NOTHING - 1:
+    every = _NOTHING_LARGE if rough else _NOTHING
+    if number % every == every - 1:
         return ()
     turns = 3 if isinstance(question.plan, StepPlan) else 2
     order = np.random.default_rng(len(question.plan.design.table)).permutation(question.effects)
@@ -286,8 +311,11 @@ def dataset_of(folder: Path, plan: Plan, read: Any, noise: float, seed: int, exa
     return read_dataset(write_dataset(folder, plan.design, files, noise, **head))
 
 
-def _judged(record: Record, truth: Truth, dataset: Dataset, exact: Dataset) -> Record:
-    """The record of a part of a dataset, with what the part without noise allows to be known."""
+def _judged(record: Record, truth: Truth, dataset: Dataset, exact: Dataset | None) -> Record:
+    """The record of a part of a dataset, with what the part without noise allows to be known.
+
+    ``exact``: that of what is hidden alone, None where it cannot be.
+    """
     prepared: list[PreparedReadings] = []
 
     def ask() -> Judgement:
@@ -296,7 +324,7 @@ def _judged(record: Record, truth: Truth, dataset: Dataset, exact: Dataset) -> R
         return judgement
 
     finished, judgement = concluded(record, truth, ask)
-    if judgement is None or not truth.hypothesis:
+    if judgement is None or exact is None or not truth.hypothesis:
         return finished
     table, clean = judgement.table, _without_noise(judgement, exact)
     # Readings that were left out as impossible leave those with noise.
