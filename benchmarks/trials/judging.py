@@ -111,7 +111,8 @@ def concluded(record: Record, truth: Truth, ask: Callable[[], Judgement]
     posterior = judgement.posterior
     ranked = tuple((str(cause), float(share))
                    for cause, share in list(posterior.of_causes().items())[:5])
-    covered = any(set(candidate.hypothesis) == set(truth.hypothesis)
+    seen = set(truth.hypothesis) - set(judgement.invisible)
+    covered = any(set(candidate.hypothesis) - set(judgement.invisible) == seen
                   for candidate in posterior.credible()) if asked else None
     return replace(record, ranked=ranked, best=tuple(map(str, posterior.fits[0].hypothesis)),
                    wrong=posterior.wrong, unknown=posterior.discrepancy,

@@ -15,8 +15,9 @@ class Record:
     ``seen``: χ² by which the nominal model misses the readings without noise more than the truth
     does (of a stranger: by which the best of the library does); ``told``: the same for the best
     hypothesis that is not the truth. ``ranked`` are the causes with their stated probabilities.
-    ``covered``: whether the 95 % set of hypotheses has the truth, ``inside``: whether the 95 %
-    intervals of its sizes have the true ones, None where that was not asked. ``reported``: whether
+    ``covered``: whether the 95 % set of hypotheses has the truth, but for effects of which the
+    verdict says that these readings cannot see them, ``inside``: whether the 95 % intervals of its
+    sizes have the true ones, None where that was not asked. ``reported``: whether
     an alias was called one. ``ratio``: error beyond noise on readings held out, of the extended
     model over the nominal one, over all splits that can show it; None where there is none.
     ``widths``: how many usual sizes each hidden effect has. ``listed``: the causes an ambiguous
