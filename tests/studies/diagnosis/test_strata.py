@@ -10,13 +10,14 @@ import numpy as np
 import pytest
 
 from benchmarks.trials.hidden_effects import lab_of, study
+from benchmarks.trials.rates.kinds import rates
 from benchmarks.trials.rates.strata import strata_page, strata_rates
 from benchmarks.trials.record import Record
 from benchmarks.trials.strata import steps
 from benchmarks.trials.strata.evidence import evidence, sheets, write_dataset
 from benchmarks.trials.strata.steps import StepPlan, step_evidence, step_sheets
 from benchmarks.trials.strata.trials import STRATA, without_dwell
-from benchmarks.trials.synthetic_trials import FINEST, Truth
+from benchmarks.trials.synthetic_trials import FINEST, ROUGH, Truth, draw_rough
 from benchmarks.trials.trial import Lab
 from tympan.studies.data.dataset import read_dataset
 from tympan.studies.diagnosis.calibration import calibrated
@@ -160,6 +161,41 @@ def test_records_add_up_before_and_after() -> None:
     assert "| frequencies | 3 | at rest | 0 | 3 | 0 | 0 | 0 | 0 |" in text
     assert "| frequencies | 3 | 1 | 1 | 1 | 0 |" in text
     assert "| frequencies #1 | all | equations | drift | 2 | sensor_zero |" in text
+
+
+def test_on_a_rough_bench_one_effect_is_large_and_all_others_are_a_little_there() -> None:
+    """Also in what is read: all of them show in the steps beside the large one."""
+    plan = STRATA["rough transients"].ask(2).plan
+    assert isinstance(plan, StepPlan)
+    causes = [Cause(name) for name in (*steps.FAST, *steps.AT_REST)]
+    large, generator = (Cause("plate_damping"),), np.random.default_rng(4)
+    draws = [draw_rough(generator, causes, large, "equations") for _ in range(200)]
+    widths = np.array([truth.widths for truth in draws])
+    of_large = widths[:, causes.index(large[0])]
+    others = np.delete(np.abs(widths), causes.index(large[0]), axis=1)
+    assert of_large.min() >= 3
+    assert of_large.max() <= 20
+    assert np.sqrt(np.mean(others**2)) == pytest.approx(ROUGH, rel=0.05)
+    truth = draws[0]
+    alone = truth.of(large)
+    assert (alone.hypothesis, alone.stiffness) == (large, truth.stiffness)
+    assert alone.widths == (of_large[0],)
+    every, some = step_evidence(plan, truth), step_evidence(plan, alone)
+    assert every is not None
+    assert some is not None
+    assert np.abs(every.heaves - some.heaves).max() > 20e-6
+    assert np.abs(every.steps[0][2] - some.steps[0][2]).max() > 20e-6
+
+
+def test_rates_of_rough_benches_are_of_what_is_large() -> None:
+    """A small effect that is named with nothing large counts by itself."""
+    blank = Record("rough transients", 0, "equations", ("creep",), 0, 900.0, 90.0, "named",
+                   named=("creep", "sensor_zero"))
+    records = [blank, replace(blank, number=1, named=("sensor_zero",)),
+               replace(blank, number=2, verdict="unexplained", named=()),
+               replace(blank, number=3, truth=(), seen=0.0, told=0.0, named=("sensor_zero",))]
+    rough = [rate for rate in rates(records) if rate.count in (1, 3)]
+    assert [(rate.hits, rate.count) for rate in rough[-4:]] == [(1, 3), (1, 3), (1, 3), (1, 1)]
 
 
 @pytest.mark.study
