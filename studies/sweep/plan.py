@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import math
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from itertools import product
@@ -43,9 +44,10 @@ _RIG = "rig."
 
 _SPECIMENS: Rule = (lambda x: 1 <= x <= MOST and x == int(x),
                     f"must be a whole number from 1 to {MOST}")
-_VOLTAGES: Rule = (lambda x: 2 <= x <= 10_000 and x == int(x),
-                   "must be a whole number from 2 to 10000")
-_SEED: Rule = (lambda x: 0 <= x < 2**32 and x == int(x), "must be a whole number, not negative")
+_COUNT: Rule = (lambda x: 2 <= x <= 10_000 and x == int(x),
+                "must be a whole number from 2 to 10000")
+_SEED: Rule = (lambda x: 0 <= x < 2**32 and x == int(x),
+               "must be a whole number from 0 to 4294967295")
 
 
 @dataclass(frozen=True)
@@ -99,11 +101,10 @@ def read_sweep(file: Path, settings: Settings = Settings()) -> Sweep:
     names = [given] if isinstance(given, str) else given
     if not isinstance(names, list) or not names or not all(isinstance(name, str) for name in names):
         raise table.error("specimen", "must be a specimen file or a list of them", given)
+    stem, times = Counter(Path(name).stem for name in names).most_common(1)[0]
+    if times > 1:
+        raise table.error("specimen", "must be files of different names", stem)
     bases = {file.parent / name: Table.read(file.parent / name).data for name in names}
-    stems = [Path(name).stem for name in names]
-    for stem in stems:
-        if stems.count(stem) > 1:
-            raise table.error("specimen", "must be files of different names", stem)
     grid, rows = choices(table)
     varied, loads = {*grid, *rows[0]}, {}
     for name in _LOADS:
@@ -344,10 +345,10 @@ def _load(table: Table, name: str, value: Any) -> float:
 def _loads(table: Table, name: str) -> tuple[float, ...]:
     """All masses [kg], different ones, or all voltages [V], ascending."""
     value = table.value(name)
-    if name == "voltage" and isinstance(value, Mapping):
+    if isinstance(value, Mapping):
         span = table.table(name)
         low, high = (_load(span, name, span.value(key)) for key in ("from", "to"))
-        loads = np.linspace(low, high, int(span.number("count", rule=_VOLTAGES))).tolist()
+        loads = np.linspace(low, high, int(span.number("count", rule=_COUNT))).tolist()
         span.done()
     else:
         items = value if isinstance(value, list) else [value]

@@ -58,7 +58,6 @@ def sweep(options: argparse.Namespace) -> None:
     """Solve grids, lists or samples of specimens; goes on where it was ended."""
     from tympan.progress import cases, say
     from tympan.reports.rebuild import draw_stored
-    from tympan.reports.sweep.page import keep_page
     from tympan.studies.parallel import processes
     from tympan.studies.sweep.cluster import cluster
     from tympan.studies.sweep.plan import read_sweep
@@ -67,6 +66,9 @@ def sweep(options: argparse.Namespace) -> None:
     workers = len(os.sched_getaffinity(0)) if options.workers is None else options.workers
     wait = parse_quantity(options.wait, "time", "--wait")
     planned = read_sweep(options.file, read_settings(options))
+    # Drawing takes longer to import than a plan to read, and what is wrong in that is said first.
+    from tympan.reports.sweep.page import keep_page
+
     pool = (partial(processes, workers=workers) if options.scheduler is None
             else partial(cluster, address=options.scheduler, wait=wait, say=say))
     try:

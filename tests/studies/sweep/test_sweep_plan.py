@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -95,6 +97,12 @@ def test_ids_follow_loads_rig_settings_and_solver_but_not_names_or_units(tmp_pat
     assert equal.ids == task.ids
 
 
+def test_masses_may_be_so_many_from_one_to_another(tmp_path) -> None:
+    text = LOADS.replace('"17.9 g"', '{ from = "10 g", to = "20 g", count = 3 }')
+    [task] = tasks(tmp_path, text)
+    assert task.masses == pytest.approx((0.01, 0.015, 0.02))
+
+
 REFUSED = {
     "unknown key": (LOADS + '[grid]\n"plate.radiuss" = ["1 cm"]',
                     r"SWEEP.toml: plate.radiuss: unknown key"),
@@ -121,6 +129,9 @@ REFUSED = {
     "method": (LOADS + '[sample]\nmethod = "sobel"\ncount = 2',
                r"sample.method: given 'sobel': must be one of"),
     "count": (LOADS + '[sample]\nmethod = "sobol"\ncount = 2.5', r"sample.count: given 2.5"),
+    "seed": (LOADS + '[sample]\nmethod = "sobol"\ncount = 2\nseed = 4294967296\n[sample.ranges]\n'
+                     '"plate.radius" = ["1 cm", "2 cm"]',
+             r"sample.seed: given 4294967296: must be a whole number from 0 to 4294967295"),
     "order": (LOADS
               + '[sample]\nmethod = "sobol"\ncount = 2\n[sample.ranges]\n"plate.radius" = ["2 '
                 'cm", "1 cm"]',
@@ -138,6 +149,8 @@ REFUSED = {
     "radii": (LOADS + 'radii = "best"', r"SWEEP.toml: radii: given 'best': must be one of"),
     "alike": (LOADS + '[grid]\n"plate.radius" = ["1 cm", "1 cm"]',
               r"SWEEP.toml: grid.plate.radius: given .*different"),
+    "one file many times": (LOADS.replace('"oval.toml"', "[" + 20_000 * '"oval.toml", ' + "]"),
+                            r"SWEEP.toml: specimen: given 'oval': must be files of different"),
     "no specimen": ('mass = "1 g"\nvoltage = "1 kV"', r"specimen: is missing"),
     "none possible": (
         LOADS + '[grid]\n"plate.radius" = ["5 cm", "6 cm"]',
@@ -154,6 +167,17 @@ def test_mistakes_are_one_message(tmp_path, mistake: str, capsys) -> None:
     assert main(["sweep", str(file), "-o", str(tmp_path / "out")]) == 2
     assert capsys.readouterr().err.count("\n") == 1
     assert not (tmp_path / "out").exists()
+
+
+def test_mistakes_are_said_before_drawing_is_imported(tmp_path) -> None:
+    """It takes longer to import than the plan to read."""
+    file = written(tmp_path, LOADS + "volts = 1")
+    code = ("import sys; from tympan.cli import main; "
+            f"main(['sweep', {str(file)!r}, '-o', {str(tmp_path / 'out')!r}]); "
+            "print(*sys.modules)")
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert "unknown key" in done.stderr
+    assert not {"matplotlib", "pyvista"} & set(done.stdout.split())
 
 
 def test_a_mistake_in_the_specimen_names_its_file(tmp_path) -> None:
