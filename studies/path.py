@@ -30,6 +30,9 @@ Array = NDArray[np.float64]
 #: Longest step along a branch, relative to the frame's half extent; largest stretch at its end.
 _STEP, _STRETCH = 0.015, 6.0
 
+#: Deflection and stretch at a branch's end, relative to where it begins, if that is far already.
+_FURTHER = 2.0
+
 UNFOLLOWED = "the branch could not be followed further"
 
 #: A motion along a branch by which is seen where the film thins, relative to the frame.
@@ -183,14 +186,17 @@ def stops(case: Case, model: Model, start: State, along: Along, settings: PathSe
     What happens between two points of the branch is a stop of its own, so that curves pass through
     it.
     """
-    stepping = replace(settings, arc=replace(settings.arc, longest=_STEP))
+    longest = _STEP * max(model.deflection(start) / model.high, 1.0)
+    stepping = replace(settings, arc=replace(settings.arc, longest=longest))
     load = _GROWING[along][0]
+    first: Stop | None = None
     before: Stop | None = None
     for branch, point in follow_branch(model, start, load, stepping, beyond=True):
         here = Stop(branch.model, point)
         if before is not None:
             yield from _passed(case, branch, before, here, along)
-        ended = _ended(here, along, settings)
+        first = first or here
+        ended = _ended(here, first, along, settings)
         yield replace(here, ended=ended or UNFOLLOWED)
         if ended:
             return
@@ -298,13 +304,17 @@ def _jumps(nodes: NDArray[np.int64], values: Array) -> Array:
     return np.where(np.isfinite(high), high - low, 0.0)
 
 
-def _ended(stop: Stop, along: Along, settings: PathSettings) -> str:
-    """Why a branch is not followed further; "" where it is."""
+def _ended(stop: Stop, first: Stop, along: Along, settings: PathSettings) -> str:
+    """Why a branch is not followed further; "" where it is.
+
+    What is far depends on where it began: a film may hang deep, or be stretched much, under its
+    load alone.
+    """
     station, point = stop.station, stop.point
     deflection = f"{station.deflection_m * 1e3:.4g} mm"
-    if station.deflection_m > stop.model.high:
+    if station.deflection_m > max(stop.model.high, _FURTHER * first.station.deflection_m):
         return f"followed to a deflection of {deflection}"
-    if station.max_stretch > _STRETCH:
+    if station.max_stretch > max(_STRETCH, _FURTHER * first.station.max_stretch):
         return f"followed to a stretch of {station.max_stretch:.3g}"
     if point.rate < 0 and point.state.load(_GROWING[along][0]) < 0:
         return f"followed until the {along} fell back to zero"

@@ -146,10 +146,15 @@ def test_limits_are_nominal_voltages(soft: Limits) -> None:
     assert doubled.pull_in.voltage_V == pytest.approx(soft.pull_in.voltage_V / 2, rel=1e-9)
 
 
+def stretched(prestretch: float) -> Specimen:
+    return replace(SOFT, membrane=replace(SOFT.membrane, prestretch=(prestretch, prestretch)))
+
+
 @pytest.mark.parametrize(("specimen", "mass"), [
     (SOFT, 17.9e-3), (elliptical(75e-3, NeoHooke(15e3)), 22.45e-3),
-    (replace(SOFT, plate=Plate(Circle(10e-3), (5e-3, 0.0))), 12e-3)],
-    ids=["circle", "ellipse", "plate off its centre"])
+    (replace(SOFT, plate=Plate(Circle(10e-3), (5e-3, 0.0))), 12e-3), (stretched(6.5), 20e-3),
+    (stretched(5.0), 0.2), (SOFT, 1.0)],
+    ids=["circle", "ellipse", "plate off its centre", "stretched much", "hangs deeper", "deepest"])
 def test_limits_solve_and_path_agree(specimen: Specimen, mass: float) -> None:
     """To 1e-3: with the ramp's own search, just below the first and just above the last."""
     reached = limits(Case(specimen, mass=mass), COARSE)
