@@ -192,6 +192,15 @@ def naming_options(options: argparse.Namespace) -> Iterator[None]:
                          given=getattr(options, name)) from None
 
 
+@contextmanager
+def naming_file(file: Path) -> Iterator[None]:
+    """What is wrong with what a file or folder says is said of it, if of no other."""
+    try:
+        yield
+    except InputError as error:
+        raise error.located(file=file) from None
+
+
 def parse_quantity(text: str, dimension: str, option: str) -> float:
     """A quantity given to an option [SI]."""
     try:

@@ -21,11 +21,13 @@ _FLAT = 1e-9
 def dxf_pieces(file: Path, layer: str) -> list[Piece]:
     """Pieces of a layer, ``*`` of all; a drawing without units is in millimetres."""
     document = ezdxf.filemanagement.readfile(file)
+    # A drawing without a header gets ezdxf's own, in metres.
+    units = document.units if b"$INSUNITS" in file.read_bytes() else 0
     try:
-        drawn_in = InsertUnits(document.units or 4)
+        drawn_in = InsertUnits(units or 4)
     except ValueError:
         raise InputError("is drawn in units that DXF does not know: $INSUNITS is "
-                         f"{document.units}") from None
+                         f"{units}") from None
     unit = ezdxf.units.conversion_factor(drawn_in, InsertUnits.Meters)
     drawing = document.modelspace()
     entities = [entity for entity in drawing if layer in ("*", _layer(entity))]

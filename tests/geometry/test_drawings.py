@@ -258,6 +258,16 @@ def test_polylines_with_bulges_and_other_units(tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("at_once")
+@pytest.mark.parametrize("head", ["", "0\nSECTION\n2\nHEADER\n0\nENDSEC\n"], ids=["none", "empty"])
+def test_a_drawing_whose_head_names_no_units_is_in_millimetres(tmp_path: Path, head: str) -> None:
+    (tmp_path / "circle.dxf").write_text(
+        f"{head}0\nSECTION\n2\nENTITIES\n0\nCIRCLE\n8\n0\n10\n0\n20\n0\n40\n40\n0\nENDSEC\n0\nEOF\n",
+        encoding="utf-8")
+    assert imported(tmp_path, shape="dxf", file="circle.dxf").semi_axes == pytest.approx(
+        (40e-3, 40e-3))
+
+
+@pytest.mark.usefixtures("at_once")
 def test_step_files_that_are_no_outline_are_refused(tmp_path: Path) -> None:
     cad.write_step([cq.Solid.makeBox(10, 10, 10)], tmp_path / "box.step")
     cad.write_step([cq.Edge.makeLine(cq.Vector(0, 0, 0), cq.Vector(10, 0, 0))],

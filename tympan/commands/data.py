@@ -15,6 +15,7 @@ from tympan.options import (
     command,
     either,
     finish,
+    naming_file,
     output,
     print_record,
 )
@@ -57,14 +58,14 @@ def diagnose(options: argparse.Namespace) -> None:
 
     dataset = read_dataset(options.dataset, options.plan)
     if options.plan:
-        with shares("films") as progress:
+        with naming_file(options.dataset), shares("films") as progress:
             record, bench = plan_readings(dataset, options.workers, progress)
         record["self_check"] = _self_check(options, bench)
         if options.output is not None:
             write_json(options.output / "plan.json", record)
         print_record(options, record)
         return
-    with shares("films") as progress:
+    with naming_file(options.dataset), shares("films") as progress:
         diagnosis = diagnose(dataset, options.workers, options.seed, progress)
     diagnosis = replace(diagnosis, self_check=_self_check(options, diagnosis.bench))
     if options.output is not None:

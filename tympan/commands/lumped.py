@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,6 +18,7 @@ from tympan.options import (
     argument,
     command,
     finish,
+    naming_file,
     naming_options,
     output,
     parse_numbers,
@@ -29,7 +31,7 @@ from tympan.options import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Iterator, Sequence
 
     from tympan.fem.rig import Rig
     from tympan.geometry.specimen import Specimen
@@ -174,7 +176,8 @@ def _cones(options: argparse.Namespace, specimens: Sequence[Specimen], mass: flo
             raise InputError("must be at least 1 (vacuum) and at most 1000", key="--table-1",
                              given=permittivity)
         specimens = [eq8(specimen, permittivity) for specimen in specimens]
-    actuators = [Actuator.of(specimen, mass, weights, rig=rig) for specimen in specimens]
+    with _weighed("--alpha", options.alpha):
+        actuators = [Actuator.of(specimen, mass, weights, rig=rig) for specimen in specimens]
     if weights is None and any(actuator.count > 1 for actuator in actuators):
         remarks.append(remark("equal_weights"))
     return actuators
@@ -310,10 +313,11 @@ def lumped_identify(options: argparse.Namespace) -> None:
     )
 
     dataset = read_dataset(options.dataset)
-    records = records_of(dataset) if options.dynamic else ()
     at_rest = dataset.static is not None or not options.dynamic
-    if at_rest:
-        readings_at_rest(dataset)
+    with naming_file(options.dataset):
+        records = records_of(dataset) if options.dynamic else ()
+        if at_rest:
+            readings_at_rest(dataset)
     record: dict[str, Any] = {"dataset": dataset.name}
     static = dynamic = None
     with bar((1 + options.dynamic) * (1 + options.nelder_mead)
@@ -360,6 +364,17 @@ def _teller(options: argparse.Namespace, record: dict[str, Any], kind: str
     return tell
 
 
+@contextmanager
+def _weighed(option: str, given: str | None) -> Iterator[None]:
+    """What is wrong with weights is said of the option that gave them."""
+    try:
+        yield
+    except InputError as error:
+        if error.key != "weights":
+            raise
+        raise InputError(error.allowed, key=option, given=given) from None
+
+
 def _nominal(options: argparse.Namespace, dataset: Dataset, at_rest: bool,
              progress: Callable[[str], None]) -> tuple[Actuator, ...]:
     """The actuators of a dataset's specimens as they should be, in their order, under any mass."""
@@ -375,7 +390,8 @@ def _nominal(options: argparse.Namespace, dataset: Dataset, at_rest: bool,
         if options.model:
             raise InputError("cannot be given with --paper", key="--model",
                              given=", ".join(map(str, options.model)))
-        return paper_cones(dataset.specimens, weights, dataset.rig)
+        with _weighed("--weights", options.weights):
+            return paper_cones(dataset.specimens, weights, dataset.rig)
     if not options.model:
         return _suited(dataset, read_settings(options), progress)
     models = {model.specimen.name: model for model in map(read_model, options.model)}

@@ -59,6 +59,7 @@ def test_data_that_nothing_can_be_concluded_from_get_one_message(
     assert main(["diagnose", str(folder), "-o", str(tmp_path / "out")]) == 2
     out, err = capsys.readouterr()
     assert words in err
+    assert err.startswith(f"tympan: {folder}")
     assert err.count("\n") == 1
     assert out == ""
     assert not (tmp_path / "out").exists()

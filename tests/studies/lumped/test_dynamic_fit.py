@@ -326,6 +326,7 @@ def test_what_cannot_be_identified_is_one_message(keep: str, options: list[str],
     assert main(["lumped", "identify", str(tmp_path), "--paper", *options]) == 2
     message = capsys.readouterr().err
     assert words in message
+    assert ("tympan: --weights: " if "--weights" in options else f"tympan: {tmp_path}: ") in message
     assert message.count("\n") == 1
 
 
