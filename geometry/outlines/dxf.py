@@ -67,18 +67,32 @@ def _of_entity(entity: Any, unit: float) -> list[Piece]:
 
     if kind == "LINE":
         return [Line(place(dxf.start), place(dxf.end))]
+    mirrored = kind != "SPLINE" and _mirrored(entity)
     if kind in ("ARC", "CIRCLE"):
         start, end = np.radians((0.0, 360.0) if kind == "CIRCLE"
                                 else (dxf.start_angle, dxf.end_angle))
         sweep = float(np.mod(end - start, 2 * np.pi)) or 2 * np.pi
-        return [Arc(place(dxf.center), (unit * dxf.radius,) * 2, float(start), sweep)]
+        x, y = place(dxf.center)
+        if mirrored:
+            x, start = -x, np.pi - end
+        return [Arc((x, y), (unit * dxf.radius,) * 2, float(start), sweep)]
     if kind == "ELLIPSE":
         x, y = unit * dxf.major_axis[0], unit * dxf.major_axis[1]
         major = float(np.hypot(x, y))
         sweep = float(np.mod(dxf.end_param - dxf.start_param, 2 * np.pi)) or 2 * np.pi
-        return [Arc(place(dxf.center), (major, major * dxf.ratio), dxf.start_param, sweep,
+        start = -dxf.end_param if mirrored else dxf.start_param
+        return [Arc(place(dxf.center), (major, major * dxf.ratio), start, sweep,
                     float(np.arctan2(y, x)))]
     tool = entity.construction_tool()
     poles = np.array([place(point) for point in tool.control_points])
     weights = np.array(tool.weights()) if len(tool.weights()) else np.ones(len(poles))
     return pieces_of_spline(np.array(tool.knots()), poles, weights, tool.order - 1)
+
+
+def _mirrored(entity: Any) -> bool:
+    """Whether its plane is seen from behind, as CAD leaves what it mirrored: x runs to the left."""
+    x, y, z = entity.dxf.extrusion
+    if np.hypot(x, y) > _FLAT * abs(z):
+        raise InputError(f"must be flat: a {entity.dxftype()} lies in a plane across "
+                         f"{x:.6g}, {y:.6g}, {z:.6g}")
+    return bool(z < 0)

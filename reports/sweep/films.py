@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from functools import partial
 from pathlib import Path
+from textwrap import wrap
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -19,11 +20,12 @@ from tympan.studies.film_surface import FilmSurface
 from tympan.studies.sweep.run import SweepResult, fields_file
 
 _COLUMNS, _ROWS = 6, 8  #: of a sheet
-_GAP, _CAPTION, _BAR, _MARGIN = 3.0, 7.0, 14.0, 2.0  # [mm]
+_GAP, _BAR, _MARGIN, _LINE = 3.0, 14.0, 2.0, 2.5  # [mm]
+_LETTERS = 22  #: of a line as wide as a column
 _DPI = 220
 
-#: Name, what it differs in, deflection [m] and film of a specimen.
-Film = tuple[str, str, float, FilmSurface]
+#: What a specimen differs in from the others in lines, its deflection [m] and film.
+Film = tuple[list[str], float, FilmSurface]
 
 
 def draw_films(result: SweepResult, folder: Path) -> list[Path]:
@@ -36,9 +38,10 @@ def draw_films(result: SweepResult, folder: Path) -> list[Path]:
     stresses = [film.values["stress_1"] / 1e3 for *_, film in films]
     room = (style.WIDTH - 2 * _MARGIN - (_COLUMNS - 1) * _GAP) / _COLUMNS
     paper = room / (1.02 * max(widths))
-    view = View(_DPI * style.MM * paper, 0.5 * _DPI / 72, style.COLOURS,
+    # Small as they are, a line of the net is narrower than a pixel: each is the average of four.
+    view = View(_DPI * style.MM * paper, 0.7 * _DPI / 72, style.COLOURS,
                 round_scale(min(map(np.min, stresses)), max(map(np.max, stresses))),
-                bar_length(max(widths)) / 2, style.SHORT, style.LONG)
+                bar_length(max(widths)) / 2, style.SHORT, style.LONG, samples=2)
     files = []
     for number, start in enumerate(range(0, len(films), _COLUMNS * _ROWS), start=1):
         sheet = films[start:start + _COLUMNS * _ROWS]
@@ -54,7 +57,9 @@ def _films(result: SweepResult, folder: Path) -> list[Film]:
     grid = [Measure.of(first[axis]) for axis in first["status"].dims if axis != "specimen"]
     cases = first[["id", "status", "deflection_m"]].to_dataframe(
         dim_order=list(first["status"].dims)).reset_index()
-    return [(row["specimen"], ", ".join(key.text(row[key.name]) for key in grid),
+    several = first.sizes.get("specimen", 1) > 1 or not grid
+    return [([row["specimen"]] * several
+             + wrap(", ".join(key.text(row[key.name]) for key in grid), _LETTERS),
              row["deflection_m"], FilmSurface.load(fields_file(folder, row["id"])))
             for _, row in cases[cases["status"] == "equilibrium"].iterrows()]
 
@@ -67,19 +72,22 @@ def _sheet(films: list[Film], view: View, paper: float) -> Figure:
     heights = [max(extent[3] - extent[2] for _, extent in pictures[start:start + _COLUMNS]) * paper
                for start in range(0, len(films), _COLUMNS)]
     room = (style.WIDTH - 2 * _MARGIN - (_COLUMNS - 1) * _GAP) / _COLUMNS
-    figure = style.new_figure(_BAR + sum(heights) + len(heights) * _CAPTION)
+    caption = _LINE * (1.5 + max(len(lines) for lines, *_ in films))
+    figure = style.new_figure(_BAR + sum(heights) + len(heights) * caption)
     style.colour_bar(figure, (style.WIDTH - 70) / 2, 2.0, (70, 2.6), view.scale, view.colours,
                      stress_label(view.scale))
     top = _BAR
     for row, height in enumerate(heights):
         for column, number in enumerate(range(row * _COLUMNS,
                                               min((row + 1) * _COLUMNS, len(films)))):
-            name, differs, deflection, _ = films[number]
+            lines, deflection, _ = films[number]
             low_x, high_x, bottom, upper = pictures[number][1]
             width = (high_x - low_x) * paper
             axes = style.place_axes(figure, _MARGIN + column * (room + _GAP) + (room - width) / 2,
-                                    top + _CAPTION, width, (upper - bottom) * paper)
-            style.show_picture(axes, pictures[number], (differs or name, 3.0, "bold", 5.5),
-                               (f"{digits(1e3 * deflection)} mm", 0.5, "normal", 5.5))
-        top += height + _CAPTION
+                                    top + caption, width, (upper - bottom) * paper)
+            above = [*lines, f"{digits(1e3 * deflection)} mm"][::-1]
+            style.show_picture(axes, pictures[number], *(
+                (line, 0.5 + _LINE * place, "bold" if place else "normal", 5.5)
+                for place, line in enumerate(above)), interpolation="none")
+        top += height + caption
     return figure

@@ -160,6 +160,8 @@ def _lines(*points: tuple[float, ...]) -> Callable[[ezdxf.layouts.Modelspace], N
      "one closed curve, but has 2"),
     (_lines((0, 0, 0), (50, 0, 5), (50, 40, 0), (0, 0, 0)),
      "must be flat: a LINE has a point at 50, 0, 5"),
+    (lambda space: space.add_circle((0, 0), 40, dxfattribs={"extrusion": (1, 0, 0)}),
+     "must be flat: a CIRCLE lies in a plane across 1, 0, 0"),
     (lambda space: space.add_text("nothing"), "no lines, arcs or splines"),
     (lambda space: space.add_3dface([(0, 0), (1, 0), (1, 1)]), "has a 3DFACE"),
 ])
@@ -255,6 +257,25 @@ def test_polylines_with_bulges_and_other_units(tmp_path: Path) -> None:
     outline = imported(tmp_path, shape="dxf", file="stadium.dxf")
     assert outline.semi_axes == pytest.approx((50e-3, 20e-3))
     assert area(outline) == pytest.approx(60e-3 * 40e-3 + np.pi * 20e-3**2, rel=1e-12)
+
+
+@pytest.mark.usefixtures("at_once")
+@pytest.mark.parametrize("curve", ["arc", "ellipse", "polyline"])
+def test_curves_that_cad_mirrored_lie_where_they_are_seen(tmp_path: Path, curve: str) -> None:
+    """Seen from behind: with x to the left where they are written so, and running the other way."""
+    document, behind = ezdxf.new(units=ezdxf.units.MM), {"extrusion": (0, 0, -1)}
+    space = document.modelspace()
+    space.add_line((-10, 30), (50, 30))
+    if curve == "arc":
+        space.add_arc((-20, 30), 30, 180, 360, dxfattribs=behind)
+    elif curve == "ellipse":
+        space.add_ellipse((20, 30), (30, 0), 0.5, 0, np.pi, dxfattribs=behind)
+    else:
+        space.add_lwpolyline([(-50, 30), (-50, 10), (10, 10), (10, 30)], dxfattribs=behind)
+    document.saveas(tmp_path / "mirrored.dxf")
+    outline = imported(tmp_path, shape="dxf", file="mirrored.dxf")
+    exact = {"arc": np.pi * 30**2 / 2, "ellipse": np.pi * 30 * 15 / 2, "polyline": 60 * 20}[curve]
+    assert area(outline) == pytest.approx(1e-6 * exact, rel=1e-6)
 
 
 @pytest.mark.usefixtures("at_once")
