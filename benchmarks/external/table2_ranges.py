@@ -43,7 +43,7 @@ def judged_again(diagnosis: Diagnosis, table: ReadingTable) -> Diagnosis:
     """The diagnosis with the verdict on other states or another noise, and nothing else new."""
     readings = diagnosis.readings
     judgement = judge(diagnosis.simulation, table, readings.causes, readings.stated)
-    return replace(diagnosis, judgement=judgement, chosen=judgement.chosen)
+    return replace(diagnosis, judgement=judgement)
 
 
 def expected(diagnosis: Diagnosis) -> Predictive:
@@ -97,7 +97,7 @@ def _hypotheses(judgement: Judgement) -> tuple[list[Fit], Array]:
 def _prior(diagnosis: Diagnosis, fits: Sequence[Fit]) -> Array:
     """Logarithms of what is thought of hypotheses before any data."""
     among = hypotheses_of(diagnosis.readings.causes)
-    shares = dict(zip(among, priors(among).tolist(), strict=True)) | {(): NOTHING}
+    shares = priors(among) | {(): NOTHING}
     return np.log([shares[fitted.hypothesis] for fitted in fits])
 
 

@@ -15,7 +15,7 @@ from tympan.studies.case import Case, build_model
 from tympan.studies.diagnosis.fits.fit import Fit
 from tympan.studies.diagnosis.fits.fitting import nominal_fit, nominal_fits
 from tympan.studies.diagnosis.hypothesis import FACTORS
-from tympan.studies.diagnosis.reading_table import COMPONENTS, ReadingTable
+from tympan.studies.diagnosis.reading_table import COMPONENTS, ReadingTable, evenly
 from tympan.studies.diagnosis.readings import FEWEST
 from tympan.studies.diagnosis.reduced.film_memory import FilmMemory
 from tympan.studies.diagnosis.reduced.films_at_rest import FilmsAtRest
@@ -251,10 +251,9 @@ def law_error(simulation: Simulation, fit: Fit, table: ReadingTable, count: int 
     rest = FilmsAtRest(simulation, fit.hypothesis, fit.unknowns, states)
     free = np.flatnonzero(np.isnan(states.heave))
     order = free[np.argsort(rest.heave[free])]
-    chosen = order[np.unique(np.linspace(0, len(order) - 1, count).round().astype(int))]
     rig, worst = setup.rig, 0.0
     place, way = rest.came
-    for state in place[chosen].tolist():
+    for state in place[evenly(order, count)].tolist():
         model = build_model(setup.specimens[int(states.specimen[state])], FINE, rig.loading)
         voltage = rig.film_voltage(float(states.voltage[state]), float(states.direction[state]))
         force = rig.force(float(states.mass[state]), model.plate_area)
@@ -276,7 +275,7 @@ def frequency_error(simulation: Simulation, fit: Fit, table: ReadingTable, count
     setup, rows = simulation.extended(fit.hypothesis, fit.unknowns), table.rows_of
     shown, worst = simulation.predict(fit.hypothesis, fit.unknowns, table), 0.0
     order = rows["frequency"][np.argsort(shown[rows["frequency"]])]
-    for row in order[np.unique(np.linspace(0, len(order) - 1, count).round().astype(int))]:
+    for row in evenly(order, count):
         case = Case(setup.specimens[int(table.specimen[row])], mass=float(table.mass[row]),
                     voltage=float(table.voltage[row]), rig=setup.rig)
         exact = heave_frequency(case, FINE)
@@ -297,9 +296,8 @@ def film_error(simulation: Simulation, fit: Fit, table: ReadingTable, count: int
     shown = simulation.predict(fit.hypothesis, fit.unknowns, table)
     states = np.array([table.state[table.scan == number][0] for number in np.unique(table.scan)
                        if number >= 0], np.int64)
-    order = np.argsort(fit.heave[states])
-    for place in order[np.unique(np.linspace(0, len(order) - 1, count).round().astype(int))]:
-        rows = np.flatnonzero((table.state == states[place]) & (table.point >= 0))
+    for state in evenly(states[np.argsort(fit.heave[states])], count):
+        rows = np.flatnonzero((table.state == state) & (table.point >= 0))
         specimen = setup.specimens[int(table.specimen[rows[0]])]
         exact = scanned_exactly(specimen, setup.rig, float(table.mass[rows[0]]), float(
             table.voltage[rows[0]]), table.scans[table.scan[rows[0]]], FINE)

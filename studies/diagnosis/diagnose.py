@@ -136,7 +136,7 @@ def _with_coupons(readings: PreparedReadings, simulation: Simulation,
                   strips: tuple[StripReadings, Judgement] | None
                   ) -> tuple[PreparedReadings, Simulation, ReadingTable, PartNoise | None]:
     """With coupons of the same film beside them, if there are some, each with its noise found."""
-    tests = None if strips is None else strips[1].simulation.strips
+    tests = None if strips is None else strips[1].simulation.coupons
     if strips is None or tests is None:
         return readings, simulation, readings.table, None
     coupons, judged = strips
@@ -159,7 +159,7 @@ def _of_coupons_alone(dataset: Dataset) -> bool:
 
 def _judge_coupons(dataset: Dataset, seed: int) -> tuple[StripReadings, Judgement]:
     readings = strip_readings(dataset)
-    simulation = Simulation(readings.setup, (), strips=readings.tests)
+    simulation = Simulation(readings.setup, (), coupons=readings.tests)
     try:
         return readings, judge(simulation, readings.table, readings.causes, readings.stated,
                                seed=seed)

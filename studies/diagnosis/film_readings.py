@@ -17,6 +17,7 @@ from tympan.studies.diagnosis.reading_table import (
     ReadingTable,
     Scan,
     States,
+    evenly,
     rows,
 )
 
@@ -45,7 +46,7 @@ def film_rows(dataset: Dataset) -> tuple[ReadingTable, list[str]] | None:
     sigma, remarks = _sigma(dataset, sheet), []
     tables = []
     for scan in _scans(sheet):
-        kept = scan[np.unique(np.linspace(0, len(scan) - 1, MOST).round().astype(int))]
+        kept = evenly(scan, MOST)
         if len(kept) < len(scan):
             remarks.append(f"field.csv line {sheet.line[scan[0]]} and on: {len(kept)} of "
                            f"{len(scan)} places of the scan are used")

@@ -148,8 +148,8 @@ def gain_of(simulation: Simulation, table: ReadingTable, causes: Sequence[Cause]
 def splits_of(simulation: Simulation,
               table: ReadingTable) -> tuple[tuple[Split, ...], tuple[str, ...]]:
     """The splits that leave enough to train on and to test, and in words those that do not."""
-    if simulation.strips is not None:
-        return _told_apart(table, *strip_splits(simulation.strips, table))
+    if simulation.coupons_alone is not None:
+        return _told_apart(table, *strip_splits(simulation.coupons_alone, table))
     specimens = simulation.setup.specimens
     frames = [(specimen.frame, specimen.plate) for specimen in specimens]
     shape = np.array([frames.index(frame) for frame in frames])[table.specimen]
@@ -211,7 +211,7 @@ def _tested(simulation: Simulation, table: ReadingTable, causes: Sequence[Cause]
         test.value - simulation.predict(model.hypothesis, model.unknowns, test) if model
         else np.full(len(test), np.nan) for model in (nominal, chosen, wrong))
     smooth = np.full(len(test), np.nan)
-    if simulation.strips is None:
+    if simulation.coupons_alone is None:
         process = GaussianProcess.trained(train, nominal.residual * train.sigma)
         smooth = before - process.predicted(test)
     errors = {"before": before, "after": after, "process": smooth,
@@ -243,7 +243,7 @@ def _alternatives(simulation: Simulation, table: ReadingTable, causes: Sequence[
     large = {other.hypothesis: other for other in alone
              if other.surprise(other.hypothesis[0]) > _LARGE}
     hypotheses = hypotheses_of(causes)
-    prior = dict(zip(hypotheses, np.log(priors(hypotheses)).tolist(), strict=True))
+    prior = {hypothesis: np.log(share) for hypothesis, share in priors(hypotheses).items()}
 
     def ranked(fits: Sequence[Fit]) -> list[Fit]:
         return sorted((other for other in fits if other.possible),

@@ -7,11 +7,13 @@ permittivity, then the sizes of its effects' parameters in its order.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tympan.fem.film.laws.stiffened import scaled
+from tympan.geometry.specimen import Film
 from tympan.studies.effects import EFFECTS, Effect, EffectParameter, Use
 
 Array = NDArray[np.float64]
@@ -41,6 +43,12 @@ class Cause:
 Hypothesis = tuple[Cause, ...]
 
 
+def with_factors(film: Film, stiffness: float, permittivity: float) -> Film:
+    """A film with the factors on stiffness and permittivity."""
+    return replace(film, material=scaled(film.material, stiffness),
+                   relative_permittivity=film.relative_permittivity * permittivity)
+
+
 def parameters_of(hypothesis: Hypothesis) -> list[EffectParameter]:
     """The parameters of its effects in the order of their sizes."""
     return [parameter for cause in hypothesis for parameter in cause.effect.parameters]
@@ -55,6 +63,13 @@ def sizes_of(hypothesis: Hypothesis, cause: Cause) -> slice:
     """Where among the unknowns the sizes of one of its causes stand."""
     first = unknown_count(hypothesis[: hypothesis.index(cause)])
     return slice(first, first + len(cause.effect.parameters))
+
+
+def parameter_at(hypothesis: Hypothesis, number: int) -> tuple[Cause, int]:
+    """The cause whose size an unknown is, and the place of that among its parameters."""
+    cause = next(cause for cause in hypothesis
+                 if number < sizes_of(hypothesis, cause).stop)
+    return cause, number - sizes_of(hypothesis, cause).start
 
 
 def uses_of(hypothesis: Hypothesis, unknowns: Array) -> tuple[Use, ...]:

@@ -30,6 +30,12 @@ LENGTHS = ("displacement", "range")
 COMPONENTS: tuple[Kind, ...] = ("film_x", "film_y", "film")
 
 
+def evenly(items: Numbers, count: int) -> Numbers:
+    """So many of some items at most, evenly spaced, the first and the last among them."""
+    places = np.unique(np.linspace(0, len(items) - 1, count).round().astype(int))
+    return np.asarray(items[places])
+
+
 @dataclass(frozen=True)
 class Unit:
     """How errors are told: a name as at the end of keys, and what a file's number is times it."""

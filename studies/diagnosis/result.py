@@ -29,7 +29,6 @@ from tympan.studies.diagnosis.hypothesis import Cause
 from tympan.studies.diagnosis.inference.identifiability import detectable_effects
 from tympan.studies.diagnosis.inference.posterior import Posterior
 from tympan.studies.diagnosis.inference.ratios import ratios
-from tympan.studies.diagnosis.inference.single_effects import SingleEffect, single_effects
 from tympan.studies.diagnosis.inference.verdict import Judgement
 from tympan.studies.diagnosis.next_experiment.experiments import MENU, Foreseen
 from tympan.studies.diagnosis.next_experiment.proposals import Proposal, propose
@@ -72,6 +71,8 @@ _LEAST = 0.01
 #: Of the misfit, the share that an effect must take away alone for its check to be worth while
 #: where nothing explains it, and how many such checks are told.
 _WORTH, _CHECKS = 0.5, 2
+#: Sizes over the usual one up to which such actuators have them.
+_PLAUSIBLE = 2.0
 #: Factor on the noise for which the probabilities are told too.
 _NOISIER = 1.5
 #: Scatter about smooth curves over the stated noise from which it is worth a word.
@@ -89,24 +90,20 @@ class Diagnosis:
     """All that was found.
 
     ``model_error``: of the reduced model's deflections at the nominal fit and the best one, against
-    finite elements on a fine mesh [m]; ``chosen``: the hypothesis the extended model has, None when
-    nothing is wrong; ``gain`` on readings held out; ``proposals`` for the next experiment and
-    ``advice`` in a sentence; ``single_effects`` each fitted alone; ``detectable``: what these
-    readings can tell; ``self_check``: what it makes of synthetic ones, None where that was not
-    asked; ``loaded``: films of the specimens, where they were asked for; ``coupons``: the diagnosis
-    of coupons of the same films, None where there are none or nothing else.
+    finite elements on a fine mesh [m]; ``gain`` on readings held out; ``proposals`` for the next
+    experiment and ``advice`` in a sentence; ``self_check``: what it makes of synthetic readings,
+    None where that was not asked; ``loaded``: films of the specimens, where they were asked for;
+    ``coupons``: the diagnosis of coupons of the same films, None where there are none or nothing
+    else.
     """
 
     dataset: Dataset
     readings: PreparedReadings
     judgement: Judgement
     model_error: float
-    chosen: Fit | None
     gain: GainReport
     proposals: tuple[Proposal, ...]
     advice: str
-    single_effects: tuple[SingleEffect, ...]
-    detectable: list[Json]
     self_check: Json | None = None
     loaded: tuple[LoadedFilm, ...] = ()
     coupons: Diagnosis | None = None
@@ -123,17 +120,26 @@ class Diagnosis:
         if _verdict(judgement, readings) == "ambiguous" and all(
                 isinstance(specimen, Specimen) for specimen in simulation.setup.specimens):
             menu = (*MENU, *SOLVED)
-        proposals: tuple[tuple[Proposal, ...], str] = ((), "") if simulation.strips else propose(
-            simulation, films, causes, menu, dataset.effort)
-        return cls(dataset, readings, judgement, model_error, judgement.chosen,
-                   gain_of(simulation, films.table, causes, films, seed), *proposals,
-                   single_effects(judgement),
-                   detectable_effects(judgement.signatures))
+        proposals: tuple[tuple[Proposal, ...], str] = ((), "")
+        if simulation.coupons_alone is None:
+            proposals = propose(simulation, films, causes, menu, dataset.effort)
+        return cls(dataset, readings, judgement, model_error,
+                   gain_of(simulation, films.table, causes, films, seed), *proposals)
 
     @property
     def verdict(self) -> str:
         """The verdict; with a noise that is only assumed no cause is named."""
         return _verdict(self.judgement, self.readings)
+
+    @property
+    def chosen(self) -> Fit | None:
+        """The hypothesis the extended model has, None when nothing is wrong."""
+        return self.judgement.chosen
+
+    @cached_property
+    def single_effects(self) -> list[Fit]:
+        """Every effect fitted alone, the one that explains most first; none if nothing is wrong."""
+        return sorted(self.judgement.alone, key=lambda fit: -self.judgement.explained(fit))
 
     @cached_property
     def films(self) -> Judgement:
@@ -187,12 +193,7 @@ class Diagnosis:
             "not_visible": sorted({cause.name for cause in judged.invisible}),
             "probability": {"nothing": 1.0 if posterior is None else posterior.nothing,
                             "unknown": 0.0 if posterior is None else posterior.discrepancy},
-            "attempts": [{"effect": effect.cause.name, "which": effect.cause.which,
-                          "explains": effect.share,
-                          "parameters": _parameters(effect.fit, effect.cause),
-                          "headline": told(effect.fit, effect.cause)["headline"],
-                          "prior_widths": effect.widths, "plausible": effect.plausible,
-                          "at_limit": effect.bounded} for effect in self.single_effects],
+            "attempts": [self._attempt(fit) for fit in self.single_effects],
             "after": chosen and {f"rmse_{unit}": self._rmse(self.films.chosen),
                                  "p_value": judged.after and judged.after.p_value,
                                  "effects": [str(cause) for cause in chosen.hypothesis]},
@@ -203,19 +204,29 @@ class Diagnosis:
             "robust": [{"factor": factor, "stand_out": sorted(map(str, causes))}
                        for factor, causes in sorted(judged.robust.items())],
             f"model_error_{unit}": judged.table.unit.per_si * self.model_error,
-            "knowable": self.detectable,
+            "knowable": detectable_effects(judged.signatures),
             "self_check": self.self_check,
             "warnings": self._limitations(),
             "films": self._plans() if judged.table.scans else {},
             "loaded_films": [{"specimen": film.specimen, "mass_kg": film.mass,
                               "voltage_V": film.voltage} for film in self.loaded],
             **({"coupons": self.coupons.json()} if self.coupons else {}),
-            **({"coupon_reading": self.dataset.coupon_reading} if self.simulation.strips else {}),
+            **({"coupon_reading": self.dataset.coupon_reading}
+               if self.simulation.coupons_alone else {}),
         }
+
+    def _attempt(self, fit: Fit) -> Json:
+        """An effect fitted alone."""
+        cause = fit.hypothesis[0]
+        widths = fit.surprise(cause)
+        return {"effect": cause.name, "which": cause.which,
+                "explains": self.judgement.explained(fit), "parameters": _parameters(fit, cause),
+                "headline": told(fit, cause)["headline"], "prior_widths": widths,
+                "plausible": widths <= _PLAUSIBLE, "at_limit": fit.at_limit}
 
     def _rmse(self, fit: Fit | None) -> float:
         """Root mean square of what a fit of the films misses, as it was read."""
-        table, strips = self.films.table, self.simulation.strips
+        table, strips = self.films.table, self.simulation.coupons_alone
         errors = (fit or self.films.nominal).residual * table.sigma
         return _root(errors if strips is None else strips.as_read(errors), table)
 
@@ -238,11 +249,11 @@ class Diagnosis:
         """
         if self.coupons is not None:
             self.coupons.save(folder / COUPONS)
-        if self.simulation.strips is None:
+        if self.simulation.coupons_alone is None:
             self._save_readings(folder)
             specimens = self.extended.specimens if self.extended else ()
         else:
-            save_strips(folder, self.simulation.strips, self.judgement, self.chosen)
+            save_strips(folder, self.simulation.coupons_alone, self.judgement, self.chosen)
             specimens = self._at_temperatures()
         setup = self.extended
         if setup is not None:
@@ -263,8 +274,7 @@ class Diagnosis:
             "specimen": specimens[table.specimen], "mass": table.mass, "voltage": table.voltage,
             "elapsed": table.states.elapsed[table.state], "run": table.run, "order": table.order,
             "read": table.value, "sigma": table.sigma,
-            "baseline": table.value - nominal.residual * table.sigma,
-            "extended": table.value - (chosen or nominal).residual * table.sigma,
+            "baseline": nominal.predicted(table), "extended": (chosen or nominal).predicted(table),
             **dict(zip("xy", table.places.T, strict=True))})
         write_sheet(folder / "curves.csv", CURVES,
                     curves(self.simulation, self.films, chosen))
@@ -273,7 +283,7 @@ class Diagnosis:
 
     def _at_temperatures(self) -> tuple[Specimen, ...]:
         """The extended specimens of coupons, and as they are at the temperatures of the tests."""
-        setup, strips = self.extended, self.simulation.strips
+        setup, strips = self.extended, self.simulation.coupons_alone
         if setup is None or strips is None:
             return ()
         warm = [at_temperature(specimen, celsius) for specimen in setup.specimens
@@ -283,17 +293,16 @@ class Diagnosis:
 
     def _causes(self, posterior: Posterior) -> list[Json]:
         judged, probabilities = self.judgement, posterior.of_causes()
-        rivals = {rival.cause for rival in judged.rivals}
+        rivals = {fit.hypothesis[0]: fit for fit in judged.rivals}
         causes = dict.fromkeys([*probabilities, *rivals])
         listed = []
         for cause in causes:
             probability = probabilities.get(cause, 0.0)
             if probability < _LEAST and cause not in judged.suspects:
                 continue
-            fit = next(fit for fit in (self.chosen, *posterior.fits, *judged.alone)
-                       if fit and cause in fit.hypothesis)
-            if cause in rivals:
-                fit = next(fit for fit in judged.alone if fit.hypothesis == (cause,))
+            fit = rivals.get(cause) or next(
+                fit for fit in (self.chosen, *posterior.fits, *judged.alone)
+                if fit and cause in fit.hypothesis)
             listed.append({"effect": cause.name, "which": cause.which, "probability": probability,
                            **told(fit, cause, probability), "only_its_size": cause in rivals,
                            "with": [str(other) for other in fit.hypothesis if other != cause],
@@ -327,7 +336,7 @@ class Diagnosis:
         judged, table, nominal = self.judgement, self.films.table, self.films.nominal
         unit = table.unit.name
         names = [specimen.name for specimen in self.simulation.setup.specimens]
-        predicted = table.value - nominal.residual * table.sigma
+        predicted = nominal.predicted(table)
         p_values = sorted(judged.test.p_values.items(), key=lambda item: item[1])
         return {
             f"baseline_rmse_{unit}": self._rmse(None),
@@ -348,9 +357,10 @@ class Diagnosis:
         advice = self.advice if self.proposals else ""
         checks = [cause["check"] for cause in concerned]
         if self.verdict == "unexplained":
-            worth = [effect for effect in self.single_effects if effect.share >= _WORTH][:_CHECKS]
-            advice, checks = WORDS["again"], [told(effect.fit, effect.cause)["check"]
-                                              for effect in worth]
+            worth = [fit for fit in self.single_effects
+                     if self.judgement.explained(fit) >= _WORTH][:_CHECKS]
+            advice = WORDS["again"]
+            checks = [told(fit, fit.hypothesis[0])["check"] for fit in worth]
         step = {"what": next_step(self.verdict, checks, advice),
                 "checks": list(dict.fromkeys(checks)), "after_checks": advice}
         if self.verdict == "unexplained" or not self.proposals:

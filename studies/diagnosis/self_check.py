@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tympan.geometry.errors import InputError
-from tympan.studies.diagnosis.hypothesis import FACTORS, SIZES, Cause, Hypothesis
+from tympan.studies.diagnosis.hypothesis import FACTORS, SIZES, Cause, Hypothesis, parameter_at
 from tympan.studies.diagnosis.inference.verdict import judge
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.reduced.growth import grown
@@ -147,9 +147,8 @@ def grown_to(simulation: Simulation, hypothesis: Hypothesis, unknowns: Array
 
     Without a sign where that changes nothing.
     """
-    places = [(cause, index) for cause in hypothesis
-              for index in range(len(cause.effect.parameters))]
-    for number, (cause, index) in enumerate(places, SIZES.start):
+    for number in range(SIZES.start, len(unknowns)):
+        cause, index = parameter_at(hypothesis, number)
         low, high = bounds_of(simulation, hypothesis)[:, number]
         if low == 0:
             unknowns = np.r_[unknowns[:number], abs(unknowns[number]), unknowns[number + 1 :]]

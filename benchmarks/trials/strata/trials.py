@@ -337,8 +337,8 @@ def _judged(record: Record, truth: Truth, dataset: Dataset, exact: Dataset | Non
 
 def _without_noise(judgement: Judgement, exact: Dataset) -> Array:
     """Values of a part without noise, as those that were judged are."""
-    tests, values = judgement.simulation.tests, np.zeros(0)
-    if judgement.simulation.strips is None:
+    tests, values = judgement.simulation.coupons, np.zeros(0)
+    if judgement.simulation.coupons_alone is None:
         values = prepared_readings(exact).table.value
     if tests is None:
         return values

@@ -39,7 +39,7 @@ def weighed_together(simulation: Simulation, table: ReadingTable, coupons: Judge
     permittivity are the actuators' but for a share, :data:`BATCH`, that is integrated over: as an
     error that all strips have in common.
     """
-    tests, best = coupons.simulation.strips, coupons.chosen or coupons.nominal
+    tests, best = coupons.simulation.coupons, coupons.chosen or coupons.nominal
     assert tests is not None
     lasting = _of_batch(tests, coupons.simulation.extended(best.hypothesis, best.unknowns))
     sigma = coupons.table.sigma

@@ -16,7 +16,7 @@ from tympan.studies.data.coupon import Coupons
 from tympan.studies.data.dataset import Dataset
 from tympan.studies.diagnosis.hypothesis import Cause
 from tympan.studies.diagnosis.inference.residual_tests import STATED
-from tympan.studies.diagnosis.reading_table import ReadingTable, States, rows
+from tympan.studies.diagnosis.reading_table import ReadingTable, States, evenly, rows
 from tympan.studies.diagnosis.readings import ASSUMED, FEWEST, PreparedReadings
 from tympan.studies.diagnosis.reduced.strips import StripTests
 from tympan.studies.effects import EFFECTS, Setup
@@ -199,8 +199,7 @@ def _thinned(legs: list[Numbers], keys: Array) -> Iterator[Numbers]:
     for run, leg in zip(runs, legs, strict=True):
         lengths[run] += len(leg)
     for run, leg in zip(runs, legs, strict=True):
-        count = max(2, round(min(1.0, MOST / lengths[run]) * len(leg)))
-        yield leg[np.unique(np.linspace(0, len(leg) - 1, count).round().astype(int))]
+        yield evenly(leg, max(2, round(min(1.0, MOST / lengths[run]) * len(leg))))
 
 
 def _noise(coupons: Coupons, references: Array | None, values: Array, legs: list[Numbers]

@@ -35,8 +35,8 @@ def save_strips(folder: Path, strips: StripTests, judged: Judgement, chosen: Fit
         "t": coupons.time[row], "stretch": coupons.stretch[row], "voltage": coupons.volts[row],
         "temperature_C": coupons.degrees[row], "sigma": strips.spread(table.sigma),
         **{name: strips.as_read(values) for name, values in (
-            ("read", table.value), ("baseline", table.value - nominal.residual * table.sigma),
-            ("extended", table.value - best.residual * table.sigma))}})
+            ("read", table.value), ("baseline", nominal.predicted(table)),
+            ("extended", best.predicted(table)))}})
 
 
 def at_temperature(specimen: Specimen, celsius: float) -> Specimen:

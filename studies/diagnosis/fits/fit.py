@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tympan.studies.diagnosis.fits.small_errors import SmallErrors
-from tympan.studies.diagnosis.hypothesis import Cause, Hypothesis, sizes_of
+from tympan.studies.diagnosis.hypothesis import SIZES, Cause, Hypothesis, sizes_of
+from tympan.studies.diagnosis.reading_table import ReadingTable
 
 Array = NDArray[np.float64]
 
@@ -79,9 +80,19 @@ class Fit:
                           | ((self.unknowns >= high) & (self.slope < 0)))
 
     @property
+    def at_limit(self) -> bool:
+        """Whether a size of its effects stopped at a bound."""
+        sizes, (low, high) = self.unknowns[SIZES], self.bounds[:, SIZES]
+        return bool(np.any((sizes != 0) & ((sizes <= low) | (sizes >= high))))
+
+    @property
     def free_jacobian(self) -> Array:
         """That by the unknowns that are not stopped, which alone take up what is missed."""
         return np.asarray(self.jacobian[:, ~self.stopped])
+
+    def predicted(self, table: ReadingTable) -> Array:
+        """What the rows of the table it was fitted to show, shape (rows,)."""
+        return np.asarray(table.value - self.residual * table.sigma)
 
     def whitened(self, values: Array) -> Array:
         """Values of readings over their noise as if that were all, not small errors besides."""

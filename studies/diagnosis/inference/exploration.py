@@ -17,6 +17,7 @@ from tympan.studies.diagnosis.hypothesis import (
     Cause,
     Hypothesis,
     hypotheses_of,
+    parameter_at,
     parameters_of,
     sizes_of,
 )
@@ -210,7 +211,7 @@ class Exploration:
         for before in fits:
             for number in range(SIZES.start, len(before.unknowns)):
                 side = 1 if before.unknowns[number] > 0 else -1
-                cause, index = _parameter(before.hypothesis, number)
+                cause, index = parameter_at(before.hypothesis, number)
                 for _ in range(_STEPS):
                     simulation = grown(self.simulation, cause, index, side, self.workers)
                     if simulation is self.simulation:
@@ -244,7 +245,7 @@ class Exploration:
             side = 1 if before.unknowns[number] > 0 else -1
             end = (0 if side < 0 else 1), number
             if abs(bounds_of(self.simulation, hypothesis)[end]) <= abs(before.bounds[end]):
-                cause, index = _parameter(hypothesis, number)
+                cause, index = parameter_at(hypothesis, number)
                 self.simulation = grown(self.simulation, cause, index, side, self.workers)
             bound = bounds_of(self.simulation, hypothesis)[end]
             if abs(bound) <= abs(before.bounds[end]):
@@ -309,10 +310,3 @@ def reached_further(simulation: Simulation, workers: int) -> Simulation:
         return regridded(simulation, grids, workers)
     except ArithmeticError:  # the films go no further
         return simulation
-
-
-def _parameter(hypothesis: Hypothesis, number: int) -> tuple[Cause, int]:
-    """The cause and the place among its parameters of an unknown."""
-    places = [(cause, index) for cause in hypothesis
-              for index in range(len(cause.effect.parameters))]
-    return places[number - SIZES.start]

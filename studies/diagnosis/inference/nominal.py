@@ -71,7 +71,8 @@ class NominalMisfit:
         if not table.lengths.all():
             misfit = misfit._with_noise_of_channels(misfit._shown(causes))
         tests = misfit._tests(causes, stated)
-        if simulation.strips is not None and simulation.strips.lasting is not None:
+        alone = simulation.coupons_alone
+        if alone is not None and alone.lasting is not None:
             # What lasts along strips is told from noise once that is known.
             misfit = misfit.louder(tests.noise(misfit.fit.residual))
             tests = misfit._tests(causes, stated)
@@ -135,9 +136,9 @@ def with_noise_found(simulation: Simulation, table: ReadingTable, causes: Sequen
 def _patterns(simulation: Simulation, table: ReadingTable, nominal: Fit) -> dict[str, Array]:
     """What a misfit may be a combination of, in units of the readings."""
     names = [specimen.name for specimen in simulation.setup.specimens]
-    predicted = table.value - nominal.residual * table.sigma
+    predicted = nominal.predicted(table)
     columns = patterns(table, names, predicted)
-    if (tests := simulation.tests) is not None:
+    if (tests := simulation.coupons) is not None:
         stress = table.kind == "stress"
         columns |= {name: among(stress, values) for name, values in strip_patterns(
             tests, table.sigma[stress], predicted[stress]).items()}

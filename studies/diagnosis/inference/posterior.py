@@ -50,7 +50,7 @@ class Posterior:
         before any data. Without any fits, of the nominal one.
         """
         logs = np.array([fit.evidence for fit in fits])
-        shares = dict(zip(among, priors(among).tolist(), strict=True))
+        shares = priors(among)
         logs = logs + np.log([shares[fit.hypothesis] for fit in fits])
         odds = np.array([log_odds.get(fit.hypothesis, 0.0) for fit in fits])
         more = float(logsumexp(logs + odds)) if fits else nominal.evidence + log_odds[()]
@@ -85,7 +85,7 @@ class Posterior:
         return self.fits[: int(np.searchsorted(total, 0.95 * total[-1])) + 1] if len(total) else ()
 
 
-def priors(hypotheses: Sequence[Hypothesis]) -> Array:
+def priors(hypotheses: Sequence[Hypothesis]) -> dict[Hypothesis, float]:
     """Prior probabilities of hypotheses with one or two causes."""
     # How many specimens an effect may happen to.
     variants = Counter(cause.name for cause in set(chain(*hypotheses)))
@@ -95,7 +95,7 @@ def priors(hypotheses: Sequence[Hypothesis]) -> Array:
     for rows, mass in ((single, SINGLE), (~single, PAIR)):
         if rows.any():
             weight[rows] *= mass / weight[rows].sum()
-    return weight
+    return dict(zip(hypotheses, weight.tolist(), strict=True))
 
 
 def odds_of_more(fit: Fit, patterns: dict[str, Array]) -> float:
@@ -120,9 +120,8 @@ def odds_of_more(fit: Fit, patterns: dict[str, Array]) -> float:
 def log_odds_to_smooth(fit: Fit, nominal: Fit, patterns: dict[str, Array],
                        among: Sequence[Hypothesis]) -> float:
     """Logarithm of a hypothesis' odds against something smooth that the nominal model lacks."""
-    share = dict(zip(among, priors(among).tolist(), strict=True))[fit.hypothesis]
     smooth = nominal.evidence + odds_of_more(nominal, patterns) + np.log(DISCREPANCY)
-    return float(fit.evidence + np.log(share) - smooth)
+    return float(fit.evidence + np.log(priors(among)[fit.hypothesis]) - smooth)
 
 
 def _log_gain(residual: Array, spread: Array) -> float:

@@ -62,7 +62,9 @@ class RoughBench:
         The nominal one is the first. Usual sizes are taken ``widen`` times as large, but not those
         of small errors.
         """
-        chances = dict(zip(among, np.log(priors(among) / priors(among).sum()), strict=True))
+        weights = priors(among)
+        total = np.array(list(weights.values())).sum()
+        chances = {hypothesis: np.log(weight / total) for hypothesis, weight in weights.items()}
         logs = np.array([[evidence(member, widen) for member in _beside_each(fitted, signatures)]
                          for fitted in fits])
         logs += np.array([chances.get(member.hypothesis, 0.0) for member in fits])[:, None]

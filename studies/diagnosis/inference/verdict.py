@@ -57,24 +57,17 @@ _ASKED = (8, 6)
 
 
 @dataclass(frozen=True, eq=False)
-class Rival:
-    """A cause that readings do not exclude, only its size of so many usual ones (``surprise``)."""
-
-    cause: Cause
-    surprise: float
-
-
-@dataclass(frozen=True, eq=False)
 class Judgement:
     """What readings say about the nominal model.
 
     ``simulation``: as far as it was grown; ``table`` has the noise found; ``test`` is that of the
     nominal fit, ``after`` that of the best hypothesis, None when nothing is wrong; ``patterns`` are
     those tested. ``named`` are the causes that stand out, ``robust`` those that do with usual sizes
-    times each of some factors, ``rivals`` what only its size speaks against; ``indistinguishable``
-    classes that these readings cannot tell apart, ``invisible`` causes they cannot see; ``alone``
-    every effect fitted by itself with hardly any prior. ``small_errors``: the share of their usual
-    sizes at which all other causes are there, where that is what explains the rest.
+    times each of some factors; ``indistinguishable`` classes that these readings cannot tell
+    apart, ``invisible`` causes they cannot see; ``alone`` every effect fitted by itself with hardly
+    any prior, ``rivals`` those of them that only their size speaks against. ``small_errors``: the
+    share of their usual sizes at which all other causes are there, where that is what explains the
+    rest.
     """
 
     verdict: Verdict
@@ -88,7 +81,7 @@ class Judgement:
     after: TestResult | None = None
     named: tuple[Cause, ...] = ()
     robust: dict[float, tuple[Cause, ...]] = field(default_factory=dict)
-    rivals: tuple[Rival, ...] = ()
+    rivals: tuple[Fit, ...] = ()
     indistinguishable: tuple[tuple[Cause, ...], ...] = ()
     invisible: tuple[Cause, ...] = ()
     suspects: tuple[Cause, ...] = ()
@@ -105,6 +98,12 @@ class Judgement:
             return None
         return self.posterior.fit_of(self.named) or self.posterior.fits[0]
 
+    def explained(self, fit: Fit) -> float:
+        """Of the nominal model's χ² beyond noise, the share that a fit takes away."""
+        excess = max(self.nominal.chi_squared - len(self.table), 1e-9)
+        share = (self.nominal.chi_squared - fit.chi_squared) / excess
+        return min(max(share, 0.0), 1.0)
+
     def noise_over(self, stated: ReadingTable) -> float:
         """What deflections scatter by, over the noise of the table they came in; else all readings.
 
@@ -117,7 +116,7 @@ class Judgement:
 
     def of_actuators(self) -> Judgement:
         """What of it concerns readings of actuators, where coupons were weighed with them."""
-        if self.simulation.coupons is None:
+        if self.simulation.coupons is None or self.simulation.coupons_alone is not None:
             return self
         films = self.table.kind != "stress"
 
@@ -221,7 +220,7 @@ def _weighed(base: Judgement, exploration: Exploration, adequacy: _Adequacy) -> 
     alone = posterior.fit_of(sure) if sure else None
     rivals = () if alone is None else _rivals(alone, singles, adequacy)
     weighed = replace(weighed, robust=robust, rivals=rivals, suspects=tuple(dict.fromkeys(
-        [*weighed.suspects, *(rival.cause for rival in rivals)])))
+        [*weighed.suspects, *_causes(rivals)])))
     firm = len({frozenset(names) for names in robust.values()}) == 1
     doubted = posterior.discrepancy > DOUBTED * posterior.wrong or (
         alone is not None and len(sure) > 1
@@ -275,10 +274,9 @@ def _sure(posterior: Posterior) -> tuple[Cause, ...]:
     return tuple(cause for cause, share in posterior.of_causes().items() if share >= least)
 
 
-def _rivals(fit: Fit, singles: Sequence[Fit], adequacy: _Adequacy) -> tuple[Rival, ...]:
+def _rivals(fit: Fit, singles: Sequence[Fit], adequacy: _Adequacy) -> tuple[Fit, ...]:
     """Effects that explain the readings as well alone, if they may have the size for it."""
-    return tuple(Rival(other.hypothesis[0], other.surprise(other.hypothesis[0]))
-                 for other in singles if other.hypothesis[0] not in fit.hypothesis
+    return tuple(other for other in singles if other.hypothesis[0] not in fit.hypothesis
                  and other.chi_squared < fit.chi_squared + EXCLUDED and adequacy.enough(other))
 
 

@@ -22,12 +22,12 @@ from math import inf
 import numpy as np
 from numpy.typing import NDArray
 
-from tympan.fem.film.laws.stiffened import scaled
 from tympan.fem.rig import Rig
 from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Film, Specimen, ViscousBranch
 from tympan.studies.case import Settings, build_model
 from tympan.studies.diagnosis.history import WEIGHTS, Passage, Passages, VoltageHistory
+from tympan.studies.diagnosis.hypothesis import with_factors
 from tympan.studies.diagnosis.reading_table import ReadingTable, States
 from tympan.studies.effects import Setup
 from tympan.studies.reduced_film.film import FilmLoads, NoBalance, ReducedFilm
@@ -317,8 +317,10 @@ class FilmMemory:
                 places[key] = len(asked)
                 asked.append((run, passage))
                 kept.append(passage)
-            films.append(_remembering(_fitted(specimen, stiffness, permittivity), setup.rig,
-                                      tuple(runs), tuple(asked), settings) if asked else None)
+            fitted = replace(specimen, membrane=with_factors(specimen.membrane, stiffness,
+                                                             permittivity))
+            films.append(_remembering(fitted, setup.rig, tuple(runs), tuple(asked), settings)
+                         if asked else None)
         return cls(tuple(films), places, setup.rig, stiffness, permittivity, tuple(kept))
 
     def hardening(self, setup: Setup, states: States, load: Array, stiffness: float,
@@ -368,14 +370,6 @@ class FilmMemory:
 
 def _limited(change: Array | float) -> Array:
     return np.clip(change, -_FAR, _FAR)
-
-
-def _fitted(specimen: Specimen, stiffness: float, permittivity: float) -> Specimen:
-    def change(film: Film) -> Film:
-        return replace(film, material=scaled(film.material, stiffness),
-                       relative_permittivity=film.relative_permittivity * permittivity)
-
-    return replace(specimen, membrane=change(specimen.membrane))
 
 
 def _remembering(specimen: Specimen, rig: Rig, runs: tuple[tuple[float, VoltageHistory], ...],

@@ -8,9 +8,13 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from tympan.fem.film.laws.stiffened import scaled
-from tympan.geometry.specimen import Film
-from tympan.studies.diagnosis.hypothesis import FACTORS, Hypothesis, parameters_of, uses_of
+from tympan.studies.diagnosis.hypothesis import (
+    FACTORS,
+    Hypothesis,
+    parameters_of,
+    uses_of,
+    with_factors,
+)
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.reduced.prediction import Prediction
 from tympan.studies.diagnosis.reduced.reduced_films import ReducedFilms, bounds_of
@@ -62,16 +66,15 @@ class WithCoupons:
 class Simulation(ReducedFilms):
     """The films of a setup, and what is read of them.
 
-    Of ``strips`` instead of actuators there are no force laws; ``coupons`` are read beside them.
+    ``coupons`` are read beside actuators, or alone: then there are no force laws.
     """
 
-    strips: StripTests | None = None
     coupons: StripTests | None = None
 
     @property
-    def tests(self) -> StripTests | None:
-        """Tests of coupons, alone or beside actuators."""
-        return self.strips or self.coupons
+    def coupons_alone(self) -> StripTests | None:
+        """Coupons, where no actuators are read."""
+        return None if self.laws else self.coupons
 
     def predict(self, hypothesis: Hypothesis, unknowns: Array, table: ReadingTable) -> Array:
         """What each row of a table shows."""
@@ -80,8 +83,8 @@ class Simulation(ReducedFilms):
     def prediction(self, hypothesis: Hypothesis, unknowns: Array,
                    table: ReadingTable) -> Prediction | StripPrediction | WithCoupons:
         """What a table's readings show, with derivatives."""
-        if self.strips is not None:
-            return self._of_strips(self.strips, hypothesis, unknowns, table)
+        if self.coupons_alone is not None:
+            return self._of_strips(self.coupons_alone, hypothesis, unknowns, table)
         stress = table.kind == "stress"
         if self.coupons is None or not stress.any():
             return Prediction(self, hypothesis, unknowns, table)
@@ -104,11 +107,11 @@ class Simulation(ReducedFilms):
 
     def as_read(self, table: ReadingTable, part: ReadingTable) -> tuple[Simulation, ReadingTable]:
         """A part of a table's rows with values as they were read, and what predicts those."""
-        strips = self.strips
+        strips = self.coupons_alone
         if strips is None or strips.whitening is None:
             return self, part
         read, spread = strips.as_read(table.value), strips.spread(table.sigma)
-        return (replace(self, strips=replace(strips, whitening=None)),
+        return (replace(self, coupons=replace(strips, whitening=None)),
                 part.with_values(read[part.point]).with_sigma(spread[part.point]))
 
     def with_noise(self, table: ReadingTable, factor: float) -> tuple[Simulation, ReadingTable]:
@@ -116,25 +119,19 @@ class Simulation(ReducedFilms):
 
         What lasts along strips is no part of the noise and stays as large as it is.
         """
-        louder, tests = table.with_sigma(factor * table.sigma), self.tests
+        louder, tests = table.with_sigma(factor * table.sigma), self.coupons
         if tests is None or tests.lasting is None:
             return self, louder
         stress, values = table.kind == "stress", table.value.copy()
         further = tests.with_noise(louder.sigma[stress])
         values[stress] = further.whitened(tests.as_read(table.value[stress]))
-        again = (replace(self, strips=further) if self.strips is not None
-                   else replace(self, coupons=further))
-        return again, louder.with_values(values)
+        return replace(self, coupons=further), louder.with_values(values)
 
     def extended(self, hypothesis: Hypothesis, unknowns: Array) -> Setup:
         """The setup with stiffness, permittivity and effects."""
         stiffness, permittivity = np.exp(unknowns[FACTORS]).tolist()
         uses = uses_of(hypothesis, unknowns)
-        if self.strips is not None:
+        if self.coupons_alone is not None:
             return strip_setup(self.setup, stiffness, permittivity, uses)
-
-        def change(film: Film) -> Film:
-            return replace(film, material=scaled(film.material, stiffness),
-                           relative_permittivity=film.relative_permittivity * permittivity)
-
-        return extended(self.setup.with_films(change), uses)
+        films = self.setup.with_films(lambda film: with_factors(film, stiffness, permittivity))
+        return extended(films, uses)

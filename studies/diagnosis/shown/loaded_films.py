@@ -41,7 +41,7 @@ class LoadedFilm:
 def loaded_films(judged: Judgement, extended: Setup | None, settings: Settings = Settings()
                  ) -> Iterator[LoadedFilm]:
     """The film of each specimen under the largest load read at which both models have one."""
-    if judged.simulation.strips is not None:  # coupons are no films
+    if judged.simulation.coupons_alone is not None:  # coupons are no films
         return
     nominal = judged.simulation.extended((), judged.nominal.unknowns)
     setups = nominal, extended or nominal

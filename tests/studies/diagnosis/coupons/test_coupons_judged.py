@@ -51,7 +51,7 @@ def written_in_time(folder: Path, film: Film, noise: float, seed: int) -> Path:
 def judged(folder: Path) -> tuple[str, list[str]]:
     """The verdict, and the causes that are named, or of which one is suspected."""
     readings = strip_readings(read_dataset(folder))
-    simulation = Simulation(readings.setup, (), strips=readings.tests)
+    simulation = Simulation(readings.setup, (), coupons=readings.tests)
     judgement = judge(simulation, readings.table, readings.causes, readings.stated)
     return judgement.verdict, [cause.name for cause in judgement.named or judgement.suspects]
 
@@ -129,7 +129,7 @@ def test_stresses_are_those_of_closed_forms(tmp_path: Path, film: Film, effect: 
     tests = readings.tests
     assert tests is not None
     factors = np.log([STIFFER, LESS])
-    setup = Simulation(readings.setup, (), strips=tests).extended((), factors)
+    setup = Simulation(readings.setup, (), coupons=tests).extended((), factors)
     shown, possible = tests.shown(EFFECTS[effect].apply(setup, values))
     expected = np.concatenate([film.stress(mode, STRETCH, voltage, celsius)
                                for mode, voltage, celsius in DESIGN])
@@ -142,7 +142,7 @@ def test_branches_are_those_of_their_differential_equation(tmp_path: Path) -> No
     data = read_dataset(written_in_time(tmp_path / "data", Film(branch=branch), 1e-5, 0))
     readings = strip_readings(data)
     assert readings.tests is not None
-    setup = Simulation(readings.setup, (), strips=readings.tests).extended(
+    setup = Simulation(readings.setup, (), coupons=readings.tests).extended(
         (), np.log([STIFFER, 1.0]))
     shown, _ = readings.tests.shown(EFFECTS["creep"].apply(setup, branch))
     assert data.coupons is not None

@@ -129,9 +129,9 @@ def written(tmp_path: Path) -> Written:
 def test_films_that_differ_by_a_tenth_are_one_standard_deviation_apart(written: Written) -> None:
     """In stiffness, or in what voltage does; by another law they are still far apart."""
     readings = strip_readings(read_dataset(written(Film())))
-    simulation = Simulation(readings.setup, (), strips=readings.tests)
+    simulation = Simulation(readings.setup, (), coupons=readings.tests)
     judgement = judge(simulation, readings.table, readings.causes, readings.stated)
-    films = replace(simulation, strips=None)
+    films = replace(simulation, coupons=None)
     joint, table = weighed_together(films, readings.table[:0], judgement)
     assert joint.coupons is not None
     assert len(table) == len(DESIGN) * len(STRETCH)
