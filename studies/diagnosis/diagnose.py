@@ -124,14 +124,6 @@ def _judge_actuators(dataset: Dataset, strips: tuple[StripReadings, Judgement] |
     return readings, judged, error
 
 
-def diagnose_coupons(dataset: Dataset, seed: int = 0) -> Diagnosis:
-    """Diagnose a dataset's coupons: what their films' law leaves out.
-
-    An :class:`InputError` when nothing can be concluded.
-    """
-    return Diagnosis.of(dataset, *_judge_coupons(dataset, seed), seed=seed)
-
-
 def _with_coupons(readings: PreparedReadings, simulation: Simulation,
                   strips: tuple[StripReadings, Judgement] | None
                   ) -> tuple[PreparedReadings, Simulation, ReadingTable, PartNoise | None]:

@@ -30,14 +30,15 @@ from tympan.studies.diagnosis.inference.identifiability import detectable_effect
 from tympan.studies.diagnosis.inference.posterior import Posterior
 from tympan.studies.diagnosis.inference.ratios import ratios
 from tympan.studies.diagnosis.inference.verdict import Judgement
-from tympan.studies.diagnosis.next_experiment.experiments import MENU, Foreseen
-from tympan.studies.diagnosis.next_experiment.proposals import Proposal, propose
+from tympan.studies.diagnosis.next_experiment.experiments import MENU
+from tympan.studies.diagnosis.next_experiment.proposals import AnyExperiment, Proposal, propose
 from tympan.studies.diagnosis.next_experiment.solved_experiments import SOLVED
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.readings import PreparedReadings
 from tympan.studies.diagnosis.reduced.simulation import Simulation
 from tympan.studies.diagnosis.self_check import Bench
 from tympan.studies.diagnosis.sentences import (
+    WORDS,
     found_sizes,
     headline,
     next_step,
@@ -49,7 +50,7 @@ from tympan.studies.diagnosis.sentences import (
 from tympan.studies.diagnosis.shown.curves import CURVES, curves
 from tympan.studies.diagnosis.shown.loaded_films import LoadedFilm, loaded_films
 from tympan.studies.effects import Setup
-from tympan.studies.files import read_json, words_beside, write_json, write_text
+from tympan.studies.files import read_json, write_json, write_text
 
 Array = NDArray[np.float64]
 Json = dict[str, Any]
@@ -80,9 +81,6 @@ _ROUGH = 1.4
 
 #: Points of an outline in a plan.
 _EDGE = 120
-
-#: Sentences, by key.
-WORDS = words_beside(__file__)
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,7 +114,7 @@ class Diagnosis:
         simulation = films.simulation
         # Nothing more is proposed beside coupons than the checks of what is found.
         # What is to be solved takes its time, and is for causes that cannot be told apart.
-        menu: tuple[Foreseen, ...] = MENU
+        menu: tuple[AnyExperiment, ...] = MENU
         if _verdict(judgement, readings) == "ambiguous" and all(
                 isinstance(specimen, Specimen) for specimen in simulation.setup.specimens):
             menu = (*MENU, *SOLVED)
@@ -383,7 +381,7 @@ class Diagnosis:
         if self.model_error > 0.5 * noise:
             words.append(WORDS["reduced"].format(error=1e6 * self.model_error, noise=1e6 * noise))
         if scatter > _ROUGH and self.readings.stated:
-            words.append(WORDS["rough"].format(scatter=scatter))
+            words.append(WORDS["scatters"].format(scatter=scatter))
         return words
 
 

@@ -6,7 +6,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from itertools import permutations
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -118,17 +117,6 @@ class Outlook:
         return losses
 
 
-class Foreseen(Protocol):
-    """An experiment of which it can be said what it would read."""
-
-    def outlook(self, readout: Readout, fits: Sequence[Fit], effort: Effort) -> Outlook | None:
-        """By each rival; None where that makes no sense or has no equilibrium."""
-
-
-def _as_it_is(readout: Readout, _: ReadingTable) -> Readout:
-    return readout
-
-
 @dataclass(frozen=True)
 class Experiment:
     """Readings that could be made.
@@ -143,7 +131,7 @@ class Experiment:
     what: str
     rows: Callable[[Readout], ReadingTable | None]
     sets_up: str = ""
-    equips: Callable[[Readout, ReadingTable], Readout] = _as_it_is
+    equips: Callable[[Readout, ReadingTable], Readout] | None = None
 
     def words(self, table: ReadingTable, setup: Setup) -> str:
         """What to do, for those of the rows that remain."""
@@ -159,8 +147,10 @@ class Experiment:
         if possible is None:
             return None
         readout, table = possible
-        values, jacobians = _predicted(readout.simulation, fits, table)
-        return Outlook(values, jacobians, table.sigma,
+        predictions = [Prediction(readout.simulation, fit.hypothesis, fit.unknowns, table)
+                       for fit in fits]
+        return Outlook([prediction.values for prediction in predictions],
+                       [prediction.jacobian for prediction in predictions], table.sigma,
                        self.words(table, readout.simulation.setup),
                        self.work(readout, table, effort))
 
@@ -170,7 +160,8 @@ class Experiment:
         table = self.rows(readout)
         if table is None:
             return None
-        readout = self.equips(readout, table)
+        if self.equips is not None:
+            readout = self.equips(readout, table)
         usable = readout.within_reach(table) & np.isfinite(table.sigma)
         voltage = (1 + _MARGIN) * table.states.voltage
         beyond = replace(table, states=replace(table.states, voltage=voltage))
@@ -316,14 +307,6 @@ MENU = (
     Experiment(WORDS["taps"], _taps, "tap"),
     Experiment(WORDS["dwell"], _longer_dwell, equips=_remembering),
 )
-
-
-def _predicted(simulation: Simulation, fits: Sequence[Fit], table: ReadingTable
-               ) -> tuple[list[Array], list[Array]]:
-    """What new rows show by each rival, and its derivatives by its unknowns."""
-    predictions = [Prediction(simulation, fit.hypothesis, fit.unknowns, table) for fit in fits]
-    return ([prediction.values for prediction in predictions],
-            [prediction.jacobian for prediction in predictions])
 
 
 def _loss(fit: Fit, difference: Array, jacobian: Array) -> float:

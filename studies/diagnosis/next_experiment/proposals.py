@@ -20,14 +20,18 @@ from tympan.studies.diagnosis.hypothesis import Cause, Hypothesis
 from tympan.studies.diagnosis.inference.identifiability import SEEN, TOLD
 from tympan.studies.diagnosis.inference.posterior import Posterior
 from tympan.studies.diagnosis.inference.verdict import Judgement
-from tympan.studies.diagnosis.next_experiment.experiments import MENU, Foreseen, Readout
+from tympan.studies.diagnosis.next_experiment.experiments import (
+    MENU,
+    WORDS,
+    Experiment,
+    Readout,
+)
+from tympan.studies.diagnosis.next_experiment.solved_experiments import SolvedExperiment
 from tympan.studies.diagnosis.reduced.simulation import Simulation
-from tympan.studies.files import words_beside
+from tympan.studies.diagnosis.sentences import plain
 
 Array = NDArray[np.float64]
-
-#: What is said of them.
-WORDS = words_beside(__file__)
+AnyExperiment = Experiment | SolvedExperiment
 
 _MINUTE = 60.0
 
@@ -64,7 +68,7 @@ class Proposal:
 
 
 def propose(simulation: Simulation, judgement: Judgement, causes: Sequence[Cause],
-            menu: Sequence[Foreseen] = MENU, effort: Effort = Effort(),
+            menu: Sequence[AnyExperiment] = MENU, effort: Effort = Effort(),
             ) -> tuple[tuple[Proposal, ...], str]:
     """All that is possible of a menu, that first which tells most per minute; what to do in words.
 
@@ -106,7 +110,7 @@ def rivals(posterior: Posterior, causes: Sequence[Cause]) -> tuple[tuple[Fit, ..
     return tuple(chosen), total / max(total.sum(), 1e-300)
 
 
-def _proposal(experiment: Foreseen, readout: Readout, fits: Sequence[Fit], weights: Array,
+def _proposal(experiment: AnyExperiment, readout: Readout, fits: Sequence[Fit], weights: Array,
               effort: Effort) -> Proposal | None:
     outlook = experiment.outlook(readout, fits, effort)
     if outlook is None:
@@ -134,18 +138,14 @@ def _apart(first: Hypothesis, second: Hypothesis) -> tuple[str, str]:
             " with ".join(str(cause) for cause in second if cause not in first))
 
 
-def _plain(names: str) -> str:
-    return names.replace("_", " ")
-
-
 def _sentence(ranked: Sequence[Proposal], pair: tuple[str, str]) -> str:
     """What to do; and whether the two most probable rivals stay together whatever is done."""
-    none = WORDS["none"].format(first=_plain(pair[0]), second=_plain(pair[1]))
+    none = WORDS["none"].format(first=plain(pair[0]), second=plain(pair[1]))
     able = [proposal for proposal in ranked if proposal.enough]
     if not able:
         return none
     first, second = able[0].separates
-    words = WORDS["best"].format(what=able[0].what, first=_plain(first), second=_plain(second),
+    words = WORDS["best"].format(what=able[0].what, first=plain(first), second=plain(second),
                                  minutes=f"{able[0].minutes:.2g}")
     apart = any(proposal.separates == pair for proposal in able)
     return words if apart else f"{words}; {none}"

@@ -8,13 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from tympan.studies.diagnosis.hypothesis import (
-    FACTORS,
-    Hypothesis,
-    parameters_of,
-    uses_of,
-    with_factors,
-)
+from tympan.studies.diagnosis.hypothesis import FACTORS, Hypothesis, uses_of, with_factors
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.reduced.prediction import Prediction
 from tympan.studies.diagnosis.reduced.reduced_films import ReducedFilms, bounds_of
@@ -93,17 +87,8 @@ class Simulation(ReducedFilms):
 
     def _of_strips(self, tests: StripTests, hypothesis: Hypothesis, unknowns: Array,
                    table: ReadingTable) -> StripPrediction:
-        felt = [cause for cause in hypothesis if tests.feel(cause)]
-
-        def setup_at(moved: Array) -> Setup:
-            stiffness, permittivity = np.exp(moved[FACTORS]).tolist()
-            uses = [use for cause, use in zip(hypothesis, uses_of(hypothesis, moved), strict=True)
-                    if cause in felt]
-            return strip_setup(tests.setup, stiffness, permittivity, tuple(uses))
-
-        sizes = [1.0, 1.0, *(item.deviation for item in parameters_of(hypothesis))]
-        return StripPrediction(tests, setup_at, unknowns, table.coupon, bounds_of(self, hypothesis),
-                               np.array(sizes))
+        return StripPrediction(tests, hypothesis, unknowns, table.coupon,
+                               bounds_of(self, hypothesis))
 
     def as_read(self, table: ReadingTable, part: ReadingTable) -> tuple[Simulation, ReadingTable]:
         """A part of a table's rows with values as they were read, and what predicts those."""
@@ -129,9 +114,9 @@ class Simulation(ReducedFilms):
 
     def extended(self, hypothesis: Hypothesis, unknowns: Array) -> Setup:
         """The setup with stiffness, permittivity and effects."""
-        stiffness, permittivity = np.exp(unknowns[FACTORS]).tolist()
         uses = uses_of(hypothesis, unknowns)
         if self.coupons_alone is not None:
-            return strip_setup(self.setup, stiffness, permittivity, uses)
+            return strip_setup(self.setup, unknowns, uses)
+        stiffness, permittivity = np.exp(unknowns[FACTORS]).tolist()
         films = self.setup.with_films(lambda film: with_factors(film, stiffness, permittivity))
         return extended(films, uses)

@@ -6,7 +6,7 @@ under voltage. Its film is the law and the branches of a specimen, from the virg
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -15,12 +15,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tympan.fem.film.density import maxwell
-from tympan.fem.film.laws.stiffened import scaled
 from tympan.fem.rig import Rig
 from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import ConstantFlow, Film, Specimen
 from tympan.studies.data.coupon import Coupons
-from tympan.studies.diagnosis.hypothesis import Cause
+from tympan.studies.diagnosis.hypothesis import (
+    FACTORS,
+    Cause,
+    Hypothesis,
+    parameters_of,
+    uses_of,
+    with_factors,
+)
 from tympan.studies.effects import Setup, Use, extended
 from tympan.studies.material.relaxation import BranchStress
 
@@ -209,18 +215,17 @@ def _width(film: Film, field: Any, stiffer: Array, along: Array) -> tuple[Array,
     return across, done
 
 
-def strip_setup(setup: Setup, stiffness: float, permittivity: float,
-                uses: tuple[Use, ...]) -> Setup:
-    """The setup with law and branches ``stiffness`` times as stiff, then with effects.
+def strip_setup(setup: Setup, unknowns: Array, uses: Iterable[Use]) -> Setup:
+    """The setup with the factors on stiffness, branches' too, and permittivity; then with effects.
 
     Readings of stress do not tell a thickness from a modulus, so one factor is on both.
     """
+    stiffness, permittivity = np.exp(unknowns[FACTORS]).tolist()
+
     def change(film: Film) -> Film:
         return replace(
-            film, material=scaled(film.material, stiffness),
-            relative_permittivity=film.relative_permittivity * permittivity,
-            branches=tuple(replace(branch, modulus=stiffness * branch.modulus)
-                           for branch in film.branches))
+            with_factors(film, stiffness, permittivity), branches=tuple(
+                replace(branch, modulus=stiffness * branch.modulus) for branch in film.branches))
 
     return extended(setup.with_films(change), uses)
 
@@ -228,16 +233,15 @@ def strip_setup(setup: Setup, stiffness: float, permittivity: float,
 class StripPrediction:
     """What rows of coupons show at some unknowns; with the readings' names of a film's prediction.
 
-    ``setup_at`` makes the setup of unknowns; ``rows`` are numbers of those judged; between
-    ``bounds``, shape (2, unknowns), derivatives are taken, in steps of a share of ``sizes``.
+    ``rows`` are numbers of those judged; between ``bounds``, shape (2, unknowns), derivatives are
+    taken.
     """
 
-    def __init__(self, tests: StripTests, setup_at: Callable[[Array], Setup], unknowns: Array,
-                 rows: Numbers, bounds: Array, sizes: Array) -> None:
-        self.tests, self.setup_at, self.unknowns, self.rows = tests, setup_at, unknowns, rows
-        self.bounds, self.sizes = bounds, sizes
-        shown, possible = tests.shown(setup_at(unknowns))
-        self.extended: Array = tests.judged(shown)[rows]
+    def __init__(self, tests: StripTests, hypothesis: Hypothesis, unknowns: Array, rows: Numbers,
+                 bounds: Array) -> None:
+        self.tests, self.hypothesis, self.unknowns, self.rows = tests, hypothesis, unknowns, rows
+        self.bounds = bounds
+        self.extended, possible = self._shown(unknowns)
         self.possible: NDArray[np.bool_] = possible[tests.rows[rows]]
         self.short = np.zeros(len(rows), bool)
         #: No plate moves.
@@ -260,20 +264,25 @@ class StripPrediction:
         """What each row shows [Pa], nan where a strip has no equilibrium."""
         return np.where(self.possible, self.extended, np.nan)
 
-    def _shown(self, unknowns: Array) -> Array:
-        return self.tests.judged(self.tests.shown(self.setup_at(unknowns))[0])[self.rows]
+    def _shown(self, unknowns: Array) -> tuple[Array, NDArray[np.bool_]]:
+        """What each row shows, and which readings have an equilibrium."""
+        tests, uses = self.tests, uses_of(self.hypothesis, unknowns)
+        felt = [use for cause, use in zip(self.hypothesis, uses, strict=True) if tests.feel(cause)]
+        shown, possible = tests.shown(strip_setup(tests.setup, unknowns, felt))
+        return tests.judged(shown)[self.rows], possible
 
     @cached_property
     def jacobian(self) -> Array:
         """Derivatives of the rows by the unknowns, shape (rows, unknowns)."""
         columns = []
-        for number, size in enumerate(self.sizes.tolist()):
+        usual = [item.deviation for item in parameters_of(self.hypothesis)]
+        for number, size in enumerate([1.0, 1.0, *usual]):
             sides = []
             for sign in (-1, 1):
                 moved = self.unknowns.copy()
                 moved[number] = np.clip(moved[number] + sign * _STEP * size,
                                         *self.bounds[:, number])
-                sides.append((moved[number], self._shown(moved)))
+                sides.append((moved[number], self._shown(moved)[0]))
             (low, before), (high, after) = sides
             columns.append((after - before) / (high - low))
         return np.stack(columns, axis=1)

@@ -23,13 +23,9 @@ from tympan.studies.diagnosis.history import Passage, VoltageHistory
 from tympan.studies.diagnosis.reading_table import Kind, ReadingTable, States, rows
 from tympan.studies.diagnosis.transients.noise_density import noise_density
 from tympan.studies.diagnosis.transients.ringing import Ringing, ringing
-from tympan.studies.diagnosis.transients.sampled_run import SampledRun, faults, run_of
-from tympan.studies.files import words_beside
+from tympan.studies.diagnosis.transients.sampled_run import WORDS, SampledRun, faults, run_of
 
 Array = NDArray[np.float64]
-
-#: Sentences, by key.
-WORDS = words_beside(__file__)
 
 #: Blocks after a jump for each factor e in time, and in a hold at most; samples of a record that
 #: are readings each.
@@ -68,7 +64,6 @@ class ThinnedRecord:
 
     blocks: tuple[BlockMean, ...]
     swings: dict[int, Ringing]
-    correlation: float
 
 
 def block_means(record: SampledRun, noise: float | None = None) -> ThinnedRecord:
@@ -83,17 +78,17 @@ def block_means(record: SampledRun, noise: float | None = None) -> ThinnedRecord
     begin, end = max(holds, key=lambda hold: hold[1] - hold[0])
     colour = noise_density(record.time[begin:end], record.displacement[begin:end],
                            1 / period if period else 0.0)
-    density, correlation = colour.density, colour.correlation
+    density = colour.density
     if noise and not np.isfinite(density):
         density = noise**2 * float(np.median(np.diff(record.time)))
     blocks = []
     for number, (begin, end) in enumerate(holds, -1):
         swing = swings.get(number)
         whole = 1 / swing.frequency if swing else period if number < 0 else 0.0
-        for first, last in _blocks(record.time[begin:end], whole, _APART * correlation):
+        for first, last in _blocks(record.time[begin:end], whole, _APART * colour.correlation):
             blocks.append(_mean(record, history, begin + first, begin + last, number,
                                 begin if number >= 0 else -1, density))
-    return ThinnedRecord(tuple(blocks), swings, correlation)
+    return ThinnedRecord(tuple(blocks), swings)
 
 
 def _each(record: SampledRun, noise: float | None) -> ThinnedRecord:
@@ -106,7 +101,7 @@ def _each(record: SampledRun, noise: float | None) -> ThinnedRecord:
         blocks.append(BlockMean(row, row + 1, number, Passage(history, time, time, switched),
                                 float(record.voltage[row]), float(record.displacement[row]),
                                 nan if noise is None else noise))
-    return ThinnedRecord(tuple(blocks), {}, 0.0)
+    return ThinnedRecord(tuple(blocks), {})
 
 
 def _mean(record: SampledRun, history: VoltageHistory, first: int, last: int, number: int,

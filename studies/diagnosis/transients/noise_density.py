@@ -62,9 +62,9 @@ def noise_density(time: Array, value: Array, frequency: float = 0.0) -> NoiseDen
         model = spectrum(x)
         return float(np.sum(np.log(model) + power / white / model))
 
-    fits = [minimize(cost, [np.log(0.3), np.log(low), np.log(length)], method="Nelder-Mead",
+    fits = [minimize(cost, [np.log(0.3), 0.0, np.log(length)], method="Nelder-Mead",
                      options={"xatol": 1e-2, "fatol": 1e-2, "maxiter": 400})
-            for length in _STARTS for low in (1.0,)]
+            for length in _STARTS]
     best = min(fits, key=lambda fit: float(fit.fun))
     if len(power) - best.fun < _CLEAR:
         return NoiseDensity(white, 0.0)

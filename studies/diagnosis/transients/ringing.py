@@ -30,8 +30,6 @@ class Ringing:
     frequency_sigma: float
     decay: float
     decay_sigma: float
-    begin: float
-    end: float
 
 
 def ringing(time: Array, value: Array) -> Ringing | None:
@@ -57,8 +55,7 @@ def ringing(time: Array, value: Array) -> Ringing | None:
     if not 0.5 < natural / frequency < 2 or omega_sigma > _TOLD * omega or rate < -omega / 50:
         return None
     return Ringing(natural, float(np.hypot(omega_sigma / (2 * np.pi), (bent + _BEST) * natural)),
-                   rate, float(np.hypot(rate_sigma, _RATE * omega + bent * abs(rate))),
-                   float(time[0]), float(time[count - 1]))
+                   rate, float(np.hypot(rate_sigma, _RATE * omega + bent * abs(rate))))
 
 
 def _strongest(time: Array, value: Array, step: float) -> float | None:

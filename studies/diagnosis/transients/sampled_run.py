@@ -16,7 +16,7 @@ from tympan.studies.signals import through
 
 Array = NDArray[np.float64]
 
-#: What is wrong with a run, by key.
+#: Sentences on runs, by key.
 WORDS = words_beside(__file__)
 
 #: A jump of the voltage over its peak; how near lines come to a noisy voltage, over it and over the

@@ -32,7 +32,7 @@ from tympan.fem.film.library import load_specimen
 from tympan.fem.rig import Rig
 from tympan.studies.data.dataset import read_dataset
 from tympan.studies.diagnosis.coupons.strip_readings import strip_readings
-from tympan.studies.diagnosis.diagnose import diagnose_coupons
+from tympan.studies.diagnosis.diagnose import diagnose
 from tympan.studies.diagnosis.inference.verdict import judge
 from tympan.studies.diagnosis.reduced.simulation import Simulation
 from tympan.studies.effects import EFFECTS
@@ -204,7 +204,7 @@ def test_falling_permittivity_and_a_strip_that_narrows_are_one_class_in_drops(
     named, and no pair of both."""
     folder = drops(tmp_path / "data", Film(falling=0.6), 50.0,
                    head='coupon_reading = "drop"\n')
-    content = diagnose_coupons(read_dataset(folder)).json()
+    content = diagnose(read_dataset(folder)).json()
     assert content["verdict"] == "ambiguous"
     assert content["indistinguishable"] == [["permittivity_stretch", "width_not_held"]]
     first = content["causes"][:2]
