@@ -25,7 +25,7 @@ from tympan.studies.diagnosis.coupons.beside_actuators import (
     of_one_film,
     weighed_together,
 )
-from tympan.studies.diagnosis.coupons.strip_readings import WORDS, StripReadings, strip_readings
+from tympan.studies.diagnosis.coupons.coupon_readings import WORDS, CouponReadings, coupon_readings
 from tympan.studies.diagnosis.frame_check import check_frame
 from tympan.studies.diagnosis.inference.identifiability import (
     classes_of,
@@ -70,13 +70,12 @@ def diagnose(dataset: Dataset, workers: int = 1, seed: int = 0,
     """
     if dataset.coupons is None:
         return Diagnosis.of(dataset, *judge_dataset(dataset, workers, seed, progress), seed)
-    strips = _judge_coupons(dataset, seed)
-    coupons = Diagnosis.of(dataset, *strips, seed=seed)
+    of_coupons = _judge_coupons(dataset, seed)
+    coupons = Diagnosis.of(dataset, *of_coupons, seed=seed)
     if _of_coupons_alone(dataset):
         return coupons
-    actuators = Diagnosis.of(dataset, *_judge_actuators(dataset, strips, workers, seed, progress),
-                             seed)
-    return replace(actuators, coupons=coupons)
+    of_actuators = _judge_actuators(dataset, of_coupons, workers, seed, progress)
+    return replace(Diagnosis.of(dataset, *of_actuators, seed), coupons=coupons)
 
 
 def judge_dataset(dataset: Dataset, workers: int = 1, seed: int = 0,
@@ -86,16 +85,16 @@ def judge_dataset(dataset: Dataset, workers: int = 1, seed: int = 0,
 
     As :func:`diagnose`, which adds what follows from the verdict.
     """
-    strips = None if dataset.coupons is None else _judge_coupons(dataset, seed)
-    if strips is not None and _of_coupons_alone(dataset):
-        return (*strips, 0.0)
-    return _judge_actuators(dataset, strips, workers, seed, progress)
+    of_coupons = None if dataset.coupons is None else _judge_coupons(dataset, seed)
+    if of_coupons is not None and _of_coupons_alone(dataset):
+        return (*of_coupons, 0.0)
+    return _judge_actuators(dataset, of_coupons, workers, seed, progress)
 
 
-def _judge_actuators(dataset: Dataset, strips: tuple[StripReadings, Judgement] | None,
+def _judge_actuators(dataset: Dataset, of_coupons: tuple[CouponReadings, Judgement] | None,
                      workers: int, seed: int, progress: Callable[[int, int], None]
                      ) -> tuple[PreparedReadings, Judgement, float]:
-    """As :func:`judge_dataset`, ``strips`` being what coupons say by themselves."""
+    """As :func:`judge_dataset`, ``of_coupons`` being what coupons say by themselves."""
     readings = _prepared(dataset)
     nominal = calibrated(readings.setup, readings.table)
     check_frame(nominal.simulation, nominal.table,
@@ -113,7 +112,7 @@ def _judge_actuators(dataset: Dataset, strips: tuple[StripReadings, Judgement] |
     simulation = with_effects(nominal.simulation, solved, workers)
     progress(films, films + _LATER)
     try:
-        readings, simulation, every, part_noise = _with_coupons(readings, simulation, strips)
+        readings, simulation, every, part_noise = _with_coupons(readings, simulation, of_coupons)
         judged = judge(simulation, every, readings.causes, readings.stated, seed=seed,
                        workers=workers, part_noise=part_noise)
     except ArithmeticError as failure:
@@ -125,13 +124,13 @@ def _judge_actuators(dataset: Dataset, strips: tuple[StripReadings, Judgement] |
 
 
 def _with_coupons(readings: PreparedReadings, simulation: Simulation,
-                  strips: tuple[StripReadings, Judgement] | None
+                  of_coupons: tuple[CouponReadings, Judgement] | None
                   ) -> tuple[PreparedReadings, Simulation, ReadingTable, PartNoise | None]:
     """With coupons of the same film beside them, if there are some, each with its noise found."""
-    tests = None if strips is None else strips[1].simulation.coupons
-    if strips is None or tests is None:
+    tests = None if of_coupons is None else of_coupons[1].simulation.coupons
+    if of_coupons is None or tests is None:
         return readings, simulation, readings.table, None
-    coupons, judged = strips
+    coupons, judged = of_coupons
     if not of_one_film(readings.setup, tests):
         remark = WORDS["other_film"]
         return (replace(readings, remarks=(*readings.remarks, remark)), simulation,
@@ -149,8 +148,8 @@ def _of_coupons_alone(dataset: Dataset) -> bool:
     return set(dataset.tables) == {"coupon.csv"}
 
 
-def _judge_coupons(dataset: Dataset, seed: int) -> tuple[StripReadings, Judgement]:
-    readings = strip_readings(dataset)
+def _judge_coupons(dataset: Dataset, seed: int) -> tuple[CouponReadings, Judgement]:
+    readings = coupon_readings(dataset)
     simulation = Simulation(readings.setup, (), coupons=readings.tests)
     try:
         return readings, judge(simulation, readings.table, readings.causes, readings.stated,

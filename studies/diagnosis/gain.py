@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logsumexp
 
-from tympan.studies.diagnosis.coupons.strip_splits import strip_splits
+from tympan.studies.diagnosis.coupons.coupon_splits import coupon_splits
 from tympan.studies.diagnosis.fits.fit import Fit, best_of
 from tympan.studies.diagnosis.fits.fitting import fit, fit_all, nominal_fit
 from tympan.studies.diagnosis.hypothesis import Cause, Hypothesis, hypotheses_of
@@ -149,7 +149,7 @@ def splits_of(simulation: Simulation,
               table: ReadingTable) -> tuple[tuple[Split, ...], tuple[str, ...]]:
     """The splits that leave enough to train on and to test, and in words those that do not."""
     if simulation.coupons_alone is not None:
-        return _told_apart(table, *strip_splits(simulation.coupons_alone, table))
+        return _told_apart(table, *coupon_splits(simulation.coupons_alone, table))
     specimens = simulation.setup.specimens
     frames = [(specimen.frame, specimen.plate) for specimen in specimens]
     shape = np.array([frames.index(frame) for frame in frames])[table.specimen]

@@ -16,11 +16,11 @@ from tympan.geometry.specimen import Specimen
 from tympan.studies.columns import Column, read_own_sheet, write_sheet
 from tympan.studies.data.checks import dataset_warnings
 from tympan.studies.data.dataset import Dataset
-from tympan.studies.diagnosis.coupons.strip_record import (
-    STRIP_COLUMNS,
-    STRIPS,
+from tympan.studies.diagnosis.coupons.coupon_record import (
+    COUPON_COLUMNS,
+    COUPON_FILE,
     at_temperature,
-    save_strips,
+    save_coupons,
 )
 from tympan.studies.diagnosis.fits.evidence import interval
 from tympan.studies.diagnosis.fits.fit import Fit
@@ -224,9 +224,9 @@ class Diagnosis:
 
     def _rmse(self, fit: Fit | None) -> float:
         """Root mean square of what a fit of the films misses, as it was read."""
-        table, strips = self.films.table, self.simulation.coupons_alone
+        table, tests = self.films.table, self.simulation.coupons_alone
         errors = (fit or self.films.nominal).residual * table.sigma
-        return _root(errors if strips is None else strips.as_read(errors), table)
+        return _root(errors if tests is None else tests.as_read(errors), table)
 
     def _plans(self) -> Json:
         """Plans of the films that were scanned, by specimen, in the places' frame [mm]."""
@@ -251,7 +251,7 @@ class Diagnosis:
             self._save_readings(folder)
             specimens = self.extended.specimens if self.extended else ()
         else:
-            save_strips(folder, self.simulation.coupons_alone, self.judgement, self.chosen)
+            save_coupons(folder, self.simulation.coupons_alone, self.judgement, self.chosen)
             specimens = self._at_temperatures()
         setup = self.extended
         if setup is not None:
@@ -281,12 +281,12 @@ class Diagnosis:
 
     def _at_temperatures(self) -> tuple[Specimen, ...]:
         """The extended specimens of coupons, and as they are at the temperatures of the tests."""
-        setup, strips = self.extended, self.simulation.coupons_alone
-        if setup is None or strips is None:
+        setup, tests = self.extended, self.simulation.coupons_alone
+        if setup is None or tests is None:
             return ()
         warm = [at_temperature(specimen, celsius) for specimen in setup.specimens
                 if specimen.membrane.temperature_power
-                for celsius in np.unique(strips.coupons.degrees).tolist()]
+                for celsius in np.unique(tests.coupons.degrees).tolist()]
         return (*setup.specimens, *warm)
 
     def _causes(self, posterior: Posterior) -> list[Json]:
@@ -401,8 +401,8 @@ def load_diagnosis(folder: Path) -> tuple[Json, dict[str, NDArray[Any]], dict[st
     if "headline" not in content:
         raise InputError("is of an older version: run tympan diagnose again",
                          file=folder / "diagnosis.json")
-    if (folder / STRIPS).exists():
-        return content, read_own_sheet(folder / STRIPS, STRIP_COLUMNS), {}
+    if (folder / COUPON_FILE).exists():
+        return content, read_own_sheet(folder / COUPON_FILE, COUPON_COLUMNS), {}
     return (content, read_own_sheet(folder / "readings.csv", COLUMNS),
             read_own_sheet(folder / "curves.csv", CURVES))
 

@@ -30,7 +30,7 @@ SURPRISING = 3.0
 _SUSPECT, _MOST = 0.05, 4
 
 #: Shares by which what vague patterns take away counts, so that what says more is told instead.
-_VAGUE = {"level": 0.5, "fitted": 0.6, "voltage": 0.9, "strip_level": 0.5, "strip_stretch": 0.9}
+_VAGUE = {"level": 0.5, "fitted": 0.6, "voltage": 0.9, "coupon_level": 0.5, "coupon_stretch": 0.9}
 
 #: χ² from which a pattern is told beside another one, and how many times that of any other specimen
 #: one takes away that is off itself.
@@ -145,7 +145,7 @@ def where(judged: Judgement) -> str:
 def _singled(judged: Judgement) -> dict[str, Array]:
     """Patterns' columns; of jumps the one, where no other pattern is as improbable by noise."""
     columns = over(judged.patterns, judged.table)
-    for name in ("ramps", "strip_runs"):
+    for name in ("ramps", "coupon_runs"):
         columns.pop(name, None)
     p_values = judged.test.p_values
     least = min(p_values.get(name, 1.0) for name in columns)

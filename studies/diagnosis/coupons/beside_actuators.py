@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from tympan.geometry.specimen import Film
 from tympan.studies.diagnosis.inference.verdict import Judgement
 from tympan.studies.diagnosis.reading_table import ReadingTable, States, rows
+from tympan.studies.diagnosis.reduced.coupon_tests import CouponTests
 from tympan.studies.diagnosis.reduced.simulation import Simulation
-from tympan.studies.diagnosis.reduced.strips import StripTests
 from tympan.studies.effects import Setup
 
 Array = NDArray[np.float64]
@@ -25,7 +25,7 @@ BATCH = 0.1
 _NONE = 1e-9
 
 
-def of_one_film(setup: Setup, tests: StripTests) -> bool:
+def of_one_film(setup: Setup, tests: CouponTests) -> bool:
     """Whether every strip is of a film that an actuator of a setup has."""
     films = [specimen.membrane for specimen in setup.specimens]
     return all(specimen.membrane in films for specimen in tests.setup.specimens)
@@ -50,7 +50,7 @@ def weighed_together(simulation: Simulation, table: ReadingTable, coupons: Judge
         _rows(tests, sigma, values, float(table.states.mass.max(initial=0.0))))
 
 
-def _of_batch(tests: StripTests, best: Setup) -> Array:
+def _of_batch(tests: CouponTests, best: Setup) -> Array:
     """Covariance of rows whose films differ from the actuators' [Pa²], shape (rows, rows).
 
     By what the best model of the coupons says: by what was read, what films differ by would be
@@ -64,7 +64,7 @@ def _of_batch(tests: StripTests, best: Setup) -> Array:
     return np.asarray(parts.T @ parts)
 
 
-def _rows(tests: StripTests, sigma: Array, values: Array, mass: float) -> ReadingTable:
+def _rows(tests: CouponTests, sigma: Array, values: Array, mass: float) -> ReadingTable:
     """Rows of one state: of a plate, of some mass [kg], that is held where the film is flat."""
     count = len(tests.rows)
     number, none = np.zeros(count, np.int64), np.zeros(count)

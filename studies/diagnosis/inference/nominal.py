@@ -15,8 +15,8 @@ from tympan.studies.diagnosis.hypothesis import Cause
 from tympan.studies.diagnosis.inference.exploration import reached_further
 from tympan.studies.diagnosis.inference.identifiability import Signatures, signatures
 from tympan.studies.diagnosis.inference.residual_tests import ResidualTests
+from tympan.studies.diagnosis.patterns.coupon_patterns import coupon_patterns
 from tympan.studies.diagnosis.patterns.reading_patterns import among, over, patterns
-from tympan.studies.diagnosis.patterns.strip_patterns import strip_patterns
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.reduced.simulation import Simulation
 
@@ -140,7 +140,7 @@ def _patterns(simulation: Simulation, table: ReadingTable, nominal: Fit) -> dict
     columns = patterns(table, names, predicted)
     if (tests := simulation.coupons) is not None:
         stress = table.kind == "stress"
-        columns |= {name: among(stress, values) for name, values in strip_patterns(
+        columns |= {name: among(stress, values) for name, values in coupon_patterns(
             tests, table.sigma[stress], predicted[stress]).items()}
     return columns
 

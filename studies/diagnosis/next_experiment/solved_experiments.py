@@ -23,9 +23,9 @@ from tympan.studies.diagnosis.fits.fit import Fit
 from tympan.studies.diagnosis.hypothesis import FACTORS, parameters_of
 from tympan.studies.diagnosis.next_experiment.experiments import WORDS, Outlook, Readout
 from tympan.studies.diagnosis.reading_table import Scan
+from tympan.studies.diagnosis.reduced.coupon_tests import CouponTests
 from tympan.studies.diagnosis.reduced.sampling import COARSE
 from tympan.studies.diagnosis.reduced.seen_film import scanned_exactly
-from tympan.studies.diagnosis.reduced.strips import StripTests
 from tympan.studies.effects import Setup
 
 Array = NDArray[np.float64]
@@ -204,7 +204,7 @@ def strips(readout: Readout) -> NewReadings:
     mode, none = np.repeat(["uniaxial", "equibiaxial"], 3), np.full(6, np.nan)
     blank = np.full(6, "")
     coupons = Coupons(mode, stretch, np.zeros(6), blank, blank, none)
-    tests = StripTests(setup, coupons, np.full(6, number), np.arange(6), np.zeros(6, int))
+    tests = CouponTests(setup, coupons, np.full(6, number), np.arange(6), np.zeros(6, int))
     return NewReadings(setup, lambda extended: tests.shown(extended)[0],
                        lambda values: _STRIPS * np.abs(values), 6, 0, 0, {"stretch": f"{top:.2g}"})
 

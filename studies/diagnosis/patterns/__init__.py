@@ -1,1 +1,1 @@
-"""What a misfit may look like: smooth columns of readings, of films and of strips."""
+"""What a misfit may look like: smooth columns of readings, of films and of coupons."""

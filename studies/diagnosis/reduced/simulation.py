@@ -10,9 +10,13 @@ from numpy.typing import NDArray
 
 from tympan.studies.diagnosis.hypothesis import FACTORS, Hypothesis, uses_of, with_factors
 from tympan.studies.diagnosis.reading_table import ReadingTable
+from tympan.studies.diagnosis.reduced.coupon_tests import (
+    CouponPrediction,
+    CouponTests,
+    coupon_setup,
+)
 from tympan.studies.diagnosis.reduced.prediction import Prediction
 from tympan.studies.diagnosis.reduced.reduced_films import ReducedFilms, bounds_of
-from tympan.studies.diagnosis.reduced.strips import StripPrediction, StripTests, strip_setup
 from tympan.studies.effects import Setup, extended
 
 Array = NDArray[np.float64]
@@ -20,39 +24,39 @@ Mask = NDArray[np.bool_]
 
 
 class WithCoupons:
-    """Rows of films and, where ``of_strips``, of coupons; with the names of a film's prediction."""
+    """Rows of films and, where ``of_coupons``, of coupons; named as in a film's prediction."""
 
-    def __init__(self, films: Prediction, strips: StripPrediction, of_strips: Mask) -> None:
-        self.films, self.strips, self.of_strips = films, strips, of_strips
+    def __init__(self, films: Prediction, coupons: CouponPrediction, of_coupons: Mask) -> None:
+        self.films, self.coupons, self.of_coupons = films, coupons, of_coupons
         self.possible, self.short, self.heave = films.possible, films.short, films.heave
 
     @property
     def complete(self) -> bool:
         """Whether all that was read is possible."""
-        return self.films.complete and self.strips.complete
+        return self.films.complete and self.coupons.complete
 
     def beyond(self, before: WithCoupons) -> bool:
         """Whether a search must not go here: where a strip has no equilibrium."""
-        return self.strips.beyond(before.strips)
+        return self.coupons.beyond(before.coupons)
 
     @cached_property
     def extended(self) -> Array:
         """What each row shows, films at the extended heaves."""
-        return self._joined(self.films.extended, self.strips.extended)
+        return self._joined(self.films.extended, self.coupons.extended)
 
     @cached_property
     def values(self) -> Array:
         """What each row shows, nan where it has no equilibrium."""
-        return self._joined(self.films.values, self.strips.values)
+        return self._joined(self.films.values, self.coupons.values)
 
     @cached_property
     def jacobian(self) -> Array:
         """Derivatives of the extended rows by the unknowns, shape (rows, unknowns)."""
-        return self._joined(self.films.jacobian, self.strips.jacobian)
+        return self._joined(self.films.jacobian, self.coupons.jacobian)
 
-    def _joined(self, films: Array, strips: Array) -> Array:
-        values = np.empty((len(self.of_strips), *films.shape[1:]))
-        values[~self.of_strips], values[self.of_strips] = films, strips
+    def _joined(self, films: Array, coupons: Array) -> Array:
+        values = np.empty((len(self.of_coupons), *films.shape[1:]))
+        values[~self.of_coupons], values[self.of_coupons] = films, coupons
         return values
 
 
@@ -63,10 +67,10 @@ class Simulation(ReducedFilms):
     ``coupons`` are read beside actuators, or alone: then there are no force laws.
     """
 
-    coupons: StripTests | None = None
+    coupons: CouponTests | None = None
 
     @property
-    def coupons_alone(self) -> StripTests | None:
+    def coupons_alone(self) -> CouponTests | None:
         """Coupons, where no actuators are read."""
         return None if self.laws else self.coupons
 
@@ -75,28 +79,28 @@ class Simulation(ReducedFilms):
         return self.prediction(hypothesis, unknowns, table).values
 
     def prediction(self, hypothesis: Hypothesis, unknowns: Array,
-                   table: ReadingTable) -> Prediction | StripPrediction | WithCoupons:
+                   table: ReadingTable) -> Prediction | CouponPrediction | WithCoupons:
         """What a table's readings show, with derivatives."""
         if self.coupons_alone is not None:
-            return self._of_strips(self.coupons_alone, hypothesis, unknowns, table)
+            return self._of_coupons(self.coupons_alone, hypothesis, unknowns, table)
         stress = table.kind == "stress"
         if self.coupons is None or not stress.any():
             return Prediction(self, hypothesis, unknowns, table)
-        return WithCoupons(Prediction(self, hypothesis, unknowns, table[~stress]), self._of_strips(
+        return WithCoupons(Prediction(self, hypothesis, unknowns, table[~stress]), self._of_coupons(
             self.coupons, hypothesis, unknowns, table[stress]), stress)
 
-    def _of_strips(self, tests: StripTests, hypothesis: Hypothesis, unknowns: Array,
-                   table: ReadingTable) -> StripPrediction:
-        return StripPrediction(tests, hypothesis, unknowns, table.coupon,
+    def _of_coupons(self, tests: CouponTests, hypothesis: Hypothesis, unknowns: Array,
+                    table: ReadingTable) -> CouponPrediction:
+        return CouponPrediction(tests, hypothesis, unknowns, table.coupon,
                                bounds_of(self, hypothesis))
 
     def as_read(self, table: ReadingTable, part: ReadingTable) -> tuple[Simulation, ReadingTable]:
         """A part of a table's rows with values as they were read, and what predicts those."""
-        strips = self.coupons_alone
-        if strips is None or strips.whitening is None:
+        tests = self.coupons_alone
+        if tests is None or tests.whitening is None:
             return self, part
-        read, spread = strips.as_read(table.value), strips.spread(table.sigma)
-        return (replace(self, coupons=replace(strips, whitening=None)),
+        read, spread = tests.as_read(table.value), tests.spread(table.sigma)
+        return (replace(self, coupons=replace(tests, whitening=None)),
                 part.with_values(read[part.point]).with_sigma(spread[part.point]))
 
     def with_noise(self, table: ReadingTable, factor: float) -> tuple[Simulation, ReadingTable]:
@@ -116,7 +120,7 @@ class Simulation(ReducedFilms):
         """The setup with stiffness, permittivity and effects."""
         uses = uses_of(hypothesis, unknowns)
         if self.coupons_alone is not None:
-            return strip_setup(self.setup, unknowns, uses)
+            return coupon_setup(self.setup, unknowns, uses)
         stiffness, permittivity = np.exp(unknowns[FACTORS]).tolist()
         films = self.setup.with_films(lambda film: with_factors(film, stiffness, permittivity))
         return extended(films, uses)

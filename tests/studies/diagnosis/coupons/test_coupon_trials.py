@@ -19,7 +19,7 @@ from benchmarks.trials.synthetic_trials import Truth
 from benchmarks.trials.trial import Lab
 from tests.support import datasets
 from tympan.studies.data.dataset import read_dataset
-from tympan.studies.diagnosis.coupons.strip_readings import strip_readings
+from tympan.studies.diagnosis.coupons.coupon_readings import coupon_readings
 from tympan.studies.diagnosis.diagnose import judge_dataset
 from tympan.studies.diagnosis.fits.fitting import nominal_fit
 from tympan.studies.diagnosis.hypothesis import Cause
@@ -50,7 +50,7 @@ def test_closed_forms_are_what_the_engine_shows(tmp_path: Path, name: str, sizes
     """Of mounted films, in three modes, under voltage, warm, to the digits of a file."""
     truth = Truth(1.08, 0.95, (Cause(name),), sizes, "equations")
     folder = written(tmp_path / "data", plan_of(strips.AT_REST), truth, exact=True)
-    readings = strip_readings(read_dataset(folder))
+    readings = coupon_readings(read_dataset(folder))
     simulation = Simulation(readings.setup, (), coupons=readings.tests)
     shown = simulation.predict(truth.hypothesis, truth.unknowns, readings.table)
     assert shown == pytest.approx(readings.table.value, rel=1e-7, abs=1e-2)
@@ -64,7 +64,7 @@ def test_branches_by_another_integrator_are_what_the_engine_shows(
     """At two rates, held and in two modes, to 3 Pa."""
     truth = Truth(1.08, 0.95, (Cause("creep"),), (modulus, float(np.log(time / 10))), "equations")
     folder = written(tmp_path / "data", plan_of(strips.IN_TIME, count=24), truth, exact=True)
-    readings = strip_readings(read_dataset(folder))
+    readings = coupon_readings(read_dataset(folder))
     simulation = Simulation(readings.setup, (), coupons=readings.tests)
     shown = simulation.predict(truth.hypothesis, truth.unknowns, readings.table)
     assert shown == pytest.approx(readings.table.value, abs=3.0)
@@ -103,7 +103,7 @@ def test_a_law_far_off_is_no_reason_to_refuse(
     model went where a charged strip has no width, and the readings were refused."""
     truth = Truth(stiffness, permittivity, (Cause("temperature"),), (power,), "equations")
     folder = written(tmp_path / "data", plan_of(strips.AT_REST), truth, exact=True)
-    readings = strip_readings(read_dataset(folder))
+    readings = coupon_readings(read_dataset(folder))
     nominal = nominal_fit(Simulation(readings.setup, (), coupons=readings.tests), readings.table)
     assert nominal.possible
     assert nominal.chi_squared > 1e3

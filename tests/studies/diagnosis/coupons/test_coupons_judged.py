@@ -31,7 +31,7 @@ from tympan.cli import main
 from tympan.fem.film.library import load_specimen
 from tympan.fem.rig import Rig
 from tympan.studies.data.dataset import read_dataset
-from tympan.studies.diagnosis.coupons.strip_readings import strip_readings
+from tympan.studies.diagnosis.coupons.coupon_readings import coupon_readings
 from tympan.studies.diagnosis.diagnose import diagnose
 from tympan.studies.diagnosis.inference.verdict import judge
 from tympan.studies.diagnosis.reduced.simulation import Simulation
@@ -50,7 +50,7 @@ def written_in_time(folder: Path, film: Film, noise: float, seed: int) -> Path:
 
 def judged(folder: Path) -> tuple[str, list[str]]:
     """The verdict, and the causes that are named, or of which one is suspected."""
-    readings = strip_readings(read_dataset(folder))
+    readings = coupon_readings(read_dataset(folder))
     simulation = Simulation(readings.setup, (), coupons=readings.tests)
     judgement = judge(simulation, readings.table, readings.causes, readings.stated)
     return judgement.verdict, [cause.name for cause in judgement.named or judgement.suspects]
@@ -125,7 +125,7 @@ def test_in_time_nothing_hidden_is_nothing_and_a_hardening_film_does_not_creep(
 def test_stresses_are_those_of_closed_forms(tmp_path: Path, film: Film, effect: str,
                                             values: tuple[float, ...]) -> None:
     """Of every effect in every mode, at both voltages and temperatures, to rounding."""
-    readings = strip_readings(read_dataset(written(tmp_path / "data", film, 0.01, 0)))
+    readings = coupon_readings(read_dataset(written(tmp_path / "data", film, 0.01, 0)))
     tests = readings.tests
     assert tests is not None
     factors = np.log([STIFFER, LESS])
@@ -140,7 +140,7 @@ def test_stresses_are_those_of_closed_forms(tmp_path: Path, film: Film, effect: 
 def test_branches_are_those_of_their_differential_equation(tmp_path: Path) -> None:
     branch = (15e3, 20.0)
     data = read_dataset(written_in_time(tmp_path / "data", Film(branch=branch), 1e-5, 0))
-    readings = strip_readings(data)
+    readings = coupon_readings(data)
     assert readings.tests is not None
     setup = Simulation(readings.setup, (), coupons=readings.tests).extended(
         (), np.log([STIFFER, 1.0]))
@@ -160,7 +160,7 @@ def test_a_free_strip_widens_under_voltage_as_its_balance_says(tmp_path: Path) -
                     stretch)
     folder = write_dataset(tmp_path / "data", FILM, specimens=(),
                            coupon="mode,stretch,nominal_stress_kPa,voltage_kV\n" + lines)
-    readings = strip_readings(read_dataset(folder))
+    readings = coupon_readings(read_dataset(folder))
     assert readings.tests is not None
     shown, possible = readings.tests.shown(readings.setup)
     across = (stretch**2 * (1 - field * stretch**2 / MODULUS)) ** -0.25
@@ -299,6 +299,6 @@ def test_bad_coupons_get_one_message(tmp_path: Path, capsys: pytest.CaptureFixtu
 
 def test_only_effects_that_a_coupon_could_show_are_weighed(tmp_path: Path) -> None:
     dataset = read_dataset(written(tmp_path / "data", Film(), 0.01, 0))
-    names = {cause.name for cause in strip_readings(dataset).causes}
+    names = {cause.name for cause in coupon_readings(dataset).causes}
     assert names == {"strain_stiffening", "second_invariant", "permittivity_stretch", "temperature",
                      "width_not_free", "width_not_held", "amplifier_gain", "voltage_sag"}

@@ -26,7 +26,7 @@ from tympan.studies.diagnosis.coupons.beside_actuators import (
     of_one_film,
     weighed_together,
 )
-from tympan.studies.diagnosis.coupons.strip_readings import strip_readings
+from tympan.studies.diagnosis.coupons.coupon_readings import coupon_readings
 from tympan.studies.diagnosis.diagnose import judge_dataset
 from tympan.studies.diagnosis.hypothesis import Cause
 from tympan.studies.diagnosis.inference.verdict import Judgement, judge
@@ -128,7 +128,7 @@ def written(tmp_path: Path) -> Written:
 
 def test_films_that_differ_by_a_tenth_are_one_standard_deviation_apart(written: Written) -> None:
     """In stiffness, or in what voltage does; by another law they are still far apart."""
-    readings = strip_readings(read_dataset(written(Film())))
+    readings = coupon_readings(read_dataset(written(Film())))
     simulation = Simulation(readings.setup, (), coupons=readings.tests)
     judgement = judge(simulation, readings.table, readings.causes, readings.stated)
     films = replace(simulation, coupons=None)
@@ -150,7 +150,7 @@ def test_films_that_differ_by_a_tenth_are_one_standard_deviation_apart(written: 
 
 
 def test_coupons_of_another_film_are_not_weighed_with_it(written: Written) -> None:
-    readings = strip_readings(read_dataset(written(Film())))
+    readings = coupon_readings(read_dataset(written(Film())))
     tests = readings.tests
     assert tests is not None
     assert of_one_film(readings.setup, tests)

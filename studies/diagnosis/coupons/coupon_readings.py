@@ -18,7 +18,7 @@ from tympan.studies.diagnosis.hypothesis import Cause
 from tympan.studies.diagnosis.inference.residual_tests import STATED
 from tympan.studies.diagnosis.reading_table import ReadingTable, States, evenly, rows
 from tympan.studies.diagnosis.readings import ASSUMED, FEWEST, PreparedReadings
-from tympan.studies.diagnosis.reduced.strips import StripTests
+from tympan.studies.diagnosis.reduced.coupon_tests import CouponTests
 from tympan.studies.effects import EFFECTS, Setup
 from tympan.studies.effects.effect import IN_TIME, OF_STRIPS, WARMTH
 from tympan.studies.files import words_beside
@@ -50,10 +50,10 @@ _BEYOND = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
-class StripReadings(PreparedReadings):
+class CouponReadings(PreparedReadings):
     """The films of a dataset's coupons with the readings that are judged."""
 
-    tests: StripTests | None = None
+    tests: CouponTests | None = None
 
     @property
     def causes(self) -> tuple[Cause, ...]:
@@ -69,7 +69,7 @@ class StripReadings(PreparedReadings):
         return tuple(cause for cause in possible if tests.feel(cause))
 
 
-def strip_readings(dataset: Dataset) -> StripReadings:
+def coupon_readings(dataset: Dataset) -> CouponReadings:
     """The readings of coupon.csv; an :class:`InputError` if nothing can be concluded from them."""
     coupons = dataset.coupons
     if coupons is None or len(coupons) < FEWEST:
@@ -91,17 +91,17 @@ def strip_readings(dataset: Dataset) -> StripReadings:
         remarks.append(WORDS["thinned"].format(every=sum(map(len, legs)), kept=len(chosen),
                                                most=MOST))
     leg = np.concatenate([np.full(len(part), number) for number, part in enumerate(judged)])
-    tests = StripTests(setup, coupons, film, chosen, leg, references)
+    tests = CouponTests(setup, coupons, film, chosen, leg, references)
     if dataset.strip_scatter:
         remarks.append(WORDS["scatter"].format(share=dataset.strip_scatter))
         tests = replace(tests, lasting=_lasting(tests, keys, dataset.strip_scatter)
                         ).with_noise(sigma[chosen])
     table = _table(coupons, tests).with_values(tests.judged(values))
-    return StripReadings(setup, table.with_sigma(sigma[chosen]), STATED, noise_from, tuple(remarks),
-                         tests=tests)
+    return CouponReadings(setup, table.with_sigma(sigma[chosen]), STATED, noise_from,
+                          tuple(remarks), tests=tests)
 
 
-def _lasting(tests: StripTests, keys: Array, scatter: float) -> Array:
+def _lasting(tests: CouponTests, keys: Array, scatter: float) -> Array:
     """Covariance of rows whose strips differ by a share of their stress [Pa²], (rows, rows).
 
     Smoothly in the logarithm of the stretch along a run, and in nothing from run to run.
@@ -238,7 +238,7 @@ def _smooth(coupons: Coupons, leg: Numbers) -> list[Numbers]:
     return parts if min(map(len, parts)) >= FEWEST else [leg]
 
 
-def _table(coupons: Coupons, tests: StripTests) -> ReadingTable:
+def _table(coupons: Coupons, tests: CouponTests) -> ReadingTable:
     """Rows of the readings that are judged, without values."""
     reading = tests.rows
     states = States.of(tests.film[reading], np.zeros(len(reading)), coupons.volts[reading],

@@ -11,12 +11,12 @@ from tympan.studies.columns import Column, write_sheet
 from tympan.studies.data.coupon import MODES
 from tympan.studies.diagnosis.fits.fit import Fit
 from tympan.studies.diagnosis.inference.verdict import Judgement
-from tympan.studies.diagnosis.reduced.strips import ICE, USUAL_KELVIN, StripTests
+from tympan.studies.diagnosis.reduced.coupon_tests import ICE, USUAL_KELVIN, CouponTests
 
 #: The file of readings.
-STRIPS = "strips.csv"
+COUPON_FILE = "strips.csv"
 #: Its columns: what was judged, and what both models say.
-STRIP_COLUMNS: tuple[Column, ...] = (
+COUPON_COLUMNS: tuple[Column, ...] = (
     Column("line"), Column.labels("specimen"), Column.labels("run", required=False), Column("leg"),
     Column.labels("mode", tuple(MODES)), Column("t", "s", required=False, absent="nan"),
     Column("stretch"), Column("voltage", "kV"), Column("temperature_C"),
@@ -24,17 +24,17 @@ STRIP_COLUMNS: tuple[Column, ...] = (
       for name in ("read", "sigma", "baseline", "extended")))
 
 
-def save_strips(folder: Path, strips: StripTests, judged: Judgement, chosen: Fit | None) -> None:
+def save_coupons(folder: Path, tests: CouponTests, judged: Judgement, chosen: Fit | None) -> None:
     """Write the readings to a folder."""
-    table, coupons, row = judged.table, strips.coupons, strips.rows
+    table, coupons, row = judged.table, tests.coupons, tests.rows
     names = [specimen.name for specimen in judged.simulation.setup.specimens]
     nominal, best = judged.nominal, chosen or judged.nominal
-    write_sheet(folder / STRIPS, STRIP_COLUMNS, {
-        "line": table.line, "specimen": [names[number] for number in strips.film[row].tolist()],
+    write_sheet(folder / COUPON_FILE, COUPON_COLUMNS, {
+        "line": table.line, "specimen": [names[number] for number in tests.film[row].tolist()],
         "run": table.run, "leg": table.states.run[table.state], "mode": coupons.mode[row],
         "t": coupons.time[row], "stretch": coupons.stretch[row], "voltage": coupons.volts[row],
-        "temperature_C": coupons.degrees[row], "sigma": strips.spread(table.sigma),
-        **{name: strips.as_read(values) for name, values in (
+        "temperature_C": coupons.degrees[row], "sigma": tests.spread(table.sigma),
+        **{name: tests.as_read(values) for name, values in (
             ("read", table.value), ("baseline", nominal.predicted(table)),
             ("extended", best.predicted(table)))}})
 

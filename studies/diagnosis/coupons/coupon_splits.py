@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tympan.studies.diagnosis.reading_table import ReadingTable
-from tympan.studies.diagnosis.reduced.strips import StripTests
+from tympan.studies.diagnosis.reduced.coupon_tests import CouponTests
 from tympan.studies.material.branches import held_out_groups
 
 #: Share of the largest logarithm of a stretch from which readings are held out.
@@ -18,7 +18,7 @@ _FAR = 0.7
 Split = tuple[str, str, NDArray[np.bool_]]
 
 
-def strip_splits(tests: StripTests, table: ReadingTable
+def coupon_splits(tests: CouponTests, table: ReadingTable
                  ) -> tuple[list[Split], dict[str, NDArray[Any]]]:
     """The splits, and by kind what level each row is of, shape (rows,)."""
     coupons, reading = tests.coupons, tests.rows[table.point]

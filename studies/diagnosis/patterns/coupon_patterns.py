@@ -7,7 +7,7 @@ from numpy.polynomial import legendre
 from numpy.typing import NDArray
 
 from tympan.studies.data.coupon import MODES, Coupons
-from tympan.studies.diagnosis.reduced.strips import StripTests
+from tympan.studies.diagnosis.reduced.coupon_tests import CouponTests
 
 Array = NDArray[np.float64]
 Numbers = NDArray[np.int64]
@@ -16,7 +16,7 @@ Numbers = NDArray[np.int64]
 _DEGREE = 4
 
 
-def strip_patterns(tests: StripTests, sigma: Array, predicted: Array) -> dict[str, Array]:
+def coupon_patterns(tests: CouponTests, sigma: Array, predicted: Array) -> dict[str, Array]:
     """By name, columns a misfit of all coupons' rows may be a combination of [Pa].
 
     ``predicted`` is what the nominal model says of each row, ``sigma`` its noise [Pa].
@@ -39,7 +39,7 @@ def strip_patterns(tests: StripTests, sigma: Array, predicted: Array) -> dict[st
     columns["rate"] = _times(_log_rate(coupons)[reading], few)
     columns["way"] = _times(_way(tests.leg, coupons.stretch[reading]), few)
     columns["runs"] = _runs(tests.leg, coupons.stretch[reading])
-    return {f"strip_{name}": tests.whitened(size * values) for name, values in columns.items()
+    return {f"coupon_{name}": tests.whitened(size * values) for name, values in columns.items()
             if np.abs(values).max(initial=0.0) > 0}
 
 

@@ -45,7 +45,7 @@ _STEP = 1e-5
 
 
 @dataclass(frozen=True, eq=False)
-class StripTests:
+class CouponTests:
     """Coupon tests of the films of a setup's specimens.
 
     ``film``: number of the specimen whose film each of the ``coupons`` is, shape (readings,);
@@ -75,7 +75,7 @@ class StripTests:
             possible = possible & ~((self.references > 0) & ~possible).any(1)
         return self.counted(stress), possible
 
-    def with_noise(self, sigma: Array) -> StripTests:
+    def with_noise(self, sigma: Array) -> CouponTests:
         """Whitened for a noise of these standard deviations beside what lasts [Pa], (rows,)."""
         if self.lasting is None:
             return self
@@ -215,7 +215,7 @@ def _width(film: Film, field: Any, stiffer: Array, along: Array) -> tuple[Array,
     return across, done
 
 
-def strip_setup(setup: Setup, unknowns: Array, uses: Iterable[Use]) -> Setup:
+def coupon_setup(setup: Setup, unknowns: Array, uses: Iterable[Use]) -> Setup:
     """The setup with the factors on stiffness, branches' too, and permittivity; then with effects.
 
     Readings of stress do not tell a thickness from a modulus, so one factor is on both.
@@ -230,14 +230,14 @@ def strip_setup(setup: Setup, unknowns: Array, uses: Iterable[Use]) -> Setup:
     return extended(setup.with_films(change), uses)
 
 
-class StripPrediction:
+class CouponPrediction:
     """What rows of coupons show at some unknowns; with the readings' names of a film's prediction.
 
     ``rows`` are numbers of those judged; between ``bounds``, shape (2, unknowns), derivatives are
     taken.
     """
 
-    def __init__(self, tests: StripTests, hypothesis: Hypothesis, unknowns: Array, rows: Numbers,
+    def __init__(self, tests: CouponTests, hypothesis: Hypothesis, unknowns: Array, rows: Numbers,
                  bounds: Array) -> None:
         self.tests, self.hypothesis, self.unknowns, self.rows = tests, hypothesis, unknowns, rows
         self.bounds = bounds
@@ -252,7 +252,7 @@ class StripPrediction:
         """Whether all that was read is possible."""
         return bool(self.possible.all())
 
-    def beyond(self, before: StripPrediction) -> bool:
+    def beyond(self, before: CouponPrediction) -> bool:
         """Whether a search must not go here, from where all is possible.
 
         What a strip without equilibrium shows leads nowhere.
@@ -268,7 +268,7 @@ class StripPrediction:
         """What each row shows, and which readings have an equilibrium."""
         tests, uses = self.tests, uses_of(self.hypothesis, unknowns)
         felt = [use for cause, use in zip(self.hypothesis, uses, strict=True) if tests.feel(cause)]
-        shown, possible = tests.shown(strip_setup(tests.setup, unknowns, felt))
+        shown, possible = tests.shown(coupon_setup(tests.setup, unknowns, felt))
         return tests.judged(shown)[self.rows], possible
 
     @cached_property
