@@ -29,7 +29,7 @@ from tympan.studies.diagnosis.reduced.sampling import (
     force_laws,
     nominal_law,
 )
-from tympan.studies.diagnosis.reduced.seen_film import scanned_exactly
+from tympan.studies.diagnosis.reduced.scans import scanned_exactly
 from tympan.studies.diagnosis.reduced.simulation import Simulation
 from tympan.studies.diagnosis.reduced.swinging import SwingingMasses
 from tympan.studies.effects import Setup

@@ -53,12 +53,8 @@ class Predictive:
             mean[k] = prediction.values
             spread = np.linalg.solve(np.linalg.cholesky(fit.precision), prediction.jacobian.T)
             deviation[k] = np.sqrt((spread**2).sum(0))
-        return cls._mixed(weights[:, None], mean, deviation)
-
-    @classmethod
-    def _mixed(cls, weight: Array, mean: Array, deviation: Array) -> Predictive:
         there = np.isfinite(mean + deviation)
-        weight = np.where(there, weight, 0.0)
+        weight = np.where(there, weights[:, None], 0.0)
         with np.errstate(invalid="ignore"):
             weight = weight / weight.sum(0)
         return cls(weight, np.where(there, mean, 0.0), np.where(there, deviation, 0.0))

@@ -25,7 +25,7 @@ from tympan.studies.diagnosis.next_experiment.experiments import WORDS, Outlook,
 from tympan.studies.diagnosis.reading_table import Scan
 from tympan.studies.diagnosis.reduced.coupon_tests import CouponTests
 from tympan.studies.diagnosis.reduced.sampling import COARSE
-from tympan.studies.diagnosis.reduced.seen_film import scanned_exactly
+from tympan.studies.diagnosis.reduced.scans import scanned_exactly
 from tympan.studies.effects import Setup
 
 Array = NDArray[np.float64]

@@ -15,7 +15,7 @@ from tympan.studies.diagnosis.reduced.films_at_rest import FilmsAtRest
 from tympan.studies.diagnosis.reduced.force_law import ForceSurface
 from tympan.studies.diagnosis.reduced.in_time import behind, decay
 from tympan.studies.diagnosis.reduced.reduced_films import ReducedFilms, bounds_of
-from tympan.studies.diagnosis.reduced.seen_film import shown_by_scans
+from tympan.studies.diagnosis.reduced.scans import shown_by_scans
 from tympan.studies.diagnosis.reduced.swinging import Sag
 
 Array = NDArray[np.float64]
@@ -123,7 +123,7 @@ class Prediction:
             if kind in ("displacement", "range"):
                 shown[rows] = self._displacement(heave, rows, kind == "range")
             elif kind in COMPONENTS:
-                shown[rows] = shown_by_scans(self.table, kind, rows, self._sights,
+                shown[rows] = shown_by_scans(self.table, kind, rows, self._scanned_films,
                                              *self._within(heave), self._pressure)
             else:
                 shown[rows] = self._of_states(kind, heave)[self.table.state[rows]]
@@ -205,13 +205,13 @@ class Prediction:
         return np.asarray(weight / self.rest.tension)
 
     @cached_property
-    def _sights(self) -> dict[int, tuple[ForceSurface, Lattice, Sag | None]]:
+    def _scanned_films(self) -> dict[int, tuple[ForceSurface, Lattice, Sag | None]]:
         """Of every specimen, by number, its film, where that lies flat, and how it sags."""
-        films, sights = self.films, {}
+        films, scanned = self.films, {}
         sags = films.masses.sags if films.masses and self._pressure.any() else ()
         for group, surface in self.rest.surfaces:
             number = int(self.table.states.specimen[group[0]])
             sizes = films.axis_sizes(number, self.hypothesis, self.unknowns)
-            sights[number] = (surface, films.sights[number].lattice(sizes),
+            scanned[number] = (surface, films.flat_lattices[number].lattice(sizes),
                               sags[number] if sags else None)
-        return sights
+        return scanned

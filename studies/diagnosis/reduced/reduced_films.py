@@ -16,13 +16,14 @@ from tympan.studies.diagnosis.hypothesis import (
     Cause,
     Hypothesis,
     sizes_of,
+    uses_of,
 )
 from tympan.studies.diagnosis.reduced.axes import Axis
 from tympan.studies.diagnosis.reduced.film_memory import FilmMemory
 from tympan.studies.diagnosis.reduced.force_law import ForceLaw, ForceSurface
-from tympan.studies.diagnosis.reduced.seen_film import Sight
+from tympan.studies.diagnosis.reduced.scans import FlatLattices
 from tympan.studies.diagnosis.reduced.swinging import SwingingMasses, mass_effects
-from tympan.studies.effects import EFFECTS, Setup
+from tympan.studies.effects import EFFECTS, Setup, extended
 
 Array = NDArray[np.float64]
 
@@ -43,9 +44,9 @@ class ReducedFilms:
     memory: FilmMemory | None = None
 
     @cached_property
-    def sights(self) -> tuple[Sight, ...]:
+    def flat_lattices(self) -> tuple[FlatLattices, ...]:
         """Where each film's lattice lies."""
-        return tuple(Sight(self.setup, specimen.name, law.axes) for specimen, law in zip(
+        return tuple(FlatLattices(self.setup, specimen.name, law.axes) for specimen, law in zip(
             self.setup.specimens, self.laws, strict=True))
 
     @cached_property
@@ -88,12 +89,9 @@ class ReducedFilms:
 
     def outer(self, hypothesis: Hypothesis, unknowns: Array) -> Setup:
         """The setup with the effects that change no film with its plate held."""
-        setup = self.setup
-        for cause in sorted(hypothesis, key=lambda cause: list(EFFECTS).index(cause.name)):
-            if cause.name in self.outer_effects:
-                sizes = unknowns[sizes_of(hypothesis, cause)].tolist()
-                setup = cause.effect.at(setup, sizes, cause.which)
-        return setup
+        uses = zip(hypothesis, uses_of(hypothesis, unknowns), strict=True)
+        return extended(self.setup, [use for cause, use in uses
+                                     if cause.name in self.outer_effects])
 
     def surface(self, number: int, hypothesis: Hypothesis, unknowns: Array) -> ForceSurface:
         """A specimen's film with the effects that change it."""

@@ -35,7 +35,7 @@ _TRIES = 20
 
 
 @dataclass(frozen=True, eq=False)
-class Sight:
+class FlatLattices:
     """The flat lattices of a specimen of that name, whatever the sizes of its law's axes."""
 
     setup: Setup
@@ -60,18 +60,18 @@ class Sight:
 
 
 @lru_cache(maxsize=1024)
-def _lattice(sight: Sight, sample: Sample) -> Lattice:
+def _lattice(lattices: FlatLattices, sample: Sample) -> Lattice:
     for _ in range(_TRIES):
         try:
-            film = sight.film(sample)
+            film = lattices.film(sample)
             return lattice_of(film.frame, film.plate)
         except InputError:
             sample = tuple((number, size / 2) for number, size in sample)
-    return _lattice(sight, ())
+    return _lattice(lattices, ())
 
 
 def shown_by_scans(table: ReadingTable, kind: str, rows: NDArray[np.int64],
-                   sights: Mapping[int, tuple[ForceSurface, Lattice, Sag | None]], heave: Array,
+                   films: Mapping[int, tuple[ForceSurface, Lattice, Sag | None]], heave: Array,
                    voltage_squared: Array, pressure: Array) -> Array:
     """What rows of one of the :data:`COMPONENTS` show, of states at heaves [m] and U² [V²].
 
@@ -82,7 +82,7 @@ def shown_by_scans(table: ReadingTable, kind: str, rows: NDArray[np.int64],
     for number in np.unique(table.scan[rows]):
         mine = table.scan[rows] == number
         state = table.state[rows[mine][0]]
-        values = scanned(*sights[int(table.states.specimen[state])], table.scans[number],
+        values = scanned(*films[int(table.states.specimen[state])], table.scans[number],
                          float(heave[state]), float(voltage_squared[state]),
                          float(pressure[state]))
         point = table.point[rows[mine]] - table.first_points[number]
