@@ -59,7 +59,8 @@ STATIC: tuple[Column, ...] = (
     Column("tilt", "mrad", FINITE, required=False),
 )
 #: The columns of range.csv: largest minus smallest displacement between two voltages; ``sigma`` is
-#: that of the range; ``dwell``: the time each of the voltages was held.
+#: that of the range, √2 of a reading's where it is left out; ``dwell``: the time each of the
+#: voltages was held.
 RANGE: tuple[Column, ...] = (
     *_LOAD,
     Column("voltage_min", "kV", _VOLTAGE),

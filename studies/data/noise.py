@@ -81,9 +81,22 @@ def stated_ratio(dataset: Dataset) -> Scatter | None:
 
 def reading_sigma(dataset: Dataset) -> Array:
     """Standard deviation of each static reading [m]: its own, the dataset's, of repeats, or nan."""
-    if dataset.static is None:
-        return np.empty(0)
-    estimated = repeat_noise(dataset) if dataset.noise is None else None
-    rest = dataset.noise if estimated is None else estimated.sigma
-    sigma = dataset.static.sigma
-    return np.where(np.isnan(sigma), np.nan if rest is None else rest, sigma)
+    return np.empty(0) if dataset.static is None else _own_or(dataset.static, _of_one(dataset))
+
+
+def range_sigma(dataset: Dataset) -> Array:
+    """Standard deviation of each range [m]: its own, or that of the difference of two readings."""
+    difference = np.sqrt(2) * _of_one(dataset)
+    return np.empty(0) if dataset.ranges is None else _own_or(dataset.ranges, difference)
+
+
+def _of_one(dataset: Dataset) -> float:
+    """Standard deviation of a reading without its own [m]: the dataset's, of repeats, or nan."""
+    if dataset.noise is not None:
+        return dataset.noise
+    estimated = repeat_noise(dataset)
+    return np.nan if estimated is None else estimated.sigma
+
+
+def _own_or(readings: Sheet, sigma: float) -> Array:
+    return np.where(np.isnan(readings.sigma), sigma, readings.sigma)

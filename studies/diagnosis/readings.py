@@ -12,7 +12,7 @@ from tympan.geometry.errors import InputError
 from tympan.studies.columns import Sheet
 from tympan.studies.data.checks import slips_of_unit
 from tympan.studies.data.dataset import Dataset
-from tympan.studies.data.noise import reading_sigma, repeat_noise
+from tympan.studies.data.noise import range_sigma, reading_sigma, repeat_noise
 from tympan.studies.diagnosis.film_readings import film_rows
 from tympan.studies.diagnosis.history import staircase
 from tympan.studies.diagnosis.hypothesis import Cause
@@ -138,7 +138,7 @@ def _parts(dataset: Dataset, setup: Setup) -> tuple[list[ReadingTable], list[str
     if dataset.static is not None:
         parts += _static(dataset.static, numbers, reading_sigma(dataset))
     if dataset.ranges is not None:
-        parts.append(_ranges(dataset.ranges, numbers))
+        parts.append(_ranges(dataset.ranges, numbers, range_sigma(dataset)))
     if dataset.frequencies is not None:
         parts.append(_frequencies(dataset.frequencies, numbers))
     if dataset.transients is not None:
@@ -211,13 +211,13 @@ def _held(states: States, dwell: Array, turn: NDArray[np.int64]) -> States:
     return replace(states, passage=passage)
 
 
-def _ranges(ranges: Sheet, numbers: dict[str, int]) -> ReadingTable:
+def _ranges(ranges: Sheet, numbers: dict[str, int], sigma: Array) -> ReadingTable:
     # From the lowest voltage to the highest one.
     specimen = np.array([numbers[name] for name in ranges.specimen.tolist()] * 2)
     mass, voltage = np.tile(ranges.mass, 2), np.r_[ranges.voltage_min, ranges.voltage_max]
     states = States.of(specimen, mass, voltage, run=np.tile(np.arange(len(ranges)), 2))
     states = _held(states, np.tile(ranges.dwell, 2), np.arange(len(states)))
-    table = rows(states[len(ranges) + np.arange(len(ranges))], "range", ranges.sigma, ranges.range,
+    table = rows(states[len(ranges) + np.arange(len(ranges))], "range", sigma, ranges.range,
                  file=ranges.file.name, line=ranges.line)
     return replace(table, states=states, state=len(ranges) + table.state, since=table.state)
 

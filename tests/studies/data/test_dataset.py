@@ -21,7 +21,13 @@ from tympan.studies.columns import Column, read_sheet
 from tympan.studies.data import dataset
 from tympan.studies.data.checks import dataset_warnings, summary
 from tympan.studies.data.dataset import read_dataset
-from tympan.studies.data.noise import pooled, reading_sigma, repeat_noise, stated_ratio
+from tympan.studies.data.noise import (
+    pooled,
+    range_sigma,
+    reading_sigma,
+    repeat_noise,
+    stated_ratio,
+)
 from tympan.studies.paper.actuators import actuators
 
 TOP = "specimen,mass_g,voltage_kV,displacement_mm\n"
@@ -343,6 +349,16 @@ def test_a_reading_s_own_sigma_is_respected(tmp_path) -> None:
     unknown = read_dataset(write_dataset(tmp_path / "d", static=TOP + ROW))
     assert repeat_noise(unknown) is None
     assert np.isnan(reading_sigma(unknown)).all()
+
+
+def test_ranges_have_the_noise_of_a_difference_where_they_state_none(tmp_path) -> None:
+    ranges = ("specimen,mass_g,voltage_min_kV,voltage_max_kV,range_mm,sigma_mm\n"
+              "A,17.9,0,7,1.6,\nA,17.9,0,6,1.2,0.03\n")
+    head = HEAD + 'noise = "20 um"\n'
+    stated = read_dataset(write_dataset(tmp_path / "a", head, range=ranges))
+    assert range_sigma(stated) == pytest.approx([2**0.5 * 20e-6, 30e-6])
+    unknown = read_dataset(write_dataset(tmp_path / "b", range=ranges))
+    assert np.isnan(range_sigma(unknown)).tolist() == [True, False]
 
 
 @pytest.mark.parametrize("uneven", [False, True])
