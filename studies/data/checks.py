@@ -8,9 +8,12 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.constants import epsilon_0
 
+from tympan.geometry.outlines import area
 from tympan.geometry.specimen import Specimen
 from tympan.studies.columns import Sheet
+from tympan.studies.data.coupon import Coupons
 from tympan.studies.data.dataset import Dataset, channels
 from tympan.studies.data.noise import repeat_groups, repeat_noise, stated_ratio
 from tympan.studies.files import words_beside
@@ -22,6 +25,17 @@ WORDS = words_beside(__file__)
 #: the Maxwell stress is under 1 Pa; VHB, the strongest film of the library, breaks down far before
 #: the upper one (tympan.fem.film.breakdown).
 _FIELDS = (1e5, 1e9)
+
+#: Factor beyond which a capacitance is none of a film with an electrode over its whole frame, flat
+#: as it is mounted.
+_CAPACITIES = 50.0
+
+#: Stretch below which a strip is pressed, and does not pull, and the temperature [°C] above which
+#: no film was at all times: rooms are at 290 K.
+_SHORT, _HOT = 0.95, 200.0
+
+#: How many readings tell a slip or a sensor's end; how many times as many as any other value has.
+_SEVERAL = 3
 
 #: Factor beyond which a frequency is none of a weight on a spring that gives way so far: films
 #: stiffen, and mass is missing, by less.
@@ -99,6 +113,7 @@ def _static_warnings(dataset: Dataset) -> Iterator[str]:
     static = dataset.static
     if static is None:
         return
+    yield from bad_readings(static)
     timed = np.isfinite(static.order) | np.isfinite(static.elapsed)
     if not timed.any() and dataset.transients is None:
         yield WORDS["no_times"]
@@ -115,6 +130,50 @@ def _static_warnings(dataset: Dataset) -> Iterator[str]:
     ratio = stated_ratio(dataset)
     if ratio is not None and not ratio.low <= 1 <= ratio.high:
         yield WORDS["scatter"].format(ratio=ratio)
+
+
+def at_sensor_end(static: Sheet) -> NDArray[np.bool_]:
+    """Readings at the largest value of all, where far more states have that than any other.
+
+    The smallest tells nothing: low voltages hardly move a plate.
+    """
+    keys = zip(static.specimen.tolist(), static.mass.tolist(), static.voltage.tolist(),
+               static.displacement.tolist(), strict=True)
+    values, states = np.unique([value for *_, value in set(keys)], return_counts=True)
+    most = int(states[-1])
+    if most < max(_SEVERAL, _SEVERAL * int(states[:-1].max(initial=0))):
+        return np.zeros(len(static), bool)
+    return np.asarray(static.displacement == values[-1])
+
+
+def clock_runs_back(static: Sheet) -> int | None:
+    """The first reading that a clock says was made before the one that order says was before it.
+
+    Of one specimen under one mass in one run, for others may have a clock of their own.
+    """
+    if not (np.isfinite(static.order).all() and np.isfinite(static.elapsed).all()):
+        return None
+    last: dict[tuple[object, ...], float] = {}
+    rows: list[int] = np.argsort(static.order, kind="stable").tolist()
+    for row in rows:
+        run = static.specimen[row], static.mass[row], static.run[row]
+        if static.elapsed[row] < last.get(run, -np.inf):
+            return row
+        last[run] = float(static.elapsed[row])
+    return None
+
+
+def bad_readings(static: Sheet) -> Iterator[str]:
+    """What is wrong with the sensor or the clock, and left out of what is judged."""
+    stuck = at_sensor_end(static)
+    if stuck.any():
+        yield WORDS["saturated"].format(
+            count=int(stuck.sum()), value=1e3 * static.displacement[stuck][0],
+            line=int(static.line[stuck][0]))
+    row = clock_runs_back(static)
+    if row is not None:
+        yield WORDS["clock_back"].format(line=int(static.line[row]),
+                                         time=float(static.elapsed[row]))
 
 
 def _frequency_warnings(dataset: Dataset) -> Iterator[str]:
@@ -148,15 +207,58 @@ def slips_of_unit(dataset: Dataset) -> Iterator[str]:
             continue
         for specimen in dataset.specimens:
             rows = table.specimen == specimen.name
-            for column, (low, high, unit, factor) in _limits(specimen).items():
-                if column not in table.values or not rows.any():
-                    continue
-                largest = float(np.abs(np.nan_to_num(table[column][rows])).max())
-                if largest and not low <= largest <= high:
-                    yield WORDS["slip"].format(
-                        file=name, column=column, specimen=specimen.name, unit=unit,
-                        largest=largest * factor, low=low * factor, high=high * factor)
+            for column, limits in _limits(specimen).items():
+                if column in table.values and rows.any():
+                    yield from _slips_of_column(table, name, column, specimen.name, limits)
     yield from _slips_of_frequency(dataset)
+    yield from _upside_down(dataset)
+    if dataset.coupons is not None:
+        yield from _slips_of_coupons(dataset.coupons)
+
+
+def _slips_of_column(table: Sheet, file: str, column: str, specimen: str,
+                     limits: tuple[float, float, str, float]) -> Iterator[str]:
+    """A slip of all readings of a specimen, else of those under one mass.
+
+    What is read under a small mass may be as much smaller than the least that can be.
+    """
+    low, high, unit, factor = limits
+    here = table.specimen == specimen
+    heaviest = float(table.mass[here].max()) or 1.0
+    groups = [(here, 1.0, "")] + [
+        (here & (table.mass == mass), mass / heaviest, f" under {1e3 * mass:.4g} g")
+        for mass in np.unique(table.mass[here]).tolist()]
+    for rows, share, under in groups:
+        largest = float(np.abs(np.nan_to_num(table[column][rows])).max())
+        if largest and not low * share <= largest <= high:
+            yield WORDS["slip"].format(
+                file=file, column=column, specimen=f"{specimen}{under}", unit=unit,
+                largest=largest * factor, low=low * share * factor, high=high * factor)
+            return
+
+
+def _upside_down(dataset: Dataset) -> Iterator[str]:
+    """Specimens that rise under more mass and under more voltage alike."""
+    static, rig = dataset.static, dataset.rig
+    if static is None or rig.gas_pressure or rig.biases:
+        return
+    for specimen in dataset.specimens:
+        rows = np.flatnonzero(static.specimen == specimen.name)
+        mass, volts, down = (static[name][rows] for name in ("mass", "voltage", "displacement"))
+        if len(set(mass.tolist())) > 1 and len(set(volts.tolist())) > 1:
+            columns = np.stack([np.ones(len(rows)), mass / mass.max(), (volts / volts.max())**2])
+            slopes = np.linalg.lstsq(columns.T, down, rcond=None)[0][1:]
+            if max(slopes) < -1e-4 * max(specimen.frame.semi_axes):
+                yield WORDS["upside_down"].format(specimen=specimen.name)
+
+
+def _slips_of_coupons(coupons: Coupons) -> Iterator[str]:
+    """Strains for stretches, kelvins for degrees Celsius."""
+    short = coupons.stretch < _SHORT
+    if short.sum() >= _SEVERAL and np.mean(coupons.stress[short] > 0) > 0.5:
+        yield WORDS["strain"].format(count=int(short.sum()), short=_SHORT)
+    if coupons.degrees.min() > _HOT:
+        yield WORDS["kelvin"].format(lowest=float(coupons.degrees.min()))
 
 
 def _slips_of_frequency(dataset: Dataset) -> Iterator[str]:
@@ -185,5 +287,7 @@ def _limits(specimen: Specimen) -> dict[str, tuple[float, float, str, float]]:
     thickness = film.thickness / film.area_prestretch
     voltage = _FIELDS[0] * thickness, _FIELDS[1] * thickness, "kV", 1e-3
     length = 1e-4 * size, size, "mm", 1e3
+    whole = epsilon_0 * film.relative_permittivity * area(specimen.frame) / thickness
     return {"mass": (1e-4, 5.0, "g", 1e3), "voltage": voltage, "voltage_max": voltage,
-            "displacement": length, "range": length}
+            "film_voltage": voltage, "displacement": length, "range": length,
+            "capacitance": (whole / _CAPACITIES, whole * _CAPACITIES, "pF", 1e12)}

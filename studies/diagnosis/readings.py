@@ -10,7 +10,12 @@ from numpy.typing import NDArray
 
 from tympan.geometry.errors import InputError
 from tympan.studies.columns import Sheet
-from tympan.studies.data.checks import slips_of_unit
+from tympan.studies.data.checks import (
+    at_sensor_end,
+    bad_readings,
+    clock_runs_back,
+    slips_of_unit,
+)
 from tympan.studies.data.dataset import Dataset
 from tympan.studies.data.noise import range_sigma, reading_sigma, repeat_noise
 from tympan.studies.diagnosis.film_readings import film_rows
@@ -137,13 +142,15 @@ def _parts(dataset: Dataset, setup: Setup) -> tuple[list[ReadingTable], list[str
     remarks: list[str] = []
     if dataset.static is not None:
         parts += _static(dataset.static, numbers, reading_sigma(dataset))
+        remarks += bad_readings(dataset.static)
     if dataset.ranges is not None:
         parts.append(_ranges(dataset.ranges, numbers, range_sigma(dataset)))
     if dataset.frequencies is not None:
         parts.append(_frequencies(dataset.frequencies, numbers))
     if dataset.transients is not None:
-        tables, remarks = transient_rows(dataset.transients, numbers, dataset.noise, dataset.rig)
+        tables, said = transient_rows(dataset.transients, numbers, dataset.noise, dataset.rig)
         parts += tables
+        remarks += said
     return parts, remarks
 
 
@@ -178,14 +185,16 @@ def _not_too_many(table: ReadingTable) -> tuple[ReadingTable, list[str]]:
 
 def _static(readings: Sheet, numbers: dict[str, int], sigma: Array) -> list[ReadingTable]:
     direction = (readings.direction == "up") * 1.0 - (readings.direction == "down")
+    elapsed = np.nan_to_num(readings.elapsed) * (clock_runs_back(readings) is None)
     states = States.of([numbers[name] for name in readings.specimen.tolist()], readings.mass,
-                       readings.voltage, np.nan_to_num(readings.elapsed), direction,
+                       readings.voltage, elapsed, direction,
                        np.unique(readings.run, return_inverse=True)[1])
     ordered = np.isfinite(readings.order).all()
     turn = np.argsort(readings.order, kind="stable") if ordered else np.arange(len(readings))
     states = _held(states, readings.dwell, turn)
     origin = readings.order, readings.run, readings.file.name, readings.line
-    tables = [rows(states, "displacement", sigma, readings.displacement, *origin)]
+    seen = ~at_sensor_end(readings)
+    tables = [rows(states, "displacement", sigma, readings.displacement, *origin)[seen]]
     kinds: tuple[Kind, ...] = ("capacitance", "film_voltage", "tilt")
     for kind in kinds:
         values = readings[kind]

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Specimen
+from tympan.studies.data.checks import slips_of_unit
 from tympan.studies.data.coupon import Coupons
 from tympan.studies.data.dataset import Dataset
 from tympan.studies.diagnosis.hypothesis import Cause
@@ -45,6 +46,9 @@ _HELD = 1e-3
 #: How far in the logarithm of the stretch a strip goes on to differ from others.
 _LASTS = 0.5
 
+#: Factor beyond which stresses are of no stiffer or softer film, but a slip of a unit.
+_SLIP = 100.0
+
 #: A drop is counted at stretches beyond those of the run without voltage by this much at most.
 _BEYOND = 1e-3
 
@@ -75,6 +79,8 @@ def coupon_readings(dataset: Dataset) -> CouponReadings:
     if coupons is None or len(coupons) < FEWEST:
         raise InputError(WORDS["few"].format(fewest=FEWEST), key="readings",
                          given=0 if coupons is None else len(coupons))
+    for slip in slips_of_unit(dataset):
+        raise InputError(slip, key=dataset.name)
     setup, film = _films(dataset, coupons)
     legs, keys, references = list(_legs(coupons, film)), _keys(coupons, film), None
     values, remarks = coupons.stress, []
@@ -92,6 +98,7 @@ def coupon_readings(dataset: Dataset) -> CouponReadings:
                                                most=MOST))
     leg = np.concatenate([np.full(len(part), number) for number, part in enumerate(judged)])
     tests = CouponTests(setup, coupons, film, chosen, leg, references)
+    _refuse_slip_of_stress(tests)
     if dataset.strip_scatter:
         remarks.append(WORDS["scatter"].format(share=dataset.strip_scatter))
         tests = replace(tests, lasting=_lasting(tests, keys, dataset.strip_scatter)
@@ -99,6 +106,16 @@ def coupon_readings(dataset: Dataset) -> CouponReadings:
     table = _table(coupons, tests).with_values(tests.judged(values))
     return CouponReadings(setup, table.with_sigma(sigma[chosen]), STATED, noise_from,
                           tuple(remarks), tests=tests)
+
+
+def _refuse_slip_of_stress(tests: CouponTests) -> None:
+    """An :class:`InputError` of stresses that no film of the stated kind has."""
+    if tests.references is not None:
+        return
+    shown = float(np.abs(tests.shown(tests.setup)[0]).sum())
+    ratio = float(np.abs(tests.coupons.stress).sum()) / max(shown, 1e-300)
+    if not 1 / _SLIP < ratio < _SLIP:
+        raise InputError(WORDS["slip"].format(ratio=ratio), file="coupon.csv")
 
 
 def _lasting(tests: CouponTests, keys: Array, scatter: float) -> Array:

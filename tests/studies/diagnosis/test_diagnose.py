@@ -94,6 +94,18 @@ def test_a_hundred_thousand_rows_are_averaged(tmp_path: Path) -> None:
     assert "averaged" in readings.remarks[-1]
 
 
+def test_a_sensor_at_its_end_and_a_clock_that_runs_back_are_left_out(tmp_path) -> None:
+    text = ROWS[:-1] + ",order,elapsed_s\n" + "".join(
+        f"A,{mass},{kv},{min(mass * (1 + kv**2 / 30) / 10, 2.5)},{row},{(60 * row) % 350}\n"
+        for row, (mass, kv) in enumerate((mass, kv) for mass in (10, 20) for kv in range(7)))
+    readings = prepared_readings(read_dataset(write_dataset(tmp_path / "d", static=text)))
+    assert readings.table.value.max() < 2.5e-3
+    assert len(readings.table) == 10
+    assert not readings.table.states.elapsed.any()
+    assert [" at its end" in word or "the clock runs back" in word
+            for word in readings.remarks] == [True, True]
+
+
 def test_averaging_keeps_ranges_apart_from_displacements() -> None:
     table = design(20e-6, voltages=3)
     table = table.with_values(1e-3 + 0 * table.value)

@@ -23,7 +23,7 @@ from tympan.geometry.mesher import MeshSettings
 from tympan.geometry.specimen import Specimen, ViscousBranch
 from tympan.studies.case import Case, Settings, equilibrate, solve
 from tympan.studies.data.coupon import Coupons
-from tympan.studies.diagnosis.reduced.strips import StripTests
+from tympan.studies.diagnosis.reduced.coupon_tests import CouponTests
 from tympan.studies.effects import EFFECTS, Effect, Setup, Use, extended
 from tympan.studies.effects.effect import COUPONS_ALONE, IN_TIME
 from tympan.studies.effects.findings import FoundSize, finding, limits_told
@@ -107,7 +107,7 @@ def of_coupons(setup: Setup) -> np.ndarray:
     coupons = Coupons(mode, np.full(3, 2.0), np.zeros(3), blank, blank, none,
                       celsius=np.full(3, 40.0))
     first = np.zeros(3, np.int64)
-    tests = StripTests(setup, coupons, first, np.arange(3), first)
+    tests = CouponTests(setup, coupons, first, np.arange(3), first)
     return 1e-6 * tests.shown(replace(setup, specimens=setup.specimens[:1]))[0][None]
 
 

@@ -30,6 +30,7 @@ from tests.support.datasets import SPECIMEN, write_dataset
 from tympan.cli import main
 from tympan.fem.film.library import load_specimen
 from tympan.fem.rig import Rig
+from tympan.geometry.errors import InputError
 from tympan.studies.data.dataset import read_dataset
 from tympan.studies.diagnosis.coupons.coupon_readings import coupon_readings
 from tympan.studies.diagnosis.diagnose import diagnose
@@ -80,6 +81,15 @@ def test_what_is_hidden_is_named_or_not_told_but_never_another(
         assert effect in causes
     if noise == 0.01:
         assert verdict in ("named", "ambiguous")
+
+
+def test_a_wrong_unit_of_stress_is_no_stiffer_film(tmp_path: Path) -> None:
+    folder = written(tmp_path / "data", Film(), 0.01, seed=7)
+    file = folder / "coupon.csv"
+    text = file.read_text(encoding="utf-8")
+    file.write_text(text.replace("nominal_stress_kPa", "nominal_stress_MPa"), encoding="utf-8")
+    with pytest.raises(InputError, match="times those of the stated material"):
+        coupon_readings(read_dataset(folder))
 
 
 def test_hardening_with_a_second_invariant_is_both(tmp_path: Path) -> None:
