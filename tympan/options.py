@@ -193,11 +193,13 @@ def naming_options(options: argparse.Namespace) -> Iterator[None]:
 
 
 @contextmanager
-def naming_file(file: Path) -> Iterator[None]:
-    """What is wrong with what a file or folder says is said of it, if of no other."""
+def naming_file(file: Path | None) -> Iterator[None]:
+    """What is wrong with what a file or folder says is said of it, if of no other or an option."""
     try:
         yield
     except InputError as error:
+        if str(error.key).startswith("--"):
+            raise
         raise error.located(file=file) from None
 
 

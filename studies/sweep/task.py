@@ -11,9 +11,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields, replace
 from functools import cache, cached_property
 from importlib import metadata
+from itertools import chain
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
+from tympan.fem.equilibrium.ramp import Status
 from tympan.fem.rig import Rig
 from tympan.geometry.errors import Failure, InputError
 from tympan.geometry.fields import write
@@ -39,6 +41,8 @@ _FINE, _COARSE = 6, 4
 #: gmsh has one state per process: where a cluster gives a process several threads, they take turns.
 _TURN = threading.Lock()
 
+_STATUSES = {*get_args(Status), FAILED}
+
 Row = dict[str, Any]
 
 
@@ -63,7 +67,9 @@ class TaskResult:
     def answers_all(self, task: SweepTask) -> bool:
         """Whether it has all rows and answers of a task."""
         return ([row.get("id") for row in self.rows] == list(task.ids)
-                and all({"id", *COLUMNS} == row.keys() for row in self.rows)
+                and all({"id", *COLUMNS} == row.keys() and row["status"] in _STATUSES
+                        for row in self.rows)
+                and all(map(_of_its_kind, chain(self.rows, *self.answers.values())))
                 and {name: len(records) for name, records in self.answers.items()} == {
                     name: len(task.ids) // QUANTITIES[name].every(task.loads)
                     for name in task.ask.names})
@@ -144,6 +150,14 @@ class SweepTask:
                     film_surface(model, outcome.state, parts).save(file)
                     solution.fields[case_id] = file.read_bytes()
         return solution
+
+
+def _of_its_kind(record: Mapping[str, Any]) -> bool:
+    """Whether a record has numbers, or none, beside its id, its status and texts of warnings."""
+    return all(all(isinstance(text, str) for text in value) if name == "warnings"
+               else isinstance(value, str) if name in ("id", "status")
+               else value is None or isinstance(value, int | float)
+               for name, value in record.items())
 
 
 def without_result(ids: Sequence[str], ask: Ask, loads: Mapping[str, int], reason: str,

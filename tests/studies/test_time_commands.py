@@ -95,6 +95,7 @@ def test_a_mass_that_is_not_given_is_the_one_that_other_commands_take(
     (["solve", "--voltage", "1 kV", "--after", "-1 s"], "--after"),
     (["transient", "--interval", "0 s"], "--interval"),
     (["transient", "--duration", "-1 s"], "--duration"),
+    (["transient", "--duration", "1e9 s"], "--duration: given '1e9 s': must be positive, below"),
     (["transient", "--rest", "-1 s"], "rest"),
     (["response"], "--voltage"),
     (["response", "--voltage", "1 kV", "--frequency", "0 Hz"], "--frequency"),

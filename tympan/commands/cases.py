@@ -16,6 +16,7 @@ from tympan.options import (
     case_arguments,
     command,
     finish,
+    naming_file,
     output,
     parse_quantities,
     parse_quantity,
@@ -162,7 +163,7 @@ def path(options: argparse.Namespace) -> None:
         moments = _MOMENTS if options.fields else 0
         finish(options, loop(case, rate, turn, read_settings(options), moments))
         return
-    with bar(1) as progress:
+    with naming_file(options.rig), bar(1) as progress:
         result = path(case, read_settings(options), options.along, progress, options.fields)
     finish(options, result)
 

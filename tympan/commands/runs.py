@@ -7,7 +7,7 @@ import os
 from functools import partial
 from pathlib import Path
 
-from tympan.geometry.errors import Failure
+from tympan.geometry.errors import Failure, InputError
 from tympan.options import (
     JSON,
     MESH,
@@ -65,6 +65,8 @@ def sweep(options: argparse.Namespace) -> None:
 
     workers = len(os.sched_getaffinity(0)) if options.workers is None else options.workers
     wait = parse_quantity(options.wait, "time", "--wait")
+    if wait < 0:
+        raise InputError("must not be negative", key="--wait", given=options.wait)
     planned = read_sweep(options.file, read_settings(options))
     # Drawing takes longer to import than a plan to read, and what is wrong in that is said first.
     from tympan.reports.sweep.page import keep_page

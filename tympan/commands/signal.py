@@ -41,5 +41,5 @@ def duration(text: str, option: str) -> float:
     """A positive time [s]."""
     value = parse_quantity(text, "time", option)
     if not 0 < value < 1e9:
-        raise InputError("must be positive", key=option, given=text)
+        raise InputError("must be positive, below 1e9 s", key=option, given=text)
     return value

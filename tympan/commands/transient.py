@@ -99,5 +99,6 @@ def response(options: argparse.Namespace) -> None:
 
     frequencies = parse_quantities(options.frequency or "", "frequency", "--frequency")
     if any(not 0 < frequency < 1e9 for frequency in frequencies):
-        raise InputError("must be positive", key="--frequency", given=options.frequency)
+        raise InputError("must be positive, below 1e9 Hz", key="--frequency",
+                         given=options.frequency)
     finish(options, response(read_case(options), read_settings(options), tuple(frequencies)))

@@ -173,12 +173,14 @@ def test_running_again_solves_nothing_and_a_damaged_file_only(whole, tmp_path) -
     sweep, folder = whole
     shutil.copytree(folder, tmp_path / "out")
     before = finished(sweep, tmp_path / "out")
-    damaged, gone, wrong, *_ = sorted((tmp_path / "out" / "tasks").rglob("*.json"))
+    damaged, gone, wrong, text, *_ = sorted((tmp_path / "out" / "tasks").rglob("*.json"))
     content = damaged.read_text()
     damaged.write_text(content.replace("equilibrium", "Equilibrium", 1))
     gone.write_bytes(b"")
-    body = json.dumps(json.loads(wrong.read_text().split("\n")[1]) | {"rows": [1]})
-    wrong.write_text(f"{hashlib.sha256(body.encode()).hexdigest()}\n{body}\n")
+    rows = json.loads(text.read_text().split("\n")[1])["rows"]
+    for file, others in ((wrong, [1]), (text, [row | {"deflection_m": "deep"} for row in rows])):
+        body = json.dumps(json.loads(file.read_text().split("\n")[1]) | {"rows": others})
+        file.write_text(f"{hashlib.sha256(body.encode()).hexdigest()}\n{body}\n")
     asked: list[str] = []
 
     def noted(function, tasks):
@@ -186,8 +188,8 @@ def test_running_again_solves_nothing_and_a_damaged_file_only(whole, tmp_path) -
         return serial(function, tasks)
 
     summary = run_sweep(sweep, tmp_path / "out", noted)
-    assert sorted(asked) == [damaged.stem, gone.stem, wrong.stem]
-    assert (summary.solved, summary.kept) == (18, 30)
+    assert sorted(asked) == [damaged.stem, gone.stem, wrong.stem, text.stem]
+    assert (summary.solved, summary.kept) == (24, 24)
     alike(table(tmp_path / "out"), table(folder))
     after = finished(sweep, tmp_path / "out")
     assert {number for number in after if after[number] != before[number]} == set(asked)

@@ -7,6 +7,7 @@ import resource
 import shutil
 import signal
 import subprocess
+import threading
 import time
 from functools import partial
 from pathlib import Path
@@ -19,7 +20,7 @@ import xarray as xr
 from tests.support.sweeps import Command, finished, read, table, written
 from tympan.geometry.mesher import MeshSettings
 from tympan.studies.case import Settings
-from tympan.studies.parallel import serial
+from tympan.studies.parallel import serial, signals_blocked
 from tympan.studies.sweep.plan import Sweep
 from tympan.studies.sweep.run import run_sweep
 
@@ -78,6 +79,23 @@ def test_killed_ten_times_the_table_is_complete_and_nothing_is_solved_twice(righ
     assert kills == 10
     assert len({len(done) for done in stood}) > 4
     goes_on(right, tmp_path / "out")
+
+
+def test_what_a_signal_does_waits_for_a_process_that_is_being_started() -> None:
+    """Also where another thread takes the signal, whom nothing blocks it."""
+    came: list[str] = []
+    before = signal.signal(signal.SIGTERM, lambda *_: came.append("signal"))
+    over = threading.Event()
+    threading.Thread(target=over.wait, daemon=True).start()
+    try:
+        with signals_blocked():
+            os.kill(os.getpid(), signal.SIGTERM)
+            time.sleep(0.05)
+            came.append("started")
+    finally:
+        over.set()
+        signal.signal(signal.SIGTERM, before)
+    assert came == ["started", "signal"]
 
 
 @pytest.mark.parametrize(("number", "tasks"),
