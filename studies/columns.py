@@ -27,6 +27,9 @@ from tympan.geometry.units import any_quantity, bounded, quantity, unit_factor
 from tympan.studies.files import read_text, write_csv
 from tympan.studies.formats import DECIMAL_COMMA, read_rows, unfolded
 
+#: How a reading that was not made is written.
+_NOTHING_READ = ("", "-", "–", "n/a", "na")
+
 _NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?", re.ASCII)
 
 
@@ -258,6 +261,8 @@ def did_you_mean(word: str, spelled: Mapping[str, str]) -> str:
 
 
 def _no_number(cell: str) -> str:
+    if cell.lower() in _NOTHING_READ:
+        return "must be a number; leave out what was not read"
     if cell.lower().lstrip("+-") in ("nan", "inf", "infinity"):
         return "must be finite"
     if DECIMAL_COMMA.fullmatch(cell):

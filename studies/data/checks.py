@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +16,7 @@ from tympan.geometry.specimen import Specimen
 from tympan.studies.columns import Sheet
 from tympan.studies.data.coupon import Coupons
 from tympan.studies.data.dataset import Dataset, channels
-from tympan.studies.data.noise import repeat_groups, repeat_noise, stated_ratio
+from tympan.studies.data.noise import repeat_groups, repeat_noise, stated_ratio, step_of
 from tympan.studies.files import words_beside
 
 #: What to beware of, by key.
@@ -40,6 +41,12 @@ _SEVERAL = 3
 #: Factor beyond which a frequency is none of a weight on a spring that gives way so far: films
 #: stiffen, and mass is missing, by less.
 _APART = 4.0
+
+#: Steps of a display over the noise from which rounding counts.
+_COARSE = 2.0
+
+#: Correlation of readings with the voltage's square below which they fall, and voltages that take.
+_FALLS, _FEWEST = -0.9, 4
 
 
 def summary(dataset: Dataset) -> dict[str, Any]:
@@ -80,7 +87,7 @@ def summary(dataset: Dataset) -> dict[str, Any]:
 def dataset_warnings(dataset: Dataset) -> list[str]:
     """One sentence for each thing that limits, or may spoil, what the data can tell."""
     return [*dataset.remarks, *_too_little(dataset), *_static_warnings(dataset),
-            *_frequency_warnings(dataset), *slips_of_unit(dataset)]
+            *_frequency_warnings(dataset), *slips_of_unit(dataset), *slips_of_sign(dataset)]
 
 
 def _distinct(values: list[NDArray[np.float64]]) -> list[float]:
@@ -127,6 +134,10 @@ def _static_warnings(dataset: Dataset) -> Iterator[str]:
     if dataset.noise is None and np.isnan(static.sigma).any() and repeat_noise(dataset) is None:
         repeats = (np.bincount(repeat_groups(static)) > 1).any()
         yield WORDS["rounded" if repeats else "no_noise"]
+    scatter, step = repeat_noise(dataset), step_of(static.displacement)
+    noise = dataset.noise or (scatter.sigma if scatter else None)
+    if noise is not None and step > _COARSE * noise:
+        yield WORDS["steps"].format(step=1e6 * step, noise=1e6 * noise)
     ratio = stated_ratio(dataset)
     if ratio is not None and not ratio.low <= 1 <= ratio.high:
         yield WORDS["scatter"].format(ratio=ratio)
@@ -211,7 +222,6 @@ def slips_of_unit(dataset: Dataset) -> Iterator[str]:
                 if column in table.values and rows.any():
                     yield from _slips_of_column(table, name, column, specimen.name, limits)
     yield from _slips_of_frequency(dataset)
-    yield from _upside_down(dataset)
     if dataset.coupons is not None:
         yield from _slips_of_coupons(dataset.coupons)
 
@@ -237,21 +247,6 @@ def _slips_of_column(table: Sheet, file: str, column: str, specimen: str,
             return
 
 
-def _upside_down(dataset: Dataset) -> Iterator[str]:
-    """Specimens that rise under more mass and under more voltage alike."""
-    static, rig = dataset.static, dataset.rig
-    if static is None or rig.gas_pressure or rig.biases:
-        return
-    for specimen in dataset.specimens:
-        rows = np.flatnonzero(static.specimen == specimen.name)
-        mass, volts, down = (static[name][rows] for name in ("mass", "voltage", "displacement"))
-        if len(set(mass.tolist())) > 1 and len(set(volts.tolist())) > 1:
-            columns = np.stack([np.ones(len(rows)), mass / mass.max(), (volts / volts.max())**2])
-            slopes = np.linalg.lstsq(columns.T, down, rcond=None)[0][1:]
-            if max(slopes) < -1e-4 * max(specimen.frame.semi_axes):
-                yield WORDS["upside_down"].format(specimen=specimen.name)
-
-
 def _slips_of_coupons(coupons: Coupons) -> Iterator[str]:
     """Strains for stretches, kelvins for degrees Celsius."""
     short = coupons.stretch < _SHORT
@@ -259,6 +254,46 @@ def _slips_of_coupons(coupons: Coupons) -> Iterator[str]:
         yield WORDS["strain"].format(count=int(short.sum()), short=_SHORT)
     if coupons.degrees.min() > _HOT:
         yield WORDS["kelvin"].format(lowest=float(coupons.degrees.min()))
+
+
+def slips_of_sign(dataset: Dataset) -> Iterator[str]:
+    """Deflections that fall wherever the voltage rises, and under heavier masses if there are some.
+
+    So does a sensor's distance from the plate, or an axis that points up.
+    """
+    static, rig = dataset.static, dataset.rig
+    if static is None or rig.gas_pressure or rig.biases:
+        return
+    ramps = [ramp for ramp in _ramps(static) if len(np.unique(ramp.voltage)) >= _FEWEST]
+    heavier = [(light, heavy) for light, heavy in pairwise(ramps) if light.name == heavy.name]
+    if ramps and all(ramp.falls for ramp in ramps) and all(
+            heavy.read.max() < light.read.max() for light, heavy in heavier):
+        ramp, ends = ramps[0], np.argsort(ramps[0].voltage, kind="stable")[[0, -1]]
+        yield WORDS["falls"].format(specimen=ramp.name, mass=1e3 * ramp.mass,
+                                    read=1e3 * ramp.read[ends], voltage=1e-3 * ramp.voltage[ends])
+
+
+class _Ramp(NamedTuple):
+    """Voltages [V] and deflections [m] read of a specimen under a mass [kg]."""
+
+    name: str
+    mass: float
+    voltage: NDArray[np.float64]
+    read: NDArray[np.float64]
+
+    @property
+    def falls(self) -> bool:
+        """Whether deflections fall as the square of the voltage rises."""
+        return bool(np.ptp(self.read) > 0
+                    and np.corrcoef(self.voltage**2, self.read)[0, 1] < _FALLS)
+
+
+def _ramps(static: Sheet) -> list[_Ramp]:
+    """Ramps by specimen and, of each, by mass."""
+    loads = sorted(set(zip(static.specimen.tolist(), static.mass.tolist(), strict=True)))
+    rows = [(static.specimen == name) & (static.mass == mass) for name, mass in loads]
+    return [_Ramp(*load, static.voltage[there], static.displacement[there])
+            for load, there in zip(loads, rows, strict=True)]
 
 
 def _slips_of_frequency(dataset: Dataset) -> Iterator[str]:

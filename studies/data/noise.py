@@ -13,6 +13,9 @@ from tympan.studies.data.dataset import Dataset
 
 Array = NDArray[np.float64]
 
+#: How far from a multiple of a step a value may be, over the step.
+_ROUNDED = 1e-6
+
 
 @dataclass(frozen=True)
 class Scatter:
@@ -67,6 +70,19 @@ def repeat_noise(dataset: Dataset) -> Scatter | None:
     scatter = pooled(readings.displacement[plain], repeat_groups(readings)[plain])
     rounding = 1e-12 * np.abs(readings.displacement).max()
     return scatter if scatter is not None and scatter.sigma > rounding else None
+
+
+def step_of(values: Array) -> float:
+    """The largest round step, 1, 2 or 5 times a power of ten, of which all values are multiples.
+
+    0 where there is none, or all are one value.
+    """
+    if not np.ptp(values):
+        return 0.0
+    for step in (digit * 10.0**power for power in range(-1, -10, -1) for digit in (5, 2, 1)):
+        if np.abs(values / step - np.round(values / step)).max() < _ROUNDED:
+            return step
+    return 0.0
 
 
 def stated_ratio(dataset: Dataset) -> Scatter | None:

@@ -14,6 +14,7 @@ from tympan.studies.data.checks import (
     at_sensor_end,
     bad_readings,
     clock_runs_back,
+    slips_of_sign,
     slips_of_unit,
 )
 from tympan.studies.data.dataset import Dataset
@@ -131,7 +132,7 @@ def _refuse(dataset: Dataset, sheets: list[Sheet]) -> None:
     if not (rig.force(masses, 1.0).any() or rig.gas_pressure or rig.biases):
         raise InputError("must be above 0 in some reading: a film that nothing loads stays flat "
                          "under any voltage", key="mass", given="0 g everywhere")
-    for slip in slips_of_unit(dataset):
+    for slip in (*slips_of_unit(dataset), *slips_of_sign(dataset)):
         raise InputError(slip, key=dataset.name)
 
 

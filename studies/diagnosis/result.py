@@ -42,6 +42,7 @@ from tympan.studies.diagnosis.sentences import (
     found_sizes,
     headline,
     next_step,
+    slip,
     suspects_among,
     together,
     told,
@@ -359,6 +360,9 @@ class Diagnosis:
                      if self.judgement.explained(fit) >= _WORTH][:_CHECKS]
             advice = WORDS["again"]
             checks = [told(fit, fit.hypothesis[0])["check"] for fit in worth]
+        if words := slip(self.films):
+            look_up = WORDS["look_up"].format(slip=words)
+            checks = [look_up] if self.verdict == "unexplained" else [look_up, *checks]
         step = {"what": next_step(self.verdict, checks, advice),
                 "checks": list(dict.fromkeys(checks)), "after_checks": advice}
         if self.verdict == "unexplained" or not self.proposals:

@@ -14,6 +14,7 @@ from tympan.studies.diagnosis.hypothesis import Cause, sizes_of
 from tympan.studies.diagnosis.inference.projection import beside, taken_by
 from tympan.studies.diagnosis.inference.verdict import Judgement
 from tympan.studies.diagnosis.patterns.reading_patterns import JUMPS, over
+from tympan.studies.diagnosis.slips import reading_columns, run_columns
 from tympan.studies.effects.findings import FoundSize, finding, limits_told
 from tympan.studies.files import words_beside
 
@@ -29,8 +30,10 @@ SURPRISING = 3.0
 #: Suspects are causes of at least this probability, and so many at most.
 _SUSPECT, _MOST = 0.05, 4
 
-#: Shares by which what vague patterns take away counts, so that what says more is told instead.
+#: Shares by which what vague patterns take away counts, so that what says more is told instead; and
+#: what the best of many columns does, which fits a little of anything.
 _VAGUE = {"level": 0.5, "fitted": 0.6, "voltage": 0.9, "coupon_level": 0.5, "coupon_stretch": 0.9}
+_BEST_OF_MANY = {"step": 0.8, "stick": 0.8, "reading": 0.8}
 
 #: χ² from which a pattern is told beside another one, and how many times that of any other specimen
 #: one takes away that is off itself.
@@ -117,29 +120,70 @@ def next_step(verdict: str, checks: Sequence[str], advice: str) -> str:
     return WORDS[key].format(checks="; ".join(dict.fromkeys(checks)), advice=advice)
 
 
-def where(judged: Judgement) -> str:
-    """Where the misfit is: the pattern that takes most of it, and what one more takes beside it.
+def slip(judged: Judgement) -> str:
+    """What of a misfit looks like a slip of the pen, if that takes more than any other pattern."""
+    if (exchange := judged.exchange) is not None:
+        before, after = (1e6 * float(np.median(judged.table.sigma[judged.table.lengths]))
+                         * (chi_squared / len(judged.table)) ** 0.5
+                         for chi_squared in (judged.nominal.chi_squared, exchange.chi_squared))
+        inside = WORDS["within"].format(exchange.within) if exchange.within else ""
+        return WORDS["exchanged"].format(exchange=exchange, inside=inside, before=before,
+                                         after=after)
+    taken = taken_by(judged.nominal.free_jacobian)
+    slips = _slips(judged, taken)
+    shares = _shares(judged, taken, _singled(judged) | slips)
+    best = max(shares, key=lambda name: shares[name], default="")
+    return judged.test.words(best) if best in slips else ""
 
-    Each is counted by what it takes that the refitted stiffness and permittivity leave; so a
-    specimen is not blamed for what these have moved.
+
+def where(judged: Judgement) -> str:
+    """Where the misfit is: a slip of the pen, or the pattern that takes most of it, and one more.
+
+    That takes most beside all of the first one's kind. Each is counted by what it takes that the
+    refitted stiffness and permittivity leave; so a specimen is not blamed for what these have
+    moved.
     """
+    if words := slip(judged):
+        return words
     columns = _singled(judged)
     taken, told_of = taken_by(judged.nominal.free_jacobian), list[str]()
     first: dict[str, float] = {}
     for least in (0.0, _CLEAR):
-        shares = {name: _taken(judged.nominal, taken, values) for name, values in columns.items()
-                  if name.split()[0] not in [other.split()[0] for other in told_of]}
-        shares = {name: share * _VAGUE.get(name.split()[0], 1.0) for name, share in shares.items()}
+        kinds = {name.split()[0] for name in told_of}
+        others = {name: values for name, values in columns.items() if name.split()[0] not in kinds}
+        shares = _shares(judged, taken, others)
         best = max(shares, key=lambda name: shares[name], default=None)
         if best is None or shares[best] <= least or (told_of and best.split()[0] in _VAGUE):
             break
         told_of.append(best)
         first = first or shares
-        taken = np.hstack([taken, beside(taken, columns[best])])
-    words = [judged.test.words(name) for name in told_of]
+        of_kind = [values for name, values in others.items() if name.split()[0] == best.split()[0]]
+        taken = np.hstack([taken, beside(taken, np.hstack(of_kind))])
+    parts = [judged.test.words(name) for name in told_of]
     if told_of and told_of[0].startswith("specimen "):
-        words[0] = _specimens(told_of[0], words[0], first)
-    return "; ".join(words)
+        parts[0] = _specimens(told_of[0], parts[0], first)
+    return "; ".join(parts)
+
+
+def _shares(judged: Judgement, taken: Array, columns: dict[str, Array]) -> dict[str, float]:
+    """What patterns take away, vague ones and the best of many less."""
+    weights = _VAGUE | _BEST_OF_MANY
+    return {name: _taken(judged.nominal, taken, values) * weights.get(name.split()[0], 1.0)
+            for name, values in columns.items()}
+
+
+def _slips(judged: Judgement, taken: Array) -> dict[str, Array]:
+    """Columns of single readings, and of the run that is off more than the others, if one is."""
+    table = judged.table
+    names = [specimen.name for specimen in judged.simulation.setup.specimens]
+    slips = reading_columns(table, names, taken, judged.nominal.residual)
+    runs = run_columns(table, names)
+    shares = _shares(judged, taken, runs)
+    others = sorted(shares.values())[:-1]
+    best = max(shares, key=lambda name: shares[name], default=None)
+    if best is not None and (not others or shares[best] >= _ALONE * others[-1]):
+        slips[best] = runs[best]
+    return slips
 
 
 def _singled(judged: Judgement) -> dict[str, Array]:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from tympan.studies.diagnosis.fits.evidence import evidence
 from tympan.studies.diagnosis.fits.fit import Fit
 from tympan.studies.diagnosis.hypothesis import Cause, hypotheses_of
+from tympan.studies.diagnosis.inference.exchanged_labels import Exchange, exchange_of
 from tympan.studies.diagnosis.inference.exploration import Exploration
 from tympan.studies.diagnosis.inference.identifiability import (
     Signatures,
@@ -45,7 +46,8 @@ SCALES = (1 / 3, 1.0, 3.0, 10.0)
 #: more, 3 at least.
 EXCLUDED = 9.0
 
-#: χ² by which two causes of one class must explain more than one alone, to be weighed as two.
+#: χ² by which two causes of one class must explain more than one alone, to be weighed as two, and
+#: effects more than an exchange of labels, for that not to be told.
 MORE = 4.0
 
 #: How much more two causes must explain than a smooth misfit of no cause, to be named: logarithm of
@@ -67,7 +69,8 @@ class Judgement:
     apart, ``invisible`` causes they cannot see; ``alone`` every effect fitted by itself with hardly
     any prior, ``rivals`` those of them that only their size speaks against. ``small_errors``: the
     share of their usual sizes at which all other causes are there, where that is what explains the
-    rest.
+    rest. ``exchange``: labels by whose exchange the nominal model misses readings as little as with
+    any effects.
     """
 
     verdict: Verdict
@@ -87,6 +90,7 @@ class Judgement:
     suspects: tuple[Cause, ...] = ()
     alone: tuple[Fit, ...] = ()
     small_errors: float | None = None
+    exchange: Exchange | None = None
 
     @property
     def chosen(self) -> Fit | None:
@@ -162,7 +166,19 @@ def judge(simulation: Simulation, table: ReadingTable, causes: Sequence[Cause],
                      or shows_when_large(simulation, cause, nominal, table))
     exploration = Exploration(simulation, table, nominal, possible, adequacy.enough, widen, workers)
     exploration.run()
-    return _weighed(replace(base, simulation=exploration.simulation), exploration, adequacy)
+    weighed = _weighed(replace(base, simulation=exploration.simulation), exploration, adequacy)
+    return _with_exchange(weighed, misfit)
+
+
+def _with_exchange(base: Judgement, misfit: NominalMisfit) -> Judgement:
+    """With labels whose exchange explains as much as any effects do, if there are such."""
+    if misfit.simulation.coupons is not None or misfit.simulation.strips is not None:
+        return base
+    exchange = exchange_of(misfit.simulation, misfit.table, misfit.fit)
+    fits = base.posterior.fits if base.posterior else ()
+    others = min((fit.chi_squared for fit in fits), default=np.inf)
+    return replace(base, exchange=exchange if exchange and exchange.chi_squared < others + MORE
+                   else None)
 
 
 @dataclass
