@@ -172,7 +172,7 @@ def judge(simulation: Simulation, table: ReadingTable, causes: Sequence[Cause],
 
 def _with_exchange(base: Judgement, misfit: NominalMisfit) -> Judgement:
     """With labels whose exchange explains as much as any effects do, if there are such."""
-    if misfit.simulation.coupons is not None or misfit.simulation.strips is not None:
+    if misfit.simulation.coupons is not None:
         return base
     exchange = exchange_of(misfit.simulation, misfit.table, misfit.fit)
     fits = base.posterior.fits if base.posterior else ()

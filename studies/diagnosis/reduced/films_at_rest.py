@@ -82,6 +82,13 @@ class FilmsAtRest:
         return load
 
     @cached_property
+    def _film_weight(self) -> Array:
+        """What each plate carries of its film's own weight [N], shape (states,)."""
+        if self.films.masses is None:
+            return np.zeros(len(self.states))
+        return self.films.masses.film_weight[self.states.specimen]
+
+    @cached_property
     def hardening(self) -> Array | float:
         """Factor on the stiffness by what films remember."""
         if self.films.memory is None:
@@ -263,7 +270,8 @@ class FilmsAtRest:
         """
         force, rate = self._film_force(heave)
         stiffness = self.stiffness * self.hardening
-        force = stiffness * force + self.rig.spring * heave
+        # A stiffer film weighs no more, and the force that was sampled is less that weight.
+        force = stiffness * force + (stiffness - 1) * self._film_weight + self.rig.spring * heave
         rate = stiffness * rate + self.rig.spring
         for bias in self.rig.biases:
             more = np.array([bias.derivatives(place)[1:] for place in heave.ravel().tolist()])

@@ -85,6 +85,12 @@ class SwingingMasses:
         return np.array([film.lifted * specimen.electrode.mass * setup.rig.gravity
                          for film, specimen in zip(self.films, setup.specimens, strict=True)])
 
+    @cached_property
+    def film_weight(self) -> Array:
+        """What the plates carry of their films' weight [N], shape (specimens,)."""
+        return np.array([(film.swept - film.plate) * _per_area(specimen) * self.setup.rig.gravity
+                         for film, specimen in zip(self.films, self.setup.specimens, strict=True)])
+
 
 def _per_area(specimen: Specimen) -> float:
     film = specimen.membrane

@@ -14,13 +14,16 @@ from benchmarks.trials.synthetic_trials import MASSES, Truth, design_of, paper
 from tests.oracles import axisymmetric
 from tests.support.specimens import reference_film
 from tympan.fem.film.laws import Ogden
+from tympan.fem.film.laws.stiffened import scaled
 from tympan.geometry.errors import InputError
+from tympan.studies.case import Case, solve
 from tympan.studies.data.dataset import read_dataset
 from tympan.studies.diagnosis.calibration import Calibration, calibrated, law_error
 from tympan.studies.diagnosis.diagnose import diagnose
 from tympan.studies.diagnosis.hypothesis import Cause
 from tympan.studies.diagnosis.reading_table import ReadingTable, States, rows
 from tympan.studies.diagnosis.readings import PreparedReadings, prepared_readings
+from tympan.studies.diagnosis.reduced.sampling import FINE
 from tympan.studies.effects import Setup
 
 DOZEN = range(100, 112)
@@ -72,6 +75,20 @@ def _read(setup: Setup, voltages: list[float], heaves: list[float]) -> ReadingTa
 
 def _calibrated(setup: Setup, voltages: list[float], heaves: list[float]) -> Calibration:
     return calibrated(setup, _read(setup, voltages, heaves))
+
+
+@pytest.mark.parametrize("stiffness", [0.7, 1.4])
+def test_a_film_weighs_the_same_however_stiff_it_is(circle: Setup, stiffness: float) -> None:
+    """Readings of finite elements with a film of 1 kg/m² mounted, a reduced one of which would be
+    70 and 120 µm off if its weight grew with its stiffness."""
+    heavy = circle.with_films(lambda film: replace(film, density=5e3))
+    true = heavy.with_films(lambda film: replace(film, material=scaled(film.material, stiffness)))
+    voltages = np.linspace(0.0, 3.5e3, 6).tolist()
+    heaves = [solve(Case(true.specimens[0], mass=MASSES[0], voltage=voltage), FINE).deflection_m
+              for voltage in voltages]
+    nominal = _calibrated(heavy, voltages, heaves)
+    assert law_error(nominal.simulation, nominal.fit, nominal.table) < 5e-7
+    assert np.exp(nominal.fit.unknowns[:2]) == pytest.approx([stiffness, 1.0], rel=1e-3)
 
 
 def test_readings_past_every_limit_are_left_out_by_name(circle: Setup) -> None:
