@@ -163,7 +163,14 @@ def read_sheet(file: Path | str, columns: Sequence[Column]) -> Sheet:
     :class:`InputError` names line and column of what cannot be used, what was given and what is
     allowed.
     """
-    file = Path(file)
+    sheet = _read(Path(file), columns)
+    if not len(sheet):
+        raise InputError("has no readings below the names of its columns", file=sheet.file)
+    return sheet
+
+
+def _read(file: Path, columns: Sequence[Column]) -> Sheet:
+    """A table that may have no rows."""
     raw = file_bytes(file)
     lines = read_rows(file, raw)
     long = unfolded(file, lines) if any(column.name == "specimen" for column in columns) else None
@@ -173,15 +180,14 @@ def read_sheet(file: Path | str, columns: Sequence[Column]) -> Sheet:
                          file=file)
     (top, titles), *rows = lines
     header = _header(file, top, titles, columns)
-    if not rows:
-        raise InputError("has no readings below the names of its columns", file=file)
     for line, row in rows:
         if len(row) != len(titles):
             comma = "; a decimal comma splits a number: write decimal points"
             more = comma if len(row) > len(titles) else ""
             raise InputError(f"must have {len(titles)} cells, as the first line has{more}",
                              file=file, key=f"line {line}", given=f"{len(row)} cells")
-    sheet = Sheet(file, hashlib.sha256(raw).hexdigest(), np.array([line for line, _ in rows]),
+    places = np.array([line for line, _ in rows], np.int64)
+    sheet = Sheet(file, hashlib.sha256(raw).hexdigest(), places,
                   {column.name: np.full(len(rows), column.blank) for column in columns},
                   tuple(titles), {column.name: place for place, (column, _) in enumerate(header)},
                   [row for _, row in rows], wide=long is not None)
@@ -192,7 +198,7 @@ def read_sheet(file: Path | str, columns: Sequence[Column]) -> Sheet:
                 values.append(column.value(row[place], factor))
             except InputError as error:
                 raise sheet.error(number, column.name, error.allowed) from None
-        sheet.values[column.name] = np.array(values)
+        sheet.values[column.name] = np.array(values, None if values else type(column.blank))
     return sheet
 
 
@@ -203,10 +209,10 @@ def write_sheet(file: Path, columns: Sequence[Column], values: Mapping[str, Any]
 
 
 def read_own_sheet(file: Path, columns: Sequence[Column]) -> dict[str, NDArray[Any]]:
-    """SI values by column name of a file that :func:`write_sheet` wrote."""
+    """SI values by column name of a file that :func:`write_sheet` wrote; it may have no rows."""
     if not read_text(file).endswith("\n"):
         raise InputError("is cut short: run the command that wrote the folder again", file=file)
-    return read_sheet(file, columns).values
+    return _read(file, columns).values
 
 
 def _header(file: Path, line: int, titles: Sequence[str],

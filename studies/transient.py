@@ -40,7 +40,12 @@ from tympan.studies.files import to_json
 from tympan.studies.film_surface import FilmSurface, film_surface, save_series
 from tympan.studies.limits.voltages import first_limit
 from tympan.studies.lumped.remarks import remark
-from tympan.studies.lumped.simulate import SampledResponse, SimulationResult, settling_time
+from tympan.studies.lumped.simulate import (
+    SampledResponse,
+    SimulationResult,
+    settling_time,
+    with_rest,
+)
 from tympan.studies.modes import carried
 from tympan.studies.reduced_film.sampling import extremes, in_time, last_loop
 from tympan.studies.signals import Pieces, Signal, Supplied, lagging, nominal, ramp
@@ -100,8 +105,10 @@ class History:
     """What a film did, moment by moment; after a jump of the voltage the same time twice.
 
     ``time`` [s], ``deflection`` [m], ``voltage`` across the film [V], ``capacitance`` [F],
-    ``tilt`` [rad], all of shape (moments,). ``stopped``: where it went no further. ``slack``: when
-    the film first lost tension [s], None where it did not. ``balance``: where its energy went.
+    ``tilt`` [rad], all of shape (moments,). ``before``: the deflection when the signal began [m],
+    0 where the film hung under nothing until then. ``stopped``: where it went no further.
+    ``slack``: when the film first lost tension [s], None where it did not. ``balance``: where its
+    energy went.
     """
 
     time: Array
@@ -109,6 +116,7 @@ class History:
     voltage: Array
     capacitance: Array
     tilt: Array
+    before: float
     stopped: Stopped | None
     slack: float | None
     balance: EnergyBalance
@@ -155,7 +163,8 @@ def history(case: TransientCase, settings: Settings, films: tuple[float, ...] = 
                          key="mass", given=f"{case.mass:g} kg")
     balance = EnergyBalance.of(energies, before)
     times, deflection, voltage, capacitance, tilt = np.array(record).T
-    return History(times, deflection, voltage, capacitance, tilt, stopped, slack, balance, pictures)
+    return History(times, deflection, voltage, capacitance, tilt, state.plate.deflection, stopped,
+                   slack, balance, pictures)
 
 
 def solve_after(case: Case, after: float, settings: Settings, film: bool = False) -> CaseResult:
@@ -258,7 +267,6 @@ def respond(case: TransientCase, settings: Settings, interval: float, period: fl
     done = history(case, settings, films)
     when = np.linspace(0.0, done.end, max(2, round(done.end / interval) + 1))
     deflection = done.at(done.deflection, when)
-    voltage = nominal(case.signal, when)
     (low_s, low), (high_s, high) = extremes(done.time, done.deflection)
     warnings = _left_out(case.rig)
     if done.stopped is not None:
@@ -293,11 +301,20 @@ def respond(case: TransientCase, settings: Settings, interval: float, period: fl
         "wall_s": time.perf_counter() - began,
         "warnings": warnings,
     }
-    shown = lagging(when, case.rig.reading(deflection, when), case.rig.sensor_lag)
+    return SampledResponse(numbers, _samples(case, done, when), loop), done
+
+
+def _samples(case: TransientCase, done: History, when: Array) -> pd.DataFrame:
+    """Rows of transient.csv at times [s], which say how long the film had rested."""
+    sampled = when, nominal(case.signal, when), done.at(done.deflection, when)
+    if case.rested:
+        sampled = with_rest(case.signal, *sampled, done.before)
+    time, voltage, deflection = sampled
+    shown = lagging(time, case.rig.reading(deflection, time), case.rig.sensor_lag)
     samples = pd.DataFrame({
-        "specimen": case.specimen.name, "mass": case.mass, "run": "simulated", "t": when,
+        "specimen": case.specimen.name, "mass": case.mass, "run": "simulated", "t": time,
         "voltage": voltage, "displacement": shown})
-    return SampledResponse(numbers, samples, loop), done
+    return samples if case.rested == inf else samples.assign(rest=case.rested)
 
 
 def loop(case: Case, rate: float, turn: float | None, settings: Settings, films: int = 0

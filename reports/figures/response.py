@@ -41,7 +41,7 @@ def _responses(responses: Sequence[SampledResponse]) -> Figure:
                    label=_label(item))
         if number == 0:
             first = item.numbers["first_voltage_V"]
-            above.plot([-end, 0.0, *time], 1e-3 * np.array([first, first, *voltage]),
+            above.plot([-end, time[0], *time], 1e-3 * np.array([first, first, *voltage]),
                        color="black", linewidth=0.8)
     above.legend(*below.get_legend_handles_labels(), loc="lower right", bbox_to_anchor=(1, 1),
                  ncols=_COLUMNS)

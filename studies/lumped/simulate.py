@@ -48,8 +48,11 @@ _WORK = 10_000_000  # evaluations of the rates: the better part of a minute
 _LIGHTEST = 1e-6  # [kg]
 #: A loop that drifts by less than this share of its range counts as closed.
 _CLOSED = 0.01
+#: How long before a jump at once the rest is sampled, over the interval of samples.
+_EARLY = 1e-3
 _COLUMNS = (Column.labels("specimen"), Column("mass", "g"), Column.labels("run"),
-            Column("t", "s"), Column("voltage", "kV"), Column("displacement", "mm"))
+            Column("t", "s"), Column("voltage", "kV"), Column("displacement", "mm"),
+            Column("rest", "s", required=False))
 _LOOP_COLUMNS = (Column.labels("specimen"), Column("voltage", "kV"), Column("deflection", "mm"))
 
 
@@ -227,6 +230,20 @@ def sample_count(end: float, interval: float) -> int:
     return max(2, round(end / interval) + 1)
 
 
+def with_rest(signal: Signal, time: Array, voltage: Array, deflection: Array, before: float
+              ) -> tuple[Array, Array, Array]:
+    """Times [s], voltages [V] and deflections [m] of samples, begun at rest if they are not.
+
+    A run of a dataset begins at rest under its first voltage. Where the signal jumps at once, its
+    first sample is after the jump already, and another comes in front: ``before`` [m], at rest.
+    """
+    if voltage[0] == signal.first:
+        return time, voltage, deflection
+    early = time[0] - _EARLY * (time[1] - time[0])
+    return (np.append(early, time), np.append(signal.first, voltage),
+            np.append(before, deflection))
+
+
 def sample(response: Response, interval: float, period: float | None = None,
            step: bool = False, remarks: Sequence[str] = ()) -> SampledResponse:
     """A response with an interval [s], and what it tells.
@@ -272,6 +289,9 @@ def sample(response: Response, interval: float, period: float | None = None,
         "evaluations": response.evaluations,
         "warnings": [*warnings, *origin(actuator)],
     }
+    # Its plate has inertia: at a jump it has not moved yet.
+    time, voltage, deflection = with_rest(response.signal, time, voltage, deflection,
+                                          float(deflection[0]))
     samples = pd.DataFrame({
         "specimen": name, "mass": actuator.mass, "run": "simulated", "t": time,
         "voltage": voltage, "displacement": actuator.rig.reading(deflection, time)})
@@ -313,8 +333,9 @@ class SimulationResult:
         The numbers come last, so their presence means the rest is complete.
         """
         remove(folder, self.file, "hysteresis.csv")
-        write_sheet(folder / "transient.csv", _COLUMNS,
-                    pd.concat([response.samples for response in self.responses]))
+        samples = pd.concat([response.samples for response in self.responses])
+        write_sheet(folder / "transient.csv",
+                    [column for column in _COLUMNS if column.name in samples], samples)
         loops = [response.loop for response in self.responses if response.loop is not None]
         if loops:
             write_sheet(folder / "hysteresis.csv", _LOOP_COLUMNS, pd.concat(loops))
@@ -331,7 +352,8 @@ class SimulationResult:
         content = read_json(folder / cls.file)
         if not isinstance(content, dict) or not content.get("responses"):
             raise InputError(f"is not of {cls.writer}: run it again", file=folder / cls.file)
-        samples = pd.DataFrame(read_own_sheet(folder / "transient.csv", _COLUMNS))
+        samples = pd.DataFrame(read_own_sheet(folder / "transient.csv", _COLUMNS)).dropna(
+            axis="columns", how="all")
         loops, file = {}, folder / "hysteresis.csv"
         if file.exists():
             periods = pd.DataFrame(read_own_sheet(file, _LOOP_COLUMNS))

@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from tympan.cli import main
+from tympan.studies.data.dataset import read_dataset
+from tympan.studies.diagnosis.calibration import calibrated
+from tympan.studies.diagnosis.readings import prepared_readings
 
 FILM = """
 name = "round"
@@ -60,6 +65,30 @@ def test_pull_in_is_a_result_with_its_time(film: Path, tmp_path: Path,
     assert response["status"] in ("pull_in", "thinning")
     assert 0 < response["stopped_s"] < 30
     assert (tmp_path / "out" / "response.png").exists()
+
+
+@pytest.mark.parametrize(("mounted", "options", "begin"), [
+    ("", ["--high", "4 kV"], [0.0, 4e3]),
+    ("", ["--low", "2 kV", "--high", "4 kV"], [2e3, 4e3]),
+    ("", ["--signal", "ramp", "--high", "4 kV"], [0.0]),
+    ('mounted = "1 hour"\n', ["--high", "4 kV", "--rest", "20 s"], [0.0, 4e3]),
+    ('mounted = "1 hour"\n', ["--high", "4 kV"], [4e3]),
+])
+def test_a_motion_that_is_written_is_read_as_what_it_was(
+        mounted: str, options: list[str], begin: list[float], film: Path, tmp_path: Path,
+        capsys: pytest.CaptureFixture[str]) -> None:
+    """The film predicts the rows: by other elements and steps, to half a hundredth of its way."""
+    film.write_text(FILM.replace("thickness", f"{mounted}thickness"), encoding="utf-8")
+    answer(capsys, "transient", str(film), "--mass", "17.9 g", "--duration", "30 s",
+           "--interval", "0.6 s", *options, "-o", str(tmp_path / "out"))
+    dataset = replace(read_dataset(tmp_path / "out"), noise=1e-6)
+    assert dataset.transients is not None
+    assert dataset.transients.voltage[: len(begin)].tolist() == begin
+    readings = prepared_readings(dataset)
+    simulation = calibrated(readings.setup, readings.table).simulation
+    values = readings.table.value
+    predicted = simulation.predict((), np.zeros(2), readings.table)
+    assert np.abs(predicted - values).max() < 5e-3 * np.ptp(values)
 
 
 def test_what_a_rig_has_at_rest_alone_is_said_to_be_left_out(

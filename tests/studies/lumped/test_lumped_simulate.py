@@ -213,7 +213,10 @@ def test_simulate_command_writes_what_a_dataset_reads(tmp_path: Path,
     (out / "dataset.toml").write_text(head)
     data = read_dataset(out)
     assert data.transients is not None
-    assert len(data.transients) == 2 * 101
+    # A step comes at once: in front stands the rest that it begins from.
+    assert len(data.transients) == 2 * 102
+    assert data.transients.voltage[:3].tolist() == [0.0, 3.5e3, 3.5e3]
+    assert data.transients.t[0] < 0 == data.transients.t[1]
     assert data.transients.displacement[0] == pytest.approx(printed["responses"][0]["first_m"],
                                                             rel=1e-9)
 
