@@ -25,11 +25,13 @@ from tympan.geometry.read_file import file_bytes
 from tympan.geometry.toml_reader import FINITE, Rule
 from tympan.geometry.units import any_quantity, bounded, quantity, unit_factor
 from tympan.studies.files import read_text, write_csv
-from tympan.studies.formats import DECIMAL_COMMA, read_rows, unfolded
+from tympan.studies.formats import DECIMAL_COMMA, read_rows, readers, unfolded
 
 #: How a reading that was not made is written.
 _NOTHING_READ = ("", "-", "–", "n/a", "na")
 
+#: So much of a line is shown.
+_SHOWN = 80
 _NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?", re.ASCII)
 
 
@@ -219,6 +221,11 @@ def _header(file: Path, line: int, titles: Sequence[str],
             columns: Sequence[Column]) -> list[tuple[Column, float]]:
     """What each name of the first line stands for, and the SI value of its unit."""
     header: list[tuple[Column, float]] = []
+    if not any(column.claims(title) for column in columns for title in titles):
+        names = ", ".join(column.title for column in columns)
+        raise InputError(f"is a table that no reader knows: columns are called {names}; or it is "
+                         f"written as one of {readers()}", file=file, key=f"line {line}",
+                         given=", ".join(titles)[:_SHOWN])
     for place, title in enumerate(titles):
         try:
             column = _column(title, columns)

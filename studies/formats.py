@@ -1,8 +1,8 @@
 """What tables of readings are written in: how the bytes of a file become rows of cells.
 
-A new format is a value of :data:`FORMATS`, known by the end of the files' names; those of users'
-own packages are loaded by entry points of the group ``tympan.formats``
-(:mod:`tympan.geometry.plugins`).
+A new format is a value of :data:`FORMATS`, known by the end of the files' names, and where that is
+not enough by what is in them; those of users' own packages are loaded by entry points of the group
+``tympan.formats`` (:mod:`tympan.geometry.plugins`).
 """
 
 from __future__ import annotations
@@ -46,21 +46,47 @@ class Format:
 
     ``rows(file, content)`` are those of the bytes of a file, which it names in errors; the first
     has the names of the columns. ``explanation`` is one sentence for someone in the laboratory.
+    Formats that share a suffix have a ``name`` each, and all but one of them say which files are
+    theirs: ``claims(file, content)``. ``table``: the file of a dataset, such as coupon.csv, for
+    which those stand whatever their names.
     """
 
     suffix: str
     explanation: str
     rows: Callable[[Path, bytes], list[Row]]
+    name: str = ""
+    claims: Callable[[Path, bytes], bool] | None = None
+    table: str = ""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "name", self.name or self.suffix)
 
 
-#: All formats by suffix.
-FORMATS: Registry[Format] = Registry("suffix")
+#: All formats by name.
+FORMATS: Registry[Format] = Registry("name")
+
+
+def suffixes() -> tuple[str, ...]:
+    """Those of all formats, each once."""
+    return tuple(dict.fromkeys(kind.suffix for kind in FORMATS.values()))
+
+
+def format_of(file: Path, content: bytes) -> Format | None:
+    """The format that claims a file, else that of its suffix, None where there is none."""
+    able = [kind for kind in FORMATS.values() if kind.suffix == file.suffix.lower()]
+    claiming = [kind for kind in able if kind.claims is not None and kind.claims(file, content)]
+    return next(iter([*claiming, *(kind for kind in able if kind.claims is None)]), None)
 
 
 def read_rows(file: Path, content: bytes) -> list[Row]:
-    """The rows of a file by its format, or as text where no format has its suffix."""
-    suffix = file.suffix.lower()
-    return (FORMATS[suffix].rows if suffix in FORMATS else text_rows)(file, content)
+    """The rows of a file by its format, or as text where it has none."""
+    kind = format_of(file, content)
+    return (text_rows if kind is None else kind.rows)(file, content)
+
+
+def readers() -> str:
+    """What is read, in words for a message on a file that is not."""
+    return "; ".join(f"{kind.suffix}: {kind.explanation}" for kind in FORMATS.values())
 
 
 def text_rows(file: Path, content: bytes) -> list[Row]:
@@ -72,8 +98,8 @@ def text_rows(file: Path, content: bytes) -> list[Row]:
     try:
         text = content.decode("utf-8-sig").replace("\r\n", "\n").replace("\r", "\n")
     except UnicodeDecodeError as error:
-        raise InputError(f"is not UTF-8 text (byte {error.start}): save it as CSV in UTF-8",
-                         file=file) from None
+        raise InputError(f"is not UTF-8 text (byte {error.start}): save it as CSV in UTF-8; or it "
+                         f"is written as one of {readers()}", file=file) from None
     mark = _separator(text)
     reader = csv.reader(io.StringIO(text), delimiter=mark, skipinitialspace=True, strict=True)
     rows, begin = [], 1
@@ -81,7 +107,8 @@ def text_rows(file: Path, content: bytes) -> list[Row]:
         for row in reader:
             cells = [cell.strip() for cell in row]
             if any(cells):
-                rows.append((begin, cells if mark == "," else [_pointed(cell) for cell in cells]))
+                points = cells if mark == "," else [decimal_point(cell) for cell in cells]
+                rows.append((begin, points))
             begin = reader.line_num + 1
     except csv.Error as error:
         raise InputError(f"is not comma-separated text: {error}; is a quotation mark left open?",
@@ -96,7 +123,8 @@ def _separator(text: str) -> str:
     return max(_SEPARATORS, key=unquoted.count)
 
 
-def _pointed(cell: str) -> str:
+def decimal_point(cell: str) -> str:
+    """A number with a decimal comma as one with a point; any other cell as it is."""
     return cell.replace(",", ".") if DECIMAL_COMMA.fullmatch(cell) else cell
 
 

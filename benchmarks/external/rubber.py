@@ -17,7 +17,7 @@ from benchmarks.external.by_command import command_table, strip_dataset
 from benchmarks.external.case import DATA, Case, draw, table, words
 from tympan.reports import look
 from tympan.studies.columns import write_sheet
-from tympan.studies.data.coupon import COLUMNS, MODES, Coupons
+from tympan.studies.data.coupon import COLUMNS, MODES, Coupons, read_coupons
 from tympan.studies.estimation.least_squares import minima, seeded_starts
 from tympan.studies.material.families import FAMILIES, Family, largest_excess
 from tympan.studies.material.fit import compare, coupon_problem, judged, material_lines
@@ -39,11 +39,7 @@ _STARTS, _SMALL = 4, 0.05
 
 def load(name: str) -> Coupons:
     """The coupons of one source: nominal stress [Pa] against stretch, in three modes."""
-    parts = [np.loadtxt(DATA / "rubber" / f"{name}_{mode}.txt", ndmin=2) for mode in MODES]
-    mode = np.repeat(list(MODES), [len(part) for part in parts])
-    stress, stretch = np.concatenate(parts).T
-    blank = np.full(len(mode), "")
-    return Coupons(mode, stretch, MEGA * stress, blank, blank, np.full(len(mode), np.nan))
+    return read_coupons(*(DATA / "rubber" / f"{name}_{mode}.txt" for mode in MODES))
 
 
 @dataclass(frozen=True, eq=False)

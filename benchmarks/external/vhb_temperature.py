@@ -8,7 +8,6 @@ from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
@@ -16,6 +15,7 @@ from scipy.optimize import least_squares
 from benchmarks.external.by_command import command_table, strip_dataset
 from benchmarks.external.case import DATA, Case, draw, table, words
 from tympan.reports import look
+from tympan.studies.data.coupon import Coupons, read_coupons
 
 Array = NDArray[np.float64]
 
@@ -42,39 +42,50 @@ class Run:
 
 def runs() -> list[Run]:
     """Those to a stretch of 4, three rates at each of six temperatures."""
-    rows = _read("4_loading.csv")
-    far = (part for _, part in rows.groupby("id") if 3.9 < part.stretch.max() < 5)
-    return [Run(round(float(part.temp.iloc[0]) - _ICE), float(part.vel.iloc[0]), _upwards(part))
-            for part in far]
+    return [Run(_celsius(part), _rate(part), _upwards(part)) for part in _far().values()]
 
 
 @cache
 def at_rest() -> tuple[float, ...]:
     """The quasi-static test at 20 °C [Pa]."""
-    rows = _read("2_quasi-static.csv")
-    return tuple(_upwards(rows[rows.id == 201]).tolist())
+    tests = read_coupons(FOLDER / "2_quasi-static.csv")
+    return tuple(_upwards(tests[tests.run == "2_quasi-static 201"]).tolist())
 
 
-def _read(name: str) -> pd.DataFrame:
-    return pd.read_csv(FOLDER / name, sep=";", decimal=",", encoding="latin-1")
+def _far() -> dict[str, Coupons]:
+    """Runs to a stretch of 4, by their number."""
+    tests = read_coupons(FOLDER / "4_loading.csv")
+    runs = {name.split()[-1]: tests[rows] for name, rows in tests.series.items()}
+    return {number: part for number, part in runs.items() if 3.9 < part.stretch.max() < 5}
 
 
-def _upwards(part: pd.DataFrame) -> Array:
-    top = int(part.stretch.to_numpy().argmax()) + 1
-    return np.interp(STRETCHES, part.stretch.to_numpy()[:top], part.stress.to_numpy()[:top])
+def _celsius(part: Coupons) -> int:
+    return round(float(part.degrees[0]))
+
+
+def _rate(part: Coupons) -> float:
+    """Of the stretch [1/s]: its way over the time, which was made from the rate."""
+    return round(float(np.abs(np.diff(part.stretch)).sum() / part.time[-1]), 6)
+
+
+def _rise(part: Coupons) -> Coupons:
+    return part[: int(part.stretch.argmax()) + 1]
+
+
+def _upwards(part: Coupons) -> Array:
+    rise = _rise(part)
+    return np.interp(STRETCHES, rise.stretch, rise.stress)
 
 
 def write_dataset(folder: Path, temperatures: tuple[int, ...], rates: tuple[float, ...]) -> None:
     """Runs on the way up as a dataset of uniaxial strips of the library's film, in time."""
     lines = ["mode,stretch,nominal_stress_kPa,run,t_s,temperature_C\n"]
-    for number, part in _read("4_loading.csv").groupby("id"):
-        celsius, rate = round(float(part.temp.iloc[0]) - _ICE), float(part.vel.iloc[0])
-        if not 3.9 < part.stretch.max() < 5 or celsius not in temperatures or rate not in rates:
+    for number, part in _far().items():
+        celsius, rise = _celsius(part), _rise(part)
+        if celsius not in temperatures or _rate(part) not in rates:
             continue
-        rise = part.iloc[: int(part.stretch.to_numpy().argmax()) + 1]
-        time = (rise.stretch - rise.stretch.iloc[0]).abs() / rate
         lines += [f"uniaxial,{stretch:.6g},{stress / 1e3:.6g},{number},{when:.5g},{celsius}\n"
-                  for stretch, stress, when in zip(rise.stretch, rise.stress, time.cummax(),
+                  for stretch, stress, when in zip(rise.stretch, rise.stress, rise.time,
                                                    strict=True) if stretch >= _TAUT]
     film = 'thickness = "0.5 mm"\nrelative_permittivity = 4.7\nmaterial = "vhb-4905-viscous"'
     (folder / "dataset.toml").write_text(

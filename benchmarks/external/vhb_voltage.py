@@ -22,7 +22,7 @@ from scipy.optimize import least_squares
 from benchmarks.external.by_command import command_table, strip_dataset
 from benchmarks.external.case import DATA, Case, draw, table, words
 from tympan.reports import look
-from tympan.studies.data.coupon import read_coupons
+from tympan.studies.data.coupon import Coupons, read_coupons
 from tympan.studies.estimation.correlation import CorrelatedNoise
 
 Array = NDArray[np.float64]
@@ -60,8 +60,7 @@ class Strip:
 
 def load(temperature: int) -> Strip:
     """The runs of the digitised file, paired at the stretches of that without voltage."""
-    rows = pd.read_csv(FOLDER / "6_coupled.csv", sep=";", decimal=",", encoding="latin-1")
-    plain, charged = (rows[rows.id == run] for run in RUNS[temperature])
+    plain, charged = (_test(run) for run in RUNS[temperature])
     stretch, stress, drop, loading = [], [], [], []
     for up in (True, False):
         (a, b), (c, d) = (_leg(part, up) for part in (plain, charged))
@@ -74,23 +73,28 @@ def load(temperature: int) -> Strip:
                  np.concatenate(stress), np.concatenate(loading), slow_permittivity(temperature))
 
 
-def _leg(run: pd.DataFrame, up: bool) -> tuple[Array, Array]:
+def _test(number: int) -> Coupons:
+    """A run by its number in the file."""
+    tests = read_coupons(FOLDER / "6_coupled.csv")
+    return tests[tests.run == f"6_coupled {number}"]
+
+
+def _leg(run: Coupons, up: bool) -> tuple[Array, Array]:
     """Stretch, ascending, and stress [Pa] on the way up or down."""
-    top = int(run.stretch.to_numpy().argmax())
-    part = run.iloc[: top + 1] if up else run.iloc[top:][::-1]
-    return part.stretch.to_numpy(float), part.stress.to_numpy(float)
+    top = int(run.stretch.argmax())
+    part = run[: top + 1] if up else run[top:][::-1]
+    return part.stretch, part.stress
 
 
 def write_dataset(folder: Path, temperatures: tuple[int, ...], back: bool) -> None:
     """The digitised runs as a dataset of held strips whose drops are judged."""
-    rows = pd.read_csv(FOLDER / "6_coupled.csv", sep=";", decimal=",", encoding="latin-1")
     film = (f'thickness = "{THICKNESS * 1e3:g} mm"\nmaterial = "vhb-4905-viscous"\n'
             f"relative_permittivity = {slow_permittivity(23):.4g}")
     lines = ["mode,stretch,nominal_stress_kPa,run,voltage_kV,temperature_C\n"]
     for temperature in temperatures:
         for run, kilovolt in zip(RUNS[temperature], (0.0, VOLTAGE / 1e3), strict=True):
-            part = rows[rows.id == run]
-            part = part if back else part.iloc[: int(part.stretch.to_numpy().argmax()) + 1]
+            part = _test(run)
+            part = part if back else part[: int(part.stretch.argmax()) + 1]
             state = f"{run},{kilovolt},{temperature}\n"
             lines += [f"pure_shear,{stretch:.6g},{stress / 1e3:.6g},{state}"
                       for stretch, stress in zip(part.stretch, part.stress, strict=True)

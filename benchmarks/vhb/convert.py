@@ -11,10 +11,9 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 
 from tympan.studies.columns import write_sheet
-from tympan.studies.data.coupon import COLUMNS, Coupons
+from tympan.studies.data.coupon import COLUMNS, Coupons, read_coupons
 from tympan.studies.files import MANIFEST
 
 HERE = Path(__file__).parent
@@ -34,35 +33,39 @@ def main(folder: Path) -> None:
     (HERE / MANIFEST).unlink()
 
 
-def of_4910(folder: Path) -> Iterator[tuple[str, pd.DataFrame]]:
+def of_4910(folder: Path) -> Iterator[tuple[str, Coupons]]:
     """Each cycle with its times, and the two series at rest."""
-    cycles = pd.read_csv(folder / "hossain2012_cyclic.csv")
-    for _, run in cycles.groupby("id", sort=True):
-        yield _cycle(run, float(run.rate.iloc[0]))
-    for number, run in pd.read_csv(folder / "hossain2012_quasistatic.csv").groupby("id"):
-        yield f"at rest {number}", run.assign(time=np.nan)
+    for _, run in _runs(folder / "hossain2012_cyclic.csv"):
+        yield _cycle(run)
+    for number, run in _runs(folder / "hossain2012_quasistatic.csv"):
+        yield f"at rest {number}", run
 
 
-def of_4905(folder: Path) -> Iterator[tuple[str, pd.DataFrame]]:
+def of_4905(folder: Path) -> Iterator[tuple[str, Coupons]]:
     """Cycles and relaxation at 20 °C, the first reading of each relaxation left out."""
-    cycles, relaxing = (pd.read_csv(folder / name, sep=";", decimal=",", encoding="latin-1")
-                    for name in ("4_loading.csv", "3_creep.csv"))
+    cycles, relaxing = (dict(_runs(folder / name)) for name in ("4_loading.csv", "3_creep.csv"))
     for number in _CYCLES:
-        run = cycles[cycles.id == number]
-        yield _cycle(run, float(run.vel.iloc[0]))
+        yield _cycle(cycles[number])
     for number in _HELD:
-        run = relaxing[relaxing.id == number]
-        yield f"held at {run.stretch.iloc[0]:g}", run.iloc[1:]
+        run = relaxing[number]
+        yield f"held at {run.stretch[0]:g}", run[1:]
 
 
-def _cycle(run: pd.DataFrame, rate: float) -> tuple[str, pd.DataFrame]:
-    path = np.abs(np.diff(run.stretch, prepend=run.stretch.iloc[0])).cumsum()
-    return f"{rate:g}/s to {run.stretch.max():.1f}", run.assign(time=path / rate)
+def _runs(file: Path) -> list[tuple[int, Coupons]]:
+    """The runs of a file by their number, in that order."""
+    tests = read_coupons(file)
+    return sorted(((int(name.split()[-1]), tests[rows]) for name, rows in tests.series.items()),
+                  key=lambda run: run[0])
 
 
-def _coupons(specimen: str, runs: Iterator[tuple[str, pd.DataFrame]]) -> Coupons:
+def _cycle(run: Coupons) -> tuple[str, Coupons]:
+    rate = np.abs(np.diff(run.stretch)).sum() / run.time[-1]
+    return f"{rate:.6g}/s to {run.stretch.max():.1f}", run
+
+
+def _coupons(specimen: str, runs: Iterator[tuple[str, Coupons]]) -> Coupons:
     parts = [(name, _thinned(run)) for name, run in runs]
-    stretch, stress, time = (np.concatenate([run[column] for _, run in parts]).astype(float)
+    stretch, stress, time = (np.concatenate([getattr(run, column) for _, run in parts])
                              for column in ("stretch", "stress", "time"))
     names = np.repeat([name for name, _ in parts], [len(run) for _, run in parts])
     count = len(names)
@@ -70,11 +73,11 @@ def _coupons(specimen: str, runs: Iterator[tuple[str, pd.DataFrame]]) -> Coupons
                    np.full(count, specimen), names, time.round(4))
 
 
-def _thinned(run: pd.DataFrame) -> pd.DataFrame:
+def _thinned(run: Coupons) -> Coupons:
     if len(run) <= _LONG:
         return run
     kept = {*range(0, len(run), 3), int(np.argmax(run.stretch)), len(run) - 1}
-    return run.iloc[sorted(kept)]
+    return run[sorted(kept)]
 
 
 if __name__ == "__main__":

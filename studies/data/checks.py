@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
@@ -61,10 +62,13 @@ def summary(dataset: Dataset) -> dict[str, Any]:
         transients[name].tolist() for name in ("specimen", "mass", "run")), strict=True)
     scatter = repeat_noise(dataset)
     readings = {Path(name).stem: len(table) for name, table in dataset.tables.items()}
+    tests = dataset.coupons
+    published = Counter[str]() if tests is None else Counter(tests.file.tolist())
     return {
         "dataset": dataset.name,
         "source": dataset.source,
-        "files": [{"name": name, "sha256": sha256, "readings": readings.get(Path(name).stem)}
+        "files": [{"name": name, "sha256": sha256,
+                   "readings": published.get(name, readings.get(Path(name).stem))}
                   for name, sha256 in dataset.files.items()],
         "specimens": [specimen.name for specimen in dataset.specimens],
         "masses_kg": _distinct([table.mass for table in loads]),

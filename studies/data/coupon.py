@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from pathlib import Path
@@ -64,6 +65,8 @@ class Coupons:
     sigma: Array | None = None
     #: Lines of the file, where there is one.
     lines: NDArray[np.int64] | None = None
+    #: Names of the files that the readings stand in.
+    files: NDArray[np.str_] | None = None
 
     @classmethod
     def of(cls, sheet: Sheet) -> Coupons:
@@ -72,7 +75,7 @@ class Coupons:
                 for name, column in _OPTIONAL.items()}
         return cls(mode=sheet["mode"], stretch=sheet["stretch"], stress=sheet["nominal_stress"],
                    specimen=sheet["specimen"], run=sheet["run"], time=sheet["t"], **more,
-                   lines=sheet.line)
+                   lines=sheet.line, files=np.full(len(sheet), sheet.file.name))
 
     def __len__(self) -> int:
         return len(self.stretch)
@@ -81,6 +84,18 @@ class Coupons:
         values = {item.name: getattr(self, item.name) for item in fields(self)}
         return replace(self, **{name: value[choice] for name, value in values.items()
                                 if value is not None})
+
+    @classmethod
+    def joined(cls, parts: Sequence[Coupons]) -> Coupons:
+        """The readings of several files."""
+        if len(parts) == 1:
+            return parts[0]
+        every = {item.name: [getattr(part, item.name) for part in parts] for item in fields(cls)}
+        columns: dict[str, Any] = {
+            name: np.concatenate([np.full(len(part), np.nan) if value is None else value
+                                  for part, value in zip(parts, values, strict=True)])
+            for name, values in every.items() if any(value is not None for value in values)}
+        return cls(**columns)
 
     @property
     def columns(self) -> dict[str, NDArray[Any]]:
@@ -95,6 +110,11 @@ class Coupons:
     def line(self) -> NDArray[np.int64]:
         """Line of the file that each reading stands in, 0 where there is no file."""
         return np.zeros(len(self), np.int64) if self.lines is None else self.lines
+
+    @property
+    def file(self) -> NDArray[np.str_]:
+        """Name of the file that each reading stands in."""
+        return np.full(len(self), "coupon.csv") if self.files is None else self.files
 
     @property
     def volts(self) -> Array:
@@ -188,6 +208,6 @@ def _corners(time: Array, stretch: Array, most: int) -> NDArray[np.bool_]:
     return kept
 
 
-def read_coupons(file: Path | str) -> Coupons:
-    """The readings of a CSV file with the columns of :data:`COLUMNS`."""
-    return Coupons.of(read_sheet(file, COLUMNS))
+def read_coupons(*files: Path | str) -> Coupons:
+    """The readings of files with the columns of :data:`COLUMNS`, in any of the formats."""
+    return Coupons.joined([Coupons.of(read_sheet(file, COLUMNS)) for file in files])

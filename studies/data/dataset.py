@@ -21,7 +21,7 @@ from tympan.studies.columns import Column, Sheet, did_you_mean, read_sheet
 from tympan.studies.data import coupon
 from tympan.studies.data.coupon import Coupons
 from tympan.studies.data.effort import Effort
-from tympan.studies.formats import FORMATS
+from tympan.studies.formats import FORMATS, Format, format_of, suffixes
 
 _VOLTAGE: Rule = (lambda x: 0 <= x <= 1e6, "must be from 0 to 1000 kV; the film's pull has no sign")
 _MASS: Rule = (lambda x: 0 <= x <= 100, "must be from 0 to 100 kg")
@@ -177,10 +177,16 @@ def read_dataset(folder: Path | str, planned: bool = False) -> Dataset:
     dataset = read(Dataset, Table.read(about), {(Dataset, "specimens"): _specimens,
                                                 (Dataset, "rig"): _rig})
     files = {about.name: hashlib.sha256(file_bytes(about)).hexdigest()}
-    there = sorted(file.name for file in folder.iterdir() if file.suffix.lower() in FORMATS)
+    there = sorted(file.name for file in folder.iterdir() if file.suffix.lower() in suffixes())
     stems = {Path(name).stem: name for name in FILES}
-    remarks = [f"{name} is not read: {did_you_mean(Path(name).stem.lower(), stems)}known are "
-               f"{', '.join(FILES)}" for name in there if Path(name).stem not in stems]
+    others = [folder / name for name in there if Path(name).stem not in stems]
+    published = {file: kind for file in others if (kind := _published(file)) is not None}
+    remarks = [f"{file.name} is not read: {did_you_mean(file.stem.lower(), stems)}known are "
+               f"{', '.join(FILES)}, and {_publications()}"
+               for file in others if file not in published]
+    remarks += [f"read as {kind.explanation}: " + ", ".join(
+        file.name for file, other in published.items() if other is kind)
+        for kind in dict.fromkeys(published.values())]
     later = ("displacement", "range", "frequency") if planned else ()
     sheets: dict[str, Sheet] = {}
     for name, columns in FILES.items():
@@ -202,11 +208,16 @@ def read_dataset(folder: Path | str, planned: bool = False) -> Dataset:
         _check_times(transients)
     if fields is not None:
         _check_places(fields, dataset)
-    if not sheets:
+    tests = [Coupons.of(coupons)] if coupons is not None else []
+    for file in published:
+        sheet = read_sheet(file, coupon.COLUMNS)
+        files[file.name] = sheet.sha256
+        tests.append(Coupons.of(sheet))
+    if not sheets and not tests:
         words = f"; there: {', '.join(there)}" if there else ""
         raise InputError(f"must hold at least one of {', '.join(FILES)}{words}", file=folder)
     return replace(dataset, static=static, ranges=ranges, transients=transients, files=files,
-                   coupons=None if coupons is None else Coupons.of(coupons),
+                   coupons=Coupons.joined(tests) if tests else None,
                    frequencies=frequencies, fields=fields,
                    remarks=tuple(remarks))
 
@@ -214,12 +225,23 @@ def read_dataset(folder: Path | str, planned: bool = False) -> Dataset:
 def _file_of(folder: Path, name: str) -> Path | None:
     """The file of readings of that name, whatever its format."""
     stem = Path(name).stem
-    files = [file for suffix in FORMATS if (file := folder / f"{stem}{suffix}").exists()]
+    files = [file for suffix in suffixes() if (file := folder / f"{stem}{suffix}").exists()]
     if len(files) > 1:
         names = " and ".join(file.name for file in files)
         raise InputError(f"must stand there once, in one format: there are {names}", file=folder,
                          key=stem)
     return files[0] if files else None
+
+
+def _published(file: Path) -> Format | None:
+    """The format of a file that holds coupons whatever its name, None of any other file."""
+    kind = format_of(file, file_bytes(file))
+    return kind if kind is not None and kind.table else None
+
+
+def _publications() -> str:
+    """Formats of files that may have any name, in words."""
+    return "; ".join(kind.explanation for kind in FORMATS.values() if kind.table)
 
 
 def channels(static: Sheet) -> tuple[str, ...]:

@@ -284,8 +284,8 @@ class ReadingTable:
 
 
 def rows(states: States, kind: Kind, sigma: float | Array, value: float | Array = 0.0,
-         order: float | Array = np.nan, run: str | NDArray[np.str_] = "", file: str = "",
-         line: int | Numbers = 0) -> ReadingTable:
+         order: float | Array = np.nan, run: str | NDArray[np.str_] = "",
+         file: str | NDArray[np.str_] = "", line: int | Numbers = 0) -> ReadingTable:
     """One row of a kind for each state."""
     count = len(states)
     values, sigmas, orders = (np.full(count, part, float) for part in (value, sigma, order))

@@ -87,16 +87,17 @@ class MaterialFitResult:
                    read_own_sheet(histories, HISTORIES) if histories.exists() else None)
 
 
-def fit_coupons(file: Path, names: Sequence[str] | None = None, noise: float | None = None,
-                branches: int | None = None) -> MaterialFitResult:
-    """What laws fitted to a file of readings say.
+def fit_coupons(files: Path | Sequence[Path], names: Sequence[str] | None = None,
+                noise: float | None = None, branches: int | None = None) -> MaterialFitResult:
+    """What laws fitted to the readings of one file or several say.
 
     Where a run has readings at several times, laws with ``branches``, or as many as held-out runs
     choose, are fitted: see :func:`~tympan.studies.material.branches.compare_in_time`. Otherwise, or
     with 0 branches, laws without: :func:`~tympan.studies.material.fit.compare`. An
     :class:`InputError` names the file.
     """
-    coupons, said = _without_voltage(read_coupons(file))
+    files = [files] if isinstance(files, Path) else [*files]
+    coupons, said = _without_voltage(read_coupons(*files))
     try:
         if branches != 0 and coupons.in_time:
             thin = coupons.thinned()
@@ -110,8 +111,8 @@ def fit_coupons(file: Path, names: Sequence[str] | None = None, noise: float | N
         else:
             result = _fitted(coupons, compare(coupons, names, noise))
     except InputError as error:
-        raise error.located(file=file) from None
-    result.numbers["file"] = str(file)
+        raise error.located(file=files[0]) from None
+    result.numbers["file"] = ", ".join(map(str, files))
     result.numbers["warnings"] += said
     return result
 

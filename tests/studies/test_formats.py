@@ -14,7 +14,7 @@ from tests.support.packages import installed, run
 from tympan.geometry.errors import InputError
 from tympan.studies.columns import Sheet
 from tympan.studies.data.dataset import read_dataset
-from tympan.studies.formats import FORMATS
+from tympan.studies.formats import FORMATS, Format
 
 openpyxl = pytest.importorskip("openpyxl")
 
@@ -122,11 +122,12 @@ def test_one_table_stands_in_one_format(tmp_path: Path) -> None:
         read(tmp_path / "d", workbook(LONG), ".xlsx")
 
 
-@pytest.mark.parametrize("suffix", FORMATS)
-def test_every_format_says_what_it_is(suffix: str) -> None:
-    assert suffix.startswith(".")
-    assert suffix == suffix.lower()
-    assert FORMATS[suffix].explanation[0].islower()
+@pytest.mark.parametrize("kind", FORMATS.values(), ids=FORMATS)
+def test_every_format_says_what_it_is(kind: Format) -> None:
+    assert kind.suffix.startswith(".")
+    assert kind.suffix == kind.suffix.lower()
+    assert kind.explanation[0].islower()
+    assert kind.claims is not None or kind.name == kind.suffix
 
 
 def test_a_format_of_a_users_own_package_is_read(tmp_path: Path) -> None:

@@ -39,8 +39,9 @@ def material_show(options: argparse.Namespace) -> None:
 
 
 @command("material fit",
-         argument("coupons", type=Path, metavar="COUPON.csv",
-                  help="columns mode, stretch, nominal_stress_kPa; also specimen, t_s, run"),
+         argument("coupons", type=Path, nargs="+", metavar="COUPON.csv",
+                  help="columns mode, stretch, nominal_stress_kPa; also specimen, t_s, run; or a "
+                       "published format, several files of which are one set of tests"),
          argument("--law", action="append", metavar="NAME",
                   help="may be given several times; all (default) compares every law, beside "
                        "branches those with at most one constant that stress is not linear in"),

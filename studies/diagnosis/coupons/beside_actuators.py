@@ -69,7 +69,7 @@ def _rows(tests: CouponTests, sigma: Array, values: Array, mass: float) -> Readi
     count = len(tests.rows)
     number, none = np.zeros(count, np.int64), np.zeros(count)
     states = States.of(number, np.full(count, mass), none)
-    every = rows(replace(states, heave=none), "stress", sigma, values, file="coupon.csv",
-                 line=tests.coupons.line[tests.rows])
+    every = rows(replace(states, heave=none), "stress", sigma, values,
+                 file=tests.coupons.file[tests.rows], line=tests.coupons.line[tests.rows])
     return replace(every, states=every.states[number[:1]], state=number,
                    point=np.arange(count))

@@ -264,6 +264,6 @@ def _table(coupons: Coupons, tests: CouponTests) -> ReadingTable:
     states = replace(states, heave=np.zeros(len(reading)))
     labels = [" ".join(filter(None, pair)) for pair in
               zip(coupons.specimen[reading].tolist(), coupons.run[reading].tolist(), strict=True)]
-    table = rows(states, "stress", 0.0, file="coupon.csv", line=coupons.line[reading],
-                 run=np.array(labels))
+    table = rows(states, "stress", 0.0, file=coupons.file[reading],
+                 line=coupons.line[reading], run=np.array(labels))
     return replace(table, point=np.arange(len(reading)))

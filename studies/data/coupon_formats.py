@@ -1,0 +1,139 @@
+"""Coupon tests as others publish them: formats that know their files by more than a suffix."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from tympan.geometry.errors import InputError
+from tympan.studies.data.coupon import MODES
+from tympan.studies.formats import FORMATS, Format, Row, decimal_point, text_rows
+
+#: First lines of digitised tables of VHB tape. Beside stretch and stress [Pa] a table may have
+#: temperatures [K], times [s], rates of the stretch [1/s] and voltages [V].
+_DIGITISED = (
+    "id stretch stress",
+    "id stretch stress rate",
+    "id description temp stretch stress",
+    "id description temp stretch time stress",
+    "id description temp vel stretch stress",
+    "id description temp voltage vel stretch stress",
+)
+#: Columns of such a table that stand in coupon.csv as they are, but for their names.
+_RENAMED = {"stretch": "stretch", "stress": "nominal_stress_Pa", "time": "t_s",
+            "voltage": "voltage_V"}
+_RATES = ("vel", "rate")
+_ICE = 273.15
+
+#: The name of a file that ends with the mode of its tests.
+_OF_MODE = re.compile(rf"(?P<specimen>.*?)[_ -]*(?P<mode>{'|'.join(MODES)})", re.IGNORECASE)
+_PAIR = re.compile(r"\s*[-+.\d][-+.\deE]*\s+[-+.\d][-+.\deE]*\s*", re.ASCII)
+
+
+def _named_mode(file: Path) -> tuple[str, str] | None:
+    """What stands in a file's name before the mode that it ends with, and that."""
+    match = _OF_MODE.fullmatch(file.stem)
+    return (match["specimen"], match["mode"].lower()) if match else None
+
+
+def _is_pairs(file: Path, content: bytes) -> bool:
+    first = content[:200].partition(b"\n")[0].decode("ascii", "replace")
+    return _named_mode(file) is not None and _PAIR.fullmatch(first) is not None
+
+
+def pair_rows(file: Path, content: bytes) -> list[Row]:
+    """Of lines with a nominal stress in MPa and a stretch, without any names of columns."""
+    specimen, mode = _named_mode(file) or ("", "")
+    rows: list[Row] = [(1, ["specimen", "mode", "nominal_stress_MPa", "stretch"])]
+    for number, line in enumerate(content.decode("utf-8-sig", "replace").splitlines(), start=1):
+        if line.strip():
+            rows.append((number, [specimen, mode, *line.split()]))
+    return rows
+
+
+def _is_digitised(file: Path, content: bytes) -> bool:
+    first = content[:200].decode("utf-8-sig", "replace").strip().splitlines()[:1]
+    return " ".join(re.split("[;,]", "".join(first))) in _DIGITISED
+
+
+def digitised_rows(file: Path, content: bytes) -> list[Row]:
+    """Of a digitised table: a run for each id, uniaxial unless the file's name ends with a mode.
+
+    Of a test at a rate the time is the way of the stretch over it.
+    """
+    (top, titles), *below = text_rows(file, _in_utf8(content))
+    mode = (_named_mode(file) or ("", "uniaxial"))[1]
+    names = [_RENAMED[title] for title in titles if title in _RENAMED]
+    places = [place for place, title in enumerate(titles) if title in _RENAMED]
+    times = _times(file, titles, below)
+    warm = titles.index("temp") if "temp" in titles else None
+    rows: list[Row] = [(top, ["mode", "run", *names, *(["t_s"] if times else []),
+                              *(["temperature_C"] if warm is not None else [])])]
+    for number, (line, cells) in enumerate(below):
+        _check_width(file, line, cells, titles)
+        more = [f"{times[number]:.12g}"] if times else []
+        if warm is not None:
+            more.append(f"{_number(file, line, titles, cells, 'temp') - _ICE:.10g}")
+        run = f"{file.stem} {cells[titles.index('id')]}"
+        rows.append((line, [mode, run, *(cells[place] for place in places), *more]))
+    return rows
+
+
+def _times(file: Path, titles: Sequence[str], below: Sequence[Row]) -> list[float]:
+    """Of the readings of a table with rates [s]; none of one without."""
+    rate = next((title for title in titles if title in _RATES), None)
+    return [] if rate is None else list(_passed(file, titles, below, rate))
+
+
+def _passed(file: Path, titles: Sequence[str], below: Sequence[Row], rate: str
+            ) -> Iterator[float]:
+    time, before, test = 0.0, 0.0, None
+    for line, cells in below:
+        _check_width(file, line, cells, titles)
+        stretch, speed = (_number(file, line, titles, cells, name) for name in ("stretch", rate))
+        if speed <= 0:
+            raise _error(file, line, titles, cells, rate, "must be positive")
+        if cells[titles.index("id")] != test:
+            time, before, test = 0.0, stretch, cells[titles.index("id")]
+        time += abs(stretch - before) / speed
+        before = stretch
+        yield time
+
+
+def _in_utf8(content: bytes) -> bytes:
+    try:
+        content.decode("utf-8")
+    except UnicodeDecodeError:
+        return content.decode("latin-1").encode("utf-8")
+    return content
+
+
+def _check_width(file: Path, line: int, cells: Sequence[str], titles: Sequence[str]) -> None:
+    if len(cells) != len(titles):
+        raise InputError(f"must have {len(titles)} cells, as the first line has", file=file,
+                         key=f"line {line}", given=f"{len(cells)} cells")
+
+
+def _number(file: Path, line: int, titles: Sequence[str], cells: Sequence[str], name: str
+            ) -> float:
+    try:
+        return float(decimal_point(cells[titles.index(name)]))
+    except ValueError:
+        raise _error(file, line, titles, cells, name, "must be a number") from None
+
+
+def _error(file: Path, line: int, titles: Sequence[str], cells: Sequence[str], name: str,
+           allowed: str) -> InputError:
+    place = titles.index(name)
+    return InputError(allowed, file=file, given=cells[place],
+                      key=f"line {line}, column {place + 1} ({name})")
+
+
+FORMATS.register(Format(
+    ".csv", "digitised tests of VHB tape by id: stress in Pa, temp in K, time in s, vel or rate in "
+    "1/s, voltage in V; uniaxial unless the file's name ends with a mode", digitised_rows,
+    "digitised coupons", _is_digitised, "coupon.csv"))
+FORMATS.register(Format(
+    ".txt", "pairs of nominal stress in MPa and stretch without names of columns, in files whose "
+    f"names end with {', '.join(MODES)}", pair_rows, "coupon pairs", _is_pairs, "coupon.csv"))
