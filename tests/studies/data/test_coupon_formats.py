@@ -85,10 +85,10 @@ def test_published_files_are_diagnosed_as_coupon_csv_is(tmp_path: Path) -> None:
     stress = 20e3 * (stretch - stretch**-2)
     digitised = "id,stretch,stress\n" + "".join(
         f"1,{x:.6f},{s:.4f}\n" for x, s in zip(stretch, stress, strict=True))
-    own = "mode,stretch,nominal_stress_Pa\n" + "".join(
+    usual = "mode,stretch,nominal_stress_Pa\n" + "".join(
         f"uniaxial,{x:.6f},{s:.4f}\n" for x, s in zip(stretch, stress, strict=True))
     published, plain = (coupon_readings(read_dataset(folder)).table for folder in (
-        written(tmp_path / "a", slow__csv=digitised), written(tmp_path / "b", coupon__csv=own)))
+        written(tmp_path / "a", slow__csv=digitised), written(tmp_path / "b", coupon__csv=usual)))
     assert published.value.tolist() == plain.value.tolist()
     assert set(published.file.tolist()) == {"slow.csv"}
 
