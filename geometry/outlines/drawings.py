@@ -12,6 +12,7 @@ import os
 import subprocess
 import sys
 from functools import lru_cache
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +24,9 @@ from tympan.geometry.toml_reader import Table
 
 #: Limits of the process: memory [bytes], its own time [s], and that on the clock.
 _MEMORY, _SECONDS, _PATIENCE = 4 << 30, 20, 120
+
+#: What DXF calls curves.
+_CURVES = frozenset({b"LINE", b"ARC", b"CIRCLE", b"ELLIPSE", b"SPLINE", b"LWPOLYLINE"})
 
 
 def drawing_pieces(file: Path, kind: str, layer: str = "*") -> list[Piece]:
@@ -83,10 +87,9 @@ def answer() -> None:
 
 def _record(kind: str, file: str, layer: str) -> dict[str, Any]:
     try:
+        _few(_curves(Path(file).read_bytes()) if (kind, layer) == ("dxf", "*") else 0)
         pieces = _read(kind, Path(file), layer)
-        if len(pieces) > MOST_PIECES:
-            raise InputError(f"has {len(pieces)} lines, arcs and splines: at most {MOST_PIECES} "
-                             "make an outline")
+        _few(len(pieces))
         return {"pieces": [PIECES.write(piece, plain=True) for piece in pieces]}
     except InputError as error:
         return {"error": str(error)}
@@ -96,6 +99,18 @@ def _record(kind: str, file: str, layer: str) -> dict[str, Any]:
         reason = " ".join(str(error).split())[:200]
         return {"error": f"is no {kind.upper()} file that can be read: "
                          f"{type(error).__name__}: {reason}"}
+
+
+def _few(count: int) -> None:
+    if count > MOST_PIECES:
+        raise InputError(f"has {count} lines, arcs and splines: at most {MOST_PIECES} make an "
+                         "outline")
+
+
+def _curves(dxf: bytes) -> int:
+    """How many curves the text of a DXF draws, outside of blocks, before a library reads it."""
+    lines = [line.strip() for line in dxf[max(dxf.find(b"ENTITIES"), 0):].splitlines()]
+    return sum(code == b"0" and name in _CURVES for code, name in pairwise(lines))
 
 
 def _read(kind: str, file: Path, layer: str) -> list[Piece]:

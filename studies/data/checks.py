@@ -17,7 +17,7 @@ from tympan.geometry.specimen import Specimen
 from tympan.studies.columns import Sheet
 from tympan.studies.data.coupon import Coupons
 from tympan.studies.data.dataset import Dataset, channels
-from tympan.studies.data.noise import repeat_groups, repeat_noise, stated_ratio, step_of
+from tympan.studies.data.noise import coarse_step, repeat_groups, repeat_noise, stated_ratio
 from tympan.studies.files import words_beside
 
 #: What to beware of, by key.
@@ -42,9 +42,6 @@ _SEVERAL = 3
 #: Factor beyond which a frequency is none of a weight on a spring that gives way so far: films
 #: stiffen, and mass is missing, by less.
 _APART = 4.0
-
-#: Steps of a display over the noise from which rounding counts.
-_COARSE = 2.0
 
 #: Correlation of readings with the voltage's square below which they fall, and voltages that take.
 _FALLS, _FEWEST = -0.9, 4
@@ -138,10 +135,8 @@ def _static_warnings(dataset: Dataset) -> Iterator[str]:
     if dataset.noise is None and np.isnan(static.sigma).any() and repeat_noise(dataset) is None:
         repeats = (np.bincount(repeat_groups(static)) > 1).any()
         yield WORDS["rounded" if repeats else "no_noise"]
-    scatter, step = repeat_noise(dataset), step_of(static.displacement)
-    noise = dataset.noise or (scatter.sigma if scatter else None)
-    if noise is not None and step > _COARSE * noise:
-        yield WORDS["steps"].format(step=1e6 * step, noise=1e6 * noise)
+    if step := coarse_step(dataset):
+        yield WORDS["steps"].format(step=1e6 * step)
     ratio = stated_ratio(dataset)
     if ratio is not None and not ratio.low <= 1 <= ratio.high:
         yield WORDS["scatter"].format(ratio=ratio)

@@ -13,8 +13,9 @@ from tympan.studies.data.dataset import Dataset
 
 Array = NDArray[np.float64]
 
-#: How far from a multiple of a step a value may be, over the step.
-_ROUNDED = 1e-6
+#: How far from a multiple of a step a value may be, over the step; and steps of a display over the
+#: noise from which rounding counts.
+_ROUNDED, _COARSE = 1e-6, 1.0
 
 
 @dataclass(frozen=True)
@@ -83,6 +84,16 @@ def step_of(values: Array) -> float:
         if np.abs(values / step - np.round(values / step)).max() < _ROUNDED:
             return step
     return 0.0
+
+
+def coarse_step(dataset: Dataset) -> float:
+    """The step of the display [m] in which static readings come, where that outdoes their noise.
+
+    0 where it does not, or their noise is not known.
+    """
+    noise = _of_one(dataset)
+    step = 0.0 if dataset.static is None else step_of(dataset.static.displacement)
+    return step if step > _COARSE * noise else 0.0
 
 
 def stated_ratio(dataset: Dataset) -> Scatter | None:

@@ -18,7 +18,7 @@ from tympan.studies.data.checks import (
     slips_of_unit,
 )
 from tympan.studies.data.dataset import Dataset
-from tympan.studies.data.noise import range_sigma, reading_sigma, repeat_noise
+from tympan.studies.data.noise import coarse_step, range_sigma, reading_sigma, repeat_noise
 from tympan.studies.diagnosis.film_readings import film_rows
 from tympan.studies.diagnosis.history import staircase
 from tympan.studies.diagnosis.hypothesis import Cause
@@ -105,6 +105,8 @@ def prepared_readings(dataset: Dataset) -> PreparedReadings:
                          given="; ".join(remarks) or sum(map(len, sheets)))
     table, noise_from = _with_noise(reduce(ReadingTable.joined, parts), dataset)
     stated = STATED if noise_from in ("stated", "assumed") else 0.0
+    if step := coarse_step(dataset):
+        table, stated = _rounded(table, step), STATED
     table, fewer = _not_too_many(table)
     scans, seen = film_rows(replace(dataset, specimens=setup.specimens)) or (None, [])
     if scans is not None:
@@ -182,6 +184,15 @@ def _not_too_many(table: ReadingTable) -> tuple[ReadingTable, list[str]]:
     few = averaged(table[resting].compact())
     remark = f"{resting.sum()} readings were averaged to {len(few)} of nearly the same state"
     return few if resting.all() else few.joined(table[~resting].compact()), [remark]
+
+
+def _rounded(table: ReadingTable, step: float) -> ReadingTable:
+    """With readings of one state, which a display rounds alike, as one, half a step its noise."""
+    resting = ~np.isin(table.state, table.states.passages.rows)
+    few = averaged(table[resting].compact())
+    rounding = np.where(few.kind == "displacement", step / 2, 0.0)
+    few = few.with_sigma(np.hypot(few.sigma, rounding))
+    return few if resting.all() else few.joined(table[~resting].compact())
 
 
 def _static(readings: Sheet, numbers: dict[str, int], sigma: Array) -> list[ReadingTable]:

@@ -133,7 +133,10 @@ def slip(judged: Judgement) -> str:
     slips = _slips(judged, taken)
     shares = _shares(judged, taken, _singled(judged) | slips)
     best = max(shares, key=lambda name: shares[name], default="")
-    return judged.test.words(best) if best in slips else ""
+    if best in slips:
+        return judged.test.words(best)
+    odd = judged.odd_specimen
+    return WORDS["odd_specimen"].format(specimen=odd) if odd else ""
 
 
 def where(judged: Judgement) -> str:

@@ -29,6 +29,8 @@ from benchmarks.trials.unmodelled_faults import Jump
 from benchmarks.trials.verdict_cases.evidence_cases import EVIDENCE_CASES, write_evidence
 from tympan.fem.film.laws import Ogden
 from tympan.fem.toml_writer import specimen_to_toml
+from tympan.geometry.outlines import Circle
+from tympan.geometry.specimen import Plate, Specimen
 from tympan.studies.columns import write_sheet
 from tympan.studies.data.dataset import STATIC
 from tympan.studies.diagnosis.hypothesis import Cause
@@ -41,7 +43,8 @@ FOLDER = Path(__file__).parent / "cases"
 class HiddenCase:
     """What is hidden: effects with their values in SI, or something no effect is.
 
-    With ``coupons`` there are two films of a neo-Hookean law, and tests of that film.
+    With ``coupons`` there are two films of a neo-Hookean law, and tests of that film. Of the
+    specimen ``doubled`` the plate's diameter is written where its radius belongs.
     """
 
     name: str
@@ -50,6 +53,17 @@ class HiddenCase:
     effects: tuple[tuple[str, float, str | None], ...] = ()
     stranger: Stranger = NOBODY
     coupons: coupon_readings.Film | None = None
+    doubled: str = ""
+
+    @property
+    def written(self) -> list[Specimen]:
+        """Specimens as the dataset has them."""
+        def doubled(specimen: Specimen) -> Specimen:
+            radius, _ = specimen.needed_plate().outline.semi_axes
+            return replace(specimen, plate=Plate(Circle(2 * radius)))
+
+        return [doubled(specimen) if specimen.name == self.doubled else specimen
+                for specimen in self.design.setup.specimens]
 
     @property
     def design(self) -> Design:
@@ -107,6 +121,8 @@ CASES = (
                "they are 2 % stiffer than its actuators", NAMED,
                (("strain_stiffening", -0.3, None),),
                coupons=coupon_readings.Film(hardening=-0.3, mounted=5**0.5)),
+    HiddenCase("diameter", "the diameter of one plate is written where its radius belongs: no "
+               "effect of the library", ("unexplained",), doubled="B"),
 )
 
 
@@ -186,7 +202,7 @@ def write(case: HiddenCase, folder: Path) -> None:
             f'noise = "{NOISE * 1e6:g} um"\n')
     specimens = "".join(
         "\n[[specimen]]\n" + specimen_to_toml(specimen).replace("\n[", "\n[specimen.")
-        for specimen in made.setup.specimens)
+        for specimen in case.written)
     (folder / "dataset.toml").write_text(head + specimens, encoding="utf-8")
     states = made.table.states
     names = [specimen.name for specimen in made.setup.specimens]

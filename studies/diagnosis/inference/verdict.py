@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from tympan.studies.diagnosis.fits.evidence import evidence
 from tympan.studies.diagnosis.fits.fit import Fit
+from tympan.studies.diagnosis.fits.fitting import fit
 from tympan.studies.diagnosis.hypothesis import Cause, hypotheses_of
 from tympan.studies.diagnosis.inference.exchanged_labels import Exchange, exchange_of
 from tympan.studies.diagnosis.inference.exploration import Exploration
@@ -54,6 +55,9 @@ MORE = 4.0
 #: the odds.
 PAIRED = 3.0
 
+#: Specimens beside an odd one that must be as they are written, at least.
+_OTHERS = 2
+
 #: How many hypotheses are asked whether they leave noise, by probability and by χ².
 _ASKED = (8, 6)
 
@@ -70,7 +74,8 @@ class Judgement:
     any prior, ``rivals`` those of them that only their size speaks against. ``small_errors``: the
     share of their usual sizes at which all other causes are there, where that is what explains the
     rest. ``exchange``: labels by whose exchange the nominal model misses readings as little as with
-    any effects.
+    any effects; ``odd_specimen``: that without which the nominal model misses nothing, where no one
+    cause explains it.
     """
 
     verdict: Verdict
@@ -91,6 +96,7 @@ class Judgement:
     alone: tuple[Fit, ...] = ()
     small_errors: float | None = None
     exchange: Exchange | None = None
+    odd_specimen: str = ""
 
     @property
     def chosen(self) -> Fit | None:
@@ -193,13 +199,32 @@ class _Adequacy:
     def of(self, fit: Fit) -> TestResult:
         """The test of a fit, done once."""
         if id(fit) not in self.results:
-            columns = {name: fit.whitened(values) for name, values in over(
-                self.base.patterns, self.base.table).items()}
-            tests = ResidualTests.of(fit.whitened(fit.free_jacobian), columns, stated=0.0)
             # The fit is kept, too, so that no other one gets its identity.
-            self.results[id(fit)] = fit, tests(fit.whitened(fit.residual), self.generator,
-                                               self.part_noise)
+            self.results[id(fit)] = fit, self._test(fit, np.full(len(self.base.table), True))
         return self.results[id(fit)][1]
+
+    def _test(self, fit: Fit, rows: NDArray[np.bool_]) -> TestResult:
+        """The test of a fit to some of the readings."""
+        columns = {name: fit.whitened(values[rows]) for name, values in over(
+            self.base.patterns, self.base.table).items() if values[rows].any()}
+        tests = ResidualTests.of(fit.whitened(fit.free_jacobian), columns, stated=0.0)
+        noise = replace(self.part_noise, part=self.part_noise.part[rows])
+        return tests(fit.whitened(fit.residual), self.generator, noise)
+
+    def odd_specimen(self) -> str:
+        """That of three or more without which the nominal model leaves noise; "" if not one is."""
+        table, simulation = self.base.table, self.base.simulation
+        numbers = np.unique(table.specimen)
+        if simulation.coupons is not None or len(numbers) < _OTHERS + 1:
+            return ""
+        odd = [number for number in numbers.tolist() if self._noise_alone(table.specimen != number)]
+        return simulation.setup.specimens[odd[0]].name if len(odd) == 1 else ""
+
+    def _noise_alone(self, rows: NDArray[np.bool_]) -> bool:
+        """Whether the nominal model may leave noise of some of the readings."""
+        others = fit(self.base.simulation, (), self.base.table[rows].compact(),
+                     self.base.nominal.unknowns)
+        return others.possible and self._test(others, rows).p_value >= ADEQUATE
 
     def enough(self, fit: Fit) -> bool:
         """Whether it may be noise."""
@@ -227,6 +252,9 @@ def _weighed(base: Judgement, exploration: Exploration, adequacy: _Adequacy) -> 
     best = next(iter(posterior.fits), base.nominal)
     weighed = replace(base, posterior=posterior, after=adequacy.of(best), alone=singles,
                       suspects=_causes(posterior.credible()))
+    by_one = any(len(hypothesis) == 1 for hypothesis in enough)
+    if not by_one and (odd := adequacy.odd_specimen()):
+        return replace(weighed, verdict="unexplained", odd_specimen=odd)
     if not enough or posterior.discrepancy > DISCREPANCY:
         return _on_a_rough_bench(replace(weighed, verdict="unexplained"), exploration, adequacy)
     robust = {scale: _sure(Posterior.of(base.nominal, [

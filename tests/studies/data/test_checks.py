@@ -53,6 +53,15 @@ def test_steps_of_a_display(tmp_path: Path, shown: str, step: float) -> None:
     assert step_of(np.ones(3)) == 0.0
 
 
+def test_readings_that_are_rounded_alike_count_as_one(tmp_path: Path) -> None:
+    fine, rounded = (prepared_readings(written(
+        tmp_path / shown[3], shown, 'noise = "20 um"\n' + HEAD, repeats=3)).table
+        for shown in ("{:.4f}", "{:.1f}"))
+    assert len(fine) == 3 * len(rounded)
+    assert fine.sigma == pytest.approx(20e-6)
+    assert rounded.sigma == pytest.approx(np.hypot(20e-6 / 3**0.5, 50e-6))
+
+
 def test_rounding_beyond_the_noise_is_warned_of(tmp_path: Path) -> None:
     for shown, warned in (("{:.1f}", True), ("{:.2f}", False)):
         dataset = written(tmp_path / shown[3], shown, 'noise = "20 um"\n' + HEAD, repeats=2)

@@ -87,3 +87,15 @@ def test_what_an_effect_does_is_no_slip(three_shapes: Simulation) -> None:
     for cause, size in zip(CAUSES, (30.0, 0.8e-3, 6e-3), strict=True):
         made = read(three_shapes, design(20e-6), (cause,), [size], 1)
         assert not slip(judged(three_shapes, made)), cause
+
+
+def test_one_specimen_unlike_what_is_written_of_it_is_told(three_shapes: Simulation,
+                                                           table: ReadingTable) -> None:
+    """As if its plate were larger and its film thinner: no one effect does that."""
+    rows = table.specimen == 1
+    other = 0.6 + 0.4 * (table.voltage / 6.5e3) ** 2
+    judgement = judged(three_shapes, table.with_values(np.where(rows, other, 1.0) * table.value))
+    assert judgement.verdict == "unexplained"
+    assert judgement.odd_specimen == "elliptical-small"
+    assert where(judgement) == ("the simulation meets all specimens but elliptical-small, of whose "
+                                "frame, plate or film a length or a stretch may be written wrongly")
