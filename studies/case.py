@@ -37,6 +37,7 @@ from tympan.geometry.fields import Key, require, takes_units
 from tympan.geometry.mesh import ELEMENTS, unfold
 from tympan.geometry.mesher import MeshSettings
 from tympan.geometry.specimen import Material, Specimen
+from tympan.geometry.toml_reader import NON_NEGATIVE
 from tympan.studies.files import from_json, read_json, remove, stored_file, to_json, write_json
 from tympan.studies.film_surface import FilmSurface, film_surface
 from tympan.studies.kept.meshes import film_part
@@ -73,7 +74,7 @@ class Case:
     mass: Annotated[float, Key("nominal load on the plate", "mass")] = 0.0
     voltage: Annotated[float, Key("nominal voltage", "voltage")] = 0.0
     rig: Rig = Rig()
-    elapsed: Annotated[float, Key("time since the run began", "time")] = 0.0
+    elapsed: Annotated[float, Key("time since the run began", "time", NON_NEGATIVE)] = 0.0
     direction: float = 0.0
 
     if TYPE_CHECKING:

@@ -56,7 +56,7 @@ def _of_entity(entity: Any, unit: float) -> list[Piece]:
     if kind not in ("LINE", "ARC", "CIRCLE", "ELLIPSE", "SPLINE"):
         if kind in ("TEXT", "MTEXT", "DIMENSION", "POINT", "HATCH"):
             return []
-        raise InputError(f"has a {kind}: outlines are made of lines, arcs, ellipses, polylines and "
+        raise InputError(f"holds {kind}: outlines are made of lines, arcs, ellipses, polylines and "
                          "splines")
 
     def place(point: Any) -> tuple[float, float]:

@@ -101,6 +101,8 @@ def read_sweep(file: Path, settings: Settings = Settings()) -> Sweep:
     names = [given] if isinstance(given, str) else given
     if not isinstance(names, list) or not names or not all(isinstance(name, str) for name in names):
         raise table.error("specimen", "must be a specimen file or a list of them", given)
+    if nul := next((name for name in names if "\0" in name), None):
+        raise table.error("specimen", "must name files: no file has NUL in its name", nul)
     stem, times = Counter(Path(name).stem for name in names).most_common(1)[0]
     if times > 1:
         raise table.error("specimen", "must be files of different names", stem)

@@ -163,7 +163,7 @@ def _lines(*points: tuple[float, ...]) -> Callable[[ezdxf.layouts.Modelspace], N
     (lambda space: space.add_circle((0, 0), 40, dxfattribs={"extrusion": (1, 0, 0)}),
      "must be flat: a CIRCLE lies in a plane across 1, 0, 0"),
     (lambda space: space.add_text("nothing"), "no lines, arcs or splines"),
-    (lambda space: space.add_3dface([(0, 0), (1, 0), (1, 1)]), "has a 3DFACE"),
+    (lambda space: space.add_3dface([(0, 0), (1, 0), (1, 1)]), "holds 3DFACE"),
 ])
 def test_drawings_that_are_no_outline_are_refused(draw: Callable, words: str,
                                                   tmp_path: Path) -> None:

@@ -113,6 +113,8 @@ REFUSED = {
     "rig": (LOADS + '[grid]\n"rig.sprin" = ["1 N/m"]',
             r"SWEEP.toml: rig.sprin: unknown key: did you mean 'spring'"),
     "top": (LOADS + 'volts = "1 kV"', r"SWEEP.toml: volts: unknown key"),
+    "NUL": (LOADS.replace("specimen = \"", "specimen = \"\\u0000"),
+            r"SWEEP.toml: specimen: given .*no file has NUL in its name"),
     "lengths": (LOADS
                 + '[list]\n"plate.radius" = ["1 cm"]\n"membrane.thickness" = ["1 mm", "2 mm"]',
                 r"as long as"),
