@@ -6,12 +6,13 @@ from collections import OrderedDict
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import lru_cache, partial
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tympan.fem.discretisation.discretisation import Discretisation
 from tympan.fem.equilibrium.constraints import held_plate
 from tympan.fem.equilibrium.newton import NewtonSettings, Solution, newton
 from tympan.fem.equilibrium.path_following import PathSettings
@@ -20,7 +21,8 @@ from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import State
 from tympan.fem.results.places import Places
 from tympan.geometry.mesher import MeshSettings
-from tympan.geometry.specimen import Specimen
+from tympan.geometry.outlines import Outline
+from tympan.geometry.specimen import Plate, Specimen
 from tympan.studies.case import Settings, build_model
 from tympan.studies.diagnosis.reduced.axes import HeldFilm, film_axes
 from tympan.studies.diagnosis.reduced.film_shape import ALONG, AROUND, COUNT, lattice_of
@@ -121,7 +123,7 @@ def with_shapes(nodes: Nodes, grid: Grid) -> Nodes:
     """With the displacements of the lattice's points, shape (3 + COUNT, heaves, voltages)."""
     model, (rows, columns) = nodes.model, grid.numbers
     specimen = model.specimen
-    lattice = Places.of(model.discretisation, lattice_of(specimen.frame, specimen.plate).flat)
+    lattice = _lattice_places(model.discretisation, specimen.frame, specimen.plate)
     shapes = np.full((COUNT, *nodes.values.shape[1:]), np.nan)
     for i, row in enumerate(rows.tolist()):
         for j, column in enumerate(columns.tolist()):
@@ -129,6 +131,12 @@ def with_shapes(nodes: Nodes, grid: Grid) -> Nodes:
             if state is not None:
                 shapes[:, i, j] = lattice.displacement(model, state).T.ravel()
     return replace(nodes, values=np.concatenate([nodes.values, shapes]))
+
+
+@lru_cache(maxsize=32)
+def _lattice_places(mesh: Discretisation, frame: Outline, plate: Plate) -> Places:
+    """The lattice's points in a mesh; kept, since an effect on the film alone moves neither."""
+    return Places.of(mesh, lattice_of(frame, plate).flat)
 
 
 def meshed_outlines(specimen: Specimen) -> tuple[object, ...]:
