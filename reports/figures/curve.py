@@ -31,7 +31,8 @@ _MARKS = {"tension": ("s", "loses tension"), "breakdown": ("X", "breaks down"),
 _BESIDE, _NEAR, _OF_ALL, _TRIES = (-4.0, 2.0), 16.0, "#333333", 25
 #: Behind words, where they lie over a curve after all.
 _PAPER = {"facecolor": "white", "alpha": 0.75, "linewidth": 0.0, "pad": 0.5}
-_THINS, _KEPT = "loses tension, thins without bound", "were it kept from wrinkling"
+#: Of the dotted rest of a curve, whose film thins without bound where it loses tension.
+_KEPT = "were it kept from wrinkling, to its pull-in"
 
 
 @dataclass(frozen=True, eq=False)
@@ -230,9 +231,9 @@ def draw_curve(axes: Axes, curve: VoltageCurve, number: int, label: str) -> None
     for limit in (limits.tension, limits.breakdown, limits.pull_in):
         if limit is not None:
             marker, word = _MARKS[limit.kind]
-            if limits.thins and limit.kind != "breakdown":
-                word = _THINS if limit.kind == "tension" else ""
-            _mark(axes, curve, limit, marker, word, colour)
+            # The end of the dotted rest is in the legend.
+            dotted = limits.thins and limit.kind == "pull_in"
+            _mark(axes, curve, limit, marker, "" if dotted else word, colour)
     if limits.pull_in is None and not limits.thins:
         _word(axes, (float(x[-1]), float(y[-1])), "not followed further", colour)
 
