@@ -15,7 +15,7 @@ Array = NDArray[np.float64]
 
 #: How far from a multiple of a step a value may be, over the step; and steps of a display over the
 #: noise from which rounding counts.
-_ROUNDED, _COARSE = 1e-6, 1.0
+_ROUNDED, _COARSE = 1e-6, 2.0
 
 
 @dataclass(frozen=True)

@@ -24,9 +24,6 @@ Json = dict[str, Any]
 #: Sentences, by key.
 WORDS = words_beside(__file__)
 
-#: Sizes over the usual ones from which they are called a surprise.
-SURPRISING = 3.0
-
 #: Suspects are causes of at least this probability, and so many at most.
 _SUSPECT, _MOST = 0.05, 4
 

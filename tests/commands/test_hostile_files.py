@@ -137,7 +137,7 @@ def test_what_is_no_regular_file_of_a_sensible_size(tmp_path: Path, refused: Ref
      "sample.count", "at most 2000000 values"),
     (LOADS + SAMPLE + f'"k" = [1, 1{"0" * 400}]', "sample.ranges.k.1", "64 bits"),
     (LOADS + f'[grid]\n"membrane.prestretch.{"9" * 5000}" = [1, 2]', "grid", "500 characters"),
-    (LOADS.replace("oval", "a\\u0000b"), "a\\x00b.toml", "cannot be read"),
+    (LOADS.replace("oval", "a\\u0000b"), "a\\x00b.toml", "no file has NUL in its name"),
     ('specimen = "oval.toml"\nvoltage = { from = "0 V", to = "1 kV", count = 10000 }\n'
      f"mass = {[f'{mass} g' for mass in range(1, 2000)]}", "voltage", "at most 10000000 cases"),
 ], ids=range(9))

@@ -55,6 +55,9 @@ MORE = 4.0
 #: the odds.
 PAIRED = 3.0
 
+#: Sizes over the usual ones from which they are called a surprise.
+SURPRISING = 3.0
+
 #: Specimens beside an odd one that must be as they are written, at least.
 _OTHERS = 2
 
@@ -75,7 +78,7 @@ class Judgement:
     share of their usual sizes at which all other causes are there, where that is what explains the
     rest. ``exchange``: labels by whose exchange the nominal model misses readings as little as with
     any effects; ``odd_specimen``: that without which the nominal model misses nothing, where no one
-    cause explains it.
+    cause explains it, nor two that are not both surprisingly large.
     """
 
     verdict: Verdict
@@ -252,8 +255,8 @@ def _weighed(base: Judgement, exploration: Exploration, adequacy: _Adequacy) -> 
     best = next(iter(posterior.fits), base.nominal)
     weighed = replace(base, posterior=posterior, after=adequacy.of(best), alone=singles,
                       suspects=_causes(posterior.credible()))
-    by_one = any(len(hypothesis) == 1 for hypothesis in enough)
-    if not by_one and (odd := adequacy.odd_specimen()):
+    if not any(map(_usual, (fit for fit in asked if fit.hypothesis in enough))) and (
+            odd := adequacy.odd_specimen()):
         return replace(weighed, verdict="unexplained", odd_specimen=odd)
     if not enough or posterior.discrepancy > DISCREPANCY:
         return _on_a_rough_bench(replace(weighed, verdict="unexplained"), exploration, adequacy)
@@ -301,6 +304,11 @@ def _on_a_rough_bench(base: Judgement, exploration: Exploration, adequacy: _Adeq
         return rough
     return replace(rough, verdict="named", named=sure, posterior=again, robust=robust,
                    after=adequacy.of(chosen), suspects=_causes(again.credible()))
+
+
+def _usual(fit: Fit) -> bool:
+    """Whether it is of one cause, or of two that are not both far from their usual sizes."""
+    return len(fit.hypothesis) < 2 or min(map(fit.surprise, fit.hypothesis)) < SURPRISING
 
 
 def _twice_told(fit: Fit, exploration: Exploration, base: Judgement) -> bool:
