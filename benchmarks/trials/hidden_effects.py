@@ -17,7 +17,7 @@ import json
 import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from math import inf
 from multiprocessing import get_context
 from pathlib import Path
@@ -80,7 +80,9 @@ def study(lab: Lab, counts: dict[str, int], workers: int, keep: Path | None = No
     end = time.monotonic() + 60 * minutes
     with ProcessPoolExecutor(workers, get_context("spawn"), _start,
                              (lab,)) as pool, bar(len(trials)) as step:
-        for name, number, trial_records in pool.map(_run, trials):
+        # As they end: one that takes long must not keep others from being kept.
+        for future in as_completed([pool.submit(_run, trial) for trial in trials]):
+            name, number, trial_records = future.result()
             step(f"{name} {number}")
             records += trial_records
             if keep is not None:
@@ -90,7 +92,7 @@ def study(lab: Lab, counts: dict[str, int], workers: int, keep: Path | None = No
             if time.monotonic() > end:
                 pool.shutdown(cancel_futures=True)
                 break
-    return records
+    return sorted(records, key=lambda record: (record.population, record.number))
 
 
 def kept(keep: Path | None) -> tuple[list[Record], set[tuple[str, int]]]:
