@@ -232,8 +232,8 @@ def draw_curve(axes: Axes, curve: VoltageCurve, number: int, label: str) -> None
         if limit is not None:
             marker, word = _MARKS[limit.kind]
             # The end of the dotted rest is in the legend.
-            told = limits.thins and limit.kind == "pull_in"
-            _mark(axes, curve, limit, marker, "" if told else word, colour)
+            in_legend = limits.thins and limit.kind == "pull_in"
+            _mark(axes, curve, limit, marker, "" if in_legend else word, colour)
     if limits.pull_in is None and not limits.thins:
         _word(axes, (float(x[-1]), float(y[-1])), "not followed further", colour)
 
