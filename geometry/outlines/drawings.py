@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import re
 import subprocess
 import sys
 from functools import lru_cache
@@ -27,6 +28,9 @@ _MEMORY, _SECONDS, _PATIENCE = 4 << 30, 20, 120
 
 #: What DXF calls curves.
 _CURVES = frozenset({b"LINE", b"ARC", b"CIRCLE", b"ELLIPSE", b"SPLINE", b"LWPOLYLINE"})
+
+#: The head of what a DXF draws, after the definitions of its layers and blocks.
+_ENTITIES = re.compile(rb"SECTION\s+2\s+ENTITIES\b")
 
 
 def drawing_pieces(file: Path, kind: str, layer: str = "*") -> list[Piece]:
@@ -109,7 +113,9 @@ def _few(count: int) -> None:
 
 def _curves(dxf: bytes) -> int:
     """How many curves the text of a DXF draws, outside of blocks, before a library reads it."""
-    lines = [line.strip() for line in dxf[max(dxf.find(b"ENTITIES"), 0):].splitlines()]
+    section = _ENTITIES.search(dxf)
+    drawn = dxf[section.end():] if section else b""
+    lines = [line.strip() for line in drawn.splitlines()]
     return sum(code == b"0" and name in _CURVES for code, name in pairwise(lines))
 
 

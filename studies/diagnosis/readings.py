@@ -183,7 +183,7 @@ def _not_too_many(table: ReadingTable) -> tuple[ReadingTable, list[str]]:
         return table, []
     few = averaged(table[resting].compact())
     remark = f"{resting.sum()} readings were averaged to {len(few)} of nearly the same state"
-    return few if resting.all() else few.joined(table[~resting].compact()), [remark]
+    return _beside_passages(few, table, resting), [remark]
 
 
 def _rounded(table: ReadingTable, step: float) -> ReadingTable:
@@ -192,6 +192,12 @@ def _rounded(table: ReadingTable, step: float) -> ReadingTable:
     few = averaged(table[resting].compact())
     rounding = np.where(few.kind == "displacement", step / 2, 0.0)
     few = few.with_sigma(np.hypot(few.sigma, rounding))
+    return _beside_passages(few, table, resting)
+
+
+def _beside_passages(few: ReadingTable, table: ReadingTable, resting: NDArray[np.bool_]
+                     ) -> ReadingTable:
+    """What was made of the rows at rest, with the others of the table as they are."""
     return few if resting.all() else few.joined(table[~resting].compact())
 
 

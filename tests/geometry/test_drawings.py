@@ -335,3 +335,16 @@ def test_the_command_takes_the_sizes_of_the_parts(tmp_path: Path,
 def test_the_command_s_default_sizes_are_the_parts_own() -> None:
     assert PartOptions(**{name: quantity(text, "length")
                           for name, (text, _) in SIZES.items()}) == PartOptions()
+
+
+def test_curves_are_counted_before_a_library_reads_them(tmp_path: Path) -> None:
+    """Those of blocks, which draw nothing by themselves, are not, nor a layer named alike."""
+    document = ezdxf.new()
+    document.layers.add("ENTITIES")
+    block = document.blocks.new("many")
+    for number in range(5):
+        block.add_line((0, 0), (number + 1, 0))
+    document.modelspace().add_circle((0, 0), 30)
+    document.modelspace().add_line((0, 0), (1, 0), dxfattribs={"layer": "ENTITIES"})
+    document.saveas(tmp_path / "few.dxf")
+    assert drawings._curves((tmp_path / "few.dxf").read_bytes()) == 2

@@ -255,8 +255,8 @@ def _weighed(base: Judgement, exploration: Exploration, adequacy: _Adequacy) -> 
     best = next(iter(posterior.fits), base.nominal)
     weighed = replace(base, posterior=posterior, after=adequacy.of(best), alone=singles,
                       suspects=_causes(posterior.credible()))
-    if not any(map(_usual, (fit for fit in asked if fit.hypothesis in enough))) and (
-            odd := adequacy.odd_specimen()):
+    explaining = [fit for fit in asked if fit.hypothesis in enough]
+    if not any(map(_usual, explaining)) and (odd := adequacy.odd_specimen()):
         return replace(weighed, verdict="unexplained", odd_specimen=odd)
     if not enough or posterior.discrepancy > DISCREPANCY:
         return _on_a_rough_bench(replace(weighed, verdict="unexplained"), exploration, adequacy)
