@@ -19,8 +19,9 @@ from scipy.special import logsumexp
 
 from tympan.studies.diagnosis.coupons.coupon_splits import coupon_splits
 from tympan.studies.diagnosis.fits.fit import Fit, best_of
-from tympan.studies.diagnosis.fits.fitting import fit, fit_all, nominal_fit
+from tympan.studies.diagnosis.fits.fitting import fit, nominal_fit
 from tympan.studies.diagnosis.hypothesis import Cause, Hypothesis, hypotheses_of
+from tympan.studies.diagnosis.inference.exploration import pair_starts
 from tympan.studies.diagnosis.inference.identifiability import SAME, signatures, visibility
 from tympan.studies.diagnosis.inference.posterior import NOTHING, priors
 from tympan.studies.diagnosis.inference.predictive import SHARE, Predictive
@@ -237,30 +238,33 @@ def _alternatives(simulation: Simulation, table: ReadingTable, causes: Sequence[
                   nominal: Fit, alone: Sequence[Fit]) -> tuple[list[Fit], list[float]]:
     """Hypotheses with an effect, the most probable first, and logarithms of their odds.
 
-    The odds are against nothing. Each cause alone, the best of them with every other, and pairs of
-    the best few are weighed. Causes that are large in ``alone`` are sought from there too.
+    The odds are against nothing. Each cause alone, the best of them with every other that may help,
+    and such pairs of the best few are weighed. Causes that are large in ``alone`` are sought from
+    there too.
     """
-    large = {other.hypothesis: other for other in alone
+    large = {other.hypothesis: [other.unknowns] for other in alone
              if other.surprise(other.hypothesis[0]) > _LARGE}
     hypotheses = hypotheses_of(causes)
     prior = {hypothesis: np.log(share) for hypothesis, share in priors(hypotheses).items()}
+    fits: dict[Hypothesis, Fit] = {}
 
-    def ranked(fits: Sequence[Fit]) -> list[Fit]:
-        return sorted((other for other in fits if other.possible),
+    def fitted(hypothesis: Hypothesis, starts: Sequence[Array]) -> None:
+        fits[hypothesis] = best_of([fit(simulation, hypothesis, table, start) for start in starts])
+
+    def ranked() -> list[Fit]:
+        return sorted((other for other in fits.values() if other.possible),
                       key=lambda other: -(other.evidence + prior[other.hypothesis]))
 
-    near = fit_all(simulation, [(cause,) for cause in causes], table, nominal.unknowns)
-    far = {other.hypothesis: fit(simulation, other.hypothesis, table,
-                                 large[other.hypothesis].unknowns)
-           for other in near if other.hypothesis in large}
-    singles = ranked([best_of([other, far.get(other.hypothesis, other)]) for other in near])
-    order = [single.hypothesis[0] for single in singles]
-    pairs = [pair for pair in prior if len(pair) == 2 and set(pair) <= set(order)
-             and (order[0] in pair or set(pair) <= set(order[:_SHORTLIST]))]
-    fits = ranked([*singles,
-                   *fit_all(simulation, pairs, table, nominal.unknowns, fitted=singles)])
-    return fits, [other.evidence + prior[other.hypothesis] - nominal.evidence - np.log(NOTHING)
-                  for other in fits]
+    for cause in causes:
+        fitted((cause,), [nominal.unknowns, *large.get((cause,), [])])
+    order = [single.hypothesis[0] for single in ranked()]
+    for pair in (pair for pair in prior if len(pair) == 2 and set(pair) <= set(order)):
+        if order[0] in pair or set(pair) <= set(order[:_SHORTLIST]):
+            least = min(other.cost for other in fits.values())
+            if starts := pair_starts(pair, fits, least):
+                fitted(pair, starts)
+    return ranked(), [other.evidence + prior[other.hypothesis] - nominal.evidence - np.log(NOTHING)
+                      for other in ranked()]
 
 
 def _unlike_the_best(fits: Sequence[Fit], classes: Sequence[Sequence[Cause]]) -> Fit | None:

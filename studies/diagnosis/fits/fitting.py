@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -118,23 +118,6 @@ def nominal_fits(simulation: Simulation, table: ReadingTable) -> Iterator[Fit]:
             nominal = best_of([nominal, fit(simulation, (), lowest)])
         unknowns = nominal.unknowns
         yield nominal
-
-
-def fit_all(simulation: Simulation, hypotheses: Sequence[Hypothesis], table: ReadingTable,
-            start: Array, widen: float = 1.0, fitted: Sequence[Fit] = ()) -> list[Fit]:
-    """Every hypothesis fitted but those that are ``fitted``.
-
-    They start from the nominal one's unknowns, pairs from each of their members' fits.
-    """
-    fits = {fit.hypothesis: fit for fit in fitted}
-    for hypothesis in hypotheses:
-        if hypothesis in fits:
-            continue
-        starts = [with_sizes(hypothesis, fits[cause,]) for cause in hypothesis
-                  if len(hypothesis) > 1 and (cause,) in fits and fits[cause,].possible]
-        fits[hypothesis] = best_of([fit(simulation, hypothesis, table, first, widen)
-                                    for first in starts or [start[FACTORS]]])
-    return [fits[hypothesis] for hypothesis in hypotheses]
 
 
 def with_sizes(hypothesis: Hypothesis, *fits: Fit) -> Array:

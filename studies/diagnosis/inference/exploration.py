@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
 
@@ -95,10 +95,7 @@ class Exploration:
             self._venture(self.ranked()[:_VENTURES])
             self._refine(_BEHIND)
         for pair in pairs:
-            members = [self.fits[cause,] for cause in pair]
-            starts = [with_sizes(pair, member) for member, other in (members, members[::-1])
-                      if member.possible and self._may_help(member, other)]
-            if starts:
+            if starts := pair_starts(pair, self.fits, self._least):
                 self._fit(pair, starts)
         self._refine(_NEAR)
         if not self._explained():
@@ -128,12 +125,6 @@ class Exploration:
     @property
     def _least(self) -> float:
         return min((fit.cost for fit in self.fits.values()), default=np.inf)
-
-    def _may_help(self, member: Fit, other: Fit) -> bool:
-        """Whether a second effect may take enough away of what the first one leaves."""
-        more = beside(taken_by(member.free_jacobian), other.jacobian[:, SIZES])
-        gain = 0.5 * float(np.sum((more.T @ member.residual) ** 2))
-        return member.cost - _HELP * gain < self._least + _BEHIND
 
     def _starts(self, hypothesis: Hypothesis) -> list[Array]:
         """Without effect, and with each parameter large to either side.
@@ -293,6 +284,21 @@ class Exploration:
     def _log(self, fit: Fit) -> float:
         """Logarithm of evidence and prior, but for how many there are of the hypothesis' kind."""
         return fit.evidence - _COUNT * len(fit.hypothesis)
+
+
+def pair_starts(pair: Hypothesis, fits: Mapping[Hypothesis, Fit], least: float) -> list[Array]:
+    """Where a fit of two effects begins: at either alone that the other may help enough.
+
+    ``fits`` of both alone; ``least``: the cost that a fit must not be far behind.
+    """
+    def may_help(member: Fit, other: Fit) -> bool:
+        more = beside(taken_by(member.free_jacobian), other.jacobian[:, SIZES])
+        gain = 0.5 * float(np.sum((more.T @ member.residual) ** 2))
+        return member.cost - _HELP * gain < least + _BEHIND
+
+    first, second = (fits[cause,] for cause in pair)
+    return [with_sizes(pair, member) for member, other in ((first, second), (second, first))
+            if member.possible and may_help(member, other)]
 
 
 def _usual(nominal: Fit, hypothesis: Hypothesis) -> Array:

@@ -7,17 +7,18 @@ of rest from the force law with all that a hypothesis changes. So a hypothesis t
 as they are costs no run, and where nothing is remembered readings in time are those at rest.
 
 η depends on a branch's modulus and time, and on the time since mounting. It is solved on a lattice
-of their logarithms, where it is asked, and interpolated by cubics. On load and voltage it depends
-less: a slope at every node tells how.
+of their logarithms, where it is asked, and interpolated by cubics; small moduli, whose η is in
+proportion to them, lie evenly. On load and voltage it depends less: a slope at every node tells
+how.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from itertools import product
-from math import inf
+from math import inf, prod
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,9 +39,13 @@ from tympan.studies.signals import Supplied, Together
 
 Array = NDArray[np.float64]
 
-#: Spacing of the lattice in logarithms; smallest and largest modulus over the law's, branches'
-#: times over the run's shortest and longest.
-_SPACING, _MODULI, _TIMES = 0.7, (1e-4, 1e4), (1e-2, 1e3)
+#: Spacing of the lattice in logarithms; the largest modulus over the law's; a branch's shortest and
+#: longest time over those of the runs.
+_SPACING, _STIFFEST, _TIMES = 0.7, 1e4, (1e-2, 1e3)
+
+#: The lattice's first number and modulus over the law's; what is added to that in the logarithm.
+_FIRST, _SOFTEST = -4, 5e-3
+_ADDED = np.exp(_SPACING * _FIRST) - _SOFTEST
 
 #: Change of load and voltage by which slopes are taken, and how far they are trusted.
 _CHANGE, _FAR = 0.02, 0.5
@@ -106,16 +111,16 @@ class RememberingFilm:
 
     def _interpolated(self, extra: Sequence[ViscousBranch], mounted: float | None, scale: float
                       ) -> Array:
-        more, axes = bool(extra), list[float]()
+        more, axes = bool(extra), list[tuple[float, float]]()
         if more:
             ratio = extra[0].modulus * scale / self.branch
-            axes = [np.log(np.clip(ratio, *_MODULI)),
-                    np.log(np.clip(extra[0].time, _TIMES[0] * self.shortest,
-                                   _TIMES[1] * self.longest))]
+            axes = [(min(ratio, _STIFFEST) + _ADDED, _FIRST),
+                    (min(max(extra[0].time, _TIMES[0] * self.shortest),
+                         _TIMES[1] * self.longest), -inf)]
         if mounted is not None:
-            axes.append(np.log(np.clip(mounted, _TIMES[0] * self.shortest, None)))
+            axes.append((max(mounted, _TIMES[0] * self.shortest), -inf))
         total = np.zeros((4, len(self.asked)))
-        for corner, weight in _corners(axes):
+        for corner, weight in _corners(tuple(axes)):
             total += weight * self._node(more, mounted, corner)
         if more:
             # What the branch adds grows as its modulus.
@@ -134,7 +139,7 @@ class RememberingFilm:
             if not more:
                 self.nodes[key] = self._solved(nominal, age)
             else:
-                ratio, time = places[:2]
+                ratio, time = places[0] - _ADDED, places[1]
                 whole = self._solved((*nominal, ViscousBranch(ratio * self.branch, time)), age)
                 if nominal:
                     whole = whole - self._node(False, mounted, corner[2:])
@@ -162,6 +167,10 @@ class RememberingFilm:
         membrane = replace(self.specimen.membrane, branches=branches, mounted=mounted)
         return replace(self.film, specimen=replace(self.specimen, membrane=membrane))
 
+    @cached_property
+    def _relaxed(self) -> ReducedFilm:
+        return self._with((), None)
+
     def _alike(self) -> list[list[int]]:
         """Numbers of the runs that may share their steps."""
         groups: dict[tuple[bytes, float], list[int]] = {}
@@ -185,19 +194,15 @@ class RememberingFilm:
             return np.zeros((3, len(asked)))
         time = np.array([moment.time for moment in moments])
         # By variant and run.
-        heave = np.array([moment.heave for moment in moments]).T.reshape(3, len(numbers), -1)
-        force = motion.force.reshape(3, -1)
-        etas = np.empty((3, len(asked)))
+        heave = np.array([moment.heave for moment in moments]).reshape(len(time), 3, -1)
         lines = np.array([numbers.index(self.asked[place][0]) for place in asked])
         times = np.array([self.asked[place][1].times for place in asked]) + histories[0].begins
         times = np.clip(times, time[0], time[-1])
-        for variant, more in enumerate((1.0, 1.0, 1 + _CHANGE)):
-            values = np.empty(len(asked))
-            for line in range(len(numbers)):
-                here = lines == line
-                path = in_time(time, heave[variant, line], times[here].ravel())
-                values[here] = path.reshape(-1, len(WEIGHTS)) @ WEIGHTS
-            etas[variant] = self._eta(values, force[variant, lines], more * self._squares[asked])
+        path = in_time(time, heave, times.ravel()).reshape(*times.shape, *heave.shape[1:])
+        values = WEIGHTS @ path[np.arange(len(asked)), :, :, lines]
+        squared = np.multiply.outer(self._squares[asked], [1.0, 1.0, 1 + _CHANGE])
+        etas = self._eta(values.ravel(), motion.force.reshape(3, -1)[:, lines].T.ravel(),
+                         squared.ravel()).reshape(-1, 3).T
         etas[1:] = (etas[1:] - etas[0]) / np.log1p(_CHANGE)
         return etas
 
@@ -225,7 +230,7 @@ class RememberingFilm:
         Shapes (asked, shapes, shapes); None where one of them has no rest.
         """
         force = np.array([float(self.rig.force(self.runs[run][0])) for run, _ in self.asked])
-        film, probe = self._with((), None), self._with((ViscousBranch(self.branch, 1.0),), None)
+        film, probe = self._relaxed, self._with((ViscousBranch(self.branch, 1.0),), None)
         try:
             q = film.at_rest(FilmLoads(force, self._squares, self.rig.spring))
         except NoBalance:
@@ -249,7 +254,7 @@ class RememberingFilm:
 
     def _eta(self, heave: Array, force: Array, squared: Array) -> Array:
         """By how much stiffer a film at rest stands there under these loads."""
-        film, eta = self._with((), None), np.zeros(len(heave))
+        film, eta = self._relaxed, np.zeros(len(heave))
         load = force - self.rig.spring * heave
         q = np.zeros((len(heave), film.count))
         for _ in range(_ROUNDS):
@@ -266,17 +271,21 @@ class RememberingFilm:
         return eta
 
 
-def _corners(axes: Sequence[float]) -> Iterator[tuple[_Corner, float]]:
-    """Lattice points about a place with their weights, by cubics through four on each axis."""
+@lru_cache(maxsize=1024)
+def _corners(axes: tuple[tuple[float, float], ...]) -> tuple[tuple[_Corner, float], ...]:
+    """Lattice points about a place with their weights, by cubics through four on each axis.
+
+    Of each axis the place and the lattice's first number.
+    """
     parts = []
-    for value in axes:
-        low = int(np.floor(value / _SPACING)) - 1
-        x = value / _SPACING - low
-        nodes = np.arange(4)
-        parts.append([(low + k, float(np.prod([(x - j) / (k - j) for j in nodes if j != k])))
+    for value, first in axes:
+        number = float(np.log(value)) / _SPACING
+        low = int(max(np.floor(number) - 1, first))
+        x = number - low
+        parts.append([(low + k, prod((x - j) / (k - j) for j in range(4) if j != k))
                       for k in range(4)])
-    for combined in product(*parts):
-        yield tuple(place for place, _ in combined), float(np.prod([w for _, w in combined]))
+    return tuple((tuple(place for place, _ in combined), prod(weight for _, weight in combined))
+                 for combined in product(*parts))
 
 
 @dataclass(frozen=True, eq=False)
@@ -342,7 +351,6 @@ class FilmMemory:
             result[rows] = np.maximum(1 + eta + change, 0.1)
         return result
 
-
     def swing(self, setup: Setup, states: States, stiffness: float, rate: Array) -> Array:
         """Complex stiffness of each state's heave over that at rest, at angular rates [1/s]."""
         result = np.ones(len(states), complex)
@@ -355,17 +363,25 @@ class FilmMemory:
     def _of(self, setup: Setup, states: States
             ) -> Iterator[tuple[RememberingFilm, Film, NDArray[np.int64], NDArray[np.int64]]]:
         """Films with branches, with the states they remember and the places of these."""
-        every = states.passages.rows
         for number, film in enumerate(self.films):
             membrane = setup.specimens[number].membrane
             if film is None or not membrane.branches:
                 continue
-            rows = every[states.specimen[every] == number]
-            place = np.array([self.places.get((number, float(states.mass[row]),
-                                               id(states.passage[row])), -1)
-                              for row in rows.tolist()], dtype=np.int64)
-            if (place >= 0).any():
-                yield film, membrane, rows[place >= 0], place[place >= 0]
+            rows, place = _remembered(self, states, number)
+            if len(rows):
+                yield film, membrane, rows, place
+
+
+@lru_cache(maxsize=64)
+def _remembered(memory: FilmMemory, states: States, number: int
+                ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """A film's states that are remembered, and their places."""
+    rows = states.passages.rows
+    rows = rows[states.specimen[rows] == number]
+    place = np.array([memory.places.get((number, float(states.mass[row]),
+                                         id(states.passage[row])), -1)
+                      for row in rows.tolist()], dtype=np.int64)
+    return rows[place >= 0], place[place >= 0]
 
 
 def _limited(change: Array | float) -> Array:

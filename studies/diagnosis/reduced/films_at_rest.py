@@ -20,6 +20,7 @@ from tympan.studies.diagnosis.reading_table import States
 from tympan.studies.diagnosis.reduced.force_law import BEYOND, ForceSurface, continued, in_powers
 from tympan.studies.diagnosis.reduced.in_time import charged
 from tympan.studies.diagnosis.reduced.reduced_films import ReducedFilms
+from tympan.studies.effects import Setup
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -61,7 +62,8 @@ class FilmsAtRest:
         self.unknowns, self._like = unknowns, like
         self.stiffness = float(np.exp(unknowns[STIFFNESS]))
         self.permittivity = float(np.exp(unknowns[PERMITTIVITY]))
-        self.setup = films.outer(hypothesis, unknowns)
+        alike = like is not None and np.array_equal(like.unknowns[SIZES], unknowns[SIZES])
+        self.setup: Setup = like.setup if like and alike else films.outer(hypothesis, unknowns)
         self.rig = self.setup.rig
         grids = [law.grid for law in films.laws]
         self.reach = np.array([grid.heave for grid in grids])[states.specimen]

@@ -12,6 +12,7 @@ from tests.oracles.readings import runs_in_time
 from tests.oracles.readings.round_actuators import Hidden
 from tests.oracles.readings.runs_in_time import Run
 from tympan.geometry.errors import InputError
+from tympan.geometry.specimen import ViscousBranch
 from tympan.studies.data.dataset import read_dataset
 from tympan.studies.diagnosis.calibration import Calibration, calibrated
 from tympan.studies.diagnosis.diagnose import diagnose
@@ -125,6 +126,26 @@ def test_a_branch_stiffens_and_damps_a_swing_as_the_whole_film_does(tmp_path: Pa
         states[last], kind, 1.0))[0] for kind in ("frequency", "decay"))
     assert frequency == pytest.approx(rung.frequency, rel=5e-4)
     assert decay == pytest.approx(rung.decay, rel=0.05)
+
+
+def test_what_a_film_remembers_of_any_branch_is_between_those_that_are_solved(tmp_path: Path
+                                                                              ) -> None:
+    """Against a run with that very branch: to 1e-5 of the stiffness and 1e-3 of what it adds, be it
+    soft or stiff, fast or slow; another beside it, that does nothing, has the run made anew."""
+    memory = calibration(tmp_path / "d", Hidden(), SLOW).simulation.memory
+    assert memory is not None
+    film = next(film for film in memory.films if film is not None)
+    for share, time in [(1e-3, 1.0), (0.02, 3.0), (0.1, 0.3), (0.5, 5.0), (2.2, 0.05),
+                        (7.0, 30.0), (0.3, 400.0), (40.0, 2.0)]:
+        branch = ViscousBranch(share * film.branch, time)
+        nothing = replace(branch, modulus=1e-9 * film.branch)
+        between, solved = (film.hardening(branches, None, 1.0)
+                           for branches in ((branch,), (branch, nothing)))
+        most = float(np.abs(solved[0]).max())
+        assert most > 1e-3 * share / (1 + share)
+        near = 1e-5 + 1e-3 * most
+        assert between[0] == pytest.approx(solved[0], rel=0, abs=near), (share, time)
+        assert between[1:3] == pytest.approx(solved[1:3], rel=0, abs=3 * near), (share, time)
 
 
 @pytest.mark.parametrize(("column", "factor", "words"), [
