@@ -10,7 +10,7 @@ elsewhere when the film was flat: it is found on the deformed lattice.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.polynomial import chebyshev
@@ -95,45 +95,61 @@ def coefficients(values: Array) -> Array:
     return np.asarray(along @ values @ around.T)
 
 
+#: Chebyshev polynomials by powers of their variable, a column each; and so the four splines at a
+#: place between the second and the third.
+_CHEBYSHEV = np.stack([np.r_[row, np.zeros(ALONG - len(row))]
+                       for row in map(chebyshev.cheb2poly, np.eye(ALONG))], axis=1)
+_SPLINES = np.array([[1, 4, 1, 0], [-3, 0, 3, 0], [3, -6, 3, 0], [-1, 3, -3, 1]]) / 6
+_NEIGHBOURS = np.arange(-1, 3)
+
+
 def _along(share: Array) -> tuple[Array, Array]:
     """Chebyshev polynomials of places on rays, 0 at the plate, 1 at the frame; and derivatives."""
-    x = 2 * share - 1
-    value, rate = np.ones((len(x), ALONG)), np.zeros((len(x), ALONG))
-    value[:, 1], rate[:, 1] = x, 2.0
-    for n in range(2, ALONG):
-        value[:, n] = 2 * x * value[:, n - 1] - value[:, n - 2]
-        rate[:, n] = 4 * value[:, n - 1] + 2 * x * rate[:, n - 1] - rate[:, n - 2]
-    return value, rate
+    return _with_slope(2 * share - 1, _CHEBYSHEV, 2.0)
 
 
 def _around(turn: Array) -> tuple[NDArray[np.int64], Array, Array]:
     """The four splines at places around, counted in rays: numbers, values and derivatives."""
     first = np.floor(turn).astype(np.int64)
-    t = (turn - first)[:, None]
-    value = np.hstack([(1 - t) ** 3, 3 * t**3 - 6 * t**2 + 4, -3 * t**3 + 3 * t**2 + 3 * t + 1,
-                       t**3]) / 6
-    rate = np.hstack([-(1 - t) ** 2, 3 * t**2 - 4 * t, -3 * t**2 + 2 * t + 1, t**2]) / 2
-    return (first[:, None] + np.arange(-1, 3)) % AROUND, value, rate
+    return (first[:, None] + _NEIGHBOURS) % AROUND, *_with_slope(turn - first, _SPLINES)
+
+
+def _with_slope(x: Array, polynomials: Array, rate: float = 1.0) -> tuple[Array, Array]:
+    """Values of polynomials, a column each by powers of x, and ``rate`` times their derivatives."""
+    powers = np.ones((len(polynomials), len(x)))
+    np.multiply.accumulate(np.broadcast_to(x, (len(powers) - 1, len(x))), out=powers[1:])
+    slopes = rate * np.arange(1, len(powers))[:, None] * polynomials[1:]
+    return powers.T @ polynomials, powers[:-1].T @ slopes
 
 
 @dataclass(frozen=True, eq=False)
 class FilmShape:
     """A film as it stands: coefficients of the flat lattice (2) and its displacements (3).
 
-    ``coefficients``: shape (5, ALONG, AROUND) [m].
+    ``coefficients``: shape (5, ALONG, AROUND) [m]; ``rim``: displacement of the plate's edge at the
+    rays, (3, AROUND) [m].
     """
 
     lattice: Lattice
     coefficients: Array
-    plane: Array  #: of the plate: its edge's heights are these times 1, x, y
+    rim: Array
 
     @classmethod
     def of(cls, lattice: Lattice, displacement: Array) -> FilmShape:
         """Of displacements [m] at the lattice's points, shape (3, ALONG, AROUND)."""
-        rim = lattice.points[:, 0] + displacement[:2, 0]
-        design = np.stack([np.ones(AROUND), *rim], axis=1)
-        plane = np.linalg.lstsq(design, displacement[2, 0], rcond=None)[0]
-        return cls(lattice, coefficients(np.concatenate([lattice.points, displacement])), plane)
+        values = np.concatenate([lattice.points, displacement])
+        return cls(lattice, coefficients(values), displacement[:, 0])
+
+    @cached_property
+    def plane(self) -> Array:
+        """Of the plate: its edge's heights are these times 1, x, y."""
+        design = np.stack([np.ones(AROUND), *(self.lattice.points[:, 0] + self.rim[:2])], axis=1)
+        return np.asarray(np.linalg.lstsq(design, self.rim[2], rcond=None)[0])
+
+    @cached_property
+    def _by_ray(self) -> Array:
+        """The coefficients, shape (AROUND, ALONG · 5)."""
+        return np.ascontiguousarray(self.coefficients.transpose(2, 1, 0)).reshape(AROUND, -1)
 
     def heights(self, places: Array) -> Array:
         """What a sensor above places of the table sees [m]; places (n, 2) [m]."""
@@ -151,7 +167,7 @@ class FilmShape:
         """Those of the points that lay there in the flat film [m], shape (3, n)."""
         share, turn = self._sought(places, moved=False)
         film = self._at(share, turn)[0][2:]
-        moved = self._rim_displacement[:2].mean(axis=1)
+        moved = self.rim[:2].mean(axis=1)
         on_plate = np.concatenate([np.tile(moved[:, None], len(places)),
                                    [self.plane[0] + (places + moved) @ self.plane[1:]]])
         return np.where(share < 0, on_plate, np.where(share > 1, 0.0, film))
@@ -160,11 +176,17 @@ class FilmShape:
         """Flat place and displacement, (5, n), and derivatives by share and turn."""
         along, slope = _along(share)
         number, around, rate = _around(turn)
-        local = self.coefficients[:, :, number]
-        in_turn = np.einsum("fanr,nr->fan", local, around)
-        by_turn = np.einsum("fanr,nr->fan", local, rate)
-        return (np.einsum("fan,na->fn", in_turn, along), np.einsum("fan,na->fn", in_turn, slope),
-                np.einsum("fan,na->fn", by_turn, along))
+        local = self._by_ray[number]
+        in_turn, by_turn = (np.einsum("nr,nrk->nk", part, local).reshape(len(turn), ALONG, -1)
+                            for part in (around, rate))
+        return (np.einsum("na,naf->fn", along, in_turn), np.einsum("na,naf->fn", slope, in_turn),
+                np.einsum("na,naf->fn", along, by_turn))
+
+    def _edges(self, turn: Array) -> Array:
+        """Flat places at the plate and at the frame, shape (2, n, 2)."""
+        number, around, _ = _around(turn)
+        ends = _along(np.array([0.0, 1.0]))[0] @ self.coefficients[:2].transpose(2, 1, 0)
+        return np.asarray(np.einsum("nr,nrek->enk", around, ends[number]))
 
     def _sought(self, places: Array, moved: bool) -> tuple[Array, Array]:
         """Lattice coordinates of places, on the film as it stands or, else, on the flat one.
@@ -173,22 +195,16 @@ class FilmShape:
         """
         away = places - self.lattice.centre
         turn = np.arctan2(away[:, 1], away[:, 0]) * AROUND / (2 * np.pi) % AROUND
-        rim, edge = (np.hypot(*(self._at(np.full(len(turn), end), turn)[0][:2]
-                                - self.lattice.centre[:, None])) for end in (0.0, 1.0))
+        rim, edge = (np.hypot(*(ends - self.lattice.centre).T) for ends in self._edges(turn))
         share = (np.hypot(*away.T) - rim) / (edge - rim)
         # A plate that slid bares film where it was.
-        slid = moved * np.hypot(*self._rim_displacement[:2]).max() / (edge - rim)
+        slid = moved * np.hypot(*self.rim[:2]).max() / (edge - rim)
         near = (share > -_BEYOND - slid) & (share < 1 + _BEYOND)
         if not near.any():
             return share, turn
         share[near], turn[near] = self._newton(share[near].clip(0, 1), turn[near], places[near],
                                                moved)
         return share, turn
-
-    @property
-    def _rim_displacement(self) -> Array:
-        """Of the plate's edge [m], shape (3, AROUND)."""
-        return self._at(np.zeros(AROUND), np.arange(AROUND, dtype=float))[0][2:]
 
     def _newton(self, share: Array, turn: Array, places: Array, moved: bool
                 ) -> tuple[Array, Array]:
