@@ -147,6 +147,9 @@ class CaseRecord:
 
 LimitKind = Literal["tension", "breakdown", "pull_in"]
 
+#: Relative errors of a limit that are worth a word, and that a mesh must not leave.
+_WORTH, _RESOLVED = 5e-3, 0.05
+
 
 @dataclass(frozen=True, kw_only=True)
 class Limit:
@@ -161,6 +164,25 @@ class Limit:
     x_m: float
     y_m: float
     spread: float = 0.0
+
+    @property
+    def text(self) -> str:
+        """Its voltage, and how far that may be off where the mesh resolves it badly.
+
+        Examples
+        --------
+        >>> Limit(kind="pull_in", voltage_V=2991.97, x_m=0.0, y_m=0.0, spread=1e-4).text
+        '2.992 kV'
+        >>> Limit(kind="tension", voltage_V=2663.0, x_m=0.0, y_m=0.0, spread=0.3).text
+        '2.663 kV ± 30 %'
+        """
+        off = f" ± {100 * self.spread:.2g} %" if self.spread >= _WORTH else ""
+        return f"{self.voltage_V / 1e3:.4g} kV{off}"
+
+    @property
+    def resolved(self) -> bool:
+        """Whether the mesh is fine enough to tell it."""
+        return self.spread < _RESOLVED
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -282,7 +282,9 @@ class Stop:
         At a limit, which depends on the film's energy: mean square of the jumps of its stress, over
         that of the stress about its mean.
         """
-        nodes, fields = self.model.discretisation.connectivity, self.fields
+        mesh, fields = self.model.discretisation, self.fields
+        # At an electrode's edge the film itself jumps.
+        nodes = 2 * mesh.connectivity + (mesh.covered > 0)
         if what == "limit":
             stresses = (fields.stress_1, fields.stress_2)
             return float(max((_jumps(nodes, stress)**2).mean() / max(np.var(stress), 1e-300)

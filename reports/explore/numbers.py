@@ -49,8 +49,7 @@ def _limits(curve: FollowedCurve | None) -> Iterator[dict[str, str]]:
     limits = curve.curve.curves[0].limits
     for kind, words in LIMITS.items():
         limit = getattr(limits, kind)
-        text = "not reached" if limit is None else f"{digits(limit.voltage_V / 1e3, 4)} kV"
-        yield _row(kind, words, text)
+        yield _row(kind, words, "not reached" if limit is None else limit.text)
     if curve.readings is not None:
         yield _row("rms", "rms of measured − simulated",
                    f"{digits(1e6 * curve.readings.rms)} µm")

@@ -62,7 +62,7 @@ class VoltageCurve:
         """How the curve ends, in words with numbers."""
         if self.limits.end is not None:
             word = "thins without bound at" if self.limits.thins else "pulls in at"
-            return f"{word} {limit_text(self.limits.end)}"
+            return f"{word} {self.limits.end.text}"
         if not len(self.voltage):
             return "no equilibrium"
         return f"to {self.voltage[-1]:.4g} kV"
@@ -79,17 +79,6 @@ class VoltageCurve:
     def at(self, voltage: float) -> float:
         """The deflection at a voltage on the way."""
         return float(np.interp(voltage, *self.line))
-
-
-def limit_text(limit: Limit) -> str:
-    """A limit's voltage with as many digits as are certain.
-
-    Examples
-    --------
-    >>> limit_text(Limit(kind="pull_in", voltage_V=2991.97, x_m=0.0, y_m=0.0))
-    '2.992 kV'
-    """
-    return f"{limit.voltage_V / 1e3:.4g} kV"
 
 
 def voltage_curves(result: CurveResult) -> Iterator[VoltageCurve]:

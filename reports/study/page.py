@@ -15,7 +15,7 @@ from tympan.fem.membrane.loading import BIASES
 from tympan.fem.rig import Rig
 from tympan.geometry.fields import fields_of
 from tympan.geometry.units import DIMENSIONS
-from tympan.reports.figures.curve import VoltageCurve, limit_text
+from tympan.reports.figures.curve import VoltageCurve
 from tympan.reports.study import curves, figure4
 from tympan.reports.study.view import SpecimenView, StudyView, view_study
 from tympan.reports.template import embedded_picture, percent, sentence, template
@@ -188,7 +188,7 @@ def curve_warnings(name: str, curve: VoltageCurve) -> Iterator[str]:
         yield _say("no_result", name, curve.mass, unsolved)
     for limit in (curve.limits.tension, curve.limits.breakdown, curve.limits.pull_in):
         if limit is not None:
-            yield _say("limited", name, curve.mass, limit.kind, limit_text(limit),
+            yield _say("limited", name, curve.mass, limit.kind, limit.text,
                        1e3 * limit.x_m, 1e3 * limit.y_m)
     if curve.limits.thins or curve.limits.pull_in is None:
         yield _say("ended", name, curve.mass, curve.limits.ended)

@@ -194,6 +194,8 @@ def _limits(case: Case, passed: list[Stop]) -> Limits:
                                            x_m=stop.event.x_m, y_m=stop.event.y_m,
                                            spread=stop.event.spread))
     ended = passed[-1].ended if passed else UNFOLLOWED
+    if passed and ended == UNFOLLOWED:
+        ended = f"the film could not be followed beyond {_nominal(case, passed[-1]) / 1e3:.4g} kV"
     tension, pull_in = reached.get("tension"), reached.get("pull_in")
     thins = tension is not None and passed[0].model.wrinkles and not passed[-1].model.wrinkles
     if thins and tension is not None:

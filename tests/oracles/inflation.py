@@ -277,7 +277,7 @@ def voltage_at(film: Disc, electrode: float, stretch: float) -> float:
     nominal stress on both sides of the electrode's edge. From the stretch, and so beyond a limit,
     the voltage is the result. Of a permittivity that does not depend on the stretch.
     """
-    outside = _stress_outside(film, electrode, stretch)
+    outside = pull_of(film, electrode, stretch)
     inside = float(_first(film, stretch, stretch))
     # W_1 - eps (U/T)^2 l^3 inside is what pulls from outside.
     permittivity = film.eps0 * film.relative_permittivity * stretch**3
@@ -296,7 +296,7 @@ def _first(film: Film, l1: float, l2: float) -> float:
     return float(energy_derivatives(film, np.array([l1]), np.array([l2]), 0.0).d1[0])
 
 
-def _stress_outside(film: Disc, electrode: float, stretch: float) -> float:
+def pull_of(film: Disc, electrode: float, stretch: float) -> float:
     """W_1 at the electrode's edge, just outside, such that the film meets the frame."""
     lp = film.prestretch
     span = (electrode / lp, film.outer / lp)

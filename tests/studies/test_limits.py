@@ -8,10 +8,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.oracles import axisymmetric
+from tests.oracles import axisymmetric, inflation
+from tests.oracles.laws import gent
 from tests.oracles.unstable import slack_voltage
 from tests.support.specimens import ROOT5, circular, elliptical
-from tympan.fem.film.laws import NeoHooke
+from tympan.fem.film.laws import Gent, NeoHooke
 from tympan.fem.film.library import MATERIALS
 from tympan.fem.rig import Rig
 from tympan.geometry.mesher import MeshSettings
@@ -95,6 +96,20 @@ def test_a_film_that_thins_as_it_loses_tension_loses_it_on_every_mesh() -> None:
     voltages = [limit.voltage_V for limit in tensions if limit is not None]
     assert len(voltages) == 2
     assert np.ptp(voltages) < 2e-4 * voltages[0]
+
+
+def test_a_limit_that_the_mesh_makes_is_said_to_be_hardly_resolved() -> None:
+    """Where Gent's law locks: by the equations the film outside the electrode pulls for ever."""
+    film = Film(0.2e-3, (4.0, 4.0), Gent(15e3, 90.0), 4.8)
+    disc = Specimen("spot", Circle(10e-3), None, film,
+                    Electrode(outline=Region(Circle(10e-3 / 3))))
+    oracle = inflation.Disc(0.0, 10e-3, 0.2e-3, 4.0, gent(15e3, 90.0), 4.8)
+    assert inflation.voltage_at(oracle, 10e-3 / 3, 6.815) > 15e3
+    assert inflation.pull_of(oracle, 10e-3 / 3, 6.815) > 1e3
+    case = Case(disc, rig=Rig(gravity=1e-9))
+    tension = limits(case, Settings()).tension
+    assert tension is None or (not tension.resolved and "±" in tension.text)
+    assert limits(case, Settings(mesh=MeshSettings().refined(2))).tension is None
 
 
 def test_solve_knows_its_film_s_limits(film: Specimen) -> None:
