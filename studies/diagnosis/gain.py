@@ -263,8 +263,9 @@ def _alternatives(simulation: Simulation, table: ReadingTable, causes: Sequence[
             least = min(other.cost for other in fits.values())
             if starts := pair_starts(pair, fits, least):
                 fitted(pair, starts)
-    return ranked(), [other.evidence + prior[other.hypothesis] - nominal.evidence - np.log(NOTHING)
-                      for other in ranked()]
+    best = ranked()
+    return best, [other.evidence + prior[other.hypothesis] - nominal.evidence - np.log(NOTHING)
+                  for other in best]
 
 
 def _unlike_the_best(fits: Sequence[Fit], classes: Sequence[Sequence[Cause]]) -> Fit | None:
