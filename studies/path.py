@@ -285,13 +285,13 @@ class Stop:
         mesh, fields = self.model.discretisation, self.fields
         # At an electrode's edge the film itself jumps.
         sides = 2 * mesh.connectivity + (mesh.covered > 0)
-        nodes = np.unique(sides, return_inverse=True)[1].reshape(sides.shape)
+        nodes: NDArray[np.int64] = np.unique(sides, return_inverse=True)[1].reshape(sides.shape)
         if what == "limit":
             stresses = (fields.stress_1, fields.stress_2)
             return float(max((_jumps(nodes, stress)**2).mean() / max(np.var(stress), 1e-300)
                              for stress in stresses))
         values = self._falling(what)
-        element = int(np.argmin(values)) // nodes.shape[1]
+        element = int(np.argmin(values)) // mesh.connectivity.shape[1]
         return float(_jumps(nodes, values)[nodes[element]].max())
 
 
