@@ -18,6 +18,7 @@ from statistics import median
 
 from tympan.fem.derivatives.quantities import QUANTITIES
 from tympan.fem.derivatives.sensitivity import gradient, parameters, shape_names
+from tympan.fem.derivatives.shape import lengthened
 from tympan.fem.equilibrium.solve import equilibrium
 from tympan.fem.film.laws import Ogden
 from tympan.fem.membrane.model import Model
@@ -52,6 +53,7 @@ def seconds(work: Callable[[], object]) -> float:
 
 def anew(model: Model, state: State) -> Model:
     """The model with nothing kept of its mesh but for solves, as before the first gradient."""
+    lengthened.cache_clear()
     fresh = replace(model, discretisation=replace(model.discretisation))
     fresh.linearised(state)
     fresh.thinning_margin(state)

@@ -27,7 +27,7 @@ import numpy as np
 from tympan.fem.complex_step import STEP
 from tympan.fem.derivatives.quantities import THINNING_MARGIN, Quantity
 from tympan.fem.derivatives.residual_derivative import ResidualDerivative, Stiffness
-from tympan.fem.derivatives.shape import moved_by, velocity
+from tympan.fem.derivatives.shape import lengthened, moved_by, velocity
 from tympan.fem.equilibrium.arc_length import PathPoint
 from tympan.fem.equilibrium.newton import Solution
 from tympan.fem.equilibrium.ramp import Outcome
@@ -114,11 +114,11 @@ def _load(name: Load) -> ModelParameter:
 
 def _length(name: str) -> ModelParameter:
     """A length of frame, plate or electrode; odd along an offset's axis, or in both if an angle."""
-    path = name.split(".")
+    path = tuple(name.split("."))
 
     def changed(model: Model, state: State, change: Any) -> tuple[Model, State]:
-        motion = velocity(model.discretisation, model.specimen, tuple(path))
-        return moved_by(model, state, with_change(model.specimen, path, change), change * motion)
+        motion = velocity(model.discretisation, model.specimen, path)
+        return moved_by(model, state, lengthened(model.specimen, path, change), change * motion)
 
     odd = "xy"[int(path[-1])] if path[-2] == "offset" else "xy" if path[-1] == "rotation" else ""
     return ModelParameter(lambda model, state: float(at(model.specimen, path)), changed,

@@ -55,11 +55,17 @@ def velocity(discretisation: Discretisation, specimen: Specimen, path: tuple[str
     InputError where an edge of the electrode runs into another edge, so that nodes would have to
     slide along it, or where the film's stress is infinite at a sharp corner.
     """
-    edges, stepped = _edges(specimen), _edges(with_change(specimen, path, 1j * STEP))
+    edges, stepped = _edges(specimen), _edges(lengthened(specimen, path, 1j * STEP))
     moving = {name: stepped[name] for name in edges if edges[name] != stepped[name]}
     return _extended(discretisation, {
         name: edge.at(_foot(discretisation, specimen, name)).imag / STEP
         for name, edge in moving.items()}, edge_nodes(discretisation, specimen))
+
+
+@lru_cache(maxsize=32)
+def lengthened(specimen: Specimen, path: tuple[str, ...], change: complex) -> Specimen:
+    """The specimen after a change of the length at a path [m], real or imaginary."""
+    return with_change(specimen, path, change)
 
 
 def motion_between(discretisation: Discretisation, specimen: Specimen, other: Specimen) -> Array:
