@@ -65,7 +65,8 @@ def velocity(discretisation: Discretisation, specimen: Specimen, path: tuple[str
 @lru_cache(maxsize=32)
 def lengthened(specimen: Specimen, path: tuple[str, ...], change: complex) -> Specimen:
     """The specimen after a change of the length at a path [m], real or imaginary."""
-    return with_change(specimen, path, change)
+    changed: Specimen = with_change(specimen, path, change)
+    return changed
 
 
 def motion_between(discretisation: Discretisation, specimen: Specimen, other: Specimen) -> Array:

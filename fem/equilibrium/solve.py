@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from tympan.fem.equilibrium.constraints import held_plate
-from tympan.fem.equilibrium.newton import Solution, moved, newton
+from tympan.fem.equilibrium.newton import Solution, moved, newton, simplified_newton
 from tympan.fem.equilibrium.path_following import PathSettings
 from tympan.fem.equilibrium.ramp import SLACK, Outcome, Ramp, still_slack
 from tympan.fem.membrane.model import Model
@@ -103,7 +103,8 @@ def held(model: Model, deflection: float, voltage: float = 0.0, start: Solution 
          settings: PathSettings = PathSettings()) -> Outcome:
     """The film under a voltage [V], its plate held at a deflection [m] by ``state.force`` [N].
 
-    Without a plate its centre, by ``state.pressure`` [Pa].
+    Without a plate its centre, by ``state.pressure`` [Pa]. The tangent of the solution may be that
+    of a state on the way there, if near enough to correct by.
     """
     free = (model.pushed_by,)
     solution = start or newton(model, model.mounted(), free, (held_plate(0.0),), settings.newton)
@@ -114,12 +115,16 @@ def held(model: Model, deflection: float, voltage: float = 0.0, start: Solution 
         share = min(1.0, done + step)
         target = origin + share * (deflection - origin)
         guess, tangent = solution.state, solution.tangent
-        if tangent is not None and tangent.free == free:  # the force follows the deflection
+        if tangent is not None and tangent.free != free:
+            tangent = None  # in it the force does not follow the deflection
+        if tangent is not None:
             motion, loads = tangent.along()
             guess = moved(model, guess, motion, target - model.deflection(guess), loads)
         guess = guess.under(voltage=squared + share * (voltage**2 - squared))
+        problem = model, guess, free, (held_plate(target),), settings.newton
+        near = None if tangent is None else simplified_newton(*problem, tangent)
         solution.release()
-        trial = newton(model, guess, free, (held_plate(target),), settings.newton)
+        trial = near or newton(*problem)
         if trial.converged:
             solution, done, step = trial, share, 2 * step
         elif (step := step / 2) < settings.shortest:

@@ -11,7 +11,7 @@ from tests.support.models import model
 from tests.support.specimens import circular
 from tympan.fem.equilibrium.constraints import held_charge, held_plate
 from tympan.fem.equilibrium.newton import NewtonSettings, newton, simplified_newton, tangent_at
-from tympan.fem.equilibrium.solve import equilibrium
+from tympan.fem.equilibrium.solve import equilibrium, held
 from tympan.fem.film.laws import NeoHooke
 from tympan.fem.membrane.rigid_plate import Swing
 
@@ -75,3 +75,16 @@ def test_a_tangent_from_afar_is_given_up(film) -> None:
     guess = equilibrium(film, FORCE, 5e3).state.under(voltage=6.5e3**2)
     assert simplified_newton(film, guess, tangent=flat.tangent) is None
     assert newton(film, guess).converged
+
+
+def test_a_plate_is_held_further_down_by_the_tangent_at_hand(film) -> None:
+    """The force of a fresh start, and the same after a way back, without new factors."""
+    start = held(film, 4e-3).solution
+    near = held(film, 4.2e-3, 1e3, start)
+    afresh = held(film, 4.2e-3, 1e3)
+    assert near.solution.tangent is start.tangent
+    assert near.state.force == pytest.approx(afresh.state.force, rel=1e-7)
+    far = held(film, 20e-3, 3e3, start)
+    assert far.solution.tangent is not start.tangent
+    assert held(film, 4e-3, 0.0, far.solution).state.force == pytest.approx(start.state.force,
+                                                                            rel=1e-7)

@@ -105,7 +105,8 @@ def test_a_circle_is_one_circle() -> None:
     result = alpha(circular(DEFAULT), Settings(), FEW)
     assert result.circles == (45e-3,)
     assert result.by_basis["membrane"].alpha == (1.0,)
-    assert result.by_basis["membrane"].fit_error < 1e-8
+    # Both are balanced to 1e-8 of the largest nodal force.
+    assert result.by_basis["membrane"].fit_error < 5e-8
     assert "one circle" in result.warnings[0]
 
 
