@@ -40,6 +40,11 @@ class Script:
         return PEERS / f"{self.name}.py"
 
 
+#: Seconds of peers' rows, by package and unknowns, on the machine that the aims were set on.
+WHERE_AIMS_WERE_SET = {("FEniCSx", 672): 0.009, ("FEniCSx", 11_904): 0.106,
+                       ("FElupe", 672): 0.011, ("NGSolve", 2_184): 0.034}
+
+
 @dataclass(frozen=True)
 class Outcome:
     """Rows of one peer script, and what went wrong or has to be installed, if anything."""
@@ -132,6 +137,14 @@ def own_aims(ours: list[Row], repeat: int) -> str:
     return table(others, []) + "\n\n" + "\n".join(lines)
 
 
+def pace(peers: list[Row]) -> str:
+    """How much longer peers take than on the machine that the aims were set on."""
+    ratios = (f"{row.peer} {row.unknowns:,} unknowns "
+              f"{row.seconds / WHERE_AIMS_WERE_SET[row.peer, row.unknowns]:.2f}"
+              for row in peers if (row.peer, row.unknowns) in WHERE_AIMS_WERE_SET)
+    return "times over those of the machine the aims were set on: " + ", ".join(ratios)
+
+
 def report(ours: list[Row], outcomes: list[Outcome]) -> str:
     """The table, the notes of each package and the packages that did not run."""
     rows = [*ours, *(row for outcome in outcomes for row in outcome.rows)]
@@ -167,6 +180,7 @@ def main() -> None:
     print(report(ours, outcomes))
     if ours:
         print("\n" + own_aims(ours, options.repeat))
+        print(pace([row for outcome in outcomes for row in outcome.rows]))
     if options.output:
         rows = [*ours, *(row for outcome in outcomes for row in outcome.rows)]
         missing = {outcome.script.name: outcome.problem for outcome in outcomes if outcome.problem}
