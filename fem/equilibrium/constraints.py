@@ -72,8 +72,8 @@ def metric(model: Model, motion: Parts) -> Parts:
     Length is relative to the frame: the mean square over the film plus the plate's; loads do not
     count, since without motion they cannot change.
     """
-    scale = model.size ** np.where(np.array(model.plate_freedoms, dtype=int) < 3, 2.0, 0.0)
-    return motion[0] / (model.size**2 * max(1, motion[0].size)), motion[1] / scale
+    return (motion[0] / (model.size**2 * max(1, motion[0].size)),
+            motion[1] * (model.arm_of_freedom / model.size) ** 2)
 
 
 def product(model: Model, first: Parts, second: Parts) -> float:

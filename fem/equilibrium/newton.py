@@ -19,6 +19,9 @@ Array = NDArray[np.float64]
 #: Why Newton's method stops where the law gives no stress.
 STRAINED = "the film would be strained beyond what its material can reach"
 
+#: A correction, relative to the frame, that changes the film's forces no more than rounding does.
+_STILL = 1e-12
+
 #: Iterations by the tangent of another state, and how much shorter than the one before each
 #: correction must be.
 _SIMPLIFIED, _SHORTER = 5, 0.25
@@ -124,7 +127,8 @@ def newton(model: Model, guess: State, free: tuple[Load, ...] = (),
         before, damping = length(model, motion), min(1.0, 4 * damping)
         if before < settings.correction:
             reached = moved(model, state, motion, 1.0, loads)
-            forces = model.nodal_forces(reached)
+            still = before < _STILL and set(free) <= {"force"}
+            forces = part.forces if still else model.nodal_forces(reached)
             if _unbalanced(model, subspace, reached, forces) < settings.residual:
                 return Solution(reached, True, iteration, tangent)
         while True:
@@ -231,10 +235,9 @@ def _unbalanced(model: Model, subspace: Subspace, state: State, forces: Array) -
     that is anything.
     """
     inner, plate = subspace.project(model.residual(forces, state))
-    arms = np.where(np.array(model.plate_freedoms, dtype=int) < 3, 1.0, model.size)
     push = np.abs(plate)
     if model.loading.swing is not None:
         rounding = model.loading.swing.rounding(model.size)[list(model.plate_freedoms)]
         push = np.maximum(push - rounding / model.discretisation.mirrored, 0.0)
-    largest = max(np.abs(inner).max(initial=0.0), (push / arms).max(initial=0.0))
+    largest = max(np.abs(inner).max(initial=0.0), (push / model.arm_of_freedom).max(initial=0.0))
     return float(largest / max(np.abs(forces).max(), np.finfo(float).tiny))

@@ -114,10 +114,12 @@ class Loading:
 
         Force, bias mechanisms, and the gas pressure on the plate's ``area`` [m²].
         """
-        plate = state.plate
-        arm, weight = np.array([[*self.arm, 0.0]]), np.array([[0.0, 0.0, -state.force]])
-        energy = -state.force * plate.positions(centre, arm)[0, HEAVE]
-        first, second = -state.force * self.lift(plate), plate.curvature(arm, weight)
+        plate, lift = state.plate, self.lift(state.plate)
+        height = centre[HEAVE] + plate.translation[HEAVE] + plate.rotation[HEAVE, :2] @ self.arm
+        energy, first, second = -state.force * height, -state.force * lift, np.zeros((6, 6))
+        if any(self.arm):
+            arm, weight = np.array([[*self.arm, 0.0]]), np.array([[0.0, 0.0, -state.force]])
+            second = plate.curvature(arm, weight)
         for bias in self.biases:
             stored, push, stiffness = bias.derivatives(plate.deflection)
             energy, first = energy + stored, first + push * _UP

@@ -137,6 +137,11 @@ class Model:
                      and all((name in _REVERSED[plane]) == (plane in mesh.odd)
                              for plane in mesh.planes))
 
+    @cached_property
+    def arm_of_freedom(self) -> Array:
+        """1 of the plate's freedoms that move it, the frame's half extent of those that turn it."""
+        return np.where(np.array(self.plate_freedoms, dtype=int) < 3, 1.0, self.size)
+
     @property
     def axisymmetric(self) -> bool:
         """Whether film, plate and loads are the same all around."""
@@ -350,8 +355,9 @@ class Model:
     def plate_curvature(self, forces: Array, state: State) -> Array:
         """Stiffness of the plate's allowed freedoms by the bending of their motions, (p, p)."""
         mesh, allowed = self.discretisation, self.plate_freedoms
-        bend = state.plate.curvature(self.arms, forces[mesh.plate_nodes])
-        bend = bend + self._on_plate(state)[2] / mesh.mirrored
+        bend = self._on_plate(state)[2] / mesh.mirrored
+        if any(freedom >= 3 for freedom in allowed):  # as the plate turns
+            bend = bend + state.plate.curvature(self.arms, forces[mesh.plate_nodes])
         return np.asarray(bend[np.ix_(allowed, allowed)])
 
     def on_freedoms(self, forces: Array, plate: PlateMotion) -> Parts:
