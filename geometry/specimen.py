@@ -264,7 +264,7 @@ class Specimen:
 
     def __post_init__(self) -> None:
         """Refuse what cannot be built; numbers with an imaginary step are not looked at."""
-        if any_complex((self.membrane, self.frame, self.plate, self.electrode)):
+        if any_complex((self.frame, self.plate, self.electrode, self.membrane)):
             return
         try:
             self._check()
