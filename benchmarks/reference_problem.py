@@ -139,10 +139,11 @@ def own_aims(ours: list[Row], repeat: int) -> str:
 
 def pace(peers: list[Row]) -> str:
     """How much longer peers take than on the machine that the aims were set on."""
-    ratios = (f"{row.peer} {row.unknowns:,} unknowns "
+    ratios = [f"{row.peer} {row.unknowns:,} unknowns "
               f"{row.seconds / WHERE_AIMS_WERE_SET[row.peer, row.unknowns]:.2f}"
-              for row in peers if (row.peer, row.unknowns) in WHERE_AIMS_WERE_SET)
-    return "times over those of the machine the aims were set on: " + ", ".join(ratios)
+              for row in peers if (row.peer, row.unknowns) in WHERE_AIMS_WERE_SET]
+    return ("times over those of the machine the aims were set on: "
+            + (", ".join(ratios) or "no peer tells"))
 
 
 def report(ours: list[Row], outcomes: list[Outcome]) -> str:
@@ -162,7 +163,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__,
                                      formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--levels", type=int, default=3, help="meshes per peer, each twice as fine")
-    parser.add_argument("--repeat", type=int, default=3, help="runs per mesh; the fastest counts")
+    parser.add_argument("--repeat", type=int, default=3, help="runs per mesh, more of quick ones; the fastest counts")
     parser.add_argument("--only", nargs="+", metavar="NAME",
                         help="run the peers whose script name contains NAME")
     parser.add_argument("--peer-python", default=sys.executable,

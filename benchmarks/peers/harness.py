@@ -86,7 +86,7 @@ def measure(
 ) -> Iterator[Row]:
     """Rows for the meshes `prepare(first) ... prepare(first + levels - 1)`.
 
-    Only `solve` is timed.
+    Only `solve` is timed, of at least `repeat` runs the fastest.
 
     Every run gets a mesh of its own, so nothing computed in one run is reused in the next. One run
     on the coarsest mesh goes before and is not counted: lazy imports and compile caches are not the

@@ -122,9 +122,10 @@ def held(model: Model, deflection: float, voltage: float = 0.0, start: Solution 
             guess = moved(model, guess, motion, target - model.deflection(guess), loads)
         guess = guess.under(voltage=squared + share * (voltage**2 - squared))
         problem = model, guess, free, (held_plate(target),), settings.newton
-        near = None if tangent is None else simplified_newton(*problem, tangent)
-        solution.release()
-        trial = near or newton(*problem)
+        trial = None if tangent is None else simplified_newton(*problem, tangent)
+        if trial is None:
+            solution.release()
+            trial = newton(*problem)
         if trial.converged:
             solution, done, step = trial, share, 2 * step
         elif (step := step / 2) < settings.shortest:

@@ -9,6 +9,7 @@ import pytest
 
 from tests.support.models import model
 from tests.support.specimens import circular
+from tympan.fem.equilibrium import tangent as tangents
 from tympan.fem.equilibrium.constraints import held_charge, held_plate
 from tympan.fem.equilibrium.newton import NewtonSettings, newton, simplified_newton, tangent_at
 from tympan.fem.equilibrium.solve import equilibrium, held
@@ -88,3 +89,19 @@ def test_a_plate_is_held_further_down_by_the_tangent_at_hand(film) -> None:
     assert far.solution.tangent is not start.tangent
     assert held(film, 4e-3, 0.0, far.solution).state.force == pytest.approx(start.state.force,
                                                                             rel=1e-7)
+
+
+def test_factors_of_a_large_film_are_kept_as_long_as_they_will_do(
+        film, monkeypatch: pytest.MonkeyPatch) -> None:
+    factorise, made = tangents._factorise, []
+
+    def counted(*problem):
+        made.append(problem)
+        return factorise(*problem)
+
+    monkeypatch.setattr(tangents, "_LARGE", 0)
+    monkeypatch.setattr(tangents, "_factorise", counted)
+    solution = held(film, 4e-3).solution
+    for deflection in (4.1e-3, 4.2e-3, 4.3e-3):
+        solution = held(film, deflection, start=solution).solution
+    assert len(made) == 1
