@@ -163,7 +163,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__,
                                      formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--levels", type=int, default=3, help="meshes per peer, each twice as fine")
-    parser.add_argument("--repeat", type=int, default=3, help="runs per mesh, more of quick ones; the fastest counts")
+    parser.add_argument("--repeat", type=int, default=3,
+                        help="runs per mesh, more of quick ones; the fastest counts")
     parser.add_argument("--only", nargs="+", metavar="NAME",
                         help="run the peers whose script name contains NAME")
     parser.add_argument("--peer-python", default=sys.executable,
