@@ -83,7 +83,7 @@ class Model:
         """Whether thickness and coverage are alike wherever points of an element move."""
         return np.ndim(self.relative_thickness) == 0 and not self.specimen.electrode.patches
 
-    @property
+    @cached_property
     def _places(self) -> tuple[Array, Array]:
         """x and y of the quadrature points in the mounted film [m], (elements, points) each."""
         mesh = self.discretisation
@@ -185,6 +185,8 @@ class Model:
     def weight(self) -> Array:
         """Nodal forces of the mass of film and electrodes [N], shape (nodes, 3)."""
         mesh, pull = self.discretisation, self.pull
+        if not np.any(pull):
+            return np.zeros(mesh.reference.shape)
         elements = np.zeros((*mesh.connectivity.shape, 3), dtype=np.result_type(mesh.weights, pull))
         elements[..., 2] = np.matmul(pull * mesh.weights, mesh.shapes)
         return mesh.scatter(elements)
@@ -371,7 +373,8 @@ class Model:
         return mesh.scatter(element_forces(mesh.gradients, f, stress * self.volumes[..., None]))
 
     def _on_plate(self, state: State) -> tuple[Any, Array, Array]:
-        return self.loading.on_plate(state, self.centre, self.plate_area)
+        area = self.plate_area if state.pressure else 0.0
+        return self.loading.on_plate(state, self.centre, area)
 
     def _volume_forces(self, state: State) -> Array:
         return self.discretisation.scatter(film_volume(self.discretisation, state.positions)[1])
