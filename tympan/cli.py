@@ -5,11 +5,13 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Sequence
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
 from tympan.commands import COMMANDS, GROUPS, HEADINGS
 from tympan.geometry.errors import Failure, InputError
+from tympan.geometry.reader_process import ready_for
 
 #: Shells whose completion scripts shtab writes.
 SHELLS = ("bash", "zsh", "tcsh")
@@ -19,11 +21,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command; exit status 0 done, 1 failed with a message, 2 the input is wrong."""
     try:
         options = build_parser().parse_args(arguments)
-        options.run(options)
+        with ready_for(_files(options)):
+            options.run(options)
     except (InputError, Failure) as error:
         print("; ".join([f"tympan: {error}", *getattr(error, "__notes__", ())]), file=sys.stderr)
         return 2 if isinstance(error, InputError) else 1
     return 0
+
+
+def _files(options: argparse.Namespace) -> list[Path]:
+    values = [value if isinstance(value, list) else [value] for value in vars(options).values()]
+    return [file for file in chain(*values) if isinstance(file, Path)]
 
 
 class _Parser(argparse.ArgumentParser):

@@ -258,7 +258,7 @@ def survive(name: str, content: bytes) -> None:
 
 def _read(name: str, content: bytes, folder: Path) -> None:
     kind = KINDS[name]
-    apart, drawings._apart = drawings._apart, drawings._record
+    apart, drawings.read_apart = drawings.read_apart, drawings.record
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
@@ -268,7 +268,7 @@ def _read(name: str, content: bytes, folder: Path) -> None:
             (folder / kind.file).write_bytes(content)
             kind.read(folder)
     finally:
-        drawings._apart = apart
+        drawings.read_apart = apart
 
 
 def batch(number: int, folder: Path) -> None:

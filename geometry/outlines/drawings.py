@@ -1,17 +1,10 @@
-"""Drawings from outside, read in a process of their own with limits of time and memory.
-
-The libraries that read them are made for files that CAD wrote: of others they may crash, or never
-end, and the process they are in with them.
-"""
+"""The curves of drawings from outside, as pieces of outlines."""
 
 from __future__ import annotations
 
 import hashlib
-import json
-import os
 import re
-import subprocess
-import sys
+from collections.abc import Callable
 from functools import lru_cache
 from itertools import pairwise
 from pathlib import Path
@@ -20,11 +13,9 @@ from typing import Any
 from tympan.geometry.errors import InputError
 from tympan.geometry.outlines.pieces import MOST_PIECES, PIECES, Piece
 from tympan.geometry.read_file import file_bytes
+from tympan.geometry.reader_process import read_apart
 from tympan.geometry.system import missing_library
 from tympan.geometry.toml_reader import Table
-
-#: Limits of the process: memory [bytes], its own time [s], and that on the clock.
-_MEMORY, _SECONDS, _PATIENCE = 4 << 30, 20, 120
 
 #: What DXF calls curves.
 _CURVES = frozenset({b"LINE", b"ARC", b"CIRCLE", b"ELLIPSE", b"SPLINE", b"LWPOLYLINE"})
@@ -48,51 +39,23 @@ def drawing_pieces(file: Path, kind: str, layer: str = "*") -> list[Piece]:
 @lru_cache(maxsize=64)
 def _pieces(file: str, digest: str, kind: str, layer: str) -> tuple[Piece, ...]:
     """The digest of its bytes tells a changed file from the one that was read."""
-    record = _apart(kind, file, layer)
-    if "library" in record:
-        raise missing_library(ImportError(record["library"]))
-    if "error" in record:
-        raise InputError(record["error"])
-    table = Table("", record, plain=True)
+    answer = read_apart(kind, file, layer)
+    if "library" in answer:
+        raise missing_library(ImportError(answer["library"]))
+    if "error" in answer:
+        raise InputError(answer["error"])
+    table = Table("", answer, plain=True)
     try:
         return tuple(map(PIECES.read, table.tables("pieces")))
     except InputError as error:
         raise InputError(f"{error.key}: given {error.given!r}: {error.allowed}") from None
 
 
-def _apart(kind: str, file: str, layer: str) -> dict[str, Any]:
-    """The record of a drawing, made in a process of its own."""
-    code = f"import sys; sys.path[:] = {sys.path!r}; from {__name__} import answer; answer()"
-    try:
-        done = subprocess.run([sys.executable, "-c", code], capture_output=True, check=False,
-                              input=json.dumps([kind, file, layer]).encode(), timeout=_PATIENCE)
-    except subprocess.TimeoutExpired:
-        raise InputError(f"cannot be read within {_PATIENCE} s") from None
-    if done.returncode:
-        raise InputError(f"cannot be read: it is damaged, or takes more than {_SECONDS} s or "
-                         f"{_MEMORY >> 30} GB to read")
-    record: dict[str, Any] = json.loads(done.stdout)
-    return record
-
-
-def answer() -> None:
-    """In the process: the pieces of the drawing on standard input as JSON on standard output."""
-    import resource
-
-    # What the libraries print must not be taken for the answer.
-    with os.fdopen(os.dup(sys.stdout.fileno()), "w") as output:
-        os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
-        kind, file, layer = json.load(sys.stdin)
-        for limit, most in ((resource.RLIMIT_AS, _MEMORY), (resource.RLIMIT_CPU, _SECONDS),
-                            (resource.RLIMIT_CORE, 0)):
-            resource.setrlimit(limit, (most, most))
-        json.dump(_record(kind, file, layer), output)
-
-
-def _record(kind: str, file: str, layer: str) -> dict[str, Any]:
+def record(kind: str, file: str, layer: str) -> dict[str, Any]:
+    """The ``pieces`` of a drawing, the ``error`` in it, or the ``library`` that is missing."""
     try:
         _few(_curves(Path(file).read_bytes()) if (kind, layer) == ("dxf", "*") else 0)
-        pieces = _read(kind, Path(file), layer)
+        pieces = reader(kind)(Path(file), layer)
         _few(len(pieces))
         return {"pieces": [PIECES.write(piece, plain=True) for piece in pieces]}
     except InputError as error:
@@ -119,11 +82,12 @@ def _curves(dxf: bytes) -> int:
     return sum(code == b"0" and name in _CURVES for code, name in pairwise(lines))
 
 
-def _read(kind: str, file: Path, layer: str) -> list[Piece]:
+def reader(kind: str) -> Callable[[Path, str], list[Piece]]:
+    """What reads a layer of a drawing, with its library loaded."""
     if kind == "dxf":
         from tympan.geometry.outlines.dxf import dxf_pieces
 
-        return dxf_pieces(file, layer)
+        return dxf_pieces
     from tympan.geometry.outlines.step import step_pieces
 
-    return step_pieces(file)
+    return lambda file, layer: step_pieces(file)

@@ -8,8 +8,6 @@ from pathlib import Path
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
-from scipy.sparse import csc_array
-from scipy.sparse.linalg import spsolve
 
 from tympan.geometry.errors import InputError
 from tympan.geometry.fields import Key, read
@@ -49,6 +47,9 @@ class ClosedSpline(Boxed):
 
 def _slopes(step: Array, rise: Array) -> Array:
     """Derivatives at the points that make the curvature continuous around the curve."""
+    from scipy.sparse import csc_array
+    from scipy.sparse.linalg import spsolve
+
     before, count = np.roll(1 / step, 1), len(step)
     here = np.arange(count)
     values = np.concatenate([2 * (before + 1 / step), before, 1 / step])

@@ -5,7 +5,6 @@ from __future__ import annotations
 from itertools import pairwise
 
 import numpy as np
-from scipy.interpolate import BSpline
 
 from tympan.geometry.errors import InputError
 from tympan.geometry.outlines.pieces import Array, Piece, graded, spline_through
@@ -19,6 +18,8 @@ def pieces_of_spline(knots: Array, poles: Array, weights: Array, degree: int) ->
     if len(poles) <= degree or not weights.min() > 0:
         raise InputError(f"has a spline of degree {degree} with {len(poles)} poles: they must be "
                          "more than that, and their weights positive")
+    from scipy.interpolate import BSpline  # heavy, and few drawings have splines
+
     curve = BSpline(knots, np.column_stack([poles * weights[:, None], weights]), degree)
     low, high = knots[degree], knots[-degree - 1]
     inner, times = np.unique(knots[degree + 1 : -degree - 1], return_counts=True)

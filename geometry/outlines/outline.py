@@ -8,7 +8,6 @@ from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from tympan.geometry.errors import InputError
 from tympan.geometry.fields import Content, Key, Registry, takes_units, write
@@ -190,6 +189,8 @@ def _curvature(outline: Outline, curve: Curve, size: float) -> None:
 
 def _crossing(outline: Outline, curve: Curve, size: float) -> None:
     """Points near each other though far apart along the curve."""
+    from scipy.spatial import cKDTree
+
     count = max(_POINTS, 8 * len(curve.pieces))
     points = curve.points(count).T
     steps = np.linalg.norm(np.roll(points, -1, axis=0) - points, axis=1)

@@ -11,16 +11,17 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Annotated, Any, ClassVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solve_banded
-from scipy.spatial import cKDTree
 
 from tympan.geometry.errors import InputError
 from tympan.geometry.fields import Key, Registry
 from tympan.geometry.toml_reader import Rule
+
+if TYPE_CHECKING:
+    from scipy.spatial import cKDTree
 
 Array = NDArray[Any]
 Point = tuple[Any, Any]
@@ -123,6 +124,8 @@ class Curved(ABC):
 
     @cached_property
     def _tree(self) -> cKDTree:
+        from scipy.spatial import cKDTree  # heavy, and not needed to read a drawing
+
         return cKDTree(self.at(self._samples)[0])
 
     def _refined(self, places: Array, seed: Array) -> Array:
@@ -255,6 +258,8 @@ class Spline(Curved):
         right = 3 * (rise[:-1] / step[:-1] ** 2 + rise[1:] / step[1:] ** 2)
         right[0] -= np.array(self.slopes[0]) / step[0]
         right[-1] -= np.array(self.slopes[1]) / step[-1]
+        from scipy.linalg import solve_banded
+
         inverse = 1 / step[:, 0]
         bands = np.zeros((3, len(right)), inverse.dtype)
         bands[0, 1:] = bands[2, :-1] = inverse[1:-1]

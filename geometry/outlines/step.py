@@ -22,16 +22,22 @@ from OCP.TopTools import TopTools_IndexedMapOfShape
 from tympan.geometry.errors import InputError
 from tympan.geometry.outlines.nurbs import pieces_of_spline
 from tympan.geometry.outlines.pieces import Arc, Line, Piece
+from tympan.geometry.reader_process import at_most
 
 _MILLI = 1e-3
+
+#: What the library may take [s], and for every megabyte: fifty times what a rectangle takes, eight
+#: times what a thousand lines do. A damaged file may keep it busy for ever.
+_LEAST, _PER_MEGABYTE = 0.25, 8.0
 
 
 def step_pieces(file: Path) -> list[Piece]:
     """Of all edges of a flat face or wire in a plane of constant z."""
-    reader = STEPControl_Reader()
-    if reader.ReadFile(str(file)) != IFSelect_RetDone or not reader.TransferRoots():
-        raise InputError("is no STEP file")
-    whole = reader.OneShape()
+    with at_most(_LEAST + _PER_MEGABYTE * file.stat().st_size / 1e6):
+        reader = STEPControl_Reader()
+        if reader.ReadFile(str(file)) != IFSelect_RetDone or not reader.TransferRoots():
+            raise InputError("is no STEP file")
+        whole = reader.OneShape()
     edges = [TopoDS.Edge_s(shape) for shape in _parts(whole, TopAbs_EDGE)]
     if not edges:
         raise InputError("has no edges")

@@ -3,7 +3,9 @@
 
 from __future__ import annotations
 
+import os
 import re
+import signal
 from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
@@ -16,6 +18,7 @@ import pytest
 from tests.support.specimens import circular
 from tympan.cli import main
 from tympan.commands.export import SIZES
+from tympan.geometry import reader_process
 from tympan.geometry.cad import membrane as cad
 from tympan.geometry.cad import parts
 from tympan.geometry.cad.parts import PartOptions
@@ -56,7 +59,7 @@ def imported(folder: Path, **keys: str) -> Outline:
 @pytest.fixture
 def at_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """Drawings are read in this process, which is quicker than starting another one."""
-    monkeypatch.setattr(drawings, "_apart", drawings._record)
+    monkeypatch.setattr(drawings, "read_apart", drawings.record)
 
 
 @pytest.mark.usefixtures("at_once")
@@ -246,6 +249,40 @@ def test_a_drawing_that_crashes_its_reader_is_refused(tmp_path: Path) -> None:
                                        encoding="utf-8")
     with pytest.raises(InputError, match="cannot be read: it is damaged"):
         imported(tmp_path, shape="step", file="egg.step")
+
+
+def test_a_drawing_that_keeps_its_reader_busy_is_refused_soon(tmp_path: Path) -> None:
+    """OpenCASCADE never ends on it; a process that waits for it is used, and none is left."""
+    corners = [(55e-3, 25e-3), (-55e-3, 25e-3), (-55e-3, -25e-3), (55e-3, -25e-3)]
+    cad.write_step([cq.Face(planar(outline_wire(Polygon(tuple(corners)))))], tmp_path / "egg.step")
+    text = (tmp_path / "egg.step").read_text(encoding="utf-8")
+    assert "(-55.,-25.,0.)" in text
+    (tmp_path / "egg.step").write_text(text.replace("(-55.,-25.,0.)", "(NaN,-25.,0.)", 1),
+                                       encoding="utf-8")
+    named = tmp_path / "specimen.toml"
+    named.write_text('[frame]\nshape = "step"\n', encoding="utf-8")
+    with reader_process.ready_for([named]):
+        (waiting,) = reader_process._waiting
+        begun = os.times().children_user
+        with pytest.raises(InputError, match="takes far more time than others of its size"):
+            imported(tmp_path, shape="step", file="egg.step")
+        assert os.times().children_user - begun < reader_process._SECONDS / 2
+        assert waiting.returncode == -signal.SIGPROF
+
+
+def test_a_process_waits_only_for_files_that_name_a_step_drawing(tmp_path: Path) -> None:
+    contents = {"circle.toml": 'shape = "circle"', "drawing.step": 'shape = "step"',
+                "inline.toml": "frame = {shape = 'step'}"}
+    for name, content in contents.items():
+        (tmp_path / name).write_text(content, encoding="utf-8")
+    others = [tmp_path, tmp_path / "none.toml", tmp_path / "circle.toml", tmp_path / "drawing.step"]
+    with reader_process.ready_for(others):
+        assert not reader_process._waiting
+    with reader_process.ready_for([*others, tmp_path / "inline.toml"]):
+        (waiting,) = reader_process._waiting
+        assert waiting.poll() is None
+    assert waiting.returncode == -signal.SIGKILL
+    assert not reader_process._waiting
 
 
 @pytest.mark.usefixtures("at_once")

@@ -1,0 +1,118 @@
+"""Drawings from outside are read in a process of their own, with limits of time and memory.
+
+The libraries that read them are made for files that CAD wrote: of others they may crash, or never
+end, and the process they are in with them. To load them takes as long as to load all else, so the
+process may be started before it is known what to read.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import subprocess
+import sys
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+from tympan.geometry.errors import InputError
+
+#: Limits of the process: memory [bytes], its own time [s], and that on the clock.
+_MEMORY, _SECONDS, _PATIENCE = 4 << 30, 20, 120
+
+#: Where a specimen file names a STEP drawing; no more of a file is looked at than _HEAD [bytes].
+_STEP = re.compile(rb"""\bshape["']?\s*=\s*["']step["']""")
+_HEAD = 1 << 20
+
+Process = subprocess.Popen[bytes]
+_waiting: list[Process] = []
+
+
+@contextmanager
+def ready_for(files: Iterable[Path]) -> Iterator[None]:
+    """A process waits, its libraries loaded, where one of the files names a STEP drawing."""
+    if any(map(_names_step, files)):
+        _waiting.append(_started("step"))
+    try:
+        yield
+    finally:
+        while _waiting:
+            _waiting[-1].kill()
+            _waiting.pop().communicate()
+
+
+def _names_step(file: Path) -> bool:
+    with suppress(OSError, ValueError):  # whatever is wrong with it is said when it is read
+        if file.suffix == ".toml" and file.is_file():
+            with file.open("rb") as content:
+                return _STEP.search(content.read(_HEAD)) is not None
+    return False
+
+
+def _started(kind: str) -> Process:
+    code = (f"import sys; sys.path[:] = {sys.path!r}; from {__name__} import answer; "
+            "from tympan.geometry.outlines.drawings import reader, record; answer(reader, record)")
+    return subprocess.Popen([sys.executable, "-c", code, kind], stdin=subprocess.PIPE,
+                            stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+
+
+def read_apart(kind: str, file: str, layer: str) -> dict[str, Any]:
+    """The record of a ``dxf`` or ``step`` drawing, as ``outlines.drawings`` makes it.
+
+    Raises
+    ------
+    InputError
+        When the process ends without one.
+    """
+    process = _waiting.pop() if kind == "step" and _waiting else _started(kind)
+    with process:
+        try:
+            output, _ = process.communicate(json.dumps([file, layer]).encode(), _PATIENCE)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            raise InputError(f"cannot be read within {_PATIENCE} s") from None
+        except BaseException:
+            process.kill()
+            raise
+    if process.returncode:
+        raise InputError("cannot be read: it is damaged, or takes far more time than others of its "
+                         f"size or more than {_MEMORY >> 30} GB to read")
+    record: dict[str, Any] = json.loads(output)
+    return record
+
+
+@contextmanager
+def at_most(seconds: float) -> Iterator[None]:
+    """Ends the process, even within a library, after so much of its own time."""
+    import signal
+
+    signal.setitimer(signal.ITIMER_PROF, seconds)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_PROF, 0)
+
+
+def answer(load: Callable[[str], object], record: Callable[..., dict[str, Any]]) -> None:
+    """In the process: the record of the drawing on standard input as JSON on standard output.
+
+    What reads drawings of a kind is loaded before it is known which.
+    """
+    import gc
+    import resource
+
+    gc.disable()  # of a short life's garbage; loading the libraries leaves none
+    # What the libraries print must not be taken for the answer.
+    with os.fdopen(os.dup(sys.stdout.fileno()), "w") as output:
+        os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
+        for limit, most in ((resource.RLIMIT_AS, _MEMORY), (resource.RLIMIT_CPU, _SECONDS),
+                            (resource.RLIMIT_CORE, 0)):
+            resource.setrlimit(limit, (most, most))
+        kind = sys.argv[1]
+        with suppress(ImportError):  # said in the record
+            load(kind)
+        file, layer = json.load(sys.stdin)
+        json.dump(record(kind, file, layer), output)
+    os._exit(0)  # to take apart what was loaded would take longer than to read
