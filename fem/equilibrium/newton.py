@@ -163,13 +163,14 @@ def newton(model: Model, guess: State, free: tuple[Load, ...] = (),
 
 def simplified_newton(model: Model, guess: State, free: tuple[Load, ...] = (),
                       constraints: tuple[Constraint, ...] = (),
-                      settings: NewtonSettings = NewtonSettings(), tangent: Tangent | None = None
-                      ) -> Solution | None:
+                      settings: NewtonSettings = NewtonSettings(), tangent: Tangent | None = None,
+                      second: tuple[Tangent, float] | None = None) -> Solution | None:
     """Solve for the equilibrium near a guess by one tangent, that of the guess if none is given.
 
     None where corrections do not become shorter fast enough for new tangents to cost more. What is
     left at the end is foretold from how they did (Hairer and Wanner, *Solving Ordinary Differential
-    Equations II*, §IV.8).
+    Equations II*, §IV.8). ``second`` is another tangent with the weight of its corrections: between
+    two states their mean is off by the square of what that of either is.
     """
     state = replace(guess, positions=model.place(guess.positions, guess.plate))
     with np.errstate(all="ignore"):
@@ -183,7 +184,10 @@ def simplified_newton(model: Model, guess: State, free: tuple[Load, ...] = (),
         if tangent is None or not np.isfinite(forces).all():
             return None
         misses = [constraint(model, state).miss for constraint in constraints]
-        motion, loads = tangent.correct(model.residual(forces, state), misses)
+        residual = model.residual(forces, state)
+        motion, loads = tangent.correct(residual, misses)
+        if second is not None:
+            motion = _mean(motion, second[0].correct(residual, misses)[0], second[1])
         after = length(model, motion)
         share = after / before
         if not share <= _SHORTER:
@@ -197,6 +201,10 @@ def simplified_newton(model: Model, guess: State, free: tuple[Load, ...] = (),
             return Solution(state, True, iteration, tangent)
         before = after
     return None
+
+
+def _mean(first: Parts, second: Parts, weight: float) -> Parts:
+    return (first[0] + weight * (second[0] - first[0]), first[1] + weight * (second[1] - first[1]))
 
 
 def tangent_at(model: Model, state: State, free: tuple[Load, ...] = (),

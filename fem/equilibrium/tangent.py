@@ -77,6 +77,11 @@ class Tangent:
             self._kept = None
 
     @property
+    def at_hand(self) -> bool:
+        """Whether its factors are not dropped."""
+        return self._kept is not None
+
+    @property
     def _factor(self) -> Any:
         if self._kept is None:
             self._kept = _factorise(self.subspace.reduced(self.model.linearised(self._state)).inner,

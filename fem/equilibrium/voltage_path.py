@@ -76,14 +76,18 @@ def between(model: Model, start: Solution, end: Solution, voltage_squared: float
             settings: PathSettings = PathSettings()) -> Solution | None:
     """The equilibrium at U² [V²] between two a natural step apart; None if not found.
 
-    Where the cubic through both by U², with their rates, is, but for a few corrections by the end's
-    tangent. A film slack when mounted may go slack on the way, and is not looked for.
+    Where the cubic through both by U², with their rates, is, but for a few corrections by both of
+    their tangents. A film slack when mounted may go slack on the way, and is not looked for.
     """
     ends = start.state.voltage_squared, end.state.voltage_squared
     if model.slack_when_mounted or not min(ends) < voltage_squared < max(ends):
         return None
     guess = _interpolated(model, start, end, voltage_squared)
-    solution = simplified_newton(model, guess, settings=settings.newton, tangent=end.tangent)
+    rest = (ends[1] - voltage_squared) / (ends[1] - ends[0])
+    second = start.tangent
+    kept = second is not None and second.at_hand and not second.free
+    solution = simplified_newton(model, guess, settings=settings.newton, tangent=end.tangent,
+                                 second=(second, rest) if kept else None)
     if solution is None or solution.thinning_margin(model) < 0:
         return None
     missed, gone = (length(model, difference(model, solution.state, state))
