@@ -27,14 +27,14 @@ from tympan.fem.membrane.state import State
 from tympan.fem.results.fields import (
     Fields,
     LostTension,
-    cell_fields,
     film_integrals,
     lost_tension,
+    node_fields,
 )
 from tympan.fem.rig import DIRECTIONS, Rig, checked_load
 from tympan.geometry.errors import InputError
 from tympan.geometry.fields import Key, require, takes_units
-from tympan.geometry.mesh import ELEMENTS, unfold
+from tympan.geometry.mesh import unfold
 from tympan.geometry.mesher import MeshSettings
 from tympan.geometry.specimen import Material, Specimen
 from tympan.geometry.toml_reader import NON_NEGATIVE
@@ -364,9 +364,10 @@ def summaries(model: Model, cases: Iterable[tuple[Case, Outcome]]
 def _state_numbers(model: Model, states: Sequence[State]) -> Iterator[dict[str, Any]]:
     if not states:
         return
-    points = ELEMENTS[model.discretisation.mesh.order].doflocs.T
+    at_nodes = node_fields(model, states)
+    material = None if _sound(model, at_nodes) else model.specimen.membrane.material
     for state, fields, slack, *integrals in zip(
-            states, cell_fields(model, states, points), lost_tension(model, states),
+            states, at_nodes, lost_tension(model, states, at_nodes=at_nodes),
             *film_integrals(model, states), strict=True):
         reaction, capacitance, energy = map(float, integrals)
         breakdown = {}
@@ -387,23 +388,25 @@ def _state_numbers(model: Model, states: Sequence[State]) -> Iterator[dict[str, 
             "slack_share": slack.share,
             "tilt_rad": state.plate.tilt if model.specimen.plate else None,
             "energy_J": energy,
-            "warnings": tuple(field_warnings(fields, slack, model.specimen.membrane.material))}
+            "warnings": tuple(field_warnings(fields, slack, material))}
 
 
-def node_fields(model: Model, state: State) -> Fields:
-    """Fields at the nodes of every element of the model's mesh."""
-    [fields] = cell_fields(model, [state], ELEMENTS[model.discretisation.mesh.order].doflocs.T)
-    return fields
+def _sound(model: Model, at_nodes: Sequence[Fields]) -> bool:
+    """Whether the law fails nowhere, asked of all states at once."""
+    position, first, second = map(np.concatenate, zip(*(
+        (fields.position, fields.stretch_1, fields.stretch_2) for fields in at_nodes), strict=True))
+    return not failures(model.specimen.membrane.material, position, first, second)
 
 
 def state_warnings(model: Model, state: State) -> list[str]:
     """What a reader of a state must know before trusting it."""
-    return field_warnings(node_fields(model, state), lost_tension(model, [state])[0],
+    at_nodes = node_fields(model, [state])
+    return field_warnings(at_nodes[0], lost_tension(model, [state], at_nodes=at_nodes)[0],
                           model.specimen.membrane.material)
 
 
-def field_warnings(fields: Fields, loss: LostTension, material: Material) -> list[str]:
-    """What a reader of these fields must know before trusting them."""
+def field_warnings(fields: Fields, loss: LostTension, material: Material | None) -> list[str]:
+    """What a reader of these fields must know before trusting them; no material: it is sound."""
     warnings, loose = [], fields[fields.tension != Tension.TAUT]
     if len(loose.tension):
         x_mm, y_mm, _ = loose.position[np.argmin(loose.stress_2)] * 1e3
@@ -422,8 +425,9 @@ def field_warnings(fields: Fields, loss: LostTension, material: Material) -> lis
         what = "would break down" if share > 1 else f"is near breakdown (margin {1 / share:.2f})"
         warnings.append(f"the film {what} at x {x_mm:.1f} mm, y {y_mm:.1f} mm: field "
                         f"{field_MV_per_m:.3g} of {strength_MV_per_m:.3g} MV/m")
+    if material is None:
+        return warnings
     return warnings + failures(material, fields.position, fields.stretch_1, fields.stretch_2)
-
 
 
 def failure_reason(outcome: Outcome) -> str:

@@ -18,10 +18,10 @@ from tympan.fem.equilibrium.path_following import PathSettings, follow_branch
 from tympan.fem.film.tension_field import Tension
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import Load, State
-from tympan.fem.results.fields import Fields, whole
+from tympan.fem.results.fields import Fields, node_fields, whole
 from tympan.geometry.errors import InputError
 from tympan.geometry.outlines import area
-from tympan.studies.case import Case, CaseRecord, Settings, equilibrate, failure_reason, node_fields
+from tympan.studies.case import Case, CaseRecord, Settings, equilibrate, failure_reason
 from tympan.studies.files import remove, write_csv
 from tympan.studies.film_surface import FilmSurface, film_surface, save_series, series_files
 
@@ -218,14 +218,14 @@ class Stop:
     @cached_property
     def fields(self) -> Fields:
         """Fields at the nodes of every element."""
-        return node_fields(self.model, self.point.state)
+        return node_fields(self.model, [self.point.state])[0]
 
     @cached_property
     def pressed(self) -> Fields:
         """The same of a film that would not wrinkle."""
         if not self.model.wrinkles:
             return self.fields
-        return node_fields(replace(self.model, wrinkles=False), self.point.state)
+        return node_fields(replace(self.model, wrinkles=False), [self.point.state])[0]
 
     @cached_property
     def station(self) -> Station:
@@ -274,7 +274,7 @@ class Stop:
         if what == "breakdown":
             return -self.fields.breakdown_share
         onwards = moved(self.model, self.point.state, self.point.direction, _ONWARDS)
-        return node_fields(self.model, onwards).thickness / self.fields.thickness
+        return node_fields(self.model, [onwards])[0].thickness / self.fields.thickness
 
     def jump(self, what: What) -> float:
         """By how much elements differ that meet where something happens, as :meth:`before` has it.

@@ -83,11 +83,11 @@ def between(model: Model, start: Solution, end: Solution, voltage_squared: float
     if model.slack_when_mounted or not min(ends) < voltage_squared < max(ends):
         return None
     guess = _interpolated(model, start, end, voltage_squared)
-    rest = (ends[1] - voltage_squared) / (ends[1] - ends[0])
-    second = start.tangent
-    kept = second is not None and second.at_hand and not second.free
+    second = None
+    if start.tangent is not None and start.tangent.at_hand and not start.tangent.free:
+        second = start.tangent, (ends[1] - voltage_squared) / (ends[1] - ends[0])
     solution = simplified_newton(model, guess, settings=settings.newton, tangent=end.tangent,
-                                 second=(second, rest) if kept else None)
+                                 second=second)
     if solution is None or solution.thinning_margin(model) < 0:
         return None
     missed, gone = (length(model, difference(model, solution.state, state))

@@ -140,7 +140,7 @@ class FilmDensity:
         seen = principal_stretches(c, self.specimen.membrane.prestretch)
         if not self.wrinkles:
             return *seen, np.array(2)
-        return *self.material.natural(*seen), self.material.tense(*seen)
+        return self.material.stretches(*seen)
 
 
 @lru_cache(maxsize=64)

@@ -91,24 +91,23 @@ class TensionField:
             value[loose] = relaxed[wrinkled.sound]
         return tuple(value[()] for value in values)
 
-    def natural(self, l1: Any, l2: Any) -> tuple[Any, Any]:
-        """Stretches of the material itself, wrinkles included: λ₁* ≥ λ₁, λ₂* ≥ λ₂."""
-        loose = self._loose(total(self.materials, l1, l2), l2)
+    def stretches(self, l1: Any, l2: Any) -> tuple[Any, Any, NDArray[np.int64]]:
+        """Those of the material itself, wrinkles included, λ₁* ≥ λ₁ and λ₂* ≥ λ₂.
+
+        And in how many directions the film is tense, by its own tension, not by the residual one:
+        across its wrinkles it is not, for unwrinkled it would be pressed there.
+        """
+        plain = total(self.materials, l1, l2)
+        loose = self._loose(plain, l2)
+        tense = np.where(plain[2] > 0, 2, 1)
         if not loose.any():
-            return l1, l2
+            return l1, l2, tense
         first, second = (np.array(np.broadcast_to(value, loose.shape)) for value in (l1, l2))
         wrinkled = self._wrinkled(l1, l2, loose)
         loose[loose] = wrinkled.sound
         first[loose], second[loose] = (stretch[wrinkled.sound] for stretch in wrinkled.natural)
-        return first[()], second[()]
-
-    def tense(self, l1: Any, l2: Any) -> NDArray[np.int64]:
-        """In how many directions the film is tense; by its own tension, not by the residual one.
-
-        Across its wrinkles it is not: unwrinkled it would be pressed there.
-        """
-        slack = self.natural(l1, l2)[0] != l1
-        return np.where(total(self.materials, l1, l2)[2] > 0, 2, np.where(slack, 0, 1))
+        slack = (first != l1) & (tense == 1)
+        return first[()], second[()], np.where(slack, 0, tense)
 
     def thinning_margin(self, l1: Any, l2: Any) -> Any:
         """How far a film that wrinkles is from thinning without bound [Pa]; negative beyond.

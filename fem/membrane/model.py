@@ -293,8 +293,8 @@ class Model:
         the film does not wrinkle; model and state may then be complex.
         """
         material = self.density(state.voltage_squared).material
-        stretches = material.natural(*self._stretches(state))
-        slope = (self.density(1.0).maxwell.derivatives(*stretches)[0] * self.volumes).sum()
+        first, second, _ = material.stretches(*self._stretches(state))
+        slope = (self.density(1.0).maxwell.derivatives(first, second)[0] * self.volumes).sum()
         return -2 * slope * self.discretisation.mirrored
 
     def nodal_forces(self, state: State) -> Array:

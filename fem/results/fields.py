@@ -170,16 +170,23 @@ class LostTension:
     share: float  #: of the film's mounted area, both together
 
 
-def lost_tension(model: Model, states: Sequence[State], parts: int = 8) -> list[LostTension]:
+def node_fields(model: Model, states: Sequence[State]) -> list[Fields]:
+    """Fields of each state at the nodes of every element of the model's mesh."""
+    return cell_fields(model, states, ELEMENTS[model.discretisation.mesh.order].doflocs.T)
+
+
+def lost_tension(model: Model, states: Sequence[State], parts: int = 8,
+                 at_nodes: Sequence[Fields] = ()) -> list[LostTension]:
     """Where the film of each state has lost tension.
 
-    At the middles of ``parts``² triangles in every element that may have; states are computed
-    together.
+    At the middles of ``parts``² triangles in every element that may have by its fields
+    ``at_nodes``, :func:`node_fields` unless given; states are computed together.
     """
-    mesh = model.discretisation
-    nodes, points = ELEMENTS[mesh.mesh.order].doflocs.T, middles(parts)
-    tension, stress = _tension(model, states, mesh.nodal_gradients, nodes,
-                               np.arange(mesh.mesh.nelements))
+    mesh, points = model.discretisation, middles(parts)
+    at_nodes = at_nodes or node_fields(model, states)
+    shape = len(states), mesh.mesh.nelements, -1
+    tension, stress = (np.stack(values).reshape(shape) for values in zip(
+        *((fields.tension, fields.stress_2) for fields in at_nodes), strict=True))
     taut = (tension == Tension.TAUT).all(axis=-1)
     near = ~taut | (stress.min(axis=-1) < _BETWEEN * np.ptp(stress, axis=-1))
     cells = np.flatnonzero(near.any(axis=0))
@@ -187,7 +194,7 @@ def lost_tension(model: Model, states: Sequence[State], parts: int = 8) -> list[
                                          mesh.reference[mesh.connectivity[cells], :2])
     areas = stretched * (mesh.weights[cells].sum(axis=1) / stretched.sum(axis=1))[:, None]
     result = []
-    for tension in _tension(model, states, gradients, points, cells)[0]:
+    for tension in _tension(model, states, gradients, points, cells):
         wrinkled, slack = (float(areas[tension == kind].sum())
                            for kind in (Tension.WRINKLED, Tension.SLACK))
         result.append(LostTension(wrinkled * mesh.mirrored, slack * mesh.mirrored,
@@ -217,8 +224,8 @@ def film_integrals(model: Model, states: Sequence[State]) -> tuple[Array, Array,
 
 
 def _tension(model: Model, states: Sequence[State], gradients: Array, points: Array,
-             cells: Array) -> tuple[Array, Array]:
-    """Tension states and smaller principal true stresses [Pa], shape (states, cells, points).
+             cells: Array) -> Array:
+    """Tension states, shape (states, cells, points).
 
     ``gradients`` at reference points.
     """
@@ -236,7 +243,7 @@ def _tension(model: Model, states: Sequence[State], gradients: Array, points: Ar
     mean = (s[0] * c[0] + s[1] * c[1]) / 2 + s[2] * c[2]
     product = (s[0] * s[1] - s[2] ** 2) * (c[0] * c[1] - c[2] ** 2)
     radius = np.sqrt(np.maximum(mean**2 - product, 0.0))
-    return tension_state(mean + radius, mean - radius, density.stretches(c)[2]), mean - radius
+    return tension_state(mean + radius, mean - radius, density.stretches(c)[2])
 
 
 def strength(film: Film, l1: Array, l2: Array, thickness: Array) -> Array:

@@ -18,13 +18,13 @@ from tympan.fem.equilibrium.ramp import Outcome
 from tympan.fem.equilibrium.solve import equilibrium
 from tympan.fem.film.density import principal_stretches
 from tympan.fem.membrane.model import Model
-from tympan.fem.results.fields import Fields, strength
+from tympan.fem.results.fields import Fields, node_fields, strength
 from tympan.geometry.errors import InputError
 from tympan.geometry.paths import with_change
 from tympan.geometry.specimen import Specimen
 from tympan.geometry.toml_reader import POSITIVE, Rule
 from tympan.geometry.units import DIMENSIONS
-from tympan.studies.case import Case, node_fields
+from tympan.studies.case import Case
 from tympan.studies.sensitivity import case_parameters
 
 Array = NDArray[np.float64]
@@ -60,7 +60,7 @@ class DesignState:
     @cached_property
     def fields(self) -> Fields:
         """Fields at the nodes of all elements."""
-        return node_fields(self.model, self.outcome.state)
+        return node_fields(self.model, [self.outcome.state])[0]
 
 
 @dataclass(frozen=True)

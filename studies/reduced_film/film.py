@@ -279,7 +279,7 @@ class ReducedFilm:
         density = FilmDensity(self.specimen, _each(voltage_squared), self.covered)
         seen = principal_stretches(tuple(self.strain(q)), (1.0, 1.0))
         charged = maxwell(self.specimen, 1.0, self.covered)
-        energy = charged.derivatives(*density.material.natural(*seen))[0]
+        energy = charged.derivatives(*density.material.stretches(*seen)[:2])[0]
         return -2 * (energy * self.volumes).sum(-1)
 
     def relaxed(self, q: Array) -> Memory:

@@ -19,9 +19,9 @@ from tympan.fem.film.admissibility import (
     inadmissible_stretch,
 )
 from tympan.fem.film.laws import Ogden, PrestretchedOgden, Separable, Yeoh
-from tympan.fem.results.fields import Fields, lost_tension
+from tympan.fem.results.fields import Fields, lost_tension, node_fields
 from tympan.geometry.errors import InputError
-from tympan.studies.case import Case, Settings, equilibrate, field_warnings, node_fields, solve
+from tympan.studies.case import Case, Settings, equilibrate, field_warnings, solve
 
 BETA, GAMMA = (13.4e3, 34.8e3, 35.8e3), (-0.41e3, -113e3, -34.2e3)
 TABLE_1 = {kind: kind(BETA, GAMMA, (2.0, 4.0, 6.0), ROOT5)
@@ -144,7 +144,7 @@ def test_visited_failure_is_found_at_its_place() -> None:
     weak = Yeoh((12e3, -345.0))
     model, outcome = equilibrate(Case(circular(), mass=60e-3, voltage=0.0), Settings())
     assert outcome.status == "equilibrium"
-    fields = node_fields(model, outcome.state)
+    [fields] = node_fields(model, [outcome.state])
     threshold = _first_on_path(weak, fields)
     assert fields.stretch_1.min() < threshold < fields.stretch_1.max()
     [failure, *_] = failures(weak, fields.position, fields.stretch_1, fields.stretch_2)

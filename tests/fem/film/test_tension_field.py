@@ -191,7 +191,7 @@ def test_a_loose_film_without_natural_width_thins() -> None:
     assert field.derivatives(*far) == total(materials, *far)
     stretch = 0.9 * bound
     width = (1 / (stretch**2 * (1 - charge * stretch**2 / 20e3))) ** 0.25
-    assert field.natural(np.array(stretch), np.array(0.9 * width))[1] == pytest.approx(
+    assert field.stretches(np.array(stretch), np.array(0.9 * width))[1] == pytest.approx(
         width, rel=2e-2)
 
 
