@@ -22,6 +22,9 @@ STRAINED = "the film would be strained beyond what its material can reach"
 #: A correction, relative to the frame, that changes the film's forces no more than rounding does.
 _STILL = 1e-12
 
+#: Share of the largest allowed correction that may be foretold to be left after a longer one.
+_LEFT = 1e-3
+
 #: Iterations by the tangent of another state, and how much shorter than the one before each
 #: correction must be.
 _SIMPLIFIED, _SHORTER = 5, 0.25
@@ -152,7 +155,8 @@ def newton(model: Model, guess: State, free: tuple[Load, ...] = (),
                     break
             damping /= 2
         state = trial
-        if damping == 1.0 and after < settings.correction:
+        near = after < settings.correction or _left(after, before) < _LEFT * settings.correction
+        if damping == 1.0 and near:
             state = moved(model, state, simplified, 1.0, changes)
             forces = model.nodal_forces(state)
             if _unbalanced(model, subspace, state, forces) < settings.residual:
@@ -195,12 +199,17 @@ def simplified_newton(model: Model, guess: State, free: tuple[Load, ...] = (),
         state = moved(model, state, motion, 1.0, loads)
         with np.errstate(all="ignore"):
             forces = model.nodal_forces(state)
-        rest = after if iteration == 1 else after * share / (1 - share)
+        rest = after if iteration == 1 else _left(after, before)
         if (rest < settings.correction
                 and _unbalanced(model, tangent.subspace, state, forces) < settings.residual):
             return Solution(state, True, iteration, tangent)
         before = after
     return None
+
+
+def _left(after: float, before: float) -> float:
+    """What is left after two corrections by one tangent, foretold from their lengths."""
+    return after * after / (before - after) if after < before else after
 
 
 def _mean(first: Parts, second: Parts, weight: float) -> Parts:

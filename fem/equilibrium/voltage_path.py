@@ -88,7 +88,11 @@ def between(model: Model, start: Solution, end: Solution, voltage_squared: float
         second = start.tangent, (ends[1] - voltage_squared) / (ends[1] - ends[0])
     solution = simplified_newton(model, guess, settings=settings.newton, tangent=end.tangent,
                                  second=second)
-    if solution is None or solution.thinning_margin(model) < 0:
+    if solution is None:
+        return None
+    # Of films in tension on both sides none is further.
+    tense = min(start.thinning_margin(model), end.thinning_margin(model)) == np.inf
+    if not tense and solution.thinning_margin(model) < 0:
         return None
     missed, gone = (length(model, difference(model, solution.state, state))
                     for state in (guess, start.state))
