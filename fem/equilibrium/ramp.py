@@ -52,6 +52,9 @@ _SMALL_STEP = 0.5
 #: many equilibria are looked at for it.
 _SHARP, _NEAR, _CLOSING = 1e-6, 1e-3, 60
 
+#: Iterations within which an equilibrium is reached from beyond there, or sooner from before it.
+_SOON = 5
+
 #: Stiffness of the wrinkled film, in moduli, below which a branch that ends does so by thinning.
 _SOFT = 0.2
 
@@ -166,11 +169,13 @@ class Ramp:
             return float(brentq(lambda load: min(at(load), most), low, high,
                                 xtol=sharp * abs(high - low)))
 
-    def _at(self, start: Solution, value: float) -> tuple[Solution, State]:
+    def _at(self, start: Solution, value: float, iterations: int | None = None
+            ) -> tuple[Solution, State]:
         """The equilibrium near another one at another value of the load; what was predicted."""
         guess, settings = start.predicted(self.model, self.load, value), self.settings.newton
         start.release()
-        limited = replace(settings, damping=max(settings.damping, _DAMPED), longest=_ASTRAY)
+        limited = replace(settings, damping=max(settings.damping, _DAMPED), longest=_ASTRAY,
+                          iterations=iterations or settings.iterations)
         return newton(self.model, guess, settings=limited), guess
 
     def _step(self, start: Solution, value: float) -> tuple[Solution, bool]:
@@ -192,6 +197,7 @@ class Ramp:
         some, should the film go astray. None if it still does.
         """
         ends, margins = [before, after], [margin(before.state), margin(after.state)]
+        strayed: Solution | None = None
         after.release()
         sharp = _SHARP * abs(before.state.load(self.load) - after.state.load(self.load))
         for count in range(1, _CLOSING + 1):
@@ -202,9 +208,11 @@ class Ramp:
                 load = (low + high) / 2
             if abs(load - close.state.load(self.load)) <= sharp:
                 break
-            solution = self._at(close, load)[0]
+            beyond = close not in (ends[0], strayed)
+            solution = self._at(close if beyond else ends[0], load, _SOON if beyond else None)[0]
             solution.release()
-            if not solution.converged and close is not ends[0]:
+            if beyond and not solution.converged:
+                strayed = close
                 solution = self._at(ends[0], load)[0]
                 solution.release()
             if not solution.converged:
