@@ -9,9 +9,16 @@ import pytest
 
 from tests.support.models import model
 from tests.support.specimens import circular
+from tympan.fem.equilibrium import newton as newtons_method
 from tympan.fem.equilibrium import tangent as tangents
 from tympan.fem.equilibrium.constraints import held_charge, held_plate
-from tympan.fem.equilibrium.newton import NewtonSettings, newton, simplified_newton, tangent_at
+from tympan.fem.equilibrium.newton import (
+    NewtonSettings,
+    moved,
+    newton,
+    simplified_newton,
+    tangent_at,
+)
 from tympan.fem.equilibrium.solve import equilibrium, held
 from tympan.fem.film.laws import NeoHooke
 from tympan.fem.membrane.rigid_plate import Swing
@@ -105,3 +112,43 @@ def test_factors_of_a_large_film_are_kept_as_long_as_they_will_do(
     for deflection in (4.1e-3, 4.2e-3, 4.3e-3):
         solution = held(film, deflection, start=solution).solution
     assert len(made) == 1
+
+
+def test_between_two_states_the_mean_of_their_tangents_is_off_by_the_square(film) -> None:
+    """Of what one is: half as far apart, corrections by one err half as much, by both a quarter."""
+    start = equilibrium(film, FORCE, 4e3).solution
+    errors = []
+    for share in (0.2, 0.1, 0.05):
+        middle, end = (equilibrium(film, FORCE, (1 + part * share) * 4e3, start=start).solution
+                       for part in (0.5, 1.0))
+        ends = [tangent_at(film, solution.state)[0] for solution in (start, end)]
+        motion = 1e-6 * middle.rate(film, "voltage")[0] * middle.state.voltage_squared, np.zeros(1)
+        residual = film.residual(
+            film.nodal_forces(moved(film, middle.state, motion)), middle.state)
+        back = [tangent.correct(residual, [])[0][0] for tangent in ends]
+        squared = [solution.state.voltage_squared for solution in (start, middle, end)]
+        weight = (squared[2] - squared[1]) / (squared[2] - squared[0])
+        mean = weight * back[0] + (1 - weight) * back[1]
+        errors.append([np.linalg.norm(correction + motion[0]) / np.linalg.norm(motion[0])
+                       for correction in (back[1], mean)])
+    by_one, by_both = np.log2(np.array(errors)[:-1] / np.array(errors)[1:]).T
+    assert by_one == pytest.approx([1, 1], abs=0.3)
+    assert by_both == pytest.approx([2, 2], abs=0.4)
+    assert errors[0][1] < errors[0][0] / 5
+
+
+def test_newton_ends_where_next_to_nothing_is_left(film, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A tangent sooner than by its last correction, and at the same place to 1e-9."""
+    start, saved = equilibrium(film, FORCE, 6e3).solution, 0
+    for voltage in (6.1e3, 6.3e3, 6.48e3, 7e3):
+        guess = start.predicted(film, "voltage", voltage**2)
+        soon = newton(film, guess)
+        with monkeypatch.context() as patch:
+            patch.setattr(newtons_method, "_LEFT", 0.0)
+            late = newton(film, guess)
+        exact = newton(film, late.state, settings=NewtonSettings(1e-12, 1e-11))
+        assert soon.converged
+        assert exact.converged
+        assert np.abs(soon.state.positions - exact.state.positions).max() < 1e-9 * film.size
+        saved += late.iterations - soon.iterations
+    assert saved >= 1
