@@ -5,7 +5,7 @@ PYTHON ?= $(shell for p in python3.12 python3.13 python3.11 python3; do \
   $$p -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))' 2>/dev/null && echo $$p && break; done)
 OUT ?= out
 
-.PHONY: study test benchmarks scaling verification robustness films-in-time hidden verdict-cases fuzz optimum outlines map lumped-build paper coupons external house docs clean
+.PHONY: study test benchmarks scaling verification robustness films-in-time hidden verdict-cases fuzz hostile optimum outlines map lumped-build paper coupons external house docs clean
 
 study: .venv/ready
 	.venv/bin/tympan study -o "$(OUT)"
@@ -43,6 +43,10 @@ verdict-cases: .venv/ready
 # Hostile files for MINUTES, from a SEED where one is given; its seeds and count are printed.
 fuzz: .venv/ready
 	.venv/bin/python -m benchmarks.trials.fuzz --minutes "$(or $(MINUTES),60)" $(if $(SEED),--seed $(SEED))
+
+# Commands with bad input: status, seconds, message.
+hostile: .venv/ready
+	.venv/bin/python -m benchmarks.trials.hostile_commands
 
 outlines: .venv/ready
 	.venv/bin/tympan outlines -o "$(OUT)"

@@ -9,7 +9,7 @@ from __future__ import annotations
 import ctypes
 import signal
 import tempfile
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,7 +19,7 @@ import numpy as np
 
 from tympan.geometry.errors import InputError
 from tympan.geometry.outlines.pieces import Arc, Line, Piece, Spline
-from tympan.geometry.quarter import quarter
+from tympan.geometry.sectors import Loop, sectors
 from tympan.geometry.specimen import Plate, Specimen
 from tympan.geometry.system import missing_library
 from tympan.geometry.units import METRE, millimetres
@@ -77,10 +77,10 @@ def mesh_film(specimen: Specimen, settings: MeshSettings, planes: frozenset[str]
     ``planes`` are coordinates about whose zero it will be mirrored: only the positive part is
     meshed.
     """
-    pieces = quarter(specimen) if len(planes) == 2 else None
-    faces = _cut_faces(specimen, planes) if pieces is None else {}
+    loops = sectors(specimen, planes)
+    faces = _cut_faces(specimen, planes) if loops is None else {}
     with _session() as gmsh:
-        surfaces = _imported(gmsh, faces) if pieces is None else _quarter_surface(gmsh, pieces)
+        surfaces = _imported(gmsh, faces) if loops is None else _built(gmsh, loops)
         groups = _curve_groups(gmsh, specimen) | surfaces
         _size_field(gmsh, specimen, settings, groups, 2 ** len(planes))
         try:
@@ -158,21 +158,31 @@ def _parameters(gmsh: Any, curve: tuple[int, int], count: int) -> np.ndarray:
     return np.linspace(start[0], end[0], count)
 
 
-def _quarter_surface(gmsh: Any, pieces: Sequence[Piece]) -> Groups:
-    """A covered film within pieces in order, in gmsh's own OpenCASCADE.
-
-    The triangulation depends on the plane's origin, and on the numbers of curves and points: they
-    are from both ends, as in the kernel's own wires.
-    """
+def _built(gmsh: Any, loops: dict[str, list[Loop]]) -> Groups:
+    """Surfaces within loops, in gmsh's own OpenCASCADE."""
     occ = gmsh.model.occ
-    loop = occ.addCurveLoop([_curve(occ, piece) for piece in pieces])
     plane = occ.addDisk(0, 0, 0, 1, 1)
-    surface = (2, occ.addTrimmedSurface(plane, [loop], True))
+    surfaces = {name: [(2, occ.addTrimmedSurface(plane, [_curve_loop(occ, loop)], True))
+                       for loop in members] for name, members in loops.items()}
     occ.remove([(2, plane)])
     # Curves that were joined by their copies, and poles of splines, would be meshed.
     for dimension in (1, 0):
         occ.remove(occ.getEntities(dimension))
-    occ.synchronize()
+    groups = _glued(gmsh, surfaces)
+    if sum(map(len, groups.values())) == 1:
+        _number_from_both_ends(gmsh)
+    return groups
+
+
+def _curve_loop(occ: Any, loop: Loop) -> int:
+    return int(occ.addCurveLoop([_curve(occ, piece) for piece in loop]))
+
+
+def _number_from_both_ends(gmsh: Any) -> None:
+    """Number the curves and points of a surface as the kernel's own wires do.
+
+    The triangulation depends on the numbers, and on the plane's origin.
+    """
     curves = gmsh.model.getEntities(1)
     ends = [curve for pair in zip(curves, reversed(curves), strict=True) for curve in pair]
     ends = ends[:len(curves)]
@@ -181,7 +191,6 @@ def _quarter_surface(gmsh: Any, pieces: Sequence[Piece]) -> Groups:
     for entities in (ends, [*met]):
         for number, entity in enumerate(entities, start=1 + max(_tags(entities))):
             gmsh.model.setTag(*entity, number)
-    return {"covered": [surface], "bare": []}
 
 
 def _curve(occ: Any, piece: Piece) -> int:
@@ -215,20 +224,23 @@ def _spline(occ: Any, spline: Spline) -> int:
 
 
 def _imported(gmsh: Any, faces: dict[str, list[Any]]) -> Groups:
-    """Faces brought into gmsh and glued together: the surfaces of each name."""
-    surfaces: list[tuple[int, int]] = []
-    names: list[str] = []
+    """The surfaces of cadquery's faces, brought into gmsh."""
     with tempfile.TemporaryDirectory() as folder:
-        for name, members in faces.items():
-            if members:
-                surfaces += gmsh.model.occ.importShapes(_brep_file(Path(folder), name, members))
-                names += [name] * (len(surfaces) - len(names))
-    pieces = [[surface] for surface in surfaces]
-    if len(surfaces) > 1:
-        _, pieces = gmsh.model.occ.fragment(surfaces[:1], surfaces[1:])
+        surfaces = {name: gmsh.model.occ.importShapes(_brep_file(Path(folder), name, members))
+                    if members else [] for name, members in faces.items()}
+    return _glued(gmsh, surfaces)
+
+
+def _glued(gmsh: Any, surfaces: Groups) -> Groups:
+    """Surfaces that share the curves where they meet."""
+    whole = [surface for members in surfaces.values() for surface in members]
+    parts = [[surface] for surface in whole]
+    if len(whole) > 1:
+        _, parts = gmsh.model.occ.fragment(whole[:1], whole[1:])
     gmsh.model.occ.synchronize()
-    return {name: [entity for owner, entities in zip(names, pieces, strict=True) if owner == name
-                   for entity in entities] for name in faces}
+    of = dict(zip(whole, parts, strict=True))
+    return {name: [part for surface in members for part in of[surface]]
+            for name, members in surfaces.items()}
 
 
 def _brep_file(folder: Path, name: str, faces: list[Any]) -> str:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import pairwise
 from pathlib import Path
 
 from OCP.TopoDS import TopoDS_Wire
 
-from tympan.geometry.cad.wires import offset_wire, outline_wire, planar
+from tympan.geometry.cad.wires import outline_wire, pieces_wire, planar
 from tympan.geometry.errors import InputError
+from tympan.geometry.sectors import rings
 from tympan.geometry.specimen import Region, Specimen
 from tympan.geometry.system import missing_library
 from tympan.geometry.units import METRE, millimetres
@@ -61,21 +61,11 @@ def write_step(shapes: Sequence[cq.Shape], file: Path) -> None:
 
 def _coverage(specimen: Specimen) -> dict[str, list[cq.Face]]:
     """The whole film as ``covered`` and ``bare`` faces, cut along the electrode's edges only."""
-    electrode, plate = specimen.electrode, specimen.plate
-    wires = [outline_wire(specimen.frame)]
-    if electrode.margin_frame > 0:
-        wires.append(offset_wire(specimen.frame, (0.0, 0.0), -electrode.margin_frame))
-    if plate is not None:
-        if electrode.margin_plate > 0:
-            wires.append(offset_wire(plate.outline, plate.offset, electrode.margin_plate))
-        wires.append(outline_wire(plate.outline, plate.offset))
-    rings = [_planar(outer, inner) for outer, inner in pairwise(wires)]
-    if plate is None:
-        rings.append(_planar(wires[-1]))
-    covered = [rings.pop(1 if electrode.margin_frame > 0 else 0)]
-    if electrode.outline is None:
-        return {"covered": covered, "bare": rings}
-    return _clipped(specimen, covered[0], electrode.outline)
+    faces = {name: [_planar(*(pieces_wire(curve.pieces) for curve in pair if curve is not None))
+                    for pair in pairs] for name, pairs in rings(specimen).items()}
+    if specimen.electrode.outline is None:
+        return faces
+    return _clipped(specimen, faces["covered"][0], specimen.electrode.outline)
 
 
 def _clipped(specimen: Specimen, ring: cq.Face, region: Region) -> dict[str, list[cq.Face]]:

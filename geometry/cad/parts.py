@@ -9,7 +9,7 @@ from pathlib import Path
 import cadquery as cq
 import numpy as np
 
-from tympan.geometry.cad.wires import offset_wire, outline_wire
+from tympan.geometry.cad.wires import outline_wire, pieces_wire
 from tympan.geometry.errors import InputError
 from tympan.geometry.outlines import Outline
 from tympan.geometry.outlines.drawn import joined
@@ -63,7 +63,7 @@ def ring_part(frame: Outline, options: PartOptions, height: float) -> cq.Solid:
     """The ring the film is mounted on, or the one that clamps it there with the same screws."""
     inner = cq.Wire(outline_wire(frame))
     try:
-        outer = cq.Wire(offset_wire(frame, (0.0, 0.0), options.width))
+        outer = cq.Wire(pieces_wire(frame.curve.beside(options.width).pieces))
     except InputError:  # around sharp corners
         outer = inner.offset2D(options.width * METRE)[0]
     holes = [_hole(centre, options.screw / 2) for centre in options.holes(frame)]

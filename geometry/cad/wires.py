@@ -8,8 +8,7 @@ from io import BytesIO
 import numpy as np
 from numpy.typing import NDArray
 
-from tympan.geometry.errors import InputError
-from tympan.geometry.outlines import Circle, Ellipse, Outline
+from tympan.geometry.outlines import Outline
 from tympan.geometry.outlines.pieces import Arc, Line, Piece, Spline
 from tympan.geometry.system import missing_library
 from tympan.geometry.units import METRE, millimetres
@@ -59,29 +58,6 @@ def pieces_wire(pieces: Sequence[Piece], centre: Pair = (0.0, 0.0)) -> TopoDS_Wi
     return _wire(_edge(piece).Moved(TopLoc_Location(shift)) for piece in pieces)
 
 
-def offset_wire(outline: Outline, centre: Pair, distance: float) -> TopoDS_Wire:
-    """The parallel curve at a distance [m], outwards if positive.
-
-    That of an ellipse or spline is within 1e-8 of its size. An outline with a sharp corner, or one
-    that bends too tightly, is an :class:`InputError`. OpenCASCADE's own offset curves do not
-    survive STEP into gmsh.
-    """
-    if isinstance(outline, Circle | Ellipse):
-        return _smooth_offset(outline, centre, distance)
-    curve = outline.curve
-    moved = curve.beside(distance)
-    backwards = [(before.at(np.array([0.5]))[1] * after.at(np.array([0.5]))[1]).sum() <= 0
-                 for before, after in zip(curve.pieces, moved.pieces, strict=True)]
-    shrunk = [isinstance(piece, Arc) and min(piece.radii) <= 0 for piece in moved.pieces]
-    corners = np.abs(curve.turns()).max() > 1e-6
-    if corners or any(backwards) or any(shrunk):
-        where = "needs an outline without sharp corners" if corners else \
-            "must stay below the outline's radius of curvature"
-        raise InputError(f"an electrode margin {where}", key="electrode",
-                         given=f"{abs(distance) * METRE:.4g} mm")
-    return pieces_wire(moved.pieces, centre)
-
-
 def planar(outer: TopoDS_Wire, *inner: TopoDS_Wire) -> TopoDS_Face:
     """A face in the plane z = 0; cadquery's own repairs what outlines, checked, do not need."""
     builder = BRepBuilderAPI_MakeFace(gp_Pln(gp_Pnt(0, 0, 0), _UP), outer, True)
@@ -100,21 +76,6 @@ def brep(shapes: Iterable[TopoDS_Shape]) -> bytes:
         builder.Add(compound, shape)
     BRepTools.Write_s(compound, content)
     return content.getvalue()
-
-
-def _smooth_offset(outline: Circle | Ellipse, centre: Pair, distance: float) -> TopoDS_Wire:
-    """As a periodic spline."""
-    points = outline.points(96)
-    ahead, behind = np.roll(points, -1, axis=1), np.roll(points, 1, axis=1)
-    tangent = (ahead - behind) / np.hypot(*(ahead - behind))
-    moved = points + distance * np.array([tangent[1], -tangent[0]])
-    if np.any(np.sum((np.roll(moved, -1, axis=1) - moved) * tangent, axis=0) <= 0):
-        raise InputError("an electrode margin must stay below the outline's radius of curvature",
-                         key="electrode", given=f"{abs(distance) * METRE:.4g} mm")
-    places = (moved + np.array(centre)[:, None]).T * METRE
-    spline = GeomAPI_Interpolate(_points(places), True, 1e-6)
-    spline.Perform()
-    return _wire([BRepBuilderAPI_MakeEdge(spline.Curve()).Edge()])
 
 
 def _wire(edges: Iterable[TopoDS_Shape]) -> TopoDS_Wire:

@@ -8,7 +8,17 @@ from typing import Any
 
 import numpy as np
 
-from tympan.geometry.outlines.pieces import Array, Piece, Point, cross, normals, subdivided
+from tympan.geometry.errors import InputError
+from tympan.geometry.outlines.pieces import (
+    Array,
+    Piece,
+    Point,
+    cross,
+    curvature,
+    normals,
+    subdivided,
+)
+from tympan.geometry.units import METRE
 
 Foot = tuple[Array, Array]
 
@@ -16,6 +26,8 @@ Foot = tuple[Array, Array]
 _LONG, _SHORT = (np.polynomial.legendre.leggauss(count) for count in (12, 4))
 _MANY = 64
 _AT_END = 1e-12
+#: Turn of direction that is a corner [rad].
+_SHARP = 1e-6
 
 
 @dataclass(frozen=True)
@@ -125,7 +137,18 @@ class Curve:
         return self if max(abs(x), abs(y)) <= tiny else self.placed(shift=(-x, -y))
 
     def beside(self, distance: Any) -> Curve:
-        """The parallel curve at a distance, outwards if positive; corners would tear it."""
+        """The parallel curve at a distance [m], outwards if positive, within 1e-10 of its size.
+
+        Where a sharp corner would tear it, or a tight bend fold it, it is an :class:`InputError`.
+        """
+        where = ""
+        if np.abs(self.turns()).max() > _SHARP:
+            where = "needs an outline without sharp corners"
+        elif any((1 + distance * piece_curvature(piece)).min() <= 0 for piece in self.pieces):
+            where = "must stay below the outline's radius of curvature"
+        if where:
+            raise InputError(f"an electrode margin {where}", key="electrode",
+                             given=f"{abs(distance) * METRE:.4g} mm")
         return Curve(tuple(piece.beside(distance) for piece in self.pieces))
 
     def backwards(self) -> Curve:
@@ -148,6 +171,12 @@ class Curve:
 def piece_length(piece: Piece) -> Any:
     """Length of a piece [m]."""
     return _integral(piece, lambda x, y, dx, dy: np.sqrt(dx * dx + dy * dy))
+
+
+def piece_curvature(piece: Piece) -> Array:
+    """At points along a piece [1/m], positive where it turns left."""
+    _, slope, bend = piece.at(subdivided(piece.breaks, 8))
+    return curvature(slope, bend).real
 
 
 def _integral(piece: Piece, form: Any) -> Any:

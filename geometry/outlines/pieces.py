@@ -83,6 +83,11 @@ class Line:
         dx, dy = distance * (v - y) / length, distance * (x - u) / length
         return Line((x + dx, y + dy), (u + dx, v + dy))
 
+    def part(self, low: float, high: float) -> Line:
+        """From one parameter to another."""
+        start, end = (tuple(place) for place in self.at(np.array([low, high]))[0].tolist())
+        return Line(self.start if low == 0 else start, self.end if high == 1 else end)
+
     def backwards(self) -> Line:
         """The piece from its end to its start."""
         return Line(self.end, self.start)
@@ -111,8 +116,8 @@ class Curved(ABC):
     def beside(self, distance: Any) -> Piece:
         def curve(t: Array) -> tuple[Array, Array]:
             value, slope, bend = self.at(t)
-            turn = cross(slope, bend) / np.sqrt((slope * slope).sum(axis=1)) ** 3
-            return value + distance * normals(slope), slope * (1 + distance * turn[:, None])
+            turn = curvature(slope, bend)[:, None]
+            return value + distance * normals(slope), slope * (1 + distance * turn)
 
         size = float(np.abs(np.diff(self.at(self.breaks)[0], axis=0)).sum())
         knots = graded(curve, self.breaks, size)
@@ -197,6 +202,10 @@ class Arc(Curved):
             return Arc(self.centre, (radius, radius), self.start, self.sweep, self.turn)
         return super().beside(distance)
 
+    def part(self, low: float, high: float) -> Arc:
+        return Arc(self.centre, self.radii, self.start + low * self.sweep,
+                   (high - low) * self.sweep, self.turn)
+
     def backwards(self) -> Arc:
         return Arc(self.centre, self.radii, self.start + self.sweep, -self.sweep, self.turn)
 
@@ -270,6 +279,16 @@ class Spline(Curved):
         first, last = (_placed(slope, angle, (0.0, 0.0)) for slope in self.slopes)
         return Spline(self.knots, tuple(_placed(point, angle, shift) for point in self.points),
                       (first, last))
+
+    def part(self, low: float, high: float) -> Spline:
+        """A cubic spline's part is the cubic spline through its knots and both ends."""
+        first, width = self.knots[0], self.knots[-1] - self.knots[0]
+        (start, end), slopes, _ = self.at(np.array([low, high]))
+        inner = [number for number, share in enumerate(self.breaks) if low < share < high]
+        knots = (first + low * width, *(self.knots[number] for number in inner),
+                 first + high * width)
+        points = (start, *(self.points[number] for number in inner), end)
+        return spline_through(np.array(knots), np.array(points), slopes / width)
 
     def backwards(self) -> Spline:
         (u, v), (x, y) = self.slopes
@@ -366,6 +385,11 @@ def direction(x: Any, y: Any) -> Any:
 def cross(u: Array, v: Array) -> Array:
     """The z components of cross products of vectors, shape (…, 2)."""
     return np.asarray(u[..., 0] * v[..., 1] - u[..., 1] * v[..., 0])
+
+
+def curvature(slope: Array, bend: Array) -> Array:
+    """Of curves by their derivatives, shape (n, 2) each [1/m]; positive to the left."""
+    return np.asarray(cross(slope, bend) / np.sqrt((slope * slope).sum(axis=1)) ** 3)
 
 
 def normals(slope: Array) -> Array:

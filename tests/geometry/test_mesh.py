@@ -25,7 +25,7 @@ from tympan.geometry.errors import InputError
 from tympan.geometry.mesh import ELEMENTS, facets_of, from_bytes, from_meshio, to_bytes, unfold
 from tympan.geometry.mesher import MeshSettings, mesh_film
 from tympan.geometry.outlines import Circle, Ellipse, Outline, Superellipse, examples
-from tympan.geometry.quarter import quarter
+from tympan.geometry.sectors import sectors
 from tympan.geometry.specimen import Electrode, Plate, Region, Specimen
 from tympan.studies.case import Settings, build_model
 
@@ -75,8 +75,7 @@ def test_area_and_boundaries(name: str, order: int) -> None:
         assert np.abs(nodes[coordinate] - specimen.plate.offset[coordinate]).max() < 1e-9
 
 
-def test_a_quarter_that_is_built_is_the_one_that_would_be_cut() -> None:
-    """A bare band of the frame, which is cut, and the film without one have the same area."""
+def test_a_quarter_has_the_same_area_with_a_bare_band() -> None:
     for frame in (Ellipse((30e-3, 50e-3)), Superellipse((60e-3, 45e-3), 3.0)):
         whole = replace(circular(), frame=frame)
         built, cut = (from_meshio(mesh_film(specimen, MeshSettings(), frozenset("xy")))
@@ -91,9 +90,9 @@ def test_a_quarter_built_in_gmsh_is_the_one_of_cadquerys_kernel(
         frame: Outline, plate: Outline | None, monkeypatch: pytest.MonkeyPatch) -> None:
     """Area, extents, and every point of the mesh, of the same pieces by the other way."""
     film = replace(circular(), frame=frame, plate=None if plate is None else Plate(plate))
-    pieces = quarter(film)
-    assert pieces is not None
-    face = cq.Face(planar(pieces_wire(pieces)))
+    loops = sectors(film, frozenset("xy"))
+    assert loops is not None
+    face = cq.Face(planar(pieces_wire(loops["covered"][0])))
     mesh = mesh_film(film, MeshSettings(), frozenset("xy"))
     assert area(from_meshio(mesh)) * 1e6 == pytest.approx(face.Area(), rel=2e-6)
     box = face.BoundingBox()
@@ -102,7 +101,7 @@ def test_a_quarter_built_in_gmsh_is_the_one_of_cadquerys_kernel(
                        atol=1e-9)
     if plate is None:  # elements of one size have ties, which the last digit decides
         return
-    monkeypatch.setattr(mesher, "_quarter_surface", lambda gmsh, _: mesher._imported(
+    monkeypatch.setattr(mesher, "_built", lambda gmsh, _: mesher._imported(
         gmsh, {"covered": [face.wrapped], "bare": []}))
     other = mesh_film(film, MeshSettings(), frozenset("xy"))
     assert len(other.points) == len(mesh.points)
@@ -244,12 +243,15 @@ broken()
     assert (done.returncode, done.stdout) == (0, b"alive\n" * 2), done.stderr.decode()
 
 
-def test_no_room_for_temporary_files_is_said() -> None:
+def test_no_room_for_temporary_files_is_said_where_one_is_needed() -> None:
+    """Only for what cadquery cuts."""
+    cut = replace(circular(), electrode=Electrode(outline=Region(Circle(30e-3))))
     unlimited = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (1000, unlimited[1]))
     try:
+        mesh_film(circular(), MeshSettings(2), frozenset())
         with pytest.raises(InputError, match="no room for temporary files"):
-            mesh_film(circular(), MeshSettings(2), frozenset())
+            mesh_film(cut, MeshSettings(2), frozenset())
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, unlimited)
 

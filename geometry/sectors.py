@@ -1,0 +1,132 @@
+"""The film cut along the axes through its centre, as pieces of closed curves."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+
+from tympan.geometry.outlines.curve import Curve
+from tympan.geometry.outlines.pieces import Array, Line, Piece, subdivided
+from tympan.geometry.specimen import Pair, Specimen
+
+#: Pieces in order around a part of the film.
+Loop = tuple[Piece, ...]
+
+#: How near an axis is on it, relative to the frame.
+_MEET = 1e-12
+
+#: Intervals between two breaks of a piece in which it crosses an axis once at most.
+_EACH = 8
+
+#: Signs of both coordinates, counterclockwise.
+_QUADRANTS = ((1, 1), (-1, 1), (-1, -1), (1, -1))
+
+
+def rings(specimen: Specimen) -> dict[str, list[tuple[Curve, Curve | None]]]:
+    """The film between outer and inner curves, None inside the innermost of a film without plate.
+
+    Those ``covered`` by an electrode without outline, and those its margins leave ``bare``.
+    """
+    electrode, plate = specimen.electrode, specimen.plate
+    curves: list[Curve | None] = [specimen.frame.curve]
+    if electrode.margin_frame > 0:
+        curves.append(specimen.frame.curve.beside(-electrode.margin_frame))
+    if plate is None:
+        curves.append(None)
+    else:
+        if electrode.margin_plate > 0:
+            curves.append(plate.outline.curve.beside(electrode.margin_plate).placed(
+                shift=plate.offset))
+        curves.append(plate.outline.curve.placed(shift=plate.offset))
+    bare = [(outer, inner) for outer, inner in pairwise(curves) if outer is not None]
+    covered = bare.pop(1 if electrode.margin_frame > 0 else 0)
+    return {"covered": [covered], "bare": bare}
+
+
+def sectors(specimen: Specimen, planes: frozenset[str]) -> dict[str, list[Loop]] | None:
+    """Around the parts of the rings in every quadrant about the film's centre [m].
+
+    ``planes`` are coordinates about whose zero the film is mirrored: only the parts where they are
+    positive. None where an electrode's outline cuts the film, or a curve crosses one half of an
+    axis more than once.
+    """
+    if specimen.electrode.outline is not None:
+        return None
+    close = _MEET * max(specimen.frame.semi_axes)
+    wanted = [number for number, signs in enumerate(_QUADRANTS)
+              if all(sign > 0 for axis, sign in zip("xy", signs, strict=True) if axis in planes)]
+    loops: dict[str, list[Loop]] = {}
+    for name, pairs in rings(specimen).items():
+        loops[name] = []
+        for outer, inner in pairs:
+            outside = _quadrants(outer, specimen.centre, close)
+            inside = 4 * [()] if inner is None else _quadrants(inner, specimen.centre, close)
+            if outside is None or inside is None:
+                return None
+            loops[name] += [_loop(outside[number], inside[number], specimen.centre)
+                            for number in wanted]
+    return loops
+
+
+def _loop(outer: Sequence[Piece], inner: Sequence[Piece], centre: Pair) -> Loop:
+    """Along the outer pieces, an axis inwards, the inner pieces back and an axis outwards."""
+    back = [piece.backwards() for piece in reversed(inner)]
+    first, last = (back[0], back[-1]) if back else (None, None)
+    inwards = _on_axis(outer[-1], 1.0, centre), _on_axis(first, 0.0, centre)
+    outwards = _on_axis(last, 1.0, centre), _on_axis(outer[0], 0.0, centre)
+    return (*outer, Line(*inwards), *back, Line(*outwards))
+
+
+def _on_axis(piece: Piece | None, t: float, centre: Pair) -> Pair:
+    """Where a piece ends on an axis, to the last digit; the centre if there is none."""
+    if piece is None:
+        return centre
+    place = piece.at(np.array([t]))[0][0]
+    axis = int(np.argmin(np.abs(place - centre)))
+    place[axis] = centre[axis]
+    x, y = place.tolist()
+    return x, y
+
+
+def _quadrants(curve: Curve, centre: Pair, close: float) -> list[list[Piece]] | None:
+    """Its pieces by quadrant about a centre inside; None where it comes to one twice."""
+    parts = [part for piece in curve.pieces for part in _split(piece, centre, close)]
+    middles = np.array([part.at(np.array([0.5]))[0][0] for part in parts]) - centre
+    if np.abs(middles).min() < close:  # along an axis
+        return None
+    numbers = [_QUADRANTS.index((x, y)) for x, y in np.sign(middles).astype(int).tolist()]
+    enters = [place for place, number in enumerate(numbers) if number != numbers[place - 1]]
+    if [numbers[place] for place in enters] not in [[0, 1, 2, 3][k:] + [0, 1, 2, 3][:k]
+                                                    for k in range(4)]:
+        return None
+    parts, numbers = parts[enters[0]:] + parts[:enters[0]], numbers[enters[0]:] + numbers[
+        :enters[0]]
+    return [[part for part, number in zip(parts, numbers, strict=True) if number == quadrant]
+            for quadrant in range(4)]
+
+
+def _split(piece: Piece, centre: Pair, close: float) -> list[Piece]:
+    """The piece in parts that do not cross the axes through a centre."""
+    t = subdivided(piece.breaks, _EACH)
+    places = piece.at(t)[0] - centre
+    places[np.abs(places) < close] = 0.0
+    cuts = [t[(places == 0).any(axis=1)]]
+    for axis in range(2):
+        crossed = np.flatnonzero(places[:-1, axis] * places[1:, axis] < 0)
+        cuts.append(_crossings(piece, axis, centre[axis], t[crossed], t[crossed + 1]))
+    ends = np.unique(np.concatenate([*cuts, [0.0, 1.0]]))
+    return [piece] if len(ends) == 2 else [piece.part(low, high) for low, high in pairwise(
+        ends.tolist())]
+
+
+def _crossings(piece: Piece, axis: int, level: float, low: Array, high: Array) -> Array:
+    """Where a coordinate has a level, once between each pair of parameters: Newton's method."""
+    t = (low + high) / 2
+    for _ in range(30):
+        value, slope, _ = piece.at(t)
+        before, t = t, np.clip(t - (value[:, axis] - level) / slope[:, axis], low, high)
+        if np.abs(t - before).max(initial=0.0) < 1e-16:
+            break
+    return t
