@@ -21,7 +21,7 @@ from tympan.fem.discretisation.isoparametric import (
 )
 from tympan.fem.linear_solver.direct import Analysis, analyse
 from tympan.fem.linear_solver.dissection import elimination_order
-from tympan.geometry.mesh import ELEMENTS, CurvedTriangles
+from tympan.geometry.mesh import ELEMENTS, CurvedTriangles, curved_mesh
 
 Array = NDArray[Any]
 
@@ -110,6 +110,24 @@ class Discretisation:
             places: dict[str, Any] = {"doflocs": np.ascontiguousarray(nodes.T)}
             mesh = replace(mesh, **places)
         return replace(self, mesh=mesh, reference=np.column_stack([nodes, np.zeros(len(nodes))]))
+
+    def of_order(self, order: int) -> Discretisation:
+        """The same triangles with nodes of another order, where these elements have such places."""
+        mesh = self.mesh
+        shapes = tabulated(mesh.order, ELEMENTS[order].doflocs.T)[0].T
+        nodes = (shapes @ self.reference[self.connectivity, :2]).transpose(2, 1, 0)
+        other = curved_mesh(mesh.doflocs[:, :mesh.nvertices], mesh.t, order, nodes)
+        return Discretisation.of(
+            other.with_boundaries(mesh.boundaries or {}).with_subdomains(mesh.subdomains or {}),
+            self.planes, self.odd)
+
+    def interpolated(self, coarse: Discretisation, values: Array) -> Array:
+        """A nodal field of other elements on the same triangles at these nodes, (nodes, …) each."""
+        shapes = tabulated(coarse.mesh.order, ELEMENTS[self.mesh.order].doflocs.T)[0].T
+        nodal = np.empty((len(self.reference), *values.shape[1:]))
+        nodal[self.connectivity] = np.einsum("lc,ec...->el...", shapes,
+                                             values[coarse.connectivity])
+        return nodal
 
     @cached_property
     def basis(self) -> skfem.CellBasis:

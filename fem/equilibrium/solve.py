@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from tympan.fem.equilibrium.constraints import held_plate
+from tympan.fem.equilibrium.constraints import difference, held_plate, length
 from tympan.fem.equilibrium.newton import Solution, moved, newton, simplified_newton
 from tympan.fem.equilibrium.path_following import PathSettings
 from tympan.fem.equilibrium.ramp import SLACK, Outcome, Ramp, still_slack
@@ -16,6 +16,10 @@ from tympan.fem.membrane.state import HEAVE, Load, State
 #: How far the plate, or the centre, of a film that is slack when mounted is first pushed out,
 #: relative to the frame's half extent.
 _PUSHED = 0.2
+
+#: Unknowns from which on elements of half the order find the start, and how far from it the
+#: equilibrium may be, relative to its motion.
+_LARGE, _ALIKE = 5_000, 0.1
 
 #: Iterations with which Newton's method makes a short step, if at all.
 _FEW = 8
@@ -31,6 +35,8 @@ def equilibrium(model: Model, force: float, voltage: float, pressure: float = 0.
     first and then charged. An "equilibrium" is stable under these loads and connected to the start
     without passing a limit point.
     """
+    if start is None and (outcome := _nested(model, force, voltage, pressure, settings)):
+        return outcome
     solution = start or _first(model, settings)
     outcome = Outcome("equilibrium" if solution.converged else "not_converged", solution,
                       solution.advice)
@@ -48,6 +54,35 @@ def equilibrium(model: Model, force: float, voltage: float, pressure: float = 0.
     if changed and still_slack(model, outcome.state):
         return Outcome("not_converged", outcome.solution, f"{SLACK} under its loads")
     return outcome
+
+
+def _nested(model: Model, force: float, voltage: float, pressure: float, settings: PathSettings
+            ) -> Outcome | None:
+    """A large film's equilibrium, from that of elements of half the order: nested iteration.
+
+    None where the film is not like those: beside a limit, wrinkled, or where Newton's method goes
+    astray.
+    """
+    fine = model.discretisation
+    order = fine.mesh.order // 2
+    if fine.free_count < _LARGE or order < 1:
+        return None
+    coarse = replace(model, discretisation=fine.of_order(order))
+    outcome = equilibrium(coarse, force, voltage, pressure, settings=settings)
+    outcome.solution.release()
+    if outcome.status != "equilibrium":
+        return None
+    before = outcome.state.positions - coarse.discretisation.reference
+    guess = replace(outcome.state, positions=fine.reference
+                    + fine.interpolated(coarse.discretisation, before))
+    solution = newton(model, guess, settings=settings.newton)
+    if solution.converged and solution.stable and model.in_tension(solution.state):
+        gone, missed = (length(model, difference(model, solution.state, state))
+                        for state in (model.mounted(), guess))
+        if missed <= _ALIKE * gone and not still_slack(model, solution.state):
+            return Outcome("equilibrium", solution)
+    solution.release()
+    return None
 
 
 def _unloading(settings: PathSettings) -> PathSettings:
