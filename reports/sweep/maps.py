@@ -27,7 +27,7 @@ _MOST_PAIRS = 28
 #: Ticks of a map [px]: where, and what is written there.
 Ticks = list[tuple[float, str]]
 
-_LETTER = 5.4  #: width of one [px]
+_LETTER, _BROAD = 5.4, 8.8  #: width of one, and of one of "mwMW" [px]
 WIDTH, HEIGHT = 190.0, 150.0  #: of a map without its labels [px]
 
 
@@ -71,7 +71,12 @@ class Map:
 
 
 def _widest(ticks: Ticks) -> float:
-    return _LETTER * max(len(text) for _, text in ticks)
+    return max(_width(text) for _, text in ticks)
+
+
+def _width(text: str) -> float:
+    broad = sum(text.count(letter) for letter in "mwMW")
+    return _LETTER * (len(text) - broad) + _BROAD * broad
 
 
 @dataclass(frozen=True)

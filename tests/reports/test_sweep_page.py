@@ -6,13 +6,15 @@ import re
 from collections import Counter
 from pathlib import Path
 
+import numpy as np
 import pytest
+from matplotlib.textpath import TextPath
 
 from tests.support.checks.accessible import wordless
 from tests.support.sweeps import read
 from tympan.geometry.errors import InputError
 from tympan.reports.sweep import page
-from tympan.reports.sweep.maps import sweep_maps
+from tympan.reports.sweep.maps import Map, sweep_maps
 from tympan.reports.sweep.page import keep_page, render_sweep
 from tympan.reports.sweep.view import SweepView
 from tympan.studies.sweep.run import SweepResult
@@ -82,6 +84,18 @@ def test_a_map_says_what_the_table_has(view: SweepView) -> None:
                                                                 False]
     assert [pair.maps[0].marks[0].text for pair in sweep_maps(view)][-1] == (
         "1.17, mean of 3")
+
+
+@pytest.mark.parametrize("label", ["50 mm, 45 mm", "1.25, 1.25", "wwwwwwwwwwww"])
+def test_slanted_labels_have_their_room(label: str) -> None:
+    """As wide as the letters of a usual font, 9 px high, at 40° from below their cells."""
+    ticks = [(cell, label) for cell in (32.0, 95.0, 158.0)]
+    drawn = Map("deflection", "", ticks, [(75.0, "0")], [], [(75.0, "3.6")], True)
+    box = TextPath((0.0, 0.0), label, size=9).get_extents()
+    left, below = np.cos(np.radians(40)) * box.width, np.sin(np.radians(40)) * box.width
+    assert drawn.slanted or box.width < 63
+    assert drawn.margins[0] + 32.0 >= left
+    assert not drawn.slanted or drawn.slanted >= below - 5
 
 
 def test_the_page_stands_alone_and_says_what_failed_and_what_waits(view: SweepView) -> None:
