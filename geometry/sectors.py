@@ -14,8 +14,8 @@ from tympan.geometry.specimen import Pair, Specimen
 #: Pieces in order around a part of the film.
 Loop = tuple[Piece, ...]
 
-#: How near an axis is on it, relative to the frame.
-_MEET = 1e-12
+#: How near an axis is on it, and what is too short to be built, relative to the frame.
+_MEET, _SHORT = 1e-12, 1e-6
 
 #: Intervals between two breaks of a piece in which it crosses an axis once at most.
 _EACH = 8
@@ -49,20 +49,20 @@ def sectors(specimen: Specimen, planes: frozenset[str]) -> dict[str, list[Loop]]
     """Around the parts of the rings in every quadrant about the film's centre [m].
 
     ``planes`` are coordinates about whose zero the film is mirrored: only the parts where they are
-    positive. None where an electrode's outline cuts the film, or a curve crosses one half of an
-    axis more than once.
+    positive. None where an electrode's outline cuts the film, a curve crosses one half of an axis
+    more than once, or a piece all but ends there.
     """
     if specimen.electrode.outline is not None:
         return None
-    close = _MEET * max(specimen.frame.semi_axes)
+    size = max(specimen.frame.semi_axes)
     wanted = [number for number, signs in enumerate(_QUADRANTS)
               if all(sign > 0 for axis, sign in zip("xy", signs, strict=True) if axis in planes)]
     loops: dict[str, list[Loop]] = {}
     for name, pairs in rings(specimen).items():
         loops[name] = []
         for outer, inner in pairs:
-            outside = _quadrants(outer, specimen.centre, close)
-            inside = 4 * [()] if inner is None else _quadrants(inner, specimen.centre, close)
+            outside = _quadrants(outer, specimen.centre, size)
+            inside = 4 * [()] if inner is None else _quadrants(inner, specimen.centre, size)
             if outside is None or inside is None:
                 return None
             loops[name] += [_loop(outside[number], inside[number], specimen.centre)
@@ -90,11 +90,13 @@ def _on_axis(piece: Piece | None, t: float, centre: Pair) -> Pair:
     return x, y
 
 
-def _quadrants(curve: Curve, centre: Pair, close: float) -> list[list[Piece]] | None:
+def _quadrants(curve: Curve, centre: Pair, size: float) -> list[list[Piece]] | None:
     """Its pieces by quadrant about a centre inside; None where it comes to one twice."""
-    parts = [part for piece in curve.pieces for part in _split(piece, centre, close)]
-    middles = np.array([part.at(np.array([0.5]))[0][0] for part in parts]) - centre
-    if np.abs(middles).min() < close:  # along an axis
+    parts = [part for piece in curve.pieces for part in _split(piece, centre, _MEET * size)]
+    places = np.array([part.at(np.array([0.0, 0.5, 1.0]))[0] for part in parts])
+    middles = places[:, 1] - centre
+    lengths = np.linalg.norm(np.diff(places, axis=1), axis=2).sum(axis=1)
+    if np.abs(middles).min() < _MEET * size or lengths.min() < _SHORT * size:
         return None
     numbers = [_QUADRANTS.index((x, y)) for x, y in np.sign(middles).astype(int).tolist()]
     enters = [place for place, number in enumerate(numbers) if number != numbers[place - 1]]

@@ -18,7 +18,14 @@ from tympan.geometry import mesher
 from tympan.geometry.cad.membrane import membrane_faces
 from tympan.geometry.mesh import from_meshio, unfold
 from tympan.geometry.mesher import MeshSettings, mesh_film
-from tympan.geometry.outlines import Circle, Ellipse, Outline, Polygon, examples
+from tympan.geometry.outlines import (
+    Circle,
+    Ellipse,
+    Outline,
+    Polygon,
+    RoundedRectangle,
+    examples,
+)
 from tympan.geometry.outlines.curve import Curve
 from tympan.geometry.sectors import sectors
 from tympan.geometry.specimen import Electrode, Plate, Region, Specimen
@@ -89,6 +96,19 @@ def test_what_crosses_an_axis_twice_or_is_cut_by_an_outline_is_left_to_the_kerne
         assert folded(mesh) == 0
         exact = specimen.frame.curve.area - np.pi * 9e-3 * 6e-3
         assert _area(mesh, None) == pytest.approx(exact, rel=1e-6)
+
+
+@pytest.mark.parametrize("beside", [0.0, 1e-16, 1e-14, 1e-12, 1e-11, 1e-10, 1e-9, 1e-8, 1e-7, 1e-6,
+                                    1e-5])
+@pytest.mark.parametrize("sign", [-1, 1])
+def test_an_axis_that_nearly_meets_two_pieces(beside: float, sign: int) -> None:
+    """The frame's lines meet its arcs at 5 mm."""
+    frame = RoundedRectangle((45e-3, 40e-3), 35e-3)
+    specimen = film(frame, (5e-3 + beside * sign, 5e-3 - beside * sign))
+    mesh = from_meshio(mesh_film(specimen, MeshSettings(), frozenset()))
+    assert folded(mesh) == 0
+    assert mesh.nelements < 400
+    assert _area(mesh, None) == pytest.approx(frame.curve.area - np.pi * 9e-3 * 6e-3, rel=1e-6)
 
 
 @pytest.mark.parametrize("frame", EXAMPLES.values(), ids=EXAMPLES)
