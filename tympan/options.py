@@ -182,12 +182,14 @@ def option_name(name: str) -> str:
 
 
 @contextmanager
-def naming_options(options: argparse.Namespace) -> Iterator[None]:
-    """What is wrong with a setting is said of the option of its name."""
+def naming_options(options: argparse.Namespace, **names: str) -> Iterator[None]:
+    """What is wrong with a setting is said of the option of its name, or of that in ``names``."""
     try:
         yield
     except InputError as error:
-        name = str(error.key)
+        name = names.get(str(error.key), str(error.key))
+        if not hasattr(options, name):
+            raise
         raise InputError(error.allowed, key=option_name(name),
                          given=getattr(options, name)) from None
 

@@ -8,8 +8,11 @@ from tympan.commands import (
     drawing,
     explore,
     export,
-    lumped,
+    lumped_build,
     lumped_export,
+    lumped_identify,
+    lumped_paper,
+    lumped_response,
     material,
     runs,
     transient,
@@ -26,8 +29,9 @@ HEADINGS = {
         material.material_show, data.effects, doctor.doctor),
     "data": (data.data, data.diagnose, material.material_fit),
     "lumped": (
-        lumped.lumped_build, lumped.lumped_simulate, lumped.lumped_linearise,
-        lumped.lumped_identify, lumped_export.lumped_export, lumped.lumped_paper),
+        lumped_build.lumped_build, lumped_response.lumped_simulate,
+        lumped_response.lumped_linearise, lumped_identify.lumped_identify,
+        lumped_export.lumped_export, lumped_paper.lumped_paper),
 }
 COMMANDS = tuple(command for commands in HEADINGS.values() for command in commands)
 #: What the first words of two are for.

@@ -1,0 +1,100 @@
+"""``tympan lumped build``: lumped models from field models."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from tympan.geometry.errors import InputError
+from tympan.options import (
+    JSON,
+    MESH,
+    RIG,
+    argument,
+    command,
+    finish,
+    naming_options,
+    output,
+    parse_quantities,
+    parse_quantity,
+    read_rig,
+    read_settings,
+    read_specimens,
+)
+
+if TYPE_CHECKING:
+    from tympan.studies.lumped.actuator import Viscous
+
+
+@command("lumped build", argument("specimens", type=Path, nargs="+", metavar="SPECIMEN.toml"),
+         argument("--mass", metavar="MASS,MASS",
+                  help="on the plate; the first one is fitted, the others are tested (default: "
+                       "some that suit the films)"),
+         argument("--voltages", metavar="FROM..TO",
+                  help="the lowest, the middle and the highest are fitted, the others tested "
+                       "(default: up to 0.6 of the films' first limit)"),
+         argument("--count", type=int, default=11, metavar="N", within=(2, 200),
+                  help="of voltages"),
+         argument("--circles", type=int, default=2, metavar="N", help="how many"),
+         argument("--radii", choices=("semi_axes", "sectors", "fit"), default="semi_axes",
+                  help="of the circles, as for `tympan alpha`"),
+         argument("--viscous", metavar="K1,ETA1,ETA2",
+                  help="of the branch and the damper of films that have no branches of their own, "
+                       'such as "23.5 MPa,177.2 MPa s,62.4 kPa s" (default: these, the '
+                       "paper's)"), RIG,
+         output("write NAME.lumped.toml for each, build.json, statics.csv and a figure"), JSON,
+         MESH,
+         example="oval.toml -o lumped")
+def lumped_build(options: argparse.Namespace) -> None:
+    """The lumped model of specimens from their field model alone."""
+    from tympan.progress import bar
+    from tympan.studies.alpha import AlphaSettings
+    from tympan.studies.lumped.build import KINEMATICS, BuildResult, BuildSettings, build
+
+    with naming_options(options):
+        AlphaSettings(circles=options.circles)
+    masses = (parse_quantities(options.mass, "mass", "--mass") if options.mass is not None
+              else None)
+    voltages = _voltages(options) if options.voltages is not None else None
+    settings, rig = read_settings(options), read_rig(options.rig)
+    specimens = read_specimens(options.specimens)
+    branched = [item.name for item in specimens if item.membrane.branches]
+    if branched and options.viscous is not None:
+        raise InputError("is for films without branches: theirs come from the field model",
+                         key="--viscous", given=", ".join(branched))
+    chosen = BuildSettings.suited(specimens, settings, rig, masses=masses, voltages=voltages,
+                                  count=options.count, circles=options.circles, radii=options.radii,
+                                  viscous=_viscous(options.viscous))
+    with bar(4 * len(specimens) + len(branched)) as progress:
+        models = [build(specimen, settings, chosen, rig, progress) for specimen in specimens]
+    finish(options, BuildResult.of(models), kinematics=KINEMATICS)
+
+
+def _voltages(options: argparse.Namespace) -> tuple[float, ...]:
+    ends = options.voltages.split("..")
+    if len(ends) != 2:
+        raise InputError("must be two voltages with two dots between them, such as 0 kV..5 kV",
+                         key="--voltages", given=options.voltages)
+    low, high = (parse_quantity(end, "voltage", "--voltages") for end in ends)
+    if not 0 <= low < high:
+        raise InputError("must ascend, from 0 kV on", key="--voltages", given=options.voltages)
+    return tuple(low + (high - low) * number / (options.count - 1)
+                 for number in range(options.count))
+
+
+def _viscous(text: str | None) -> Viscous:
+    from tympan.studies.lumped.actuator import Viscous
+
+    if text is None:
+        return Viscous()
+    parts = text.split(",")
+    if len(parts) != 3:
+        raise InputError("must be a stress and two viscosities with commas between them",
+                         key="--viscous", given=text)
+    try:
+        return Viscous(*(parse_quantity(part, kind, "--viscous")
+                         for part, kind in zip(parts, ("stress", "viscosity", "viscosity"),
+                                               strict=True)))
+    except InputError as error:
+        raise InputError(error.allowed, key="--viscous", given=error.given) from None

@@ -1,0 +1,45 @@
+"""``tympan lumped paper``: the source paper's figures and tables."""
+
+from __future__ import annotations
+
+import argparse
+
+from tympan.options import SEEDS, argument, command, output, parse_quantity, print_record
+
+
+@command("lumped paper",
+         output("paper.html, paper.json, figures (PNG, SVG), tables and curves (CSV)",
+                required=True),
+         argument("--levels", type=int, default=20, metavar="N", within=(2, 1000),
+                  help="of figure 14, which the paper does not give"),
+         argument("--seed", type=int, within=SEEDS,
+                  help="of these levels (default: the first one whose levels come within 100 V of "
+                       "0 and of 7 kV)"),
+         argument("--reading", choices=("rest", "levels"),
+                  help="how Table 2 is read to find the lost parameters: from 0 to 7 kV at rest, "
+                       "or at the ends of figure 14's levels (default: whichever fits it better)"),
+         argument("--period",
+                  help="of figure 13's sines, which the paper does not give (default: that at "
+                       "which the circle lags most)"),
+         argument("--json", action="store_true",
+                  help="print one JSON object, which paper.json holds too"),
+         example="-o paper")
+def lumped_paper(options: argparse.Namespace) -> None:
+    """The paper's figures 7 to 14 and tables, its numbers beside ours."""
+    import time
+
+    from tympan.progress import bar
+    from tympan.reports.paper.page import build_paper_page
+    from tympan.studies.replica.figures import STEPS_OF_RUN, Choices, run
+    from tympan.studies.replica.output import store
+
+    period = None if options.period is None else parse_quantity(options.period, "time", "--period")
+    choices = Choices(options.levels, options.seed, period, reading=options.reading)
+    began = time.perf_counter()
+    with bar(STEPS_OF_RUN + 2) as progress:
+        replica = run(choices, progress)
+        progress("findings")
+        content = store(replica, time.perf_counter() - began, options.output)
+        progress("figures")
+        page = build_paper_page(options.output)
+    print_record(options, content, page=page)
