@@ -23,10 +23,13 @@ from tympan.fem.equilibrium.path_following import PathSettings
 from tympan.fem.equilibrium.solve import equilibrium, held
 from tympan.fem.equilibrium.subspace import SmoothSubspace
 from tympan.fem.film.laws import Ogden
+from tympan.fem.film.library import MATERIALS
 from tympan.fem.membrane.loading import Loading, Magnet
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import HEAVE, State
 from tympan.geometry.mesh import unfold
+from tympan.geometry.outlines import Ellipse
+from tympan.geometry.specimen import Plate
 
 VHB = Ogden((18.4e3, 210.0), (2.0, 4.0))
 
@@ -114,6 +117,18 @@ def test_an_ellipse_s_pull_in_settles() -> None:
     whole_film = Model(Discretisation.of(unfold(part.mesh, part.planes)[0]), specimen,
                        wrinkles=False)
     assert limit(whole_film) == pytest.approx(usual, rel=1e-5)
+
+
+def test_a_limit_is_found_on_any_mesh() -> None:
+    """Beside it, a point that was beyond it by the tangent of an iterate was before it by its own.
+    """
+    specimen = replace(elliptical(70e-3, MATERIALS["vhb-4910"].material),
+                       plate=Plate(Ellipse((12e-3, 9e-3)), (4e-3, 0.0)))
+    outcomes = [equilibrium(pressed_model(specimen, refine=refine), 17.9e-3 * 9.81, 20e3)
+                for refine in (1.0, 1.2, 1.3)]
+    assert {outcome.kind for outcome in outcomes} == {"pull_in"}
+    limits = [np.sqrt(outcome.limit) for outcome in outcomes]
+    assert np.ptp(limits) < 1e-5 * limits[-1]
 
 
 def test_a_limit_in_force() -> None:
