@@ -17,7 +17,7 @@ from tympan.fem.equilibrium.path_following import PathSettings
 from tympan.fem.membrane.model import Model
 from tympan.fem.rig import Rig
 from tympan.geometry.errors import InputError
-from tympan.geometry.mesh import CurvedTriangles, from_meshio
+from tympan.geometry.mesh import CurvedTriangles, from_meshio, unfold
 from tympan.geometry.mesher import MeshSettings, mesh_film
 from tympan.geometry.specimen import Film, Specimen
 from tympan.geometry.units import METRE
@@ -166,7 +166,9 @@ def export_input(specimen: Specimen, settings: MeshSettings, folder: Path,
         raise InputError("cannot be exported: the film's layers are even",
                          key="membrane.thickness_gradient",
                          given=specimen.membrane.thickness_gradient)
-    mesh = from_meshio(mesh_film(specimen, replace(settings, order=2), frozenset()))
+    planes = specimen.mirror_planes
+    part = from_meshio(mesh_film(specimen, replace(settings, order=2), planes))
+    mesh = unfold(part, planes)[0]  # as symmetric as the film, lest its plate tilt
     weights = [Step(f"{mass * 1e3:g} g", force=Rig().force(mass)) for mass in masses]
     actuated = _actuated(specimen, mesh, masses[-1] if masses else 0.0, voltages)
     sheet = FlatFilm.of(mesh, plate.offset)
