@@ -128,6 +128,7 @@ class Page:
             state.errors = {}
             state.drawn = _drawn_outlines(view)
             self._list_controls(state)
+            state.sliders = {control.key: control.position(view) for control in self.controls}
         self._change()
 
     def _list_controls(self, state: Any) -> None:
@@ -135,7 +136,6 @@ class Page:
         state.controls = [{"key": control.key, "label": control.label, "unit": control.unit,
                            "low": control.low, "high": control.high, "step": control.step}
                           for control in self.controls]
-        state.sliders = {control.key: control.position(self.view) for control in self.controls}
 
     def _reach(self) -> float:
         """Where the slider of the voltage ends [V]."""
@@ -277,7 +277,10 @@ class Page:
             self._draw_curve(state)
 
     def _reached(self) -> None:
-        """The film's end is known: its slider goes there, and what is beyond is not searched."""
+        """The film's end is known: its slider goes there, and what is beyond is not searched.
+
+        Where the sliders stand is the page's to say: one may be moving.
+        """
         with self.server.state as state:
             self._list_controls(state)
         end = self._end

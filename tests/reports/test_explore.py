@@ -381,7 +381,7 @@ def test_what_nobody_waits_for_is_given_up_and_a_process_that_dies_is_replaced()
     assert after == (1, True)
 
 
-def test_each_specimen_begins_as_it_was_read_however_often_it_is_chosen(
+def test_each_specimen_begins_as_it_was_read_and_its_sliders_stay_where_they_are_moved(
         tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("trame_vtk", reason="trame is not installed")
     from tympan.reports.explore.server import _Served
@@ -408,6 +408,9 @@ def test_each_specimen_begins_as_it_was_read_however_often_it_is_chosen(
         assert "must lie inside the frame" in state.errors["frame.radius"]
         page._reset()
         assert state.errors == {}
+        state.sliders |= {"voltage": 2.5}  # moved further, which the server is yet to be told
+        page._reached()
+        assert state.sliders["voltage"] == 2.5
         await asyncio.sleep(0)  # so that the server begins
         await served.close()
 

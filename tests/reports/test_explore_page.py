@@ -122,6 +122,8 @@ def test_a_slider_moved_by_keys_gives_the_film_of_solve(page: Any, oval: Specime
     page.select_option("#depth", "10")
     page.click("text=from the side")
     waited(lambda: camera(page)[2] < eye[2], True)
+    # Where the film ends, which makes the slider's steps, may take a busy machine seconds.
+    waited(lambda: page.get_attribute(".curve", "aria-busy"), "false")
     time.sleep(1.0)
     eye, before = camera(page), pixels(page)
     slider.focus()
