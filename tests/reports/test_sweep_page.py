@@ -92,9 +92,9 @@ def test_slanted_labels_have_their_room(label: str) -> None:
     ticks = [(cell, label) for cell in (32.0, 95.0, 158.0)]
     drawn = Map("deflection", "", ticks, [(75.0, "0")], [], [(75.0, "3.6")], True)
     box = TextPath((0.0, 0.0), label, size=9).get_extents()
-    left, below = np.cos(np.radians(40)) * box.width, np.sin(np.radians(40)) * box.width
+    across, below = np.cos(np.radians(40)) * box.width, np.sin(np.radians(40)) * box.width
     assert drawn.slanted or box.width < 63
-    assert drawn.margins[0] + 32.0 >= left
+    assert drawn.margins[0] + 32.0 >= across
     assert not drawn.slanted or drawn.slanted >= below - 5
 
 

@@ -8,15 +8,15 @@ from tympan.commands import (
     drawing,
     explore,
     export,
-    lumped_build,
-    lumped_export,
-    lumped_identify,
-    lumped_paper,
-    lumped_response,
     material,
     runs,
     transient,
 )
+from tympan.commands.lumped import build as lumped_build
+from tympan.commands.lumped import export as lumped_export
+from tympan.commands.lumped import identify as lumped_identify
+from tympan.commands.lumped import paper as lumped_paper
+from tympan.commands.lumped import response as lumped_response
 
 #: Every command in the order of ``tympan --help``, under what they are for.
 HEADINGS = {

@@ -1,0 +1,1 @@
+"""The commands of ``tympan lumped``, by what they do."""
