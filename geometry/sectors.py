@@ -7,6 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from tympan.geometry.errors import InputError
 from tympan.geometry.outlines.curve import Curve
 from tympan.geometry.outlines.pieces import Array, Line, Piece, subdivided
 from tympan.geometry.specimen import Pair, Specimen
@@ -32,17 +33,26 @@ def rings(specimen: Specimen) -> dict[str, list[tuple[Curve, Curve | None]]]:
     electrode, plate = specimen.electrode, specimen.plate
     curves: list[Curve | None] = [specimen.frame.curve]
     if electrode.margin_frame > 0:
-        curves.append(specimen.frame.curve.beside(-electrode.margin_frame))
+        curves.append(_edge_of_band(specimen.frame.curve, -electrode.margin_frame))
     if plate is None:
         curves.append(None)
     else:
         if electrode.margin_plate > 0:
-            curves.append(plate.outline.curve.beside(electrode.margin_plate).placed(
-                shift=plate.offset))
+            edge = _edge_of_band(plate.outline.curve, electrode.margin_plate)
+            curves.append(edge.placed(shift=plate.offset))
         curves.append(plate.outline.curve.placed(shift=plate.offset))
     bare = [(outer, inner) for outer, inner in pairwise(curves) if outer is not None]
     covered = bare.pop(1 if electrode.margin_frame > 0 else 0)
     return {"covered": [covered], "bare": bare}
+
+
+def _edge_of_band(curve: Curve, width: float) -> Curve:
+    """The edge of an electrode that leaves a band along a curve bare, outside it if positive."""
+    try:
+        return curve.beside(width)
+    except InputError as error:
+        raise InputError(f"an electrode margin {error.allowed}", key="electrode",
+                         given=error.given) from None
 
 
 def sectors(specimen: Specimen, planes: frozenset[str]) -> dict[str, list[Loop]] | None:
@@ -100,13 +110,12 @@ def _quadrants(curve: Curve, centre: Pair, size: float) -> list[list[Piece]] | N
         return None
     numbers = [_QUADRANTS.index((x, y)) for x, y in np.sign(middles).astype(int).tolist()]
     enters = [place for place, number in enumerate(numbers) if number != numbers[place - 1]]
-    if [numbers[place] for place in enters] not in [[0, 1, 2, 3][k:] + [0, 1, 2, 3][:k]
-                                                    for k in range(4)]:
+    if [(numbers[place] - numbers[place - 1]) % 4 for place in enters] != [1, 1, 1, 1]:
         return None
-    parts, numbers = parts[enters[0]:] + parts[:enters[0]], numbers[enters[0]:] + numbers[
-        :enters[0]]
-    return [[part for part, number in zip(parts, numbers, strict=True) if number == quadrant]
-            for quadrant in range(4)]
+    first = enters[0]
+    ordered = list(zip(parts[first:] + parts[:first], numbers[first:] + numbers[:first],
+                       strict=True))
+    return [[part for part, number in ordered if number == quadrant] for quadrant in range(4)]
 
 
 def _split(piece: Piece, centre: Pair, close: float) -> list[Piece]:

@@ -21,7 +21,7 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from functools import partial
-from itertools import pairwise
+from itertools import chain, pairwise
 from pathlib import Path
 
 import ezdxf
@@ -31,6 +31,7 @@ from benchmarks.trials.fuzz import BODY, COUPON, DATASET, OVAL, STATIC, TRANSIEN
 
 VHB = 'material = "vhb-4910"\n'
 SPECIMEN = OVAL + VHB
+GOOD: dict[str, str | bytes | None] = {"specimen.toml": SPECIMEN}
 SOLVE = "solve specimen.toml --mass '1 g'"
 LOADS = 'specimen = "specimen.toml"\nmass = "17.9 g"\nvoltage = "1 kV"\n'
 SAMPLE = '[sample]\nmethod = "sobol"\ncount = 8\n[sample.ranges]\n'
@@ -159,6 +160,11 @@ def _coupon(words: str, content: str, options: str = "") -> Command:
 
 def commands() -> Iterator[tuple[str, Command]]:
     """By kind of defect."""
+    return chain(_files(), _shapes(), _surroundings())
+
+
+def _files() -> Iterator[tuple[str, Command]]:
+    """Numbers, tables and readings."""
     for value in ("1 mm**9**9**9", "9**9**9**9 mm", "1 mm.__class__"):
         yield "unit", _specimen('"1 cm"', f'"{value}"', "plate.radius.*unknown unit")
     yield "toml", _specimen("= 4.7", f"= {'1' * 5000}", "too many digits")
@@ -168,13 +174,12 @@ def commands() -> Iterator[tuple[str, Command]]:
         listed = re.sub("specimen = (.*)", r'name = "s"\nspecimens = [\1]', loads)
         yield "toml", Command(f"{command} -o out", {name: listed if "STUDY" in name else loads},
                               "no file has NUL in its name")
-    good = {"specimen.toml": SPECIMEN}
-    yield "numbers", Command(f"{SOLVE} --elapsed 'inf s'", good, "--elapsed")
+    yield "numbers", Command(f"{SOLVE} --elapsed 'inf s'", GOOD, "--elapsed")
     study = LOADS.replace("1 kV", "1e300 V").replace("specimen = ", 'name = "s"\nspecimens = [')
     yield "numbers", Command("study STUDY.toml -o out", {
-        **good, "STUDY.toml": study.replace('.toml"', '.toml"]', 1)}, "STUDY.toml.*voltage")
+        **GOOD, "STUDY.toml": study.replace('.toml"', '.toml"]', 1)}, "STUDY.toml.*voltage")
     yield "numbers", Command(f"{SOLVE} --rig rig.toml --elapsed '1 s'", {
-        **good, "rig.toml": 'drift = "1e300 m/s"\n'}, "rig.toml: drift")
+        **GOOD, "rig.toml": 'drift = "1e300 m/s"\n'}, "rig.toml: drift")
     for count, many in ((10, TEN), (40, "[1, 2]")):
         grid = "\n".join(f'"k{key}" = {many}' for key in range(count))
         yield "cases", _sweep(f"{LOADS}[grid]\n{grid}", "grid.*at most 1000000 specimens")
@@ -195,6 +200,10 @@ def commands() -> Iterator[tuple[str, Command]]:
                             transient=TRANSIENT.replace("2.0", "1e300"))
     yield "readings", _coupon("coupon.csv: line 2", COUPON.replace("1.5,20", "1.5,1e300"))
     yield "readings", _coupon("coupon.csv: line 2", COUPON.replace("1.5,20", "1e10,20"))
+
+
+def _shapes() -> Iterator[tuple[str, Command]]:
+    """Outlines and drawings."""
     outlined = SPECIMEN + '[electrode.outline]\nshape = "circle"\nradius = "3 cm"\n'
     yield "room", Command(SOLVE, {"specimen.toml": outlined}, "temporary files", largest_file=1000)
     twice, closed = (*CORNERS[:2], *CORNERS[1:]), (*CORNERS, CORNERS[0])
@@ -226,25 +235,29 @@ def commands() -> Iterator[tuple[str, Command]]:
               'corner_radius = "0.3 mm"')
     for size in ("0.3 mm", "0.6 mm"):
         yield "room for a plate", _frame(square, "", f'radius = "{size}"', status=0)
+
+
+def _surroundings() -> Iterator[tuple[str, Command]]:
+    """Terminals, folders, options and signals."""
     plain = {"LC_ALL": "C", "PYTHONIOENCODING": "ascii", "PYTHONUTF8": "0"}
     for command in ("--help", "alpha --help", "materials", SOLVE):
-        yield "ascii", Command(command, good, "", 0, environment=plain)
+        yield "ascii", Command(command, GOOD, "", 0, environment=plain)
     yield "other files", Command("material fit coupon.csv -o .", {
         "coupon.csv": TESTS, "material.toml": "mine = 1\n"}, "material.toml")
     yield "address", Command("sweep SWEEP.toml -o out --scheduler ''", {
-        **good, "SWEEP.toml": LOADS}, "--scheduler")
+        **GOOD, "SWEEP.toml": LOADS}, "--scheduler")
     yield "options", _data("diagnose data -o out --seed -1", "--seed", static=STATIC)
     yield "options", Command("map -o out --workers 999999", {}, "--workers")
     for noise in ("1e-300 kPa", "1e300 kPa"):
         yield "options", _coupon("--noise", COUPON, f"--noise '{noise}'")
     yield "options", Command("path specimen.toml --along mass --mass '20 g' --rig rig.toml", {
-        **good, "rig.toml": 'guide = "fixed"\n'}, "guide")
+        **GOOD, "rig.toml": 'guide = "fixed"\n'}, "guide")
     simulate = "lumped simulate specimen.toml --mass '20 g' --signal signal.csv -o out"
     for step_s, status in ((1.0, 2), (0.001, 0)):
         rows = "".join(f"{row * step_s},{row % 3}\n" for row in range(200_000))
-        yield "signals", Command(simulate, {**good, "signal.csv": "t_s,voltage_kV\n" + rows},
+        yield "signals", Command(simulate, {**GOOD, "signal.csv": "t_s,voltage_kV\n" + rows},
                                  "2000000 samples" if status else "", status)
-    yield "signals", Command("lumped simulate specimen.toml --mass '1e-12 g' -o out", good, "mass")
+    yield "signals", Command("lumped simulate specimen.toml --mass '1e-12 g' -o out", GOOD, "mass")
 
 
 def run(command: Command) -> Answer:

@@ -86,7 +86,7 @@ class Branch:
             step = min(1.6 * step if turn < self.arc.turn / 3 else step, self.arc.longest)
             # Beside a limit the sign of the rate is that of the point's own tangent alone.
             beside = abs(following.rate) < abs(following.rate - point.rate)
-            point = self.renewed(following) if beside else following
+            point = self._renewed(following) if beside else following
 
     def at(self, point: PathPoint, step: float, near: PathPoint | None = None,
            ) -> PathPoint | None:
@@ -124,7 +124,7 @@ class Branch:
                     raise LookupError
                 points[step] = point
             if not of_state:
-                points[step] = self.renewed(points[step])
+                points[step] = self._renewed(points[step])
             result = value(points[step])
             points[step].solution.release()
             return result
@@ -135,8 +135,8 @@ class Branch:
             root = float(brentq(at, 0.0, end, xtol=1e-7, rtol=1e-6, maxiter=60))
         except LookupError:
             near = None if self.model.specimen.plate else self._nearest(at, points, value)
-            return near and self.renewed(near)
-        return self.renewed(points[root])
+            return near and self._renewed(near)
+        return self._renewed(points[root])
 
     def _nearest(self, at: Callable[[float], float], points: dict[float, PathPoint],
                  value: Callable[[PathPoint], float]) -> PathPoint | None:
@@ -151,7 +151,7 @@ class Branch:
                 at(behind + share * (min(passed) - behind))
         return min(points.values(), key=lambda point: abs(value(point)))
 
-    def renewed(self, point: PathPoint) -> PathPoint:
+    def _renewed(self, point: PathPoint) -> PathPoint:
         """The point with its own tangent: Newton's, an iterate's, is too far off for limits."""
         state = point.state
         point.solution.release()

@@ -147,8 +147,7 @@ class Curve:
         elif any((1 + distance * piece_curvature(piece)).min() <= 0 for piece in self.pieces):
             where = "must stay below the outline's radius of curvature"
         if where:
-            raise InputError(f"an electrode margin {where}", key="electrode",
-                             given=f"{abs(distance) * METRE:.4g} mm")
+            raise InputError(where, given=f"{abs(distance) * METRE:.4g} mm")
         return Curve(tuple(piece.beside(distance) for piece in self.pieces))
 
     def backwards(self) -> Curve:
