@@ -44,9 +44,9 @@ verdict-cases: .venv/ready
 fuzz: .venv/ready
 	.venv/bin/python -m benchmarks.trials.fuzz --minutes "$(or $(MINUTES),60)" $(if $(SEED),--seed $(SEED))
 
-# Commands with bad input: status, seconds, message.
+# Commands with bad input: status, seconds, message; counts for each group.
 hostile: .venv/ready
-	.venv/bin/python -m benchmarks.trials.hostile_commands
+	.venv/bin/python -m benchmarks.trials.hostile
 
 outlines: .venv/ready
 	.venv/bin/tympan outlines -o "$(OUT)"

@@ -3,11 +3,14 @@ commands."""
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 from hypothesis import HealthCheck, given, settings
 
 from benchmarks.trials.fuzz import KINDS, inputs, survive
-from benchmarks.trials.hostile_commands import Answer, Command, commands, run
+from benchmarks.trials.hostile import all_cases
+from benchmarks.trials.hostile.case import Answer, Case, run
 
 
 @pytest.mark.parametrize("name", KINDS)
@@ -31,12 +34,27 @@ def test_no_file_breaks_its_reader(item: tuple[str, bytes]) -> None:
 
 
 def test_hostile_commands_are_judged_by_status_words_and_time() -> None:
-    (kind, command), *_ = [pair for pair in commands() if pair[0] == "options"]
-    assert run(command).fault(command) == "", kind
-    assert run(Command("--version", {}, "")).fault(Command("--version", {}, "")) == "status 0"
+    case = next(case for case in all_cases()["options"] if case.name == "seed -1")
+    assert run(case).fault(case) == ""
+    version = Case("version", "--version", {})
+    assert run(version).fault(version) == "status 0"
     message = "tympan: --seed: must be from 0\n"
     for answer, fault in ((Answer(2, message, 0.1), ""), (Answer(1, message, 0.1), "status 1"),
                           (Answer(2, "tympan: no\n", 0.1), "other words"),
-                          (Answer(2, f"Traceback\n{message}", 0.1), "not one line"),
+                          (Answer(2, f"and\n{message}", 0.1), "not one line"),
+                          (Answer(2, f"Traceback\n{message}", 0.1), "never words"),
+                          (Answer(2, message, 0.1, "", "b.json changed"), "b.json changed"),
                           (Answer(2, message, 2.1), "late")):
-        assert answer.fault(command) == fault
+        assert answer.fault(case) == fault
+    assert Answer(2, message, 0.1).fault(replace(case, shows="mm")) == "other output"
+
+
+def test_hostile_commands_see_what_is_in_the_folder() -> None:
+    """Before the command and after it."""
+    case = Case("version", "--version", {"a/b.txt": "b"}, status=0, shows="tympan",
+                prepare=lambda folder: (folder / "a" / "b.txt").rename(folder / "c.txt"),
+                check=lambda folder: "" if (folder / "c.txt").read_text() == "b" else "b is lost")
+    assert run(case).fault(case) == ""
+    script = Case("script", "a.py", {"a.py": "import os\nprint(os.listdir())"}, status=0,
+                  shows=r"\['a.py'\]", program=(), check=lambda folder: "always")
+    assert run(script).fault(script) == "always"
