@@ -40,7 +40,7 @@ hidden: .venv/ready
 verdict-cases: .venv/ready
 	.venv/bin/python -m benchmarks.trials.verdict_cases
 
-# Hostile files for MINUTES, from a SEED where one is given; its seeds and count are printed.
+# Inputs changed at random for MINUTES, from a SEED where one is given; seeds and counts of each kind are printed.
 fuzz: .venv/ready
 	.venv/bin/python -m benchmarks.trials.fuzz --minutes "$(or $(MINUTES),60)" $(if $(SEED),--seed $(SEED))
 

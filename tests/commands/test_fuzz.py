@@ -8,9 +8,12 @@ from dataclasses import replace
 import pytest
 from hypothesis import HealthCheck, given, settings
 
-from benchmarks.trials.fuzz import KINDS, inputs, survive
+from benchmarks.trials.fuzz import kinds
+from benchmarks.trials.fuzz.reading import inputs, survive
 from benchmarks.trials.hostile import all_cases
 from benchmarks.trials.hostile.case import Answer, Case, run
+
+KINDS = kinds()
 
 
 @pytest.mark.parametrize("name", KINDS)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from benchmarks.trials.fuzz import BODY, COUPON, DATASET, OVAL, STATIC, TRANSIENT
+from benchmarks.trials.fuzz.contents import BODY, COUPON, DATASET, OVAL, STATIC, TRANSIENT
 from benchmarks.trials.hostile.case import Case
 
 __all__ = ["BODY", "COUPON", "DATASET", "GOOD", "LOADS", "OVAL", "SAMPLE", "SOLVE", "SPECIMEN",
