@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import difflib
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Self
 
@@ -31,6 +33,26 @@ class InputError(ValueError):
 
 class Failure(RuntimeError):
     """What ends a command with a message though its input is right."""
+
+
+def did_you_mean(word: str, spelled: Mapping[str, str]) -> str:
+    """A question that names the nearest of some words as it is spelled; empty if none is near.
+
+    ``spelled`` may list several words for one name: its synonyms.
+
+    Examples
+    --------
+    >>> did_you_mean("sovle", {"solve": "'solve'", "run": "'solve'"})
+    "did you mean 'solve'? "
+    """
+    near = nearest_word(word, spelled)
+    return "" if near is None else f"did you mean {spelled[near]}? "
+
+
+def nearest_word(word: str, words: Iterable[str]) -> str | None:
+    """The word that a slip of the pen may have made another one of; None if none is near."""
+    near = difflib.get_close_matches(word, words, 1)
+    return near[0] if near else None
 
 
 def _shortened(text: str, most: int = 200) -> str:

@@ -15,20 +15,31 @@ between fields is checked by the dataclass itself, in ``__post_init__``.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import MISSING, dataclass, is_dataclass
 from dataclasses import fields as dataclass_fields
 from functools import cache, wraps
 from inspect import signature
-from itertools import zip_longest
+from numbers import Number
 from types import NoneType, UnionType
-from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
+from typing import (
+    Annotated,
+    Any,
+    Literal,
+    TypeVar,
+    Union,
+    cast,
+    get_args,
+    get_origin,
+    get_type_hints,
+)
 
-from tympan.geometry.errors import InputError
+from tympan.geometry.errors import InputError, did_you_mean
 from tympan.geometry.toml_reader import FINITE, WHOLE, Rule, Table
 from tympan.geometry.units import DIMENSIONS, quantity, quantity_text
 
 T = TypeVar("T")
+F = TypeVar("F", bound=Callable[..., Any])
 Content = dict[str, Any]
 
 #: Readers that know more than the declaration, by dataclass and field: they get table and key.
@@ -44,7 +55,8 @@ class Key:
     table, or each of a list of tables, may be. ``inline``: the kind's keys stand beside this one's.
     ``needs`` names another key, without which (or where that is 0) this one has no place. A
     ``discrete`` field has no derivatives. ``default`` says what a missing key means, where the
-    dataclass finds that out itself.
+    dataclass finds that out itself, in ``completed``. ``also``: what people write instead of the
+    key. ``repeats``: one number stands for all of a list.
     """
 
     meaning: str
@@ -57,6 +69,8 @@ class Key:
     discrete: bool = False
     least: int = 1
     default: str = ""
+    also: tuple[str, ...] = ()
+    repeats: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,46 +151,165 @@ def symbol(field: Field | None) -> str:
 
 
 def takes_units(cls: Any) -> Any:
-    """Let a declared dataclass also be made of texts with their unit, ``Circle("4.5 cm")``.
+    """Let a declared dataclass be made of what its file may hold: ``Circle("4.5 cm")``.
 
-    Lists serve as tuples. A text that is no quantity of the field's dimension is an
-    :class:`InputError` that names the key.
+    Texts carry their unit, lists serve as tuples, names of a library as what they stand for, and
+    what is left out is completed as a file's. What cannot be used is an :class:`InputError` that
+    names the key: a wrong unit, an array in place of a number, an unknown or a missing name.
     """
     of_numbers = cls.__init__
-    _, *names = signature(of_numbers).parameters
+    arguments = Arguments.of(of_numbers, cls)
 
     @wraps(of_numbers)
     def of_texts(self: Any, *values: Any, **named: Any) -> None:
         declared = {field.name: field for field in fields_of(cls)}
-        of_numbers(self, *(_in_si(declared.get(name), value)
-                           for name, value in zip_longest(names[:len(values)], values)),
-                   **{name: _in_si(declared.get(name), value) for name, value in named.items()})
+        given = {name: _in_si(declared[name], value) if name in declared else value
+                 for name, value in arguments.named(values, named).items()}
+        arguments.require(given, [field.name for field in declared.values() if field.required])
+        given = getattr(cls, "completed", dict)(given)
+        arguments.require(given, arguments.needed)
+        of_numbers(self, **given)
 
     cls.__init__ = of_texts
     return cls
 
 
-def _in_si(field: Field | None, value: Any) -> Any:
-    if field is not None and isinstance(value, list | tuple):
-        # Outlines have hundreds of numbers: no call for each.
-        return tuple([item if isinstance(item, float) else _in_si(field, item) for item in value])
-    if field is None or not field.says.dimension or not isinstance(value, str):
-        return value
+@dataclass(frozen=True)
+class Arguments:
+    """The arguments of a function as a message knows them.
+
+    ``positional`` may be given without a name, ``names`` are all, ``needed`` those without a
+    default; ``known`` has the names, and what people write instead of them, as messages spell them.
+    """
+
+    positional: tuple[str, ...]
+    names: tuple[str, ...]
+    needed: tuple[str, ...]
+    known: Mapping[str, str]
+    many: bool = False
+
+    @classmethod
+    def of(cls, function: Callable[..., Any], declared: Any = None, *more: str) -> Arguments:
+        """Those of a function, or of the constructor of a ``declared`` dataclass.
+
+        ``more`` are names that it hands on.
+        """
+        listed = [item for item in signature(function).parameters.values() if item.name != "self"]
+        single = [item for item in listed if item.kind not in (item.VAR_POSITIONAL,
+                                                                item.VAR_KEYWORD)]
+        names = (*(item.name for item in single), *more)
+        also = {} if declared is None else {
+            word: f"{field.name!r} ({field.says.meaning})" for field in fields_of(declared)
+            for word in field.says.also}
+        return cls(tuple(item.name for item in single if item.kind is not item.KEYWORD_ONLY), names,
+                   tuple(item.name for item in single if item.default is item.empty),
+                   also | {name: repr(name) for name in names},
+                   any(item.kind is item.VAR_POSITIONAL for item in listed))
+
+    def named(self, values: Sequence[Any], named: Mapping[str, Any]) -> Content:
+        """The values by their names."""
+        if len(values) > len(self.positional) and not self.many:
+            without = ", ".join(self.positional) or "none"
+            raise InputError(f"of what is given without a name there may be {without}; name the "
+                             f"others: {', '.join(self.names[len(self.positional):])}".rstrip(": "),
+                             given=values[len(self.positional)])
+        given = dict(zip(self.positional, values, strict=False))
+        for name in named:
+            if name not in self.names:
+                raise InputError(f"unknown name: {did_you_mean(name, self.known)}known here: "
+                                 f"{', '.join(self.names)}", key=name)
+            if name in given:
+                raise InputError("is given twice, by its place and by its name", key=name)
+        return given | dict(named)
+
+    def require(self, given: Mapping[str, Any], names: Sequence[str]) -> None:
+        """Refuse what lacks one of these names."""
+        for name in names:
+            if name not in given:
+                raise InputError("is missing", key=name)
+
+
+def names_arguments(*more: str) -> Callable[[F], F]:
+    """Make a function answer a wrong name or a missing argument by an :class:`InputError`.
+
+    ``more``: names that it hands on to a declared dataclass.
+    """
+    def explained(function: F) -> F:
+        arguments = Arguments.of(function, None, *more)
+
+        @wraps(function)
+        def checked(*values: Any, **named: Any) -> Any:
+            arguments.require(arguments.named(values, named), arguments.needed)
+            return function(*values, **named)
+
+        return cast(F, checked)
+
+    return explained
+
+
+def _in_si(field: Field, value: Any) -> Any:
+    """What a constructor is given, as the dataclass keeps it."""
     try:
-        return quantity(value, field.says.dimension)
+        if isinstance(value, str) and field.says.kinds is not None and field.says.kinds.by_name:
+            return field.says.kinds.by_name(value)
+        if field.item not in (float, int) and get_origin(field.item) is not tuple:
+            return tuple(value) if isinstance(value, list) else value
+        if value is None and field.default is None:
+            return None
+        return _numbers(field, value) if field.several else _one_number(field, value)
     except InputError as error:
         raise error.located(key=field.key) from None
+
+
+def _one_number(field: Field, value: Any) -> Any:
+    """A number, or a text with its unit [SI]."""
+    if isinstance(value, str) and field.says.dimension:
+        return quantity(value, field.says.dimension)
+    if getattr(value, "ndim", None) == 0:
+        return value.item()
+    if not isinstance(value, Number):
+        unit = f" with its unit or in {symbol(field)}" if field.says.dimension else ""
+        several = hasattr(value, "__len__") and not isinstance(value, str)
+        raise InputError(f"must be one number{unit}"
+                         + "; call once for each of several" * several, given=value)
+    return value
+
+
+def _numbers(field: Field, value: Any) -> tuple[Any, ...]:
+    """Numbers or places, or one that stands for all [SI]."""
+    if hasattr(value, "tolist"):
+        value = value.tolist()
+    if field.says.repeats and field.count and not isinstance(value, list | tuple):
+        value = (value,) * field.count
+    if (not isinstance(value, list | tuple)
+            or (field.count is not None and len(value) != field.count)):
+        what = "numbers" if get_origin(field.item) is not tuple else "pairs of numbers"
+        raise InputError(f"must be {field.count or 'a list of'} {what}", given=value)
+    # Outlines have hundreds of numbers: no call for each.
+    return tuple([item if isinstance(item, float) else
+                  tuple([_one_number(field, part) for part in item])
+                  if isinstance(item, list | tuple) else _one_number(field, item)
+                  for item in value])
 
 
 class Registry(dict[str, T]):
     """All kinds of one thing by the name that files know them by.
 
     ``tag`` is the attribute of a kind that holds its name, and the key in files that chooses it.
+    ``by_name`` answers what a name of a library stands for, in place of a kind.
     """
+
+    by_name: Callable[[str], Any] | None = None
 
     def __init__(self, tag: str) -> None:
         super().__init__()
         self.tag = tag
+
+    @property
+    def synonyms(self) -> dict[str, str]:
+        """What people call the kinds, ``also`` of each, by the words that messages use instead."""
+        return {word: repr(name) for name, kind in self.items()
+                for word in getattr(kind, "also", ())}
 
     def register(self, kind: Any) -> Any:
         """Make a kind known; serves as decorator. A dataclass then takes units."""
@@ -197,6 +330,10 @@ class Registry(dict[str, T]):
 def read(cls: type[T], table: Table, special: Special | None = None) -> T:
     """An instance of a declared dataclass from a table, which must hold nothing else."""
     values: Content = {}
+    for field in fields_of(cls):
+        if not field.says.inline:
+            table.knows(table.spelled(field.key, field.says.dimension), field.says.also,
+                        field.says.meaning)
     for field in sorted(fields_of(cls), key=lambda item: item.says.inline):
         if special and (cls, field.name) in special:
             values[field.name] = special[cls, field.name](table, field.key)
@@ -257,6 +394,8 @@ def _read(field: Field, table: Table, special: Special | None) -> Any:
     says, key, item = field.says, field.key, field.item
     if says.inline and says.kinds is not None:
         return says.kinds.read(table)
+    if says.kinds is not None and says.kinds.by_name and isinstance(table.data.get(key), str):
+        return table.named(key, says.kinds.by_name)
     if says.kinds is not None or is_dataclass(item):
         tables = table.tables(key) if field.several else (table.table(key),)
         parts = tuple(says.kinds.read(part) if says.kinds is not None else read(item, part, special)
@@ -271,6 +410,9 @@ def _read(field: Field, table: Table, special: Special | None) -> Any:
     if get_origin(item) is tuple:
         return table.places(key, says.least, field.count, says.rule)
     rule = WHOLE if item is int and says.rule is FINITE else says.rule
+    single = says.repeats and not isinstance(table.value(key), list | tuple)
+    if single and field.count:
+        return (table.number(field.key, says.dimension, rule=rule),) * field.count
     numbers = (table.numbers(key, says.dimension, rule=rule, count=field.count) if field.several
                else (table.number(key, says.dimension, rule=rule),))
     whole = tuple(map(int, numbers)) if item is int else numbers

@@ -6,7 +6,7 @@ import re
 from dataclasses import dataclass
 from functools import lru_cache
 from math import prod
-from typing import Annotated, Any, ClassVar, Protocol
+from typing import Annotated, Any, ClassVar, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,6 +60,19 @@ class Material(Protocol):
 
         Where the law cannot be stretched so far, W is +∞ and its derivatives are nan.
         """
+
+
+@runtime_checkable
+class LibraryEntry(Protocol):
+    """A material with what is known of its films, ``of_film``, by the names of their fields."""
+
+    @property
+    def material(self) -> Material:
+        """The law with its constants."""
+
+    @property
+    def of_film(self) -> dict[str, Any]:
+        """What a film of it has unless it says otherwise."""
 
 
 class Strength(Protocol):
@@ -168,13 +181,17 @@ class ViscousBranch:
 class Film:
     """The elastomer film before it is mounted, and how it is mounted."""
 
-    thickness: Annotated[float, Key("of the virgin film", "length", _THICKNESS)]
+    thickness: Annotated[float, Key("of the virgin film", "length", _THICKNESS,
+                                    also=("height",))]
     prestretch: Annotated[Pair, Key(
-        "stretches along x and y from the virgin film to the flat mounted one", rule=_STRETCH)]
+        "stretches along x and y from the virgin film to the flat mounted one; one number is both",
+        rule=_STRETCH, also=("stretch", "pre_stretch"), repeats=True)]
     material: Annotated[Material, Key(
         "a law with its constants, or a name of the library; true stress must grow over the "
         "stretches of `range`, 0.5 to 6 unless the law's table says others", kinds=LAWS)]
-    relative_permittivity: Annotated[float, Key("ε_r of the mounted film", rule=_PERMITTIVITY)]
+    relative_permittivity: Annotated[float, Key(
+        "ε_r of the mounted film", rule=_PERMITTIVITY,
+        default="that of the library's material", also=("permittivity", "epsilon_r", "eps_r"))]
     permittivity_exponent: Annotated[float, Key(
         "n of the permittivity ε_r (J/J_p)^(-n), J = λ₁λ₂, J_p its mounted value",
         rule=_EXPONENT)] = 0.0
@@ -183,7 +200,7 @@ class Film:
     strength: Annotated[Strength | None, Key(
         "what the film withstands electrically: a law with its constants, or a name of the "
         "library; left out, that of the library's material", name="breakdown",
-        kinds=STRENGTHS)] = None
+        kinds=STRENGTHS, also=("strength", "breakdown_strength"))] = None
     branches: Annotated[tuple[ViscousBranch, ...], Key(
         "viscous branches beside the material's law, which nothing at rest feels; left out, those "
         "of the library's material",
@@ -197,6 +214,17 @@ class Film:
     temperature_power: Annotated[float, Key(
         "p: in coupon tests at an absolute temperature T law and branches are (T/293.15 K)^p times "
         "as stiff; films are solved at 20 degrees Celsius", rule=_POWER, discrete=True)] = 0.0
+
+    @classmethod
+    def completed(cls, values: dict[str, Any]) -> dict[str, Any]:
+        """With what the library knows of its material; that itself becomes the law."""
+        entry = values.get("material")
+        if isinstance(entry, LibraryEntry):
+            values = entry.of_film | values | {"material": entry.material}
+        if "relative_permittivity" not in values:
+            raise InputError("is missing: the library lists none for this material",
+                             key="relative_permittivity")
+        return values
 
     @property
     def area_prestretch(self) -> float:
@@ -249,18 +277,20 @@ class Electrode:
         return prod((1 - patch.bare(x, y) for patch in self.patches), start=1.0)
 
 
+@takes_units
 @dataclass(frozen=True)
 class Specimen:
     """One actuator, all sizes in SI."""
 
     name: Annotated[str, Key("how results name it", rule=_NAME)]
-    frame: Annotated[Outline, Key("inner edge of the frame, which clamps the film", kinds=OUTLINES)]
+    frame: Annotated[Outline, Key("inner edge of the frame, which clamps the film", kinds=OUTLINES,
+                                  also=("outline", "ring"))]
     plate: Annotated[Plate | None, Key(
         "the rigid plate; left out, the film has none and its centre is what deflects",
-        default="none")]
-    membrane: Annotated[Film, Key("the film")]
+        default="none", also=("disc", "disk", "piston"))]
+    membrane: Annotated[Film, Key("the film", also=("film", "elastomer"))]
     electrode: Annotated[Electrode, Key(
-        "the electrodes; left out, they cover the whole film")] = Electrode()
+        "the electrodes; left out, they cover the whole film", also=("electrodes",))] = Electrode()
 
     def __post_init__(self) -> None:
         """Refuse what cannot be built; numbers with an imaginary step are not looked at."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import re
 import tomllib
 from collections.abc import Callable, Mapping, Sequence
@@ -10,7 +9,7 @@ from dataclasses import MISSING, dataclass, field
 from pathlib import Path
 from typing import Any, Self, TypeVar
 
-from tympan.geometry.errors import InputError
+from tympan.geometry.errors import InputError, did_you_mean, nearest_word
 from tympan.geometry.read_file import WRITTEN, file_text
 from tympan.geometry.units import DIMENSIONS, bounded, quantity
 
@@ -35,6 +34,9 @@ _TOO_DOTTED = re.compile(rf"""(?<![\w"'-])(?:[\w"'-]++[ \t]*+\.[ \t]*+){{{_DEEPE
 class Table:
     """One TOML table while it is read, its dotted path, and the keys asked for so far.
 
+    ``known`` has the keys it may hold by all words that people write for them, with what the key
+    holds where the word is another one.
+
     A quantity is a text with a unit; in a ``plain`` table an SI number under a key that ends with
     the unit, ``radius_m``. All are answered in SI.
     """
@@ -44,6 +46,7 @@ class Table:
     where: str = ""
     plain: bool = False
     asked: set[str] = field(default_factory=set)
+    known: dict[str, tuple[str, str]] = field(default_factory=dict)
 
     @classmethod
     def read(cls, file: Path | str) -> Self:
@@ -71,6 +74,10 @@ class Table:
         """An error about one key."""
         return InputError(allowed, file=self.file, key=self.path(key), given=given)
 
+    def knows(self, key: str, also: Sequence[str] = (), meaning: str = "") -> None:
+        """Let messages offer a key where a word near it, or near one of ``also``, is written."""
+        self.known = dict.fromkeys(also, (key, meaning)) | self.known | {key: (key, "")}
+
     def __contains__(self, key: str) -> bool:
         return key in self.data
 
@@ -80,8 +87,20 @@ class Table:
         if key in self.data:
             return self.data[key]
         if default is MISSING:
-            raise self.error(key, "is missing")
+            raise self.error(key, f"is missing{self._instead(key)}")
         return default
+
+    def _instead(self, key: str) -> str:
+        """The keys that may have been meant by one that is missing, as a question."""
+        words, instead, holds = {key: (key, "")} | self.known, [], ""
+        for name in self.data:
+            if name in self.asked or words.get(name) == (name, ""):
+                continue
+            near = nearest_word(name, words)
+            if near is not None and words[near][0] == key:
+                instead.append(repr(name))
+                holds = holds or f" It holds {words[near][1]}" * bool(words[near][1])
+        return f": did you mean it by {' and '.join(instead)}?{holds}" if instead else ""
 
     def table(self, key: str, default: Any = MISSING) -> Table:
         """A sub-table."""
@@ -155,15 +174,23 @@ class Table:
         """One of several named values."""
         name = self.value(key, default)
         if not isinstance(name, str) or name not in options:
-            raise self.error(key, f"must be one of {', '.join(sorted(options))}", name)
+            raise self.error(key, one_of(name, options), name)
         return options[name]
+
+    def named(self, key: str, find: Callable[[str], T]) -> T:
+        """What the name under a key stands for."""
+        try:
+            return find(self.text(key))
+        except InputError as error:
+            raise self.error(key, error.allowed, self.data[key]) from None
 
     def done(self) -> None:
         """Refuse keys nobody asked for, with the nearest known name."""
         for key in self.data:
             if key not in self.asked:
-                near = difflib.get_close_matches(key, self.asked, 1)
-                hint = f"did you mean {near[0]!r}? " if near else ""
+                spelled = {word: f"{name!r} ({holds})" if holds else repr(name)
+                           for word, (name, holds) in self.known.items()}
+                hint = did_you_mean(key, spelled | {name: repr(name) for name in self.asked})
                 raise self.error(key,
                                  f"unknown key: {hint}known here: {', '.join(sorted(self.asked))}")
 
@@ -190,6 +217,13 @@ class Table:
         if not holds(number):
             raise self.error(key, words, value)
         return number
+
+
+def one_of(name: object, options: Mapping[str, Any]) -> str:
+    """What a name must be, and the nearest one; options may have ``synonyms``, by their words."""
+    spelled = getattr(options, "synonyms", {}) | {option: repr(option) for option in options}
+    hint = did_you_mean(name, spelled).strip() if isinstance(name, str) else ""
+    return f"must be one of {', '.join(sorted(options))}{f'; {hint}' if hint else ''}"
 
 
 def _check_values(data: Mapping[str, Any], file: Path | str, too_deep: str) -> None:

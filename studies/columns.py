@@ -7,7 +7,6 @@ numbers are SI.
 
 from __future__ import annotations
 
-import difflib
 import hashlib
 import math
 import re
@@ -20,7 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tympan.geometry.errors import InputError
+from tympan.geometry.errors import InputError, did_you_mean
 from tympan.geometry.read_file import file_bytes
 from tympan.geometry.toml_reader import FINITE, Rule
 from tympan.geometry.units import any_quantity, bounded, quantity, unit_factor
@@ -265,12 +264,6 @@ def _column(title: str, columns: Sequence[Column]) -> Column:
     titles = [column.title for column in columns]
     hint = did_you_mean(title.lower(), {name.lower(): repr(name) for name in titles})
     raise InputError(f"unknown column: {hint}known are {', '.join(titles)}")
-
-
-def did_you_mean(word: str, spelled: Mapping[str, str]) -> str:
-    """A question that names the nearest of some words as it is spelled; empty if none is near."""
-    near = difflib.get_close_matches(word, spelled, 1)
-    return f"did you mean {spelled[near[0]]}? " if near else ""
 
 
 def _no_number(cell: str) -> str:

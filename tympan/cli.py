@@ -10,8 +10,9 @@ from pathlib import Path
 from typing import Any
 
 from tympan.commands import COMMANDS, GROUPS, HEADINGS
-from tympan.geometry.errors import Failure, InputError
+from tympan.geometry.errors import Failure, InputError, did_you_mean
 from tympan.geometry.reader_process import ready_for
+from tympan.geometry.toml_reader import one_of
 
 #: Shells whose completion scripts shtab writes.
 SHELLS = ("bash", "zsh", "tcsh")
@@ -34,7 +35,37 @@ def _files(options: argparse.Namespace) -> list[Path]:
     return [file for file in chain(*values) if isinstance(file, Path)]
 
 
-class _Parser(argparse.ArgumentParser):
+class _Asking(argparse.ArgumentParser):
+    """Asks what was meant where a command, an option or one of its values is unknown."""
+
+    def _check_value(self, action: argparse.Action, value: Any) -> None:
+        if action.choices is None or value in action.choices:
+            return
+        options = {str(choice): choice for choice in action.choices}
+        if isinstance(action, argparse._SubParsersAction):
+            spelled = {word: repr(name) for name in options for word in (name, *_also(name))}
+            raise InputError(f"unknown command: {did_you_mean(value, spelled)}known are "
+                             f"{', '.join(options)}", given=value)
+        raise InputError(one_of(str(value), options), given=value,
+                         key="/".join(action.option_strings) or action.dest)
+
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+        options, rest = super().parse_known_args(args, namespace)
+        if rest:
+            spelled = {name: name for action in self._actions for name in action.option_strings}
+            option = rest[0].partition("=")[0]
+            raise InputError(f"unknown option: {did_you_mean(option, spelled)}known are "
+                             f"{', '.join(spelled)}" if option.startswith("-") else
+                             "is one argument too many; values with blanks need quotation marks",
+                             given=option)
+        return options, rest
+
+
+def _also(name: str) -> tuple[str, ...]:
+    return next((command.also for command in COMMANDS if command.name == name), ())
+
+
+class _Parser(_Asking):
     """Lists the commands under their headings."""
 
     def format_help(self) -> str:
@@ -63,7 +94,7 @@ def build_parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", action=_Version)
     parser.add_argument("--print-completion", action=_Completion, choices=SHELLS)
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND",
-                                     parser_class=argparse.ArgumentParser)
+                                     parser_class=_Asking)
     groups = {"": commands}
     for command in COMMANDS:
         group = command.name.rpartition(" ")[0]

@@ -8,11 +8,12 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, TypedDict, Unpack
 
-from tympan.fem.film.library import MATERIALS, load_specimen
+from tympan.fem.film.library import LibraryMaterial, library_material, load_specimen
 from tympan.fem.rig import Rig
 from tympan.geometry.errors import InputError as InputError
+from tympan.geometry.fields import names_arguments
 from tympan.geometry.mesher import MeshSettings as MeshSettings
-from tympan.geometry.specimen import Material, Specimen
+from tympan.geometry.specimen import Specimen
 from tympan.result import Result as Result
 from tympan.studies.case import Case as Case
 from tympan.studies.case import CaseResult
@@ -57,6 +58,7 @@ class Loads(TypedDict, total=False):
     direction: float
 
 
+@names_arguments()
 def load(file: File) -> Specimen:
     """The specimen of a TOML file.
 
@@ -68,6 +70,7 @@ def load(file: File) -> Specimen:
     return load_specimen(Path(file))
 
 
+@names_arguments()
 def draw(specimen: Specimen, target: Axes | File | None = None) -> Axes:
     """Draw a specimen with its sizes on axes, into a file, or on new axes; answers the axes."""
     from tympan.reports.plots import plot
@@ -75,19 +78,22 @@ def draw(specimen: Specimen, target: Axes | File | None = None) -> Axes:
     return plot(specimen, target)
 
 
-def material(name: str) -> Material:
+@names_arguments()
+def material(name: str) -> LibraryMaterial:
     """A material of the library, as ``tympan materials`` lists it with its source.
+
+    A :class:`Film` made of it has what a specimen file's ``material = "name"`` brings: law, viscous
+    branches, electric strength, and relative permittivity where the library lists one.
 
     Examples
     --------
-    >>> material("vhb-4910").law
-    'ogden'
+    >>> material("vhb-4910").law, material("vhb-4910").relative_permittivity
+    ('ogden', 4.7)
     """
-    if name not in MATERIALS:
-        raise InputError(f"must be one of {', '.join(MATERIALS)}", key="material", given=name)
-    return MATERIALS[name].material
+    return library_material(name)
 
 
+@names_arguments(*Loads.__annotations__)
 def solve(specimen: Specimen, settings: Settings = Settings(), **loads: Unpack[Loads]
           ) -> Result[CaseResult]:
     """The equilibrium of a specimen under a mass and a voltage, with its fields and limits.
@@ -100,6 +106,7 @@ def solve(specimen: Specimen, settings: Settings = Settings(), **loads: Unpack[L
     return Result(solve_within(Case(specimen, **loads), settings, film=True))
 
 
+@names_arguments()
 def curve(specimen: Specimen, *masses: float | str, settings: Settings = Settings(),
           rig: Rig = Rig()) -> Result[CurveResult]:
     """Deflection against voltage under each mass to the film's limit; by default under usual ones.
@@ -114,6 +121,7 @@ def curve(specimen: Specimen, *masses: float | str, settings: Settings = Setting
     return Result(curve(specimen, given or usual, settings, rig))
 
 
+@names_arguments(*Loads.__annotations__)
 def path(specimen: Specimen, along: Literal["voltage", "charge", "mass", "pressure"] = "voltage",
          settings: Settings = Settings(), **loads: Unpack[Loads]) -> Result[PathResult]:
     """The equilibria while one quantity grows from the loads on, and through limit points."""
@@ -122,6 +130,7 @@ def path(specimen: Specimen, along: Literal["voltage", "charge", "mass", "pressu
     return Result(path(Case(specimen, **loads), settings, along))
 
 
+@names_arguments(*Waves.__annotations__)
 def transient(specimen: Specimen, signal: str = "step", *, mass: float | str | None = None,
               rest: float | str | None = None, swing: bool = False, films: Sequence[float] = (),
               rig: Rig = Rig(), settings: Settings = Settings(), **wave: Unpack[Waves]
@@ -150,6 +159,7 @@ def transient(specimen: Specimen, signal: str = "step", *, mass: float | str | N
     return Result(TransientResult((response,), (specimen,), rig, (done.films,)))
 
 
+@names_arguments(*Loads.__annotations__)
 def modes(specimen: Specimen, count: int = 6, settings: Settings = Settings(),
           **loads: Unpack[Loads]) -> Result[ModesResult]:
     """Small vibrations about an equilibrium, the voltage held constant."""
@@ -158,6 +168,7 @@ def modes(specimen: Specimen, count: int = 6, settings: Settings = Settings(),
     return Result(modes(Case(specimen, **loads), settings, count))
 
 
+@names_arguments(*Loads.__annotations__)
 def sensitivity(specimen: Specimen, *quantities: str, settings: Settings = Settings(),
                 **loads: Unpack[Loads]) -> Result[SensitivityResult]:
     """Derivatives of named quantities, "heave" if none is named, by all they depend on."""
@@ -166,6 +177,7 @@ def sensitivity(specimen: Specimen, *quantities: str, settings: Settings = Setti
     return Result(sensitivity(Case(specimen, **loads), settings, quantities or ("heave",)))
 
 
+@names_arguments()
 def alpha(specimen: Specimen, alpha_settings: AlphaSettings | None = None,
           settings: Settings = Settings(), rig: Rig = Rig()) -> Result[AlphaResult]:
     """Weights of the circles that stand for a specimen in a lumped model."""
@@ -174,6 +186,7 @@ def alpha(specimen: Specimen, alpha_settings: AlphaSettings | None = None,
     return Result(alpha(specimen, settings, alpha_settings or AlphaSettings(), rig))
 
 
+@names_arguments()
 def sweep(file: File, folder: File | None = None, workers: int = 1,
           settings: Settings = Settings()) -> Result[SweepResult]:
     """All cases of SWEEP.toml; what a ``folder`` holds already is not solved again.
@@ -192,6 +205,7 @@ def sweep(file: File, folder: File | None = None, workers: int = 1,
         return Result(run_sweep(planned, Path(folder or scratch), pool))
 
 
+@names_arguments()
 def study(file: File | None = None) -> Result[StudyResult]:
     """The main job of STUDY.toml, or on the paper's three actuators."""
     from tympan.studies.study import default_study, read_study, run_study
@@ -199,6 +213,7 @@ def study(file: File | None = None) -> Result[StudyResult]:
     return Result(run_study(default_study() if file is None else read_study(Path(file))))
 
 
+@names_arguments()
 def lumped(*specimens: Specimen, settings: Settings = Settings(), rig: Rig = Rig()
            ) -> Result[BuildResult]:
     """Lumped models of specimens from their field models alone."""
@@ -207,6 +222,7 @@ def lumped(*specimens: Specimen, settings: Settings = Settings(), rig: Rig = Rig
     return Result(BuildResult.of([build(specimen, settings, rig=rig) for specimen in specimens]))
 
 
+@names_arguments()
 def diagnose(dataset: File, workers: int = 1, seed: int = 0) -> Result[Diagnosis]:
     """What a dataset's readings say the simulation gets wrong, and which effect explains it.
 
@@ -218,6 +234,7 @@ def diagnose(dataset: File, workers: int = 1, seed: int = 0) -> Result[Diagnosis
     return Result(diagnose(read_dataset(Path(dataset)), workers, seed).with_films())
 
 
+@names_arguments()
 def optimise(file: File | None = None, settings: Settings = Settings()) -> Result[OptimiseResult]:
     """The frame and plate with the largest stroke under the limits of OPTIMISE.toml.
 

@@ -27,13 +27,15 @@ Argument: TypeAlias = Callable[[argparse._ActionsContainer], object]
 class Command:
     """A command: ``name`` of one word, or of two where it is one of a group; what it does; how.
 
-    ``example`` is what follows ``tympan`` and the name in a line that works.
+    ``example`` is what follows ``tympan`` and the name in a line that works; ``also`` what people
+    write instead of the name.
     """
 
     name: str
     run: Callable[[argparse.Namespace], None]
     arguments: tuple[Argument, ...]
     example: str
+    also: tuple[str, ...] = ()
 
     @property
     def description(self) -> str:
@@ -46,7 +48,7 @@ class Command:
         first = self.description.split(". ")[0].rstrip(".")
         return f"{first[:1].lower()}{first[1:]}"
 
-    def add(self, commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    def add(self, commands: argparse._SubParsersAction[Any]) -> None:
         """Add its parser, with the function's docstring as help."""
         parser = commands.add_parser(self.name.split()[-1], description=self.description,
                                      help=self.summary,
@@ -56,10 +58,10 @@ class Command:
             argument(parser)
 
 
-def command(name: str, *arguments: Argument, example: str
+def command(name: str, *arguments: Argument, example: str, also: tuple[str, ...] = ()
             ) -> Callable[[Callable[[argparse.Namespace], None]], Command]:
     """Make a function a command of these arguments; its docstring is what ``--help`` says."""
-    return lambda run: Command(name, run, arguments, example)
+    return lambda run: Command(name, run, arguments, example, also)
 
 
 def argument(*names: str, within: tuple[float, float] | None = None, **settings: Any) -> Argument:

@@ -10,6 +10,7 @@ from tympan.fem.film.laws import MooneyRivlin as AnyMooneyRivlin
 from tympan.fem.film.laws import NeoHooke as AnyNeoHooke
 from tympan.fem.film.laws import Ogden as AnyOgden
 from tympan.fem.film.laws import Yeoh as AnyYeoh
+from tympan.fem.film.library import LibraryMaterial
 from tympan.fem.membrane.loading import Bias
 from tympan.fem.membrane.loading import Magnet as AnyMagnet
 from tympan.fem.membrane.loading import Spring as AnySpring
@@ -112,10 +113,11 @@ class Electrode(AnyElectrode):
                  = ..., patches: Sequence[AnyPatch] = ...) -> None: ...
 
 class Film(AnyFilm):
-    def __init__(self, thickness: Quantity, prestretch: tuple[float, float], material: Material,
-                 relative_permittivity: float, permittivity_exponent: float =
-                 ..., density: Quantity = ..., strength: Strength | None = ...,
-                 branches: Sequence[AnyViscousBranch] = ..., thickness_gradient:
+    def __init__(self, thickness: Quantity, prestretch: float | tuple[float, float], material:
+                 Material | LibraryMaterial | str, relative_permittivity: float
+                 = ..., permittivity_exponent: float = ..., density: Quantity =
+                 ..., strength: Strength | str | None = ..., branches:
+                 Sequence[AnyViscousBranch] = ..., thickness_gradient:
                  tuple[float, float] = ..., mounted: Quantity | None = ...,
                  temperature_power: float = ...) -> None: ...
 

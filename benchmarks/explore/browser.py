@@ -49,7 +49,7 @@ def exploring(folder: Path, *arguments: str) -> Iterator[Running]:
     try:
         assert process.stderr is not None
         line = process.stderr.readline()
-        address = re.search(r"http://\S+token=[\w-]+", line)
+        address = re.search(r"http://\S+token=[\w-]+(?=\n$)", line)  # nothing behind it
         assert address, line + process.stderr.read()
         yield Running(process, address.group())
     finally:

@@ -6,7 +6,7 @@ import tomllib
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from tympan.fem.film.admissibility import STRETCH_RANGE, checked
 from tympan.fem.film.breakdown import STRENGTH_LIBRARY
@@ -22,12 +22,16 @@ from tympan.geometry.specimen import (
     Strength,
     ViscousBranch,
 )
-from tympan.geometry.toml_reader import POSITIVE, Table
+from tympan.geometry.toml_reader import POSITIVE, Table, one_of
 
 
 @dataclass(frozen=True)
 class LibraryMaterial:
-    """A material of the library; what is of the film only where known."""
+    """A material of the library; what is of the film only where known.
+
+    A film made of it has its law, and what else the library knows of the film and the film itself
+    does not say. It also serves as the law, whose constants are its attributes.
+    """
 
     material: Annotated[Material, Key("the law with its constants", kinds=LAWS)]
     source: Annotated[str, Key("where the constants come from")]
@@ -38,6 +42,21 @@ class LibraryMaterial:
     relative_permittivity: Annotated[float | None, Key("of the film")] = None
     breakdown: Annotated[str, Key("name of the film's electric strength")] = ""
     film_source: Annotated[str, Key("where density and permittivity come from")] = ""
+
+    @property
+    def of_film(self) -> dict[str, Any]:
+        """What a film of it has unless it says otherwise, by the names of a film's fields."""
+        known: dict[str, Any] = {"branches": self.branches}
+        if self.breakdown:
+            known["strength"] = library_strength(self.breakdown)
+        if self.relative_permittivity is not None:
+            known["relative_permittivity"] = self.relative_permittivity
+        return known
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("__") or name == "material":  # asked for while it is unpickled
+            raise AttributeError(name)
+        return getattr(self.material, name)
 
 
 DEFAULT = "vhb-4910"
@@ -56,7 +75,7 @@ EXAMINED: dict[str, Material] = {name: LAWS.read(Table(_FILE, entry["material"],
                                  for name, entry in _LIBRARY["refused"].items()}
 
 
-def read_material(table: Table, key: str) -> Material:
+def read_material(table: Table, key: str) -> Material | LibraryMaterial:
     """The material under a key: a name of the library, or a table with ``law`` and its constants.
 
     ``range`` in the table are the in-plane stretches the law is meant for, such as those of the
@@ -64,13 +83,30 @@ def read_material(table: Table, key: str) -> Material:
     :data:`~tympan.fem.film.admissibility.STRETCH_RANGE`. What a solution visits beyond is checked
     then and told in its warnings.
     """
-    name = table.value(key)
-    if isinstance(name, str) and name in REFUSED:
-        raise table.error(key, f"cannot be a membrane material: {REFUSED[name]}", name)
     return _read(table, key, checked)
 
 
-def examine_material(table: Table, key: str) -> Material:
+def library_material(name: str) -> LibraryMaterial:
+    """The material of a name; an :class:`InputError` where it is refused, or there is none."""
+    if name in REFUSED:
+        raise InputError(f"cannot be a membrane material: {REFUSED[name]}", key="material",
+                         given=name)
+    if name not in MATERIALS:
+        raise InputError(one_of(name, MATERIALS), key="material", given=name)
+    return MATERIALS[name]
+
+
+def library_strength(name: str) -> Strength:
+    """The strength of a name; an :class:`InputError` where there is none."""
+    if name not in STRENGTH_LIBRARY:
+        raise InputError(one_of(name, STRENGTH_LIBRARY), key="breakdown", given=name)
+    return STRENGTH_LIBRARY[name].strength
+
+
+LAWS.by_name, STRENGTHS.by_name = library_material, library_strength
+
+
+def examine_material(table: Table, key: str) -> Material | LibraryMaterial:
     """The material under a key, admissible or not, also of the refused names: to look at only."""
     name = table.value(key)
     if isinstance(name, str) and name in EXAMINED:
@@ -78,9 +114,9 @@ def examine_material(table: Table, key: str) -> Material:
     return _read(table, key, lambda material, *_: material)
 
 
-def _read(table: Table, key: str, check: Callable[..., Material]) -> Material:
+def _read(table: Table, key: str, check: Callable[..., Material]) -> Material | LibraryMaterial:
     if isinstance(table.value(key), str):
-        return table.choice(key, MATERIALS).material
+        return table.named(key, library_material)
     constants = table.table(key)
     low, high = constants.numbers("range", "", STRETCH_RANGE, POSITIVE, 2)
     if not low < high <= 20:
@@ -93,33 +129,8 @@ def _read(table: Table, key: str, check: Callable[..., Material]) -> Material:
         raise error.located(file=table.file, key=constants.where) from None
 
 
-def read_strength(table: Table, key: str) -> Strength | None:
-    """The strength under a key: a name of the library, or a table with ``law`` and its constants.
-
-    Without the key that of the library material named in the same table, None where there is none.
-    """
-    if key not in table:
-        table.asked.add(key)
-        film = MATERIALS.get(str(table.data.get("material")))
-        return STRENGTH_LIBRARY[film.breakdown].strength if film and film.breakdown else None
-    if isinstance(table.value(key), str):
-        return table.choice(key, STRENGTH_LIBRARY).strength
-    strength: Strength = STRENGTHS.read(table.table(key))
-    return strength
-
-
-def read_branches(table: Table, key: str) -> tuple[ViscousBranch, ...]:
-    """The branches under a key; without it those of the library material named in the table."""
-    if key not in table:
-        table.asked.add(key)
-        film = MATERIALS.get(str(table.data.get("material")))
-        return film.branches if film else ()
-    return tuple(read(ViscousBranch, branch) for branch in table.tables(key))
-
-
 #: Readers of what of a film a file may also name.
-READERS: Special = {(Film, "material"): read_material, (Film, "strength"): read_strength,
-                    (Film, "branches"): read_branches}
+READERS: Special = {(Film, "material"): read_material}
 
 
 def load_specimen(source: Table | Path | str) -> Specimen:

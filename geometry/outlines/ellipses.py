@@ -10,7 +10,7 @@ import numpy as np
 
 from tympan.geometry.fields import Key
 from tympan.geometry.outlines.curve import Curve
-from tympan.geometry.outlines.outline import OUTLINES, SIZE, Outline
+from tympan.geometry.outlines.outline import OUTLINES, SEMI_AXES, SIZE, Outline
 from tympan.geometry.outlines.pieces import Arc, Array, Piece, graded, spline_through
 from tympan.geometry.toml_reader import Rule
 
@@ -23,7 +23,9 @@ class Circle(Outline):
     """A circle of given radius [m]."""
 
     shape: ClassVar[str] = "circle"
-    radius: Annotated[float, Key("its radius", "length", SIZE)]
+    also: ClassVar[tuple[str, ...]] = ("round", "disc", "disk")
+    radius: Annotated[float, Key("its radius", "length", SIZE,
+                                 also=("diameter", "width", "semi_axes", "size"))]
 
     @property
     def semi_axes(self) -> tuple[float, float]:
@@ -46,7 +48,8 @@ class Ellipse(Outline):
     """An ellipse with given semi-axes along x and y [m]; either may be the longer one."""
 
     shape: ClassVar[str] = "ellipse"
-    semi_axes: Annotated[tuple[float, float], Key("half extents along x and y", "length", SIZE)]
+    also: ClassVar[tuple[str, ...]] = ("oval",)
+    semi_axes: Annotated[tuple[float, float], SEMI_AXES]
 
     def level(self, x: Array, y: Array) -> Array:
         """First-order distance (level function over its gradient) [m]."""
@@ -70,7 +73,7 @@ class Superellipse(Outline):
     """The curve |x/a|ⁿ + |y/b|ⁿ = 1, as splines within 1e-9 of its size."""
 
     shape: ClassVar[str] = "superellipse"
-    semi_axes: Annotated[tuple[float, float], Key("half extents along x and y", "length", SIZE)]
+    semi_axes: Annotated[tuple[float, float], SEMI_AXES]
     exponent: Annotated[float, Key("n: 2 is an ellipse", rule=_EXPONENT)]
 
     def pieces(self) -> tuple[Piece, ...]:

@@ -23,6 +23,10 @@ _POINTS = 6000
 SIZE: Rule = (lambda x: 1e-5 * (1 - 1e-9) <= x <= 10 * (1 + 1e-9),
               "must be positive, from 10 um to 10 m")
 
+#: Of shapes that are as wide as they are told, along both axes.
+SEMI_AXES = Key("half extents along x and y", "length", SIZE,
+                also=("width", "height", "half_axes", "axes", "size", "radius", "diameter"))
+
 
 class Outline(ABC):
     """A closed curve whose bounding box is centred on the origin, counterclockwise.

@@ -10,7 +10,7 @@ import numpy as np
 
 from tympan.geometry.errors import InputError
 from tympan.geometry.fields import Key
-from tympan.geometry.outlines.outline import OUTLINES, SIZE, Boxed, Outline
+from tympan.geometry.outlines.outline import OUTLINES, SEMI_AXES, SIZE, Boxed, Outline
 from tympan.geometry.outlines.pieces import PLACE, Arc, Line, Piece, Point, around, direction
 from tympan.geometry.toml_reader import Rule
 
@@ -25,7 +25,8 @@ class Stadium(Outline):
     """Half circles at both ends of the longer half extent, of the shorter one's radius."""
 
     shape: ClassVar[str] = "stadium"
-    semi_axes: Annotated[tuple[float, float], Key("half extents along x and y", "length", SIZE)]
+    also: ClassVar[tuple[str, ...]] = ("slot", "obround", "pill", "racetrack")
+    semi_axes: Annotated[tuple[float, float], SEMI_AXES]
 
     def pieces(self) -> tuple[Piece, ...]:
         a, b = self.semi_axes
@@ -47,8 +48,10 @@ class RoundedRectangle(Outline):
     """A rectangle with rounded or sharp corners."""
 
     shape: ClassVar[str] = "rounded_rectangle"
-    semi_axes: Annotated[tuple[float, float], Key("half extents along x and y", "length", SIZE)]
-    corner_radius: Annotated[float, Key("of the corners; 0 leaves them sharp", "length", _ROUNDING)]
+    also: ClassVar[tuple[str, ...]] = ("rectangle", "square", "box")
+    semi_axes: Annotated[tuple[float, float], SEMI_AXES]
+    corner_radius: Annotated[float, Key("of the corners; 0 leaves them sharp", "length", _ROUNDING,
+                                        also=("radius", "fillet"))]
 
     def __post_init__(self) -> None:
         if np.real(self.corner_radius) > min(np.real(self.semi_axes)) * (1 + 1e-12):
@@ -71,8 +74,10 @@ class RegularPolygon(Boxed):
     """
 
     shape: ClassVar[str] = "regular_polygon"
+    also: ClassVar[tuple[str, ...]] = ("triangle", "pentagon", "hexagon", "octagon")
     sides: Annotated[int, Key("number of its sides", rule=_SIDES)]
-    radius: Annotated[float, Key("of the circle through its corners", "length", SIZE)]
+    radius: Annotated[float, Key("of the circle through its corners", "length", SIZE,
+                                 also=("diameter", "circumradius", "width", "size"))]
     fillet: Annotated[float, Key("radius of the rounded corners", "length", _ROUNDING)] = 0.0
 
     def pieces(self) -> tuple[Piece, ...]:

@@ -12,12 +12,12 @@ import numpy as np
 
 from tympan.fem.film.library import load_specimen
 from tympan.fem.rig import Rig
-from tympan.geometry.errors import InputError
+from tympan.geometry.errors import InputError, did_you_mean
 from tympan.geometry.fields import Key, read
 from tympan.geometry.read_file import file_bytes
 from tympan.geometry.specimen import Specimen
 from tympan.geometry.toml_reader import FINITE, NON_NEGATIVE, POSITIVE, Rule, Table
-from tympan.studies.columns import Column, Sheet, did_you_mean, read_sheet
+from tympan.studies.columns import Column, Sheet, read_sheet
 from tympan.studies.data import coupon
 from tympan.studies.data.coupon import Coupons
 from tympan.studies.data.effort import Effort
@@ -130,7 +130,9 @@ class Dataset:
     """
 
     name: Annotated[str, Key("what messages call it")]
-    specimens: Annotated[tuple[Specimen, ...], Key("what was measured", name="specimen")]
+    specimens: Annotated[tuple[Specimen, ...], Key(
+        "what was measured: a table each, written as a specimen's file, or with `file`, the name "
+        "of one", name="specimen", also=("specimens",))]
     rig: Annotated[Rig, Key("what acts on plate and film besides the nominal load")]
     source: Annotated[str, Key("where the data are from")] = "not stated"
     noise: Annotated[float | None, Key(
@@ -176,7 +178,8 @@ def read_dataset(folder: Path | str, planned: bool = False) -> Dataset:
     about = folder / "dataset.toml"
     dataset = read(Dataset, Table.read(about), {(Dataset, "specimens"): _specimens,
                                                 (Dataset, "rig"): _rig})
-    files = {about.name: hashlib.sha256(file_bytes(about)).hexdigest()}
+    files = {name: hashlib.sha256(file_bytes(folder / name)).hexdigest()
+             for name in (about.name, *_specimen_files(about))}
     there = sorted(file.name for file in folder.iterdir() if file.suffix.lower() in suffixes())
     stems = {Path(name).stem: name for name in FILES}
     others = [folder / name for name in there if Path(name).stem not in stems]
@@ -249,16 +252,33 @@ def channels(static: Sheet) -> tuple[str, ...]:
     return tuple(name for name in _CHANNELS if np.isfinite(static[name]).any())
 
 
+def _specimen_files(about: Path) -> list[str]:
+    """The files of specimens that a dataset names."""
+    return [entry.text("file") for entry in Table.read(about).tables("specimen") if "file" in entry]
+
+
 def _specimens(table: Table, key: str) -> tuple[Specimen, ...]:
     entries = table.tables(key)
     if not entries:
         raise table.error(key, "is missing: write one [[specimen]] table for each specimen")
-    specimens = tuple(load_specimen(entry) for entry in entries)
+    specimens = tuple(load_specimen(_specimen_table(entry)) for entry in entries)
     names = [specimen.name for specimen in specimens]
     for entry, name in zip(entries, names, strict=True):
         if names.count(name) > 1:
             raise entry.error("name", "is there twice: specimens must have different names", name)
     return specimens
+
+
+def _specimen_table(entry: Table) -> Table:
+    """The table itself, or that of the ``file`` it names, relative to the dataset."""
+    if "file" not in entry:
+        entry.knows("file", ("specimen", "path"), "the name of a specimen's own file")
+        return entry
+    others = [key for key in entry.data if key != "file"]
+    if others:
+        raise entry.error("file", "must stand alone, or the specimen's own keys without it: "
+                                  f"there is also {', '.join(others)}", entry.data["file"])
+    return Table.read(Path(entry.file).parent / entry.text("file"))
 
 
 def _rig(table: Table, key: str) -> Rig:

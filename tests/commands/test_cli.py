@@ -200,11 +200,28 @@ def test_help_is_quick_and_imports_nothing_heavy() -> None:
 
 
 def test_usage_errors_end_with_status_2(capsys) -> None:
-    for arguments in ([], ["dance"], ["solve"]):
+    for arguments in ([], ["solve"]):
         with pytest.raises(SystemExit) as stop:
             main(arguments)
         assert stop.value.code == 2
     assert "usage: tympan" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("line", "words"), [
+    ("xyz", "given 'xyz': unknown command: known are solve, "),
+    ("sovle oval.toml", "given 'sovle': unknown command: did you mean 'solve'? known are "),
+    ("optimize", "did you mean 'optimise'?"), ("simulate oval.toml", "did you mean 'solve'?"),
+    ("material fitt x", "given 'fitt': unknown command: did you mean 'fit'?"),
+    ("solve oval.toml --masss 3", "given '--masss': unknown option: did you mean --mass? known"),
+    ("solve oval.toml --masss=3", "given '--masss': unknown option: did you mean --mass? known"),
+    ("solve oval.toml 3 kV", "given '3': is one argument too many; values with blanks need quo"),
+    ("solve oval.toml --direction upp", "--direction: given 'upp': must be one of down, up; did y"),
+])
+def test_a_slip_of_the_pen_is_asked_about(line: str, words: str, capsys) -> None:
+    assert main(line.split()) == 2
+    message = capsys.readouterr().err
+    assert words in message
+    assert message.count("\n") == 1
 
 
 def test_missing_system_library_is_named(monkeypatch, capsys) -> None:

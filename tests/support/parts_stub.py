@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, Literal, get_args, get_origin
 
 from tympan import parts
+from tympan.fem.film.library import LibraryMaterial
 from tympan.geometry.fields import Field, fields_of
 
 FILE = Path(parts.__file__).with_suffix(".pyi")
@@ -33,7 +34,8 @@ def stub() -> str:
     imports = [f"from {module} import {name} as {name if not fields(name) else 'Any' + name}"
                for name, module in places.items()]
     used = {"Bias": "tympan.fem.membrane.loading", "Outline": "tympan.geometry.outlines",
-            "FlowLaw, Material, Strength": "tympan.geometry.specimen"}
+            "FlowLaw, Material, Strength": "tympan.geometry.specimen",
+            LibraryMaterial.__name__: LibraryMaterial.__module__}
     imports += [f"from {module} import {name}" for name, module in used.items()]
     classes = [f"\nclass {name}(Any{name}):\n    def __init__({arguments(name)}) -> None: ...\n"
                for name in places if fields(name)]
@@ -71,6 +73,8 @@ def annotation(field: Field) -> str:
         return "Sequence[Pair]"
     if field.item is float and not field.several:
         return f"{number} | None" if field.default is None else number
+    if field.says.repeats:
+        return "float | tuple[float, float]"
     if field.item is float and field.count == 2:
         return "Pair" if field.says.dimension else "tuple[float, float]"
     if field.several and field.item is float:
@@ -81,6 +85,8 @@ def annotation(field: Field) -> str:
     words = f"Any{words}" if hasattr(parts, words) and fields(words) else words
     if field.several:
         return f"Sequence[{words}]"
+    if field.says.kinds is not None and field.says.kinds.by_name:
+        words += " | LibraryMaterial | str" if words == "Material" else " | str"
     return f"{words} | None" if field.default is None else str(words)
 
 

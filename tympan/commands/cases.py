@@ -46,7 +46,7 @@ if TYPE_CHECKING:
                   help="which way the voltage was reached, for a film that lags behind it or a "
                        "plate that rubs (default: not known, without either)"),
          output("also store the fields (VTU), the numbers and a picture (PNG, SVG)"), JSON,
-         example='oval.toml --mass "17.9 g" --voltage "3.5 kV"')
+         example='oval.toml --mass "17.9 g" --voltage "3.5 kV"', also=("run", "simulate"))
 def solve(options: argparse.Namespace) -> None:
     """One specimen under one load and voltage, and how far the voltage can be raised.
 
@@ -75,7 +75,7 @@ def solve(options: argparse.Namespace) -> None:
 @command("limits", SPECIMEN, argument("--mass", help='on the plate, such as "17.9 g" (default: one '
                                       "that pulls the plate down a tenth of its gap)"), PRESSURE,
          RIG, MESH, JSON,
-         example='oval.toml --mass "17.9 g"')
+         example='oval.toml --mass "17.9 g"', also=("limit", "pull-in", "breakdown"))
 def limits(options: argparse.Namespace) -> None:
     """How far a film can go: where it first loses tension, breaks down and pulls in."""
     from tympan.studies.case import Case

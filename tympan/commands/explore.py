@@ -44,7 +44,8 @@ def explore(options: argparse.Namespace) -> None:
         except OSError as error:
             raise InputError(f"cannot be listened on: {error.strerror}", key="--port",
                              given=f"{options.host}:{options.port}") from None
-        print(f"tympan: exploring {explorer.subject.name} at {explorer.address}; Ctrl-C ends it",
+        # The address ends the line, so that a terminal's link and a copy hold it alone.
+        print(f"tympan: exploring {explorer.subject.name} (Ctrl-C ends it) at {explorer.address}",
               file=sys.stderr, flush=True)
         if not options.no_browser:
             webbrowser.open(explorer.address)

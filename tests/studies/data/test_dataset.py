@@ -253,6 +253,42 @@ def test_bad_data_end_with_one_message_and_status_2(tmp_path, capsys, parts, mes
     assert message in err
 
 
+def test_a_dataset_may_name_its_specimens_files(tmp_path) -> None:
+    whole = write_dataset(tmp_path / "whole", specimens=("A", "B"), static=TOP + ROW)
+    head, *tables = (whole / "dataset.toml").read_text().split("[[specimen]]\n")
+    named = write_dataset(tmp_path / "named", specimens=(), static=TOP + ROW)
+    (tmp_path / "a.toml").write_text(tables[0].replace("[specimen.", "["))
+    entry = '[[specimen]]\nfile = "../a.toml"\n'
+    (named / "dataset.toml").write_text(f"{head}{entry}[[specimen]]\n{tables[1]}")
+    data = read_dataset(named)
+    assert data.specimens == read_dataset(whole).specimens
+    digest = hashlib.sha256((tmp_path / "a.toml").read_bytes()).hexdigest()
+    assert data.files["../a.toml"] == digest
+
+
+@pytest.mark.parametrize(("entry", "specimen", "message"), [
+    ('file = "a.toml"', 'name = "A"\nfram = 1\n', "a.toml: frame: is missing: did you mean it by"),
+    ('file = "a.toml"', 'name = "A"\n', "a.toml: frame: is missing"),
+    ('file = "none.toml"', "", "none.toml: cannot be read: No such file or directory"),
+    ('file = "a.toml"\nname = "A"', "", "dataset.toml: specimen.0.file: given 'a.toml': must stand "
+     "alone, or the specimen's own keys without it: there is also name"),
+    ('file = 3', "", "dataset.toml: specimen.0.file: given 3: must be a non-empty string"),
+    ('name = "A"\nfil = "a.toml"', "", "dataset.toml: specimen.0.frame: is missing"),
+])
+def test_a_specimen_s_file_that_cannot_be_used_is_named(tmp_path, capsys, entry: str, specimen: str,
+                                                        message: str) -> None:
+    folder = write_dataset(tmp_path / "d", specimens=(), static=TOP + ROW)
+    with (folder / "dataset.toml").open("a") as file:
+        file.write(f"[[specimen]]\n{entry}\n")
+    if specimen:
+        (folder / "a.toml").write_text(specimen)
+    assert main(["data", str(folder)]) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err.count("\n") == 1
+    assert message in err
+
+
 def test_folders_that_cannot_be_read(tmp_path, capsys) -> None:
     (tmp_path / "empty").mkdir()
     (tmp_path / "file").touch()

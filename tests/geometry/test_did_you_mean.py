@@ -1,0 +1,107 @@
+"""What was meant: keys, shapes, names and arguments near those that exist, in files and in Python.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import tympan
+from tests.support.specimens import OVAL, VHB, circular, specimen_toml
+from tympan.fem.film.library import load_specimen
+from tympan.geometry.errors import InputError
+
+AXES = 'semi_axes = ["6 cm", "4.5 cm"]'
+
+
+@pytest.mark.parametrize(("old", "new", "words"), [
+    (AXES, 'width = "12 cm"\nheight = "9 cm"',
+     "frame.semi_axes: is missing: did you mean it by 'width' and 'height'? "
+     "It holds half extents along x and y"),
+    (AXES, 'semi_axis = ["6 cm", "4.5 cm"]',
+     "frame.semi_axes: is missing: did you mean it by 'semi_axis'?"),
+    (AXES, f'{AXES}\nwidth = "12 cm"',
+     "frame.width: unknown key: did you mean 'semi_axes' (half extents along x and y)? known here"),
+    ('radius = "1 cm"', 'diameter = "2 cm"', "plate.radius: is missing: did you mean it by 'diam"),
+    ("[membrane]", "[film]", "membrane: is missing: did you mean it by 'film'?"),
+    ("[plate]", "[disc]", "disc: unknown key: did you mean 'plate' (the rigid plate; left out"),
+    ('"ellipse"', '"oval"', "drawn, dxf, ellipse, "),
+    ('"ellipse"', '"oval"', "; did you mean 'ellipse'?"),
+    ('"ellipse"', '"square"', "; did you mean 'rounded_rectangle'?"),
+    ('"vhb-4910"', '"vhb4910"', "; did you mean 'vhb-4910'?"),
+    ("relative_permittivity", "permittivity",
+     "membrane.permittivity: unknown key: did you mean 'relative_permittivity' (ε_r of the mounte"),
+])
+def test_a_key_is_asked_about(tmp_path: Path, old: str, new: str, words: str) -> None:
+    file = tmp_path / "oval.toml"
+    assert old in specimen_toml()
+    file.write_text(specimen_toml().replace(old, new, 1))
+    with pytest.raises(InputError) as wrong:
+        load_specimen(file)
+    assert str(wrong.value).startswith(f"{file}: ")
+    assert words in str(wrong.value)
+
+
+def test_what_is_far_from_any_key_is_not_guessed(tmp_path: Path) -> None:
+    file = tmp_path / "oval.toml"
+    file.write_text(specimen_toml().replace(OVAL, 'shape = "ellipse"\ncolour = "red"'))
+    with pytest.raises(InputError, match=r"frame.semi_axes: is missing$"):
+        load_specimen(file)
+
+
+def film(**values: object) -> tympan.Film:
+    return tympan.Film(**({"thickness": "1 mm", "prestretch": 2, "material": "vhb-4910"} | values))
+
+
+@pytest.mark.parametrize(("ask", "words"), [
+    (lambda: tympan.Film(thicknes="1 mm"), "thicknes: unknown name: did you mean 'thickness'?"),
+    (lambda: tympan.Film("1 mm"), "prestretch: is missing"),
+    (lambda: tympan.Film("1 mm", thickness="1 mm"), "thickness: is given twice"),
+    (lambda: tympan.Circle(diameter="9 cm"), "diameter: unknown name: did you mean 'radius' (its"),
+    (lambda: tympan.Ellipse("6 cm", "4 cm"), "given '4 cm': of what is given without a name there"),
+    (lambda: tympan.Ellipse("6 cm"), "semi_axes: given '6 cm': must be 2 numbers"),
+    (lambda: tympan.Ellipse(("6 cm", "4 g")), "semi_axes: given '4 g': wrong dimension"),
+    (lambda: film(prestretch=(2, 2, 2)), "prestretch: given (2, 2, 2): must be 2 numbers"),
+    (lambda: film(prestretch="2"), "prestretch: given '2': must be one number"),
+    (lambda: film(thickness=np.array([1e-3, 2e-3])),
+     "must be one number with its unit or in m; call once for each of several"),
+    (lambda: film(thickness=None), "thickness: must be one number"),
+    (lambda: film(material="vhb4910"), "; did you mean 'vhb-4910'?"),
+    (lambda: film(material="ogden"), "material: given 'ogden': must be one of ecoflex-00-30, "),
+    (lambda: film(material=tympan.NeoHooke("20 kPa")),
+     "relative_permittivity: is missing: the library lists none for this material"),
+    (lambda: tympan.material("chewing gum"), "material: given 'chewing gum': must be one of "),
+    (lambda: tympan.Specimen("oval", tympan.Circle("4 cm"), film=film()),
+     "film: unknown name: did you mean 'membrane' (the film)?"),
+    (lambda: tympan.solve(circular(), masss="20 g"), "masss: unknown name: did you mean 'mass'?"),
+    (lambda: tympan.solve(circular(), setings=None), "did you mean 'settings'?"),
+    (lambda: tympan.solve(circular(), voltage=np.linspace(0, 3e3, 4)),
+     "must be one number with its unit or in V; call once for each of several"),
+    (lambda: tympan.solve(circular(), mass=["20 g"]), "mass: given ['20 g']: must be one number"),
+    (lambda: tympan.solve(mass="20 g"), "specimen: is missing"),
+    (lambda: tympan.curve(circular(), "20 g", sttings=1), "did you mean 'settings'?"),
+    (lambda: tympan.transient(circular(), hihg="3 kV"), "did you mean 'high'?"),
+    (lambda: tympan.optimise(fil="x.toml"), "fil: unknown name: did you mean 'file'?"),
+])
+def test_an_argument_is_asked_about(ask: Callable[[], object], words: str) -> None:
+    with pytest.raises(InputError) as wrong:
+        ask()
+    assert words in str(wrong.value)
+    assert "\n" not in str(wrong.value)
+
+
+def test_one_prestretch_is_that_of_both_axes(tmp_path: Path) -> None:
+    file = tmp_path / "oval.toml"
+    both = specimen_toml(film=VHB)
+    file.write_text(both.replace("[2.236, 2.236]", "2.236"))
+    assert load_specimen(file).membrane == film(prestretch=2.236)
+    assert film(prestretch=2.236).prestretch == (2.236, 2.236)
+    assert film(prestretch=np.array([2.2, 2.1])) == film(prestretch=[2.2, 2.1])
+
+
+def test_numbers_of_numpy_are_numbers() -> None:
+    assert film(thickness=np.float32(2**-10)).thickness == 2**-10
+    assert film(thickness=np.array(1e-3)).thickness == 1e-3
