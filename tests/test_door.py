@@ -287,5 +287,5 @@ def test_loads_are_named_and_carry_their_unit() -> None:
         tympan.solve(circular(), COARSE, "17.9 g")
     with pytest.raises(tympan.InputError, match=r"mass.*must be a mass with its unit"):
         tympan.solve(circular(), COARSE, mass="17.9 kV")
-    with pytest.raises(tympan.InputError, match="must be one of vhb-4910"):
+    with pytest.raises(tympan.InputError, match="must be one of ecoflex-00-30, vhb-4905"):
         tympan.material("chewing gum")

@@ -22,9 +22,9 @@ GIVEN = "relative_permittivity = 4.7\n"
 def test_a_film_is_the_same_through_both_doors(tmp_path: Path, name: str) -> None:
     entry, file = MATERIALS[name], tmp_path / "film.toml"
     text = specimen_toml(film=f'material = "{name}"')
-    known = entry.relative_permittivity is not None
-    file.write_text(text.replace(GIVEN, "") if known else text)
-    given = {} if known else {"relative_permittivity": 4.7}
+    listed = entry.relative_permittivity is not None
+    file.write_text(text.replace(GIVEN, "") if listed else text)
+    given = {} if listed else {"relative_permittivity": 4.7}
     of_file = load_specimen(file).membrane
     for material in (tympan.material(name), name):
         of_python = tympan.Film("1 mm", 2.236, material, **given)
@@ -53,7 +53,7 @@ def test_without_permittivity_in_library_or_file_there_is_no_film(tmp_path: Path
     assert unknown
     file = tmp_path / "film.toml"
     file.write_text(specimen_toml(film=f'material = "{unknown[0]}"').replace(GIVEN, ""))
-    with pytest.raises(InputError, match=r"film.toml: membrane.relative_permittivity: is missing: "):
+    with pytest.raises(InputError, match=r"membrane.relative_permittivity: is missing: the libr"):
         load_specimen(file)
 
 
