@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from pkgutil import resolve_name
 
+from tympan.geometry.command_line import command_line
 from tympan.geometry.errors import InputError
 
 #: What commands leave behind: a pattern of the file that is written last; what draws the folder, a
@@ -66,7 +67,7 @@ def rebuild(folder: Path) -> list[Path]:
               if command != "solve" or _is_solved(file)]
     if not stored:
         markers = ", ".join(marker for marker, *_ in KINDS.values())
-        commands = ", ".join(f"tympan {command}" for command in KINDS)
+        commands = ", ".join(command_line(*command.split()) for command in KINDS)
         raise InputError(f"holds none of {markers}: only what these wrote is rebuilt: {commands}",
                          file=folder)
     return [file for command, specimen in stored

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from base64 import b64encode
 from collections.abc import Callable
+from hashlib import sha256
 from importlib import resources
 from math import isfinite
 from pathlib import Path
@@ -17,14 +18,47 @@ def template(name: str, **filters: Callable[[Any], str]) -> jinja2.Template:
     """A template by its path within tympan, such as "reports/study/report.html".
 
     :func:`digits`, :func:`percent` and the given filters write its numbers; text put into a page,
-    not into sentences (.txt), is escaped.
+    not into sentences (.txt), is escaped. A whole page gets its policy.
     """
     environment = jinja2.Environment(
         loader=jinja2.FunctionLoader(text_of), autoescape=jinja2.select_autoescape(("html",)),
         undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     environment.filters |= {"digits": digits, "percent": percent, **filters}
+    environment.template_class = _Page
     environment.globals["css"] = text_of("reports/page.css")
     return environment.get_template(name)
+
+
+class _Page(jinja2.Template):
+    """A template whose result, where it is a whole page, says what the page may run and load."""
+
+    def render(self, *args: Any, **kwargs: Any) -> str:
+        return with_policy(super().render(*args, **kwargs))
+
+
+#: Elements of a page whose text a browser runs or applies; JSON within a script is neither.
+_INLINE = re.compile(r"<(script|style)>(.*?)</\1>", re.DOTALL)
+#: Where the policy stands: before all that it is about.
+_HEAD = '<meta charset="utf-8">\n'
+
+
+def with_policy(page: str) -> str:
+    """A page with its Content-Security-Policy, by which it runs nothing but its own scripts.
+
+    Nothing is loaded from elsewhere, and text that came from a file and looks like a script or a
+    style is neither. What is no whole page stays as it is.
+    """
+    if _HEAD not in page:
+        return page
+    allowed: dict[str, list[str]] = {"script": [], "style": []}
+    for element, text in _INLINE.findall(page):
+        digest = b64encode(sha256(text.encode()).digest()).decode()
+        allowed[element].append(f"'sha256-{digest}'")
+    sources = {name: " ".join(sorted(set(hashes))) or "'none'" for name, hashes in allowed.items()}
+    rules = (f"default-src 'none'; script-src {sources['script']}; style-src {sources['style']}; "
+             "img-src data:; base-uri 'none'; form-action 'none'")
+    meta = f'<meta http-equiv="Content-Security-Policy" content="{rules}">\n'
+    return page.replace(_HEAD, _HEAD + meta, 1)
 
 
 def sentence(words: jinja2.Template, part: str, *values: Any) -> str:

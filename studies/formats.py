@@ -136,7 +136,7 @@ def workbook_rows(file: Path, content: bytes) -> list[Row]:
     try:
         from openpyxl import load_workbook
     except ImportError:
-        raise MissingLibrary("workbooks need openpyxl: pip install tympan[excel]") from None
+        raise MissingLibrary("workbooks need openpyxl: pip install 'tympan[excel]'") from None
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of styles and links it does not keep

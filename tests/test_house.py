@@ -165,6 +165,30 @@ def test_variables_say_what_they_hold() -> None:
     assert not vague
 
 
+#: Versions and examples of the program's own, which hold nothing that a user named.
+NO_COMMANDS = {"tympan/cli.py", "tympan/options.py", "studies/sweep/task.py"}
+
+
+def offered_commands(tree: ast.Module) -> Iterator[int]:
+    """Lines where a command of tympan is put together with values, within a text."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.JoinedStr):
+            text = "".join(str(part.value) if isinstance(part, ast.Constant) else "\0"
+                           for part in node.values)
+            if re.search(r"\btympan [a-z -]*\0", text):
+                yield node.lineno
+
+
+def test_offered_commands_are_quoted_in_one_place() -> None:
+    """So that a file's name, pasted into a shell, runs nothing: ``command_line`` makes them."""
+    for text in ('f"run `tympan solve {file}`"', 'f"tympan {command}"', 'f"tympan fit --law {law}"'
+                 ):
+        assert list(offered_commands(ast.parse(text))) == [1], text
+    assert not list(offered_commands(ast.parse('f"tympan: {error}"')))
+    assert not [f"{file}:{line}" for file, tree in files_of(*PRODUCT)
+                for line in offered_commands(tree) if str(file) not in NO_COMMANDS]
+
+
 def test_nothing_cites_what_is_not_in_the_project() -> None:
     citing = [str(file) for folder in (*PRODUCT, "tests", "benchmarks")
               for file in (ROOT / folder).rglob("*.*")

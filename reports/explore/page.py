@@ -19,6 +19,7 @@ from tympan.reports.colouring import COLOURINGS, css_gradient, usual_depth
 from tympan.reports.explore import picture
 from tympan.reports.explore.curve import drawn_curve
 from tympan.reports.explore.latest import Answer, Latest, Trouble
+from tympan.reports.explore.messages import TRIGGERS
 from tympan.reports.explore.numbers import limit_rows, loads_of, result_rows
 from tympan.reports.explore.session import (
     CircleWeights,
@@ -73,6 +74,7 @@ class Page:
         self.start = start
         self.view = start
         self.controls: tuple[Control, ...] = controls(start)
+        self._number = 0
         self.scene: Scene | None = None
         self.curve: FollowedCurve | None = None
         self.weights: CircleWeights | None = None
@@ -93,13 +95,14 @@ class Page:
 
     def _listen(self) -> None:
         state, server = self.server.state, self.server
-        for name in ("slid", "typed", "choose", "reset", "look", "write", "named"):
+        for name in TRIGGERS:
             server.trigger(name)(getattr(self, f"_{name}"))
         state.change("colouring")(lambda **_: self._colour())
         state.change("depth")(lambda depth, **_: self._deepen(depth))
 
     def _begin(self, number: int) -> None:
         """Show a specimen as it was read."""
+        self._number = number
         masses = self.subject.masses(number)
         mass = None if masses else self._first.mass
         self.start = self.subject.view(number, mass) if number else self._first
@@ -155,19 +158,25 @@ class Page:
 
     def _typed(self, key: str, text: str) -> None:
         """A number was typed; the slider follows."""
-        if self._take(key, text):
+        control = self._control(key)
+        if control is not None and self._take(key, text):
             with self.server.state as state:
-                position = self._control(key).position(self.view)
-                state.sliders = {**state.sliders, key: position}
+                state.sliders = {**state.sliders, key: control.position(self.view)}
 
-    def _control(self, key: str) -> Control:
-        return next(control for control in self.controls if control.key == key)
+    def _control(self, key: str) -> Control | None:
+        return next((control for control in self.controls if control.key == key), None)
 
     def _take(self, key: str, text: str) -> bool:
-        """A value that a control was given, or what is wrong with it beside the control."""
+        """A value that a control was given, or what is wrong with it beside the control.
+
+        A control of the specimen that was shown before is none any more.
+        """
+        control = self._control(key)
+        if control is None:
+            return False
         with self.server.state as state:
             try:
-                self.view = changed(self.view, key, self._control(key).parsed(text))
+                self.view = changed(self.view, key, control.parsed(text))
             except InputError as error:
                 other = "" if error.key in (key, f"--{key}", None) else f"{error.key}: "
                 state.errors = {**state.errors, key: f"{other}{error.allowed}"}
@@ -300,7 +309,8 @@ class Page:
             self.server.js_call("view", "setCamera", picture.camera(self.scene, name))
 
     def _choose(self, number: int) -> None:
-        self._begin(number)
+        if 0 <= number < len(self.subject.specimens):
+            self._begin(number)
 
     def _reset(self) -> None:
         self._show(self.start)
@@ -318,10 +328,9 @@ class Page:
         actuator = self.view.actuator
         if self._written is not None and self._written[0] == actuator:
             return self._written[1]
-        number = int(self.server.state.chosen)
-        there = number < len(self.subject.files)
-        same = there and actuator == self.subject.specimens[number]
-        return self.subject.files[number] if same else ""
+        there = self._number < len(self.subject.files)
+        same = there and actuator == self.subject.specimens[self._number]
+        return self.subject.files[self._number] if same else ""
 
     def _write(self) -> None:
         """Write the actuator, and the rig where it is in no file, to the current folder."""

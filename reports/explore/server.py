@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import asyncio
 import hmac
+import logging
 import os
+import re
 import secrets
-from collections.abc import Awaitable, Callable
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -14,16 +16,25 @@ from typing import Any
 
 from aiohttp import web
 
+from tympan.reports.explore.door import Door, check
 from tympan.reports.explore.latest import prepared
 from tympan.reports.explore.page import Page
 from tympan.reports.explore.subject import Subject
+from tympan.reports.explore.talk import Talk
 from tympan.reports.explore.view import FilmView
-from tympan.reports.template import template
+from tympan.reports.template import template, text_of
 
 #: How long a page whose browser went away is kept for it to come back [s].
 _KEPT = 10.0
 #: Pages at once; each has two processes.
 _MOST = 8
+#: How long connections may take to end with the server [s].
+_GOODBYE = 2.0
+#: Libraries that print what others send, with tracebacks; what is ours is reported in a line.
+_CHATTY = ("aiohttp", "wslink", "trame_server")
+#: Scripts that stand in trame's page itself: its picture of waiting, which its policy forbids.
+_INLINE = re.compile(r"<script>.*?</script>", re.DOTALL)
+_WAITING = "<p>The page is being prepared.</p>"
 
 
 @dataclass
@@ -31,7 +42,7 @@ class Explorer:
     """All pages of a subject.
 
     ``host`` and ``port`` are what is listened on, port 0 for any that is free; who asks without the
-    ``token`` is refused.
+    ``token`` is refused. ``report`` gets a line where the server itself makes a mistake.
     """
 
     subject: Subject
@@ -39,8 +50,10 @@ class Explorer:
     host: str = "127.0.0.1"
     port: int = 0
     token: str = field(default_factory=lambda: secrets.token_urlsafe(16))
+    report: Callable[[str], object] = print
     pages: dict[str, _Served] = field(default_factory=dict)
-    _runner: web.AppRunner | None = None
+    _door: Door | None = None
+    _runner: web.ServerRunner | None = None
     _dropping: set[asyncio.Task[None]] = field(default_factory=set)
 
     @property
@@ -54,10 +67,10 @@ class Explorer:
         # trame would read the command line of whoever it is in.
         os.environ["TRAME_ARGS"] = "--server"
         prepared()
-        app = web.Application(middlewares=[self._guard])
-        app.add_routes([web.get("/", self._new), web.get("/{page}/ws", self._connect),
-                        web.get("/{page}/{path:.*}", self._asset)])
-        self._runner = web.AppRunner(app)
+        for name in _CHATTY:
+            _silence(name)
+        self._door = Door(self._answer, self.report)
+        self._runner = web.ServerRunner(self._door, shutdown_timeout=_GOODBYE)
         await self._runner.setup()
         await web.TCPSite(self._runner, self.host, self.port).start()
         self.port = self._runner.addresses[0][1]
@@ -69,36 +82,38 @@ class Explorer:
         if self._runner is not None:
             await self._runner.cleanup()
 
-    @web.middleware
-    async def _guard(self, request: web.Request,
-                     handler: Callable[[web.Request], Awaitable[web.StreamResponse]]
-                     ) -> web.StreamResponse:
-        """Refuse who does not know the token; who knew it once has it in a cookie."""
+    async def _answer(self, request: web.BaseRequest) -> web.StreamResponse:
+        """Answer a request of who knows the token; who knew it once has it in a cookie."""
+        check(request, self.host)
         given = request.query.get("token") or request.cookies.get(self._cookie, "")
-        if not hmac.compare_digest(given.encode(), self.token.encode()):
+        if not hmac.compare_digest(given.encode("utf-8", "replace"), self.token.encode()):
             raise web.HTTPForbidden(text="the address needs the token that tympan printed\n")
-        origin = request.headers.get("Origin")
-        if origin is not None and origin.split("://")[-1] != request.host:
-            raise web.HTTPForbidden(text="asked by a page from elsewhere\n")
-        return await handler(request)
+        assert self._door is not None
+        self._door.let_in(request)
+        name, _, path = request.path.removeprefix("/").partition("/")
+        if not name:
+            return self._new(request)
+        if path == "ws":
+            return await self._connect(request, name)
+        return self._asset(name, path)
 
     @property
     def _cookie(self) -> str:
         return f"tympan-{self.port}"
 
-    async def _new(self, request: web.Request) -> web.StreamResponse:
+    def _new(self, request: web.BaseRequest) -> web.StreamResponse:
         if len(self.pages) >= _MOST:
             raise web.HTTPServiceUnavailable(text=f"{_MOST} pages are open: close one\n")
         name = secrets.token_hex(4)
-        self.pages[name] = _Served.of(name, self.subject, self.start)
+        self.pages[name] = _Served.of(name, self.subject, self.start, self.report)
         socket = f"ws://{request.host}/{name}/ws"
-        response = web.HTTPFound(f"/{name}/index.html?sessionURL={socket}")
+        response = web.Response(status=302, headers={
+            "Location": f"/{name}/index.html?sessionURL={socket}"})
         response.set_cookie(self._cookie, self.token, httponly=True, samesite="Strict")
         self._drop_later(name)
-        raise response
+        return response
 
-    async def _connect(self, request: web.Request) -> web.StreamResponse:
-        name = request.match_info["page"]
+    async def _connect(self, request: web.BaseRequest, name: str) -> web.StreamResponse:
         if name not in self.pages:
             raise web.HTTPNotFound(text="this page was closed: open the address anew\n")
         served = self.pages[name]
@@ -109,11 +124,15 @@ class Explorer:
             served.browsers -= 1
             self._drop_later(name)
 
-    async def _asset(self, request: web.Request) -> web.StreamResponse:
-        name, path = request.match_info["page"], request.match_info["path"]
+    def _asset(self, name: str, path: str) -> web.StreamResponse:
         if name not in self.pages:
             raise web.HTTPFound("/")
-        file = self.pages[name].file(path)
+        page = self.pages[name]
+        if path == "index.html":
+            return web.Response(text=page.index(), content_type="text/html")
+        if path == "page.css":
+            return web.Response(text=text_of("reports/explore/page.css"), content_type="text/css")
+        file = page.file(path)
         if file is None:
             raise web.HTTPNotFound(text="there is no such file\n")
         return web.FileResponse(file)
@@ -143,14 +162,13 @@ class _Served:
     browsers: int = 0
 
     @classmethod
-    def of(cls, name: str, subject: Subject, start: FilmView) -> _Served:
+    def of(cls, name: str, subject: Subject, start: FilmView,
+           report: Callable[[str], object]) -> _Served:
         from trame_client import module
         from trame_client.ui.core import AbstractLayout
         from trame_client.widgets import html
-        from trame_client.widgets.client import Style
         from trame_server import Server
         from trame_vtk.modules import common
-        from wslink.backends.aiohttp import AioHttpWsHandler
 
         server = Server(name=name)
         server.client_type = "vue3"
@@ -159,13 +177,14 @@ class _Served:
         server.state.trame__title = f"tympan: {subject.name}"
         page = Page(server, subject, start)
         with AbstractLayout(server, html.Div(trame_server=server)) as layout:
-            Style(template("reports/explore/page.css").render())
             layout.root.add_child(template("reports/explore/page.html").render())
         running = server.start(backend="generic", exec_mode="task", open_browser=False,
                                show_connection_info=False, disable_logging=True, timeout=0)
-        return cls(page, server, AioHttpWsHandler(server.protocol, server._server), running)
+        server.controller.on_exception.add(
+            lambda error: report(f"the explorer's page: {type(error).__name__}: {error}"))
+        return cls(page, server, Talk(server.protocol, server._server), running)
 
-    async def connected(self, request: web.Request) -> web.StreamResponse:
+    async def connected(self, request: web.BaseRequest) -> web.StreamResponse:
         """Talk to a browser until it goes away."""
         answer: web.StreamResponse = await self.handler.handleWsRequest(request)
         return answer
@@ -177,8 +196,18 @@ class _Served:
         if folder is None:
             folder, tail = self.server._www, path
         folder = Path(folder[0] if isinstance(folder, list | tuple) else folder).resolve()
-        file = (folder / tail).resolve()
-        return file if file.is_relative_to(folder) and file.is_file() else None
+        try:
+            file = (folder / tail).resolve()
+            return file if file.is_relative_to(folder) and file.is_file() else None
+        except (OSError, ValueError):  # too long for a file's name, or with NUL
+            return None
+
+    def index(self) -> str:
+        """The page itself: trame's, with its style in a file and without scripts within."""
+        html = (Path(self.server._www) / "index.html").read_text(encoding="utf-8")
+        html = _INLINE.sub("", html)
+        html = html.replace("</head>", '<link rel="stylesheet" href="page.css"></head>', 1)
+        return html.replace('<div id="app"></div>', f'<div id="app">{_WAITING}</div>', 1)
 
     async def close(self) -> None:
         """End its processes and its server."""
@@ -187,3 +216,10 @@ class _Served:
         self.running.cancel()
         with suppress(asyncio.CancelledError):
             await self.running
+
+
+def _silence(name: str) -> None:
+    """Let a library print nothing."""
+    logger = logging.getLogger(name)
+    logger.addHandler(logging.NullHandler())
+    logger.propagate = False

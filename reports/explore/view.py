@@ -13,6 +13,7 @@ from tympan.fem.film.laws.stiffened import scaled
 from tympan.fem.film.library import load_specimen
 from tympan.fem.rig import Rig, checked_load
 from tympan.fem.toml_writer import specimen_content
+from tympan.geometry.command_line import command_line, file_word
 from tympan.geometry.errors import InputError
 from tympan.geometry.fields import Field, field_at
 from tympan.geometry.paths import at, numbers
@@ -249,10 +250,10 @@ def _label(keys: tuple[str, ...], field: Field | None) -> str:
 
 
 def command_of(view: FilmView, file: str, rig_file: str = "") -> str:
-    """The command that solves a view whose specimen and rig are in files."""
-    rig = f" --rig {rig_file}" if rig_file else ""
-    return (f'tympan solve {file} --mass "{quantity_text(view.mass, "mass")}" '
-            f'--voltage "{quantity_text(view.voltage, "voltage")}"{rig}')
+    """The command that solves a view whose specimen and rig are in files, quoted for a shell."""
+    rig = ("--rig", file_word(rig_file)) if rig_file else ()
+    return command_line("solve", file_word(file), "--mass", quantity_text(view.mass, "mass"),
+                        "--voltage", quantity_text(view.voltage, "voltage"), *rig)
 
 
 def python_of(view: FilmView) -> str:

@@ -6,6 +6,7 @@ from typing import Any
 
 import pytest
 
+from tests.support.checks.policy import unlawful
 from tympan.reports.diagnosis.page import render_diagnosis, verdict_words
 
 
@@ -62,6 +63,7 @@ def test_a_rival_that_only_its_size_speaks_against_is_called_so() -> None:
     page = render_diagnosis(content(
         "ambiguous", cause("sensor_zero", "Every reading is 50 µm too large"), cause(
             "drift", "Readings rise", probability=0.0, only_its_size=True, surprise=12.3)), "", "")
+    assert unlawful(page) == []
     assert ("Only its size speaks against it: as a cause it would have to be 12 times its usual "
             "size.") in page
     assert page.index("look at sensor; look at drift") < page.index("Readings, and the models")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import os
 import resource
+import subprocess
 import time
 import tomllib
 from collections.abc import Callable, Iterator
@@ -201,6 +202,31 @@ def test_the_written_file_the_command_and_the_script_give_the_same_film(
     exec(python_of(replace(view, rig=Rig(spring=2.0))), names)
     assert names["specimen"] == view.actuator
     assert names["result"].deflection_m < expected
+
+
+@pytest.mark.parametrize("name", [
+    "my film;touch PWNED;$(touch PWNED).toml", "a`touch PWNED`.toml", "it's \"one\".toml",
+    "-o.toml", "a\ntouch PWNED\n.toml", "$HOME & touch PWNED.toml", "~.toml", "film 2.toml"])
+def test_a_copied_command_runs_nothing_but_itself(name: str, tmp_path: Path) -> None:
+    """A shell hands the file's name over as it is."""
+    (tmp_path / name).write_text("mine", encoding="utf-8")
+    command = command_of(OVAL, name, f"rig of {name}")
+    shown = "tympan() { printf '%s\\0' \"$@\"; }\n" + command
+    done = subprocess.run(["sh", "-c", shown], cwd=tmp_path, capture_output=True, check=True)
+    words = done.stdout.decode().split("\0")[:-1]
+    file = f"./{name}" if name.startswith("-") else name
+    assert words == ["solve", file, "--mass", "17.9 g", "--voltage", "2 kV", "--rig",
+                     f"rig of {name}"]
+    assert (tmp_path / words[1]).read_text(encoding="utf-8") == "mine"
+    assert [file.name for file in tmp_path.iterdir()] == [name]
+
+
+def test_copied_python_holds_names_as_texts() -> None:
+    """Whatever the specimen is called, the script runs nothing of it."""
+    odd = replace(OVAL, specimen=replace(OVAL.specimen, name="a'); import os; print('"))
+    names: dict[str, Any] = {}
+    exec(python_of(odd).partition("result =")[0], names)
+    assert names["specimen"] == odd.specimen
 
 
 def test_hatches_cross_the_film_that_lost_tension_and_no_other() -> None:

@@ -56,6 +56,7 @@ def page(browser: Any, running: Running) -> Iterator[Any]:
     shown, asked, errors = context.new_page(), [], []
     shown.on("request", lambda request: asked.append(request.url))
     shown.on("pageerror", lambda error: errors.append(str(error)))
+    shown.on("console", lambda message: message.type != "error" or errors.append(message.text))
     shown.goto(running.address)
     shown.wait_for_selector("#result-deflection_m", timeout=120_000)
     yield shown

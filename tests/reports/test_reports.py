@@ -8,6 +8,7 @@ import shutil
 from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from PIL import Image
 
 from tests.support.checks.accessible import wordless
+from tests.support.checks.policy import unlawful
 from tympan.geometry.errors import InputError
 from tympan.geometry.mesher import MeshSettings
 from tympan.geometry.outlines import Ellipse
@@ -289,6 +291,29 @@ def test_page_refers_to_nothing_outside_itself(page: Page, report: Path) -> None
     text = re.sub(r"data:image/[^\"]*", "", report.read_text(encoding="utf-8"))
     for outside in ("http:", "https:", "url(", "@import", "<link"):
         assert outside not in text
+
+
+def test_the_page_runs_its_own_scripts_and_nothing_else(browser: Any, report: Path,
+                                                        tmp_path: Path) -> None:
+    """Chromium holds the page to its policy, and the policy lets the page work."""
+    text = report.read_text(encoding="utf-8")
+    assert unlawful(text) == []
+    assert unlawful(text.replace("const", "let", 1))[0].startswith("script: ")
+    foreign = tmp_path / "foreign.html"
+    foreign.write_text(text.replace("<main>", "<main><script>document.title = 'run'</script><img "
+                                    "src=x onerror=\"document.title = 'run'\"><style>main { "
+                                    "opacity: 0.5; }</style>", 1), encoding="utf-8")
+    for file in (report, foreign):
+        shown, said = browser.new_page(), []
+        shown.on("console", lambda message, said=said: said.append(message.text))
+        shown.goto(file.as_uri())
+        assert shown.locator(".viewer canvas").is_visible()
+        assert shown.locator("[name=film] option").count() > 1
+        assert shown.title() != "run"
+        assert shown.evaluate("getComputedStyle(document.querySelector('main')).opacity") == "1"
+        assert bool(said) == (file == foreign), said
+        assert all("Content Security Policy" in words for words in said)
+        shown.close()
 
 
 def test_films_can_be_turned_in_the_page_and_it_stays_small(report: Path, stored: StudyView

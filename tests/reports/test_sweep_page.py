@@ -11,6 +11,7 @@ import pytest
 from matplotlib.textpath import TextPath
 
 from tests.support.checks.accessible import wordless
+from tests.support.checks.policy import unlawful
 from tests.support.sweeps import read
 from tympan.geometry.errors import InputError
 from tympan.reports.sweep import page
@@ -116,6 +117,7 @@ def test_the_page_stands_alone_and_says_what_failed_and_what_waits(view: SweepVi
     assert "2 of 3" in body
     assert "data:image/png;base64,AAAA" in text
     assert wordless(text) == []
+    assert unlawful(text) == []
 
 
 def test_the_page_is_kept_while_a_sweep_runs_but_never_ends_it(view, tmp_path: Path,

@@ -63,6 +63,7 @@ def _explorer(options: argparse.Namespace) -> Explorer:
         import trame_vtk  # noqa: F401
     except ImportError:
         raise Failure("explore needs the package trame: pip install 'tympan[explore]'") from None
+    from tympan.progress import say
     from tympan.reports.explore.latest import prepared
 
     prepared()  # while the rest is read
@@ -80,4 +81,4 @@ def _explorer(options: argparse.Namespace) -> Explorer:
         mass = usual_masses(subject.specimens[0], Settings(), subject.rig)[0]
     start = changed(subject.view(0, mass), "mass", subject.view(0, mass).mass)
     start = changed(start, "voltage", parse_quantity(options.voltage, "voltage", "--voltage"))
-    return Explorer(subject, start, options.host, options.port)
+    return Explorer(subject, start, options.host, options.port, report=say)

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.support.checks.policy import unlawful
 from tests.support.datasets import HEAD, write_dataset
 from tests.support.trials import design, every_cause
 from tympan.cli import main
@@ -85,4 +86,6 @@ def test_a_design_of_few_readings_is_told_so(tmp_path: Path,
     record = json.loads(capsys.readouterr().out)["self_check"]
     assert "can name hardly anything" in record["sentence"]
     assert record["usual_or_more"]["named"] < 0.1
-    assert "hardly anything" in (tmp_path / "out" / "self-check.html").read_text(encoding="utf-8")
+    page = (tmp_path / "out" / "self-check.html").read_text(encoding="utf-8")
+    assert "hardly anything" in page
+    assert unlawful(page) == []

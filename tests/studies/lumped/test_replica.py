@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from tests.support.checks.json_schema import faults, schema_of
+from tests.support.checks.policy import unlawful
 from tympan.cli import main
 from tympan.geometry.errors import InputError
 from tympan.reports.paper import page
@@ -237,6 +238,7 @@ def test_paper_command(tmp_path: Path, capsys: pytest.CaptureFixture[str],
     assert printed["settling"]["rows"][-1]["rms_s"] > 0
     assert len(printed["findings"]) == 7
     text = (out / "paper.html").read_text(encoding="utf-8")
+    assert unlawful(text) == []
     assert all(words in text.replace("&#39;", "'") for finding in printed["findings"]
                for words in finding["words"])
     assert text.count("data:image/svg+xml") == len(FIGURES)

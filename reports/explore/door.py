@@ -1,0 +1,217 @@
+"""Connections of the explorer's server: strangers are few and soon gone, and every answer is safe.
+
+A stranger is a connection that has not shown the token. The newest stranger always gets in and the
+oldest has to go, so that nobody can keep the owner out by holding connections.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import socket
+from collections.abc import Awaitable, Callable
+from ipaddress import ip_address
+from typing import Any
+
+from aiohttp import web
+
+#: Seconds until a stranger's connection ends, whatever it does meanwhile.
+PATIENCE = 5.0
+#: Seconds until an idle connection of the owner ends; browsers open another where they need it.
+_IDLE = 15.0
+#: Strangers at once. The owner's browser shows its token within milliseconds.
+STRANGERS = 64
+#: Connections of the owner at once: eight pages of six connections and a websocket, and some more.
+_MOST_OWN = 128
+#: Bytes of a request's line and of a header; browsers send a tenth of it.
+_LINE = 4096
+#: Headers of a request; browsers send fifteen.
+_HEADERS = 64
+
+#: What every answer says to a browser beside its policy: keep nothing, guess no type, tell nobody
+#: the address, which holds the token, and be part of no other site's page.
+_SAFE = {"Cache-Control": "no-store", "X-Content-Type-Options": "nosniff",
+         "X-Frame-Options": "DENY", "Referrer-Policy": "no-referrer",
+         "Cross-Origin-Opener-Policy": "same-origin",
+         "Cross-Origin-Resource-Policy": "same-origin"}
+
+#: What a page may load and run. Vue makes the page's template into functions in the browser, which
+#: needs 'unsafe-eval'; scripts and styles come from this server's files alone.
+_POLICY = {"default-src": "'none'", "script-src": "'self' 'unsafe-eval'", "style-src": "'self'",
+           "img-src": "'self' data: blob:", "connect-src": "'self'", "base-uri": "'self'",
+           "form-action": "'none'", "frame-ancestors": "'none'"}
+
+Answering = Callable[[web.BaseRequest], Awaitable[web.StreamResponse]]
+
+
+def policy(host: str = "") -> str:
+    """The Content-Security-Policy of an answer; ``host`` is whom the page talks to by websocket.
+
+    Browsers differ in whether 'self' covers websockets.
+    """
+    extra = {"connect-src": f" ws://{host} wss://{host}"} if host else {}
+    return "; ".join(f"{name} {sources}{extra.get(name, '')}"
+                     for name, sources in _POLICY.items())
+
+
+class Door(web.Server):
+    """The connections of a server, each a stranger's until :meth:`let_in`.
+
+    ``report`` is told in a line what went wrong inside the server.
+    """
+
+    def __init__(self, answer: Answering, report: Callable[[str], object]) -> None:
+        super().__init__(answer, keepalive_timeout=_IDLE, lingering_time=1.0, access_log=None,
+                         max_line_size=_LINE, max_field_size=_LINE, max_headers=_HEADERS)
+        self.report = report
+        self._strangers: dict[web.RequestHandler, asyncio.TimerHandle] = {}
+        self._own: dict[web.RequestHandler, asyncio.Transport] = {}
+
+    def __call__(self) -> web.RequestHandler:
+        return _Connection(self, loop=asyncio.get_running_loop(), **self._kwargs)
+
+    def connection_made(self, handler: web.RequestHandler, transport: asyncio.Transport) -> None:
+        super().connection_made(handler, transport)
+        loop = asyncio.get_running_loop()
+        self._strangers[handler] = loop.call_later(PATIENCE, transport.abort)
+        if len(self._strangers) > STRANGERS:
+            oldest = next(iter(self._strangers))
+            self._forget(oldest)
+            if oldest.transport is not None:
+                oldest.transport.abort()
+
+    def connection_lost(self, handler: web.RequestHandler,
+                        exc: BaseException | None = None) -> None:
+        super().connection_lost(handler, exc)
+        self._forget(handler)
+        self._own.pop(handler, None)
+
+    def let_in(self, request: web.BaseRequest) -> None:
+        """The connection of a request is the owner's.
+
+        Raises
+        ------
+        aiohttp.web.HTTPServiceUnavailable
+            When the owner has too many.
+        """
+        handler = request.protocol
+        if handler in self._own:
+            return
+        if len(self._own) >= _MOST_OWN:
+            raise web.HTTPServiceUnavailable(text="too many connections are open\n")
+        self._forget(handler)
+        if handler.transport is not None:
+            self._own[handler] = handler.transport
+
+    def is_own(self, handler: web.RequestHandler) -> bool:
+        """Whether a connection has shown the token."""
+        return handler in self._own
+
+    def _forget(self, handler: web.RequestHandler) -> None:
+        timer = self._strangers.pop(handler, None)
+        if timer is not None:
+            timer.cancel()
+
+
+class _Connection(web.RequestHandler):
+    """A connection whose answers all are safe, and whose troubles are a line at most."""
+
+    def __init__(self, door: Door, **arguments: Any) -> None:
+        super().__init__(door, **arguments)
+        self._door = door
+
+    async def finish_response(self, request: web.BaseRequest, resp: web.StreamResponse,
+                              start_time: float | None) -> tuple[web.StreamResponse, bool]:
+        if not resp.prepared:
+            safe(resp, request.headers.get("Host", ""))
+            if not self._door.is_own(self):
+                resp.force_close()
+        return await super().finish_response(request, resp, start_time)
+
+    def handle_error(self, request: web.BaseRequest, status: int = 500,
+                     exc: BaseException | None = None, message: str | None = None
+                     ) -> web.StreamResponse:
+        if status >= 500 and exc is not None:
+            self.log_exception("answering", exc_info=exc)
+        if request.writer.output_size > 0:
+            raise ConnectionError("a part of another answer is sent already")
+        words = ("this is no request of HTTP" if status == 400 else
+                 "the server made a mistake; the terminal names it")
+        answer = web.Response(status=status, text=f"{words}\n")
+        answer.force_close()
+        return answer
+
+    def log_exception(self, *args: Any, **kw: Any) -> None:
+        """Name a mistake of the server's own; what others send is none."""
+        error = kw.get("exc_info")
+        if isinstance(error, Exception) and not isinstance(error, _OF_OTHERS):
+            self._door.report(f"the explorer's server: {type(error).__name__}: {error}")
+
+
+#: Raised by what comes, or does not come, over a connection.
+_OF_OTHERS = (OSError, web.RequestPayloadError, web.PayloadAccessError, asyncio.TimeoutError)
+
+
+def safe(answer: web.StreamResponse, host: str) -> None:
+    """Put the headers of every answer on one."""
+    answer.headers.update(_SAFE)
+    named = host if _host_name(host) is not None else ""
+    answer.headers["Content-Security-Policy"] = policy(named)
+
+
+def check(request: web.BaseRequest, host: str) -> None:
+    """Refuse what is malformed, asked under a foreign name, or asked by a foreign page.
+
+    A foreign name that leads to this machine (DNS rebinding) would make a foreign page one of this
+    server's. Addresses in numbers cannot be rebound; ``host`` is what is listened on.
+
+    Raises
+    ------
+    aiohttp.web.HTTPBadRequest, HTTPForbidden, HTTPMethodNotAllowed
+        With a line of text.
+    """
+    if any(_garbled(text) for pair in request.raw_headers for text in pair):
+        raise web.HTTPBadRequest(text="a header is no text\n")
+    if _garbled(request.path.encode("utf-8", "surrogateescape")):
+        raise web.HTTPBadRequest(text="the path is no text\n")
+    names = request.headers.getall("Host", [])
+    name = _host_name(names[0]) if len(names) == 1 else None
+    if name is None:
+        raise web.HTTPBadRequest(text="there must be one header Host\n")
+    if not _is_here(name, host):
+        raise web.HTTPForbidden(text="asked for under a name that is not this machine's: open the "
+                                     "address that tympan printed\n")
+    origins = request.headers.getall("Origin", [])
+    if origins and origins not in ([f"http://{names[0]}"], [f"https://{names[0]}"]):
+        raise web.HTTPForbidden(text="asked by a page from elsewhere\n")
+    if request.method != "GET":
+        raise web.HTTPMethodNotAllowed(request.method, ["GET"], text="only GET is answered\n")
+
+
+def _garbled(text: bytes) -> bool:
+    """Whether it is no UTF-8, or has control characters."""
+    try:
+        decoded = text.decode("utf-8")
+    except UnicodeDecodeError:
+        return True
+    return any(ord(character) < 32 or ord(character) == 127 for character in decoded
+               if character != "\t")
+
+
+def _host_name(text: str) -> str | None:
+    """The name in a Host header, without its port; None where it is no name."""
+    name, colon, port = text.rpartition(":")
+    if not colon or text.endswith("]"):
+        name, port = text, "0"
+    if not port.isascii() or not port.isdecimal():
+        return None
+    bare = name.removeprefix("[").removesuffix("]")
+    allowed = set("abcdefghijklmnopqrstuvwxyz0123456789.-:%_")
+    return bare.lower() if bare and set(bare.lower()) <= allowed else None
+
+
+def _is_here(name: str, host: str) -> bool:
+    try:
+        return bool(ip_address(name))
+    except ValueError:
+        own = socket.gethostname().lower()
+        return name.rstrip(".") in ("localhost", host.lower(), own, f"{own}.local")

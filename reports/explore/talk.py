@@ -1,0 +1,83 @@
+"""The websockets of a page; whatever comes that the page never says ends its websocket."""
+
+from __future__ import annotations
+
+from secrets import token_hex
+from typing import Any
+
+from aiohttp import WSCloseCode, WSMsgType, web
+from wslink.backends.aiohttp import AioHttpWsHandler
+from wslink.chunking import HEADER_LENGTH, UnChunker
+
+from tympan.reports.explore.door import safe
+from tympan.reports.explore.messages import checked
+
+#: Bytes of a message, and of all messages of which only parts have come. The page's longest are
+#: the texts of all its fields, some 1,000 bytes.
+_MOST_BYTES = 65_536
+#: Messages at once of which only parts have come; browsers send one after the other.
+_MOST_PARTS = 4
+#: Seconds between signs of life.
+_HEART_BEAT = 30.0
+#: Websockets of one page; a browser has one, and two while it comes back.
+MOST_SOCKETS = 4
+
+
+class _Parts(UnChunker):  # type: ignore[misc]  # wslink has no types
+    """Messages put together from their parts, which are few and short."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.max_message_size = _MOST_BYTES
+
+    def set_max_message_size(self, size: int) -> None:
+        """Who has said hello needs no longer messages."""
+
+    def process_chunk(self, chunk: bytes) -> Any:
+        if len(chunk) <= HEADER_LENGTH:
+            raise ValueError("a part without content")
+        if len(self.pending_messages) > _MOST_PARTS:
+            raise ValueError("too many messages in parts")
+        return super().process_chunk(chunk)
+
+
+class Talk(AioHttpWsHandler):  # type: ignore[misc]  # wslink has no types
+    """The websockets of a page."""
+
+    async def handleWsRequest(self, request: web.BaseRequest) -> web.StreamResponse:
+        """Talk to a browser until it goes away or says what is not of the page."""
+        if len(self.connections) >= MOST_SOCKETS:
+            raise web.HTTPServiceUnavailable(text="this page is open too often\n")
+        socket = web.WebSocketResponse(max_msg_size=_MOST_BYTES, heartbeat=_HEART_BEAT,
+                                       compress=self.web_app.ws_compress)
+        safe(socket, request.headers["Host"])
+        await socket.prepare(request)
+        name = token_hex(8)
+        self.connections[name] = socket
+        self.web_app.shutdown_cancel()
+        try:
+            await self.onConnect(request, name)
+            self.unchunkers[name] = _Parts()
+            await self._listen(socket, name)
+        except ConnectionError:
+            pass  # the browser went away
+        finally:
+            await self.onClose(name)
+            del self.connections[name]
+            self.authentified_client_ids.discard(name)
+        return socket
+
+    async def _listen(self, socket: web.WebSocketResponse, name: str) -> None:
+        async for frame in socket:
+            try:
+                if frame.type is not WSMsgType.BINARY:
+                    raise ValueError("a frame is binary")
+                whole = self.unchunkers[name].process_chunk(frame.data)
+                message = None if whole is None else checked(whole)
+            except Exception as error:  # whatever its reader raises, the frame is malformed
+                reason = str(error).encode()[:100].decode(errors="ignore")
+                await socket.close(code=WSCloseCode.POLICY_VIOLATION, message=reason.encode())
+                return
+            if message is not None:
+                with self.network_monitor:
+                    await self.onCompleteMessage(message, name)
