@@ -28,6 +28,33 @@ _MOST = 0.998
 _APART = 1e-4
 
 
+def independent_count(readings: float, correlation: float) -> float:
+    """Number of independent readings that correlated ones are worth, for a mean of them.
+
+    Examples
+    --------
+    >>> independent_count(60, 0.5)
+    20.0
+    """
+    return readings * (1 - correlation) / (1 + correlation)
+
+
+def akaike(mean_square: float, count: float, constants: int, sigma: float | None = None) -> float:
+    """Akaike's criterion, corrected for few readings (Hurvich and Tsai, Biometrika 76, 297, 1989).
+
+    ``count`` is the number of independent readings, ``mean_square`` the mean squared residual,
+    ``sigma`` a known standard deviation of a reading: one that is estimated counts as one more
+    constant. inf where there are too few readings for so many constants.
+    """
+    every = constants + (sigma is None)
+    spare = count - every - 1
+    if spare <= 0:
+        return np.inf
+    misfit = (count * np.log(max(mean_square, 1e-300)) if sigma is None
+              else count * mean_square / sigma**2)
+    return float(misfit + 2 * every * count / spare)
+
+
 @dataclass(frozen=True, eq=False)
 class CorrelatedNoise:
     """Errors of readings along series, and what they leave open of the unknowns.

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import ViscousBranch
 from tympan.studies.data.coupon import Coupons
-from tympan.studies.estimation.correlation import CorrelatedNoise
+from tympan.studies.estimation.correlation import CorrelatedNoise, akaike, independent_count
 from tympan.studies.estimation.identifiability import Noise
 from tympan.studies.estimation.least_squares import LeastSquares, minima, seeded_starts
 from tympan.studies.estimation.profile import profile
@@ -29,11 +29,15 @@ from tympan.studies.material.fit import (
     NOTES,
     LawFit,
     Limits,
+    far_off,
     judged,
     named_family,
     open_constants,
+    useless_constant,
+    with_simpler,
 )
 from tympan.studies.material.relaxation import BranchStress
+from tympan.studies.material.time_in_runs import time_in_runs
 
 Array = NDArray[Any]
 
@@ -52,6 +56,12 @@ _STEADY = 0.02
 _UNSTRETCHED = 1e-6
 #: Stress in a search is in units of so much of the readings.
 _FINE = 1e-6
+#: Logarithm of times so near to a bound are at it; of two branches nearer to another they are one.
+_AT_BOUND, _SAME_TIME = 1e-3, 0.05
+#: Stiffness that branches carry at the end of the longest test, over that at rest, that is told.
+_CARRIED = 0.05
+#: Excess of the stretch over 1 at which stiffness is compared.
+_SMALL = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +73,8 @@ class BranchFit:
     and rate. ``foretold`` is the root mean square error [Pa] over these, each counting alike, None
     where nothing could be held out; ``tried`` is that by number of branches. ``correlation`` of
     neighbouring residuals. ``stress`` and ``half``: what is predicted in the readings and half its
-    95 % band, linearised [Pa].
+    95 % band, linearised [Pa]. ``idle``: a branch is no more than the scatter of a reading, or two
+    have the same time. ``at_bound``: a branch's time is at the bound of what the tests may see.
     """
 
     law: LawFit
@@ -74,11 +85,18 @@ class BranchFit:
     stress: Array
     half: Array
     tried: dict[int, float | None]
+    idle: bool = False
+    at_bound: bool = False
 
     @property
     def count(self) -> int:
         """Number of branches."""
         return len(self.values) // 2
+
+    @property
+    def constants(self) -> int:
+        """Number of constants of law and branches."""
+        return len(self.law.values) + len(self.values)
 
     @property
     def branches(self) -> tuple[ViscousBranch, ...]:
@@ -110,8 +128,10 @@ def compare_in_time(coupons: Coupons, names: Sequence[str] | None = None,
     """Fits of laws with branches, the one that foretells held-out runs best first.
 
     Of all laws with at most one shape constant if none is named (branches leave little for more),
-    each with the number of branches that held-out runs choose unless it is given. ``noise`` is the
-    standard deviation of a reading [Pa], estimated where None.
+    each with the number of branches that held-out runs choose unless it is given; none where the
+    runs do not tell time from stretch. Where no run can be held out, laws are in order of Akaike's
+    criterion; those far from the others in an untested mode come last. ``noise`` is the standard
+    deviation of a reading [Pa], estimated where None.
 
     Raises
     ------
@@ -125,8 +145,31 @@ def compare_in_time(coupons: Coupons, names: Sequence[str] | None = None,
     simple = (name for name, family in FAMILIES.items() if len(family.shape) < 2)
     families = [named_family(name, len(coupons), 2 * (branches or 0))
                 for name in dict.fromkeys(names or simple)]
-    fits = [_chosen(TimedTests(coupons, stress, family), noise, branches) for family in families]
-    return tuple(sorted(fits, key=lambda fit: fit.foretold or fit.law.rmse))
+    if branches is None and not time_in_runs(coupons, stress).shown:
+        branches = 0
+
+    def fitted(family: Family) -> BranchFit:
+        return _chosen(TimedTests(coupons, stress, family), noise, branches)
+
+    fits = with_simpler([fitted(family) for family in families], fitted, lambda fit: fit.law)
+    return _ranked(coupons, fits, noise)
+
+
+def _ranked(coupons: Coupons, fits: Sequence[BranchFit], noise: float | None
+            ) -> tuple[BranchFit, ...]:
+    """The best first; criteria are for the independent readings of the fit that leaves least."""
+    correlation = min(fits, key=lambda fit: fit.law.rmse).correlation
+    count = independent_count(len(coupons), correlation)
+    far = far_off(coupons, [fit.law for fit in fits])
+    fits = [replace(fit, law=replace(
+        fit.law, far=far.get(fit.law.family.name, ""), foretold=fit.foretold,
+        criterion=akaike(fit.law.rmse**2, count, fit.constants, noise))) for fit in fits]
+
+    def key(fit: BranchFit) -> tuple[Any, ...]:
+        order = fit.law.criterion if fit.foretold is None else fit.foretold
+        return bool(fit.law.far), fit.foretold is None, order, fit.constants
+
+    return tuple(sorted(fits, key=key))
 
 
 def branch_lines(branches: Sequence[ViscousBranch]) -> str:
@@ -238,18 +281,18 @@ class TimedTests:
 
     def natural(self, values: Array) -> Array:
         """The unknowns, times themselves instead of their logarithms."""
-        law, moduli, times = self._split(values)
+        law, moduli, times = self.split(values)
         return np.concatenate([law, moduli, np.exp(times)])
 
     def predict(self, values: Array) -> Array:
         """Nominal stress [Pa]."""
-        law, moduli, times = self._split(values)
+        law, moduli, times = self.split(values)
         return np.asarray(self.family.stress(*self._stretches, law)
                           + self.stress.columns(times)[self.rows] @ moduli)
 
     def jacobian(self, values: Array) -> Array:
         """Its derivative by the unknowns."""
-        law, moduli, times = self._split(values)
+        law, moduli, times = self.split(values)
         return np.hstack([self.family.jacobian(*self._stretches, law),
                           self.stress.columns(times)[self.rows],
                           self.stress.slopes(times)[self.rows] * moduli])
@@ -278,11 +321,12 @@ class TimedTests:
         begin = np.array([values for shape in shapes
                           for values in self._scanned(count, shape, each)])
         ends = minima(self.problem(count, _FINE * self.size), begin)
-        law, moduli, times = self._split(ends[0])
+        law, moduli, times = self.split(ends[0])
         order = np.argsort(times)
         return np.concatenate([self.family.ordered(law), moduli[order], times[order]])
 
-    def _split(self, values: Array) -> tuple[Array, Array, Array]:
+    def split(self, values: Array) -> tuple[Array, Array, Array]:
+        """The law's constants, moduli, and times or their logarithms."""
         law, branches = np.split(values, [self.laws])
         moduli, times = np.split(branches, 2)
         return law, moduli, times
@@ -321,7 +365,7 @@ def _chosen(tests: TimedTests, noise: float | None, branches: int | None) -> Bra
     """
     groups = held_out_groups(tests.coupons)
     if branches is None and not groups:
-        return _by_criterion([fit_branches(tests, count, noise) for count in _counts(tests)])
+        return _by_criterion([fit_branches(tests, count, noise) for count in _counts(tests)], noise)
     counts = _counts(tests) if branches is None else range(branches, branches + 1)
     errors = {count: _held_out(tests, count, groups) for count in counts}
     foretold = {count: _overall(error) for count, error in errors.items()}
@@ -332,8 +376,11 @@ def _chosen(tests: TimedTests, noise: float | None, branches: int | None) -> Bra
         squares = np.square([error for error in errors[best].values() if error is not None])
         enough = np.sqrt(squares.mean() + squares.std(ddof=1) / len(squares) ** 0.5)
         chosen = next(count for count, error in overall.items() if error <= enough)
-    return replace(fit_branches(tests, chosen, noise, errors[chosen]), foretold=foretold[chosen],
-                   tried=foretold)
+    fit = fit_branches(tests, chosen, noise, errors[chosen])
+    while branches is None and fit.idle:
+        chosen -= 1
+        fit = fit_branches(tests, chosen, noise, errors[chosen])
+    return replace(fit, foretold=foretold[chosen], tried=foretold)
 
 
 def _counts(tests: TimedTests) -> range:
@@ -342,22 +389,23 @@ def _counts(tests: TimedTests) -> range:
     return range(max(min(MOST_BRANCHES, most), 0) + 1)
 
 
-def _by_criterion(fits: Sequence[BranchFit]) -> BranchFit:
-    """Where nothing can be held out: by Akaike's corrected criterion.
+def _by_criterion(fits: Sequence[BranchFit], noise: float | None) -> BranchFit:
+    """Where nothing can be held out: by Akaike's criterion.
 
-    Readings count as as many as are independent beside the most branches.
+    Readings count as as many as are independent beside the most branches. A branch that does
+    nothing, or whose time is at its bound, is one too many: nothing else speaks for it.
     """
     last = fits[-1]
-    count = len(last.stress) * (1 - last.correlation) / (1 + last.correlation)
+    count = independent_count(len(last.stress), last.correlation)
 
     def criterion(fit: BranchFit) -> float:
-        constants = len(fit.law.values) + len(fit.values) + 1
-        spare = count - constants - 1
-        least = 1e-9 * np.abs(fit.stress).max()
-        misfit = 2 * count * np.log(max(fit.law.rmse, least))
-        return float(misfit + 2 * constants * count / spare if spare > 0 else np.inf)
+        least = 1e-9 * float(np.abs(fit.stress).max())
+        return akaike(max(fit.law.rmse, least) ** 2, count, fit.constants, noise)
 
-    best = min(fits, key=criterion)
+    useful = [fit for fit in fits if not (fit.idle or fit.at_bound)]
+    best = min(useful, key=criterion)
+    if len(fits) == 1:
+        return best
     notes = (*best.law.notes, NOTES["nothing_held_out"])
     return replace(best, law=replace(best.law, notes=notes))
 
@@ -391,11 +439,43 @@ def fit_branches(tests: TimedTests, count: int, noise: float | None = None,
     limits = _limits(tests, values, errors_of)
     law = _law_at_rest(tests, natural, limits, errors_of, residual, jacobian, errors or {})
     notes = (*open_constants(tests.names(count), tests.units(count), natural, limits,
-                             errors_of.covariance), *_notes(tests.coupons, law, errors_of))
+                             errors_of.covariance), *_notes(tests.coupons, law, errors_of),
+             *_extrapolated(tests, natural), *_bound_notes(tests, values))
     return BranchFit(law=replace(law, notes=notes), values=natural[tests.laws:],
                      limits=limits[tests.laws:], foretold=None,
                      correlation=errors_of.correlation, stress=tests.predict(values),
-                     half=errors_of.halves(jacobian), tried={})
+                     half=errors_of.halves(jacobian), tried={},
+                     idle=_idle(tests, values, errors_of.sigma),
+                     at_bound=any(_bound_notes(tests, values)))
+
+
+def _idle(tests: TimedTests, values: Array, sigma: float) -> bool:
+    """Whether a branch does no more than the scatter of one reading, or two have the same time."""
+    _, moduli, times = tests.split(values)
+    sizes = np.linalg.norm(tests.stress.columns(times)[tests.rows] * moduli, axis=0)
+    return bool((sizes < sigma).any() or (np.diff(times) < _SAME_TIME).any())
+
+
+def _bound_notes(tests: TimedTests, values: Array) -> Iterator[str]:
+    """Words for each branch whose time is at a bound of what the tests may see."""
+    for number, time in enumerate(tests.split(values)[2], 1):
+        for side, bound in zip(("less", "more"), tests.stress.bounds, strict=True):
+            if abs(time - bound) < _AT_BOUND:
+                yield NOTES["branch_at_bound"].format(number=number, side=side,
+                                                      bound=float(np.exp(bound)))
+
+
+def _extrapolated(tests: TimedTests, values: Array) -> Iterator[str]:
+    """Whether the modulus at rest lies beyond the tests: no reading at rest, none late enough."""
+    law, moduli, times = tests.split(values)
+    ends = [float(tests.coupons.time[run[-1]]) for run in tests.coupons.timed_runs.values()]
+    if not len(moduli) or np.isnan(tests.coupons.time).any():
+        return
+    strip = np.array([1 + _SMALL])
+    rest = float(tests.family.stress(strip, strip**-0.5, law)[0]) / (3 * _SMALL)
+    carried = float(moduli @ np.exp(-max(ends) / times))
+    if carried > _CARRIED * abs(rest):
+        yield NOTES["extrapolated"].format(longest=max(ends), share=100 * carried / abs(rest))
 
 
 def _limits(tests: TimedTests, values: Array, noise: CorrelatedNoise) -> tuple[Limits, ...]:
@@ -420,19 +500,22 @@ def _law_at_rest(tests: TimedTests, values: Array, limits: tuple[Limits, ...],
     widest = float(noise.quantiles[law].max())
     _, material, failing = judged(tests.family, values[law], tests.coupons)
     mean = float(residual @ residual) / len(residual)
-    independent = len(residual) * (1 - noise.correlation) / (1 + noise.correlation)
+    independent = independent_count(len(residual), noise.correlation)
     lengths = np.linalg.norm(jacobian, axis=0)
     condition = np.linalg.cond(jacobian / lengths) if lengths.all() else np.inf
     return LawFit(
         family=tests.family, material=material, values=values[law], limits=limits[law],
         covariance=noise.covariance[law, law], noise=Noise(noise.sigma, widest),
         rmse=mean**0.5,
-        criterion=float(independent * np.log(max(mean, 1e-300)) + 2 * (len(values) + 1)),
+        criterion=akaike(mean, independent, len(values)),
         condition=float(min(condition, 1e300)), held_out=dict(errors),
-        range=tests.coupons.stretch_range, inadmissible=failing)
+        range=tests.coupons.stretch_range, inadmissible=failing,
+        dropped=useless_constant(tests.family, values[law], tests.coupons, noise.sigma))
 
 
 def _notes(coupons: Coupons, law: LawFit, noise: CorrelatedNoise) -> Iterator[str]:
+    if law.dropped:
+        yield law.dropped
     if law.material is None:
         yield NOTES["no_meaning"]
     if law.inadmissible is not None:

@@ -33,6 +33,7 @@ class Family:
     bounds: Callable[[float], Bounds] = lambda excess: (0.0, 0.0)
     starts: Callable[[float], Bounds] = lambda excess: (0.0, 0.0)
     alike: bool = False  #: terms may change places; they are sorted by their shape constant
+    simpler: str = "neo_hooke"  #: the law that remains where one of its terms is dropped
 
     @property
     def constants(self) -> tuple[str, ...]:
@@ -87,7 +88,8 @@ def _ogden(terms: int) -> Family:
     return Family(f"ogden_{terms}", tuple(f"mu_{n}" for n in numbers),
                   lambda c, s: Ogden(c, tuple(power or 1e-9 for power in s)),
                   tuple(f"alpha_{n}" for n in numbers),
-                  lambda excess: (-20.0, 20.0), lambda excess: (-5.0, 8.0), alike=True)
+                  lambda excess: (-20.0, 20.0), lambda excess: (-5.0, 8.0), alike=True,
+                  simpler="neo_hooke" if terms == 1 else f"ogden_{terms - 1}")
 
 
 #: By the name that ``tympan material fit --law`` takes.

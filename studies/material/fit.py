@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,12 +15,14 @@ from tympan.geometry.errors import InputError
 from tympan.geometry.fields import fields_of
 from tympan.geometry.specimen import Material
 from tympan.studies.data.coupon import MODES, Coupons
+from tympan.studies.estimation.correlation import CorrelatedNoise, akaike, independent_count
 from tympan.studies.estimation.identifiability import Noise, covariance
 from tympan.studies.estimation.least_squares import LeastSquares, minima, seeded_starts
 from tympan.studies.estimation.profile import profile
 from tympan.studies.files import words_beside
 from tympan.studies.material.families import FAMILIES, Family, largest_excess
 
+T = TypeVar("T")
 Array = NDArray[Any]
 #: What to tell the reader, by key.
 NOTES = words_beside(__file__)
@@ -38,9 +40,18 @@ CORRELATED = 0.95
 WIDE = 0.5
 #: Laws whose stresses in an untested mode differ by more than this factor are told.
 DIFFERING = 1.5
-#: Terms of an Ogden law that cancel to less than this part are a limit of the law, not constants to
-#: compute with.
+#: Two terms of a law that cancel to less than this part in the readings are a limit of the law, not
+#: constants to compute with.
 CANCELLING = 50.0
+#: A law whose stress in an untested mode is so many times another than what most laws say there is
+#: ranked last: half an order of magnitude.
+FAR = 10**0.5
+#: Laws that foretell held-out runs within this factor foretell them equally.
+_SAME_ERROR = 1.05
+#: A constant nearer to its bound than this, as a share of the bound, is at it.
+_AT_BOUND = 1e-3
+#: Most folds of runs that are held out.
+_FOLDS = 5
 #: Stress in a search for minima is in units of so much of the readings; limits are met to such a
 #: share of the quantile.
 _FINE, _MET = 1e-8, 1e-3
@@ -52,10 +63,12 @@ class LawFit:
 
     ``values`` are the family's constants [Pa or plain], ``limits`` their 95 % limits, None where
     the readings set none; ``covariance`` is linearised; ``rmse`` is of the residuals [Pa].
-    ``criterion`` is Akaike's, corrected for few readings (Hurvich and Tsai, Biometrika 76, 297,
-    1989); lower is better. ``held_out`` is the root mean square error [Pa] on each mode after a fit
-    to the others, None where the law could not follow. ``range`` is of the in-plane stretches of
-    the tests, ``inadmissible`` the first stretches within it where Hill's inequality fails.
+    ``criterion`` is Akaike's for as many readings as are independent; lower is better.
+    ``held_out`` is the root mean square error [Pa] on each mode after a fit to the others, None
+    where the law could not follow; ``foretold`` that on held-out runs, None where none were.
+    ``range`` is of the principal stretches of the tests, ``inadmissible`` the first stretches
+    within it where Hill's inequality fails. ``dropped`` says which constant is of no use, ``far``
+    in which untested mode the law is far from the others; both "" where that is not so.
     """
 
     family: Family
@@ -71,11 +84,14 @@ class LawFit:
     range: tuple[float, float]
     inadmissible: tuple[float, float] | None
     notes: tuple[str, ...] = ()
+    foretold: float | None = None
+    dropped: str = ""
+    far: str = ""
 
     @property
     def offered(self) -> bool:
         """Whether a film may be made of it."""
-        return self.material is not None and self.inadmissible is None
+        return self.material is not None and self.inadmissible is None and not self.dropped
 
     def predict(self, mode: str, stretch: Array) -> tuple[Array, Array]:
         """Nominal stress and half the width of its 95 % band [Pa], linearised."""
@@ -95,8 +111,11 @@ class LawFit:
                      for index, (name, value, (low, high)) in enumerate(
                          zip(self.family.constants, self.values, self.limits, strict=True))}
         return {"name": self.family.name, "law": getattr(self.material, "law", None),
-                "offered": self.offered,
-                "constants": constants, "rmse_Pa": self.rmse, "aicc": self.criterion,
+                "offered": self.offered, "dropped": self.dropped or None,
+                "far_off": self.far or None,
+                "constants": constants, "rmse_Pa": self.rmse,
+                "aicc": self.criterion if np.isfinite(self.criterion) else None,
+                "held_out_runs_Pa": self.foretold,
                 "condition": self.condition,
                 "held_out_rmse_Pa": self.held_out, "stretch_range": list(self.range),
                 "inadmissible_at": None if self.inadmissible is None else list(self.inadmissible),
@@ -105,9 +124,12 @@ class LawFit:
 
 def compare(coupons: Coupons, names: Sequence[str] | None = None,
             noise: float | None = None) -> tuple[LawFit, ...]:
-    """Fits of laws, lowest criterion first; of all the readings are enough for if none is named.
+    """Fits of laws, the one to take first; of all the readings are enough for if none is named.
 
-    ``noise`` is the standard deviation of one reading [Pa], estimated where None.
+    Where every mode has several runs, laws are compared by what each foretells of runs held out,
+    otherwise by Akaike's criterion for as many readings as are independent. Laws that are far from
+    the others in an untested mode come last. ``noise`` is the standard deviation of one reading
+    [Pa], estimated where None.
 
     Raises
     ------
@@ -122,8 +144,131 @@ def compare(coupons: Coupons, names: Sequence[str] | None = None,
     if largest_excess(*coupons.in_plane) < 1e-6:
         raise InputError("none of the readings is stretched", key="stretch",
                          given=coupons.stretch_range[1])
-    fits = [fit_law(coupons, family, noise) for family in families]
-    return tuple(sorted(fits, key=lambda fit: fit.criterion))
+    fits = with_simpler([fit_law(coupons, family, noise) for family in families],
+                        lambda family: fit_law(coupons, family, noise), lambda fit: fit)
+    count = independent_count(len(coupons), _common_correlation(coupons, fits, noise))
+    fits = [replace(fit, criterion=akaike(fit.rmse**2, count, len(fit.values), noise),
+                    foretold=_foretold(coupons, fit.family)) for fit in fits]
+    far = far_off(coupons, fits)
+    return _ranked([replace(fit, far=far.get(fit.family.name, "")) for fit in fits])
+
+
+def with_simpler(fits: list[T], fitted: Callable[[Family], T], law: Callable[[T], LawFit]
+                 ) -> list[T]:
+    """The fits, and those of simpler laws in place of which some constants are of no use."""
+    every = list(fits)
+    for fit in every:
+        names = {law(other).family.name for other in every}
+        if law(fit).dropped and law(fit).family.simpler not in names:
+            every.append(fitted(FAMILIES[law(fit).family.simpler]))
+    return every
+
+
+def _ranked(fits: Sequence[LawFit]) -> tuple[LawFit, ...]:
+    """The best first: of those that foretell held-out runs about equally, the simplest.
+
+    Laws that are far off in untested modes come last.
+    """
+    errors = [fit.foretold for fit in fits if fit.foretold is not None and fit.offered]
+    enough = _SAME_ERROR * min(errors, default=0.0)
+
+    def key(fit: LawFit) -> tuple[Any, ...]:
+        if fit.foretold is None:
+            return bool(fit.far), bool(errors), fit.criterion, len(fit.values)
+        close = fit.foretold <= enough
+        return (bool(fit.far), False, 0.0 if close else fit.foretold,
+                len(fit.values) if close else 0, fit.foretold)
+
+    return tuple(sorted(fits, key=key))
+
+
+def _common_correlation(coupons: Coupons, fits: Sequence[LawFit], noise: float | None) -> float:
+    """Correlation of neighbouring residuals of the fit that leaves least: of noise, if any is."""
+    count = len(coupons)
+    least = min((fit for fit in fits), key=lambda fit: (
+        fit.rmse**2 / max(count - len(fit.values), 1)))
+    return coupon_noise(coupons, least.family, least.values, noise).correlation
+
+
+def coupon_noise(coupons: Coupons, family: Family, values: Array, noise: float | None = None
+                 ) -> CorrelatedNoise:
+    """Errors of a law's readings, alike along the stretch of each run of each mode."""
+    residual = _residual(family, coupons, values)
+    floor = 1e-13 * _size(coupons)
+    seen = np.where(np.abs(residual) > floor, residual, floor)
+    return CorrelatedNoise.of(family.jacobian(*coupons.in_plane, values), seen,
+                              list(runs_of_modes(coupons).values()), noise)
+
+
+def runs_of_modes(coupons: Coupons) -> dict[tuple[str, str], Array]:
+    """Numbers of the readings of each run of each mode, in order of the time or the stretch."""
+    runs = {}
+    for name, rows in coupons.series.items():
+        for mode in coupons.modes:
+            part = rows[coupons.mode[rows] == mode]
+            timed = np.isfinite(coupons.time[part]).all()
+            order = np.argsort((coupons.time if timed else coupons.stretch)[part], kind="stable")
+            if len(part):
+                runs[mode, name] = part[order]
+    return runs
+
+
+def _foretold(coupons: Coupons, family: Family) -> float | None:
+    """Root mean square error [Pa] on runs held out, some of each mode that has others left.
+
+    None where a mode has a single run: without it nothing of the mode remains.
+    """
+    runs = runs_of_modes(coupons)
+    by_mode = [[runs[key] for key in runs if key[0] == mode] for mode in coupons.modes]
+    folds = min(_FOLDS, *map(len, by_mode))
+    if folds < 2:
+        return None
+    squares = 0.0
+    for fold in range(folds):
+        tested = np.zeros(len(coupons), bool)
+        tested[np.concatenate([run for part in by_mode for run in part[fold::folds]])] = True
+        rest = coupons[~tested]
+        if len(rest) < _needed(family):
+            return None
+        values, *_ = _admissible(_minima(family, rest, 4), family, rest)
+        missed = _residual(family, coupons[tested], values)
+        squares += float(missed @ missed)
+    error = (squares / len(coupons)) ** 0.5
+    return error if np.isfinite(error) else None
+
+
+def far_off(coupons: Coupons, fits: Sequence[LawFit]) -> dict[str, str]:
+    """Laws whose stress in an untested mode is far from what most laws say there, with the words.
+
+    Neo-Hooke's law, as stiff in the tests as they are, counts as one more: in modes that were not
+    tested a law with one constant is seldom far off (Treloar, *The Physics of Rubber Elasticity*,
+    1975).
+    """
+    offered = [fit for fit in fits if fit.offered]
+    if not offered:
+        return {}
+    plain = FAMILIES["neo_hooke"]
+    column = plain.columns(*coupons.in_plane, np.empty(0))[:, 0]
+    modulus = np.median([column @ fit.family.stress(*coupons.in_plane, fit.values)
+                         for fit in offered], keepdims=True) / (column @ column)
+    stretch = np.array([1 + (coupons.stretch_range[1] - 1) / 2])
+    words: dict[str, str] = {}
+    for mode in MODES:
+        if mode in coupons.modes:
+            continue
+        across = stretch ** MODES[mode]
+        with np.errstate(all="ignore"):
+            stresses = {fit.family.name: float(fit.family.stress(stretch, across, fit.values)[0])
+                        for fit in offered}
+        usual = float(plain.stress(stretch, across, modulus)[0])
+        finite = [value for value in (*stresses.values(), usual) if value > 0]
+        middle = float(np.exp(np.median(np.log(finite))))
+        for name, value in stresses.items():
+            if np.isfinite(value) and not middle / FAR <= value <= middle * FAR:
+                words.setdefault(name, NOTES["far"].format(
+                    name=name, mode=mode.replace("_", " "), stretch=stretch[0],
+                    stress=value / 1e3, others=middle / 1e3))
+    return words
 
 
 def best_offered(fits: Sequence[LawFit]) -> LawFit | None:
@@ -137,11 +282,12 @@ def warnings(coupons: Coupons, fits: Sequence[LawFit], at_rest: bool = False) ->
     if best is None:
         return [NOTES["none_offered"]]
     words = [f"{best.family.name}: {note}" for note in best.notes]
-    if first is not best:
+    words += [fit.far for fit in fits if fit.far]
+    if first is not best and not first.dropped:
         words.append(NOTES["best_not_offered"].format(name=first.family.name))
     if "equibiaxial" not in coupons.modes:
         words.append(NOTES["no_equibiaxial"])
-        words += _differing(coupons, [fit for fit in fits if fit.offered])
+        words += _differing(coupons, [fit for fit in fits if fit.offered and not fit.far])
     words += _overfitted(best, [fit for fit in fits if fit.offered])
     times = coupons.time[np.isfinite(coupons.time)]
     if not at_rest and len(times) and np.ptp(times) > 0:
@@ -195,16 +341,20 @@ def fit_law(coupons: Coupons, family: Family, noise: float | None = None, starts
     jacobian = family.jacobian(*coupons.in_plane, values)
     spread = covariance(jacobian, sigma.sigma)
     lengths = np.linalg.norm(jacobian, axis=0)
+    dropped = useless_constant(family, values, coupons, sigma.sigma)
+    # Profiles along a constant of no use take long and say nothing.
+    limits = (((None, None),) * len(values) if dropped else
+              _limits(family, coupons, values, np.sqrt(np.diag(spread)), sigma))
     # 1e300 where no reading sees a constant.
     condition = np.linalg.cond(jacobian / lengths) if lengths.all() else np.inf
     result = LawFit(
         family=family, material=material, values=values,
-        limits=_limits(family, coupons, values, np.sqrt(np.diag(spread)), sigma),
-        covariance=spread, noise=sigma, rmse=float((squares / count) ** 0.5),
-        criterion=_criterion(squares, count, len(values), noise),
+        limits=limits, covariance=spread, noise=sigma, rmse=float((squares / count) ** 0.5),
+        criterion=akaike(squares / count, count, len(values), noise),
         condition=float(min(condition, 1e300)),
         held_out=_held_out(coupons, family, starts) if hold_out else {},
-        range=coupons.stretch_range, inadmissible=failing)
+        range=coupons.stretch_range, inadmissible=failing,
+        dropped=dropped)
     worse = squares - _squares(family, coupons, ends[0]) > 0.01 * squares
     return replace(result, notes=tuple(_notes(result, coupons, worse)))
 
@@ -313,8 +463,7 @@ def _admissible(ends: list[Array], family: Family, coupons: Coupons) -> Judged:
 
 def judged(family: Family, values: Array, coupons: Coupons) -> Judged:
     """Constants, what they make, if anything, and where that is not admissible in the tests."""
-    terms = values[:len(family.linear)] * values[len(family.linear):] if family.alike else values
-    if family.alike and np.abs(terms).sum() > CANCELLING * abs(terms.sum()):
+    if _cancelling(family, values, coupons):
         return values, None, None
     try:
         material = family.material(values)
@@ -323,13 +472,39 @@ def judged(family: Family, values: Array, coupons: Coupons) -> Judged:
     return values, material, inadmissible_stretch(material, *coupons.stretch_range)
 
 
-def _criterion(squares: float, readings: int, constants: int, noise: float | None) -> float:
-    """Akaike's; an estimated noise counts as one more constant."""
-    if noise is not None:
-        count, misfit = constants, squares / noise**2
-    else:
-        count, misfit = constants + 1, readings * np.log(squares / readings)
-    return float(misfit + 2 * count + 2 * count * (count + 1) / (readings - count - 1))
+def _terms(family: Family, values: Array, coupons: Coupons) -> Array:
+    """Stress of each term of a law in the readings [Pa], shape (readings, terms)."""
+    linear, shape = np.split(values, [len(family.linear)])
+    with np.errstate(all="ignore"):
+        return np.asarray(np.nan_to_num(family.columns(*coupons.in_plane, shape) * linear))
+
+
+def _cancelling(family: Family, values: Array, coupons: Coupons) -> bool:
+    """Whether two terms of a law all but cancel in the readings."""
+    terms = _terms(family, values, coupons)
+    sizes = np.linalg.norm(terms, axis=0)
+    return any(np.linalg.norm(terms[:, first] + terms[:, second]) * CANCELLING
+               < sizes[first] + sizes[second]
+               for first, second in combinations(range(terms.shape[1]), 2))
+
+
+def useless_constant(family: Family, values: Array, coupons: Coupons, sigma: float) -> str:
+    """Words on a constant at its bound, or a term that the readings do not see, else "".
+
+    A term is not seen if all of it is no more than one standard deviation ``sigma`` [Pa] of one
+    reading: without it χ² grows by one at most.
+    """
+    linear, shape = np.split(values, [len(family.linear)])
+    bounds = family.bounds(largest_excess(*coupons.in_plane))
+    for name, value in zip(family.shape, shape, strict=True):
+        for bound in bounds:
+            if abs(value - bound) <= _AT_BOUND * abs(bound):
+                return NOTES["at_bound"].format(name=name, bound=bound, simpler=family.simpler)
+    sizes = np.linalg.norm(_terms(family, values, coupons), axis=0)
+    for name, size in zip(family.linear, sizes, strict=True):
+        if len(linear) > 1 and size < sigma:
+            return NOTES["does_nothing"].format(name=name, simpler=family.simpler)
+    return ""
 
 
 def _held_out(coupons: Coupons, family: Family, starts: int) -> dict[str, float | None]:
@@ -347,8 +522,11 @@ def _held_out(coupons: Coupons, family: Family, starts: int) -> dict[str, float 
 def _notes(fit: LawFit, coupons: Coupons, worse: bool) -> Iterator[str]:
     family = fit.family
     units = ["Pa"] * len(family.linear) + ["1"] * len(family.shape)
-    yield from open_constants(family.constants, units, fit.values, fit.limits, fit.covariance)
-    yield from _open_modes(fit, coupons)
+    if fit.dropped:
+        yield fit.dropped
+    else:
+        yield from open_constants(family.constants, units, fit.values, fit.limits, fit.covariance)
+        yield from _open_modes(fit, coupons)
     if fit.material is None:
         yield NOTES["no_meaning"]
     if fit.inadmissible is not None:

@@ -23,6 +23,7 @@ from tympan.studies.material.fit import (
     material_lines,
     warnings,
 )
+from tympan.studies.material.time_in_runs import time_in_runs
 
 #: The columns of curves.csv: nominal stress of each law and half its 95 % band.
 CURVES: tuple[Column, ...] = (
@@ -91,16 +92,20 @@ def fit_coupons(files: Path | Sequence[Path], names: Sequence[str] | None = None
                 noise: float | None = None, branches: int | None = None) -> MaterialFitResult:
     """What laws fitted to the readings of one file or several say.
 
-    Where a run has readings at several times, laws with ``branches``, or as many as held-out runs
-    choose, are fitted: see :func:`~tympan.studies.material.branches.compare_in_time`. Otherwise, or
-    with 0 branches, laws without: :func:`~tympan.studies.material.fit.compare`. An
-    :class:`InputError` names the file.
+    Where the runs tell time from stretch (``numbers["time"]``), laws with ``branches``, or as many
+    as held-out runs choose, are fitted: see
+    :func:`~tympan.studies.material.branches.compare_in_time`. Otherwise, or with 0 branches, laws
+    without: :func:`~tympan.studies.material.fit.compare`. An :class:`InputError` names the file.
     """
     files = [files] if isinstance(files, Path) else [*files]
     coupons, said = _without_voltage(read_coupons(*files))
     try:
-        if branches != 0 and coupons.in_time:
-            thin = coupons.thinned()
+        thin = coupons.thinned() if coupons.in_time else coupons
+        time = time_in_runs(thin) if branches != 0 and coupons.in_time else None
+        if branches and time is not None and not time.separable:
+            raise InputError(f"must be 0: {time.reason}; needed is {' or '.join(time.needed)}",
+                             key="--branches", given=branches)
+        if time is not None and (branches or time.shown):
             result = _fitted_in_time(thin, compare_in_time(thin, names, noise, branches))
             if thin is not coupons:
                 result.numbers["warnings"].append(NOTES["thinned"].format(
@@ -109,9 +114,12 @@ def fit_coupons(files: Path | Sequence[Path], names: Sequence[str] | None = None
             raise InputError("needs the column t_s with several times in a run", key="--branches",
                              given=branches)
         else:
-            result = _fitted(coupons, compare(coupons, names, noise))
+            result = _fitted(coupons, compare(coupons, names, noise), at_rest=time is not None)
     except InputError as error:
         raise error.located(file=files[0]) from None
+    result.numbers["time"] = None if time is None else time.json()
+    if time is not None and time.reason:
+        result.numbers["warnings"].insert(0, time.reason)
     result.numbers["file"] = ", ".join(map(str, files))
     result.numbers["warnings"] += said
     return result
