@@ -155,10 +155,10 @@ def _shown(read: Array, branches: Array, basis: Array, coupons: Coupons) -> bool
     Branches of all times together, none pulling back, so that what remains is scatter.
     """
     lengths = np.linalg.norm(branches, axis=0)
-    moduli, left = nnls(branches / lengths, read)
+    moduli, remaining = nnls(branches / lengths, read)
     pulling = branches[:, moduli > 0]
     floor = _ROUNDING**2 * float(coupons.stress @ coupons.stress)
-    before, after = float(read @ read) + floor, left**2 + floor
+    before, after = float(read @ read) + floor, remaining**2 + floor
     if after <= 2 * floor or not pulling.shape[1]:
         return bool(before > 2 * after)
     residual = read - branches @ (moduli / lengths)
