@@ -24,7 +24,7 @@ from tympan.geometry.read_file import file_bytes
 from tympan.geometry.toml_reader import FINITE, Rule
 from tympan.geometry.units import any_quantity, bounded, quantity, unit_factor
 from tympan.studies.files import read_text, write_csv
-from tympan.studies.formats import DECIMAL_COMMA, read_rows, readers, unfolded
+from tympan.studies.formats import DECIMAL_COMMA, THOUSANDS, read_rows, readers, unfolded
 
 #: How a reading that was not made is written.
 _NOTHING_READ = ("", "-", "–", "n/a", "na")
@@ -32,6 +32,8 @@ _NOTHING_READ = ("", "-", "–", "n/a", "na")
 #: So much of a line is shown.
 _SHOWN = 80
 _NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?", re.ASCII)
+#: A number with thousands separators, which no program reads by itself.
+_GROUPED = re.compile(r"[-+]?\d{1,3}(?:([.,' \u2019\u00a0\u202f])\d{3})(?:\1\d{3})*(?:[.,]\d+)?")
 
 
 @dataclass(frozen=True)
@@ -271,6 +273,11 @@ def _no_number(cell: str) -> str:
         return "must be a number; leave out what was not read"
     if cell.lower().lstrip("+-") in ("nan", "inf", "infinity"):
         return "must be finite"
+    if THOUSANDS.fullmatch(cell):
+        return (f"must be a number without a thousands separator and with a decimal point: "
+                f"{cell.replace(',', '')} or {cell.replace(',', '.')}")
+    if _GROUPED.fullmatch(cell):
+        return "must be a number without thousands separators and with a decimal point"
     if DECIMAL_COMMA.fullmatch(cell):
         return f"must be a number with a decimal point, such as {cell.replace(',', '.')}"
     start = _NUMBER.match(cell)

@@ -1,26 +1,29 @@
 """What tables of readings are written in: how the bytes of a file become rows of cells.
 
-A new format is a value of :data:`FORMATS`, known by the end of the files' names, and where that is
+Every table is counted before it is read: one with too many columns or cells is refused at once. A
+new format is a value of :data:`FORMATS`, known by the end of the files' names, and where that is
 not enough by what is in them; those of users' own packages are loaded by entry points of the group
 ``tympan.formats`` (:mod:`tympan.geometry.plugins`).
 """
 
 from __future__ import annotations
 
+import codecs
 import csv
 import io
 import re
 import warnings
+import zipfile
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from itertools import islice
 from pathlib import Path
 from typing import Any
 
 from tympan.geometry.errors import InputError
 from tympan.geometry.fields import Registry
 from tympan.geometry.plugins import load_plugins
+from tympan.geometry.read_file import STORED
 from tympan.geometry.system import MissingLibrary
 from tympan.geometry.units import quantity
 
@@ -31,9 +34,42 @@ Row = tuple[int, list[str]]
 _SEPARATORS = (",", ";", "\t")
 
 DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+(?:[eE][-+]?\d+)?", re.ASCII)
+_DECIMAL_POINT = re.compile(r"[-+]?\d+\.\d+(?:[eE][-+]?\d+)?", re.ASCII)
 
-#: Most rows and columns of a workbook.
-_MOST_ROWS, _MOST_COLUMNS = 300_000, 100
+#: A number that a thousands separator may have been written into: "1.000" is 1000 or 1.
+THOUSANDS = re.compile(r"[-+]?[1-9]\d{0,2}[.,]\d{3}", re.ASCII)
+#: Such numbers that end with 0: a program that leaves decimals out where they are 0 writes none.
+_ROUND = re.compile(r"[-+]?[1-9]\d{0,2}[.,]\d\d0(?![\d.eE])", re.ASCII)
+_HUNDREDS = re.compile(r"[-+]?[1-9]\d{2,}", re.ASCII)
+
+#: The first line that Excel understands: what stands between cells.
+_SEP_LINE = re.compile(r'\ufeff?"?sep=([^\w\s"\'.+-]|\t)"?[ \t;,]*\n', re.IGNORECASE)
+
+#: The first line that is not blank.
+_FIRST = re.compile(r"^(?=[ \t;,]*[^ \t;,\n]).*", re.MULTILINE)
+
+#: What no text contains.
+_CONTROL = re.compile(r"[\x00-\x08\x0e-\x1f\x7f]")
+
+#: Most columns of a table, the specimens of a wide one and more.
+_MOST_COLUMNS = 1000
+#: Most cells of a table: 2 million samples in five columns, 1 GB of memory.
+_MOST_CELLS = 10_000_000
+#: Most rows of a workbook; an empty row costs nothing in its file.
+_MOST_ROWS = 300_000
+#: Most tags in the cells and texts of a workbook, four a cell: 100,000 take openpyxl 0.3 s.
+_MOST_TAGS = 5_000_000
+#: Most tags in its styles and all else: 100,000 take 1.4 s and 50 MB.
+_MOST_OTHER_TAGS = 100_000
+#: Parts of a workbook that hold cells or texts.
+_CELLS = re.compile(r"worksheets/|sharedStrings", re.IGNORECASE)
+#: So much of a workbook is counted at a time [bytes].
+_CHUNK = 1 << 20
+
+#: Encodings by the byte-order mark at the beginning; that of UTF-32 begins as one of UTF-16 does.
+_MARKS = {codecs.BOM_UTF8: "utf-8-sig", codecs.BOM_UTF32_LE: "utf-32",
+          codecs.BOM_UTF32_BE: "utf-32", codecs.BOM_UTF16_LE: "utf-16",
+          codecs.BOM_UTF16_BE: "utf-16"}
 
 #: The name of a column of a wide table: "circle 17.9 g displacement_mm up".
 _WIDE = re.compile(r"(?P<specimen>.+?)\s+(?P<mass>[\d.,]+\s*[a-z]+)\s+"
@@ -89,38 +125,98 @@ def readers() -> str:
     return "; ".join(f"{kind.suffix}: {kind.explanation}" for kind in FORMATS.values())
 
 
-def text_rows(file: Path, content: bytes) -> list[Row]:
-    """Rows of text with commas, semicolons or tabs between cells, in UTF-8.
+def text_of(content: bytes, file: Path | None = None) -> str:
+    """The text of a table, its lines ended by line feeds.
 
-    Where no comma stands between them, it may stand in numbers. Blank lines are skipped; a
-    byte-order mark and any line ends are taken.
+    In the encoding that a byte-order mark names, else in UTF-8, else in Windows-1252, of which
+    Latin-1 is the part without control characters. UTF-16 is also known by its zeros. An
+    :class:`InputError` of the ``file`` where that is given and the bytes are no text.
     """
+    encoding = _encoding(content)
     try:
-        text = content.decode("utf-8-sig").replace("\r\n", "\n").replace("\r", "\n")
+        text = content.decode(encoding, "strict" if file else "replace")
     except UnicodeDecodeError as error:
-        raise InputError(f"is not UTF-8 text (byte {error.start}): save it as CSV in UTF-8; or it "
-                         f"is written as one of {readers()}", file=file) from None
-    mark = _separator(text)
+        if encoding != "cp1252":
+            name = encoding.removesuffix("-sig").upper()
+            raise InputError(f"is not {name} text (byte {error.start}): save it as CSV in UTF-8",
+                             file=file) from None
+        text = content.decode("latin-1")
+    text = text.replace("\r\n", "\n").replace("\r", "\n").rstrip("\x1a")  # the end in DOS
+    if file and (control := _CONTROL.search(text)):
+        raise InputError("is no text: save it as CSV in UTF-8; or it is written as one of "
+                         f"{readers()}", file=file, given=control.group(),
+                         key=f"line {text.count(chr(10), 0, control.start()) + 1}")
+    return text
+
+
+def _encoding(content: bytes) -> str:
+    for mark, encoding in _MARKS.items():
+        if content.startswith(mark):
+            return encoding
+    even, odd = (content[start:_CHUNK:2].count(0) for start in (0, 1))
+    if max(even, odd) > len(content[:_CHUNK]) // 4:
+        return "utf-16-le" if odd > even else "utf-16-be"
+    try:
+        content.decode("utf-8")
+    except UnicodeDecodeError:
+        return "cp1252"
+    return "utf-8"
+
+
+def first_line(content: bytes) -> str:
+    """The first line of a text, but for Excel's ``sep=``, cut after a few words."""
+    text = text_of(content[:400])
+    return _SEP_LINE.sub("", text, 1).partition("\n")[0]
+
+
+def text_rows(file: Path, content: bytes) -> list[Row]:
+    """Rows of text with commas, semicolons or tabs between cells, or what ``sep=`` names.
+
+    Where no comma stands between them, it may stand in numbers. Blank lines are skipped; encodings
+    and line ends are those of :func:`text_of`. An :class:`InputError` where a number can be read in
+    two ways.
+    """
+    text = text_of(content, file)
+    said = _SEP_LINE.match(text)
+    if said:  # its line stays, so that the others keep their numbers
+        text = "\n" + text[said.end():]
+    mark = said[1] if said else _separator(text)
+    if (columns := _unquoted(text).count(mark) + 1) > _MOST_COLUMNS:
+        raise _too_many(file, columns, _MOST_COLUMNS, "columns")
+    if (cells := text.count(mark) + text.count("\n")) > _MOST_CELLS:
+        raise _too_many(file, cells, _MOST_CELLS, "cells")
     reader = csv.reader(io.StringIO(text), delimiter=mark, skipinitialspace=True, strict=True)
     rows, begin = [], 1
     try:
         for row in reader:
-            cells = [cell.strip() for cell in row]
-            if any(cells):
-                points = cells if mark == "," else [decimal_point(cell) for cell in cells]
-                rows.append((begin, points))
+            cells_of = [cell.strip() for cell in row]
+            if any(cells_of):
+                rows.append((begin, cells_of))
             begin = reader.line_num + 1
     except csv.Error as error:
         raise InputError(f"is not comma-separated text: {error}; is a quotation mark left open?",
                          file=file, key=f"line {begin}") from None
-    return rows
+    if mark != ",":
+        _check_marks(file, rows)
+    if _ROUND.search(text):
+        _check_rounds(file, rows)
+    return rows if mark == "," else [(line, [decimal_point(cell) for cell in row])
+                                     for line, row in rows]
+
+
+def _too_many(file: Path, count: int, most: int, things: str) -> InputError:
+    return InputError(f"must have at most {most} {things}", file=file, given=count)
+
+
+def _unquoted(text: str) -> str:
+    """The first line that is not blank, quotations left out."""
+    first = _FIRST.search(text)
+    return re.sub(r'"[^"]*"', "", first.group()) if first else ""
 
 
 def _separator(text: str) -> str:
     """What stands most often in the first line that is not blank, quotations left out."""
-    first = next((line for line in text.split("\n") if line.strip(" \t;,")), "")
-    unquoted = re.sub(r'"[^"]*"', "", first)
-    return max(_SEPARATORS, key=unquoted.count)
+    return max(_SEPARATORS, key=_unquoted(text).count)
 
 
 def decimal_point(cell: str) -> str:
@@ -128,10 +224,61 @@ def decimal_point(cell: str) -> str:
     return cell.replace(",", ".") if DECIMAL_COMMA.fullmatch(cell) else cell
 
 
+def _check_marks(file: Path, rows: Sequence[Row]) -> None:
+    """Refuse decimal commas and decimal points in one file.
+
+    Of columns whose title has no unit, which may be labels, a point counts only if it may separate
+    thousands.
+    """
+    first: dict[tuple[str, bool], tuple[int, int, str]] = {}
+    titles = rows[0][1] if rows else []
+    units = ["_" in title for title in titles]
+    for line, cells in rows[1:]:
+        for place, cell in enumerate(cells[:len(titles)]):
+            twofold = THOUSANDS.fullmatch(cell) is not None
+            if "," in cell and DECIMAL_COMMA.fullmatch(cell):
+                first.setdefault((",", twofold), (line, place, cell))
+            elif "." in cell and (twofold or units[place]) and _DECIMAL_POINT.fullmatch(cell):
+                first.setdefault((".", twofold), (line, place, cell))
+    for suspect, other in ((".", ","), (",", ".")):
+        for twofold, plain in ((True, False), (True, True), (False, False)):
+            if (suspect, twofold) in first and (other, plain) in first:
+                line, place, cell = first[suspect, twofold]
+                beside = first[other, plain]
+                allowed = (f"{_readings(cell)}, since line {beside[0]} has {beside[2]!r}" if twofold
+                           else f"must have the decimal mark of {beside[2]!r} in line {beside[0]}")
+                raise InputError(f"{allowed}: write all numbers without thousands separators and "
+                                 "with one decimal mark", file=file, given=cell,
+                                 key=_place(line, place, titles))
+
+
+def _check_rounds(file: Path, rows: Sequence[Row]) -> None:
+    """Refuse a column with "1.000" and "500": decimals are left out only where they are none."""
+    titles = rows[0][1] if rows else []
+    for place in range(len(titles)):
+        column = [(line, cells[place]) for line, cells in rows[1:] if place < len(cells)]
+        found = next(((line, cell) for line, cell in column if _ROUND.fullmatch(cell)), None)
+        whole = found and next((item for item in column if _HUNDREDS.fullmatch(item[1])), None)
+        if found and whole:
+            raise InputError(f"{_readings(found[1])}, since line {whole[0]} has {whole[1]!r}: write"
+                             " all numbers without thousands separators and with one decimal mark",
+                             file=file, given=found[1], key=_place(found[0], place, titles))
+
+
+def _readings(cell: str) -> str:
+    return (f"can be read as {re.sub('[.,]', '', cell)} (with a thousands separator) or as "
+            f"{float(cell.replace(',', '.')):g} (with a decimal mark)")
+
+
+def _place(line: int, place: int, titles: Sequence[str]) -> str:
+    return f"line {line}, column {place + 1} ({titles[place]})"
+
+
 def workbook_rows(file: Path, content: bytes) -> list[Row]:
     """Rows of a workbook's sheet that is called as the file is, else of its first one.
 
-    Formulas count as what they made when the workbook was saved.
+    Formulas count as what they made when the workbook was saved. What it unpacks to is counted
+    before a library reads it.
     """
     try:
         from openpyxl import load_workbook
@@ -140,21 +287,57 @@ def workbook_rows(file: Path, content: bytes) -> list[Row]:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of styles and links it does not keep
+            _count_workbook(file, content)
             book = load_workbook(io.BytesIO(content), read_only=True, data_only=True)
             names = {sheet.title.lower(): sheet for sheet in book.worksheets}
             sheet = names.get(file.stem.lower()) or book.worksheets[0]
-            cells = list(islice(sheet.iter_rows(values_only=True, max_col=_MOST_COLUMNS + 1),
-                                _MOST_ROWS + 1))
+            sheet.reset_dimensions()  # those it declares need not be its own
+            rows = _filled(file, sheet.iter_rows(values_only=True))
+    except (InputError, MemoryError):
+        raise
     except Exception as error:  # whatever a broken archive or its XML raises
         raise InputError(f"is no workbook that can be read: {error}", file=file) from None
-    if len(cells) > _MOST_ROWS:
-        raise InputError(f"must have at most {_MOST_ROWS} rows", file=file)
-    rows = [(line, [_text(cell) for cell in row]) for line, row in enumerate(cells, start=1)]
-    rows = [(line, row) for line, row in rows if any(row)]
-    width = max((place for _, row in rows for place, cell in enumerate(row, 1) if cell), default=0)
-    if width > _MOST_COLUMNS:
-        raise InputError(f"must have at most {_MOST_COLUMNS} columns", file=file)
-    return [(line, (row + [""] * width)[:width]) for line, row in rows]
+    width = max((len(row) for _, row in rows), default=0)
+    if width * len(rows) > _MOST_CELLS:
+        raise _too_many(file, width * len(rows), _MOST_CELLS, "cells")
+    return [(line, row + [""] * (width - len(row))) for line, row in rows]
+
+
+def _count_workbook(file: Path, content: bytes) -> None:
+    """Refuse what unpacks to too much, by the sizes it declares, then by the tags in it."""
+    with zipfile.ZipFile(io.BytesIO(content)) as archive:
+        parts = [part for part in archive.infolist() if not part.filename.startswith("xl/media/")]
+        if (size := sum(part.file_size for part in parts)) > STORED:
+            raise InputError(f"must unpack to at most {STORED / 1e6:g} MB", file=file,
+                             given=f"{size / 1e6:.0f} MB")
+        tags = {_MOST_TAGS: 0, _MOST_OTHER_TAGS: 0}
+        for part in parts:
+            most = _MOST_TAGS if _CELLS.search(part.filename) else _MOST_OTHER_TAGS
+            with archive.open(part) as stream:
+                while chunk := stream.read(_CHUNK):
+                    tags[most] += chunk.count(b"<")
+                    if tags[most] > most:
+                        raise InputError(f"must have at most {most} tags in {part.filename}",
+                                         file=file)
+                    if b"<!" in chunk and (b"<!DOCTYPE" in chunk or b"<!ENTITY" in chunk):
+                        raise InputError("is no workbook: its XML defines words of its own",
+                                         file=file)
+
+
+def _filled(file: Path, cells: Iterator[Sequence[Any]]) -> list[Row]:
+    """The rows that are not blank, without the blank cells behind their last one."""
+    rows = []
+    for line, values in enumerate(cells, start=1):
+        if line > _MOST_ROWS:
+            raise InputError(f"must have at most {_MOST_ROWS} rows", file=file)
+        row = [_text(value) for value in values]
+        while row and not row[-1]:
+            row.pop()
+        if len(row) > _MOST_COLUMNS:
+            raise _too_many(file, len(row), _MOST_COLUMNS, "columns")
+        if row:
+            rows.append((line, row))
+    return rows
 
 
 def _text(cell: Any) -> str:
@@ -163,7 +346,7 @@ def _text(cell: Any) -> str:
 
 FORMATS.register(Format(
     ".csv", "text with commas, semicolons or tabs between cells, and decimal commas where no comma "
-    "stands between them", text_rows))
+    "stands between them; in UTF-8, UTF-16 or Windows-1252", text_rows))
 FORMATS.register(Format(
     ".xlsx", "a workbook: its sheet that is called as the file is, else its first one",
     workbook_rows))
@@ -199,6 +382,9 @@ def unfolded(file: Path, rows: Sequence[Row]) -> list[Row] | None:
     values = list(dict.fromkeys(title for _, places in groups for title in places))
     marks = ["specimen", "mass_kg", *(name for name in ("direction", "repeat")
                                       if any(name in head for head, _ in groups))]
+    width = len(common) + len(marks) + len(values)
+    if (count := len(below) * len(groups) * width) > _MOST_CELLS:
+        raise _too_many(file, count, _MOST_CELLS, "cells when it is unfolded")
     long: list[Row] = [(top, [*(titles[place] for place in common), *marks, *values])]
     for line, cells in below:
         if len(cells) != len(titles):

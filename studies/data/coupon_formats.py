@@ -8,7 +8,15 @@ from pathlib import Path
 
 from tympan.geometry.errors import InputError
 from tympan.studies.data.coupon import MODES
-from tympan.studies.formats import FORMATS, Format, Row, decimal_point, text_rows
+from tympan.studies.formats import (
+    FORMATS,
+    Format,
+    Row,
+    decimal_point,
+    first_line,
+    text_of,
+    text_rows,
+)
 
 #: First lines of digitised tables of VHB tape. Beside stretch and stress [Pa] a table may have
 #: temperatures [K], times [s], rates of the stretch [1/s] and voltages [V].
@@ -38,23 +46,21 @@ def _named_mode(file: Path) -> tuple[str, str] | None:
 
 
 def _is_pairs(file: Path, content: bytes) -> bool:
-    first = content[:200].partition(b"\n")[0].decode("ascii", "replace")
-    return _named_mode(file) is not None and _PAIR.fullmatch(first) is not None
+    return _named_mode(file) is not None and _PAIR.fullmatch(first_line(content)) is not None
 
 
 def pair_rows(file: Path, content: bytes) -> list[Row]:
     """Of lines with a nominal stress in MPa and a stretch, without any names of columns."""
     specimen, mode = _named_mode(file) or ("", "")
     rows: list[Row] = [(1, ["specimen", "mode", "nominal_stress_MPa", "stretch"])]
-    for number, line in enumerate(content.decode("utf-8-sig", "replace").splitlines(), start=1):
+    for number, line in enumerate(text_of(content, file).split("\n"), start=1):
         if line.strip():
             rows.append((number, [specimen, mode, *line.split()]))
     return rows
 
 
 def _is_digitised(file: Path, content: bytes) -> bool:
-    first = content[:200].decode("utf-8-sig", "replace").strip().splitlines()[:1]
-    return " ".join(re.split("[;,]", "".join(first))) in _DIGITISED
+    return " ".join(re.split("[;,\t]", first_line(content).strip())) in _DIGITISED
 
 
 def digitised_rows(file: Path, content: bytes) -> list[Row]:
@@ -62,7 +68,7 @@ def digitised_rows(file: Path, content: bytes) -> list[Row]:
 
     Of a test at a rate the time is the way of the stretch over it.
     """
-    (top, titles), *below = text_rows(file, _in_utf8(content))
+    (top, titles), *below = text_rows(file, content)
     mode = (_named_mode(file) or ("", "uniaxial"))[1]
     names = [_RENAMED[title] for title in titles if title in _RENAMED]
     places = [place for place, title in enumerate(titles) if title in _RENAMED]
@@ -99,14 +105,6 @@ def _passed(file: Path, titles: Sequence[str], below: Sequence[Row], rate: str
         time += abs(stretch - before) / speed
         before = stretch
         yield time
-
-
-def _in_utf8(content: bytes) -> bytes:
-    try:
-        content.decode("utf-8")
-    except UnicodeDecodeError:
-        return content.decode("latin-1").encode("utf-8")
-    return content
 
 
 def _check_width(file: Path, line: int, cells: Sequence[str], titles: Sequence[str]) -> None:

@@ -5,6 +5,8 @@ from __future__ import annotations
 
 import io
 import json
+import time
+import zipfile
 from pathlib import Path
 
 import pytest
@@ -13,11 +15,14 @@ from tests.support.datasets import write_dataset
 from tests.support.packages import installed, run
 from tympan.geometry.errors import InputError
 from tympan.studies.columns import Sheet
+from tympan.studies.data.coupon import read_coupons
 from tympan.studies.data.dataset import read_dataset
-from tympan.studies.formats import FORMATS, Format
+from tympan.studies.formats import FORMATS, Format, text_rows
+from tympan.studies.signals import read_signal
 
 openpyxl = pytest.importorskip("openpyxl")
 
+SHEET = "xl/worksheets/sheet1.xml"
 LONG = """specimen,mass_g,voltage_kV,displacement_mm,direction,repeat,capacitance_pF
 A,17.9,0,2.25,up,1,810.5
 B,17.9,0,2.5,up,1,
@@ -49,6 +54,18 @@ def workbook(text: str, name: str = "Tabelle1", first: str = "") -> bytes:
         sheet.append([number(cell) for cell in line.split(",")])
     book.save(content)
     return content.getvalue()
+
+
+def packed(part: str, before: str, more: str) -> bytes:
+    """A workbook of which one part has more text."""
+    out = io.BytesIO()
+    with (zipfile.ZipFile(io.BytesIO(workbook(LONG, "static"))) as old,
+          zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED) as new):
+        for name in old.namelist():
+            text = old.read(name).decode()
+            assert name != part or before in text
+            new.writestr(name, text.replace(before, more + before, 1) if name == part else text)
+    return out.getvalue()
 
 
 def number(cell: str) -> float | str | None:
@@ -104,16 +121,110 @@ BAD = [
     (workbook(LONG.replace("2.875", "low")), ".xlsx",
      "static.xlsx: line 5, column 4 (displacement_mm): given 'low': must be a number"),
     (workbook(""), ".xlsx", "static.xlsx: is empty"),
-    (workbook(",".join(["x"] * 101)), ".xlsx", "static.xlsx: must have at most 100 columns"),
+    (workbook(",".join(["x"] * 1001)), ".xlsx",
+     "static.xlsx: given 1001: must have at most 1000 columns"),
+    (",".join(["x"] * 60_000), ".csv", "static.csv: given 60000: must have at most 1000 columns"),
+    ("x;x\n" + 5_000_001 * ";\n", ".csv", "static.csv: given 10000004: must have at most 1000"),
+    (packed(SHEET, "<sheetData>", 30_000_000 * "<a/>"), ".xlsx",
+     "static.xlsx: given '120 MB': must unpack to at most 100 MB"),
+    (packed(SHEET, "<sheetData>", 5_000_000 * "<a/>"), ".xlsx",
+     "static.xlsx: must have at most 5000000 tags in xl/worksheets/sheet1.xml"),
+    (packed("xl/styles.xml", "<fonts", 100_001 * "<a/>"), ".xlsx",
+     "static.xlsx: must have at most 100000 tags in xl/styles.xml"),
+    (packed(SHEET, "<worksheet", "<!DOCTYPE a [<!ENTITY b 'c'>]>"), ".xlsx",
+     "static.xlsx: is no workbook: its XML defines words of its own"),
+    (packed(SHEET, "<row ", '<row r="1048576"><c r="A1048576"/></row>'), ".xlsx",
+     "static.xlsx: must have at most 300000 rows"),
 ]
 
 
 @pytest.mark.parametrize(("content", "suffix", "message"), BAD)
 def test_what_cannot_be_read_is_named(tmp_path: Path, content: str | bytes, suffix: str,
                                       message: str) -> None:
+    began = time.process_time()
     with pytest.raises(InputError) as error:
         read(tmp_path / "d", content, suffix)
     assert message in str(error.value)
+    assert time.process_time() - began < 2
+
+
+@pytest.mark.parametrize("declared", ["A1:XFD1048576", "A1"])
+def test_the_size_that_a_sheet_declares_is_not_asked(tmp_path: Path, declared: str) -> None:
+    content = packed(SHEET, "<sheetData>", f'<dimension ref="{declared}"/>')
+    assert rows(read(tmp_path / "other", content, ".xlsx")) == rows(read(tmp_path / "long", LONG))
+
+
+@pytest.mark.parametrize(("old", "new", "message"), [
+    ("3,5;2,75;", "3.500;2,75;",
+     "line 3, column 1 (voltage_kV): given '3.500': can be read as 3500 (with a thousands "
+     "separator) or as 3.5 (with a decimal mark), since line 2 has '2,25'"),
+    ("3,5;2,75;", "3.5;2,75;", "line 3, column 1 (voltage_kV): given '3.5': must have the decimal "
+     "mark of '2,25' in line 2"),
+    ("2,25;810,5;;;2,5;", "2.25;810.5;;;2.5;",
+     "given '2.25': must have the decimal mark of '3,5' in line 3"),
+])
+def test_numbers_with_both_decimal_marks_are_refused(tmp_path: Path, old: str, new: str,
+                                                     message: str) -> None:
+    assert old in WIDE
+    with pytest.raises(InputError) as error:
+        read(tmp_path / "d", WIDE.replace(old, new))
+    assert message in str(error.value)
+
+
+@pytest.mark.parametrize("mark", [",", ";"])
+def test_thousands_beside_whole_hundreds_are_refused(tmp_path: Path, mark: str) -> None:
+    """1.000 V after 500 V, though nothing else in the file has a decimal mark."""
+    text = "specimen,mass_g,voltage_V,displacement_um\nA,20,500,2100\nA,20,1.000,2140\n"
+    with pytest.raises(InputError) as error:
+        read(tmp_path / "d", text.replace(",", mark))
+    assert ("line 3, column 3 (voltage_V): given '1.000': can be read as 1000 (with a thousands "
+            "separator) or as 1 (with a decimal mark), since line 2 has '500'") in str(error.value)
+    sheet = read(tmp_path / "e", text.replace("500", "0.500").replace(",", mark))
+    assert sheet.voltage.tolist() == [0.5, 1.0]
+
+
+def test_points_in_labels_are_no_decimal_marks(tmp_path: Path) -> None:
+    text = LONG.replace(",", ";").replace(".", ",").replace(";repeat", ";order")
+    text = text.replace("A;", "1.1;").replace("B;", "1.2;")
+    names = text_rows(Path("static.csv"), text.encode())
+    assert names[1][1][:2] == ["1.1", "17.9"]
+
+
+@pytest.mark.parametrize("text", [
+    LONG.replace("specimen", "sep=,\r\nspecimen", 1), "sep=;\n" + LONG.replace(",", ";"),
+    'sep=|\n' + LONG.replace(",", "|").replace(".", ","), '"sep=;"\n' + LONG.replace(",", ";"),
+    "sep=\t\n" + LONG.replace(",", "\t"), "SEP=,\n" + LONG,
+], ids=["comma", "semicolon", "bar", "quoted", "tab", "capitals"])
+@pytest.mark.parametrize("mark", ["", "\ufeff"])
+def test_excels_first_line_names_the_separator(tmp_path: Path, mark: str, text: str) -> None:
+    sheet = read(tmp_path / "sep", mark + text)
+    assert rows(sheet) == rows(read(tmp_path / "long", LONG))
+    assert sheet.line.tolist() == [3, 4, 5, 6, 7, 8]
+
+
+ENCODINGS = ["utf-8", "utf-8-sig", "utf-16", "utf-16-le", "utf-16-be", "utf-32", "latin-1",
+             "cp1252"]
+
+
+@pytest.mark.parametrize("encoding", ENCODINGS)
+@pytest.mark.parametrize("mark", [",", "\t"])
+def test_every_usual_encoding_is_read(tmp_path: Path, encoding: str, mark: str) -> None:
+    """Among them Excel's Unicode text: tabs in UTF-16 with a byte-order mark."""
+    text = LONG.replace("A,", "Größe µ,").replace(",", mark)
+    read_as = text_rows(Path("static.csv"), text.encode(encoding))
+    assert read_as == text_rows(Path("static.csv"), text.encode())
+    assert read_as[1][1][0] == "Größe µ"
+
+
+@pytest.mark.parametrize("encoding", ["utf-16", "cp1252"])
+def test_signals_and_coupons_are_read_by_the_same_reader(tmp_path: Path, encoding: str) -> None:
+    signal, coupons = tmp_path / "signal.csv", tmp_path / "coupon.csv"
+    signal.write_bytes("sep=;\nt_s;voltage_kV\n0;0\n0,5;1,5\n".encode(encoding))
+    assert read_signal(signal).voltage.tolist() == [0, 1500]
+    coupons.write_bytes("specimen;mode;stretch;nominal_stress_kPa\nÄ;uniaxial;1,5;20\n".encode(
+        encoding))
+    sheet = read_coupons(coupons)
+    assert (sheet.specimen[0], sheet.stretch[0], sheet.stress[0]) == ("Ä", 1.5, 20e3)
 
 
 def test_one_table_stands_in_one_format(tmp_path: Path) -> None:

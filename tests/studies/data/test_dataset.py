@@ -149,7 +149,12 @@ SWINGS = "specimen,mass_g,voltage_kV,mode,frequency_Hz\n"
 STATIC_MESSAGES = [
     ("", "static.csv: is empty"),
     (TOP, "static.csv: has no readings below"),
-    (b"specimen,\xff\n", "static.csv: is not UTF-8 text (byte 9): save it as CSV in UTF-8"),
+    (b"specimen,\xff\n", "column 2: given '\u00ff': unknown column"),
+    (b"specimen,\n\x00\n", "line 2: given '\\x00': is no text: save it as CSV in UTF-8"),
+    (b"\xef\xbb\xbfspecimen,\xff\n", "static.csv: is not UTF-8 text (byte 9)"),
+    (TOP + 'A,17.9,0,"1,640"\n', "given '1,640': must be a number without a thousands separator "
+     "and with a decimal point: 1640 or 1.640"),
+    (TOP + 'A,17.9,0,"1,234,567.8"\n', "must be a number without thousands separators"),
     ("specimen;mass_g;voltage_kV;displacement_mm\nA;17,9;0;1.640,5\n",
      "line 2, column 4 (displacement_mm): given '1.640,5': must be a number"),
     ("specimen\tmass_g\n", "the columns voltage_kV, displacement_mm are missing"),

@@ -336,12 +336,12 @@ def test_bad_files_end_with_line_and_column(tmp_path, capsys, text: str, message
 
 
 def test_unreadable_files_and_options(tmp_path, capsys) -> None:
-    (tmp_path / "bytes.csv").write_bytes(b"mode,\xff\n")
+    (tmp_path / "bytes.csv").write_bytes(b"\xff\xfem")
     good = written(tmp_path, HEAD
                    + "".join(f"uniaxial,{x},{20 * (x - x**-2)}\n" for x in (1.2, 1.5, 2.0, 2.5)))
     for arguments, message in (
             ([tmp_path / "none.csv"], "none.csv: cannot be read"),
-            ([tmp_path / "bytes.csv"], "is not UTF-8 text"),
+            ([tmp_path / "bytes.csv"], "is not UTF-16 text"),
             ([good, "--law", "rubber"], "--law: given 'rubber': must be all or one of neo_hooke"),
             ([good, "--law", "yeoh"], "needs at least 6 readings, there are 4"),
             ([good, "--noise", "2 mm"], "--noise"),
