@@ -21,7 +21,7 @@ from tympan.geometry.errors import InputError
 from tympan.geometry.outlines.pieces import Arc, Line, Piece, Spline
 from tympan.geometry.sectors import Loop, sectors
 from tympan.geometry.specimen import Plate, Specimen
-from tympan.geometry.system import missing_library
+from tympan.geometry.system import missing_library, out_of_memory
 from tympan.geometry.units import METRE, millimetres
 
 if TYPE_CHECKING:
@@ -87,6 +87,8 @@ def mesh_film(specimen: Specimen, settings: MeshSettings, planes: frozenset[str]
             gmsh.model.mesh.generate(2)
             gmsh.model.mesh.setOrder(settings.order)
         except Exception as error:  # gmsh raises nothing more specific
+            if short := out_of_memory(error):
+                raise short from None
             raise InputError(f"cannot be meshed: {error}", key="frame, plate, electrode",
                              given=specimen.name) from None
         return _to_meshio(gmsh, groups, settings.order)

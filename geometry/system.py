@@ -1,9 +1,15 @@
-"""System libraries that gmsh, OpenCASCADE and VTK load, and what to install when one lacks."""
+"""What the system has: memory, standard streams, the libraries of gmsh, OpenCASCADE and VTK."""
 
 from __future__ import annotations
 
-import ctypes
+import errno
+import os
+import re
 import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
 
 from tympan.geometry.errors import Failure
 
@@ -22,6 +28,78 @@ DEBIAN = {
     "libfontconfig.so.1": "libfontconfig1",
     "libgomp.so.1": "libgomp1",
 }
+
+
+#: How libraries in C and C++ say that they got no memory: gmsh, OpenCASCADE, SuperLU, loaders.
+_NO_MEMORY = re.compile(r"bad[ _]?alloc|OutOfMemory|"
+                        r"(?:not enough|out of|insufficient|cannot allocate) memory|"
+                        r"can't start new thread|SUPERLU_MALLOC|Can't expand MemType",
+                        re.IGNORECASE)
+
+
+class OutOfMemory(Failure):
+    """Memory is short, whichever library says so."""
+
+
+def out_of_memory(error: BaseException) -> OutOfMemory | None:
+    """The message of an error that says that memory is short; None of any other.
+
+    Examples
+    --------
+    >>> out_of_memory(ValueError("no number"))
+    >>> print(out_of_memory(RuntimeError("std::bad_alloc")))
+    memory is short (std::bad_alloc): use a smaller --refine, or fewer --workers
+    """
+    if isinstance(error, OutOfMemory):
+        return error
+    short = isinstance(error, MemoryError) or (isinstance(error, OSError)
+                                               and error.errno == errno.ENOMEM)
+    said = " ".join(str(error).split())
+    if not short and not _NO_MEMORY.search(said):
+        return None
+    why = f" ({said})" if said else ""
+    return OutOfMemory(f"memory is short{why}: use a smaller --refine, or fewer --workers")
+
+
+@dataclass(eq=False)
+class _Silence:
+    """Standard output and error as the system has them, while nothing is written to them."""
+
+    lock: threading.Lock = field(default_factory=threading.Lock)
+    users: int = 0
+    kept: dict[int, int] = field(default_factory=dict)
+
+    def begin(self) -> None:
+        with self.lock:
+            self.users += 1
+            if self.users == 1:
+                nowhere = os.open(os.devnull, os.O_WRONLY)
+                for stream in (1, 2):
+                    with suppress(OSError):  # closed by who started the process
+                        self.kept[stream] = os.dup(stream)
+                        os.dup2(nowhere, stream)
+                os.close(nowhere)
+
+    def end(self) -> None:
+        with self.lock:
+            self.users -= 1
+            while not self.users and self.kept:
+                stream, kept = self.kept.popitem()
+                os.dup2(kept, stream)
+                os.close(kept)
+
+
+_SILENCE = _Silence()
+
+
+@contextmanager
+def silent() -> Iterator[None]:
+    """Drop what libraries in C write to standard output and error; it takes 10 µs."""
+    _SILENCE.begin()
+    try:
+        yield
+    finally:
+        _SILENCE.end()
 
 
 class MissingLibrary(Failure):
@@ -44,6 +122,8 @@ def missing_library(error: OSError | ImportError) -> MissingLibrary:
 
 
 def _missing(library: str) -> bool:
+    import ctypes  # where a command starts it is not needed
+
     try:
         ctypes.CDLL(library)
     except OSError:

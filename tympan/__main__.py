@@ -152,6 +152,8 @@ def run_command() -> NoReturn:
         # Whatever a signal is turned into on its way, it is what ended the command.
         if signals.number or isinstance(error, KeyboardInterrupt):
             status = signals.say(*getattr(error, "__notes__", ()))
+        elif isinstance(error, MemoryError):  # while the command was loaded
+            os.write(2, b"tympan: memory is short\n")
         else:
             sys.excepthook(type(error), error, error.__traceback__)
     for number in _ENDING:

@@ -13,6 +13,7 @@ from tympan.commands import COMMANDS, GROUPS, HEADINGS
 from tympan.geometry.errors import Failure, InputError, did_you_mean
 from tympan.geometry.reader_process import ready_for
 from tympan.geometry.toml_reader import one_of
+from tympan.geometry.system import out_of_memory
 
 #: Shells whose completion scripts shtab writes.
 SHELLS = ("bash", "zsh", "tcsh")
@@ -27,6 +28,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except (InputError, Failure) as error:
         print("; ".join([f"tympan: {error}", *getattr(error, "__notes__", ())]), file=sys.stderr)
         return 2 if isinstance(error, InputError) else 1
+    except Exception as error:
+        short = out_of_memory(error)
+        if short is None:
+            raise
+        print(f"tympan: {short}", file=sys.stderr)
+        return 1
     return 0
 
 

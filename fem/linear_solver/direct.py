@@ -18,6 +18,7 @@ from scipy.sparse import csc_matrix
 from scipy.sparse.linalg import splu
 
 from tympan.fem.linear_solver.pardiso import Pardiso, PardisoFactors
+from tympan.geometry.system import silent
 
 Array = NDArray[Any]
 
@@ -45,8 +46,9 @@ class SuperLU:
     def factorise(self, matrix: csc_matrix) -> SuperLUFactors:
         """Factorise; rows are exchanged only where a pivot is exactly zero."""
         spec = "NATURAL" if self.ordered else "MMD_AT_PLUS_A"
-        factors = splu(matrix, permc_spec=spec, diag_pivot_thresh=0.0,
-                       options={"SymmetricMode": True})
+        with silent():  # SuperLU prints where it gets no memory, besides raising
+            factors = splu(matrix, permc_spec=spec, diag_pivot_thresh=0.0,
+                           options={"SymmetricMode": True})
         return SuperLUFactors(factors, matrix)
 
 

@@ -25,6 +25,7 @@ from tympan.fem.membrane.rigid_plate import RigidPlate
 from tympan.fem.membrane.state import HEAVE, State
 from tympan.fem.transient.circuit import Circuit
 from tympan.fem.vibration.modes import System
+from tympan.geometry.system import silent
 
 Array = NDArray[Any]
 
@@ -92,7 +93,9 @@ class Harmonic:
                      for branch in self.model.specimen.membrane.branches), 0j)
         dynamic = (stiffness + share * viscous + s * s * mass).tocsc()
         dynamic[self._heave, self._heave] += s * self.damper / self.model.discretisation.mirrored
-        return np.asarray(splu(dynamic).solve(right.astype(complex)))
+        with silent():
+            factors = splu(dynamic)
+        return np.asarray(factors.solve(right.astype(complex)))
 
     @cached_property
     def _heave(self) -> int:

@@ -62,6 +62,8 @@ def record(kind: str, file: str, layer: str) -> dict[str, Any]:
         return {"error": str(error)}
     except ImportError as error:
         return {"library": str(error)}
+    except MemoryError:
+        raise  # ends the process, of which the message is one on its limits
     except Exception as error:  # the libraries raise whatever they meet
         reason = " ".join(str(error).split())[:200]
         return {"error": f"is no {kind.upper()} file that can be read: "
