@@ -125,7 +125,7 @@ def readers() -> str:
     return "; ".join(f"{kind.suffix}: {kind.explanation}" for kind in FORMATS.values())
 
 
-def text_of(content: bytes, file: Path | None = None) -> str:
+def decoded(content: bytes, file: Path | None = None) -> str:
     """The text of a table, its lines ended by line feeds.
 
     In the encoding that a byte-order mark names, else in UTF-8, else in Windows-1252, of which
@@ -165,7 +165,7 @@ def _encoding(content: bytes) -> str:
 
 def first_line(content: bytes) -> str:
     """The first line of a text, but for Excel's ``sep=``, cut after a few words."""
-    text = text_of(content[:400])
+    text = decoded(content[:400])
     return _SEP_LINE.sub("", text, 1).partition("\n")[0]
 
 
@@ -173,10 +173,10 @@ def text_rows(file: Path, content: bytes) -> list[Row]:
     """Rows of text with commas, semicolons or tabs between cells, or what ``sep=`` names.
 
     Where no comma stands between them, it may stand in numbers. Blank lines are skipped; encodings
-    and line ends are those of :func:`text_of`. An :class:`InputError` where a number can be read in
+    and line ends are those of :func:`decoded`. An :class:`InputError` where a number can be read in
     two ways.
     """
-    text = text_of(content, file)
+    text = decoded(content, file)
     said = _SEP_LINE.match(text)
     if said:  # its line stays, so that the others keep their numbers
         text = "\n" + text[said.end():]
@@ -257,12 +257,12 @@ def _check_rounds(file: Path, rows: Sequence[Row]) -> None:
     titles = rows[0][1] if rows else []
     for place in range(len(titles)):
         column = [(line, cells[place]) for line, cells in rows[1:] if place < len(cells)]
-        found = next(((line, cell) for line, cell in column if _ROUND.fullmatch(cell)), None)
-        whole = found and next((item for item in column if _HUNDREDS.fullmatch(item[1])), None)
-        if found and whole:
-            raise InputError(f"{_readings(found[1])}, since line {whole[0]} has {whole[1]!r}: write"
+        shown = next(((line, cell) for line, cell in column if _ROUND.fullmatch(cell)), None)
+        whole = shown and next((item for item in column if _HUNDREDS.fullmatch(item[1])), None)
+        if shown and whole:
+            raise InputError(f"{_readings(shown[1])}, since line {whole[0]} has {whole[1]!r}: write"
                              " all numbers without thousands separators and with one decimal mark",
-                             file=file, given=found[1], key=_place(found[0], place, titles))
+                             file=file, given=shown[1], key=_place(shown[0], place, titles))
 
 
 def _readings(cell: str) -> str:

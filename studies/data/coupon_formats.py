@@ -13,8 +13,8 @@ from tympan.studies.formats import (
     Format,
     Row,
     decimal_point,
+    decoded,
     first_line,
-    text_of,
     text_rows,
 )
 
@@ -53,7 +53,7 @@ def pair_rows(file: Path, content: bytes) -> list[Row]:
     """Of lines with a nominal stress in MPa and a stretch, without any names of columns."""
     specimen, mode = _named_mode(file) or ("", "")
     rows: list[Row] = [(1, ["specimen", "mode", "nominal_stress_MPa", "stretch"])]
-    for number, line in enumerate(text_of(content, file).split("\n"), start=1):
+    for number, line in enumerate(decoded(content, file).split("\n"), start=1):
         if line.strip():
             rows.append((number, [specimen, mode, *line.split()]))
     return rows
