@@ -12,8 +12,8 @@ from typing import Any
 from tympan.commands import COMMANDS, GROUPS, HEADINGS
 from tympan.geometry.errors import Failure, InputError, did_you_mean
 from tympan.geometry.reader_process import ready_for
-from tympan.geometry.toml_reader import one_of
 from tympan.geometry.system import out_of_memory
+from tympan.geometry.toml_reader import one_of
 
 #: Shells whose completion scripts shtab writes.
 SHELLS = ("bash", "zsh", "tcsh")
