@@ -213,5 +213,5 @@ def _is_here(name: str, host: str) -> bool:
     try:
         return bool(ip_address(name))
     except ValueError:
-        own = socket.gethostname().lower()
-        return name.rstrip(".") in ("localhost", host.lower(), own, f"{own}.local")
+        machine = socket.gethostname().lower()
+        return name.rstrip(".") in ("localhost", host.lower(), machine, f"{machine}.local")

@@ -79,7 +79,7 @@ METHODS: dict[str, Callable[[list[Any]], bool]] = {
     "trame.trigger": _trigger, "trame.lifecycle.update": _word, "trame.error.client": _word}
 
 
-def checked(message: Any) -> dict[str, Any]:
+def checked_message(message: Any) -> dict[str, Any]:
     """A message, if it is one that the page sends.
 
     Raises

@@ -10,7 +10,7 @@ from wslink.backends.aiohttp import AioHttpWsHandler
 from wslink.chunking import HEADER_LENGTH, UnChunker
 
 from tympan.reports.explore.door import safe
-from tympan.reports.explore.messages import checked
+from tympan.reports.explore.messages import checked_message
 
 #: Bytes of a message, and of all messages of which only parts have come. The page's longest are
 #: the texts of all its fields, some 1,000 bytes.
@@ -73,7 +73,7 @@ class Talk(AioHttpWsHandler):  # type: ignore[misc]  # wslink has no types
                 if frame.type is not WSMsgType.BINARY:
                     raise ValueError("a frame is binary")
                 whole = self.unchunkers[name].process_chunk(frame.data)
-                message = None if whole is None else checked(whole)
+                message = None if whole is None else checked_message(whole)
             except Exception as error:  # whatever its reader raises, the frame is malformed
                 reason = str(error).encode()[:100].decode(errors="ignore")
                 await socket.close(code=WSCloseCode.POLICY_VIOLATION, message=reason.encode())
