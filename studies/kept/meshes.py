@@ -30,9 +30,9 @@ def film_part(specimen: Specimen, settings: MeshSettings,
     But a process among others at work on many films keeps none: few are met again.
     """
     key = None if parent_process() else _key(specimen, settings, planes)
-    content = None if key is None else MESHES.read(key)
-    if content is not None:
-        return from_bytes(content)
+    kept = None if key is None else MESHES.read(key, from_bytes)
+    if kept is not None:
+        return kept
     part = from_meshio(mesh_film(specimen, settings, planes))
     content = to_bytes(part)
     if key is not None and len(content) <= _LARGEST:

@@ -35,13 +35,17 @@ def suited_model(specimen: Specimen, mass: float, voltage: float, settings: Sett
     """
     voltages = (0.0, voltage / 2, voltage) if voltage > 0 else (0.0,)
     key = digest("lumped", specimen, settings, rig, mass, voltage, *_sources())
-    content = _STORE.read(key)
-    if content is None:
+    model = _STORE.read(key, lambda content: _model(specimen, content))
+    if model is None:
         model = build(specimen, settings, BuildSettings((mass,), voltages), rig, progress,
                       in_time=False).model
-        content = json.dumps([model.radii, model.weights, model.flat_capacitance,
-                              model.highest_voltage, model.stiffness, model.permittivity]).encode()
-        _STORE.keep(key, content)
+        _STORE.keep(key, json.dumps([model.radii, model.weights, model.flat_capacitance,
+                                     model.highest_voltage, model.stiffness,
+                                     model.permittivity]).encode())
+    return model
+
+
+def _model(specimen: Specimen, content: bytes) -> LumpedModel:
     radii, weights, *numbers = json.loads(content)
     return LumpedModel(specimen, tuple(radii), tuple(weights), *numbers)
 

@@ -201,10 +201,8 @@ class FiniteElements:
     def stored(self, film: HeldFilm, grid: Grid) -> Array | None:
         key = _key(film, grid)
         shape = (SHAPE + self.shapes * COUNT, *map(len, grid.numbers))
-        content = None if key is None else self.store.read(key)
-        if content is None or len(content) != 8 * int(np.prod(shape)):
-            return None
-        return np.frombuffer(content).reshape(shape)
+        return None if key is None else self.store.read(
+            key, lambda content: np.frombuffer(content).reshape(shape))
 
     def solved(self, film: HeldFilm, grid: Grid, near: Sequence[HeldFilm]) -> Array:
         if (values := self.stored(film, grid)) is not None:
