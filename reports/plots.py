@@ -56,7 +56,8 @@ def plot(result: object, target: Axes | str | os.PathLike[str] | None = None, **
     target
         Axes, or a file of any kind matplotlib writes; modes, and films in time, move in NAME.gif.
     choices
-        Of a sweep: the result ``of`` which a map is drawn, and the two keys ``over`` which.
+        Of a sweep: the result ``of`` which a map is drawn, the two keys ``over`` which, and the
+        voltage ``at`` which, the highest where it is left out.
 
     Raises
     ------
@@ -189,9 +190,9 @@ def _(result: AlphaResult, axes: Axes) -> None:
 
 @draw.register
 def _(result: SweepResult, axes: Axes, of: str = "deflection_m",
-      over: tuple[str, str] | None = None) -> None:
+      over: tuple[str, str] | None = None, at: float | str | None = None) -> None:
     if over is not None:
-        draw_over(SweepView(result), axes, of, over)
+        draw_over(SweepView(result, at), axes, of, over)
         return
     table = result.table
     along = [column_name(table, str(axis)) for axis in table["status"].dims if axis != "voltage"]

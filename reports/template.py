@@ -14,7 +14,7 @@ from typing import Any
 import jinja2
 
 
-def template(name: str, **filters: Callable[[Any], str]) -> jinja2.Template:
+def template(name: str, **filters: Callable[..., Any]) -> jinja2.Template:
     """A template by its path within tympan, such as "reports/study/report.html".
 
     :func:`digits`, :func:`percent` and the given filters write its numbers; text put into a page,

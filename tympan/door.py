@@ -188,10 +188,12 @@ def alpha(specimen: Specimen, alpha_settings: AlphaSettings | None = None,
 
 @names_arguments()
 def sweep(file: File, folder: File | None = None, workers: int = 1,
-          settings: Settings = Settings()) -> Result[SweepResult]:
+          settings: Settings = Settings(), at: float | str | None = None) -> Result[SweepResult]:
     """All cases of SWEEP.toml; what a ``folder`` holds already is not solved again.
 
-    With more than one worker the calling script needs a main guard.
+    Its maps, and ``result.best("stroke", under="max_true_stress < 131 kPa")``, compare films ``at``
+    one of its voltages, the highest where it is left out. With more than one worker the calling
+    script needs a main guard.
     """
     from functools import partial
 
@@ -200,6 +202,7 @@ def sweep(file: File, folder: File | None = None, workers: int = 1,
     from tympan.studies.sweep.run import run_sweep
 
     planned = read_sweep(Path(file), settings)
+    planned = planned if at is None else planned.compared_at(at)
     pool = serial if workers == 1 else partial(processes, workers=workers)
     with tempfile.TemporaryDirectory() as scratch:
         return Result(run_sweep(planned, Path(folder or scratch), pool))

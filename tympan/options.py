@@ -262,7 +262,7 @@ def print_record(options: argparse.Namespace, record: dict[str, Any],
     from tympan.reports.template import template
 
     name = options.command.replace(" ", "_")
-    text = template(f"commands/text/{name}.txt", entries=_entries).render(
+    text = template(f"commands/text/{name}.txt", entries=_entries, entry=_entry).render(
         record=record, options=options, **more)
     if text:
         print(text.rstrip("\n"))

@@ -33,7 +33,10 @@ WIDTH, HEIGHT = 190.0, 150.0  #: of a map without its labels [px]
 
 @dataclass(frozen=True)
 class Mark:
-    """A value: where [px], how large [px], of what colour, and what is said of it."""
+    """A value: where [px], how large [px], of what colour, and what is said of it.
+
+    ``hatched``: some case has no result there, or none has; then there is no colour.
+    """
 
     x: float
     y: float
@@ -41,6 +44,7 @@ class Mark:
     height: float
     colour: str
     text: str
+    hatched: bool = False
 
 
 @dataclass(frozen=True)
@@ -119,7 +123,7 @@ def colours() -> list[str]:
 def _maps(view: SweepView, across: Measure, up: Measure, columns: Sequence[Measure]
           ) -> Iterator[tuple[Map, AxisScale]]:
     pair = [across.name, up.name]
-    rows = view.at_first(*({"mass", "voltage"} - set(pair)))
+    rows = view.at_shown(*({"mass", "voltage"} - set(pair)))
     for column in columns:
         depends = view.table[column.name].dims
         if any(key in view.loads and key not in depends for key in pair):
@@ -127,11 +131,9 @@ def _maps(view: SweepView, across: Measure, up: Measure, columns: Sequence[Measu
         fixed = [load for load in view.loads if load in depends and load not in pair]
         grouped = rows.groupby(pair, sort=False)
         means = grouped.agg(value=(column.name, "mean"), count=(column.name, "count"),
-                            name=("label", "first")).reset_index()
+                            cases=(column.name, "size"), name=("label", "first")).reset_index()
         if means["value"].notna().any():
-            where = ", ".join(Measure.of(view.table[load]).text(float(view.table[load][0]))
-                              for load in fixed)
-            yield _map(column, across, up, where, means)
+            yield _map(column, across, up, view.shown_words(*fixed), means)
 
 
 def _map(column: Measure, across: Measure, up: Measure, where: str, means: pd.DataFrame
@@ -143,13 +145,16 @@ def _map(column: Measure, across: Measure, up: Measure, where: str, means: pd.Da
     y, y_ticks, y_cell = _placed(up, means[up.name], HEIGHT)
     cells = bool(x_cell and y_cell)
     marks = []
-    for at_x, at_y, value, count, name in zip(x, y, values, means["count"], means["name"],
-                                              strict=True):
+    for at_x, at_y, value, count, cases, name in zip(
+            x, y, values, means["count"], means["cases"], means["name"], strict=True):
         share = (value - scale.low) / (scale.high - scale.low)
         colour = to_hex(colormaps[COLOURS](share)) if np.isfinite(value) else ""
-        text = (f"{digits(value)}, mean of {count}" if count > 1
-                else f"{name}: {digits(value)}")
-        marks.append(Mark(at_x, HEIGHT - at_y, x_cell, y_cell, colour, text))
+        text = digits(value) if colour else "no result"
+        text = (f"{text}, mean of {count}" if count > 1 else text if cases > 1
+                else f"{name}: {text}")
+        if 0 < count < cases:
+            text += f"; {cases - count} of {cases} without a result"
+        marks.append(Mark(at_x, HEIGHT - at_y, x_cell, y_cell, colour, text, count < cases))
     bar = [(HEIGHT * (1 - (tick - scale.low) / (scale.high - scale.low)), scale.text(tick))
            for tick in scale.ticks]
     y_ticks = [(HEIGHT - at, text) for at, text in y_ticks]

@@ -90,10 +90,10 @@ Cell = tuple[str, float | str]
 
 
 def _rows(view: SweepView) -> tuple[list[str], list[list[Cell]]]:
-    """Headings and rows of the page's table: a specimen under a mass, at its first voltage."""
+    """Headings and rows of the page's table: a specimen under a mass, at the voltage shown."""
     keys = [key for key in view.keys if key.name != "voltage" or "voltage" not in view.loads]
     columns = [*keys, *view.columns]
-    first = view.at_first("voltage")
+    first = view.at_shown("voltage")
     reached = (view.table["status"] == "equilibrium").reset_coords(drop=True)
     many = "voltage" in view.loads and view.table.sizes["voltage"] > 1
     headings = ["specimen", *(column.heading for column in columns), *(["voltages reached"] * many)]
@@ -119,7 +119,7 @@ def _failures(view: SweepView) -> Iterator[FailedCases]:
         if reason not in rows:
             continue
         loads = [load for load in view.loads if load not in quantity.loads]
-        rows_of = view.at_first(*loads)
+        rows_of = view.at_shown(*loads)
         missing = rows_of[[column for column in quantity.names(1) if column in rows]].isna()
         solved = ~rows_of["status"].isin([WAITING, "failed"])
         if "voltage" in quantity.loads:

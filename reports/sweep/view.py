@@ -11,6 +11,7 @@ import xarray as xr
 
 from tympan.geometry.units import DIMENSIONS, unit_factor
 from tympan.studies.sweep.asked import QUANTITIES
+from tympan.studies.sweep.best import voltage_of
 from tympan.studies.sweep.run import SweepResult
 from tympan.studies.sweep.table import LOADS
 
@@ -49,17 +50,27 @@ class Measure:
 
 @dataclass(frozen=True, eq=False)
 class SweepView:
-    """A sweep's result, whole or so far, with the stroke: the largest travel over the voltages."""
+    """A sweep's result, whole or so far, at one voltage: ``at``, else the result's own choice."""
 
     result: SweepResult
+    at: float | str | None = None
 
     @cached_property
     def table(self) -> xr.Dataset:
-        table = self.result.table
-        if "voltage" not in table.dims or table.sizes["voltage"] < 2:
-            return table
-        travel = table["deflection_m"] - table["deflection_m"].isel(voltage=0, drop=True)
-        return table.assign(stroke_m=travel.max("voltage").assign_attrs(units="m"))
+        return self.result.table
+
+    @cached_property
+    def shown(self) -> dict[str, float]:
+        """The mass and voltage that results are shown at: the first mass, the chosen voltage."""
+        values = {load: float(self.table[load][0]) for load in self.loads}
+        if "voltage" in values:
+            chosen = self.result.at_V if self.at is None else self.at
+            values["voltage"] = voltage_of(self.table["voltage"].values.tolist(), chosen)
+        return values
+
+    def shown_words(self, *loads: str) -> str:
+        """These of the loads that results are shown at, as words."""
+        return ", ".join(Measure.of(self.table[load]).text(self.shown[load]) for load in loads)
 
     @property
     def name(self) -> str:
@@ -98,9 +109,9 @@ class SweepView:
         return rows.assign(label=[f"{name} ({', '.join(those)})" for name, those in zip(
             rows["specimen"], values, strict=True)] if grid else rows["specimen"])
 
-    def at_first(self, *loads: str) -> pd.DataFrame:
-        """The rows under the first of these loads."""
+    def at_shown(self, *loads: str) -> pd.DataFrame:
+        """The rows under these of the loads that results are shown at."""
         rows = self.rows
         for load in set(loads) & set(self.loads):
-            rows = rows[rows[load] == float(self.table[load][0])]
+            rows = rows[rows[load] == self.shown[load]]
         return rows

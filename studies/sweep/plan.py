@@ -6,7 +6,7 @@ import copy
 import math
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -24,6 +24,7 @@ from tympan.geometry.units import DIMENSIONS, any_quantity, quantity
 from tympan.studies.alpha import AlphaSettings
 from tympan.studies.case import Case, Settings
 from tympan.studies.sweep.asked import QUANTITIES, Ask
+from tympan.studies.sweep.best import voltage_of
 from tympan.studies.sweep.task import SweepTask, solver
 
 #: Raw TOML values by dotted key: what one specimen of a sweep differs in.
@@ -72,7 +73,8 @@ class Sweep:
     """All specimens of a sweep, each with as many masses and as many voltages as the others.
 
     ``grid`` has the values of the grid's keys; of each name all their combinations stand together,
-    the last key's values changing first.
+    the last key's values changing first. ``at`` is the nominal voltage [V] at which maps and best
+    cases compare films, None for the highest.
     """
 
     entries: tuple[Entry, ...]
@@ -80,6 +82,15 @@ class Sweep:
     grid: dict[str, list[Any]] = field(default_factory=dict)
     ask: Ask = field(default_factory=Ask)
     figures: bool = False
+    at: float | None = None
+
+    def compared_at(self, at: float | str) -> Sweep:
+        """With one of its voltages at which maps and best cases compare films."""
+        first = self.entries[0]
+        if "voltage" in first.choice:
+            raise InputError("the sweep's voltages differ from specimen to specimen: each is "
+                             "compared at its own", key="at", given=at)
+        return replace(self, at=voltage_of(first.voltages, at))
 
     @property
     def cases(self) -> int:

@@ -6,7 +6,7 @@ import fcntl
 import hashlib
 import json
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from operator import methodcaller
@@ -23,6 +23,7 @@ from tympan.studies.files import (
     write_text,
 )
 from tympan.studies.parallel import NoValue
+from tympan.studies.sweep.best import Best, best
 from tympan.studies.sweep.plan import Sweep
 from tympan.studies.sweep.table import dataset, read_table, write_tables
 from tympan.studies.sweep.task import SweepTask, TaskResult, solver, without_result
@@ -53,7 +54,8 @@ class SweepResult:
 
     ``table`` has all cases, as :func:`tympan.studies.sweep.table.dataset` lays it out; ``source``
     is SWEEP.toml and ``solver`` what solved it. ``figures``: the first case of each specimen was
-    kept for a picture.
+    kept for a picture. ``at_V``: the nominal voltage of maps and of the best case, None for the
+    highest.
     """
 
     statuses: dict[str, int]
@@ -63,6 +65,16 @@ class SweepResult:
     source: str
     figures: bool
     table: xr.Dataset = field(repr=False, compare=False)
+    at_V: float | None = None
+
+    def best(self, of: str = "stroke", at: float | str | None = None,
+             under: str | Sequence[str] = (), count: int = 5) -> Best:
+        """The cases with the largest result at one voltage: :func:`tympan.studies.sweep.best.best`.
+
+        Examples: ``result.best()``, ``result.best("stroke", at="5 kV", under="max_true_stress <
+        131 kPa, breakdown_margin > 1.5")``.
+        """
+        return best(self.table, of, self.at_V if at is None else at, under, count)
 
     def json(self) -> dict[str, Any]:
         """As a JSON object; without the table."""
@@ -74,6 +86,7 @@ class SweepResult:
         write_tables(folder, self.table)
         write_json(folder / "sweep.json",
                    {"solver": self.solver, "source": self.source, "figures": self.figures,
+                    "at_V": self.at_V,
                     **self.json()})
 
     @classmethod
@@ -84,7 +97,9 @@ class SweepResult:
         kinds: dict[str, Any] = {"statuses": dict[str, int], "solved": int, "kept": int,
                                  "solver": str, "source": str, "figures": bool}
         values = {key: from_json(kind, record.get(key), file, key) for key, kind in kinds.items()}
-        return cls(**values, table=read_table(folder / "sweep.nc"))
+        at = record.get("at_V")
+        return cls(**values, table=read_table(folder / "sweep.nc"),
+                   at_V=None if at is None else from_json(float, at, file, "at_V"))
 
 
 @dataclass(frozen=True)
@@ -190,10 +205,7 @@ def run_sweep(sweep: Sweep, folder: Path, pool: Pool,
             remove(folder, *FILES)
 
         def so_far() -> SweepResult:
-            table = dataset(sweep, results)
-            statuses = dict(Counter(table["status"].values.ravel().tolist()))
-            return SweepResult(statuses, done - kept, kept, solver(), sweep.source, sweep.figures,
-                               table)
+            return _result(sweep, results, done - kept, kept)
 
         for task_id, answer in pool(methodcaller("run"), missing):
             task = tasks[task_id]
@@ -208,6 +220,18 @@ def run_sweep(sweep: Sweep, folder: Path, pool: Pool,
         result = so_far()
         result.save(folder)
     return result
+
+
+def unsolved(sweep: Sweep) -> SweepResult:
+    """A sweep's result before anything is solved: what may be asked of it."""
+    return _result(sweep, {}, 0, 0)
+
+
+def _result(sweep: Sweep, results: Mapping[str, TaskResult], solved: int, kept: int) -> SweepResult:
+    table = dataset(sweep, results)
+    statuses = dict(Counter(table["status"].values.ravel().tolist()))
+    return SweepResult(statuses, solved, kept, solver(), sweep.source, sweep.figures, table,
+                       sweep.at)
 
 
 def _digest(text: str) -> str:

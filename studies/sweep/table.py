@@ -60,7 +60,8 @@ def dataset(sweep: Sweep, results: Mapping[str, TaskResult]) -> xr.Dataset:
     ``results`` are by the task's id; who has none waits. What a list or a sample varies, loads
     too, are coordinates along specimen, and what is asked beside the cases has no dimension it
     does not depend on. Numbers are in SI, with the unit as attribute ``units``; that of a result
-    also ends its name. Numbers that do not exist are nan; several warnings are joined with " | ".
+    also ends its name. ``stroke_m`` is the deflection less that at the lowest voltage. Numbers that
+    do not exist are nan; several warnings are joined with " | ".
     """
     import xarray as xr
 
@@ -81,11 +82,27 @@ def dataset(sweep: Sweep, results: Mapping[str, TaskResult]) -> xr.Dataset:
         data |= {column: variable(along, [record.get(column) for record in records])
                  for column in quantity.names(sweep.ask.circles.circles)}
         data[f"{name}_warnings"] = variable(along, [record["warnings"] for record in records])
-    table = xr.Dataset(data, coordinates, {"title": "tympan sweep", "source": solver()})
+    table = _with_stroke(xr.Dataset(data, coordinates,
+                                    {"title": "tympan sweep", "source": solver()}))
     for label, array in table.variables.items():
         if array.dtype.kind == "f":
             array.attrs.setdefault("units", unit_of(str(label)) or "1")
     return table
+
+
+def _with_stroke(table: xr.Dataset) -> xr.Dataset:
+    """With ``stroke_m``: each deflection less that at the lowest voltage; nan where either is none.
+
+    Nan, too, where all cases have one voltage, or each specimen its own.
+    """
+    deflection = table["deflection_m"]
+    if "voltage" in table.dims and table.sizes["voltage"] > 1:
+        stroke = deflection - deflection.isel(voltage=0, drop=True)
+    else:
+        stroke = deflection * np.nan
+    names = list(table.data_vars)
+    names.insert(names.index("deflection_m") + 1, "stroke_m")
+    return table.assign(stroke_m=stroke)[names]
 
 
 def _result(sweep: Sweep, entry: Entry, results: Mapping[str, TaskResult]) -> TaskResult:

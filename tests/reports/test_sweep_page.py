@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -66,25 +67,49 @@ def test_every_pair_of_keys_has_maps_of_what_depends_on_both(view: SweepView) ->
         ("plate.radius", "frame.semi_axes"): ["deflection [mm]", "stroke [mm]", "alpha 1",
                                               "alpha held out error", "last equilibrium [kV]"],
         ("plate.radius", "mass"): ["deflection [mm]", "stroke [mm]", "last equilibrium [kV]"],
-        ("plate.radius", "voltage"): ["deflection [mm]"],
+        ("plate.radius", "voltage"): ["deflection [mm]", "stroke [mm]"],
         ("frame.semi_axes", "mass"): ["deflection [mm]", "stroke [mm]", "last equilibrium [kV]"],
-        ("frame.semi_axes", "voltage"): ["deflection [mm]"],
-        ("mass", "voltage"): ["deflection [mm]"]}
+        ("frame.semi_axes", "voltage"): ["deflection [mm]", "stroke [mm]"],
+        ("mass", "voltage"): ["deflection [mm]", "stroke [mm]"]}
 
 
 def test_a_map_says_what_the_table_has(view: SweepView) -> None:
     first = sweep_maps(view)[0]
     deflection, stroke, *_ = first.maps
-    assert (deflection.where, stroke.where) == ("10 g, 0 kV", "10 g")
+    assert (deflection.where, stroke.where) == ("10 g, 4 kV", "10 g, 4 kV")
     assert [text for _, text in deflection.across] == ["8", "10"]
     assert [text for _, text in deflection.up] == ["6 cm, 4.5 cm", "7 cm, 4.5 cm", "1 cm, 4.5 cm"]
-    assert deflection.marks[0].text == "oval (8 mm, 6 cm, 4.5 cm): 1.25"
+    assert deflection.marks[0].text == "oval (8 mm, 6 cm, 4.5 cm): 1.75"
     assert stroke.marks[0].text == "oval (8 mm, 6 cm, 4.5 cm): 0.500"
-    assert stroke.marks[3].text == "oval (10 mm, 6 cm, 4.5 cm): 0.200"  # at 2 kV: then it pulls in
-    assert [bool(mark.colour) for mark in deflection.marks] == [True, False, True, True, False,
-                                                                False]
+    assert stroke.marks[3].text == "oval (10 mm, 6 cm, 4.5 cm): no result"  # it pulls in before
+    for drawn in (deflection, stroke):
+        assert [bool(mark.colour) for mark in drawn.marks] == [True, False, True, False, False,
+                                                               False]
+        assert [mark.hatched for mark in drawn.marks] == [False, True, False, True, True, True]
     assert [pair.maps[0].marks[0].text for pair in sweep_maps(view)][-1] == (
-        "1.17, mean of 3")
+        "1.17, mean of 3; 3 of 6 without a result")
+
+
+@pytest.mark.parametrize(("at", "strokes"), [
+    ("2 kV", [0.25, None, 0.25, 0.2, None, None]), (4e3, [0.5, None, 0.5, None, None, None]),
+    (None, [0.5, None, 0.5, None, None, None])])
+def test_all_films_of_a_map_are_at_one_voltage(view: SweepView, at: float | str | None,
+                                               strokes: list[float | None]) -> None:
+    """Never at the last that each film reaches: what does not reach it is hatched."""
+    _, stroke, *_ = sweep_maps(SweepView(view.result, at))[0].maps
+    volts = {"2 kV": 2, 4e3: 4, None: 4}[at]
+    assert stroke.where == f"10 g, {volts} kV"
+    ends = [mark.text.rpartition(": ")[2] for mark in stroke.marks]
+    assert ends == ["no result" if value is None else f"{value:.3f}" for value in strokes]
+    with pytest.raises(InputError, match="at: given '3 kV': must be one of the sweep's voltages: "):
+        sweep_maps(SweepView(view.result, "3 kV"))
+
+
+def test_the_page_names_the_voltage_of_its_maps(view: SweepView) -> None:
+    assert "All films are compared at one voltage, 4 kV" in render_sweep(view.result, [])
+    text = render_sweep(replace(view.result, at_V=2e3), [])
+    assert "All films are compared at one voltage, 2 kV" in text
+    assert "What depends on the voltage is that at 2 kV" in text
 
 
 @pytest.mark.parametrize("label", ["50 mm, 45 mm", "1.25, 1.25", "wwwwwwwwwwww"])
@@ -112,7 +137,7 @@ def test_the_page_stands_alone_and_says_what_failed_and_what_waits(view: SweepVi
     body = text[text.index("<tbody>"):text.index("</tbody>")]
     assert body.count("<tr>") == 12
     assert '<td data-value="0.0125">12.5</td>' not in body  # SI is sorted by, the unit is shown
-    assert '<td data-value="0.00125">1.25</td>' in body
+    assert '<td data-value="0.00175">1.75</td>' in body
     assert "3 of 3" in body
     assert "2 of 3" in body
     assert "data:image/png;base64,AAAA" in text

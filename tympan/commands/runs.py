@@ -16,6 +16,7 @@ from tympan.options import (
     command,
     either,
     finish,
+    naming_options,
     output,
     parse_quantity,
     print_record,
@@ -51,6 +52,14 @@ def study(options: argparse.Namespace) -> None:
                          help="processes on this machine (default: its processors)"),
                 argument("--scheduler", metavar="ADDRESS",
                          help='of a Dask cluster, such as "tcp://10.0.0.5:8786"')),
+         argument("--at", metavar="VOLTAGE",
+                  help="one of the sweep's, at which the page compares films, and --best does "
+                       "(default: the highest)"),
+         argument("--best", metavar="RESULT",
+                  help='also list the cases with the largest of a result, such as "stroke"'),
+         argument("--under", metavar="CONDITION", action="append", default=[],
+                  help='that they keep at every voltage up to that, such as "max_true_stress < '
+                       '131 kPa, breakdown_margin > 1.5"'),
          argument("--wait", metavar="TIME", default="60 s",
                   help="for a worker of the cluster where there is none"), JSON, MESH,
          example="SWEEP.toml -o sweep")
@@ -61,13 +70,21 @@ def sweep(options: argparse.Namespace) -> None:
     from tympan.studies.parallel import processes
     from tympan.studies.sweep.cluster import cluster
     from tympan.studies.sweep.plan import read_sweep
-    from tympan.studies.sweep.run import Checkpoint, run_sweep
+    from tympan.studies.sweep.run import Checkpoint, run_sweep, unsolved
 
     workers = len(os.sched_getaffinity(0)) if options.workers is None else options.workers
     wait = parse_quantity(options.wait, "time", "--wait")
     if wait < 0:
         raise InputError("must not be negative", key="--wait", given=options.wait)
     planned = read_sweep(options.file, read_settings(options))
+    if options.under and options.best is None:
+        raise InputError("needs --best: conditions on the best cases", key="--under",
+                         given=", ".join(options.under))
+    with naming_options(options):
+        if options.at is not None:
+            planned = planned.compared_at(options.at)
+        if options.best is not None:  # what is wrong with it is said before anything is solved
+            unsolved(planned).best(options.best, under=options.under)
     # Drawing takes longer to import than a plan to read, and what is wrong in that is said first.
     from tympan.reports.sweep.page import keep_page
 
@@ -75,15 +92,19 @@ def sweep(options: argparse.Namespace) -> None:
             else partial(cluster, address=options.scheduler, wait=wait, say=say))
     try:
         with cases(planned.cases) as progress:
-            result = run_sweep(planned, options.output, pool, progress, keep_page(options.output))
+            result = run_sweep(planned, options.output, pool, progress, keep_page(options.output),
+)
     except (KeyboardInterrupt, Failure) as ending:
         kept = Checkpoint(options.output).cases(planned)
         ending.add_note(f"{kept} of {planned.cases} cases are kept, the same command goes on from "
                         "there")
         raise
     page, = draw_stored(options.command, options.output, "")
+    found = {}
+    if options.best is not None:
+        found["best"] = result.best(options.best, under=options.under).json()
     print_record(options, {"table": str(options.output / "sweep.nc"), "page": str(page),
-                           **result.json()})
+                           **result.json(), **found})
 
 
 @command("optimise",

@@ -1,0 +1,236 @@
+"""The best cases of a sweep: the largest of a result at one voltage, conditions kept on the way.
+
+A film goes through every voltage from the lowest to that one, and its stress, for one, is largest
+without voltage. So a condition on what depends on the voltage must hold at all of them.
+"""
+
+from __future__ import annotations
+
+import operator
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tympan.geometry.errors import InputError
+from tympan.geometry.toml_reader import one_of
+from tympan.geometry.units import DIMENSIONS, quantity, unit_of
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+#: How a condition compares, and what of several values is farthest from keeping it.
+_SIGNS: dict[str, tuple[Callable[[Any, Any], Any], str]] = {
+    "<=": (operator.le, "max"), "<": (operator.lt, "max"),
+    ">=": (operator.ge, "min"), ">": (operator.gt, "min")}
+_CONDITION = re.compile(r"\s*(?P<name>[^<>=]+?)\s*(?P<sign><=|>=|<|>)\s*(?P<bound>[^<>=]+?)\s*")
+
+#: A sweep's voltages are found again within this share of the largest one.
+_SAME = 1e-9
+
+
+@dataclass(frozen=True)
+class Condition:
+    """What a case must keep, such as "max_true_stress < 131 kPa", as it was written.
+
+    ``column`` of the table compares by ``sign`` with the ``bound`` [SI].
+    """
+
+    text: str
+    column: str
+    sign: str
+    bound: float
+
+    @classmethod
+    def read(cls, text: str, table: xr.Dataset) -> Condition:
+        """The condition of a text on a sweep's table."""
+        match = _CONDITION.fullmatch(text)
+        if match is None:
+            raise InputError('must be a result, one of <, <=, > and >=, and a value, such as '
+                             '"max_true_stress < 131 kPa"', key="under", given=text)
+        try:
+            column = column_of(match["name"], table)
+            return cls(text.strip(), column, match["sign"],
+                       _value(match["bound"], str(table[column].attrs.get("units", "1"))))
+        except InputError as error:
+            raise InputError(error.allowed, key="under", given=text) from None
+
+    def worst(self, values: xr.DataArray) -> tuple[xr.DataArray, xr.DataArray | None]:
+        """The value farthest from keeping it along the voltages, and at which of them [V]."""
+        if "voltage" not in values.dims:
+            return values, None
+        farthest = _SIGNS[self.sign][1]
+        lost = -np.inf if farthest == "max" else np.inf
+        place = getattr(values.fillna(lost), f"arg{farthest}")("voltage")
+        return getattr(values, farthest)("voltage"), values["voltage"][place]
+
+    def holds(self, worst: xr.DataArray) -> xr.DataArray:
+        """Whether it does at the value farthest from it; not of what was not found."""
+        held: xr.DataArray = _SIGNS[self.sign][0](worst, self.bound) & worst.notnull()
+        return held
+
+
+@dataclass(frozen=True)
+class Best:
+    """The best cases of a sweep, the best one first.
+
+    ``of`` is the result that is largest, ``at_V`` the nominal voltage it is compared at, None where
+    voltages differ from specimen to specimen. ``cases``: how many there are at that voltage;
+    ``equilibria``: those with an equilibrium at every voltage up to it; ``kept``: how many of these
+    keep each condition; ``rows``: the best of those that keep all, with what they differ in, the
+    result, and ``limited``: by condition the ``value`` of its ``column`` that is farthest from
+    keeping it, None where that was never reached, and at which voltage ``at_V``.
+    """
+
+    of: str
+    at_V: float | None
+    under: tuple[str, ...]
+    cases: int
+    equilibria: int
+    kept: Mapping[str, int]
+    rows: tuple[Mapping[str, Any], ...]
+
+    def json(self) -> dict[str, Any]:
+        """As a JSON object."""
+        return {**vars(self), "under": list(self.under), "kept": dict(self.kept),
+                "rows": [dict(row) for row in self.rows]}
+
+    def to_pandas(self) -> Any:
+        """A row per case."""
+        import pandas as pd
+
+        return pd.DataFrame([
+            {key: value for key, value in row.items() if key != "limited"}
+            | {f"{name}{part}": limit[key] for name, limit in row["limited"].items()
+               for key, part in (("value", ""), ("at_V", " at_V"))} for row in self.rows])
+
+
+def best(table: xr.Dataset, of: str = "stroke", at: float | str | None = None,
+         under: str | Sequence[str] = (), count: int = 5) -> Best:
+    """The cases with the largest of a result at one voltage that keep conditions up to it.
+
+    ``of`` is a column of the table, "stroke" or "stroke_m"; ``at`` one of the sweep's voltages, the
+    highest where it is left out; ``under`` conditions such as "max_true_stress < 131 kPa", commas
+    or a list between several; at most ``count`` cases.
+
+    Raises
+    ------
+    InputError
+        When there is no such result, voltage or unit.
+    """
+    column = column_of(of, table, "best")
+    texts = [part for text in ([under] if isinstance(under, str) else under)
+             for part in text.split(",") if part.strip()]
+    conditions = [Condition.read(text, table) for text in texts]
+    if not isinstance(count, int) or count < 1:
+        raise InputError("must be a whole number of at least 1", key="count", given=count)
+    volts, way = None, table
+    if "voltage" in table.dims:
+        volts = voltage_of(table["voltage"].values.tolist(), at)
+        way = table.sel(voltage=table["voltage"] <= volts)
+    elif at is not None:
+        raise InputError("the sweep's voltages differ from specimen to specimen: each is compared "
+                         "at its own", key="at", given=at)
+    reached = (way["status"] == "equilibrium").reset_coords(drop=True)
+    value = table[column]
+    if "voltage" in way.dims:
+        reached = reached.all("voltage")
+        value = value.sel(voltage=volts) if "voltage" in value.dims else value
+    good, kept, limited = reached & value.notnull(), {}, []
+    for condition in conditions:
+        worst, where = condition.worst(_never_reached(way, condition.column))
+        holds = condition.holds(worst)
+        kept[condition.text] = int((holds & reached).sum())
+        good = good & holds
+        limited.append((condition, worst, where))
+    value = value.where(good)
+    ranked = value.reset_coords(drop=True).to_series().dropna().sort_values(ascending=False)
+    rows = tuple(_row(table, value, place, column, limited) for place in
+                 (_place(value, index) for index in ranked.index[:count]))
+    return Best(column, volts, tuple(condition.text for condition in conditions),
+                int(reached.size), int(reached.sum()), kept, rows)
+
+
+def voltage_of(voltages: Sequence[float], at: float | str | None) -> float:
+    """One of a sweep's voltages [V], which ascend; the highest where none is named."""
+    if at is None:
+        return float(voltages[-1])
+    try:
+        volts = quantity(at, "voltage") if isinstance(at, str) else float(at)
+    except InputError as error:
+        raise error.located(key="at") from None
+    near = int(np.argmin(np.abs(np.asarray(voltages) - volts)))
+    if abs(voltages[near] - volts) > _SAME * voltages[-1]:
+        raise InputError("must be one of the sweep's voltages: " + ", ".join(
+            f"{number / 1e3:.6g}" for number in voltages) + " kV", key="at", given=at)
+    return float(voltages[near])
+
+
+def column_of(name: str, table: xr.Dataset, key: str = "under") -> str:
+    """The column of numbers of a name, with or without its unit, with blanks or underscores."""
+    spelled: dict[str, str] = {}
+    for label, values in table.data_vars.items():
+        if values.dtype.kind in "fi":
+            suffix = next((item.suffix for item in DIMENSIONS.values()
+                           if item.si == unit_of(str(label))), "")
+            for word in (str(label), str(label).removesuffix(suffix)):
+                spelled |= {word: str(label), word.replace("_", " "): str(label)}
+    if name not in spelled:
+        shortest = {label: word for word, label in spelled.items() if " " not in word}
+        raise InputError(one_of(name, dict.fromkeys(shortest.values())), key=key, given=name)
+    return spelled[name]
+
+
+def _value(text: str, unit: str) -> float:
+    dimension = next((name for name, item in DIMENSIONS.items() if item.si == unit), "")
+    if dimension:
+        return quantity(text, dimension)
+    try:
+        return float(text)
+    except ValueError:
+        raise InputError("must be compared with a number without a unit", given=text) from None
+
+
+def _never_reached(table: xr.Dataset, column: str) -> xr.DataArray:
+    """A column; margins without a field, and voltages of limits that were not met, are infinite."""
+    values = table[column]
+    if column == "breakdown_margin":
+        return values.fillna(np.inf).where(table["status"] == "equilibrium")
+    limits = [str(name).removesuffix("_spread") + "_V" for name in table.data_vars
+              if str(name).endswith("_spread")]
+    if column not in limits:
+        return values
+    # Of a film none of whose limits was found, for some reason, nothing is known.
+    some = table["limits_warnings"] == ""
+    for name in limits:
+        some = some | table[name].notnull()
+    return values.fillna(np.inf).where(some)
+
+
+def _place(value: xr.DataArray, index: Any) -> dict[str, Any]:
+    return dict(zip(map(str, value.dims), index if isinstance(index, tuple) else (index,),
+                    strict=True))
+
+
+def _row(table: xr.Dataset, value: xr.DataArray, place: dict[str, Any], column: str,
+         limited: Sequence[tuple[Condition, xr.DataArray, xr.DataArray | None]]
+         ) -> dict[str, Any]:
+    """What a case is, its result, and how near it comes to each condition."""
+    from tympan.studies.sweep.table import column_name
+
+    here = value.sel(place)
+    row = {column_name(table, str(name)): part.item() for name, part in here.coords.items()
+           if name != "base" and part.ndim == 0}
+    near = {}
+    for condition, worst, where in limited:
+        inner = {axis: key for axis, key in place.items() if axis in worst.dims}
+        near[condition.text] = {
+            "column": condition.column, "value": _finite(worst.sel(inner).item()),
+            "at_V": None if where is None else float(where.sel(inner))}
+    return {**row, column: here.item(), "limited": near}
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
