@@ -11,7 +11,7 @@ import xarray as xr
 
 from tympan.geometry.units import DIMENSIONS, unit_factor
 from tympan.studies.sweep.asked import QUANTITIES
-from tympan.studies.sweep.best import voltage_of
+from tympan.studies.sweep.plan import voltage_of
 from tympan.studies.sweep.run import SweepResult
 from tympan.studies.sweep.table import LOADS
 

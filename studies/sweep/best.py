@@ -17,6 +17,8 @@ import numpy as np
 from tympan.geometry.errors import InputError
 from tympan.geometry.toml_reader import one_of
 from tympan.geometry.units import DIMENSIONS, quantity, unit_of
+from tympan.studies.sweep.plan import voltage_of
+from tympan.studies.sweep.table import column_name
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -26,9 +28,6 @@ _SIGNS: dict[str, tuple[Callable[[Any, Any], Any], str]] = {
     "<=": (operator.le, "max"), "<": (operator.lt, "max"),
     ">=": (operator.ge, "min"), ">": (operator.gt, "min")}
 _CONDITION = re.compile(r"\s*(?P<name>[^<>=]+?)\s*(?P<sign><=|>=|<|>)\s*(?P<bound>[^<>=]+?)\s*")
-
-#: A sweep's voltages are found again within this share of the largest one.
-_SAME = 1e-9
 
 
 @dataclass(frozen=True)
@@ -153,21 +152,6 @@ def best(table: xr.Dataset, of: str = "stroke", at: float | str | None = None,
                 int(reached.size), int(reached.sum()), kept, rows)
 
 
-def voltage_of(voltages: Sequence[float], at: float | str | None) -> float:
-    """One of a sweep's voltages [V], which ascend; the highest where none is named."""
-    if at is None:
-        return float(voltages[-1])
-    try:
-        volts = quantity(at, "voltage") if isinstance(at, str) else float(at)
-    except InputError as error:
-        raise error.located(key="at") from None
-    near = int(np.argmin(np.abs(np.asarray(voltages) - volts)))
-    if abs(voltages[near] - volts) > _SAME * voltages[-1]:
-        raise InputError("must be one of the sweep's voltages: " + ", ".join(
-            f"{number / 1e3:.6g}" for number in voltages) + " kV", key="at", given=at)
-    return float(voltages[near])
-
-
 def column_of(name: str, table: xr.Dataset, key: str = "under") -> str:
     """The column of numbers of a name, with or without its unit, with blanks or underscores."""
     spelled: dict[str, str] = {}
@@ -218,8 +202,6 @@ def _row(table: xr.Dataset, value: xr.DataArray, place: dict[str, Any], column: 
          limited: Sequence[tuple[Condition, xr.DataArray, xr.DataArray | None]]
          ) -> dict[str, Any]:
     """What a case is, its result, and how near it comes to each condition."""
-    from tympan.studies.sweep.table import column_name
-
     here = value.sel(place)
     row = {column_name(table, str(name)): part.item() for name, part in here.coords.items()
            if name != "base" and part.ndim == 0}

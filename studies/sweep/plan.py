@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 import math
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
 from pathlib import Path
@@ -24,7 +24,6 @@ from tympan.geometry.units import DIMENSIONS, any_quantity, quantity
 from tympan.studies.alpha import AlphaSettings
 from tympan.studies.case import Case, Settings
 from tympan.studies.sweep.asked import QUANTITIES, Ask
-from tympan.studies.sweep.best import voltage_of
 from tympan.studies.sweep.task import SweepTask, solver
 
 #: Raw TOML values by dotted key: what one specimen of a sweep differs in.
@@ -49,6 +48,9 @@ _COUNT: Rule = (lambda x: 2 <= x <= 10_000 and x == int(x),
                 "must be a whole number from 2 to 10000")
 _SEED: Rule = (lambda x: 0 <= x < 2**32 and x == int(x),
                "must be a whole number from 0 to 4294967295")
+
+#: A sweep's voltages are found again within this share of the largest one.
+_SAME = 1e-9
 
 
 @dataclass(frozen=True)
@@ -157,6 +159,21 @@ def read_sweep(file: Path, settings: Settings = Settings()) -> Sweep:
         raise InputError(f"none of the specimens can be built; the first one: {entries[0].reason}",
                          file=file)
     return Sweep(entries, file_text(file), grid, ask, figures)
+
+
+def voltage_of(voltages: Sequence[float], at: float | str | None) -> float:
+    """One of a sweep's voltages [V], which ascend; the highest where none is named."""
+    if at is None:
+        return float(voltages[-1])
+    try:
+        volts = quantity(at, "voltage") if isinstance(at, str) else float(at)
+    except InputError as error:
+        raise error.located(key="at") from None
+    near = int(np.argmin(np.abs(np.asarray(voltages) - volts)))
+    if abs(voltages[near] - volts) > _SAME * voltages[-1]:
+        raise InputError("must be one of the sweep's voltages: " + ", ".join(
+            f"{number / 1e3:.6g}" for number in voltages) + " kV", key="at", given=at)
+    return float(voltages[near])
 
 
 def _ask(table: Table) -> Ask:
