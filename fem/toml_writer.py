@@ -18,7 +18,7 @@ _RANGES = (STRETCH_RANGE, (0.7, 5.0), (0.8, 4.0), (1.0, 4.0), (1.0, 3.0), (1.0, 
 
 
 def specimen_content(specimen: Specimen, plain: bool = False) -> Content:
-    """The tables of a specimen file, with the material's ``range`` where it is not the usual one.
+    """The tables of a specimen file, with the material's ``range``: its own, or one it needs.
 
     ``plain``: quantities as SI numbers under keys that end with the unit.
 
@@ -30,6 +30,10 @@ def specimen_content(specimen: Specimen, plain: bool = False) -> Content:
     """
     content = write(specimen, plain)
     material, most = specimen.membrane.material, max(specimen.membrane.prestretch)
+    own = specimen.membrane.law_range
+    if own is not None and inadmissible_stretch(material, *own) is None:
+        content["membrane"]["material"]["range"] = list(own)
+        return content
     for low, high in _RANGES:
         if high > most and inadmissible_stretch(material, low, high) is None:
             if (low, high) != STRETCH_RANGE:
@@ -40,7 +44,10 @@ def specimen_content(specimen: Specimen, plain: bool = False) -> Content:
 
 
 def specimen_to_toml(specimen: Specimen) -> str:
-    """A specimen file; :func:`tympan.fem.film.library.load_specimen` reads the equal specimen."""
+    """A specimen file; :func:`tympan.fem.film.library.load_specimen` reads the equal specimen.
+
+    Where the law needs a range that the film does not have, the specimen that is read has it.
+    """
     return toml(specimen_content(specimen))
 
 

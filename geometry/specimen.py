@@ -36,6 +36,9 @@ _THICKNESS: Rule = (lambda x: 1e-7 <= x <= 0.1, "must be positive, from 0.1 um t
 _PERMITTIVITY: Rule = (lambda x: 1 <= x <= 1000, "must be at least 1 (vacuum) and at most 1000")
 
 
+#: No law is meant for larger stretches.
+_LARGEST_STRETCH = 20.0
+
 #: The most by which a film may be thinner somewhere than it is stated, as a share.
 _UNEVENNESS = 0.9
 
@@ -188,7 +191,8 @@ class Film:
         rule=_STRETCH, also=("stretch", "pre_stretch"), repeats=True)]
     material: Annotated[Material, Key(
         "a law with its constants, or a name of the library; true stress must grow over the "
-        "stretches of `range`, 0.5 to 6 unless the law's table says others", kinds=LAWS)]
+        "stretches of `range`, 0.5 to 6 unless the law's table says others; beyond a `range` that "
+        "is given, thickness included, results warn", kinds=LAWS)]
     relative_permittivity: Annotated[float, Key(
         "ε_r of the mounted film", rule=_PERMITTIVITY,
         default="that of the library's material", also=("permittivity", "epsilon_r", "eps_r"))]
@@ -214,6 +218,9 @@ class Film:
     temperature_power: Annotated[float, Key(
         "p: in coupon tests at an absolute temperature T law and branches are (T/293.15 K)^p times "
         "as stiff; films are solved at 20 degrees Celsius", rule=_POWER, discrete=True)] = 0.0
+    #: Principal stretches that the law is meant for, the thickness included; in files `range` of
+    #: the material's table. None: nothing is said.
+    law_range: Pair | None = None
 
     @classmethod
     def completed(cls, values: dict[str, Any]) -> dict[str, Any]:
@@ -359,6 +366,8 @@ class Specimen:
                              given=self.membrane.thickness_gradient)
 
     def _check_prestretch(self) -> None:
+        if self.membrane.law_range is not None:
+            check_range(*self.membrane.law_range)
         stretch = np.real(self.membrane.prestretch)
         with np.errstate(all="ignore"):
             energy = self.membrane.material.derivatives(*stretch)[0]
@@ -449,6 +458,13 @@ class Specimen:
         if self.plate is not None:
             on_film &= self.plate.level(*edge) > 0
         return bool(on_film.any() or (region.level(*self.frame.points(8)) <= 0).all())
+
+
+def check_range(low: float, high: float) -> None:
+    """Refuse what is no range of stretches a law may be meant for."""
+    if not 0 < low < high <= _LARGEST_STRETCH:
+        raise InputError("must be two stretches, the smaller first, at most 20",
+                         key="range", given=[low, high])
 
 
 @lru_cache(maxsize=64)

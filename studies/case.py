@@ -36,7 +36,7 @@ from tympan.geometry.errors import InputError
 from tympan.geometry.fields import Key, require, takes_units
 from tympan.geometry.mesh import unfold
 from tympan.geometry.mesher import MeshSettings
-from tympan.geometry.specimen import Material, Specimen
+from tympan.geometry.specimen import Film, Specimen
 from tympan.geometry.toml_reader import NON_NEGATIVE
 from tympan.studies.files import from_json, read_json, remove, stored_file, to_json, write_json
 from tympan.studies.film_surface import FilmSurface, film_surface
@@ -365,7 +365,7 @@ def _state_numbers(model: Model, states: Sequence[State]) -> Iterator[dict[str, 
     if not states:
         return
     at_nodes = node_fields(model, states)
-    material = None if _sound(model, at_nodes) else model.specimen.membrane.material
+    film = None if _sound(model, at_nodes) else model.specimen.membrane
     for state, fields, slack, *integrals in zip(
             states, at_nodes, lost_tension(model, states, at_nodes=at_nodes),
             *film_integrals(model, states), strict=True):
@@ -388,25 +388,25 @@ def _state_numbers(model: Model, states: Sequence[State]) -> Iterator[dict[str, 
             "slack_share": slack.share,
             "tilt_rad": state.plate.tilt if model.specimen.plate else None,
             "energy_J": energy,
-            "warnings": tuple(field_warnings(fields, slack, material))}
+            "warnings": tuple(field_warnings(fields, slack, film))}
 
 
 def _sound(model: Model, at_nodes: Sequence[Fields]) -> bool:
     """Whether the law fails nowhere, asked of all states at once."""
     position, first, second = map(np.concatenate, zip(*(
         (fields.position, fields.stretch_1, fields.stretch_2) for fields in at_nodes), strict=True))
-    return not failures(model.specimen.membrane.material, position, first, second)
+    return not failures(model.specimen.membrane, position, first, second)
 
 
 def state_warnings(model: Model, state: State) -> list[str]:
     """What a reader of a state must know before trusting it."""
     at_nodes = node_fields(model, [state])
     return field_warnings(at_nodes[0], lost_tension(model, [state], at_nodes=at_nodes)[0],
-                          model.specimen.membrane.material)
+                          model.specimen.membrane)
 
 
-def field_warnings(fields: Fields, loss: LostTension, material: Material | None) -> list[str]:
-    """What a reader of these fields must know before trusting them; no material: it is sound."""
+def field_warnings(fields: Fields, loss: LostTension, film: Film | None) -> list[str]:
+    """What a reader of these fields must know before trusting them; no film: its law is sound."""
     warnings, loose = [], fields[fields.tension != Tension.TAUT]
     if len(loose.tension):
         x_mm, y_mm, _ = loose.position[np.argmin(loose.stress_2)] * 1e3
@@ -425,9 +425,9 @@ def field_warnings(fields: Fields, loss: LostTension, material: Material | None)
         what = "would break down" if share > 1 else f"is near breakdown (margin {1 / share:.2f})"
         warnings.append(f"the film {what} at x {x_mm:.1f} mm, y {y_mm:.1f} mm: field "
                         f"{field_MV_per_m:.3g} of {strength_MV_per_m:.3g} MV/m")
-    if material is None:
+    if film is None:
         return warnings
-    return warnings + failures(material, fields.position, fields.stretch_1, fields.stretch_2)
+    return warnings + failures(film, fields.position, fields.stretch_1, fields.stretch_2)
 
 
 def failure_reason(outcome: Outcome) -> str:

@@ -9,10 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tympan.geometry.errors import InputError
-from tympan.geometry.specimen import Material
+from tympan.geometry.specimen import Film, Material
 
 Array = NDArray[np.float64]
 Margin = Callable[[Material, Any, Any], Array]
+
+#: Ranges are written with four digits, and their ends are met by the tests: stretches beyond by
+#: less than this factor are within.
+_ROUNDED = 1.01
 
 #: Stretches over which a material must be admissible: beyond them a film tears.
 STRETCH_RANGE = (0.5, 6.0)
@@ -117,13 +121,15 @@ CRITERIA = {
 }
 
 
-def failures(material: Material, position: Array, l1: Array, l2: Array) -> list[str]:
-    """What fails of an elastic law at the stretches a state visits, where worst, and how widely.
+def failures(film: Film, position: Array, l1: Array, l2: Array) -> list[str]:
+    """What fails of a film's law at the stretches a state visits, where worst, and how widely.
+
+    Also that they lie outside the range the law is meant for.
 
     ``position`` of the points in the mounted film [m], shape (n, 2 or 3); ``l1``, ``l2`` principal
     stretches from the virgin film there, shape (n,).
     """
-    result, derivatives = [], _derivatives(material, l1, l2)
+    result, derivatives = [], _derivatives(film.material, l1, l2)
     for criterion, margin in CRITERIA.items():
         margins = margin(*derivatives)
         fails = ~(margins > 0)
@@ -134,7 +140,32 @@ def failures(material: Material, position: Array, l1: Array, l2: Array) -> list[
                 f"the film's law fails {criterion} at {100 * fails.mean():.2g} % of the film's "
                 f"points, worst at x {x:.1f} mm, y {y:.1f} mm, where the stretches are "
                 f"{l1[worst]:.3f} and {l2[worst]:.3f}")
-    return result
+    return result + beyond_range(film, position, l1, l2)
+
+
+def beyond_range(film: Film, position: Array, l1: Array, l2: Array) -> list[str]:
+    """Stretches visited outside the range of the film's law, in a sentence; none where it has none.
+
+    Thickness counts as well as the plane, unless no test could have had such a range of all three:
+    a strip stretched to the upper end is already thinner than the lower one.
+    """
+    if film.law_range is None:
+        return []
+    low, high = film.law_range
+    visited = {"a stretch in its plane": np.concatenate([l1, l2])}
+    if low <= _ROUNDED * high**-0.5:
+        visited["a thickness stretch"] = 1 / (l1 * l2)
+    parts = []
+    for name, stretch in visited.items():
+        for end, outside in ((int(np.argmin(stretch)), stretch.min() * _ROUNDED < low),
+                             (int(np.argmax(stretch)), stretch.max() > high * _ROUNDED)):
+            if outside:
+                x, y = 1e3 * position[end % len(l1), :2]
+                parts.append(f"{name} of {stretch[end]:.3g} at x {x:.1f} mm, y {y:.1f} mm")
+    if not parts:
+        return []
+    return [f"the film's law is used outside its range {low:.3g} to {high:.3g}: the film visits "
+            f"{' and '.join(parts)}; what it says there was not tested"]
 
 
 def _derivatives(material: Material, l1: Any, l2: Any) -> tuple[Array, Array, tuple[Array, ...]]:

@@ -17,10 +17,12 @@ from tympan.geometry.fields import Key, Special, read
 from tympan.geometry.specimen import (
     STRENGTHS,
     Film,
+    LibraryEntry,
     Material,
     Specimen,
     Strength,
     ViscousBranch,
+    check_range,
 )
 from tympan.geometry.toml_reader import POSITIVE, Table, one_of
 
@@ -59,6 +61,19 @@ class LibraryMaterial:
         return getattr(self.material, name)
 
 
+@dataclass(frozen=True)
+class RangedMaterial:
+    """A law with the principal stretches that it is meant for."""
+
+    material: Material
+    range: tuple[float, float]
+
+    @property
+    def of_film(self) -> dict[str, Any]:
+        """What a film of it has, by the name of the film's field."""
+        return {"law_range": self.range}
+
+
 DEFAULT = "vhb-4910"
 
 _FILE = Path(__file__).with_name("library.toml")
@@ -75,13 +90,13 @@ EXAMINED: dict[str, Material] = {name: LAWS.read(Table(_FILE, entry["material"],
                                  for name, entry in _LIBRARY["refused"].items()}
 
 
-def read_material(table: Table, key: str) -> Material | LibraryMaterial:
+def read_material(table: Table, key: str) -> Material | LibraryEntry:
     """The material under a key: a name of the library, or a table with ``law`` and its constants.
 
-    ``range`` in the table are the in-plane stretches the law is meant for, such as those of the
-    tests it was fitted to: it must be admissible over them, by default over
-    :data:`~tympan.fem.film.admissibility.STRETCH_RANGE`. What a solution visits beyond is checked
-    then and told in its warnings.
+    ``range`` in the table are the principal stretches the law is meant for, such as those of the
+    tests it was fitted to, the thickness included. The law must be admissible over in-plane
+    stretches in it, by default in :data:`~tympan.fem.film.admissibility.STRETCH_RANGE`. A solution
+    that visits stretches beyond warns: see :func:`~tympan.fem.film.admissibility.failures`.
     """
     return _read(table, key, checked)
 
@@ -106,7 +121,7 @@ def library_strength(name: str) -> Strength:
 LAWS.by_name, STRENGTHS.by_name = library_material, library_strength
 
 
-def examine_material(table: Table, key: str) -> Material | LibraryMaterial:
+def examine_material(table: Table, key: str) -> Material | LibraryEntry:
     """The material under a key, admissible or not, also of the refused names: to look at only."""
     name = table.value(key)
     if isinstance(name, str) and name in EXAMINED:
@@ -114,19 +129,22 @@ def examine_material(table: Table, key: str) -> Material | LibraryMaterial:
     return _read(table, key, lambda material, *_: material)
 
 
-def _read(table: Table, key: str, check: Callable[..., Material]) -> Material | LibraryMaterial:
+def _read(table: Table, key: str, check: Callable[..., Material]) -> Material | LibraryEntry:
     if isinstance(table.value(key), str):
         return table.named(key, library_material)
     constants = table.table(key)
+    stated = "range" in constants
     low, high = constants.numbers("range", "", STRETCH_RANGE, POSITIVE, 2)
-    if not low < high <= 20:
-        raise constants.error("range", "must be two stretches, the smaller first, at most 20",
-                              [low, high])
+    try:
+        check_range(low, high)
+    except InputError as error:
+        raise constants.error("range", error.allowed, [low, high]) from None
     material = LAWS.read(constants)
     try:
-        return check(material, low, high)
+        law = check(material, low, high)
     except InputError as error:
         raise error.located(file=table.file, key=constants.where) from None
+    return RangedMaterial(law, (low, high)) if stated else law
 
 
 #: Readers of what of a film a file may also name.

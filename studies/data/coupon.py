@@ -190,9 +190,10 @@ class Coupons:
 
     @property
     def stretch_range(self) -> tuple[float, float]:
-        """Smallest and largest in-plane stretch the tests reach, the virgin state included."""
-        both = np.concatenate([*self.in_plane, [1.0]])
-        return float(both.min()), float(both.max())
+        """Smallest and largest principal stretch of the tests, thickness and virgin state too."""
+        l1, l2 = self.in_plane
+        every = np.concatenate([l1, l2, 1 / (l1 * l2), [1.0]])
+        return float(every.min()), float(every.max())
 
 
 def _corners(time: Array, stretch: Array, most: int) -> NDArray[np.bool_]:

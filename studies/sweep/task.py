@@ -102,6 +102,8 @@ class SweepTask:
         """
         content = write(self.specimen)
         content["membrane"]["material"] = _constants(self.specimen.membrane.material)
+        if self.specimen.membrane.law_range is not None:  # of which results warn
+            content["membrane"]["law_range"] = self.specimen.membrane.law_range
         head = _hash({"specimen": {**content, "name": "any"}, "rig": self.rig.record(),
                       "settings": asdict(self.settings), "solver": self.solver})
         return tuple(_hash([head, mass, voltage]) for mass in self.masses

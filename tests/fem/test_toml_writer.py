@@ -82,7 +82,10 @@ def test_a_law_of_a_narrow_range_states_it(read) -> None:
     state it."""
     specimen = circular(Ogden((20e3, -500.0), (2.0, 4.0)))
     assert "range = [" in specimen_to_toml(specimen)
-    assert read(specimen) == specimen
+    stated = read(specimen)
+    assert stated.membrane.law_range == (0.8, 4.0)
+    assert replace(stated, membrane=replace(stated.membrane, law_range=None)) == specimen
+    assert read(stated) == stated
     with pytest.raises(InputError, match="cannot be written"):
         specimen_to_toml(circular(EXAMINED["paper-table-1"]))
 

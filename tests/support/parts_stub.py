@@ -62,6 +62,7 @@ def arguments(name: str) -> str:
     listed = [f"{item.name}: {annotation(declared[item.name])}"
               f"{'' if declared[item.name].required else ' = ...'}"
               if item.name in declared else f"{item.name}: {item.type}"
+              f"{'' if item.default is dataclasses.MISSING else ' = ...'}"
               for item in dataclasses.fields(getattr(parts, name))]
     return textwrap.fill(", ".join(["self", *listed]), 80, subsequent_indent=" " * 17)
 
