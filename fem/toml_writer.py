@@ -30,9 +30,9 @@ def specimen_content(specimen: Specimen, plain: bool = False) -> Content:
     """
     content = write(specimen, plain)
     material, most = specimen.membrane.material, max(specimen.membrane.prestretch)
-    own = specimen.membrane.law_range
-    if own is not None and inadmissible_stretch(material, *own) is None:
-        content["membrane"]["material"]["range"] = list(own)
+    stated = specimen.membrane.law_range
+    if stated is not None and inadmissible_stretch(material, *stated) is None:
+        content["membrane"]["material"]["range"] = list(stated)
         return content
     for low, high in _RANGES:
         if high > most and inadmissible_stretch(material, low, high) is None:
