@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from secrets import token_hex
 from typing import Any
 
@@ -19,6 +20,8 @@ _MOST_BYTES = 65_536
 _MOST_PARTS = 4
 #: Seconds between signs of life.
 _HEART_BEAT = 30.0
+#: Seconds that a browser has to say goodbye, too.
+_GOODBYE = 1.0
 #: Websockets of one page; a browser has one, and two while it comes back.
 MOST_SOCKETS = 4
 
@@ -48,8 +51,9 @@ class Talk(AioHttpWsHandler):  # type: ignore[misc]  # wslink has no types
         """Talk to a browser until it goes away or says what is not of the page."""
         if len(self.connections) >= MOST_SOCKETS:
             raise web.HTTPServiceUnavailable(text="this page is open too often\n")
-        socket = web.WebSocketResponse(max_msg_size=_MOST_BYTES, heartbeat=_HEART_BEAT,
-                                       compress=self.web_app.ws_compress)
+        socket = web.WebSocketResponse(
+            timeout=_GOODBYE, max_msg_size=_MOST_BYTES, heartbeat=_HEART_BEAT,
+            compress=self.web_app.ws_compress)
         safe(socket, request.headers["Host"])
         await socket.prepare(request)
         name = token_hex(8)
@@ -58,14 +62,28 @@ class Talk(AioHttpWsHandler):  # type: ignore[misc]  # wslink has no types
         try:
             await self.onConnect(request, name)
             self.unchunkers[name] = _Parts()
-            await self._listen(socket, name)
-        except ConnectionError:
-            pass  # the browser went away
+            with suppress(ConnectionError):  # the browser goes away
+                await self._listen(socket, name)
         finally:
             await self.onClose(name)
             del self.connections[name]
             self.authentified_client_ids.discard(name)
         return socket
+
+    def getAuthenticatedWebsockets(self, *args: Any, **kwargs: Any) -> list[Any]:
+        """Those that are open: what is meant for a closed one would keep the others waiting."""
+        sockets = super().getAuthenticatedWebsockets(*args, **kwargs)
+        return [socket for socket in sockets if socket is not None and not socket.closed]
+
+    async def sendWrappedMessage(self, *args: Any, **kwargs: Any) -> None:
+        """Send to browsers; one may go away meanwhile."""
+        with suppress(ConnectionError, KeyError):
+            await super().sendWrappedMessage(*args, **kwargs)
+
+    async def sendWrappedError(self, *args: Any, **kwargs: Any) -> None:
+        """Send to browsers; one may go away meanwhile."""
+        with suppress(ConnectionError, KeyError):
+            await super().sendWrappedError(*args, **kwargs)
 
     async def _listen(self, socket: web.WebSocketResponse, name: str) -> None:
         async for frame in socket:

@@ -24,12 +24,22 @@ def test_what_is_changed_can_be_read(name: str, tmp_path) -> None:
                            ("dataset.toml", KINDS["dataset"].contents[0]),
                            ("static.csv", KINDS["static"].contents[0])):
             (tmp_path / file).write_bytes(text)
+        (tmp_path / KINDS[name].file).parent.mkdir(exist_ok=True)
         (tmp_path / KINDS[name].file).write_bytes(content)
         if name != "drawing":  # its curves lie apart
             KINDS[name].read(tmp_path)
 
 
-@given(inputs())
+@given(inputs("explorer"))
+@settings(max_examples=30, derandomize=True, database=None, deadline=None,
+          suppress_health_check=list(HealthCheck))
+@pytest.mark.skipif("explorer frames" not in KINDS, reason="trame is not installed")
+def test_nothing_breaks_the_explorers_server(item: tuple[str, bytes]) -> None:
+    """An answer that does not come is waited for, so that there are few."""
+    survive(*item)
+
+
+@given(inputs().filter(lambda item: "explorer" not in item[0]))
 @settings(max_examples=300, derandomize=True, database=None, deadline=None,
           suppress_health_check=list(HealthCheck))
 def test_no_file_breaks_its_reader(item: tuple[str, bytes]) -> None:

@@ -79,6 +79,7 @@ def _read(name: str, content: bytes, folder: Path) -> None:
             for file, text in (("oval.toml", SPECIMENS["oval"]), ("dataset.toml", DATASET),
                                ("static.csv", STATIC)):
                 (folder / file).write_text(text, encoding="utf-8")
+            (folder / kind.file).parent.mkdir(exist_ok=True)
             (folder / kind.file).write_bytes(content)
             kind.read(folder)
     finally:

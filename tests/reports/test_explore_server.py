@@ -1,0 +1,246 @@
+"""The explorer's server among strangers: what it answers, and that the owner always gets in."""
+
+from __future__ import annotations
+
+import re
+import socket
+import time
+from collections.abc import Iterator
+
+import pytest
+
+from benchmarks.explore.serving import (
+    CALLS,
+    HELLO,
+    UPGRADE,
+    Serving,
+    call,
+    frame,
+    parsed,
+    part,
+    received,
+    serving,
+)
+
+pytest.importorskip("trame_vtk", reason="trame is not installed")
+
+from tympan.reports.explore import door, talk  # they import what may lack
+
+SAFE = {"cache-control": "no-store", "x-content-type-options": "nosniff",
+        "x-frame-options": "DENY", "referrer-policy": "no-referrer"}
+
+
+@pytest.fixture(scope="module")
+def server() -> Iterator[Serving]:
+    """A server; nothing goes wrong in it, whatever is sent."""
+    with pytest.MonkeyPatch.context() as patch, serving() as running:
+        patch.setattr("tympan.reports.explore.server._KEPT", 600.0)
+        yield running
+        assert running.troubles == []
+
+
+@pytest.fixture(scope="module")
+def page(server: Serving) -> str:
+    """The name of a page, which stays without a browser."""
+    return server.page()
+
+
+def is_safe(headers: dict[str, str]) -> bool:
+    """Whether an answer has all that every answer has."""
+    policy = headers.get("content-security-policy", "")
+    return ({name: headers.get(name) for name in SAFE} == SAFE
+            and "frame-ancestors 'none'" in policy and "default-src 'none'" in policy
+            and "unsafe-inline" not in policy)
+
+
+def test_every_answer_is_safe(server: Serving, page: str) -> None:
+    for status, data in (
+            (302, server.request()), (200, server.request(f"/{page}/index.html")),
+            (200, server.request(f"/{page}/vue.global.js")),
+            (404, server.request(f"/{page}/nothing")), (302, server.request("/nobody/index.html")),
+            (403, server.request(token=False)), (405, server.request(method="POST")),
+            (101, server.request(f"/{page}/ws", **UPGRADE)), (400, b"\x00\x01\r\n\r\n")):
+        got, headers, _ = server.answer(data)
+        assert got == status, data
+        assert is_safe(headers), (data, headers)
+
+
+@pytest.mark.parametrize("data", [
+    "GET / HTTP/1.1\r\n\r\n", "GET / HTTP/1.1\r\nHost: a\r\nHost: b\r\n\r\n",
+    "GET / HTTP/1.1\r\nHost: {host}\r\nCookie: tympan-1=\udcff\udcfe\r\n\r\n",
+    "GET / HTTP/1.1\r\nHost: {host}\r\nCookie: {cookie}\r\nX: a\udcff\r\n\r\n",
+    "GET /\udcff\udcfe HTTP/1.1\r\nHost: {host}\r\nCookie: {cookie}\r\n\r\n",
+    "GET /a%00b HTTP/1.1\r\nHost: {host}\r\nCookie: {cookie}\r\n\r\n",
+    "GET /%0d%0aSet-Cookie:x HTTP/1.1\r\nHost: {host}\r\nCookie: {cookie}\r\n\r\n",
+    "GET http://[::bad/ HTTP/1.1\r\nHost: {host}\r\n\r\n", "GET / HTTP/9.9\r\nHost: {host}\r\n\r\n",
+    "GET / HTTP/1.1\r\nHost: {host}\r\nContent-Length: -1\r\n\r\n",
+    "GET / HTTP/1.1\r\nHost: {host}\r\nTransfer-Encoding: chunked\r\nContent-Length: 3\r\n\r\n",
+    "GET / HTTP/1.1\r\nHost: {host}\r\n broken\r\n\r\n", "GET / HTTP/1.1\r\nHo st: {host}\r\n\r\n",
+    "GET / HTTP/1.1\r\nHost: {host}/@x\r\n\r\n", "{long}", "\x16\x03\x01\x02\x00\x01\r\n\r\n"])
+def test_what_is_malformed_is_a_bad_request(server: Serving, data: str) -> None:
+    filled = data.replace("{host}", server.host).replace("{cookie}", server.cookie).replace(
+        "{long}", f"GET /{'a' * 20_000} HTTP/1.1\r\nHost: {server.host}\r\n\r\n")
+    status, headers, content = server.answer(filled.encode("utf-8", "surrogateescape"))
+    assert status == 400
+    assert is_safe(headers)
+    assert b"Traceback" not in content
+    assert content.count(b"\n") == 1
+
+
+def test_a_body_in_bad_chunks_ends_the_connection(server: Serving) -> None:
+    head = server.request("/x", Transfer_Encoding="chunked")
+    with server.connection() as connection:
+        connection.sendall(head + b"ZZ\r\nno chunk\r\n")
+        assert parsed(received(connection))[0] in (302, 400)
+        assert connection.recv(1) == b""
+
+
+@pytest.mark.parametrize(("host", "status"), [
+    ("127.0.0.1:1", 302), ("localhost:9000", 302), ("[::1]:80", 302), ("LOCALHOST", 302),
+    ("evil.example", 403), ("evil.example:80", 403), ("127.0.0.1.evil.example", 403),
+    ("localhost.evil.example", 403), ("localhost:x", 400), ("", 400), ("a b", 400)])
+def test_a_foreign_name_is_refused(server: Serving, host: str, status: int) -> None:
+    """Even with the token: a foreign page whose name was led here (DNS rebinding) has no more."""
+    data = server.request("/nobody/index.html", Host=host or " ")
+    assert server.answer(data)[0] == status
+
+
+@pytest.mark.parametrize("origin", ["http://evil.example", "null", "http://127.0.0.1:1", "x", "é"])
+def test_a_foreign_page_opens_no_websocket(server: Serving, page: str, origin: str) -> None:
+    assert server.answer(server.request(f"/{page}/ws", **UPGRADE, Origin=origin))[0] == 403
+    right = server.request(f"/{page}/ws", **UPGRADE, Origin=f"http://{server.host}")
+    assert server.answer(right)[0] == 101
+
+
+def until_closed(connection: socket.socket) -> float:
+    """Seconds until the other side ends a connection."""
+    began = time.monotonic()
+    received(connection, enough=rb"\Znever")
+    return time.monotonic() - began
+
+
+def test_strangers_end_after_seconds_whatever_they_do(
+        server: Serving, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(door, "PATIENCE", 1.0)
+    idle, slow, many = (server.connection(10.0) for _ in range(3))
+    slow.sendall(b"GET / HTTP/1.1\r\n")
+    many.sendall(50 * server.request(token=False))  # and reads no answer
+    began = time.monotonic()
+    slow.settimeout(0.05)
+    closed = False
+    while not closed and time.monotonic() < began + 10:
+        try:
+            slow.sendall(b"X: y\r\n")
+            closed = slow.recv(1) == b""
+        except TimeoutError:
+            pass
+        except ConnectionError:
+            closed = True
+    assert closed
+    assert time.monotonic() - began < 8
+    assert until_closed(idle) < 8
+    assert until_closed(many) < 8
+    assert parsed(b"HTTP/1.1 403 Forbidden\r\n\r\n")[0] == 403
+    for connection in (idle, slow, many):
+        connection.close()
+
+
+def test_the_owner_gets_in_among_many_strangers(server: Serving) -> None:
+    strangers = [server.connection() for _ in range(3 * door.STRANGERS)]
+    try:
+        for _ in range(20):
+            assert server.answer(server.request("/nobody/index.html"))[0] == 302
+        open_now = sum(is_open(connection) for connection in strangers)
+        assert open_now <= door.STRANGERS
+    finally:
+        for connection in strangers:
+            connection.close()
+
+
+def is_open(connection: socket.socket) -> bool:
+    """Whether the other side has not ended a connection that sends nothing."""
+    connection.setblocking(False)
+    try:
+        return connection.recv(1) != b""
+    except BlockingIOError:
+        return True
+    except ConnectionError:
+        return False
+
+
+def test_a_stranger_gets_one_answer(server: Serving) -> None:
+    with server.connection() as connection:
+        connection.sendall(2 * server.request(token=False))
+        assert received(connection, enough=rb"\Znever").count(b"HTTP/1.1") == 1
+
+
+def closing(server: Serving, page: str, *frames: bytes) -> int:
+    """The code with which a websocket is closed after some frames; 0 where it stays open."""
+    end = rb"\x88[\x02-\x7d](\x03[\xe8-\xf7])"
+    with server.websocket(page, 10.0) as connection:
+        connection.sendall(b"".join(frames))
+        close = re.search(end, received(connection, enough=end), re.DOTALL)
+    return int.from_bytes(close[1], "big") if close else 0
+
+
+@pytest.mark.parametrize("sent", [
+    frame(b"text", kind=1), frame(b""), frame(b"\0" * 12), frame(b"\0" * 11),
+    frame(b"\xff" * 40), frame(part([1, 2])), frame(part({"id": 1, "method": "x"})),
+    frame(part(call("trame.nothing"))), frame(part(call("trame.force.push", "token"))),
+    frame(part(call("trame.state.update", [{"key": "chosen", "value": "x"}]))),
+    frame(part(call("trame.state.update", [{"key": "depth", "value": float("nan")}]))),
+    frame(part(call("trame.state.update", [{"key": "colouring", "value": ["x"]}]))),
+    frame(part(call("trame.trigger", "slid", ["voltage", 3], {}))),
+    frame(part(call("trame.trigger", "look", ["inside"], {}))),
+    frame(part(call("trame.trigger", "close", [], {}))),
+    frame(part(call("trame.trigger", "write", [], {"file": "x"}))),
+    frame(b"\1\0\0\0\0\0\0\0\xff\xff\xff\x7f" + b"x"),  # the first part of 2 GB
+    b"".join(frame(number.to_bytes(4, "little") + b"\0\0\0\0\0\1\0\0x") for number in range(9)),
+    b"\xff\xff\xff\xff", frame(b"x", kind=3), frame(200 * b"x", kind=9), b"\x82\x05hello",
+    b"\x82\xff" + b"\x7f" + 7 * b"\xff" + b"mask"])
+def test_what_the_page_never_says_ends_its_websocket(server: Serving, page: str, sent: bytes
+                                                     ) -> None:
+    """And no other one."""
+    assert closing(server, page, frame(part(HELLO)), sent) in (1002, 1003, 1007, 1008, 1009)
+    with server.websocket(page) as other:
+        other.sendall(frame(part(HELLO)))
+        assert b"maxMsgSize" in received(other, enough=b"maxMsgSize")
+
+
+def test_what_the_page_says_is_answered(server: Serving, page: str) -> None:
+    import json
+
+    messages = [json.loads(text) for text in CALLS]
+    assert len(messages) == 10
+    with server.websocket(page, 30.0) as connection:
+        for number, message in enumerate(messages):
+            if number:
+                message["id"] = f"rpc:c:{number}"
+            connection.sendall(frame(part(message)))
+        last = f"rpc:c:{len(messages) - 1}".encode()
+        data = received(connection, enough=last)
+    assert last in data
+    assert b"Exception raised" not in data
+
+
+def test_a_control_that_is_no_more_and_a_specimen_that_is_none_change_nothing(
+        server: Serving, page: str) -> None:
+    calls = [call("trame.trigger", "typed", ["frame.vertices.9", "3"], {}),
+             call("trame.trigger", "slid", ["", "x"], {}),
+             call("trame.trigger", "typed", ["voltage", "9" * 5000], {}),
+             call("trame.trigger", "choose", [7], {}), call("trame.trigger", "choose", [-1], {})]
+    with server.websocket(page, 30.0) as connection:
+        connection.sendall(frame(part(HELLO)))
+        for number, message in enumerate(calls):
+            connection.sendall(frame(part(message | {"id": f"rpc:c:{number}"})))
+        data = received(connection, enough=b"rpc:c:4")
+    assert b"rpc:c:4" in data
+    assert b"Exception raised" not in data
+
+
+def test_a_page_has_few_websockets(server: Serving) -> None:
+    name = server.page()
+    several = [server.websocket(name) for _ in range(talk.MOST_SOCKETS)]
+    assert server.answer(server.request(f"/{name}/ws", **UPGRADE))[0] == 503
+    for connection in several:
+        connection.close()
