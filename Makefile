@@ -20,6 +20,7 @@ benchmarks: .venv/ready
 	.venv/bin/python -m benchmarks.sweep
 	.venv/bin/python -m benchmarks.sweep --asked
 	.venv/bin/python -m benchmarks.start_up
+	.venv/bin/python -m benchmarks.doors
 	.venv/bin/python -m benchmarks.transient
 
 scaling: .venv/ready

@@ -149,8 +149,7 @@ def times(tree: Path, folder: Path, command: tuple[str, ...]) -> Times | None:
     before, began = os.times(), time.perf_counter()
     done = subprocess.run([sys.executable, "-m", "tympan", *command], cwd=folder, check=False,
                           capture_output=True, env=os.environ | {
-                              "PYTHONPATH": str(tree), "TYMPAN_CACHE": str(folder / "kept"),
-                              "OPENBLAS_NUM_THREADS": "1"})
+                              "PYTHONPATH": str(tree), "TYMPAN_CACHE": str(folder / "kept")})
     after = os.times()
     busy = (after.children_user - before.children_user
             + after.children_system - before.children_system)

@@ -17,12 +17,10 @@ from multiprocessing.connection import wait as wait_for
 from typing import TypeVar
 
 from tympan.geometry.errors import Failure, InputError
+from tympan.geometry.process.threads import stay_single
 
 Item = TypeVar("Item")
 Value = TypeVar("Value")
-
-#: Small dense matrices gain nothing from threads, which would take the processors from each other.
-_THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 
 #: Signals that end a command; a terminal or a supervisor sends them to all its processes.
 _ENDING = {signal.SIGINT, signal.SIGTERM, signal.SIGHUP}
@@ -54,12 +52,11 @@ def processes(function: Callable[[Item], Value], items: Mapping[str, Item], work
     those are tried again, and one that was there several times is then tried alone.
     """
     waiting, deaths = deque(items), Counter[str]()
-    with _single_threaded():
-        while waiting:
-            yield from _until_broken(function, items, waiting, deaths, workers)
-            while waiting and deaths[waiting[0]] >= _DEATHS:
-                key = waiting.popleft()
-                yield key, _alone(function, items[key])
+    while waiting:
+        yield from _until_broken(function, items, waiting, deaths, workers)
+        while waiting and deaths[waiting[0]] >= _DEATHS:
+            key = waiting.popleft()
+            yield key, _alone(function, items[key])
 
 
 def mapped(function: Callable[[Item], Value], items: Sequence[Item], workers: int
@@ -168,7 +165,7 @@ def _signals_later() -> Iterator[None]:
 def _pool(workers: int) -> Iterator[ProcessPoolExecutor]:
     """A pool whose processes end with it, whatever ends it."""
     pool = ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn"),
-                               initializer=end_with_parent)
+                               initializer=begin_worker)
     try:
         yield pool
     finally:
@@ -177,8 +174,10 @@ def _pool(workers: int) -> Iterator[ProcessPoolExecutor]:
         pool.shutdown(wait=True, cancel_futures=True)
 
 
-def end_with_parent() -> None:
-    """In a new process: do not outlive the parent."""
+def begin_worker() -> None:
+    """In a new process that computes: one thread, and an end with the parent's."""
+    stay_single()
+
     def follow(sentinel: int) -> None:
         wait_for([sentinel])
         os._exit(1)
@@ -186,15 +185,3 @@ def end_with_parent() -> None:
     parent = multiprocessing.parent_process()
     if parent is not None:
         threading.Thread(target=follow, args=(parent.sentinel,), daemon=True).start()
-
-
-@contextmanager
-def _single_threaded() -> Iterator[None]:
-    """Processes started meanwhile compute with one thread each, unless the user says otherwise."""
-    unset = [name for name in _THREADS if name not in os.environ]
-    os.environ.update(dict.fromkeys(unset, "1"))
-    try:
-        yield
-    finally:
-        for name in unset:
-            del os.environ[name]

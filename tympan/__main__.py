@@ -16,6 +16,8 @@ import time
 from types import FrameType
 from typing import Any, NoReturn
 
+from tympan.geometry.process.threads import stay_single
+
 #: What is said when a signal ends the command; the exit status is 128 and the signal's number.
 _ENDING = {signal.SIGINT: "interrupted", signal.SIGTERM: "terminated", signal.SIGHUP: "hung up"}
 _RETRY = 0.01  # [s]: how soon a signal that came during an import is looked at again
@@ -133,8 +135,7 @@ def run_command() -> NoReturn:
     try:
         _streams()
         os.environ["MPLBACKEND"] = "agg"  # whatever the user has: nothing is drawn on a screen
-        # Of small dense matrices threads only wait for one another.
-        os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+        stay_single()
         # What libraries make while they are imported stays: to look for garbage among it is vain.
         gc.set_threshold(20_000, 50)
         try:

@@ -13,6 +13,7 @@ from tympan.fem.rig import Rig
 from tympan.geometry.errors import InputError as InputError
 from tympan.geometry.fields import names_arguments
 from tympan.geometry.mesher import MeshSettings as MeshSettings
+from tympan.geometry.process.threads import one_thread
 from tympan.geometry.specimen import Specimen
 from tympan.result import Result as Result
 from tympan.studies.case import Case as Case
@@ -94,6 +95,7 @@ def material(name: str) -> LibraryMaterial:
 
 
 @names_arguments(*Loads.__annotations__)
+@one_thread()
 def solve(specimen: Specimen, settings: Settings = Settings(), **loads: Unpack[Loads]
           ) -> Result[CaseResult]:
     """The equilibrium of a specimen under a mass and a voltage, with its fields and limits.
@@ -107,6 +109,7 @@ def solve(specimen: Specimen, settings: Settings = Settings(), **loads: Unpack[L
 
 
 @names_arguments()
+@one_thread()
 def curve(specimen: Specimen, *masses: float | str, settings: Settings = Settings(),
           rig: Rig = Rig()) -> Result[CurveResult]:
     """Deflection against voltage under each mass to the film's limit; by default under usual ones.
@@ -122,6 +125,7 @@ def curve(specimen: Specimen, *masses: float | str, settings: Settings = Setting
 
 
 @names_arguments(*Loads.__annotations__)
+@one_thread()
 def path(specimen: Specimen, along: Literal["voltage", "charge", "mass", "pressure"] = "voltage",
          settings: Settings = Settings(), **loads: Unpack[Loads]) -> Result[PathResult]:
     """The equilibria while one quantity grows from the loads on, and through limit points."""
@@ -131,6 +135,7 @@ def path(specimen: Specimen, along: Literal["voltage", "charge", "mass", "pressu
 
 
 @names_arguments(*Waves.__annotations__)
+@one_thread()
 def transient(specimen: Specimen, signal: str = "step", *, mass: float | str | None = None,
               rest: float | str | None = None, swing: bool = False, films: Sequence[float] = (),
               rig: Rig = Rig(), settings: Settings = Settings(), **wave: Unpack[Waves]
@@ -160,6 +165,7 @@ def transient(specimen: Specimen, signal: str = "step", *, mass: float | str | N
 
 
 @names_arguments(*Loads.__annotations__)
+@one_thread()
 def modes(specimen: Specimen, count: int = 6, settings: Settings = Settings(),
           **loads: Unpack[Loads]) -> Result[ModesResult]:
     """Small vibrations about an equilibrium, the voltage held constant."""
@@ -169,6 +175,7 @@ def modes(specimen: Specimen, count: int = 6, settings: Settings = Settings(),
 
 
 @names_arguments(*Loads.__annotations__)
+@one_thread()
 def sensitivity(specimen: Specimen, *quantities: str, settings: Settings = Settings(),
                 **loads: Unpack[Loads]) -> Result[SensitivityResult]:
     """Derivatives of named quantities, "heave" if none is named, by all they depend on."""
@@ -178,6 +185,7 @@ def sensitivity(specimen: Specimen, *quantities: str, settings: Settings = Setti
 
 
 @names_arguments()
+@one_thread()
 def alpha(specimen: Specimen, alpha_settings: AlphaSettings | None = None,
           settings: Settings = Settings(), rig: Rig = Rig()) -> Result[AlphaResult]:
     """Weights of the circles that stand for a specimen in a lumped model."""
@@ -187,6 +195,7 @@ def alpha(specimen: Specimen, alpha_settings: AlphaSettings | None = None,
 
 
 @names_arguments()
+@one_thread()
 def sweep(file: File, folder: File | None = None, workers: int = 1,
           settings: Settings = Settings(), at: float | str | None = None) -> Result[SweepResult]:
     """All cases of SWEEP.toml; what a ``folder`` holds already is not solved again.
@@ -209,6 +218,7 @@ def sweep(file: File, folder: File | None = None, workers: int = 1,
 
 
 @names_arguments()
+@one_thread()
 def study(file: File | None = None) -> Result[StudyResult]:
     """The main job of STUDY.toml, or on the paper's three actuators."""
     from tympan.studies.study import default_study, read_study, run_study
@@ -217,6 +227,7 @@ def study(file: File | None = None) -> Result[StudyResult]:
 
 
 @names_arguments()
+@one_thread()
 def lumped(*specimens: Specimen, settings: Settings = Settings(), rig: Rig = Rig()
            ) -> Result[BuildResult]:
     """Lumped models of specimens from their field models alone."""
@@ -226,6 +237,7 @@ def lumped(*specimens: Specimen, settings: Settings = Settings(), rig: Rig = Rig
 
 
 @names_arguments()
+@one_thread()
 def diagnose(dataset: File, workers: int = 1, seed: int = 0) -> Result[Diagnosis]:
     """What a dataset's readings say the simulation gets wrong, and which effect explains it.
 
@@ -238,6 +250,7 @@ def diagnose(dataset: File, workers: int = 1, seed: int = 0) -> Result[Diagnosis
 
 
 @names_arguments()
+@one_thread()
 def optimise(file: File | None = None, settings: Settings = Settings()) -> Result[OptimiseResult]:
     """The frame and plate with the largest stroke under the limits of OPTIMISE.toml.
 

@@ -14,7 +14,7 @@ from multiprocessing.process import BaseProcess
 from typing import Any, TypeAlias
 
 from tympan.geometry.errors import InputError
-from tympan.studies.parallel import end_with_parent, signals_blocked
+from tympan.studies.parallel import begin_worker, signals_blocked
 
 #: Answers a question, in several parts where some come sooner.
 Answer: TypeAlias = Callable[[Any], Iterator[Any]]
@@ -138,7 +138,7 @@ class Latest:
 def _work(make: Callable[[], Answer], pipe: Connection) -> None:
     """What the process does: it ends with its parent, whom alone signals are for."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    end_with_parent()
+    begin_worker()
     answer = make()
     while True:
         try:

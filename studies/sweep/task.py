@@ -19,6 +19,7 @@ from tympan.fem.equilibrium.ramp import Status
 from tympan.fem.rig import Rig
 from tympan.geometry.errors import Failure, InputError
 from tympan.geometry.fields import write
+from tympan.geometry.process.threads import one_thread
 from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Case, CaseResult, Settings, build_model, solve_grid
 from tympan.studies.film_surface import film_surface
@@ -125,7 +126,7 @@ class SweepTask:
         if self.solver != solver():
             raise Failure(f"a worker has another version: {solver()}, here {self.solver}")
         began = time.perf_counter()
-        with _TURN:
+        with _TURN, one_thread():  # in a cluster's worker nothing else limits them
             try:
                 result = self._solved()
             except InputError as error:  # without the name, which equal specimens do not share

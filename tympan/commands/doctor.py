@@ -14,9 +14,6 @@ from tympan.options import JSON, command, print_record
 #: Distributions that results depend on, or that load system libraries.
 PACKAGES = ("numpy", "scipy", "scikit-fem", "meshio", "gmsh", "cadquery", "vtk", "pyvista",
             "matplotlib")
-#: Variables that bound the threads of the numerical libraries.
-THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
-
 #: The window that VTK draws in, and whether something can be seen in it; it may end the process.
 _DRAW = """
 import numpy, pyvista
@@ -26,12 +23,23 @@ picture = plotter.screenshot(return_img=True)
 print(type(plotter.render_window).__name__ if numpy.ptp(picture) > 100 else "nothing")
 """
 
+#: A script of the user: threads of the numerical libraries outside of tympan, and within.
+_COUNT = """
+import json, numpy, scipy.linalg
+from tympan.geometry.process.threads import blas_threads, one_thread
+outside = blas_threads()
+with one_thread():
+    within = blas_threads()
+print(json.dumps({name: {"own_code": outside[name], "tympan": within[name]} for name in within}))
+"""
+
 
 @command("doctor", JSON, example="")
 def doctor(options: argparse.Namespace) -> None:
     """Versions, system libraries, drawing, threads, and a short self-check of the solver."""
     import platform
 
+    from tympan.geometry.process.threads import outer_environment
     from tympan.geometry.system import missing_packages
 
     versions = {name: _version(name) for name in PACKAGES}
@@ -39,11 +47,13 @@ def doctor(options: argparse.Namespace) -> None:
         "tympan": _version("tympan"), "python": platform.python_version(),
         "system": platform.platform(), "packages": versions,
         "missing_libraries": missing_packages(), "processors": len(os.sched_getaffinity(0)),
-        "threads": {name: os.environ.get(name) for name in THREADS}}
+        "threads": {"variables": outer_environment(), "libraries": python_threads()}}
     record["self_check"] = self_check()
     record["display"] = {"name": os.environ.get("DISPLAY"), "draws_with": drawing_window()}
     wrong = [name for name, fine in (
         ("packages", None not in versions.values()), ("libraries", not record["missing_libraries"]),
+        ("threads", all(counts["tympan"] == 1
+                        for counts in record["threads"]["libraries"].values())),
         ("self-check", record["self_check"]["passed"]),
         ("drawing", record["display"]["draws_with"] is not None)) if not fine]
     print_record(options, record | {"wrong": wrong})
@@ -73,6 +83,25 @@ def self_check() -> dict[str, Any]:
                        "passed": deflection is not None and abs(deflection - reference) < 1e-7})
     return {"points": points, "passed": all(point["passed"] for point in points),
             "wall_s": time.perf_counter() - began}
+
+
+def python_threads() -> dict[str, dict[str, int]]:
+    """Threads of NumPy's and SciPy's dense algebra in a script: its own, and those of tympan.
+
+    Without a library whose threads cannot be counted.
+    """
+    import json
+    import subprocess
+
+    from tympan.geometry.process.threads import outer_environment
+
+    caller = {name: value for name, value in outer_environment().items() if value is not None}
+    rest = {name: value for name, value in os.environ.items() if name not in outer_environment()}
+    done = subprocess.run([sys.executable, "-c", _COUNT], capture_output=True, text=True,
+                          check=False, env=rest | caller | {
+                              "PYTHONPATH": os.pathsep.join(filter(None, sys.path))})
+    counts: dict[str, dict[str, int]] = {} if done.returncode else json.loads(done.stdout)
+    return counts
 
 
 def drawing_window() -> str | None:
