@@ -115,7 +115,9 @@ class CaseRecord:
 
     ending: ClassVar[str] = ""
     writer: ClassVar[str]
-    kinds: ClassVar[tuple[str, ...]] = ("vtu", "json")  #: of files an earlier run may have left
+    #: Of files an earlier run may have left, and of the pictures among them.
+    kinds: ClassVar[tuple[str, ...]] = ("vtu", "json")
+    drawn: ClassVar[tuple[str, ...]] = ()
 
     specimen: str
     mass_kg: float
@@ -127,6 +129,11 @@ class CaseRecord:
         """As a JSON object; without films."""
         record: dict[str, Any] = to_json(self)
         return record
+
+    @property
+    def pictures(self) -> tuple[str, ...]:
+        """Files that are drawn of it."""
+        return tuple(f"{self.specimen}{self.ending}.{kind}" for kind in self.drawn)
 
     def save(self, folder: Path) -> None:
         """Write NAME, the ending, ``.json`` and, where there is a film, ``.vtu``."""
@@ -226,7 +233,7 @@ class CaseResult(CaseRecord):
     """
 
     writer = "tympan solve -o"
-    kinds = ("vtu", "json", "png", "svg")
+    drawn = ("png", "svg")
 
     status: Status
     deflection_m: float | None = None

@@ -9,11 +9,10 @@ from __future__ import annotations
 import csv
 import io
 import json
-import os
-import tempfile
 import tomllib
 import types
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import MISSING, fields, is_dataclass
 from math import isinf
 from pathlib import Path
@@ -22,64 +21,50 @@ from typing import Any, Literal, TypeVar, Union, cast, get_args, get_origin, get
 import numpy as np
 
 from tympan.geometry.errors import InputError
+from tympan.geometry.process.folder import is_own, put, temporary_beside
+from tympan.geometry.process.interruption import raise_again
 from tympan.geometry.read_file import file_text
 
 T = TypeVar("T")
 
 
-#: In each folder, the names of the files that were written there, one a line.
-MANIFEST = ".tympan"
-
-
 def write_atomically(file: Path, write: Callable[[Path], object], hashed: bool = False) -> None:
     """Let ``write`` fill a temporary file beside ``file`` and rename it.
 
-    A failure leaves the old file, or none. A file that nothing here wrote is never replaced;
-    that is not asked where the name is ``hashed``, which nobody else gives.
+    A failure leaves the old file, or none, and so does a signal. A file that nothing here wrote, or
+    that was changed since, is never replaced; that is not asked where the name is ``hashed``, which
+    nobody else gives.
     """
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
-        # The suffix stays last: libraries choose the format by it.
-        handle, name = tempfile.mkstemp(suffix=file.suffix, prefix=f".{file.stem}-",
-                                        dir=file.parent)
-        os.close(handle)
-    except OSError as error:
-        raise InputError(f"cannot be written: {error.strerror}", file=file) from None
-    temporary = Path(name)
-    try:
-        if not hashed and not _is_own(file):
-            with (file.parent / MANIFEST).open("a", encoding="utf-8") as names:
-                names.write(f"{file.name}\n")
-        write(temporary)
-        temporary.chmod(0o644)
-        temporary.replace(file)
+        with temporary_beside(file) as temporary:
+            if not hashed:
+                is_own(file)
+            write(temporary)
+            raise_again()
+            temporary.chmod(0o644)
+            put(temporary, file, listed=not hashed)
     except OSError as error:  # libraries may raise it without a number
         raise InputError(f"cannot be written: {error.strerror or error}", file=file) from None
-    finally:
-        temporary.unlink(missing_ok=True)
-
-
-def _is_own(file: Path) -> bool:
-    """Whether it was written here; False where there is none.
-
-    An :class:`InputError` where it is somebody else's.
-    """
-    manifest = file.parent / MANIFEST
-    if manifest.exists() and file.name in manifest.read_text(encoding="utf-8").splitlines():
-        return True
-    if os.path.lexists(file):
-        raise InputError("is there already, and no earlier result: move it away, or choose "
-                         "another folder", file=file)
-    return False
 
 
 def remove(folder: Path, *names: str) -> None:
     """Remove files of an earlier run, so that none stands beside results it does not belong to."""
+    raise_again()
     try:
-        for name in filter(_is_own, map(folder.joinpath, names)):
-            name.unlink(missing_ok=True)
+        for file in [file for file in map(folder.joinpath, names) if is_own(file)]:
+            file.unlink(missing_ok=True)
     except OSError as error:
         raise InputError(f"cannot be written: {error.strerror}", file=folder) from None
+
+
+@contextmanager
+def replaced(folder: Path, names: Iterable[str]) -> Iterator[None]:
+    """Pictures of an earlier run stay until others of their names are there; those left over go."""
+    before = {name: (folder / name).stat().st_ino for name in names if is_own(folder / name)}
+    yield
+    remove(folder, *(name for name, number in before.items()
+                     if (folder / name).exists() and (folder / name).stat().st_ino == number))
 
 
 def write_text(file: Path, text: str, hashed: bool = False) -> None:

@@ -69,7 +69,7 @@ class ModesResult(CaseRecord):
 
     ending = "-modes"
     writer = "tympan modes -o"
-    kinds = ("vtu", "png", "svg", "gif", "mp4", "json")
+    drawn = ("png", "svg", "gif", "mp4")
 
     status: Status
     deflection_m: float | None = None

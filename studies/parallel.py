@@ -17,13 +17,11 @@ from multiprocessing.connection import wait as wait_for
 from typing import TypeVar
 
 from tympan.geometry.errors import Failure, InputError
+from tympan.geometry.process.interruption import ENDING, signals_wait
 from tympan.geometry.process.threads import stay_single
 
 Item = TypeVar("Item")
 Value = TypeVar("Value")
-
-#: Signals that end a command; a terminal or a supervisor sends them to all its processes.
-_ENDING = {signal.SIGINT, signal.SIGTERM, signal.SIGHUP}
 
 #: How often processes may die with an item among theirs before it is tried alone, a last time.
 _DEATHS = 2
@@ -129,36 +127,12 @@ def _submitted(pool: ProcessPoolExecutor, function: Callable[[Item], Value], ite
 def signals_blocked() -> Iterator[None]:
     """Processes started meanwhile leave it to the parent to end them."""
     resource_tracker.ensure_running()  # its start would lift the block
-    with _signals_later():
-        before = signal.pthread_sigmask(signal.SIG_BLOCK, _ENDING)
+    with signals_wait():
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, ENDING)
         try:
             yield
         finally:
             signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-
-@contextmanager
-def _signals_later() -> Iterator[None]:
-    """What signals that come meanwhile do to this process, they do afterwards.
-
-    To block them is not enough: another thread may take one, and the main one then acts on it,
-    with a process half started.
-    """
-    came: list[int] = []
-    handlers = {number: signal.getsignal(number) for number in _ENDING}
-    if threading.current_thread() is threading.main_thread():
-        for number in _ENDING:
-            if callable(handlers[number]):
-                signal.signal(number, lambda number, frame: came.append(number))
-    try:
-        yield
-    finally:
-        if threading.current_thread() is threading.main_thread():
-            for number, handler in handlers.items():
-                if callable(handler):
-                    signal.signal(number, handler)
-            for taken in came:
-                signal.raise_signal(taken)
 
 
 @contextmanager

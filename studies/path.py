@@ -109,7 +109,8 @@ class PathResult(CaseRecord):
 
     ending = "-path"
     writer = "tympan path -o"
-    kinds = ("csv", "json", "png", "svg")
+    kinds = ("csv", "json")
+    drawn = ("png", "svg")
 
     along: Along
     unit: str

@@ -42,7 +42,8 @@ class ResponseResult(CaseRecord):
 
     ending = "-response"
     writer = "tympan response -o"
-    kinds = ("json", "png", "svg")
+    kinds = ("json",)
+    drawn = ("png", "svg")
 
     status: Status
     deflection_m: float | None = None

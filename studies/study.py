@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from importlib import metadata
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -142,6 +142,10 @@ class StudyResult:
     ``python`` the versions it was run on.
     """
 
+    #: Files that are drawn of it.
+    pictures: ClassVar[tuple[str, ...]] = tuple(
+        f"{stem}.{suffix}" for stem in ("fig4", "curves") for suffix in ("png", "pdf", "svg"))
+
     name: str
     version: str
     libraries: dict[str, str]
@@ -189,8 +193,7 @@ class StudyResult:
 
 def discard_report(folder: Path) -> None:
     """Remove what says that a study in the folder is complete."""
-    remove(folder, "study.json", "alpha.json", "report.html", *(
-        f"{stem}.{suffix}" for stem in ("fig4", "curves") for suffix in ("png", "pdf", "svg")))
+    remove(folder, "study.json", "alpha.json", "report.html")
 
 
 def default_study() -> Study:

@@ -12,67 +12,14 @@ import io
 import os
 import signal
 import sys
-import time
-from types import FrameType
 from typing import Any, NoReturn
 
-from tympan.geometry.process.threads import stay_single
-
-#: What is said when a signal ends the command; the exit status is 128 and the signal's number.
-_ENDING = {signal.SIGINT: "interrupted", signal.SIGTERM: "terminated", signal.SIGHUP: "hung up"}
-_RETRY = 0.01  # [s]: how soon a signal that came during an import is looked at again
-_PATIENCE = 1.0  # [s]: how long for; another signal after it is a second wish, not the same twice
+from tympan.geometry.process.interruption import ENDING, Interruption
 
 #: Letters that no alphabet and no number stands for, by others.
 _PLAIN = str.maketrans({"µ": "u", "μ": "u", "–": "-", "—": "-", "−": "-", "⁄": "/", "·": "*",
                         "×": "x", "±": "+-", "°": "deg", "√": "sqrt ", "≤": "<=", "≥": ">=",
                         "∞": "inf", "’": "'", "‘": "'", "“": '"', "”": '"'})
-
-
-class _Signals:
-    """Ends the command on a signal by a KeyboardInterrupt, as soon as Python can take one.
-
-    During an import it cannot: compiled modules would turn it into errors of their own, or crash.
-    Where that takes long, or who asks a second time, the process ends at once. ``number`` is that
-    of the signal, 0 before.
-    """
-
-    number = 0
-    _since = 0.0
-
-    def __init__(self) -> None:
-        for number in _ENDING:
-            if signal.getsignal(number) != signal.SIG_IGN:  # as of nohup
-                signal.signal(number, self._ask)
-        signal.signal(signal.SIGALRM, self._end)
-
-    def _ask(self, number: int, frame: FrameType | None) -> None:
-        if self.number == 0:
-            self.number, self._since = number, time.monotonic()
-            self._end(number, frame)
-        elif time.monotonic() > self._since + _PATIENCE:
-            os._exit(self.say())
-
-    def _end(self, number: int, frame: FrameType | None) -> None:
-        if not _imports(frame):
-            raise KeyboardInterrupt
-        if time.monotonic() > self._since + _PATIENCE:
-            os._exit(self.say())
-        signal.setitimer(signal.ITIMER_REAL, _RETRY)
-
-    def say(self, *notes: str) -> int:
-        """One line on what ended the command; answers its exit status."""
-        number = signal.Signals(self.number or signal.SIGINT)
-        print("; ".join([f"tympan: {_ENDING[number]}", *notes]), file=sys.stderr)
-        return 128 + number
-
-
-def _imports(frame: FrameType | None) -> bool:
-    while frame is not None:
-        if frame.f_code.co_filename.startswith("<frozen importlib"):
-            return True
-        frame = frame.f_back
-    return False
 
 
 class _Output(io.FileIO):
@@ -130,11 +77,14 @@ def _streams() -> None:
 
 def run_command() -> NoReturn:
     """Run a command and end the process, whatever happens on the way."""
-    signals = _Signals()
+    signals = Interruption()
     status: Any = 1
+    ended: BaseException | None = None
     try:
         _streams()
         os.environ["MPLBACKEND"] = "agg"  # whatever the user has: nothing is drawn on a screen
+        from tympan.geometry.process.threads import stay_single
+
         stay_single()
         # What libraries make while they are imported stays: to look for garbage among it is vain.
         gc.set_threshold(20_000, 50)
@@ -143,22 +93,23 @@ def run_command() -> NoReturn:
 
             status = main()
         finally:
-            # An import may have failed by itself, and nobody looks at its signal again.
-            signal.signal(signal.SIGALRM, signal.SIG_IGN)
+            signals.over()
             if sys.stdout is not None:
                 sys.stdout.flush()
-    except SystemExit as stop:
-        status = stop.code or 0
     except BaseException as error:
-        # Whatever a signal is turned into on its way, it is what ended the command.
-        if signals.number or isinstance(error, KeyboardInterrupt):
-            status = signals.say(*getattr(error, "__notes__", ()))
-        elif isinstance(error, MemoryError):  # while the command was loaded
-            os.write(2, b"tympan: memory is short\n")
-        else:
-            sys.excepthook(type(error), error, error.__traceback__)
-    for number in _ENDING:
+        ended = error
+    for number in ENDING:
         signal.signal(number, signal.SIG_DFL)
+    # Whatever a signal was turned into on its way, it is what ended the command; also where nothing
+    # is left of it, and what was computed may be wrong.
+    if signals.number or isinstance(ended, KeyboardInterrupt):
+        status = signals.say(*getattr(ended, "__notes__", ()))
+    elif isinstance(ended, SystemExit):
+        status = ended.code or 0
+    elif isinstance(ended, MemoryError):  # while the command was loaded
+        os.write(2, b"tympan: memory is short\n")
+    elif ended is not None:
+        sys.excepthook(type(ended), ended, ended.__traceback__)
     _leave(status)
 
 

@@ -11,6 +11,8 @@ from typing import Any
 
 from tympan.commands import COMMANDS, GROUPS, HEADINGS
 from tympan.geometry.errors import Failure, InputError, did_you_mean
+from tympan.geometry.process.folder import alone
+from tympan.geometry.process.interruption import raise_again
 from tympan.geometry.reader_process import ready_for
 from tympan.geometry.system import out_of_memory
 from tympan.geometry.toml_reader import one_of
@@ -23,9 +25,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command; exit status 0 done, 1 failed with a message, 2 the input is wrong."""
     try:
         options = build_parser().parse_args(arguments)
-        with ready_for(_files(options)):
+        with ready_for(_files(options)), alone(getattr(options, "output", None)):
             options.run(options)
     except (InputError, Failure) as error:
+        raise_again()  # a signal may be what it comes from
         print("; ".join([f"tympan: {error}", *getattr(error, "__notes__", ())]), file=sys.stderr)
         return 2 if isinstance(error, InputError) else 1
     except Exception as error:

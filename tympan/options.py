@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from tympan.geometry.errors import InputError
+from tympan.geometry.process.interruption import raise_again
 from tympan.geometry.units import quantity, suffix_of, unit_of
 
 if TYPE_CHECKING:
@@ -239,9 +240,11 @@ def save_and_draw(options: argparse.Namespace, result: Any) -> list[Path]:
     if options.output is None:
         return []
     from tympan.reports.rebuild import draw_stored
+    from tympan.studies.files import replaced
 
-    result.save(options.output)
-    return draw_stored(options.command, options.output, getattr(result, "specimen", ""))
+    with replaced(options.output, getattr(result, "pictures", ())):
+        result.save(options.output)
+        return draw_stored(options.command, options.output, getattr(result, "specimen", ""))
 
 
 def finish(options: argparse.Namespace, result: Any, **more: Any) -> None:
@@ -256,6 +259,7 @@ def print_record(options: argparse.Namespace, record: dict[str, Any],
 
     What was ``drawn`` comes last, file by file.
     """
+    raise_again()
     if options.json:
         print(json.dumps(record, allow_nan=False))
         return

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
 
 from tympan.geometry.errors import InputError
+from tympan.geometry.process.folder import alone
 
 if TYPE_CHECKING:
     import os
@@ -14,6 +15,9 @@ if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
     from matplotlib.axes import Axes
+
+#: How long to wait for another who saves into the same folder [s].
+_PATIENCE = 10.0
 
 
 class _Numbers(Protocol):
@@ -70,7 +74,7 @@ class Result(Generic[Numbers]):
         InputError
             When the name ends in anything else.
         """
-        from tympan.studies.files import write_json, write_text
+        from tympan.studies.files import replaced, write_json, write_text
 
         target = Path(target)
         if target.suffix == ".json":
@@ -80,7 +84,9 @@ class Result(Generic[Numbers]):
         elif target.suffix:
             raise InputError("must be a folder, or end in .json or .csv", key="file", given=target)
         else:
-            self.numbers.save(target)
+            with (alone(target, _PATIENCE),
+                  replaced(target, getattr(self.numbers, "pictures", ()))):
+                self.numbers.save(target)
         return target
 
     def to_pandas(self) -> pd.DataFrame:

@@ -12,9 +12,9 @@ from pathlib import Path
 
 import numpy as np
 
+from tympan.geometry.process.folder import MANIFEST
 from tympan.studies.columns import write_sheet
 from tympan.studies.data.coupon import COLUMNS, Coupons, read_coupons
-from tympan.studies.files import MANIFEST
 
 HERE = Path(__file__).parent
 #: Tests of 4905 at 20 °C by their number: up and down, and held.

@@ -7,7 +7,6 @@ modules; to look for it among all libraries of the process would take millisecon
 
 from __future__ import annotations
 
-import ctypes
 import os
 import sys
 import threading
@@ -124,6 +123,8 @@ def _linked(file: str) -> Blas | None:
     """The BLAS that an extension module is linked with; None of one without such functions."""
     if not Path(file).exists():
         return None
+    import ctypes  # not needed by commands that compute nothing
+
     module = ctypes.CDLL(file)
     for ask, set_number in _FUNCTIONS:
         if hasattr(module, ask) and hasattr(module, set_number):
@@ -133,8 +134,10 @@ def _linked(file: str) -> Blas | None:
 
 def _default() -> int:
     """How many threads a BLAS takes that is loaded now."""
+    processors = (len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity")
+                  else os.cpu_count() or 1)
     for name in VARIABLES:
         value = os.environ.get(name, "")
         if value.isdecimal() and int(value):
-            return int(value)
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+            return min(int(value), processors)
+    return processors

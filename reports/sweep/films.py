@@ -15,7 +15,7 @@ from tympan.reports.scene import View, film_picture
 from tympan.reports.study.figure4 import stress_label
 from tympan.reports.sweep.view import Measure
 from tympan.reports.template import digits
-from tympan.studies.files import remove
+from tympan.studies.files import replaced
 from tympan.studies.film_surface import FilmSurface
 from tympan.studies.sweep.run import SweepResult, fields_file
 
@@ -30,8 +30,11 @@ Film = tuple[list[str], float, FilmSurface]
 
 def draw_films(result: SweepResult, folder: Path) -> list[Path]:
     """Draw the first case of every specimen that has one on sheets folder/films-N.png."""
-    remove(folder, *(file.name for file in folder.glob("films-*.png")))
-    films = _films(result, folder)
+    with replaced(folder, [file.name for file in folder.glob("films-*.png")]):
+        return _sheets(_films(result, folder), folder)
+
+
+def _sheets(films: list[Film], folder: Path) -> list[Path]:
     if not films:
         return []
     widths = [float(np.ptp(film.mounted, axis=0).max()) * 1e3 for *_, film in films]

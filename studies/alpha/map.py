@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -157,6 +157,9 @@ class MapSettings:
 class AlphaMap:
     """Readings by the name of a column of :data:`COLUMNS`, in SI, and the formula."""
 
+    #: Files that are drawn of it.
+    pictures: ClassVar[tuple[str, ...]] = ("alpha-map.png", "alpha-map.svg")
+
     settings: MapSettings
     formula: Formula
     readings: Mapping[str, Array]
@@ -179,7 +182,7 @@ class AlphaMap:
 
     def save(self, folder: Path) -> None:
         """Write ``alpha-map.csv`` and ``alpha-map.json``."""
-        remove(folder, "alpha-map.json", "alpha-map.png", "alpha-map.svg")
+        remove(folder, "alpha-map.json")
         write_sheet(folder / "alpha-map.csv", COLUMNS, self.readings)
         write_json(folder / "alpha-map.json", self.json())
 

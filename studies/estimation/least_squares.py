@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from scipy.stats import qmc
 
 from tympan.geometry.errors import InputError
+from tympan.geometry.process.interruption import signals_wait
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -223,4 +224,6 @@ def seeded_starts(low: float, high: float, dimension: int, count: int) -> Array:
     """Well-spread starts, the same every time, shape (count, dimension)."""
     if dimension == 0:
         return np.empty((1, 0))
-    return np.asarray(low + (high - low) * qmc.LatinHypercube(dimension, seed=20).random(count))
+    with signals_wait():  # what scipy draws must not be left half drawn
+        drawn = qmc.LatinHypercube(dimension, seed=20).random(count)
+    return np.asarray(low + (high - low) * drawn)

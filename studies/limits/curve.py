@@ -60,10 +60,15 @@ class CurveResult:
         record: dict[str, Any] = to_json(self)
         return record
 
+    @property
+    def pictures(self) -> tuple[str, ...]:
+        """Files that are drawn of it."""
+        return tuple(f"{self.specimen}-curve.{kind}" for kind in ("png", "svg"))
+
     def save(self, folder: Path) -> None:
         """Write ``NAME-curve.csv`` and ``.json``."""
         name = f"{self.specimen}-curve"
-        remove(folder, *(f"{name}.{kind}" for kind in ("csv", "json", "png", "svg")))
+        remove(folder, *(f"{name}.{kind}" for kind in ("csv", "json")))
         write_sheet(folder / f"{name}.csv", CURVES, self.table)
         write_json(folder / f"{name}.json", self.json())
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,6 +55,8 @@ class MaterialFitResult:
     :data:`HISTORIES`.
     """
 
+    pictures: ClassVar[tuple[str, ...]] = ("fit.png", "fit.svg")  #: that are drawn of it
+
     numbers: dict[str, Any]
     coupons: Coupons
     curves: Mapping[str, NDArray[Any]]
@@ -69,7 +71,7 @@ class MaterialFitResult:
 
         Of tests in time histories.csv as well.
         """
-        remove(folder, "fit.json", "fit.png", "fit.svg", "material.toml", "histories.csv")
+        remove(folder, "fit.json", "material.toml", "histories.csv")
         write_sheet(folder / "coupon.csv", COLUMNS, self.coupons.columns)
         write_sheet(folder / "curves.csv", CURVES, self.curves)
         if self.histories is not None:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import isfinite
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,6 +48,8 @@ class OptimiseResult:
     limited values and reason. ``specimens``: the optimal ones by file name.
     """
 
+    pictures: ClassVar[tuple[str, ...]] = ("optimum.png", "optimum.svg")  #: that are drawn of it
+
     record: Mapping[str, Any]
     trials: TableOfColumns
     outlines: TableOfColumns
@@ -60,8 +62,8 @@ class OptimiseResult:
     def save(self, folder: Path) -> None:
         """Write ``path.csv``, ``optimum-outlines.csv``, specimens, and last ``optimum.json``."""
         specimens = (f"optimum-{measure}.toml" for measure in (*MEASURES, NOTHING))
-        remove(folder, "optimum.json", "optimum.png", "optimum.svg", "path.csv", "optimum.toml",
-               "optimum-outlines.csv", *specimens)
+        remove(folder, "optimum.json", "path.csv", "optimum.toml", "optimum-outlines.csv",
+               *specimens)
         write_sheet(folder / "path.csv", _trial_columns(self.record), self.trials)
         write_sheet(folder / "optimum-outlines.csv", OUTLINES, self.outlines)
         for name, specimen in self.specimens.items():

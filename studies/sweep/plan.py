@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from tympan.fem.film.library import load_specimen
 from tympan.fem.rig import Rig, checked_load
 from tympan.geometry.errors import InputError
+from tympan.geometry.process.interruption import signals_wait
 from tympan.geometry.read_file import file_text
 from tympan.geometry.specimen import Specimen, Unbuildable
 from tympan.geometry.toml_reader import WHOLE, Rule, Table
@@ -315,17 +316,22 @@ def _range(table: Table, key: str, values: list[Any]) -> tuple[float, float, str
 
 
 def sample_points(method: str, dimensions: int, count: int, seed: int) -> Array:
-    """Points in the unit cube, shape (count, dimensions)."""
+    """Points in the unit cube, shape (count, dimensions).
+
+    Signals wait: an interruption within scipy's Sobol sequence is swallowed, and leaves all points
+    equal.
+    """
     from scipy.stats import qmc
 
     rng = np.random.default_rng(seed)
-    if method == "random":
-        return rng.random((count, dimensions))
-    if method == "latin_hypercube":
-        return np.asarray(qmc.LatinHypercube(dimensions, seed=rng).random(count))
-    # The first points of the scrambled sequence; a power of two of them is balanced.
-    sequence = qmc.Sobol(dimensions, seed=rng)
-    return np.asarray(sequence.random_base2(max(count - 1, 0).bit_length())[:count])
+    with signals_wait():
+        if method == "random":
+            return rng.random((count, dimensions))
+        if method == "latin_hypercube":
+            return np.asarray(qmc.LatinHypercube(dimensions, seed=rng).random(count))
+        # The first points of the scrambled sequence; a power of two of them is balanced.
+        sequence = qmc.Sobol(dimensions, seed=rng)
+        return np.asarray(sequence.random_base2(max(count - 1, 0).bit_length())[:count])
 
 
 def _specimen(table: Table, file: Path, content: Mapping[str, Any], choice: Choice) -> Specimen:

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import fcntl
 import hashlib
 import json
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from operator import methodcaller
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tympan.geometry.errors import InputError
+from tympan.geometry.process.folder import discard_temporaries
 from tympan.studies.files import (
     from_json,
     read_json,
@@ -43,9 +42,6 @@ Watch = Callable[[Callable[[], "SweepResult"]], None]
 
 #: What a finished sweep leaves beside its tasks, and its page.
 FILES = ("sweep.nc", "sweep.parquet", "sweep.csv", "sweep.json", "sweep.html")
-
-#: What a killed sweep may leave: files that were not renamed yet.
-_TEMPORARY = (".sweep-*", "tasks/*/.*", "fields/.*")
 
 
 @dataclass(frozen=True)
@@ -113,24 +109,6 @@ class Checkpoint:
 
     folder: Path
 
-    @contextmanager
-    def alone(self) -> Iterator[None]:
-        """Nobody else works in the folder meanwhile; ends with the process, however it dies."""
-        with ExitStack() as stack:
-            try:
-                self.folder.mkdir(parents=True, exist_ok=True)
-                fcntl.flock(stack.enter_context((self.folder / ".lock").open("w")),
-                            fcntl.LOCK_EX | fcntl.LOCK_NB)
-                for pattern in _TEMPORARY:
-                    for temporary in self.folder.glob(pattern):
-                        temporary.unlink()
-            except BlockingIOError:
-                raise InputError("is in use by another sweep", file=self.folder) from None
-            except OSError as error:
-                raise InputError(f"cannot be written: {error.strerror or error}",
-                                 file=self.folder) from None
-            yield
-
     def put(self, task: SweepTask, result: TaskResult) -> None:
         """Keep a result; its fields first, so that a task with a file has them all."""
         for case_id, content in result.fields.items():
@@ -192,33 +170,33 @@ def run_sweep(sweep: Sweep, folder: Path, pool: Pool,
     twice.
     """
     checkpoint = Checkpoint(folder)
-    with checkpoint.alone():
-        tasks = tasks_of(sweep)
-        results: dict[str, TaskResult] = {}
-        for task_id, task in tasks.items():
-            if (finished := checkpoint.get(task)) is not None:
-                results[task_id] = finished
-        kept = done = sum(len(result.rows) for result in results.values())
+    discard_temporaries(folder / "tasks")
+    tasks = tasks_of(sweep)
+    results: dict[str, TaskResult] = {}
+    for task_id, task in tasks.items():
+        if (finished := checkpoint.get(task)) is not None:
+            results[task_id] = finished
+    kept = done = sum(len(result.rows) for result in results.values())
+    progress(done, kept)
+    missing = {task_id: task for task_id, task in tasks.items() if task_id not in results}
+    if missing:  # what is there belongs to another plan, or to an older solver
+        remove(folder, *FILES)
+
+    def so_far() -> SweepResult:
+        return _result(sweep, results, done - kept, kept)
+
+    for task_id, answer in pool(methodcaller("run"), missing):
+        task = tasks[task_id]
+        if isinstance(answer, NoValue):  # not kept: another run may have more luck
+            answer = without_result(task.ids, task.ask, task.loads, answer.reason)
+        else:
+            checkpoint.put(task, answer)
+        results[task_id] = answer
+        done += len(answer.rows)
         progress(done, kept)
-        missing = {task_id: task for task_id, task in tasks.items() if task_id not in results}
-        if missing:  # what is there belongs to another plan, or to an older solver
-            remove(folder, *FILES)
-
-        def so_far() -> SweepResult:
-            return _result(sweep, results, done - kept, kept)
-
-        for task_id, answer in pool(methodcaller("run"), missing):
-            task = tasks[task_id]
-            if isinstance(answer, NoValue):  # not kept: another run may have more luck
-                answer = without_result(task.ids, task.ask, task.loads, answer.reason)
-            else:
-                checkpoint.put(task, answer)
-            results[task_id] = answer
-            done += len(answer.rows)
-            progress(done, kept)
-            watch(so_far)
-        result = so_far()
-        result.save(folder)
+        watch(so_far)
+    result = so_far()
+    result.save(folder)
     return result
 
 

@@ -14,12 +14,12 @@ import scipy.linalg
 
 from tests.support.specimens import specimen_toml
 from tests.support.threads import MAPS, counted
-from tympan.geometry.process.threads import blas_threads, one_thread
+from tympan.geometry.process.threads import VARIABLES, blas_threads, one_thread
 from tympan.studies.parallel import mapped
 
 pytestmark = pytest.mark.skipif(not MAPS.exists(), reason="no /proc")
 
-#: A script whose caller has three threads and no scipy yet; the solver tells what it finds.
+#: A script whose caller has several threads and no scipy yet; the solver tells what it finds.
 SCRIPT = """
 import json, sys
 import tympan
@@ -50,17 +50,20 @@ print(json.dumps([before, within, once, counted()]))
 
 
 def test_a_door_s_call_has_one_thread_and_gives_the_callers_back(tmp_path) -> None:
+    processors = len(os.sched_getaffinity(0))
+    if processors == 1:
+        pytest.skip("one processor: no library takes more threads")
     (tmp_path / "oval.toml").write_text(specimen_toml())
+    environment = {name: value for name, value in os.environ.items() if name not in VARIABLES}
     done = subprocess.run([sys.executable, "-c", SCRIPT, str(tmp_path / "oval.toml")], check=False,
-                          capture_output=True, env=os.environ | {
-                              "OPENBLAS_NUM_THREADS": "3",
+                          capture_output=True, env=environment | {
                               "PYTHONPATH": os.pathsep.join(filter(None, sys.path))})
     assert done.returncode == 0, done.stderr.decode()
     before, within, once, after = json.loads(done.stdout)
-    assert set(before) == {3}
+    assert set(before) == {processors}
     assert [set(counts) for counts in within] == [{1}, {1}]
-    assert len(once) == len(within[0]) >= len(before)
-    assert set(once) == set(after) == {3}
+    assert len(once) == len(within[0]) > len(before)
+    assert set(once) == set(after) == {processors}
 
 
 def of_worker(_: None) -> list[int]:
@@ -69,10 +72,10 @@ def of_worker(_: None) -> list[int]:
 
 
 def test_workers_have_one_thread(monkeypatch) -> None:
-    monkeypatch.setenv("OPENBLAS_NUM_THREADS", "3")
+    monkeypatch.setenv("OPENBLAS_NUM_THREADS", "2")
     for counts in mapped(of_worker, [None, None], 2):
         assert set(counts) == {1}
-    assert os.environ["OPENBLAS_NUM_THREADS"] == "3"
+    assert os.environ["OPENBLAS_NUM_THREADS"] == "2"
 
 
 def test_calls_in_several_threads_end_in_any_order() -> None:

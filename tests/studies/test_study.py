@@ -14,11 +14,11 @@ import pytest
 
 from tympan.geometry.errors import InputError
 from tympan.geometry.mesher import MeshSettings
+from tympan.geometry.process.folder import MANIFEST
 from tympan.studies import files as store
 from tympan.studies import study
 from tympan.studies.alpha import AlphaSettings, LoadGrid
 from tympan.studies.case import Case, Settings
-from tympan.studies.files import MANIFEST
 from tympan.studies.limits import limits
 
 SMALL = {"curves": LoadGrid((17.9e-3,), (0.0, 3000.0, 12000.0)),

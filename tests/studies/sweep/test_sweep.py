@@ -14,8 +14,10 @@ import pandas as pd
 import pytest
 import xarray as xr
 
+import tympan
 from tests.support.sweeps import CHEAP, Lethal, finished, read, table, written
 from tympan.geometry.errors import Failure, InputError
+from tympan.geometry.process.folder import alone
 from tympan.studies.alpha import alpha
 from tympan.studies.case import Case, solve
 from tympan.studies.limits import limits
@@ -283,9 +285,8 @@ def _no_space(path: Path) -> None:
 
 
 def test_two_sweeps_do_not_share_a_folder(whole, tmp_path) -> None:
-    with shelf.Checkpoint(tmp_path).alone(), pytest.raises(InputError, match="in use by another "
-                                                                             "sweep"):
-        run_sweep(whole[0], tmp_path, serial)
+    with alone(tmp_path), pytest.raises(InputError, match="in use by another command"):
+        tympan.sweep(written(tmp_path / "files"), tmp_path)
 
 
 def test_a_process_that_dies_is_replaced_and_a_task_that_kills_is_a_row(whole, tmp_path) -> None:

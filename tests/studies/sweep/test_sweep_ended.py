@@ -104,7 +104,7 @@ def test_interrupted_it_says_so_once_and_goes_on(right, tmp_path, number, tasks:
     """As by Ctrl-C, which all processes of a terminal get, or by a supervisor, also those that have
     only just been started."""
     command = Command(written(tmp_path, MANY), tmp_path / "out")
-    while not (tmp_path / "out" / ".lock").exists():
+    while not (tmp_path / "out" / ".tympan").exists():
         time.sleep(0.01)
     assert command.signalled(number, tasks, 0.0 if tasks else 0.3)
     status, said = command.ended()
@@ -112,8 +112,9 @@ def test_interrupted_it_says_so_once_and_goes_on(right, tmp_path, number, tasks:
     words = {signal.SIGINT: "interrupted", signal.SIGTERM: "terminated"}[number]
     *progress, last = said.splitlines()
     assert all(line.endswith(" left") for line in progress)  # every half minute
-    assert last == (f"tympan: {words}; {2 * kept} of 64 cases are kept, "
-                    "the same command goes on from there")
+    note = f"; {2 * kept} of 64 cases are kept, the same command goes on from there"
+    # Before the plan is read there are no cases yet.
+    assert last in (f"tympan: {words}{note}", f"tympan: {words}" if tasks == 0 else "")
     assert status == 128 + number
     if tasks:
         assert kept >= 3
