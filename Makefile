@@ -5,7 +5,7 @@ PYTHON ?= $(shell for p in python3.12 python3.13 python3.11 python3; do \
   $$p -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))' 2>/dev/null && echo $$p && break; done)
 OUT ?= out
 
-.PHONY: study test benchmarks scaling verification robustness films-in-time hidden verdict-cases fuzz hostile optimum outlines map lumped-build paper coupons external house docs clean
+.PHONY: study test benchmarks scaling verification robustness films-in-time hidden verdict-cases fuzz hostile signals optimum outlines map lumped-build paper coupons external house docs clean
 
 study: .venv/ready
 	.venv/bin/tympan study -o "$(OUT)"
@@ -48,6 +48,11 @@ fuzz: .venv/ready
 # Commands with bad input: status, seconds, message; counts for each group.
 hostile: .venv/ready
 	.venv/bin/python -m benchmarks.trials.hostile
+
+# Commands ended by signals at random moments, and killed: statuses, and what was lost or wrong.
+signals: .venv/ready
+	.venv/bin/python -m benchmarks.trials.signals
+	.venv/bin/python -m benchmarks.trials.signals --kill
 
 outlines: .venv/ready
 	.venv/bin/tympan outlines -o "$(OUT)"

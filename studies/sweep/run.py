@@ -170,6 +170,7 @@ def run_sweep(sweep: Sweep, folder: Path, pool: Pool,
     twice.
     """
     checkpoint = Checkpoint(folder)
+    discard_temporaries(folder)
     discard_temporaries(folder / "tasks")
     tasks = tasks_of(sweep)
     results: dict[str, TaskResult] = {}

@@ -198,7 +198,7 @@ def test_fields_are_kept_whole_and_a_lost_one_is_solved_again(tmp_path) -> None:
         assert (film.points[:, :2].min(axis=0) <
                 -0.03).all()  # the whole film, not the part that was meshed
     files[0].unlink()
-    (folder / "fields" / ".half-written.vtu").write_text("")  # as a kill leaves it
+    (folder / "fields" / ".tympan-half.vtu").write_text("")  # as a kill leaves it
     asked: list[str] = []
 
     def noted(function, tasks):
