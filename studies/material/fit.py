@@ -46,8 +46,12 @@ CANCELLING = 50.0
 #: A law whose stress in an untested mode is so many times another than what most laws say there is
 #: ranked last: half an order of magnitude.
 FAR = 10**0.5
+#: Most evaluations of one profile: what has no limit within them has none worth the time.
+_EVALUATIONS = 600
 #: Laws that foretell held-out runs within this factor foretell them equally.
 _SAME_ERROR = 1.05
+#: Terms of a law at a smaller angle, in the space of the readings, are one.
+_ALIKE = 1e-3
 #: A constant nearer to its bound than this, as a share of the bound, is at it.
 _AT_BOUND = 1e-3
 #: Most folds of runs that are held out.
@@ -122,14 +126,15 @@ class LawFit:
                 "notes": list(self.notes)}
 
 
-def compare(coupons: Coupons, names: Sequence[str] | None = None,
-            noise: float | None = None) -> tuple[LawFit, ...]:
+def compare(coupons: Coupons, names: Sequence[str] | None = None, noise: float | None = None,
+            starts: int = 12, quick: bool = False) -> tuple[LawFit, ...]:
     """Fits of laws, the one to take first; of all the readings are enough for if none is named.
 
     Where every mode has several runs, laws are compared by what each foretells of runs held out,
     otherwise by Akaike's criterion for as many readings as are independent. Laws that are far from
     the others in an untested mode come last. ``noise`` is the standard deviation of one reading
-    [Pa], estimated where None.
+    [Pa], estimated where None. ``starts`` are those of :func:`fit_law`; ``quick`` fits have no
+    limits of constants, and no mode is held out.
 
     Raises
     ------
@@ -144,8 +149,11 @@ def compare(coupons: Coupons, names: Sequence[str] | None = None,
     if largest_excess(*coupons.in_plane) < 1e-6:
         raise InputError("none of the readings is stretched", key="stretch",
                          given=coupons.stretch_range[1])
-    fits = with_simpler([fit_law(coupons, family, noise) for family in families],
-                        lambda family: fit_law(coupons, family, noise), lambda fit: fit)
+
+    def fitted(family: Family) -> LawFit:
+        return fit_law(coupons, family, noise, starts, hold_out=not quick, profiles=not quick)
+
+    fits = with_simpler([fitted(family) for family in families], fitted, lambda fit: fit)
     count = independent_count(len(coupons), _common_correlation(coupons, fits, noise))
     fits = [replace(fit, criterion=akaike(fit.rmse**2, count, len(fit.values), noise),
                     foretold=_foretold(coupons, fit.family)) for fit in fits]
@@ -322,7 +330,7 @@ def _overfitted(best: LawFit, offered: Sequence[LawFit]) -> Iterator[str]:
 
 
 def fit_law(coupons: Coupons, family: Family, noise: float | None = None, starts: int = 12,
-            hold_out: bool = True) -> LawFit:
+            hold_out: bool = True, profiles: bool = True) -> LawFit:
     """Fit one law: the best minimum that is admissible over the tests' stretches, else the best.
 
     Parameters
@@ -333,6 +341,8 @@ def fit_law(coupons: Coupons, family: Family, noise: float | None = None, starts
         How many are searched per shape constant.
     hold_out
         Fit again without each mode.
+    profiles
+        Search for the limits of the constants.
     """
     count, ends = len(coupons), _minima(family, coupons, starts)
     values, material, failing = _admissible(ends, family, coupons)
@@ -343,7 +353,7 @@ def fit_law(coupons: Coupons, family: Family, noise: float | None = None, starts
     lengths = np.linalg.norm(jacobian, axis=0)
     dropped = useless_constant(family, values, coupons, sigma.sigma)
     # Profiles along a constant of no use take long and say nothing.
-    limits = (((None, None),) * len(values) if dropped else
+    limits = (((None, None),) * len(values) if dropped or not profiles else
               _limits(family, coupons, values, np.sqrt(np.diag(spread)), sigma))
     # 1e300 where no reading sees a constant.
     condition = np.linalg.cond(jacobian / lengths) if lengths.all() else np.inf
@@ -356,7 +366,7 @@ def fit_law(coupons: Coupons, family: Family, noise: float | None = None, starts
         range=coupons.stretch_range, inadmissible=failing,
         dropped=dropped)
     worse = squares - _squares(family, coupons, ends[0]) > 0.01 * squares
-    return replace(result, notes=tuple(_notes(result, coupons, worse)))
+    return replace(result, notes=tuple(_notes(result, coupons, worse)) if profiles else ())
 
 
 def coupon_problem(family: Family, coupons: Coupons, unit: float) -> LeastSquares:
@@ -408,7 +418,8 @@ def _limits(family: Family, coupons: Coupons, values: Array, spread: Array,
                      else (None, None) for value, half in zip(values, halves, strict=True))
     floor = 1e-9 * _size(coupons) * len(coupons) ** 0.5 / noise.quantile
     problem = coupon_problem(family, coupons, max(noise.sigma, floor))
-    lines = [profile(problem, values, index, noise.quantile, _MET) for index in range(len(values))]
+    lines = [profile(problem, values, index, noise.quantile, _MET, _EVALUATIONS)
+             for index in range(len(values))]
     return tuple((line.low, line.high) for line in lines)
 
 
@@ -500,7 +511,13 @@ def useless_constant(family: Family, values: Array, coupons: Coupons, sigma: flo
         for bound in bounds:
             if abs(value - bound) <= _AT_BOUND * abs(bound):
                 return NOTES["at_bound"].format(name=name, bound=bound, simpler=family.simpler)
-    sizes = np.linalg.norm(_terms(family, values, coupons), axis=0)
+    terms = _terms(family, values, coupons)
+    sizes = np.linalg.norm(terms, axis=0)
+    for first, second in combinations(range(len(linear)), 2):
+        along = abs(terms[:, first] @ terms[:, second])
+        if along > (1 - _ALIKE**2 / 2) * sizes[first] * sizes[second]:
+            return NOTES["same_terms"].format(
+                first=family.linear[first], second=family.linear[second], simpler=family.simpler)
     for name, size in zip(family.linear, sizes, strict=True):
         if len(linear) > 1 and size < sigma:
             return NOTES["does_nothing"].format(name=name, simpler=family.simpler)

@@ -11,10 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tympan.geometry.errors import InputError
+from tympan.studies.case import Case, Settings
 from tympan.studies.columns import Column, read_own_sheet, write_sheet
 from tympan.studies.data.coupon import COLUMNS, MODES, Coupons, read_coupons
 from tympan.studies.files import read_json, remove, write_json, write_text
 from tympan.studies.material.branches import BranchFit, branch_lines, compare_in_time
+from tympan.studies.material.film import film_deflection
 from tympan.studies.material.fit import (
     NOTES,
     LawFit,
@@ -91,13 +93,16 @@ class MaterialFitResult:
 
 
 def fit_coupons(files: Path | Sequence[Path], names: Sequence[str] | None = None,
-                noise: float | None = None, branches: int | None = None) -> MaterialFitResult:
+                noise: float | None = None, branches: int | None = None, film: Case | None = None,
+                settings: Settings = Settings()) -> MaterialFitResult:
     """What laws fitted to the readings of one file or several say.
 
     Where the runs tell time from stretch (``numbers["time"]``), laws with ``branches``, or as many
     as held-out runs choose, are fitted: see
     :func:`~tympan.studies.material.branches.compare_in_time`. Otherwise, or with 0 branches, laws
-    without: :func:`~tympan.studies.material.fit.compare`. An :class:`InputError` names the file.
+    without: :func:`~tympan.studies.material.fit.compare`. With a ``film`` its deflection by the
+    fitted laws, with limits: see :func:`~tympan.studies.material.film.film_deflection`. An
+    :class:`InputError` names the file.
     """
     files = [files] if isinstance(files, Path) else [*files]
     coupons, said = _without_voltage(read_coupons(*files))
@@ -108,7 +113,9 @@ def fit_coupons(files: Path | Sequence[Path], names: Sequence[str] | None = None
             raise InputError(f"must be 0: {time.reason}; needed is {' or '.join(time.needed)}",
                              key="--branches", given=branches)
         if time is not None and (branches or time.shown):
-            result = _fitted_in_time(thin, compare_in_time(thin, names, noise, branches))
+            fits: Sequence[LawFit | BranchFit]
+            fits = branched = compare_in_time(thin, names, noise, branches)
+            result, used = _fitted_in_time(thin, branched), thin
             if thin is not coupons:
                 result.numbers["warnings"].append(NOTES["thinned"].format(
                     every=len(coupons), kept=len(thin)))
@@ -116,9 +123,12 @@ def fit_coupons(files: Path | Sequence[Path], names: Sequence[str] | None = None
             raise InputError("needs the column t_s with several times in a run", key="--branches",
                              given=branches)
         else:
-            result = _fitted(coupons, compare(coupons, names, noise), at_rest=time is not None)
+            fits = elastic = compare(coupons, names, noise)
+            result, used = _fitted(coupons, elastic, at_rest=time is not None), coupons
     except InputError as error:
         raise error.located(file=files[0]) from None
+    deflection = None if film is None else film_deflection(film, settings, used, fits, noise)
+    result.numbers["film"] = None if deflection is None else deflection.json()
     result.numbers["time"] = None if time is None else time.json()
     if time is not None and time.reason:
         result.numbers["warnings"].insert(0, time.reason)

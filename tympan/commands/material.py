@@ -4,9 +4,13 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from tympan.geometry.errors import InputError
 from tympan.options import JSON, argument, command, finish, output, parse_quantity, print_record
+
+if TYPE_CHECKING:
+    from tympan.studies.case import Case
 
 
 @command("materials", JSON,
@@ -52,6 +56,11 @@ def material_show(options: argparse.Namespace) -> None:
                   help="viscous branches beside each law, where a run has several times (t_s); "
                        "left out, as few as foretell about best the runs of a stretch level or a "
                        "rate that are held out; 0 takes readings as elastic"),
+         argument("--film", type=Path, metavar="SPECIMEN.toml",
+                  help="also say how far this film deflects by the fitted law, with 95 % "
+                       "limits: what the tests leave open of it"),
+         argument("--mass", help='on the plate of --film, such as "17.9 g"'),
+         argument("--voltage", default="0 V", help='on --film, such as "3 kV"'),
          output("also store the fits (JSON), their curves (CSV), a figure, and the best law for "
                 "specimen files (TOML)"), JSON,
          example="coupon.csv -o fit")
@@ -63,4 +72,19 @@ def material_fit(options: argparse.Namespace) -> None:
     if noise is not None and not 1e-6 <= noise <= 1e9:
         raise InputError("must be from 1e-6 Pa to 1 GPa", key="--noise", given=options.noise)
     names = None if not options.law or "all" in options.law else options.law
-    finish(options, fit_coupons(options.coupons, names, noise, options.branches))
+    finish(options, fit_coupons(options.coupons, names, noise, options.branches, _film(options)))
+
+
+def _film(options: argparse.Namespace) -> Case | None:
+    """The film of ``--film`` with its loads, None where none is asked for."""
+    if options.film is None:
+        if options.mass is not None or options.voltage != "0 V":
+            raise InputError("is missing: --mass and --voltage are of its film", key="--film")
+        return None
+    from tympan.fem.film.library import load_specimen
+    from tympan.studies.case import Case
+
+    if options.mass is None:
+        raise InputError('must be given with --film, such as "17.9 g"', key="--mass")
+    return Case(load_specimen(options.film), mass=parse_quantity(options.mass, "mass", "--mass"),
+                voltage=parse_quantity(options.voltage, "voltage", "--voltage"))
