@@ -5,7 +5,7 @@ PYTHON ?= $(shell for p in python3.12 python3.13 python3.11 python3; do \
   $$p -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))' 2>/dev/null && echo $$p && break; done)
 OUT ?= out
 
-.PHONY: study test benchmarks scaling verification robustness films-in-time hidden verdict-cases fuzz hostile signals optimum outlines map lumped-build paper coupons external house docs clean
+.PHONY: study test benchmarks scaling verification robustness films-in-time hidden verdict-cases fuzz hostile signals optimum outlines map lumped-build paper coupons coupon-rubbers external house docs clean
 
 study: .venv/ready
 	.venv/bin/tympan study -o "$(OUT)"
@@ -73,6 +73,10 @@ lumped-build: .venv/ready
 
 coupons: .venv/ready
 	.venv/bin/python -m benchmarks.vhb
+
+# Rubbers whose law is known: fits of their coupons, and films by these; some 20 minutes.
+coupon-rubbers: .venv/ready
+	.venv/bin/python -m benchmarks.trials.coupons.rubbers
 
 external: .venv/ready
 	.venv/bin/python -m benchmarks.external -o docs
