@@ -26,6 +26,9 @@ _MEMORY, _SECONDS, _PATIENCE = 4 << 30, 20, 120
 _STEP = re.compile(rb"""\bshape["']?\s*=\s*["']step["']""")
 _HEAD = 1 << 20
 
+#: PR_SET_PDEATHSIG of Linux's prctl.
+_DEATH_SIGNAL = 1
+
 Process = subprocess.Popen[bytes]
 _waiting: list[Process] = []
 
@@ -95,6 +98,15 @@ def at_most(seconds: float) -> Iterator[None]:
         signal.setitimer(signal.ITIMER_PROF, 0)
 
 
+def _end_with_parent() -> None:
+    """Be killed when the process that asks dies, even within a library; on Linux."""
+    import ctypes
+    import signal
+
+    with suppress(OSError, AttributeError):
+        ctypes.CDLL(None).prctl(_DEATH_SIGNAL, signal.SIGKILL)
+
+
 def answer(load: Callable[[str], object], record: Callable[..., dict[str, Any]]) -> None:
     """In the process: the record of the drawing on standard input as JSON on standard output.
 
@@ -103,6 +115,7 @@ def answer(load: Callable[[str], object], record: Callable[..., dict[str, Any]])
     import gc
     import resource
 
+    _end_with_parent()
     gc.disable()  # of a short life's garbage; loading the libraries leaves none
     # What the libraries print must not be taken for the answer.
     with os.fdopen(os.dup(sys.stdout.fileno()), "w") as output:

@@ -10,11 +10,10 @@ import codecs
 import gc
 import io
 import os
-import signal
 import sys
 from typing import Any, NoReturn
 
-from tympan.geometry.process.interruption import ENDING, Interruption
+from tympan.geometry.process.interruption import Interruption
 
 #: Letters that no alphabet and no number stands for, by others.
 _PLAIN = str.maketrans({"µ": "u", "μ": "u", "–": "-", "—": "-", "−": "-", "⁄": "/", "·": "*",
@@ -98,8 +97,7 @@ def run_command() -> NoReturn:
                 sys.stdout.flush()
     except BaseException as error:
         ended = error
-    for number in ENDING:
-        signal.signal(number, signal.SIG_DFL)
+    signals.leave()
     # Whatever a signal was turned into on its way, it is what ended the command; also where nothing
     # is left of it, and what was computed may be wrong.
     if signals.number or isinstance(ended, KeyboardInterrupt):

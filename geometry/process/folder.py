@@ -93,14 +93,19 @@ def temporary_beside(file: Path) -> Iterator[Path]:
 
     Locked as long as its process lives, so that others know when it is left over.
     """
-    handle, name = tempfile.mkstemp(suffix=file.suffix, prefix=TEMPORARY, dir=file.parent)
+    made: list[tuple[int, str]] = []
     try:
+        with signals_wait():
+            made.append(tempfile.mkstemp(suffix=file.suffix, prefix=TEMPORARY, dir=file.parent))
+        handle, name = made[0]
         with suppress(OSError):
             fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
         yield Path(name)
     finally:
-        os.close(handle)
-        Path(name).unlink(missing_ok=True)
+        with signals_wait():
+            for handle, name in made:
+                os.close(handle)
+                Path(name).unlink(missing_ok=True)
 
 
 def discard_temporaries(folder: Path) -> None:

@@ -69,8 +69,20 @@ class Interruption:
         return 128 + number
 
     def over(self) -> None:
-        """Nothing is raised any more."""
+        """Nothing is raised again any more."""
         signal.signal(signal.SIGALRM, signal.SIG_IGN)
+
+    def leave(self) -> None:
+        """The command is done: a signal ends what is left of the process at once, and says so."""
+        for number in ENDING:
+            if signal.getsignal(number) != signal.SIG_IGN:
+                signal.signal(number, self._leave)
+
+    def _leave(self, number: int, frame: FrameType | None) -> None:
+        if self.number == 0:
+            self.number = number
+            self.say()
+        os._exit(128 + self.number)
 
 
 def raise_again() -> None:
