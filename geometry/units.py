@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
-from math import pi
+from math import floor, log10, pi
 from typing import Any
 
 from tympan.geometry.errors import InputError
@@ -67,6 +67,9 @@ DIMENSIONS: dict[str, Dimension] = {
 }
 
 METRE = 1e3  #: in cadquery's model unit, the millimetre
+
+#: A distance [m] that is none: a nanometre.
+_NOWHERE = 1e-9
 
 #: A longer text is no quantity.
 _LONGEST = 100
@@ -256,6 +259,26 @@ def quantity_text(value: float, dimension: str) -> str:
         if quantity(text, dimension) == value:
             return text
     return f"{value!r} {units.si}"
+
+
+def place_text(x: float, y: float) -> str:
+    """A place on a film [m] in millimetres, with three or four digits of the larger coordinate.
+
+    Less than a nanometre is nothing.
+
+    Examples
+    --------
+    >>> place_text(3.64e-3, -1.7457e-17), place_text(-0.1234e-3, 0.04e-3), place_text(0.0, 0.0)
+    ('x 3.64 mm, y 0.00 mm', 'x -0.123 mm, y 0.040 mm', 'x 0.0 mm, y 0.0 mm')
+    >>> place_text(31.7e-3, -1e-7)
+    'x 31.7 mm, y 0.0 mm'
+    """
+    x_mm, y_mm = (value * METRE if abs(value) >= _NOWHERE else 0.0 for value in (x, y))
+    larger = max(abs(x_mm), abs(y_mm))
+    decimals = max(1, 2 - floor(log10(larger))) if larger else 1
+    # Adding zero makes none of minus zero.
+    return ", ".join(f"{axis} {round(value, decimals) + 0.0:.{decimals}f} mm"
+                     for axis, value in (("x", x_mm), ("y", y_mm)))
 
 
 def millimetres(*metres: float) -> tuple[float, ...]:

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tympan.fem.discretisation.discretisation import Discretisation
 from tympan.fem.discretisation.isoparametric import folded
@@ -31,6 +32,8 @@ from tympan.fem.results.fields import (
     lost_tension,
     node_fields,
 )
+from tympan.fem.results.firmness import firmness
+from tympan.fem.results.limit_states import LIMIT_STATES, PULL_IN, LimitState
 from tympan.fem.rig import DIRECTIONS, Rig, checked_load
 from tympan.geometry.errors import InputError
 from tympan.geometry.fields import Key, require, takes_units
@@ -38,12 +41,18 @@ from tympan.geometry.mesh import unfold
 from tympan.geometry.mesher import MeshSettings
 from tympan.geometry.specimen import Film, Specimen
 from tympan.geometry.toml_reader import NON_NEGATIVE
+from tympan.geometry.units import place_text
 from tympan.studies.files import from_json, read_json, remove, stored_file, to_json, write_json
 from tympan.studies.film_surface import FilmSurface, film_surface
 from tympan.studies.kept.meshes import film_part
 
+Array = NDArray[np.float64]
+
 #: Below this margin to breakdown a result warns; strengths scatter by more.
 LEAST_MARGIN = 1.2
+
+#: A coordinate [m] that only rounding keeps from 0.
+_NOTHING = 1e-15
 
 #: Elements times states summarised at once: more would leave the cache, or take much memory.
 _TOGETHER = 400
@@ -152,7 +161,8 @@ class CaseRecord:
         return replace(result, film=FilmSurface.load(surface)) if surface.exists() else result
 
 
-LimitKind = Literal["tension", "breakdown", "pull_in"]
+#: The kinds of :data:`LIMIT_STATES`.
+LimitKind = Literal["tension", "breakdown", "instability", "pull_in"]
 
 #: Relative errors of a limit that are worth a word, and that a mesh must not leave.
 _WORTH, _RESOLVED = 5e-3, 0.05
@@ -162,8 +172,8 @@ _WORTH, _RESOLVED = 5e-3, 0.05
 class Limit:
     """What first happens to a film at a nominal voltage [V], and where in the mounted film [m].
 
-    ``kind``: it loses tension, breaks down, or pulls in; that begins where it thins fastest.
-    ``spread``: how far the voltage may be off, relative.
+    ``kind``: it loses tension, breaks down, gives way in itself, or pulls in; that begins where it
+    thins fastest. ``spread``: how far the voltage may be off, relative.
     """
 
     kind: LimitKind
@@ -171,6 +181,17 @@ class Limit:
     x_m: float
     y_m: float
     spread: float = 0.0
+
+    @property
+    def state(self) -> LimitState:
+        """Its words and its mark."""
+        found: LimitState = LIMIT_STATES[self.kind]
+        return found
+
+    @property
+    def place(self) -> str:
+        """Where it begins, in millimetres."""
+        return place_text(self.x_m, self.y_m)
 
     @property
     def text(self) -> str:
@@ -194,30 +215,47 @@ class Limit:
 
 @dataclass(frozen=True, kw_only=True)
 class Limits:
-    """The voltages at which a film under a mass first loses tension, breaks down and pulls in.
+    """The voltages at which a film under a mass loses tension, breaks down, gives way and pulls in.
 
     None where that does not happen as far as the voltage was raised, of which ``ended`` says why it
-    was not raised further. ``thins``: the film ends where it loses tension, since wrinkled it would
-    thin without bound; the others are then those of a film kept from wrinkling.
+    was not raised further. ``first`` is the kind that comes first. ``instability``: the film itself
+    gives way before its plate does. ``thins``: it does so since, having lost tension, it thins
+    without bound; a pull-in after that is the one of a film kept from wrinkling.
     """
 
     tension: Limit | None = None
     breakdown: Limit | None = None
+    instability: Limit | None = None
     pull_in: Limit | None = None
+    first: LimitKind | None = None
     ended: str
     thins: bool = False
 
-    @property
-    def end(self) -> Limit | None:
-        """The one beyond which the film has no equilibrium."""
-        return self.tension if self.thins else self.pull_in
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "first", self.reached[0].kind if self.reached else None)
 
     @property
-    def first(self) -> Limit | None:
-        """The one at the lowest voltage."""
-        reached = [limit for limit in (self.tension, self.breakdown, self.pull_in)
-                   if limit is not None]
-        return min(reached, key=lambda limit: limit.voltage_V, default=None)
+    def reached(self) -> tuple[Limit, ...]:
+        """Those that are reached, in the order in which they come."""
+        limits = [limit for kind in LIMIT_STATES if (limit := getattr(self, kind)) is not None]
+        return tuple(sorted(limits, key=lambda limit: limit.voltage_V))
+
+    @property
+    def limit(self) -> Limit | None:
+        """The first that is reached."""
+        return next(iter(self.reached), None)
+
+    @property
+    def end(self) -> Limit | None:
+        """The one beyond which the film has no equilibrium, stable or not."""
+        return self.instability if self.thins else self.pull_in
+
+    def beyond(self, voltage: float) -> Limit | None:
+        """The gravest that a nominal voltage [V] is beyond."""
+        # Where a film that thins would pull in is no limit of what it is.
+        beyond = {limit.kind: limit for limit in self.reached if voltage > limit.voltage_V
+                  and not (self.thins and limit.kind == PULL_IN.kind)}
+        return next((beyond[kind] for kind in reversed(LIMIT_STATES) if kind in beyond), None)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -251,6 +289,7 @@ class CaseResult(CaseRecord):
     tilt_rad: float | None = None
     energy_J: float | None = None
     limits: Limits | None = None
+    first: LimitKind | None = None
     limit: Limit | None = None
     dofs: int
     wall_s: float
@@ -380,9 +419,9 @@ def _state_numbers(model: Model, states: Sequence[State]) -> Iterator[dict[str, 
         breakdown = {}
         if fields.breakdown_share.any():  # there is a field, and a strength law
             weakest = int(np.argmax(fields.breakdown_share))
+            x, y = mounted_place(fields.position[weakest])
             breakdown = {"breakdown_margin": float(1 / fields.breakdown_share[weakest]),
-                         "breakdown_x_m": float(fields.position[weakest, 0]),
-                         "breakdown_y_m": float(fields.position[weakest, 1])}
+                         "breakdown_x_m": x, "breakdown_y_m": y}
         yield {
             "deflection_m": model.deflection(state),
             "reaction_N": reaction if model.specimen.plate else None,
@@ -395,7 +434,7 @@ def _state_numbers(model: Model, states: Sequence[State]) -> Iterator[dict[str, 
             "slack_share": slack.share,
             "tilt_rad": state.plate.tilt if model.specimen.plate else None,
             "energy_J": energy,
-            "warnings": tuple(field_warnings(fields, slack, film))}
+            "warnings": tuple(field_warnings(fields, slack, film, _firm(model, state)))}
 
 
 def _sound(model: Model, at_nodes: Sequence[Fields]) -> bool:
@@ -405,32 +444,51 @@ def _sound(model: Model, at_nodes: Sequence[Fields]) -> bool:
     return not failures(model.specimen.membrane, position, first, second)
 
 
+def mounted_place(position: Array) -> tuple[float, float]:
+    """x and y [m] of a place in the mounted film; what only rounding keeps from 0 is 0."""
+    x, y = (0.0 if abs(value) < _NOTHING else float(value) for value in position[:2])
+    return x, y
+
+
 def state_warnings(model: Model, state: State) -> list[str]:
     """What a reader of a state must know before trusting it."""
     at_nodes = node_fields(model, [state])
     return field_warnings(at_nodes[0], lost_tension(model, [state], at_nodes=at_nodes)[0],
-                          model.specimen.membrane)
+                          model.specimen.membrane, _firm(model, state))
 
 
-def field_warnings(fields: Fields, loss: LostTension, film: Film | None) -> list[str]:
-    """What a reader of these fields must know before trusting them; no film: its law is sound."""
+def _firm(model: Model, state: State) -> Array | None:
+    """The firmness of a charged film; without voltage its law alone says whether it gives way."""
+    return firmness(model, state) if state.voltage_squared > 0 else None
+
+
+def field_warnings(fields: Fields, loss: LostTension, film: Film | None,
+                   firm: Array | None = None) -> list[str]:
+    """What a reader of these fields must know before trusting them; no film: its law is sound.
+
+    ``firm``: the film's :func:`~tympan.fem.results.firmness.firmness` at the same nodes.
+    """
     warnings, loose = [], fields[fields.tension != Tension.TAUT]
+    if firm is not None and firm.min() <= 0:
+        place = place_text(*fields.position[np.argmin(firm), :2].tolist())
+        warnings.append(f"the film gives way in itself at {place}: this equilibrium is unstable, "
+                        "since with the voltage's part its energy is not strongly elliptic there")
     if len(loose.tension):
-        x_mm, y_mm, _ = loose.position[np.argmin(loose.stress_2)] * 1e3
+        x, y, _ = loose.position[np.argmin(loose.stress_2)]
         area_cm2, slack_cm2 = (loss.wrinkled + loss.slack) * 1e4, loss.slack * 1e4
         over = (f" over {area_cm2:.3g} cm² of the mounted film ({loss.share:.2%})" if area_cm2
                 else "")
         over += f", {slack_cm2:.3g} cm² of them slack in all directions" if slack_cm2 else ""
-        warnings.append(f"the film loses tension and wrinkles{over}, most at x {x_mm:.1f} mm, "
-                        f"y {y_mm:.1f} mm")
+        warnings.append(f"the film loses tension and wrinkles{over}, most at "
+                        f"{place_text(float(x), float(y))}")
     weakest = int(np.argmax(fields.breakdown_share))
     share = fields.breakdown_share[weakest]
     if share * LEAST_MARGIN >= 1:
-        x_mm, y_mm, _ = fields.position[weakest] * 1e3
+        x, y, _ = fields.position[weakest]
         field_MV_per_m = fields.electric_field[weakest] / 1e6
         strength_MV_per_m = fields.breakdown_strength[weakest] / 1e6
         what = "would break down" if share > 1 else f"is near breakdown (margin {1 / share:.2f})"
-        warnings.append(f"the film {what} at x {x_mm:.1f} mm, y {y_mm:.1f} mm: field "
+        warnings.append(f"the film {what} at {place_text(float(x), float(y))}: field "
                         f"{field_MV_per_m:.3g} of {strength_MV_per_m:.3g} MV/m")
     if film is None:
         return warnings

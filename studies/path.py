@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Literal, Self, get_args
+from typing import Literal, Self, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,9 +19,18 @@ from tympan.fem.film.tension_field import Tension
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import Load, State
 from tympan.fem.results.fields import Fields, node_fields, whole
+from tympan.fem.results.firmness import firmness, rough_firmness
+from tympan.fem.results.limit_states import LIMIT_STATES, PULL_IN, LimitState, Sign
 from tympan.geometry.errors import InputError
 from tympan.geometry.outlines import area
-from tympan.studies.case import Case, CaseRecord, Settings, equilibrate, failure_reason
+from tympan.studies.case import (
+    Case,
+    CaseRecord,
+    Settings,
+    equilibrate,
+    failure_reason,
+    mounted_place,
+)
 from tympan.studies.files import remove, write_csv
 from tympan.studies.film_surface import FilmSurface, film_surface, save_series, series_files
 
@@ -35,12 +44,16 @@ _FURTHER = 2.0
 
 UNFOLLOWED = "the branch could not be followed further"
 
+#: Difference of two deflections, relative to the frame, that are one.
+_SAME = 1e-6
+
 #: A motion along a branch by which is seen where the film thins, relative to the frame.
 _ONWARDS = 1e-4
 
 #: What may grow along a branch.
 Along = Literal["voltage", "charge", "mass", "pressure"]
-What = Literal["limit", "tension lost", "breakdown"]
+#: What is passed on the way: the ``event`` of each of :data:`LIMIT_STATES`.
+What = Literal["tension lost", "breakdown", "instability", "limit"]
 
 #: The load that grows, and the unit in results.
 _GROWING: dict[Along, tuple[Load, str]] = {
@@ -54,9 +67,10 @@ _READ = {"V": (1e-3, "kV"), "C": (1e6, "µC"), "kg": (1e3, "g"), "Pa": (1.0, "Pa
 class Station:
     """One equilibrium of a branch, in SI.
 
-    ``stable``: at constant load, voltage and gas pressure, the film kept from wrinkling; ``tense``:
-    no part of the film has lost tension; ``least_stress_Pa``: smallest principal true stress;
-    ``breakdown_share``: largest field over strength, 0 where the strength is unknown;
+    ``stable``: at constant load, voltage and gas pressure, the film kept from wrinkling, and not
+    beyond its own instability; ``tense``: no part of the film has lost tension;
+    ``least_stress_Pa``: smallest principal true stress; ``breakdown_share``: largest field over
+    strength, 0 where the strength is unknown;
     ``unbalanced``: largest nodal force that smooth motions leave, relative to the largest nodal
     force.
     """
@@ -101,7 +115,7 @@ class Event:
 
 @dataclass(frozen=True, kw_only=True)
 class PathResult(CaseRecord):
-    """A path: its stations in order, and where it turns, tension is lost or the film breaks down.
+    """A path: its stations in order, and where a limit of the film is passed.
 
     Mass and voltage are those it starts at. ``limits``: the film at each limit point, with a field
     ``critical_mode``. ``films``: that of each station, where they were asked for.
@@ -176,7 +190,7 @@ def path(case: Case, settings: Settings, along: Along,
         dofs=model.unknowns, wall_s=time.perf_counter() - began,
         warnings=(passed[-1].ended if passed else UNFOLLOWED,),
         limits=tuple(_critical_film(stop.model, stop.point) for stop in passed
-                     if stop.event is not None and stop.event.what == "limit"),
+                     if stop.event is not None and stop.event.what == PULL_IN.event),
         films=tuple(film_surface(stop.model, stop.point.state) for stop in passed if films))
 
 
@@ -193,9 +207,9 @@ def stops(case: Case, model: Model, start: State, along: Along, settings: PathSe
     first: Stop | None = None
     before: Stop | None = None
     for branch, point in follow_branch(model, start, load, stepping, beyond=True):
-        here = Stop(branch.model, point)
+        here = Stop(branch.model, point, along=along)
         if before is not None:
-            yield from _passed(case, branch, before, here, along)
+            yield from _passed(case, branch, before, here)
         first = first or here
         ended = _ended(here, first, along, settings)
         yield replace(here, ended=ended or UNFOLLOWED)
@@ -208,13 +222,15 @@ def stops(case: Case, model: Model, start: State, along: Along, settings: PathSe
 class Stop:
     """A point of a branch: what is seen there, what happens there, if anything.
 
-    ``ended`` says why the branch would end with it.
+    ``ended`` says why the branch would end with it; ``along`` what grows along the branch.
     """
 
     model: Model
     point: PathPoint
     event: Event | None = None
     ended: str = ""
+
+    along: Along = "voltage"
 
     @cached_property
     def fields(self) -> Fields:
@@ -229,6 +245,52 @@ class Stop:
         return node_fields(replace(self.model, wrinkles=False), [self.point.state])[0]
 
     @cached_property
+    def firmness(self) -> Array:
+        """Least stiffness of the film within its plane at the nodes of every element [Pa]."""
+        return firmness(self.model, self.point.state)
+
+    @property
+    def _firm(self) -> bool:
+        """Whether the film, were it kept from wrinkling, does not give way in itself."""
+        return bool(firmness(replace(self.model, wrinkles=False), self.point.state).min() > 0)
+
+    @property
+    def rough_firmness(self) -> Array:
+        """The same by each element's own strain."""
+        return rough_firmness(self.model, self.point.state)
+
+    @property
+    def thins(self) -> bool:
+        """Whether it is by thinning, wrinkled, that the film gives way first."""
+        model, state = self.model, self.point.state
+        return model.wrinkles and bool(model.thinning_margin(state) <= self.firmness.min())
+
+    @cached_property
+    def thinning(self) -> Array:
+        """Thickness a little further along the branch over that here, at the nodes."""
+        onwards = moved(self.model, self.point.state, self.point.direction, _ONWARDS)
+        return np.asarray(node_fields(self.model, [onwards])[0].thickness / self.fields.thickness)
+
+    @property
+    def growth(self) -> float:
+        """Growth of what grows along the branch."""
+        return self.point.rate if self.along != "charge" else self._charging
+
+    @property
+    def given_way(self) -> float:
+        """-1 where a taut film moves by itself before what grows turns; 1 where it does not.
+
+        0 where neither can be said: at a given charge, beyond the turn, without tension, and where
+        the film has given way in one place.
+        """
+        tangent = self.point.solution.tangent
+        taut = self.pressed.stress_2.min() > 0 and self.firmness.min() > 0
+        if self.along == "charge" or self.point.rate < 0 or not taut:
+            return 0.0
+        assert tangent is not None
+        return 1.0 if tangent.negative == 0 else -1.0
+
+    @cached_property
     def station(self) -> Station:
         """The equilibrium's numbers."""
         model, state, tangent = self.model, self.point.state, self.point.solution.tangent
@@ -241,17 +303,9 @@ class Stop:
             max_stretch=float(self.fields.stretch_1.max()),
             least_stress_Pa=float(self.pressed.stress_2.min()),
             breakdown_share=float(self.fields.breakdown_share.max()),
-            stable=tangent.negative == 0,
+            stable=tangent.negative == 0 and self._firm,
             tense=bool((self.fields.tension == Tension.TAUT).all()),
             unbalanced=model.unbalanced(state))
-
-    def before(self, what: What, along: Along) -> float:
-        """A number that is positive before something happens and negative after it."""
-        if what == "tension lost":
-            return float(self.pressed.stress_2.min())
-        if what == "breakdown":
-            return float(1 - self.fields.breakdown_share.max())
-        return self.point.rate if along != "charge" else self._charging
 
     @property
     def _charging(self) -> float:
@@ -263,48 +317,41 @@ class Stop:
         growth = -2 * model.discretisation.mirrored * work
         return float(growth * voltage + self.station.capacitance_F * point.rate / (2 * voltage))
 
-    def place(self, what: What) -> tuple[float, float]:
-        """Where in the mounted film something happens [m]; a limit, where it thins fastest."""
-        x, y, _ = self.fields.position[np.argmin(self._falling(what))]
-        return float(x), float(y)
+    def place(self, state: LimitState) -> tuple[float, float]:
+        """Where in the mounted film a limit state begins [m]."""
+        return mounted_place(self.fields.position[np.argmin(state.field(self))])
 
-    def _falling(self, what: What) -> Array:
-        """What is least where something happens, at the nodes of every element."""
-        if what == "tension lost":
-            return self.pressed.stress_2
-        if what == "breakdown":
-            return -self.fields.breakdown_share
-        onwards = moved(self.model, self.point.state, self.point.direction, _ONWARDS)
-        return node_fields(self.model, [onwards])[0].thickness / self.fields.thickness
+    def jump(self, state: LimitState, sign: Sign) -> float:
+        """By how much elements differ that meet where a limit state begins, as its sign has it.
 
-    def jump(self, what: What) -> float:
-        """By how much elements differ that meet where something happens, as :meth:`before` has it.
-
-        At a limit, which depends on the film's energy: mean square of the jumps of its stress, over
+        Of one that depends on the whole film's energy: mean square of the jumps of its stress, over
         that of the stress about its mean.
         """
         mesh, fields = self.model.discretisation, self.fields
         # At an electrode's edge the film itself jumps.
         sides = 2 * mesh.connectivity + (mesh.covered > 0)
         nodes: NDArray[np.int64] = np.unique(sides, return_inverse=True)[1].reshape(sides.shape)
-        if what == "limit":
+        if not sign.local:
             stresses = (fields.stress_1, fields.stress_2)
             return float(max((_jumps(nodes, stress)**2).mean() / max(np.var(stress), 1e-300)
                              for stress in stresses))
-        values = self._falling(what)
-        element = int(np.argmin(values)) // mesh.connectivity.shape[1]
-        return float(_jumps(nodes, values)[nodes[element]].max())
+        place = int(np.argmin(state.field(self)))
+        values = state.by_element(self)
+        element = place // mesh.connectivity.shape[1]
+        apart = abs(values[place] - state.field(self)[place]) if np.isfinite(values[place]) else 0.0
+        return float(max(_jumps(nodes, values)[nodes[element]].max(), apart))
 
 
 def _jumps(nodes: NDArray[np.int64], values: Array) -> Array:
     """Largest less smallest value at each node, of the elements that meet there.
 
-    ``nodes`` of the elements, shape (elements, local); ``values`` element-major.
+    ``nodes`` of the elements, shape (elements, local); ``values`` element-major, those that are ∞
+    left out.
     """
-    count = int(nodes.max()) + 1
+    count, some = int(nodes.max()) + 1, np.isfinite(values)
     high, low = np.full(count, -np.inf), np.full(count, np.inf)
-    np.maximum.at(high, nodes.ravel(), values)
-    np.minimum.at(low, nodes.ravel(), values)
+    np.maximum.at(high, nodes.ravel()[some], values[some])
+    np.minimum.at(low, nodes.ravel()[some], values[some])
     return np.where(np.isfinite(high), high - low, 0.0)
 
 
@@ -328,34 +375,42 @@ def _ended(stop: Stop, first: Stop, along: Along, settings: PathSettings) -> str
     return ""
 
 
-def _passed(case: Case, branch: Branch, before: Stop, after: Stop, along: Along) -> list[Stop]:
-    """What happens between two points of a branch, in order."""
-    passed = []
-    for what in get_args(What):
-        if before.before(what, along) * after.before(what, along) >= 0:
-            continue
+def _passed(case: Case, branch: Branch, before: Stop, after: Stop) -> list[Stop]:
+    """What happens between two points of a branch, in order; what happens at once at one point."""
+    passed: list[Stop] = []
+    same = _SAME * branch.model.size
+    for state in LIMIT_STATES.values():
+        for sign in state.signs:
+            if sign.value(before) * sign.value(after) >= 0:
+                continue
 
-        def value(point: PathPoint, what: What = what) -> float:
-            return Stop(branch.model, point).before(what, along)
+            def value(point: PathPoint, sign: Sign = sign) -> float:
+                return sign.value(Stop(branch.model, point, along=before.along))
 
-        point = branch.where(before.point, after.point, value, of_state=what != "limit")
-        if point is not None:
-            passed.append(_happening(case, Stop(branch.model, point), what, along,
-                                     (before, after)))
+            point = branch.where(before.point, after.point, value, of_state=sign.of_state)
+            if point is not None:
+                here = Stop(branch.model, point, along=before.along)
+                deep = here.station.deflection_m
+                here = next((replace(stop, event=None) for stop in passed
+                             if abs(stop.station.deflection_m - deep) <= same), here)
+                passed.append(_happening(case, here, state, sign, (before, after)))
+                break
     start = before.station.deflection_m
     return sorted(passed, key=lambda stop: abs(stop.station.deflection_m - start))
 
 
-def _happening(case: Case, stop: Stop, what: What, along: Along, around: tuple[Stop, Stop]) -> Stop:
+def _happening(case: Case, stop: Stop, state: LimitState, sign: Sign, around: tuple[Stop, Stop]
+               ) -> Stop:
     """The stop where something happens, with the event; between two others."""
-    value, *ends = (_measured(case, other.station, along) for other in (stop, *around))
-    spread = stop.jump(what)
-    if what != "limit":
-        change = abs(around[0].before(what, along) - around[1].before(what, along))
+    value, *ends = (_measured(case, other.station, stop.along) for other in (stop, *around))
+    spread = stop.jump(state, sign)
+    if sign.local:
+        change = abs(sign.value(around[0]) - sign.value(around[1]))
         spread *= abs(ends[1] - ends[0]) / (change * abs(value)) if value else 0.0
-    x, y = stop.place(what)
-    return replace(stop, event=Event(what=what, value=value, unit=_GROWING[along][1], x_m=x, y_m=y,
-                                     spread=spread, station=stop.station))
+    x, y = stop.place(state)
+    what = cast(What, state.event)
+    return replace(stop, event=Event(what=what, value=value, unit=_GROWING[stop.along][1], x_m=x,
+                                     y_m=y, spread=spread, station=stop.station))
 
 
 def _critical_film(model: Model, point: PathPoint) -> FilmSurface:

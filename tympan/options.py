@@ -287,10 +287,19 @@ _SHOWN = {"m": ("mm", 1e3), "kg": ("g", 1e3), "V": ("kV", 1e-3), "Pa": ("kPa", 1
 
 
 def _entries(record: dict[str, Any], *without: str) -> str:
-    """One line per entry that has a value, in units of the bench."""
-    rows = [_entry(key, item) for key, value in record.items()
-            if key not in without and value is not None
-            for item in (value if key == "warnings" else [value])]
+    """One line per entry that has a value, in units of the bench; a place has one for both axes."""
+    from tympan.geometry.units import place_text
+
+    rows = []
+    for key, value in record.items():
+        if key in without or value is None or key.endswith("_y_m"):
+            continue
+        if key.endswith("_x_m"):
+            y = record[f"{key.removesuffix('_x_m')}_y_m"]
+            rows.append((f"{key.removesuffix('_x_m')} place".replace("_", " "),
+                         place_text(value, y)))
+            continue
+        rows += [_entry(key, item) for item in (value if key == "warnings" else [value])]
     width = max(len(name) for name, _ in rows)
     return "\n".join(f"{name:<{width}}  {words}" for name, words in rows)
 

@@ -8,15 +8,16 @@ Voigt form with engineering shear, E = (C − I)/2.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
 
+from tympan.fem.film.admissibility import acoustic_margin, strong_ellipticity
 from tympan.fem.film.laws import Ogden
 from tympan.fem.film.memory import Flow
-from tympan.fem.film.tension_field import Coat, TensionField
+from tympan.fem.film.tension_field import Coat, TensionField, total
 from tympan.geometry.specimen import Film, Specimen
 
 #: Below this relative distance of the squared stretches the divided difference of the stress
@@ -141,6 +142,28 @@ class FilmDensity:
         if not self.wrinkles:
             return *seen, np.array(2)
         return self.material.stretches(*seen)
+
+    def firmness(self, c: tuple[Any, Any, Any]) -> Any:
+        """Least stiffness of the taut film within its plane, at a given voltage [Pa].
+
+        The margin to the loss of strong ellipticity of the energy with the voltage's part. Within a
+        frame that holds its edge a uniform film is stable while that is positive (van Hove, Proc.
+        Kon. Ned. Akad. Wet. 50, 18, 1947), and no film is where it is negative (the condition of
+        Legendre and Hadamard). The loss of convexity alone, the criterion under dead loads (Zhao
+        and Suo, Appl. Phys. Lett. 91, 061921, 2007), needs an edge that is free to move. ∞ where
+        the film is pressed, since wrinkles by themselves are no instability, or its law has no
+        stress.
+        """
+        joined, apart = self._joined_and_apart
+        with np.errstate(all="ignore"):
+            seen = principal_stretches(c, self.specimen.membrane.prestretch)
+            plain = total(joined, *seen)
+            if apart:
+                whole = replace(self, wrinkles=False, flow=None)(c)
+                margin = acoustic_margin(c, whole.stress, whole.tangent)
+            else:
+                margin = strong_ellipticity(*seen, plain)
+        return np.where((plain[2] > 0) & ~np.isnan(margin), margin, np.inf)
 
 
 @lru_cache(maxsize=64)

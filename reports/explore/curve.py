@@ -20,9 +20,6 @@ Array = NDArray[Any]
 
 _WIDTH, _LEFT, _RIGHT, _TOP, _HIGH, _GAP, _LOW, _BELOW = 560, 52, 14, 22, 230, 30, 80, 38
 
-#: What a limit is called.
-LIMITS = {"tension": "loses tension", "breakdown": "breaks down", "pull_in": "pulls in"}
-
 
 @dataclass(frozen=True)
 class _Panel:
@@ -90,28 +87,21 @@ def _scale(*values: Any) -> AxisScale:
 
 
 def _lines(panel: _Panel, line: VoltageCurve) -> Iterator[dict[str, str]]:
-    """The curve; dotted where it is that of a film kept from wrinkling."""
+    """The curve to its first limit, beyond that, and as that of a film kept from wrinkling."""
     if len(line.voltage) < 2:
         return
     x, y = line.line
-    tension = line.limits.tension
-    if line.limits.thins and tension is not None:
-        kept = x >= tension.voltage_V / 1e3 - 1e-9
-        kept |= np.maximum.accumulate(kept)
-        if (~kept).sum() > 1:
-            yield {"kind": "line", "path": panel.path(x[~kept], y[~kept])}
-        yield {"kind": "line kept", "path": panel.path(x[kept], y[kept])}
-    else:
-        yield {"kind": "line", "path": panel.path(x, y)}
+    for kind, part in zip(("line", "line beyond", "line kept"), line.parts, strict=True):
+        if part.sum() > 1:
+            yield {"kind": kind, "path": panel.path(x[part], y[part])}
 
 
 def _limits(panel: _Panel, line: VoltageCurve) -> Iterator[dict[str, Any]]:
-    limits = line.limits
-    for limit in (limits.tension, limits.breakdown, limits.pull_in):
-        if limit is not None and len(line.voltage):
+    for limit in line.limits.reached:
+        if len(line.voltage):
             nearest = int(np.argmin(np.abs(line.voltage - limit.voltage_V / 1e3)))
             yield _point(panel, limit.voltage_V / 1e3, float(line.deflection[nearest]), "mark", 4,
-                         LIMITS[limit.kind])
+                         limit.state.verb)
 
 
 def _readings(panel: _Panel, readings: Readings | None) -> Iterator[dict[str, Any]]:

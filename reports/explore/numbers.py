@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from tympan.reports.explore.curve import LIMITS
+from tympan.fem.results.limit_states import LIMIT_STATES
 from tympan.reports.explore.session import CircleWeights, FollowedCurve, Scene
 from tympan.reports.template import digits
 
@@ -47,9 +47,12 @@ def _limits(curve: FollowedCurve | None) -> Iterator[dict[str, str]]:
     if curve is None:
         return
     limits = curve.curve.curves[0].limits
-    for kind, words in LIMITS.items():
-        limit = getattr(limits, kind)
-        yield _row(kind, words, "not reached" if limit is None else limit.text)
+    for limit in limits.reached:
+        first = " (the limit)" if limit == limits.limit else ""
+        yield _row(limit.kind, limit.state.verb, f"{limit.text}{first}")
+    for kind, state in LIMIT_STATES.items():
+        if getattr(limits, kind) is None:
+            yield _row(kind, state.verb, "not reached")
     if curve.readings is not None:
         yield _row("rms", "rms of measured − simulated",
                    f"{digits(1e6 * curve.readings.rms)} µm")

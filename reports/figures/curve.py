@@ -15,22 +15,25 @@ from matplotlib.transforms import Bbox
 from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
+from tympan.fem.results.limit_states import INSTABILITY, PULL_IN
 from tympan.reports import look as style
 from tympan.studies.case import Limit, Limits
 from tympan.studies.limits import CurveResult
 
 Array = NDArray[np.float64]
+Points = NDArray[np.bool_]
 
 _WIDTH, _HEIGHT, _LEFT, _TOP, _BELOW = 110.0, 70.0, 14.0, 8.0, 12.0  # [mm]
 
-#: How a limit is marked, and its words where a curve passes or ends.
-_MARKS = {"tension": ("s", "loses tension"), "breakdown": ("X", "breaks down"),
-          "pull_in": ("x", "pulls in")}
 #: Where words are from their mark, and how far above that they are still beside it [points]; their
 #: colour where they are of several curves; times that room is made for them.
 _BESIDE, _NEAR, _OF_ALL, _TRIES = (-4.0, 2.0), 16.0, "#333333", 25
 #: Behind words, where they lie over a curve after all.
 _PAPER = {"facecolor": "white", "alpha": 0.75, "linewidth": 0.0, "pad": 0.5}
+#: Of a curve beyond its first limit, drawn faint.
+_BEYOND, _FAINT = "beyond its first limit", 0.65
+#: Deflections [mm] that are one.
+_SAME = 1e-9
 #: Of the dotted rest of a curve, whose film thins without bound where it loses tension.
 _KEPT = "were it kept from wrinkling, to its pull-in"
 
@@ -59,13 +62,38 @@ class VoltageCurve:
 
     @property
     def end(self) -> str:
-        """How the curve ends, in words with numbers."""
-        if self.limits.end is not None:
-            word = "thins without bound at" if self.limits.thins else "pulls in at"
-            return f"{word} {self.limits.end.text}"
-        if not len(self.voltage):
-            return "no equilibrium"
-        return f"to {self.voltage[-1]:.4g} kV"
+        """Its first limit, and how it ends, in words with numbers."""
+        limits = self.limits
+        first, last = limits.limit, limits.end or limits.instability
+        if first is None:
+            if not len(self.voltage):
+                return "no equilibrium"
+            return f"no limit up to {self.voltage[-1]:.4g} kV"
+        words = f"{first.state.verb} at {first.text} (the limit)"
+        if last is None:
+            return f"{words}, followed to {self.voltage[-1]:.4g} kV"
+        verb = "thins without bound" if limits.thins else last.state.verb
+        if last == first:
+            return words
+        if last.voltage_V == first.voltage_V:
+            return f"{first.state.verb} and {verb} at {first.text} (the limit)"
+        return f"{words}, {verb} at {last.text}"
+
+    @cached_property
+    def parts(self) -> tuple[Points, Points, Points]:
+        """Which points of the line are before its first limit, beyond it, and beyond its end.
+
+        The last are those of a film that thins, were it kept from wrinkling. Each part begins where
+        the one before it ends.
+        """
+        y = self.line[1]
+        ends = self.limits.limit, self.limits.end if self.limits.thins else None
+        low, high = (np.inf if limit is None else self.deflection_at(limit) for limit in ends)
+        return (y <= low + _SAME, (y >= low - _SAME) & (y <= high + _SAME), y >= high - _SAME)
+
+    def deflection_at(self, limit: Limit) -> float:
+        """Where on the curve a limit is: the curve has a point there."""
+        return float(self.deflection[np.argmin(np.abs(self.voltage - limit.voltage_V / 1e3))])
 
     @cached_property
     def line(self) -> tuple[Array, Array]:
@@ -202,34 +230,34 @@ def draw_curve(axes: Axes, curve: VoltageCurve, number: int, label: str) -> None
         axes.plot([], [], color=colour, label=label)
         return
     limits, (x, y) = curve.limits, curve.line
-    loose = np.full(len(x), False)
-    if limits.tension is not None:
-        loose = y >= _deflection(curve, limits.tension) - 1e-9
-    real = ~loose | (not limits.thins)
-    axes.plot(x[real], y[real], color=colour, label=label, zorder=2)
-    if limits.thins:  # what follows is a film kept from wrinkling
-        dotted, = axes.plot(x[loose], y[loose], color=colour, linestyle=":", zorder=2)
-        if _KEPT not in axes.get_legend_handles_labels()[1]:
-            dotted.set_label(_KEPT)
-    # Wide and pale: part of the film has lost tension.
-    axes.plot(x[loose], y[loose], color=colour, alpha=0.25, linewidth=5.0, zorder=1,
-              solid_capstyle="butt")
+    before, beyond, kept = curve.parts
+    axes.plot(x[before], y[before], color=colour, label=label, zorder=2)
+    for part, line, words in ((beyond, "--", _BEYOND), (kept, ":", _KEPT)):
+        if part.sum() > 1:
+            faint, = axes.plot(x[part], y[part], color=colour, linestyle=line, alpha=_FAINT,
+                               zorder=2)
+            if words not in axes.get_legend_handles_labels()[1]:
+                faint.set_label(words)
+    if limits.tension is not None:  # wide and pale: part of the film has lost tension
+        loose = y >= curve.deflection_at(limits.tension) - _SAME
+        axes.plot(x[loose], y[loose], color=colour, alpha=0.25, linewidth=5.0, zorder=1,
+                  solid_capstyle="butt")
     here = np.isfinite(curve.there)
     axes.plot(curve.asked[here], curve.there[here], style.marker_of(number), markersize=3.2,
               color=colour, zorder=3)
-    for limit in (limits.tension, limits.breakdown, limits.pull_in):
-        if limit is not None:
-            marker, word = _MARKS[limit.kind]
-            # The end of the dotted rest is in the legend.
-            in_legend = limits.thins and limit.kind == "pull_in"
-            _mark(axes, curve, limit, marker, "" if in_legend else word, colour)
-    if limits.pull_in is None and not limits.thins:
+    for limit in limits.reached:
+        # The end of the dotted rest is in the legend, and a film that thins at once says so there.
+        silent = limits.thins and (limit.kind == PULL_IN.kind or (
+            limit.kind == INSTABILITY.kind and limits.tension is not None
+            and limit.voltage_V == limits.tension.voltage_V))
+        _mark(axes, curve, limit, "" if silent else limit.state.verb, colour)
+    if limits.end is None and limits.instability is None:
         _word(axes, (float(x[-1]), float(y[-1])), "not followed further", colour)
 
 
-def _mark(axes: Axes, curve: VoltageCurve, limit: Limit, marker: str, word: str, colour: str
-          ) -> None:
-    place = limit.voltage_V / 1e3, _deflection(curve, limit)
+def _mark(axes: Axes, curve: VoltageCurve, limit: Limit, word: str, colour: str) -> None:
+    place = limit.voltage_V / 1e3, curve.deflection_at(limit)
+    marker = limit.state.marker
     axes.plot(*place, marker, color=colour, markerfacecolor="white", linestyle="none", zorder=4,
               markersize=7 if marker == "x" else 4.5, markeredgewidth=1.4 if marker == "x" else 1.0)
     _word(axes, place, word, colour)
@@ -239,8 +267,3 @@ def _word(axes: Axes, place: tuple[float, float], word: str, colour: str) -> Non
     if word:
         axes.annotate(word, place, _BESIDE, textcoords="offset points", ha="right", va="bottom",
                       color=colour, fontsize=6.5, bbox=_PAPER, zorder=5)
-
-
-def _deflection(curve: VoltageCurve, limit: Limit) -> float:
-    """Where on the curve a limit is: the curve has a point there."""
-    return float(curve.deflection[np.argmin(np.abs(curve.voltage - limit.voltage_V / 1e3))])

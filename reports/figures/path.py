@@ -9,12 +9,13 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from tympan.fem.results.limit_states import LIMIT_STATES
 from tympan.reports import look as style
 from tympan.studies.path import Along, PathResult, Station
 
 _WIDTH, _HEIGHT, _LEFT, _TOP, _GAP = 72.0, 62.0, 14.0, 8.0, 20.0  # [mm]
-_MARKS = {"limit": ("o", "limit point"), "tension lost": ("s", "tension lost from here"),
-          "breakdown": ("X", "field reaches the film's strength")}
+#: Limit states by their events.
+_STATES = {state.event: state for state in LIMIT_STATES.values()}
 Scaled = tuple[str, str, float]  #: a quantity's words, its name in a station, and 1 / its unit
 _NAMES: dict[Along, Scaled] = {
     "voltage": ("film voltage (kV)", "voltage_V", 1e-3), "charge": ("charge (µC)", "charge_C", 1e6),
@@ -63,10 +64,10 @@ def _panel(axes: Axes, result: PathResult, across: Scaled, up: Scaled, title: st
             axes.plot(x[piece], y[piece], color=colour, linestyle=line, zorder=2,
                       label=label if number == 0 else None)
     for event in result.events:
-        marker, label = _MARKS[event.what]
-        words = f"{label}: {event.value_text}"
+        state = _STATES[event.what]
+        words = f"{state.legend}: {event.value_text}"
         shown = axes.get_legend_handles_labels()[1]
-        axes.plot(*places([event.station]), marker, color="#303030", markersize=4.5,
+        axes.plot(*places([event.station]), state.marker, color="#303030", markersize=4.5,
                   markerfacecolor="white", zorder=4, linestyle="none",
                   label=None if words in shown else words)
     style.describe(axes, across[0], up[0], title, bold=True)

@@ -12,6 +12,7 @@ import numpy as np
 from jinja2 import Template
 
 from tympan.fem.membrane.loading import BIASES
+from tympan.fem.results.limit_states import LIMIT_STATES
 from tympan.fem.rig import Rig
 from tympan.geometry.fields import fields_of
 from tympan.geometry.units import DIMENSIONS
@@ -52,6 +53,7 @@ def render_study(run: StudyView, fig4: str, curves_: str, viewer: str = "") -> s
     return template("reports/study/report.html").render(
         run=run, summary=study_summary(run), warnings=study_warnings(run),
         fig4=fig4, curves=curves_, viewer=viewer,
+        limit_states=LIMIT_STATES,
         curves_of=[(item.name, curve) for item in run.specimens for curve in item.curves],
         design=figure4.lay_out(run.specimens, run.stress_range),
         alphas=[item for item in run.stored.alphas if len(item.circles) > 1],
@@ -186,10 +188,9 @@ def curve_warnings(name: str, curve: VoltageCurve) -> Iterator[str]:
                 if status == "not_converged"]
     if unsolved:
         yield _say("no_result", name, curve.mass, unsolved)
-    for limit in (curve.limits.tension, curve.limits.breakdown, curve.limits.pull_in):
-        if limit is not None:
-            yield _say("limited", name, curve.mass, limit.kind, limit.text,
-                       1e3 * limit.x_m, 1e3 * limit.y_m)
+    for limit in curve.limits.reached:
+        yield _say("limited", name, curve.mass, limit.state.sentence.format(limit.text),
+                   limit.place, limit == curve.limits.limit)
     if curve.limits.thins or curve.limits.pull_in is None:
         yield _say("ended", name, curve.mass, curve.limits.ended)
 

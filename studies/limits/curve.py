@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tympan.fem.equilibrium.ramp import Outcome
+from tympan.fem.results.limit_states import LIMIT_STATES
 from tympan.fem.rig import Rig
 from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Case, CaseResult, Limits, Settings, summaries, voltage_ramp
@@ -21,7 +22,7 @@ from tympan.studies.files import from_json, read_json, remove, stored_file, to_j
 from tympan.studies.limits.voltages import Rise, rise
 
 #: The columns of a curve's CSV. ``asked`` is 1 at voltages that were asked for, 0 on the way to the
-#: limit.
+#: limit; ``beyond`` is the gravest limit that the voltage is beyond, blank up to the first.
 CURVES: tuple[Column, ...] = (
     Column("mass", "g"),
     Column("voltage", "kV"),
@@ -31,6 +32,7 @@ CURVES: tuple[Column, ...] = (
     Column("capacitance", "pF", required=False),
     Column("slack_share", required=False),
     Column("breakdown_margin", required=False),
+    Column.labels("beyond", LIMIT_STATES, required=False),
 )
 
 
@@ -89,7 +91,7 @@ def curve(specimen: Specimen, masses: Sequence[float], settings: Settings, rig: 
     """
     began = time.perf_counter()
     curves: list[MassCurve] = []
-    rows: list[tuple[bool, CaseResult]] = []
+    cells: list[tuple[Any, ...]] = []
     dofs = 0
     for mass in masses:
         progress(f"{specimen.name}: {mass * 1e3:g} g")
@@ -100,9 +102,9 @@ def curve(specimen: Specimen, masses: Sequence[float], settings: Settings, rig: 
         for model, way in groupby(zip(ascent.cases, ascent.stops, strict=True),
                                   lambda pair: pair[1].model):
             solved = ((case, Outcome("equilibrium", stop.point.solution)) for case, stop in way)
-            rows += [(False, result) for result, _ in summaries(model, solved)]
-        rows += [(True, result) for result in _asked(ascent, mass, rig, voltages, settings)]
-    cells = [_row(*row) for row in rows]
+            cells += [_row(False, result, ascent.limits) for result, _ in summaries(model, solved)]
+        cells += [_row(True, result, ascent.limits)
+                  for result in _asked(ascent, mass, rig, voltages, settings)]
     table = {column.name: np.array([row[number] for row in cells],
                                    float if column.choices is None else str)
              for number, column in enumerate(CURVES)}
@@ -110,10 +112,12 @@ def curve(specimen: Specimen, masses: Sequence[float], settings: Settings, rig: 
                        wall_s=time.perf_counter() - began, table=table)
 
 
-def _row(asked: bool, result: CaseResult) -> tuple[Any, ...]:
+def _row(asked: bool, result: CaseResult, limits: Limits) -> tuple[Any, ...]:
     """What :data:`CURVES` says of a result."""
+    beyond = limits.beyond(result.voltage_V)
     return (result.mass_kg, result.voltage_V, asked, result.status, result.deflection_m,
-            result.capacitance_F, result.slack_share, result.breakdown_margin)
+            result.capacitance_F, result.slack_share, result.breakdown_margin,
+            beyond.kind if beyond else "")
 
 
 def _asked(ascent: Rise, mass: float, rig: Rig, voltages: Sequence[float], settings: Settings

@@ -1,18 +1,28 @@
-"""The voltages at which a film loses tension, breaks down and pulls in, in one pass."""
+"""The voltages at which each limit state of a film is reached, in one pass."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import brentq
 
 from tympan.fem.equilibrium.arc_length import PathPoint
 from tympan.fem.equilibrium.ramp import Outcome
 from tympan.fem.equilibrium.solve import equilibrium
 from tympan.fem.membrane.model import Model
+from tympan.fem.membrane.state import State
+from tympan.fem.results.firmness import firmness
+from tympan.fem.results.limit_states import (
+    INSTABILITY,
+    LIMIT_STATES,
+    PULL_IN,
+    TENSION,
+)
 from tympan.studies.case import (
     Case,
     CaseResult,
@@ -23,20 +33,31 @@ from tympan.studies.case import (
     build_model,
     equilibrate,
     failure_reason,
+    mounted_place,
     solve,
 )
-from tympan.studies.path import UNFOLLOWED, Stop, What, stops
+from tympan.studies.path import UNFOLLOWED, Stop, stops
 
 Array = NDArray[np.float64]
 
-_KINDS: dict[What, LimitKind] = {
-    "tension lost": "tension", "breakdown": "breakdown", "limit": "pull_in"}
+_KINDS: dict[str, LimitKind] = {state.event: cast(LimitKind, state.kind)
+                                for state in LIMIT_STATES.values()}
 
-#: How far beyond the last point that could be followed a limit is searched for, relative.
-_BEYOND = 1.5
+#: How far beyond the last point that could be followed a limit is searched for, relative: far, then
+#: nearer, since a film that softens fast is not met by long steps; steps of each length.
+_BEYOND, _CLIMBS = (0.5, 0.1, 0.02, 0.005, 0.001), 5
+
+#: Share of a film's margin to thinning that is left where its end is sharp.
+_SHARP = 1e-3
 
 #: Voltage [V] by which is seen what one does to a film that it does not move; any would do.
 _TRIED = 1.0
+
+#: How near to a flat film's loss of tension it is still asked whether it gives way, relative.
+_TAUT = 1e-6
+
+#: Relative difference of two voltages that are one.
+_SAME = 1e-6
 
 #: How far, relative to the frame, a film may be from flat of which that is all that is known.
 _FLAT = 1e-6
@@ -44,7 +65,7 @@ _FLAT = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Rise:
-    """The equilibria of a case as its voltage rises from 0 until the film pulls in; its limits.
+    """The equilibria of a case as its voltage rises from 0 until the film ends; its limits.
 
     ``cases`` are those of the ``stops``, at nominal voltages; none where there is no equilibrium
     without voltage.
@@ -66,50 +87,51 @@ def limits(case: Case, settings: Settings) -> Limits:
 
 def first_limit(case: Case, settings: Settings) -> Limit | None:
     """The first limit of :func:`limits`, sooner: the film is followed no further."""
-    return rise(case, settings, first=True).limits.first
+    return rise(case, settings, first=True).limits.limit
 
 
 def rise(case: Case, settings: Settings, first: bool = False) -> Rise:
-    """Raise the voltage of a case from 0 until the film pulls in, or cannot be followed.
+    """Raise the voltage of a case from 0 until the film pulls in, gives way, or is not followed.
 
     ``first``: only to the first limit of any kind.
     """
     case = replace(case, voltage=0.0)
     model, start = equilibrate(case, settings)
     if start.status != "equilibrium":
-        return Rise(model, (), (), Limits(ended=failure_reason(start)))
+        return Rise(model, (), (), Limits(ended=_before_voltage(case, start, settings)))
     passed = list(_to_limit(case, model, start, settings, first))
     flat = _unmoved(case, model, start, settings) if len(passed) <= 1 else None
     if flat is not None:
         return Rise(model, (replace(case, voltage=0.0),), (Stop(model, _still(start)),), flat)
     reached = _limits(case, passed)
-    wanted = reached.first if first else reached.pull_in
-    if passed and wanted is None and (reached.end is None or reached.thins):
-        reached = _searched(case, passed[-1], reached, settings)
+    wanted = reached.limit if first else reached.end or reached.instability
+    if passed and wanted is None:
+        reached = _searched(case, passed, reached, settings)
     cases = tuple(replace(case, voltage=_nominal(case, stop)) for stop in passed)
-    return Rise(model, cases, tuple(passed), reached)
+    return Rise(model, cases, tuple(passed), replace(reached, ended=_told(reached)))
 
 
 def solve_within(case: Case, settings: Settings, film: bool = False) -> CaseResult:
-    """One case with the limits of its film; beyond the pull-in nothing is searched for.
+    """One case with the limits of its film; beyond its end nothing is searched for.
 
     ``film``: with its fields on a surface.
     """
     began = time.perf_counter()
-    reached = limits(case, settings)
-    # Where a film that thins would pull in is no limit of what it is.
-    beyond = [limit for limit in (reached.end, reached.breakdown, reached.tension)
-              if limit is not None and case.voltage > limit.voltage_V]
-    limit = beyond[0] if beyond else None
-    if limit is not None and limit == reached.end:
+    within = rise(case, settings)
+    reached = within.limits
+    limit = reached.beyond(case.voltage)
+    if not within.cases or (limit is not None and limit == reached.end):
         return CaseResult(
             specimen=case.specimen.name, mass_kg=case.mass, voltage_V=case.voltage,
             pressure_Pa=case.rig.gas_pressure or None, status="no_equilibrium", limits=reached,
-            limit=limit,
+            first=reached.first, limit=limit,
             dofs=build_model(case.specimen, settings, case.rig.loading).unknowns,
             wall_s=time.perf_counter() - began,
             warnings=(reached.ended,))
-    return replace(solve(case, settings, film), limits=reached, limit=limit,
+    result = solve(case, settings, film)
+    if limit is not None and limit.kind == INSTABILITY.kind and result.status != "equilibrium":
+        result = replace(result, warnings=(reached.ended, *result.warnings))
+    return replace(result, limits=reached, first=reached.first, limit=limit,
                    wall_s=time.perf_counter() - began)
 
 
@@ -119,27 +141,66 @@ def _to_limit(case: Case, model: Model, start: Outcome, settings: Settings, firs
     unchecked = replace(settings.path, unbalanced=np.inf)
     for stop in stops(case, model, start.state, "voltage", unchecked):
         yield stop
-        if stop.event is not None and (first or stop.event.what == "limit"):
+        if stop.event is None:
+            continue
+        # A film that thins is followed on as one kept from wrinkling, to where that pulls in.
+        gone = stop.event.what == INSTABILITY.event and not stop.thins
+        if first or gone or stop.event.what == PULL_IN.event:
             return
 
 
-def _searched(case: Case, last: Stop, reached: Limits, settings: Settings) -> Limits:
-    """With the limit beyond the last point that could be followed, where a ramp meets one."""
-    voltage, state = last.station.voltage_V, last.point.state
-    outcome = equilibrium(last.model, state.force, _BEYOND * voltage, state.pressure,
-                          last.point.solution, settings.path)
-    if outcome.critical is None or outcome.limited != "voltage":
+def _searched(case: Case, passed: list[Stop], reached: Limits, settings: Settings) -> Limits:
+    """With the limit beyond the last point of the film itself, where a ramp meets one."""
+    last = [stop for stop in passed if stop.model.wrinkles == passed[0].model.wrinkles][-1]
+    model, solution = last.model, last.point.solution
+    margin = model.thinning_margin(last.point.state)
+    best: Outcome | None = None
+    left = np.inf
+    for further in _BEYOND:
+        for _ in range(_CLIMBS):
+            voltage = (1 + further) * np.sqrt(solution.state.voltage_squared)
+            outcome = equilibrium(model, solution.state.force, voltage, solution.state.pressure,
+                                  solution, settings.path)
+            if outcome.status != "equilibrium":
+                break
+            solution = outcome.solution
+        else:
+            break
+        if outcome.critical is None or outcome.limited != "voltage":
+            continue
+        thin = outcome.kind == "thinning" and np.isfinite(margin)
+        missed = abs(model.thinning_margin(outcome.critical.state)) if thin else 0.0
+        if missed < left:
+            best, left = outcome, missed
+        if left <= _SHARP * margin:
+            break
+    if best is None or best.critical is None:
         return reached
-    stop = Stop(last.model, outcome.critical)
-    x, y = stop.place("limit")
-    if outcome.kind == "thinning" and case.specimen.plate is None:
-        thinned = Limit(kind="tension", voltage_V=_nominal(case, stop), x_m=x, y_m=y)
-        return replace(reached, tension=reached.tension or thinned, thins=True,
-                       ended=failure_reason(outcome))
-    pull_in = Limit(kind="pull_in", voltage_V=_nominal(case, stop), x_m=x, y_m=y,
-                    spread=stop.jump("limit"))
-    ended = reached.ended if reached.thins else failure_reason(outcome)
-    return replace(reached, ended=ended, pull_in=pull_in)
+    return _with_end(case, Stop(model, best.critical), best, reached, last)
+
+
+def _with_end(case: Case, stop: Stop, outcome: Outcome, reached: Limits, last: Stop) -> Limits:
+    """With the end that a ramp met at a stop beyond the last of a branch."""
+    if outcome.kind != "thinning":
+        return replace(reached, pull_in=_limit_at(case, stop, "pull_in", last))
+    thinned = _limit_at(case, stop, "instability", last)
+    tension = reached.tension
+    if tension is None or tension.voltage_V > thinned.voltage_V:
+        tension = replace(thinned, kind="tension")
+    return replace(reached, tension=tension, instability=thinned, thins=True)
+
+
+def _limit_at(case: Case, stop: Stop, kind: LimitKind, last: Stop) -> Limit:
+    """A limit at a stop, whose margin the film used up since the last one before it."""
+    state = LIMIT_STATES[kind]
+    (x, y), voltage = stop.place(state), _nominal(case, stop)
+    spread = stop.jump(state, state.signs[-1])
+    sign = state.signs[0]
+    used = sign.value(last) - sign.value(stop) if sign.local else 0.0
+    if np.isfinite(used) and used > 0:
+        share = stop.jump(state, sign) / used
+        spread = max(spread, share * (voltage - _nominal(case, last)) / voltage)
+    return Limit(kind=kind, voltage_V=voltage, x_m=x, y_m=y, spread=spread)
 
 
 def _unmoved(case: Case, model: Model, start: Outcome, settings: Settings) -> Limits | None:
@@ -159,18 +220,37 @@ def _unmoved(case: Case, model: Model, start: Outcome, settings: Settings) -> Li
     if not (fall > 0).all() or moved > _FLAT * model.size:
         return None
     share = pressed.fields.breakdown_share
+    tension = _TRIED * np.sqrt(np.maximum(flat.pressed.stress_2, 0.0) / fall)
     first: dict[LimitKind, Array] = {
-        "tension": _TRIED * np.sqrt(np.maximum(flat.pressed.stress_2, 0.0) / fall),
-        "breakdown": _TRIED / np.where(share > 0, share, 1e-300)}
-    reached = {}
-    for kind, voltages in first.items():
-        place = int(np.argmin(voltages))
-        x, y, _ = flat.fields.position[place]
-        nominal = case.rig.nominal_voltage(float(voltages[place]), case.direction)
-        reached[kind] = Limit(kind=kind, voltage_V=nominal, x_m=float(x), y_m=float(y))
+        "tension": tension, "breakdown": _TRIED / np.where(share > 0, share, 1e-300)}
+    reached = {kind: _flat_limit(case, flat, kind, float(voltages.min()), int(voltages.argmin()))
+               for kind, voltages in first.items()}
     return Limits(tension=reached["tension"],
                   breakdown=reached["breakdown"] if share.any() else None,
-                  ended="the film stays flat, the voltage moves nothing")
+                  instability=_flat_instability(case, flat, float(tension.min())),
+                  ended="no pull-in was found: the film stays flat, the voltage moves nothing")
+
+
+def _flat_instability(case: Case, flat: Stop, slack: float) -> Limit | None:
+    """Where a flat film gives way before it is slack at a voltage [V]."""
+    def state(voltage: float) -> State:
+        return flat.point.state.under(voltage=voltage**2)
+
+    def margin(voltage: float) -> float:
+        return float(firmness(flat.model, state(voltage)).min())
+
+    taut = slack * (1 - _TAUT)
+    if not margin(taut) < 0:
+        return None
+    voltage = float(brentq(margin, 0.0, taut)) if margin(0.0) > 0 else 0.0
+    place = int(np.argmin(firmness(flat.model, state(voltage))))
+    return _flat_limit(case, flat, "instability", voltage, place)
+
+
+def _flat_limit(case: Case, flat: Stop, kind: LimitKind, voltage: float, place: int) -> Limit:
+    x, y = mounted_place(flat.fields.position[place])
+    nominal = case.rig.nominal_voltage(voltage, case.direction)
+    return Limit(kind=kind, voltage_V=nominal, x_m=x, y_m=y)
 
 
 def _still(outcome: Outcome) -> PathPoint:
@@ -184,24 +264,61 @@ def _nominal(case: Case, stop: Stop) -> float:
 def _limits(case: Case, passed: list[Stop]) -> Limits:
     """The first of each kind on the way."""
     reached: dict[LimitKind, Limit] = {}
-    if passed and passed[0].station.least_stress_Pa <= 0:  # under the mass alone
-        x, y = passed[0].place("tension lost")
-        reached["tension"] = Limit(kind="tension", voltage_V=0.0, x_m=x, y_m=y)
+    thins = False
+    for state in (TENSION, INSTABILITY) if passed else ():  # under the mass alone
+        if not state.field(passed[0]).min() > 0:
+            kind, (x, y) = _KINDS[state.event], passed[0].place(state)
+            reached[kind] = Limit(kind=kind, voltage_V=0.0, x_m=x, y_m=y)
     for stop in passed:
-        if stop.event is not None:
-            kind = _KINDS[stop.event.what]
-            reached.setdefault(kind, Limit(kind=kind, voltage_V=_nominal(case, stop),
-                                           x_m=stop.event.x_m, y_m=stop.event.y_m,
-                                           spread=stop.event.spread))
+        if stop.event is None:
+            continue
+        kind = _KINDS[stop.event.what]
+        if kind not in reached:
+            reached[kind] = Limit(kind=kind, voltage_V=_nominal(case, stop), x_m=stop.event.x_m,
+                                  y_m=stop.event.y_m, spread=stop.event.spread)
+            thins |= kind == INSTABILITY.kind and stop.thins
     ended = passed[-1].ended if passed else UNFOLLOWED
     if passed and ended == UNFOLLOWED:
         ended = f"the film could not be followed beyond {_nominal(case, passed[-1]) / 1e3:.4g} kV"
-    tension, pull_in = reached.get("tension"), reached.get("pull_in")
-    thins = tension is not None and passed[0].model.wrinkles and not passed[-1].model.wrinkles
-    if thins and tension is not None:
-        ended = (f"the film loses tension at {tension.voltage_V / 1e3:.4g} kV and, wrinkled, thins "
-                 "without bound")
-    elif pull_in is not None:
-        ended = f"the film pulls in at {pull_in.voltage_V / 1e3:.4g} kV"
-    return Limits(tension=tension, breakdown=reached.get("breakdown"), pull_in=pull_in, ended=ended,
+    tension, gone = reached.get("tension"), reached.get("instability")
+    if tension is not None and gone is not None and thins and _same(tension, gone):
+        gone = replace(tension, kind="instability")
+    return Limits(tension=tension, breakdown=reached.get("breakdown"), instability=gone,
+                  pull_in=reached.get("pull_in"), ended=f"no pull-in was found: {ended}",
                   thins=thins)
+
+
+def _same(one: Limit, other: Limit) -> bool:
+    """Whether two limits are reached at once."""
+    return abs(one.voltage_V - other.voltage_V) <= _SAME * other.voltage_V
+
+
+def _told(limits: Limits) -> str:
+    """Why the voltage was not raised further, in a sentence with the limits' own numbers."""
+    tension, gone, pull_in = limits.tension, limits.instability, limits.pull_in
+    if limits.thins and gone is not None:
+        begins = f" at {gone.text}"
+        if tension is None or _same(tension, gone):
+            return f"the film loses tension{begins} and, wrinkled, thins without bound"
+        return (f"the film loses tension at {tension.text} and, wrinkled, thins without bound"
+                f"{begins}")
+    if gone is not None:
+        return f"the film gives way in itself at {gone.text}, before the plate pulls in"
+    return limits.ended if pull_in is None else f"the film pulls in at {pull_in.text}"
+
+
+def _before_voltage(case: Case, outcome: Outcome, settings: Settings) -> str:
+    """Why a film has no equilibrium even without voltage, and which part of the rig makes it so."""
+    if outcome.limited != "force" or outcome.kind != "pull_in" or outcome.limit is None:
+        return failure_reason(outcome)
+    names = list(dict.fromkeys(bias.law.replace("_", " ") for bias in case.rig.biases))
+    both = " and ".join(["weight", *names])
+    force = case.force(build_model(case.specimen, settings, case.rig.loading).plate_area)
+    words = (f"{both} {'pull' if names else 'pulls'} the plate in before any voltage: "
+             f"{force:.3g} N is more than the film can carry")
+    if not names:
+        return f"{words} ({outcome.limit:.3g} N)"
+    free = equilibrate(replace(case, rig=replace(case.rig, biases=())), settings)[1]
+    cause = f"; without {' and '.join(names)} it carries that"
+    return (f"{words} beside the {' and '.join(names)} ({outcome.limit:.3g} N)"
+            f"{cause if free.status == 'equilibrium' else ''}")

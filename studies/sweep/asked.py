@@ -9,6 +9,7 @@ from typing import Any
 
 from tympan.fem.equilibrium.ramp import Outcome
 from tympan.fem.membrane.model import Model
+from tympan.fem.results.limit_states import LIMIT_STATES
 from tympan.fem.vibration.modes import plate_motion, vibrations
 from tympan.geometry.errors import Failure, InputError
 from tympan.geometry.fields import Registry
@@ -112,22 +113,21 @@ def _alpha(asked: SolvedCase) -> Record:
 
 
 @quantity_of("how far the voltage can be raised, as `tympan limits` finds it", {
-    f"{kind}_{column}": words.format(what)
-    for kind, what in (("tension", "the first loss of tension"), ("breakdown", "breakdown"),
-                       ("pull_in", "pull-in"))
+    f"{kind}_{column}": words.format(state.noun)
+    for kind, state in LIMIT_STATES.items()
     for column, words in (("V", "nominal voltage of {}"), ("x_m", "its place on the flat film"),
                           ("y_m", "the same along y"),
                           ("spread", "how certain the voltage is, relative"))
 } | {"last_equilibrium_V": "beyond this nominal voltage there is none: it pulls in or thins"},
-             shown=("tension_V", "breakdown_V", "last_equilibrium_V"), loads=("mass",))
+             shown=("tension_V", "breakdown_V", "instability_V", "last_equilibrium_V"),
+             loads=("mass",))
 def _limits(asked: SolvedCase) -> Record:
     result = limits(asked.case, asked.settings)
-    record: Record = {"warnings": [result.ended] if result.thins or not result.pull_in else [],
+    record: Record = {"warnings": [] if result.pull_in and not result.thins else [result.ended],
                       "last_equilibrium_V": result.end.voltage_V if result.end else None}
-    for limit in (result.tension, result.breakdown, result.pull_in):
-        if limit is not None:
-            record |= {f"{limit.kind}_V": limit.voltage_V, f"{limit.kind}_x_m": limit.x_m,
-                       f"{limit.kind}_y_m": limit.y_m, f"{limit.kind}_spread": limit.spread}
+    for limit in result.reached:
+        record |= {f"{limit.kind}_V": limit.voltage_V, f"{limit.kind}_x_m": limit.x_m,
+                   f"{limit.kind}_y_m": limit.y_m, f"{limit.kind}_spread": limit.spread}
     return record
 
 

@@ -377,7 +377,7 @@ def test_pull_in_is_told_and_marked(stored: StudyView, page: Page) -> None:
                      ended="the film pulls in")
     curve = replace(stored.specimens[0].curves[0], limits=limited)
     assert curve.pull_in == 8.234
-    assert curve.end == "pulls in at 8.234 kV"
+    assert curve.end == "pulls in at 8.234 kV (the limit)"
     assert "pull_in" in html.stroke("a", curve, 0.0, 40.0)
     text, = html.curve_warnings("circular", curve)
     assert text.startswith("circular: under 17.9 g the film pulls in at 8.234 kV, first at x 0.0")
@@ -464,7 +464,9 @@ def curve_to(end: float, thins: bool) -> VoltageCurve:
     tension, breakdown, pull_in = (
         Limit(kind=kind, voltage_V=1e3 * (end + beyond), x_m=0.0, y_m=0.0)
         for kind, beyond in (("tension", 0.0), ("breakdown", 0.02), ("pull_in", 0.2)))
-    limits = Limits(tension=tension, breakdown=breakdown, pull_in=pull_in, thins=thins,
+    thinned = replace(tension, kind="instability") if thins else None
+    limits = Limits(tension=tension, breakdown=breakdown, instability=thinned, pull_in=pull_in,
+                    thins=thins,
                     ended="the film pulls in")
     deflection = 2 + 8 * (voltage / voltage[-1]) ** 6
     return VoltageCurve(10.0, limits, voltage, deflection, np.zeros(0), (), np.zeros(0))

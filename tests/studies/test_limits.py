@@ -117,7 +117,8 @@ def test_solve_knows_its_film_s_limits(film: Specimen) -> None:
     assert beyond.status == "no_equilibrium"
     assert beyond.limits is not None
     assert beyond.limits.thins
-    assert beyond.limit == beyond.limits.tension
+    assert beyond.limit == beyond.limits.instability
+    assert beyond.first == beyond.limits.first == "tension"
     assert beyond.limit.voltage_V == pytest.approx(2730, rel=1e-3)
     # Where it would pull in, were it kept from wrinkling, is known, but limits nothing.
     assert beyond.limits.pull_in is not None
@@ -148,7 +149,7 @@ def test_usual_loads_follow_from_the_film(film: Specimen) -> None:
     deflection = solve(Case(film, mass=mass), Settings()).deflection_m
     assert deflection == pytest.approx(0.1 * film.gap, rel=0.06)  # a mass has two digits
     highest = max(usual_voltages(film, mass, Settings()))
-    first = limits(Case(film, mass=mass), Settings()).first
+    first = limits(Case(film, mass=mass), Settings()).limit
     assert first is not None
     assert highest == pytest.approx(0.6 * first.voltage_V, rel=0.05)
 
@@ -173,7 +174,7 @@ def stretched(prestretch: float) -> Specimen:
 def test_limits_solve_and_path_agree(specimen: Specimen, mass: float) -> None:
     """To 1e-3: with the ramp's own search, just below the first and just above the last."""
     reached = limits(Case(specimen, mass=mass), COARSE)
-    first, end = reached.first, reached.end
+    first, end = reached.limit, reached.end
     assert first is not None
     assert end is not None
     below, above = (solve(Case(specimen, mass=mass, voltage=voltage), COARSE)

@@ -340,7 +340,7 @@ def test_what_is_left_out_is_the_specimen_s_own(tmp_path: Path) -> None:
     problem = read_problem(file)
     assert problem.reference == problem.specimen
     assert problem.mass == usual_masses(problem.specimen, Settings())[0]
-    first = limits(Case(problem.specimen, mass=problem.mass), Settings()).first
+    first = limits(Case(problem.specimen, mass=problem.mass), Settings()).limit
     assert first is not None
     assert 0.5 < problem.voltage / first.voltage_V < 0.7
     miss, slopes = problem.held_slopes("nothing", np.array([10e-3]))
