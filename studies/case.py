@@ -219,8 +219,8 @@ class Limits:
 
     None where that does not happen as far as the voltage was raised, of which ``ended`` says why it
     was not raised further. ``first`` is the kind that comes first. ``instability``: the film itself
-    gives way before its plate does. ``thins``: it does so since, having lost tension, it thins
-    without bound; a pull-in after that is the one of a film kept from wrinkling.
+    gives way before its plate does. ``thins``: that is by thinning without bound once it has lost
+    tension; a pull-in after that is the one of a film kept from wrinkling.
     """
 
     tension: Limit | None = None

@@ -155,7 +155,7 @@ def _searched(case: Case, passed: list[Stop], reached: Limits, settings: Setting
     model, solution = last.model, last.point.solution
     margin = model.thinning_margin(last.point.state)
     best: Outcome | None = None
-    left = np.inf
+    remaining = np.inf
     for further in _BEYOND:
         for _ in range(_CLIMBS):
             voltage = (1 + further) * np.sqrt(solution.state.voltage_squared)
@@ -170,9 +170,9 @@ def _searched(case: Case, passed: list[Stop], reached: Limits, settings: Setting
             continue
         thin = outcome.kind == "thinning" and np.isfinite(margin)
         missed = abs(model.thinning_margin(outcome.critical.state)) if thin else 0.0
-        if missed < left:
-            best, left = outcome, missed
-        if left <= _SHARP * margin:
+        if missed < remaining:
+            best, remaining = outcome, missed
+        if remaining <= _SHARP * margin:
             break
     if best is None or best.critical is None:
         return reached
@@ -288,9 +288,9 @@ def _limits(case: Case, passed: list[Stop]) -> Limits:
                   thins=thins)
 
 
-def _same(one: Limit, other: Limit) -> bool:
+def _same(first: Limit, second: Limit) -> bool:
     """Whether two limits are reached at once."""
-    return abs(one.voltage_V - other.voltage_V) <= _SAME * other.voltage_V
+    return abs(first.voltage_V - second.voltage_V) <= _SAME * second.voltage_V
 
 
 def _told(limits: Limits) -> str:

@@ -1,5 +1,8 @@
-"""Independent references around pull-in: the unstable branch beyond it, and the loss of hoop
-tension before it.
+"""Independent references around pull-in: the unstable branch beyond it, and before it the loss of
+hoop tension and that of strong ellipticity.
+
+The latter is the condition of Legendre and Hadamard, tried on directions of a jump and of its line;
+no formula for ellipticity is used.
 
 Built on the Ritz expansion of :mod:`axisymmetric`; the project is not imported.
 """
@@ -16,11 +19,16 @@ from tests.oracles.axisymmetric import (
     FloatArray,
     NoEquilibrium,
     RitzExpansion,
+    Solution,
     energy_derivatives,
     fold_point,
     pull_in_voltage,
     solve_load,
 )
+
+#: Directions of a line and of the jump across it, in half a turn.
+_DIRECTIONS = 90
+
 
 
 def branch_voltage(film: Film, force: float, heave: float, degree: int = 40) -> float:
@@ -101,3 +109,28 @@ def end_voltage(film: Film, force: float, highest: float) -> float:
     at = radii[[int(np.argmin(state.total2(radii)))]]
     psi = energy_derivatives(film, state.lambda1(at), state.lambda2(at), loss_voltage**2)
     return loss_voltage if psi.d11[0] < psi.d12[0] ** 2 / psi.d22[0] else math.nan
+
+
+def least_stiffness(film: Film, solution: Solution, radius: float) -> float:
+    """Smallest second derivative of the energy [Pa] along any jump a⊗n of the plane at a radius."""
+    l1, l2 = (float(stretch([radius])[0]) for stretch in (solution.lambda1, solution.lambda2))
+    at = energy_derivatives(film, np.array([l1]), np.array([l2]), solution.voltage**2)
+    d1, d2, d11, d12, d22 = (float(getattr(at, name)[0])
+                             for name in ("d1", "d2", "d11", "d12", "d22"))
+    angles = np.pi * np.arange(_DIRECTIONS) / _DIRECTIONS
+    a, n = np.meshgrid(angles, angles)
+    shear = (l1 * d1 - l2 * d2) / (l1**2 - l2**2)  # of a jump along the line
+    turn = (l2 * d1 - l1 * d2) / (l1**2 - l2**2)
+    g11, g22, g12, g21 = (np.cos(a) * np.cos(n), np.sin(a) * np.sin(n), np.cos(a) * np.sin(n),
+                          np.sin(a) * np.cos(n))
+    form = (d11 * g11**2 + d22 * g22**2 + 2 * d12 * g11 * g22 + shear * (g12**2 + g21**2)
+            + 2 * turn * g12 * g21)
+    return float(form.min())
+
+
+def instability_voltage(film: Film, force: float, low: float, high: float) -> float:
+    """Voltage [V] between two at which the film gives way at the plate's edge."""
+    def stiffness(voltage: float) -> float:
+        return least_stiffness(film, solve_load(film, force, voltage), film.inner)
+
+    return float(brentq(stiffness, low, high, xtol=1e-3))

@@ -1,0 +1,210 @@
+"""A film's own instability, known alike to every command, against the axisymmetric equations."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.oracles import axisymmetric
+from tests.oracles.laws import rivlin
+from tests.oracles.unstable import instability_voltage
+from tympan.cli import main
+from tympan.fem.film.laws import NeoHooke, Yeoh
+from tympan.fem.results.limit_states import LIMIT_STATES
+from tympan.geometry.mesher import MeshSettings
+from tympan.geometry.outlines import Circle
+from tympan.geometry.specimen import Electrode, Film, Plate, Specimen
+from tympan.studies.case import Case, Limit, Limits, Settings, solve
+from tympan.studies.limits import curve, limits, solve_within
+from tympan.studies.path import path
+
+MASS = 58e-3
+FRAME, PLATE = Circle(31.7e-3), Plate(Circle(7.3e-3))
+#: A law that softens, whose permittivity grows with the stretch.
+SOFTENING = Specimen("yeoh", FRAME, PLATE, Film(
+    0.83e-3, (1.93, 1.93), Yeoh((13.1e3, -210.0, 9.3)), 3.1, permittivity_exponent=-0.6))
+#: Bare along frame and plate: it wrinkles, and thins long after.
+BARE = Specimen("w3", FRAME, PLATE, Film(0.61e-3, (1.09, 1.09), NeoHooke(23e3), 3.1),
+                Electrode(margin_frame=11.3e-3, margin_plate=2.9e-3))
+
+
+def refined(factor: float) -> Settings:
+    return Settings(MeshSettings().refined(factor))
+
+
+@pytest.fixture(scope="module")
+def exact() -> float:
+    law = rivlin(lambda i1, _: 13.1e3 * (i1 - 3) - 210 * (i1 - 3) ** 2 + 9.3 * (i1 - 3) ** 3,
+                 lambda i1: 13.1e3 - 420 * (i1 - 3) + 27.9 * (i1 - 3) ** 2)
+    film = axisymmetric.Film(7.3e-3, 31.7e-3, 0.83e-3, 1.93, law, 3.1, -0.6)
+    return instability_voltage(film, MASS * 9.80665, 5000.0, 5500.0)
+
+
+@pytest.mark.parametrize("refine", [1.0, 1.5, 2.0])
+def test_every_mesh_has_it_where_the_equations_do(exact: float, refine: float) -> None:
+    reached = limits(Case(SOFTENING, mass=MASS), refined(refine))
+    gone = reached.instability
+    assert gone is not None
+    assert exact == pytest.approx(5240.157, rel=1e-6)
+    assert gone.voltage_V == pytest.approx(exact, rel=2e-4)
+    assert abs(gone.voltage_V / exact - 1) < 2 * gone.spread < 1e-3
+    assert np.hypot(gone.x_m, gone.y_m) == pytest.approx(7.3e-3)
+    # What such a film would do beyond depends on the mesh, and is not told.
+    assert reached.reached == (gone,)
+    assert (reached.first, reached.limit, reached.end) == ("instability", gone, None)
+    assert f"gives way in itself at {gone.text}" in reached.ended
+
+
+def test_solve_warns_beyond_it_and_is_silent_before() -> None:
+    before, beyond = (solve_within(Case(SOFTENING, mass=MASS, voltage=voltage), Settings())
+                      for voltage in (5200.0, 5650.0))
+    assert before.status == "equilibrium"
+    assert before.limit is None
+    assert before.warnings == ()
+    assert beyond.limit is not None
+    assert (beyond.limit.kind, beyond.first) == ("instability", "instability")
+    assert "gives way in itself" in beyond.warnings[0]
+    assert beyond.limits == before.limits
+    further = solve_within(Case(SOFTENING, mass=MASS, voltage=5750.0), Settings())
+    assert any("gives way in itself" in words for words in further.warnings)
+    # Without limits, as a sweep solves it, the state itself says so.
+    assert "gives way in itself" in solve(beyond_case(), Settings()).warnings[0]
+
+
+def beyond_case() -> Case:
+    return Case(SOFTENING, mass=MASS, voltage=5300.0)
+
+
+def test_path_and_curve_have_the_same() -> None:
+    reached = limits(Case(SOFTENING, mass=MASS), Settings()).instability
+    assert reached is not None
+    branch = path(Case(SOFTENING, mass=MASS), Settings(), "voltage")
+    event = branch.events[0]
+    assert event.what == "instability"
+    assert event.value == pytest.approx(reached.voltage_V, rel=1e-9)
+    beyond = [station.voltage_V > 1.0001 * reached.voltage_V for station in branch.stations]
+    assert sum(beyond) > 2
+    before = [station.voltage_V < 0.9999 * reached.voltage_V for station in branch.stations]
+    for station, early, late in zip(branch.stations, before, beyond, strict=True):
+        assert not early or station.stable
+        assert not late or not station.stable
+    drawn = curve(SOFTENING, (MASS,), Settings(), voltages=(5000.0, 5300.0))
+    assert drawn.curves[0].limits.first == "instability"
+    asked = drawn.table["asked"] == 1
+    assert drawn.table["beyond"][asked].tolist() == ["", "instability"]
+    assert drawn.table["voltage"][~asked].max() == pytest.approx(reached.voltage_V, rel=1e-9)
+
+
+@pytest.mark.parametrize("mass", [5e-3, 28e-3])
+def test_a_film_that_wrinkles_first_thins_at_one_voltage_on_every_mesh(mass: float) -> None:
+    """Numbers and sentence are of one source: tension, then the thinning, and no pull-in."""
+    both = [limits(Case(BARE, mass=mass), refined(factor)) for factor in (1.0, 1.5)]
+    for reached in both:
+        tension, gone = reached.reached
+        assert (tension.kind, gone.kind, reached.first) == ("tension", "instability", "tension")
+        assert reached.thins
+        assert reached.end == gone
+        assert reached.ended == (f"the film loses tension at {tension.text} and, wrinkled, thins "
+                                 f"without bound at {gone.text}")
+    for coarse, fine in zip(both[0].reached, both[1].reached, strict=True):
+        assert coarse.voltage_V == pytest.approx(fine.voltage_V, rel=1e-3)
+
+
+def test_limits_stand_in_the_order_in_which_they_come() -> None:
+    def at(kind: str, voltage: float) -> Limit:
+        return Limit(kind=kind, voltage_V=voltage, x_m=0.0, y_m=0.0)  # type: ignore[arg-type]
+
+    mixed = Limits(tension=at("tension", 3e3), breakdown=at("breakdown", 1e3),
+                   instability=at("instability", 3e3), pull_in=at("pull_in", 4e3), ended="",
+                   thins=True)
+    assert [limit.kind for limit in mixed.reached] == ["breakdown", "tension", "instability",
+                                                       "pull_in"]
+    assert (mixed.first, mixed.limit) == ("breakdown", mixed.breakdown)
+    assert mixed.beyond(2e3) == mixed.breakdown
+    assert mixed.beyond(5e3) == mixed.instability  # it never gets to pull in
+    assert Limits(ended="").beyond(1e9) is None
+
+
+def test_each_kind_is_registered_once() -> None:
+    """What lists limits asks the registry; the fields of results are its kinds."""
+    assert [*LIMIT_STATES] == [name for name in Limits.__dataclass_fields__
+                               if name not in ("first", "ended", "thins")]
+    assert len({state.marker for state in LIMIT_STATES.values()}) == len(LIMIT_STATES)
+
+
+TOML = """
+name = "yeoh"
+[frame]
+shape = "circle"
+radius = "{0} mm"
+[plate]
+shape = "circle"
+radius = "{1} mm"
+[membrane]
+thickness = "{2} mm"
+prestretch = [1.93, 1.93]
+relative_permittivity = 3.1
+permittivity_exponent = -0.6
+breakdown = "60 MV/m"
+[membrane.material]
+law = "yeoh"
+c = ["13.1 kPa", "-0.21 kPa", "0.0093 kPa"]
+"""
+
+
+def test_the_terminal_tells_the_order_and_places_with_their_digits(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Also of a film of 0.6 mm, whose places are no 0.0 mm."""
+    file = tmp_path / "small.toml"
+    file.write_text(TOML.format(0.317, 0.073, 0.0083))
+    assert main(["limits", str(file), "--mass", "5.8 mg"]) == 0
+    first, *_ = [line for line in capsys.readouterr().out.splitlines() if "(the limit)" in line]
+    assert "0.073" in first
+    assert main(["solve", str(file), "--mass", "5.8 mg", "--voltage", "30 V"]) == 0
+    text = capsys.readouterr().out
+    assert "breakdown place" in text
+    assert "e-1" not in text
+    assert "-0.0" not in text
+    assert main(["solve", str(file), "--mass", "5.8 mg", "--voltage", "30 V", "--json"]) == 0
+    record = json.loads(capsys.readouterr().out)
+    assert set(record["limits"]) >= set(LIMIT_STATES)
+    assert record["first"] == record["limits"]["first"]
+    assert record["limits"][record["first"]] is not None
+
+
+def test_what_pulls_the_plate_in_before_any_voltage_is_named(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "disk.toml").write_text("""
+name = "disk"
+[frame]
+shape = "circle"
+radius = "12.5 mm"
+[plate]
+shape = "circle"
+radius = "5 mm"
+[membrane]
+thickness = "50 um"
+prestretch = [1.2, 1.2]
+relative_permittivity = 2.8
+material = { law = "ogden", mu = ["0.4 MPa"], alpha = [2] }
+[electrode]
+margin_frame = "1 mm"
+""")
+    (tmp_path / "mag.toml").write_text("""
+guide = "vertical"
+[[bias]]
+law = "magnet"
+force = "0.3 N"
+gap = "1.5 mm"
+decay = "1 mm"
+""")
+    words = [str(tmp_path / "disk.toml"), "--mass", "10 g", "--rig", str(tmp_path / "mag.toml")]
+    for command in (["solve", *words, "--voltage", "2.5 kV"], ["limits", *words]):
+        assert main(command) == 0
+        text = capsys.readouterr().out
+        assert "weight and magnet pull the plate in before any voltage: 0.0981 N is more" in text
+        assert "(0.0382 N); without magnet it carries that" in text
+        assert "no pull-in" not in text
