@@ -185,8 +185,8 @@ class Limit:
     @property
     def state(self) -> LimitState:
         """Its words and its mark."""
-        found: LimitState = LIMIT_STATES[self.kind]
-        return found
+        state: LimitState = LIMIT_STATES[self.kind]
+        return state
 
     @property
     def place(self) -> str:
