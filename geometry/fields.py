@@ -26,6 +26,7 @@ from typing import (
     Annotated,
     Any,
     Literal,
+    Self,
     TypeVar,
     Union,
     cast,
@@ -296,7 +297,8 @@ class Registry(dict[str, T]):
     """All kinds of one thing by the name that files know them by.
 
     ``tag`` is the attribute of a kind that holds its name, and the key in files that chooses it.
-    ``by_name`` answers what a name of a library stands for, in place of a kind.
+    ``by_name`` answers what a name of a library stands for, in place of a kind. ``broken`` are the
+    errors of users' packages whose kinds could not be loaded.
     """
 
     by_name: Callable[[str], Any] | None = None
@@ -304,6 +306,19 @@ class Registry(dict[str, T]):
     def __init__(self, tag: str) -> None:
         super().__init__()
         self.tag = tag
+        self.broken: list[InputError] = []
+
+    def whole(self, name: str = "") -> Self:
+        """The registry where every kind is needed, or one that is not there.
+
+        Raises
+        ------
+        InputError
+            When a package is broken; that of the kind's ``name`` first.
+        """
+        for error in sorted(self.broken, key=lambda error: f"{name!r}" not in str(error.key)):
+            raise error
+        return self
 
     @property
     def synonyms(self) -> dict[str, str]:
@@ -319,6 +334,9 @@ class Registry(dict[str, T]):
 
     def read(self, table: Table) -> Any:
         """What a table describes, by the kind's own ``from_table`` if it has one."""
+        name = table.data.get(self.tag)
+        if isinstance(name, str) and name not in self:
+            self.whole(name)
         cls: Any = table.choice(self.tag, self)
         return cls.from_table(table) if hasattr(cls, "from_table") else read(cls, table)
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 import hashlib
 import math
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -24,7 +24,15 @@ from tympan.geometry.read_file import file_bytes
 from tympan.geometry.toml_reader import FINITE, Rule
 from tympan.geometry.units import any_quantity, bounded, quantity, unit_factor
 from tympan.studies.files import read_text, write_csv
-from tympan.studies.formats import DECIMAL_COMMA, THOUSANDS, read_rows, readers, unfolded
+from tympan.studies.formats import (
+    DECIMAL_COMMA,
+    THOUSANDS,
+    Row,
+    read_rows,
+    readers,
+    text_rows,
+    unfolded,
+)
 
 #: How a reading that was not made is written.
 _NOTHING_READ = ("", "-", "–", "n/a", "na")
@@ -166,16 +174,17 @@ def read_sheet(file: Path | str, columns: Sequence[Column]) -> Sheet:
     :class:`InputError` names line and column of what cannot be used, what was given and what is
     allowed.
     """
-    sheet = _read(Path(file), columns)
+    sheet = _read(Path(file), columns, read_rows)
     if not len(sheet):
         raise InputError("has no readings below the names of its columns", file=sheet.file)
     return sheet
 
 
-def _read(file: Path, columns: Sequence[Column]) -> Sheet:
+def _read(file: Path, columns: Sequence[Column],
+          rows_of: Callable[[Path, bytes], list[Row]]) -> Sheet:
     """A table that may have no rows."""
     raw = file_bytes(file)
-    lines = read_rows(file, raw)
+    lines = rows_of(file, raw)
     long = unfolded(file, lines) if any(column.name == "specimen" for column in columns) else None
     lines = lines if long is None else long
     if not lines:
@@ -215,7 +224,7 @@ def read_own_sheet(file: Path, columns: Sequence[Column]) -> dict[str, NDArray[A
     """SI values by column name of a file that :func:`write_sheet` wrote; it may have no rows."""
     if not read_text(file).endswith("\n"):
         raise InputError("is cut short: run the command that wrote the folder again", file=file)
-    return _read(file, columns).values
+    return _read(file, columns, text_rows).values
 
 
 def _header(file: Path, line: int, titles: Sequence[str],

@@ -104,12 +104,12 @@ FORMATS: Registry[Format] = Registry("name")
 
 def suffixes() -> tuple[str, ...]:
     """Those of all formats, each once."""
-    return tuple(dict.fromkeys(kind.suffix for kind in FORMATS.values()))
+    return tuple(dict.fromkeys(kind.suffix for kind in FORMATS.whole().values()))
 
 
 def format_of(file: Path, content: bytes) -> Format | None:
     """The format that claims a file, else that of its suffix, None where there is none."""
-    able = [kind for kind in FORMATS.values() if kind.suffix == file.suffix.lower()]
+    able = [kind for kind in FORMATS.whole().values() if kind.suffix == file.suffix.lower()]
     claiming = [kind for kind in able if kind.claims is not None and kind.claims(file, content)]
     return next(iter([*claiming, *(kind for kind in able if kind.claims is None)]), None)
 

@@ -115,7 +115,10 @@ def _leave(status: int) -> NoReturn:
     """End the process without taking apart what was imported, which takes longer than to solve."""
     import atexit
 
-    atexit._run_exitfuncs()
+    from tympan.geometry.system import silent
+
+    with silent():  # what was asked for has been said
+        atexit._run_exitfuncs()
     if sys.stderr is not None:
         sys.stderr.flush()
     os._exit(status)

@@ -40,7 +40,7 @@ from tympan.studies.diagnosis.readings import PreparedReadings, prepared_reading
 from tympan.studies.diagnosis.reduced.simulation import Simulation
 from tympan.studies.diagnosis.result import Diagnosis
 from tympan.studies.diagnosis.self_check import Bench
-from tympan.studies.effects import Setup
+from tympan.studies.effects import EFFECTS, Setup
 
 #: Parts of the work after the films: to weigh hypotheses, and to test what they predict.
 _LATER = 2
@@ -66,8 +66,10 @@ def diagnose(dataset: Dataset, workers: int = 1, seed: int = 0,
     ------
     InputError
         When nothing can be concluded: too few readings, a column off by a unit, films that cannot
-        be solved, scans in another frame than is said.
+        be solved, scans in another frame than is said; effects of a user's package that cannot be
+        loaded.
     """
+    EFFECTS.whole()
     if dataset.coupons is None:
         return Diagnosis.of(dataset, *judge_dataset(dataset, workers, seed, progress), seed)
     of_coupons = _judge_coupons(dataset, seed)

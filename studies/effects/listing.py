@@ -19,7 +19,7 @@ def listing() -> dict[str, Any]:
         "on_one_specimen": effect.on_one, "needs_columns": list(effect.columns),
         "lumped_model_only": effect.lumped,
         "parameters": {item.name: _parameter(item) for item in effect.parameters}}
-        for effect in EFFECTS.values()}
+        for effect in EFFECTS.whole().values()}
 
 
 def _parameter(item: EffectParameter) -> dict[str, Any]:
