@@ -6,4 +6,5 @@ from tympan.studies.limits.curve import CurveResult as CurveResult
 from tympan.studies.limits.curve import curve as curve
 from tympan.studies.limits.loads import LoadGrid as LoadGrid
 from tympan.studies.limits.voltages import limits as limits
+from tympan.studies.limits.voltages import rise as rise
 from tympan.studies.limits.voltages import solve_within as solve_within

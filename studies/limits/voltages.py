@@ -14,6 +14,7 @@ from scipy.optimize import brentq
 from tympan.fem.equilibrium.arc_length import PathPoint
 from tympan.fem.equilibrium.ramp import Outcome
 from tympan.fem.equilibrium.solve import equilibrium
+from tympan.fem.film.admissibility import beyond_range
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import State
 from tympan.fem.results.firmness import firmness
@@ -75,6 +76,16 @@ class Rise:
     cases: tuple[Case, ...]
     stops: tuple[Stop, ...]
     limits: Limits
+
+    @property
+    def warnings(self) -> list[str]:
+        """Whether the film visits stretches on its way that its law is not meant for."""
+        if not self.stops:
+            return []
+        fields = [stop.fields for stop in self.stops]
+        position, first, second = (np.concatenate([getattr(part, name) for part in fields])
+                                   for name in ("position", "stretch_1", "stretch_2"))
+        return beyond_range(self.model.specimen.membrane, position, first, second)
 
 
 def limits(case: Case, settings: Settings) -> Limits:

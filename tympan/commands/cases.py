@@ -80,12 +80,13 @@ def limits(options: argparse.Namespace) -> None:
     """How far a film can go: where it first loses tension, breaks down and pulls in."""
     from tympan.studies.case import Case
     from tympan.studies.files import to_json
-    from tympan.studies.limits import limits
+    from tympan.studies.limits import rise
 
     specimen, rig, settings, (mass, *_) = _loaded(options)
-    reached = limits(Case(specimen, mass=mass, rig=rig), settings)
-    print_record(options, {"specimen": specimen.name, "mass_kg": mass, **to_json(reached)},
-                 limits=reached, plate=specimen.plate, pressure=rig.gas_pressure)
+    risen = rise(Case(specimen, mass=mass, rig=rig), settings)
+    print_record(options, {"specimen": specimen.name, "mass_kg": mass, **to_json(risen.limits),
+                           "warnings": risen.warnings},
+                 limits=risen.limits, plate=specimen.plate, pressure=rig.gas_pressure)
 
 
 @command("curve", SPECIMEN,

@@ -78,6 +78,9 @@ def test_solve_and_sweep_warn_of_a_film_beyond_its_law(tmp_path: Path, capsys,
     assert "used outside its range 0.408 to 6" in warned["fitted"]
     assert "a thickness stretch of 0.2 at x" in warned["fitted"]
     assert "range" not in warned["wide"] + warned["plain"]
+    assert main(["limits", "fitted.toml", "--mass", "5 g", "--json"]) == 0
+    said, = json.loads(capsys.readouterr().out)["warnings"]
+    assert "used outside its range 0.408 to 6" in said
     Path("s.toml").write_text('specimen = "fitted.toml"\nmass = "5 g"\nvoltage = "1 kV"\n'
                               '[grid]\n"membrane.thickness" = ["1 mm"]\n', encoding="utf-8")
     assert main(["sweep", "s.toml", "-o", "out"]) == 0
