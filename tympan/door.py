@@ -115,7 +115,7 @@ def curve(specimen: Specimen, *masses: float | str, settings: Settings = Setting
           rig: Rig = Rig()) -> Result[CurveResult]:
     """Deflection against voltage under each mass to the film's limit; by default under usual ones.
 
-    ``result.curves[0].limits.pull_in.voltage_V`` is where the first one ends.
+    ``result.curves[0].limits.limit.voltage_V`` is the first limit of the first one.
     """
     from tympan.studies.limits import curve
     from tympan.studies.limits.loads import usual_masses

@@ -148,7 +148,7 @@ thickness = "{2} mm"
 prestretch = [1.93, 1.93]
 relative_permittivity = 3.1
 permittivity_exponent = -0.6
-breakdown = "60 MV/m"
+breakdown = "vhb-4910"
 [membrane.material]
 law = "yeoh"
 c = ["13.1 kPa", "-0.21 kPa", "0.0093 kPa"]
