@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path
@@ -185,13 +185,19 @@ def path(case: Case, settings: Settings, along: Along,
     return PathResult(
         specimen=case.specimen.name, mass_kg=case.mass, voltage_V=case.voltage,
         pressure_Pa=case.rig.gas_pressure or None, along=along,
-        unit=_GROWING[along][1], stations=tuple(stop.station for stop in passed),
+        unit=_GROWING[along][1], stations=tuple(stop.station for stop in apart(passed)),
         events=tuple(stop.event for stop in passed if stop.event is not None),
         dofs=model.unknowns, wall_s=time.perf_counter() - began,
         warnings=(passed[-1].ended if passed else UNFOLLOWED,),
         limits=tuple(_critical_film(stop.model, stop.point) for stop in passed
                      if stop.event is not None and stop.event.what == PULL_IN.event),
-        films=tuple(film_surface(stop.model, stop.point.state) for stop in passed if films))
+        films=tuple(film_surface(stop.model, stop.point.state) for stop in apart(passed) if films))
+
+
+def apart(passed: Sequence[Stop]) -> list[Stop]:
+    """Stops without those at the point of the one before, where two things happen at once."""
+    return [stop for number, stop in enumerate(passed)
+            if not number or stop.point is not passed[number - 1].point]
 
 
 def stops(case: Case, model: Model, start: State, along: Along, settings: PathSettings

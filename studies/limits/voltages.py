@@ -37,7 +37,7 @@ from tympan.studies.case import (
     mounted_place,
     solve,
 )
-from tympan.studies.path import UNFOLLOWED, Stop, stops
+from tympan.studies.path import UNFOLLOWED, Stop, apart, stops
 
 Array = NDArray[np.float64]
 
@@ -118,8 +118,9 @@ def rise(case: Case, settings: Settings, first: bool = False) -> Rise:
     wanted = reached.limit if first else reached.end or reached.instability
     if passed and wanted is None:
         reached = _searched(case, passed, reached, settings)
-    cases = tuple(replace(case, voltage=_nominal(case, stop)) for stop in passed)
-    return Rise(model, cases, tuple(passed), replace(reached, ended=_told(reached)))
+    way = tuple(apart(passed))
+    cases = tuple(replace(case, voltage=_nominal(case, stop)) for stop in way)
+    return Rise(model, cases, way, replace(reached, ended=_told(reached)))
 
 
 def solve_within(case: Case, settings: Settings, film: bool = False) -> CaseResult:
