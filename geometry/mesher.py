@@ -6,8 +6,6 @@ own ``initialize``/``finalize``.
 
 from __future__ import annotations
 
-import ctypes
-import signal
 import tempfile
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -19,6 +17,7 @@ import numpy as np
 
 from tympan.geometry.errors import InputError
 from tympan.geometry.outlines.pieces import Arc, Line, Piece, Spline
+from tympan.geometry.process.interruption import handlers_kept
 from tympan.geometry.sectors import Loop, sectors
 from tympan.geometry.specimen import Plate, Specimen
 from tympan.geometry.system import missing_library, out_of_memory
@@ -111,13 +110,8 @@ def _session() -> Iterator[Any]:
     if gmsh.isInitialized():
         raise RuntimeError("gmsh is already in use in this process; finalize it before meshing "
                            "with tympan")
-    # gmsh's start makes a broken pipe lethal; this restores the handler in any thread.
-    get, put = ctypes.pythonapi.PyOS_getsig, ctypes.pythonapi.PyOS_setsig
-    put.argtypes = (ctypes.c_int, ctypes.c_void_p)
-    get.restype = put.restype = ctypes.c_void_p
-    handler = get(signal.SIGPIPE)
-    gmsh.initialize(interruptible=False, readConfigFiles=False)
-    put(signal.SIGPIPE, handler)
+    with handlers_kept():
+        gmsh.initialize(interruptible=False, readConfigFiles=False)
     try:
         gmsh.option.setNumber("General.Terminal", 0)
         gmsh.option.setNumber("Mesh.MeshSizeExtendFromBoundary", 0)

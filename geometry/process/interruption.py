@@ -18,6 +18,9 @@ from typing import Any
 
 #: Signals that end a command, and what is said then; the exit status is 128 and the number.
 ENDING = {signal.SIGINT: "interrupted", signal.SIGTERM: "terminated", signal.SIGHUP: "hung up"}
+#: Signals whose handlers can be set.
+_ORDINARY = tuple(number for number in signal.Signals
+                  if number not in (signal.SIGKILL, signal.SIGSTOP))
 #: How soon it is looked whether the command still goes on [s].
 _RETRY = 0.01
 #: How long an import may go on [s]. Another signal after it is a second wish, not the same twice.
@@ -117,6 +120,28 @@ def signals_wait() -> Iterator[None]:
         _handle(handlers)
         for number in dict.fromkeys(came):
             signal.raise_signal(number)
+
+
+@contextmanager
+def handlers_kept() -> Iterator[None]:
+    """A library's start changes no handler of a signal, in any thread.
+
+    That of gmsh makes a broken pipe, SIGTERM and SIGHUP end the process at once, without a word.
+    """
+    import ctypes
+
+    ask, give = ctypes.pythonapi.PyOS_getsig, ctypes.pythonapi.PyOS_setsig
+    give.argtypes = (ctypes.c_int, ctypes.c_void_p)
+    ask.restype = give.restype = ctypes.c_void_p
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, ENDING)
+    handlers = {number: ask(number) for number in _ORDINARY}
+    try:
+        yield
+    finally:
+        for number, handler in handlers.items():
+            if ask(number) != handler:
+                give(number, handler)
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _handle(handlers: Sequence[tuple[int, Any]]) -> None:

@@ -158,3 +158,32 @@ def alive(process: int) -> bool:
         return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
     except OSError:
         return False
+
+
+#: Meshes a film, then asks the kernel which signals the process still catches.
+MESHED = """
+import re, signal
+from pathlib import Path
+from tests.support.specimens import circular
+from tympan.geometry.mesher import MeshSettings, mesh_film
+from tympan.geometry.process.interruption import Interruption
+
+def caught():
+    status = Path("/proc/self/status").read_text()
+    return re.findall(r"Sig(?:Cgt|Ign|Blk):\\s*(\\w+)", status)
+
+Interruption()
+import gmsh
+before = caught()
+mesh_film(circular(), MeshSettings(order=2), frozenset())
+print(before == caught(), before, caught())
+"""
+
+
+@pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="no /proc")
+def test_a_mesher_leaves_the_handlers_of_signals_alone() -> None:
+    """gmsh's start would have SIGTERM and SIGHUP end the process without a word."""
+    done = subprocess.run([sys.executable, "-c", MESHED], check=True, capture_output=True,
+                          text=True, env=os.environ | {
+                              "PYTHONPATH": os.pathsep.join(filter(None, sys.path))})
+    assert done.stdout.startswith("True"), done.stdout

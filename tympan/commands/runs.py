@@ -8,6 +8,7 @@ from functools import partial
 from pathlib import Path
 
 from tympan.geometry.errors import Failure, InputError
+from tympan.geometry.process.folder import alone
 from tympan.options import (
     JSON,
     MESH,
@@ -132,5 +133,7 @@ def report(options: argparse.Namespace) -> None:
     """Rebuild a run's figures and report from what it stored."""
     from tympan.reports.rebuild import rebuild
 
-    for file in rebuild(options.folder):
+    with alone(options.folder if options.folder.is_dir() else None):
+        files = rebuild(options.folder)
+    for file in files:
         print(file)
