@@ -266,7 +266,8 @@ def print_record(options: argparse.Namespace, record: dict[str, Any],
     from tympan.reports.template import template
 
     name = options.command.replace(" ", "_")
-    text = template(f"commands/text/{name}.txt", entries=_entries, entry=_entry).render(
+    text = template(f"commands/text/{name}.txt", entries=_entries, entry=_entry,
+                    suffix=suffix_of).render(
         record=record, options=options, **more)
     if text:
         print(text.rstrip("\n"))

@@ -73,14 +73,16 @@ def _strokes(axes: Axes, result: OptimiseResult, optimum: Mapping[str, Any]) -> 
 
 
 def _limits(axes: Axes, result: OptimiseResult, optimum: Mapping[str, Any]) -> None:
-    """How much of each limit is used along the best run."""
+    """How much of each limit is used along the best run, where that is most in the cycle."""
     trials = _accepted(result, optimum["held"], optimum["best_start"])
     limits = result.record["limits"]
     for (name, limit), colour in zip(limits.items(), style.PALETTE, strict=False):
         share = trials[name] / limit["bound"]
         used = share if limit["unit"] in ("Pa", "V/m") else 1 / share
+        volts = optimum["limits"][name].get("at_V")
+        where = "" if volts is None else f", at {volts / 1e3:.4g} kV"
         axes.plot(trials["trial"], used, "o-", color=colour, markersize=2.5,
-                  label=name.replace("_", " "))
+                  label=name.replace("_", " ") + where)
     axes.axhline(1.0, color="black", linewidth=0.8, linestyle=":")
     axes.set(xlabel="trial", ylim=(0.0, 1.08))
     axes.set_title("Share of each limit used", loc="left")

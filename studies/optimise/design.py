@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -20,6 +20,7 @@ from tympan.geometry.errors import InputError
 from tympan.geometry.paths import at, with_change
 from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Case, Settings, build_model, failure_reason, voltage_ramp
+from tympan.studies.optimise.cycle import KeptLimit, cycle_voltages, kept_limit
 from tympan.studies.optimise.limits import LIMITS, DesignState, slopes_of
 from tympan.studies.optimise.problem import OptimiseProblem
 from tympan.studies.optimise.sqp import Linearisation
@@ -32,8 +33,9 @@ Array = NDArray[np.float64]
 class Design:
     """A specimen and its ``stroke`` [m]: deflection at the voltage minus ``rest``, that at none.
 
-    ``limited``: what each limit measures [SI]; ``owners``: the limit each value c belongs to.
-    Where there is no equilibrium, or no such specimen, ``reason`` says why and the numbers are nan.
+    ``kept``: what each limit measures over the cycle of the voltage; ``owners``: the limit and the
+    nominal voltage each value c belongs to, None where it depends on none. Where there is no
+    equilibrium, or no such specimen, ``reason`` says why and the numbers are nan.
     ``accepted``: a search went there.
     """
 
@@ -42,18 +44,24 @@ class Design:
     reason: str = ""
     stroke: float = np.nan
     rest: float = np.nan
-    limited: Mapping[str, float] = field(default_factory=dict)
-    owners: tuple[str, ...] = ()
+    kept: Mapping[str, KeptLimit] = field(default_factory=dict)
+    owners: tuple[tuple[str, float | None], ...] = ()
     accepted: bool = False
+
+    @property
+    def limited(self) -> dict[str, float]:
+        """What each limit measures where it comes nearest to its bound [SI]."""
+        return {name: limit.value for name, limit in self.kept.items()}
 
 
 @dataclass(eq=False)
 class DesignEvaluator:
     """Designs of a problem as an objective of :func:`tympan.studies.optimise.sqp.maximise`.
 
-    ``measure`` of the frame is kept; ``last`` is the design computed last. ``model`` and ``state``:
-    the mesh to move and the film at the voltage on it; ``scales``: how far limits' stand-ins fall
-    short there.
+    ``measure`` of the frame is kept; ``last`` is the design computed last. ``model``, ``states``:
+    the mesh to move and the film on it, from no voltage to the working one; ``scales``: how far
+    limits' stand-ins fall short there; ``between``: some limit comes nearest between the two there,
+    so that a moved mesh is solved between them too.
     """
 
     problem: OptimiseProblem
@@ -61,8 +69,9 @@ class DesignEvaluator:
     measure: str = "area"
     last: Design | None = None
     model: Model | None = None
-    state: State | None = None
+    states: Sequence[State] = ()
     scales: dict[str, float] = field(default_factory=dict)
+    between: bool = False
 
     def at(self, x: Array, renew: bool = False) -> Linearisation | None:
         """At a design, by shares of the variables' bounds.
@@ -99,26 +108,29 @@ class DesignEvaluator:
         case = Case(specimen, mass=problem.mass, voltage=problem.voltage, rig=problem.rig)
         parameters = case_parameters(case, model)
         by = {variable.name: parameters[variable.name] for variable in problem.variables}
-        ramp = voltage_ramp(model, case.mass, (0.0, case.voltage), case.rig, path)
-        resting, charged = (outcome for _, outcome in ramp)
-        slopes = []
-        for outcome in (resting, charged):
+        loaded = any(LIMITS[name].load is not None for name in problem.limits)
+        voltages = cycle_voltages(case.voltage, loaded and (renew or self.between))
+        ramp = list(voltage_ramp(model, case.mass, voltages, case.rig, path))
+        for _, outcome in ramp:
             if outcome.status != "equilibrium":
                 return Design(values, specimen, failure_reason(outcome)), None
-            slopes.append(slopes_of(QUANTITIES["heave"], model, outcome, by))
+        (_, resting), (_, charged) = ramp[0], ramp[-1]
+        slopes = [slopes_of(QUANTITIES["heave"], model, outcome, by)
+                  for outcome in (resting, charged)]
         if renew:
-            self.model, self.state, self.scales = model, charged.state, {}
-        state = DesignState(case, model, charged, by, self.scales, path)
-        evaluations = {name: LIMITS[name].evaluate(state, bound)
-                       for name, bound in problem.limits.items()}
+            self.model, self.states, self.scales = model, [end.state for _, end in ramp], {}
+        states = [DesignState(at, model, outcome, by, self.scales, path) for at, outcome in ramp]
+        kept = {name: kept_limit(LIMITS[name], states, bound)
+                for name, bound in problem.limits.items()}
+        if renew:
+            self.between = any(limit.between for limit in kept.values())
         rest = resting.state.plate.deflection
         stroke = charged.state.plate.deflection - rest
-        limited = {name: measured for name, (measured, *_) in evaluations.items()}
-        owners = tuple(name for name, (_, c, _) in evaluations.items() for _ in c)
-        limits = np.concatenate([np.zeros(0), *(c for _, c, _ in evaluations.values())])
+        owners = tuple((name, at) for name, limit in kept.items() for at in limit.voltages)
+        limits = np.concatenate([np.zeros(0), *(limit.c for limit in kept.values())])
         limit_slopes = np.concatenate([np.zeros((0, len(by))),
-                                       *(slope for *_, slope in evaluations.values())])
-        return Design(values, specimen, "", stroke, rest, limited, owners), Linearisation(
+                                       *(limit.slopes for limit in kept.values())])
+        return Design(values, specimen, "", stroke, rest, kept, owners), Linearisation(
             stroke, (slopes[1] - slopes[0]) * problem.widths, limits, limit_slopes * problem.widths)
 
 

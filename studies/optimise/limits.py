@@ -45,9 +45,10 @@ _POINTS = 64
 class DesignState:
     """A design's equilibrium on a model, and the parameters to differentiate by, by name.
 
-    ``scales``: by how much the smooth maxima of the mesh the model was moved from fell short of the
-    largest nodal value, by limit; empty on a new mesh, which fills it. Held while a mesh moves, so
-    that values and derivatives belong together.
+    ``name``: which of its states, for limits at several voltages. ``scales``: by how much the
+    smooth maxima of the mesh the model was moved from fell short of the largest nodal value, by
+    limit and state; empty on a new mesh, which fills it. Held while a mesh moves, so that values
+    and derivatives belong together.
     """
 
     case: Case
@@ -56,6 +57,7 @@ class DesignState:
     by: Mapping[str, ModelParameter]
     scales: dict[str, float]
     path: PathSettings
+    name: str = ""
 
     @cached_property
     def fields(self) -> Fields:
@@ -68,12 +70,16 @@ class DesignLimit:
     """A kind of limit; the ``dimension`` and ``rule`` are those of its bound in problem files.
 
     ``evaluate`` takes a state and the bound [SI]: the largest of stresses and fields, the smallest
-    of margins and gaps.
+    of margins and gaps. ``load`` is what of a state must stay low; a limit that has one holds at
+    every voltage of a cycle (:mod:`tympan.studies.optimise.cycle`), others at the working one, or,
+    not ``of_voltage``, at any.
     """
 
     evaluate: Callable[[DesignState, float], Evaluation]
     dimension: str = ""
     rule: Rule = _MARGIN
+    load: Callable[[DesignState], float] | None = None
+    of_voltage: bool = True
 
     @property
     def unit(self) -> str:
@@ -94,12 +100,19 @@ def _highest(name: str, field: Field, stored: str, state: DesignState, bound: fl
     c is its stand-in over the highest allowed, minus one: a norm, times the largest nodal value
     over that norm on the mesh the moved ones come from.
     """
-    highest, smooth = float(np.max(getattr(state.fields, stored))), largest(field, _POWER)
+    highest, smooth = _load(stored, state), largest(field, _POWER)
+    if highest == 0:  # a field without voltage
+        return np.inf if inverse else 0.0, -np.ones(1), np.zeros((1, len(state.by)))
     norm = float(smooth.value(state.model, state.outcome.state))
-    scale = state.scales.setdefault(name, highest / norm)
+    scale = state.scales.setdefault(f"{name} {state.name}", highest / norm)
     share = scale * (bound if inverse else 1 / bound)
     slopes = slopes_of(smooth, state.model, state.outcome, state.by)
     return 1 / highest if inverse else highest, np.array([share * norm - 1]), share * slopes[None]
+
+
+def _load(stored: str, state: DesignState) -> float:
+    """The largest value of a field over the film."""
+    return float(np.max(getattr(state.fields, stored)))
 
 
 def _pull_in(state: DesignState, bound: float) -> Evaluation:
@@ -168,10 +181,13 @@ def _breakdown_share(model: Model, voltage_squared: Any, c: tuple[Any, Any, Any]
 #: Limits by their keys in problem files.
 LIMITS: dict[str, DesignLimit] = {
     "max_true_stress": DesignLimit(
-        partial(_highest, "max_true_stress", larger_stress, "stress_1"), "stress", POSITIVE),
+        partial(_highest, "max_true_stress", larger_stress, "stress_1"), "stress", POSITIVE,
+        partial(_load, "stress_1")),
     "max_field": DesignLimit(
-        partial(_highest, "max_field", true_field, "electric_field"), "field", POSITIVE),
+        partial(_highest, "max_field", true_field, "electric_field"), "field", POSITIVE,
+        partial(_load, "electric_field")),
     "breakdown_margin": DesignLimit(
-        partial(_highest, "breakdown_margin", _breakdown_share, "breakdown_share", inverse=True)),
+        partial(_highest, "breakdown_margin", _breakdown_share, "breakdown_share", inverse=True),
+        load=partial(_load, "breakdown_share")),
     "pull_in_margin": DesignLimit(_pull_in),
-    "gap": DesignLimit(_gap, "length", POSITIVE)}
+    "gap": DesignLimit(_gap, "length", POSITIVE, of_voltage=False)}

@@ -182,11 +182,13 @@ def _optimum(problem: OptimiseProblem, best: StartRun, runs: Sequence[StartRun],
     assert finer is not None
     share, limits = 1 / design.stroke, {}
     for name, bound in problem.limits.items():
-        rows = [owner == name for owner in design.owners]
+        rows = np.array([owner == name for owner, _ in design.owners], bool)
+        near = [design.owners[row][1] for row in np.flatnonzero(rows & (here.limits > -ACTIVE))]
         limits[name] = {
-            "bound": bound, "unit": LIMITS[name].unit, "value": design.limited[name],
-            "finer": _number(finer.limited.get(name, np.nan)),
-            "active": bool((here.limits[rows] > -ACTIVE).any()),
+            "bound": bound, "unit": LIMITS[name].unit, "value": _number(design.limited[name]),
+            "at_V": design.kept[name].at_V,
+            "finer": _number(finer.limited.get(name, np.nan)), "active": bool(near),
+            "active_V": sorted({at for at in near if at is not None}),
             "multiplier": float(multipliers.limits[rows].sum()) * share}
     strokes, ends = [run.best.stroke for run in runs], np.array([run.descent.x for run in runs])
     return {
@@ -204,8 +206,9 @@ def _optimum(problem: OptimiseProblem, best: StartRun, runs: Sequence[StartRun],
         "starts": [_run(problem, run) for run in runs],
         "starts_apart_stroke": float(np.ptp(strokes)) / max(strokes),
         "starts_apart_variables": float(np.ptp(ends, axis=0).max()),
-        "warnings": ([] if evaluator.model is None or evaluator.state is None
-                     else state_warnings(evaluator.model, evaluator.state))}
+        "warnings": list(dict.fromkeys(
+            words for state in evaluator.states[::-1] if evaluator.model is not None
+            for words in state_warnings(evaluator.model, state)))}
 
 
 def _run(problem: OptimiseProblem, run: StartRun) -> dict[str, Any]:
@@ -225,6 +228,7 @@ def _design(problem: OptimiseProblem, design: Design) -> dict[str, Any]:
     return {"variables": variables, "stroke_m": _number(design.stroke),
             "deflection_without_voltage_m": _number(design.rest), **frame,
             "limited": {name: _number(value) for name, value in design.limited.items()},
+            "limited_at_V": {name: limit.at_V for name, limit in design.kept.items()},
             "reason": design.reason}
 
 

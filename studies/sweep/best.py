@@ -61,8 +61,8 @@ class Condition:
         if "voltage" not in values.dims:
             return values, None
         farthest = _SIGNS[self.sign][1]
-        lost = -np.inf if farthest == "max" else np.inf
-        place = getattr(values.fillna(lost), f"arg{farthest}")("voltage")
+        never = -np.inf if farthest == "max" else np.inf
+        place = getattr(values.fillna(never), f"arg{farthest}")("voltage")
         return getattr(values, farthest)("voltage"), values["voltage"][place]
 
     def holds(self, worst: xr.DataArray) -> xr.DataArray:

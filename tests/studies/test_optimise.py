@@ -96,8 +96,12 @@ def test_stroke_and_every_limit_have_exact_slopes(file: Path) -> None:
                       variables=(*AXES, Variable("plate.semi_axes.1", 5e-3, 2e-2)))
     missed = remainders(problem, np.array([70e-3, 45e-3, 9e-3]), np.array([2e-3, -3e-3, 1e-3]),
                         (0.2, 0.1), Settings(MeshSettings().refined(1.2)))
+    # Without voltage field and margin to breakdown bound nothing.
+    assert (~missed.any(axis=0)).sum() == 2
+    missed = missed[:, missed.any(axis=0)]
     assert missed.shape[1] > 20
-    kinds = np.column_stack([missed[:, :5], missed[:, 5:].max(axis=1)])
+    # Stroke, pull-in, stress at three voltages and field at two; the gap's many, and breakdown.
+    kinds = np.column_stack([missed[:, :7], missed[:, 7:].max(axis=1)])
     assert kinds[1].min() > 1e-8
     np.testing.assert_allclose(kinds[0] / kinds[1], 4, rtol=0.25)
 

@@ -101,11 +101,11 @@ def sweep(options: argparse.Namespace) -> None:
                         "there")
         raise
     page, = draw_stored(options.command, options.output, "")
-    found = {}
+    asked = {}
     if options.best is not None:
-        found["best"] = result.best(options.best, under=options.under).json()
+        asked["best"] = result.best(options.best, under=options.under).json()
     print_record(options, {"table": str(options.output / "sweep.nc"), "page": str(page),
-                           **result.json(), **found})
+                           **result.json(), **asked})
 
 
 @command("optimise",

@@ -89,11 +89,11 @@ def by_hand(rows: pd.DataFrame, volts: float, most_Pa: float, margin: float) -> 
 def test_the_best_films_keep_conditions_at_every_voltage_on_the_way(
         result: SweepResult, at: float | str | None, most: float, margin: float) -> None:
     volts = 2e3 if at == 2e3 else 4e3
-    found = result.best("stroke", at=at, count=100, under=[
+    answer = result.best("stroke", at=at, count=100, under=[
         f"max_true_stress < {most} Pa", f"breakdown_margin > {margin}"])
     expected = by_hand(frame(result.table), volts, most, margin)
-    assert len(found.rows) == len(expected) > 0
-    for row, (_, case) in zip(found.rows, expected.iterrows(), strict=True):
+    assert len(answer.rows) == len(expected) > 0
+    for row, (_, case) in zip(answer.rows, expected.iterrows(), strict=True):
         for name in ("plate.radius_m", "membrane.thickness_m", "mass_kg", "stroke_m", "voltage_V"):
             assert row[name] == case[name], name
         stress, share = row["limited"].values()
@@ -111,13 +111,13 @@ def test_conditions_at_the_voltage_alone_would_let_films_pass(result: SweepResul
 
 
 def test_a_limit_that_was_never_reached_is_beyond_any(result: SweepResult) -> None:
-    found = result.best("stroke", under="breakdown_V > 8 kV, pull_in > 4 kV", count=100)
-    assert {row["plate.radius_m"] for row in found.rows} == {0.01, 0.011}
-    assert found.rows[0]["limited"]["breakdown_V > 8 kV"] == {
+    answer = result.best("stroke", under="breakdown_V > 8 kV, pull_in > 4 kV", count=100)
+    assert {row["plate.radius_m"] for row in answer.rows} == {0.01, 0.011}
+    assert answer.rows[0]["limited"]["breakdown_V > 8 kV"] == {
         "column": "breakdown_V", "value": None, "at_V": None}
-    assert found.kept == {"breakdown_V > 8 kV": 6, "pull_in > 4 kV": 14}
-    assert (found.cases, found.equilibria) == (16, 14)
-    assert found.to_pandas()["stroke_m"].is_monotonic_decreasing
+    assert answer.kept == {"breakdown_V > 8 kV": 6, "pull_in > 4 kV": 14}
+    assert (answer.cases, answer.equilibria) == (16, 14)
+    assert answer.to_pandas()["stroke_m"].is_monotonic_decreasing
 
 
 @pytest.mark.parametrize(("asked", "words"), [
@@ -152,9 +152,9 @@ def test_voltages_of_their_own_are_compared_as_they_are(tmp_path: Path) -> None:
         made[entry.task.id] = TaskResult([row], {})
     table = dataset(sweep, made)
     assert np.isnan(table["stroke_m"]).all()
-    found = SweepResult({}, 0, 0, "us", "", False, table).best("deflection")
-    assert [row["deflection_m"] for row in found.rows] == pytest.approx([1.2e-3, 1e-3])
-    assert found.at_V is None
+    answer = SweepResult({}, 0, 0, "us", "", False, table).best("deflection")
+    assert [row["deflection_m"] for row in answer.rows] == pytest.approx([1.2e-3, 1e-3])
+    assert answer.at_V is None
 
 
 SMALL = """
