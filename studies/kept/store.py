@@ -103,7 +103,9 @@ class Store:
                 kind = None if code is None else code & 0xFF
                 if kind in (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED):
                     _given_up().add(file)
-                if kind in (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED, *_ELSEWHERE):
+                # A byte of the head may say of any file that it is only to be read.
+                said = kind == sqlite3.SQLITE_READONLY and os.access(file, os.W_OK)
+                if kind in (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED, *_ELSEWHERE) and not said:
                     return []
                 for name in (file.name + end for end in _BESIDE):
                     with suppress(OSError):
@@ -144,11 +146,11 @@ def _given_up() -> set[Path]:
 def _usable(file: Path) -> bool:
     """Whether a file is a regular one of this user, or may be begun, its folder made if need be."""
     try:
-        found = file.lstat()
+        status = file.lstat()
     except FileNotFoundError:
         file.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
         return True
-    return stat.S_ISREG(found.st_mode) and found.st_uid == os.geteuid()
+    return stat.S_ISREG(status.st_mode) and status.st_uid == os.geteuid()
 
 
 def cache_file() -> Path | None:
@@ -158,12 +160,12 @@ def cache_file() -> Path | None:
         home = os.environ.get("XDG_CACHE_HOME", "")
         if not os.path.isabs(home):  # as its specification has it
             try:
-                own = Path("~").expanduser()
+                account = Path("~").expanduser()
             except RuntimeError:  # neither HOME nor a user of this number
                 return None
-            if own == Path("/") or not own.is_dir():  # a service's, or a container's
+            if account == Path("/") or not account.is_dir():  # a service's, or a container's
                 return None
-            home = str(own / ".cache")
+            home = str(account / ".cache")
         folder = str(Path(home) / "tympan")
     return Path(folder) / "films.sqlite" if folder else None
 

@@ -133,6 +133,7 @@ DAMAGES: dict[str, Callable[[Path], object]] = {
     "text": rewritten(lambda _: b"no database\n" * 100),
     "head alone": rewritten(lambda _: b"SQLite format 3\0" + bytes(200)),
     "pages in disorder": rewritten(lambda old: old[:4096] + old[8192:] + old[4096:8192]),
+    "said to be read-only": rewritten(lambda old: old[:18] + b"\x03" + old[19:]),
     "of another version": edited("DROP TABLE meshes",
                                  "CREATE TABLE meshes (key BLOB PRIMARY KEY, content BLOB)"),
     "number of another version": edited("PRAGMA user_version = 99"),
@@ -251,6 +252,7 @@ def test_a_file_that_cannot_be_written_serves_to_read(file: Path, meshed: list[N
     expected, connect = without_cache(), sqlite3.connect
     monkeypatch.setattr(sqlite3, "connect", lambda name, timeout: connect(
         f"file:{name}?mode=ro", timeout=timeout, uri=True))
+    monkeypatch.setattr(os, "access", lambda *_: False)
     assert mesh() == expected
     assert len(meshed) == 1
     for table in ("other", "third"):
