@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from benchmarks.trials.coupons.limits import LAW, noisy
 from benchmarks.trials.coupons.rubbers import (
     ALLOWED,
     LAWS,
@@ -17,11 +19,13 @@ from benchmarks.trials.coupons.rubbers import (
     viscous,
 )
 from tympan.cli import main
+from tympan.fem.film.laws import NeoHooke
 from tympan.fem.toml_writer import specimen_to_toml
 from tympan.geometry.errors import InputError
-from tympan.studies.case import Case, Settings
+from tympan.studies.case import Case, Settings, solve
 from tympan.studies.columns import write_sheet
 from tympan.studies.data.coupon import COLUMNS
+from tympan.studies.material.branches import compare_in_time
 from tympan.studies.material.film import film_deflection
 from tympan.studies.material.fit import compare
 from tympan.studies.material.time_in_runs import time_in_runs
@@ -64,8 +68,6 @@ def test_limits_of_a_law_with_one_constant_are_those_of_its_modulus() -> None:
 
 
 def _moved(fit, law, modulus):  # type: ignore[no-untyped-def]
-    from dataclasses import replace
-
     return replace(fit, material=law, values=np.array([modulus]))
 
 
@@ -91,3 +93,19 @@ def test_a_flat_film_is_refused() -> None:
     with pytest.raises(InputError, match="stays flat"):
         film_deflection(Case(rubber.case.specimen), Settings(), coupons,
                         compare(coupons, ["neo_hooke"]))
+
+
+def test_a_viscous_tape_s_film_has_limits_too() -> None:
+    """At rest, where its branches pull nothing: the limits of its deflection hold the truth."""
+    coupons = noisy(300.0, 1)
+    fits = compare_in_time(coupons, ["neo_hooke"], branches=2)
+    rubber = Rubber.drawn(0)
+    film = replace(rubber.case.specimen.membrane, material=NeoHooke(LAW), branches=())
+    case = Case(replace(rubber.case.specimen, membrane=film), mass=1e-3)
+    truth = solve(case, Settings()).deflection_m
+    foretold = film_deflection(case, Settings(), coupons, fits)
+    assert foretold.low_m < truth < foretold.high_m
+    low, high = fits[0].law.limits[0]
+    width = (foretold.high_m - foretold.low_m) / foretold.deflection_m
+    # A film under prestretch is about as soft as its modulus is small.
+    assert width == pytest.approx((high - low) / fits[0].law.values[0], rel=0.35)
