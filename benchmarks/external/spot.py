@@ -96,7 +96,8 @@ def section(folder: Path) -> str:
         unit=UNIT / 1e3, worst=max(abs(item.error) for item in points),
         points=table(["voltage [kV]", "over t₀ √(μ/ε)", "A/A₀, equations",
                       "A/A₀, finite elements", "error"], rows),
-        ended=reached.ended, suppressed="no pull-in" if reached.pull_in is None else "a pull-in",
+        ended=reached.ended.removeprefix("no pull-in was found: "),
+        suppressed="no pull-in" if reached.pull_in is None else "a pull-in",
         rises="rises" if np.all(np.diff(voltages) > 0) else "does not rise",
         coarse="none" if coarse is None else coarse.text, far=_FAR, most=voltages[-1] / 1e3,
         picture=draw(folder, "spot", lambda: compose(points)))
