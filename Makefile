@@ -5,7 +5,7 @@ PYTHON ?= $(shell for p in python3.12 python3.13 python3.11 python3; do \
   $$p -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))' 2>/dev/null && echo $$p && break; done)
 OUT ?= out
 
-.PHONY: study test benchmarks scaling verification robustness films-in-time hidden verdict-cases fuzz hostile signals optimum outlines map lumped-build paper coupons coupon-rubbers external house docs clean
+.PHONY: study test benchmarks scaling verification robustness spreads films-in-time hidden verdict-cases fuzz hostile signals optimum outlines map lumped-build paper coupons coupon-rubbers external house docs clean
 
 study: .venv/ready
 	.venv/bin/tympan study -o "$(OUT)"
@@ -31,6 +31,11 @@ verification: .venv/ready
 
 robustness: .venv/ready
 	OPENBLAS_NUM_THREADS=1 .venv/bin/python -m benchmarks.trials.robustness --workers 2 -o docs/robustness.md
+	OPENBLAS_NUM_THREADS=1 .venv/bin/python -m benchmarks.trials.extreme_films --workers 2 --keep extreme-films.jsonl -o docs/robustness.md
+
+# Whether the printed errors of a film's limits hold, on films that are swapped, mirrored and meshed more finely.
+spreads: .venv/ready
+	OPENBLAS_NUM_THREADS=1 .venv/bin/python -m benchmarks.trials.mesh_spreads --workers 2 --keep mesh-spreads.jsonl -o docs/robustness.md
 
 films-in-time: .venv/ready
 	OPENBLAS_NUM_THREADS=1 .venv/bin/python -m benchmarks.trials.random_films_in_time --workers 2 -o docs/films-in-time.md

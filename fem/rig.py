@@ -27,9 +27,16 @@ _SHARE: Rule = (lambda x: 0 <= x <= 1, "must be from 0 to 1")
 _OF_PLATE = ("unaccounted_mass", "spring", "guide", "weight_offset", "plate_pressure", "biases",
              "friction", "plate_damping", "added_mass")
 
+#: Highest nominal voltage [V] that is taken from people and looked at by searches: no such film is
+#: tested beyond.
+MOST_VOLTAGE = 1e6
+
+#: Largest nominal mass [kg], likewise.
+MOST_MASS = 100.0
+
 #: Loads that such a film could bear; others are slips of a unit.
-MASSES: Rule = (lambda x: 0 <= x <= 100, "must be from 0 to 100 kg")
-VOLTAGES: Rule = (lambda x: 0 <= x <= 1e6, "must be from 0 to 1000 kV")
+MASSES: Rule = (lambda x: 0 <= x <= MOST_MASS, f"must be from 0 to {MOST_MASS:g} kg")
+VOLTAGES: Rule = (lambda x: 0 <= x <= MOST_VOLTAGE, f"must be from 0 to {MOST_VOLTAGE / 1e3:g} kV")
 
 #: Ways the voltage got to where it is, as datasets name them; none where it is not known.
 DIRECTIONS = {"up": 1.0, "down": -1.0, "": 0.0}
@@ -168,6 +175,13 @@ class Rig:
         # gain U = supplied (1 + (U/U_s)²), its smaller root.
         square = gain**2 - (2 * supplied / self.sag_voltage) ** 2
         return float(2 * supplied / (gain + np.sqrt(square))) if square >= 0 else inf
+
+    def most_film_voltage(self, direction: float = 0.0) -> float:
+        """Highest voltage [V] that the film sees at any nominal one up to :data:`MOST_VOLTAGE`.
+
+        An amplifier that sags gives most at its ``sag_voltage``.
+        """
+        return float(self.film_voltage(min(self.sag_voltage, MOST_VOLTAGE), direction))
 
     def reading(self, deflection: Any, elapsed: Any = 0.0) -> Any:
         """What the sensor shows [m] of a deflection, so long after the run began [s]."""

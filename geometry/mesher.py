@@ -35,6 +35,20 @@ _SIZES = 65
 #: So many times smaller may an edge's elements be than those around it, lest these fold.
 _STEEP = 6
 
+#: Curvatures along a curve that differ by no more are one.
+_ALIKE = 1.5
+
+#: Points of an outline at which the width of the film is measured; of its polygon, so many times
+#: more.
+_PLACES, _BETWEEN = 90, 8
+
+#: A size that is asked for at a point counts where it is that much smaller than what others ask.
+_SMALLER = 0.8
+
+#: The factor of :meth:`MeshSettings.suited` changes in such steps, so that prestretches that differ
+#: little have one mesh; its largest value.
+_LEVEL, _FINEST = 0.25, 2.0
+
 _CELLS = {1: ("line", "triangle"), 2: ("line3", "triangle6"), 3: ("line4", "triangle10"),
           4: ("line5", "triangle15")}
 
@@ -66,6 +80,23 @@ class MeshSettings:
         """Elements smaller by ``factor`` everywhere."""
         return MeshSettings(self.order, round(self.around_plate * factor), self.growth / factor,
                             self.across / factor)
+
+    def suited(self, prestretch: tuple[float, float]) -> MeshSettings:
+        """As fine as a film of such prestretch needs to be as exact as one of equal stretches.
+
+        Where the tension is unequal, a round plate acts as an ellipse does, whose ends are sharper:
+        elements are smaller by the root of the ratio of the stretches.
+
+        Examples
+        --------
+        >>> MeshSettings().suited((2.0, 2.1)) == MeshSettings()
+        True
+        >>> MeshSettings().suited((3.0, 1.35)).around_plate
+        18
+        """
+        ratio = max(prestretch) / min(prestretch)
+        factor = min(1 + _LEVEL * round((np.sqrt(ratio) - 1) / _LEVEL), _FINEST)
+        return self if factor == 1 else self.refined(factor)
 
 
 def mesh_film(specimen: Specimen, settings: MeshSettings, planes: frozenset[str]) -> meshio.Mesh:
@@ -298,9 +329,9 @@ def _fields_around_plate(gmsh: Any, specimen: Specimen, plate: Plate, settings: 
     """H = min(h_plate + growth·d_plate, across·(d_plate + d_frame)), d distances to the two edges.
 
     Under the electrode and in the bands outside it also h ≤ 3 widths, lest a curved edge reach
-    across a band. With an outline, where its edge nears plate or frame, h ≤ across·(sum of the
-    distances to both) instead, down to a quarter of h_plate or 3 widths. From tight fillets they
-    grow as from the plate.
+    across a band; that under the electrode is the width there. With an outline, where its edge
+    nears plate or frame, h ≤ across·(sum of the distances to both) instead, down to a quarter of
+    h_plate or 3 widths. From tight fillets they grow as from the plate.
     """
     edge = plate.outline.points(720)
     perimeter = float(np.hypot(*(np.roll(edge, 1, axis=1) - edge)).sum()) * METRE
@@ -318,10 +349,14 @@ def _fields_around_plate(gmsh: Any, specimen: Specimen, plate: Plate, settings: 
         fields.append(_field(gmsh, "MathEval",
                              F=f"max({least!r}, {settings.across!r}*({nearest}))"))
     elif margins:
-        widths = {"bare": min(margins), "covered": specimen.gap - sum(margins)}
-        fields += [_field(gmsh, "Constant", VIn=3 * width * METRE, SurfacesList=_tags(groups[name]))
-                   for name, width in widths.items()]
-    return fields + _fillet_fields(gmsh, plate, settings, plain, groups)
+        least, bands = (METRE * width for width in (specimen.gap - sum(margins), sum(margins)))
+        covered = _field(gmsh, "MathEval",
+                         F=f"3*max({least!r}, F{rim} + F{frame} - {bands!r})")
+        fields += [_field(gmsh, "Constant", VIn=3 * min(margins) * METRE,
+                          SurfacesList=_tags(groups["bare"])),
+                   _field(gmsh, "Restrict", InField=covered, SurfacesList=_tags(groups["covered"]))]
+    return [*fields, *_fillet_fields(gmsh, plate, settings, plain, groups),
+            *_narrow_fields(gmsh, specimen, plate, settings, plain)]
 
 
 def _field(gmsh: Any, kind: str, **options: float | str | list[int]) -> int:
@@ -372,16 +407,71 @@ def _fillet_fields(gmsh: Any, plate: Plate, settings: MeshSettings, plain: float
                    groups: Groups) -> list[int]:
     """Fields by which elements grow from edges whose own are much smaller than those around."""
     sizes: dict[int, list[int]] = {}
+    points: list[int] = []
     for curve in (*groups["plate"], *groups["frame"]):
-        curvature = float(_curvature(gmsh, curve, 33).max())
-        size = 2 * np.pi / (max(curvature, 1e-12) * settings.around_plate)
-        away = METRE * float(plate.level(*_along(gmsh, curve, 3).T / METRE).min())
-        if size < max(plain / 2, (plain + settings.growth * away) / _STEEP):
+        curvatures = np.maximum(_curvature(gmsh, curve, _SIZES), 1e-12)
+        around = 2 * np.pi / (settings.around_plate * curvatures)
+        if curvatures.max() > _ALIKE * curvatures.min():
+            # As an ellipse's, which is tight at its ends alone.
+            places = _along(gmsh, curve, _SIZES)
+            away = METRE * plate.level(*places.T / METRE)
+            steep = np.maximum(plain / 2, (plain + settings.growth * away) / _STEEP)
+            tight = around < steep
+            points += _cones(gmsh, settings, places[tight], around[tight])
+            continue
+        size = float(around.min())
+        nearest = METRE * float(plate.level(*_along(gmsh, curve, 3).T / METRE).min())
+        if size < max(plain / 2, (plain + settings.growth * nearest) / _STEEP):
             # Edges of about the same curvature share a field.
             sizes.setdefault(int(np.floor(4 * np.log2(size))), []).append(curve[1])
     return [_field(gmsh, "MathEval", F=f"{2 ** ((level + 0.5) / 4)!r} + "
                    f"{settings.growth!r}*F{_distance(gmsh, tags)}")
-            for level, tags in sizes.items()]
+            for level, tags in sizes.items()] + points
+
+
+def _narrow_fields(gmsh: Any, specimen: Specimen, plate: Plate, settings: MeshSettings, plain: float
+                   ) -> list[int]:
+    """H ≤ across·width from where a film without plate in between is narrower than around it."""
+    places, widths = _widths(specimen.frame.points(_PLACES * _BETWEEN))
+    away = plate.level(*places.T)
+    sizes = settings.across * widths
+    others = np.minimum(plain / METRE + settings.growth * away, settings.across * away)
+    narrow = sizes < _SMALLER * others
+    return _cones(gmsh, settings, METRE * places[narrow], METRE * sizes[narrow])
+
+
+def _widths(edge: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Places on a closed polygon, shape (n, 2), and how far it is from there straight across."""
+    corners = np.asarray(edge).T
+    ahead, behind = np.roll(corners, -1, axis=0), np.roll(corners, 1, axis=0)
+    chosen = slice(None, None, _BETWEEN)
+    along = (ahead - behind)[chosen]
+    x, y = corners.T
+    turn = np.sign(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)))
+    inwards = turn * np.column_stack([-along[:, 1], along[:, 0]])
+    inwards /= np.hypot(*inwards.T)[:, None]
+    start, side = corners[chosen][:, None], ahead - corners
+    # p + t n = q + s (r − q)
+    gap = corners[None] - start
+    across = inwards[:, None, 0] * side[None, :, 1] - inwards[:, None, 1] * side[None, :, 0]
+    with np.errstate(all="ignore"):
+        far = (gap[..., 0] * side[None, :, 1] - gap[..., 1] * side[None, :, 0]) / across
+        share = (gap[..., 0] * inwards[:, None, 1] - gap[..., 1] * inwards[:, None, 0]) / across
+    scale = np.ptp(corners, axis=0).max()
+    met = (share >= 0) & (share <= 1) & (far > 1e-6 * scale)
+    return corners[chosen], np.where(met, far, np.inf).min(axis=1)
+
+
+def _cones(gmsh: Any, settings: MeshSettings, places: np.ndarray, sizes: np.ndarray) -> list[int]:
+    """Fields of sizes at places [mm] that grow from there, but for those that others imply."""
+    kept: list[int] = []
+    for number in np.argsort(sizes, kind="stable"):
+        away = np.hypot(*(places[kept] - places[number]).T)
+        if (sizes[kept] + settings.growth * away > sizes[number] / _SMALLER).all():
+            kept.append(int(number))
+    return [_field(gmsh, "MathEval", F=f"{float(sizes[number])!r} + {settings.growth!r}*"
+                   f"Sqrt((x - ({float(places[number, 0])!r}))^2"
+                   f" + (y - ({float(places[number, 1])!r}))^2)") for number in kept]
 
 
 def _to_meshio(gmsh: Any, groups: Groups, order: int) -> meshio.Mesh:

@@ -17,7 +17,7 @@ from tympan.fem.discretisation.discretisation import Discretisation
 from tympan.fem.discretisation.isoparametric import folded
 from tympan.fem.equilibrium.newton import Solution
 from tympan.fem.equilibrium.path_following import PathSettings
-from tympan.fem.equilibrium.ramp import Outcome, Status
+from tympan.fem.equilibrium.ramp import Outcome, Status, in_words
 from tympan.fem.equilibrium.solve import equilibrium
 from tympan.fem.equilibrium.voltage_path import voltage_path
 from tympan.fem.film.admissibility import failures
@@ -499,13 +499,7 @@ def failure_reason(outcome: Outcome) -> str:
     """Why there is no result: the limit that was found, or the solver's advice."""
     if outcome.limit is None:
         return outcome.advice
-    limit = outcome.limit
-    if outcome.limited == "voltage":
-        load = f"{np.sqrt(limit) / 1e3:.4g} kV across it"
-    elif outcome.limited == "pressure":
-        load = f"{limit:.4g} Pa of gas pressure"
-    else:
-        load = f"{limit:.4g} N on the plate"
+    load = in_words(outcome.limit, outcome.limited or "force")
     if outcome.kind == "thinning":
         return f"the film loses tension at {load} and, wrinkled, thins without bound"
     return f"the film pulls in at {load}"

@@ -21,6 +21,7 @@ from tympan.fem.membrane.state import Load, State
 from tympan.fem.results.fields import Fields, node_fields, whole
 from tympan.fem.results.firmness import firmness, rough_firmness
 from tympan.fem.results.limit_states import LIMIT_STATES, PULL_IN, LimitState, Sign
+from tympan.fem.rig import MOST_VOLTAGE
 from tympan.geometry.errors import InputError
 from tympan.geometry.outlines import area
 from tympan.studies.case import (
@@ -207,14 +208,25 @@ def stops(case: Case, model: Model, start: State, along: Along, settings: PathSe
     What happens between two points of the branch is a stop of its own, so that curves pass through
     it.
     """
+    settings = settings.bounded(model, followed=True)
     longest = _STEP * max(model.deflection(start) / model.high, 1.0)
     stepping = replace(settings, arc=replace(settings.arc, longest=longest))
     load = _GROWING[along][0]
+    # A search meets no check of what people give: it has a bound of its own.
+    most = case.rig.most_film_voltage(case.direction) ** 2
     first: Stop | None = None
     before: Stop | None = None
     for branch, point in follow_branch(model, start, load, stepping, beyond=True):
         here = Stop(branch.model, point, along=along)
         if before is not None:
+            if load == "voltage" and point.state.load(load) > most:
+                # A stiff film hardly moves on the way there: its load says more than its motion.
+                last = next(branch.points(before.point.state.under(voltage=most)), None)
+                if last is not None:
+                    here = Stop(branch.model, last, along=along)
+                    yield from _passed(case, branch, before, here)
+                    yield replace(here, ended=above_words(case))
+                return
             yield from _passed(case, branch, before, here)
         first = first or here
         ended = _ended(here, first, along, settings)
@@ -359,6 +371,15 @@ def _jumps(nodes: NDArray[np.int64], values: Array) -> Array:
     np.maximum.at(high, nodes.ravel()[some], values[some])
     np.minimum.at(low, nodes.ravel()[some], values[some])
     return np.where(np.isfinite(high), high - low, 0.0)
+
+
+def above_words(case: Case) -> str:
+    """Why the voltage of a case is raised no further: its supply gives no more."""
+    if case.rig.sag_voltage < MOST_VOLTAGE:
+        most = case.rig.most_film_voltage(case.direction)
+        return (f"the limit is above {most / 1e3:.4g} kV across the film, the most that the "
+                "amplifier gives, since it sags")
+    return f"the limit is above {MOST_VOLTAGE / 1e3:g} kV"
 
 
 def _ended(stop: Stop, first: Stop, along: Along, settings: PathSettings) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from math import pi
 
@@ -17,9 +18,12 @@ from tympan.geometry.errors import InputError
 from tympan.studies.case import Case, CaseRecord, Settings, equilibrate, failure_reason
 from tympan.studies.modes import carried
 
-#: Frequencies asked where none are given: so many, from this share of the slowest branch's rate to
+#: How many frequencies are asked where none are given.
+USUAL_COUNT = 241
+
+#: They reach from this share of the slowest branch's rate to
 #: so many times the plate's own frequency.
-_COUNT, _SLOW, _FAST = 241, 0.01, 10.0
+_SLOW, _FAST = 0.01, 10.0
 
 #: Lowest frequency asked of a film without branches, relative to the plate's own.
 _LOWEST = 1e-3
@@ -58,11 +62,12 @@ class ResponseResult(CaseRecord):
     warnings: tuple[str, ...]
 
 
-def response(case: Case, settings: Settings, frequencies: tuple[float, ...] = ()
-             ) -> ResponseResult:
+def response(case: Case, settings: Settings, frequencies: tuple[float, ...] = (),
+             progress: Callable[[str], None] = lambda words: None) -> ResponseResult:
     """Of a film about its rest under the case's mass and voltage, at frequencies [Hz].
 
     Left out, they reach from the slowest branch to far above the plate's own frequency.
+    ``progress`` is called before each.
 
     Raises
     ------
@@ -90,7 +95,7 @@ def response(case: Case, settings: Settings, frequencies: tuple[float, ...] = ()
     undamped = float(vibrations(model, outcome.state, plate, 1).frequencies_Hz[0])
     s = _natural(harmonic, undamped)
     asked = np.array(frequencies or _frequencies(case, undamped))
-    heave, voltage = harmonic.response(asked)
+    heave, voltage = harmonic.response(asked, progress)
     supplied = (case.rig.film_voltage(case.voltage + _SLOPE)
                 - case.rig.film_voltage(case.voltage - _SLOPE)) / (2 * _SLOPE)
     reading = heave * supplied / (1 + 2j * pi * asked * rig.sensor_lag)
@@ -130,4 +135,4 @@ def _frequencies(case: Case, undamped: float) -> tuple[float, ...]:
     slowest = max((branch.time for branch in case.specimen.membrane.branches), default=0.0)
     low = _SLOW / (2 * pi * slowest) if slowest else _LOWEST * undamped
     high = max(_FAST * undamped, 10 * low)
-    return _listed(np.geomspace(low or 1e-3, high or 1e3, _COUNT))
+    return _listed(np.geomspace(low or 1e-3, high or 1e3, USUAL_COUNT))

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import argparse
 import multiprocessing
+import re
 import resource
 import sys
 import time
@@ -216,8 +217,9 @@ def study(count: int, seed: int, sample: int, workers: int,
 
 
 def judged_by(judge: Judge[Case, Kept], cases: Iterable[Case], workers: int,
-              keep: Callable[[list[Kept]], None] = lambda records: None) -> list[Kept]:
-    """Cases judged in processes of their own."""
+              keep: Callable[[list[Kept]], None] = lambda records: None, every: int = 25
+              ) -> list[Kept]:
+    """Cases judged in processes of their own; what is done is kept after ``every`` so many."""
     free = [Worker(judge) for _ in range(workers)]
     done: list[Kept] = []
 
@@ -230,7 +232,7 @@ def judged_by(judge: Judge[Case, Kept], cases: Iterable[Case], workers: int,
         if record.wrong or record.status == "not_converged":
             print(f"     {record.words} | {record.case}", file=sys.stderr, flush=True)
         done.append(record)
-        if len(done) % 25 == 0:
+        if len(done) % every == 0:
             keep(sorted(done, key=lambda entry: entry.number))
         return record
 
@@ -322,13 +324,27 @@ def main() -> None:
             early = (f"\nstopped early: {len(records)} of {options.count}"
                      if len(records) < options.count else "")
             text = f"{PAGE}\n```\n{head}{early}\n{table(records)}\n```\n"
-            options.output.write_text(text, encoding="utf-8")
+            write_section(options.output, text)
 
     records = study(options.count, options.seed, options.sample, options.workers, keep)
     keep(records)
     print(table(records))
     peak = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
     print(f"\npeak memory of a process {peak:.0f} MiB")
+
+
+def write_section(page: Path, text: str) -> None:
+    """Put a text that begins with its heading into a page, in place of what is below such a one.
+
+    The study's is the page's first, that of the extreme films its second.
+    """
+    heading = text.partition("\n")[0]
+    old = page.read_text(encoding="utf-8") if page.exists() else ""
+    sections = re.split(r"^(?=#{1,2} )", old, flags=re.MULTILINE)
+    others = [section for section in sections if section and section.partition("\n")[0] != heading]
+    at = 0 if heading.startswith("# ") else len(others)
+    others.insert(at, text.rstrip() + "\n")
+    page.write_text("\n".join(part.rstrip() + "\n" for part in others), encoding="utf-8")
 
 
 PAGE = """# Random specimens

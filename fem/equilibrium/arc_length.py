@@ -7,14 +7,13 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from scipy.optimize import brentq
 
 from tympan.fem.equilibrium.constraints import Constraint, arc_length, difference, length, product
-from tympan.fem.equilibrium.newton import NewtonSettings, Solution, moved, newton
+from tympan.fem.equilibrium.newton import NewtonSettings, Solution, moved, newton, tangent_at
 from tympan.fem.equilibrium.subspace import FULL, Subspace
-from tympan.fem.equilibrium.tangent import Tangent
 from tympan.fem.membrane.model import Model, Parts
 from tympan.fem.membrane.state import Load, State
+from tympan.fem.roots import NoValueHere, root_between
 
 #: Where between two points, in turn, others are tried that are nearer to what is looked for.
 _SHARES = (0.5, 0.25, 0.75, 0.5, 0.25, 0.75, 0.5)
@@ -121,7 +120,7 @@ class Branch:
                 nearest = min(points, key=lambda other: abs(other - step))
                 point = self.at(before, step, points[nearest])
                 if point is None:
-                    raise LookupError
+                    raise NoValueHere
                 points[step] = point
             if not of_state:
                 points[step] = self._renewed(points[step])
@@ -129,11 +128,8 @@ class Branch:
             points[step].solution.release()
             return result
 
-        try:
-            if at(0.0) * at(end) > 0:
-                return None
-            root = float(brentq(at, 0.0, end, xtol=1e-7, rtol=1e-6, maxiter=60))
-        except LookupError:
+        root = root_between(at, 0.0, end, xtol=1e-7, rtol=1e-6)
+        if root is None:
             near = None if self.model.specimen.plate else self._nearest(at, points, value)
             return near and self._renewed(near)
         return self._renewed(points[root])
@@ -147,18 +143,17 @@ class Branch:
             if not passed:
                 return None
             behind = max(points.keys() - passed)
-            with suppress(LookupError):
+            with suppress(NoValueHere):
                 at(behind + share * (min(passed) - behind))
         return min(points.values(), key=lambda point: abs(value(point)))
 
     def _renewed(self, point: PathPoint) -> PathPoint:
-        """The point with its own tangent: Newton's, an iterate's, is too far off for limits."""
+        """The point with its own tangent, if it has one: Newton's is too far off for limits."""
         state = point.state
         point.solution.release()
-        arc = arc_length(state, point.direction, 0.0)(self.model, state)
-        tangent = Tangent(self.model, self.model.linearised(state), state, (self.load,), [arc],
-                          self.subspace)
-        return self._point(replace(point.solution, tangent=tangent))
+        tangent, _ = tangent_at(self.model, state, (self.load,),
+                                (arc_length(state, point.direction, 0.0),), self.subspace)
+        return point if tangent is None else self._point(replace(point.solution, tangent=tangent))
 
     def _first(self, start: State, sense: int) -> PathPoint | None:
         at_loads = newton(self.model, start, settings=self.newton, subspace=self.subspace)

@@ -30,6 +30,28 @@ _LEFT = 1e-3
 _SIMPLIFIED, _SHORTER = 5, 0.25
 
 
+#: Cost of a simplified correction, relative to that of a tangent.
+_CORRECTION = 0.2
+
+#: Why Newton's method stops where the search that calls it has done its work.
+EXHAUSTED = "the search took more work than it may"
+
+
+class Budget:
+    """Work left to a search, in unknowns times tangents; the same on every machine.
+
+    All of a search's calls of Newton's method draw on one budget, so that it ends.
+    """
+
+    def __init__(self, work: float) -> None:
+        self.left = work
+
+    @property
+    def spent(self) -> bool:
+        """Whether none is left."""
+        return self.left <= 0
+
+
 @dataclass(frozen=True)
 class NewtonSettings:
     """Convergence and damping; all dimensionless.
@@ -37,7 +59,8 @@ class NewtonSettings:
     ``correction``: largest allowed last correction, relative to the frame. ``residual``: largest
     allowed unbalanced force, relative to the largest nodal reaction. ``iterations``: limit on
     tangents. ``damping``: smallest step taken before giving up; ``longest``: correction, relative
-    to the frame, at which it does so too.
+    to the frame, at which it does so too. ``budget``: work left to the search that this is part of;
+    without one there is no limit.
     """
 
     correction: float = 1e-7
@@ -45,6 +68,14 @@ class NewtonSettings:
     iterations: int = 25
     damping: float = 1e-3
     longest: float = 1e3
+    budget: Budget | None = field(default=None, compare=False, repr=False)
+
+    def spend(self, work: float) -> bool:
+        """Draw on the budget; whether there was some left."""
+        if self.budget is None:
+            return True
+        self.budget.left -= work
+        return self.budget.left + work > 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,6 +145,8 @@ def newton(model: Model, guess: State, free: tuple[Load, ...] = (),
     damping = 1.0
     tangent: Tangent | None = None
     for iteration in range(1, settings.iterations + 1):
+        if not settings.spend(model.unknowns):
+            return Solution(state, False, iteration, None, EXHAUSTED)
         with np.errstate(all="ignore"):  # a prediction may overshoot; what comes of it is looked at
             part = model.linearised(state)
         if not np.isfinite(part.forces).all():
@@ -144,6 +177,7 @@ def newton(model: Model, guess: State, free: tuple[Load, ...] = (),
             with np.errstate(all="ignore"):
                 forces = model.nodal_forces(trial)
             if np.isfinite(forces).all():
+                settings.spend(_CORRECTION * model.unknowns)
                 misses = [constraint(model, trial).miss for constraint in constraints]
                 simplified, changes = tangent.correct(model.residual(forces, trial), misses)
                 after = length(model, simplified)
@@ -217,14 +251,15 @@ def _mean(first: Parts, second: Parts, weight: float) -> Parts:
 
 
 def tangent_at(model: Model, state: State, free: tuple[Load, ...] = (),
-               constraints: tuple[Constraint, ...] = ()) -> tuple[Tangent | None, Array]:
+               constraints: tuple[Constraint, ...] = (), subspace: Subspace = FULL
+               ) -> tuple[Tangent | None, Array]:
     """At a state, None where it is singular or beyond the law; and the nodal forces."""
     part = model.linearised(state)
     if not np.isfinite(part.forces).all():
         return None, part.forces
     equations = [constraint(model, state) for constraint in constraints]
     try:
-        return Tangent(model, part, state, free, equations), part.forces
+        return Tangent(model, part, state, free, equations, subspace), part.forces
     except (RuntimeError, ValueError, np.linalg.LinAlgError):
         return None, part.forces
 

@@ -8,13 +8,21 @@ from itertools import chain, dropwhile
 
 from tympan.fem.equilibrium.arc_length import ArcSettings, Branch, PathPoint
 from tympan.fem.equilibrium.constraints import difference, length
-from tympan.fem.equilibrium.newton import NewtonSettings
+from tympan.fem.equilibrium.newton import Budget, NewtonSettings
 from tympan.fem.equilibrium.subspace import SmoothSubspace
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import Load, State
 
 #: Shortest step, relative to the frame, of a charged film: its wrinkles may end in one spot.
 _LOCAL = 1e-6
+
+
+#: Work that a search for an equilibrium may take, in unknowns times tangents: some 20 s. A large
+#: film has so many tangents at least.
+_WORK, _TANGENTS = 2.5e6, 40
+
+#: How much more the search for a film's limits may take, and a large film's.
+_FOLLOWED, _FOLLOWED_FAR = 2.0, 8.0
 
 
 @dataclass(frozen=True)
@@ -39,6 +47,23 @@ class PathSettings:
     smooth: tuple[tuple[int, int], ...] = ((4, 14), (6, 6), (4, 10), (2, 14))
     annular: tuple[int, ...] = (14, 10, 20)
     unbalanced: float = 1e-2
+
+    def bounded(self, model: Model, followed: bool = False) -> PathSettings:
+        """With a budget of work, so that a search ends; as they are if they have one.
+
+        ``followed``: along a branch, to a film's limits.
+        """
+        if self.newton.budget is not None:
+            return self
+        work, tangents = (_WORK * _FOLLOWED, _TANGENTS * _FOLLOWED_FAR) if followed \
+            else (_WORK, _TANGENTS)
+        budget = Budget(max(work, tangents * model.unknowns))
+        return replace(self, newton=replace(self.newton, budget=budget))
+
+    @property
+    def exhausted(self) -> bool:
+        """Whether a search has done all the work that it may."""
+        return self.newton.budget is not None and self.newton.budget.spent
 
     def subspaces(self, model: Model) -> Iterator[SmoothSubspace]:
         """Smooth motions of a model: without waves where it is axisymmetric.
@@ -78,6 +103,8 @@ def follow_branch(model: Model, start: State, load: Load, settings: PathSettings
     if model.wrinkles and not model.in_tension(last) and model.thinning_margin(last) >= 0:
         return
     model = replace(model, wrinkles=False)
+    if settings.exhausted:
+        return
     for subspace in settings.subspaces(model):
         smooth = replace(branch, model=model, subspace=subspace, arc=settings.arc)
         points = smooth.points(last, sense)

@@ -8,16 +8,16 @@ from itertools import pairwise
 from typing import Literal
 
 import numpy as np
-from scipy.optimize import brentq
 
 from tympan.fem.equilibrium.arc_length import PathPoint
 from tympan.fem.equilibrium.constraints import difference, length
-from tympan.fem.equilibrium.newton import STRAINED, Solution, newton
+from tympan.fem.equilibrium.newton import EXHAUSTED, STRAINED, Solution, newton
 from tympan.fem.equilibrium.path_following import PathSettings, follow_branch
 from tympan.fem.equilibrium.subspace import FULL
 from tympan.fem.film.density import small_strain_modulus
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import Load, State
+from tympan.fem.roots import root_between
 
 #: A natural step may miss its prediction by a share of its motion, and its end's rate must explain
 #: a share of it, but for motions that are small beside the frame. A film stiffening with the cube
@@ -83,6 +83,14 @@ class Outcome:
         return self.solution.state
 
 
+def in_words(value: float, load: Load) -> str:
+    """A load as a person reads it: a force [N], a pressure [Pa], or U² [V²] as its voltage."""
+    if load == "voltage":
+        return f"{np.sqrt(max(value, 0.0)) / 1e3:.4g} kV across it"
+    unit = "Pa of gas pressure" if load == "pressure" else "N on the plate"
+    return f"{value:.4g} {unit}"
+
+
 def still_slack(model: Model, state: State) -> bool:
     """Whether a film slack when mounted still is: what holds its plate is residual tension."""
     return model.slack_when_mounted and model.residual_share(state) > _RESIDUAL_SHARE
@@ -120,12 +128,21 @@ class Ramp:
                 if (outcome := self._thinned(solution, trial)) is not None:
                     return outcome
             trial.release()
+            if self.settings.exhausted:
+                return self._given_up(solution)
             if (step := (share - done) / 2) < max(self.settings.handover * (before + done), 1e-12):
                 outcome = self._by_arc_length(start, solution)
                 if outcome.status == "not_converged" and trial.advice.startswith(STRAINED):
                     return replace(outcome, advice=f"{STRAINED} before the {self._word} is reached")
                 return outcome
         return Outcome("equilibrium", solution)
+
+    def _given_up(self, last: Solution) -> Outcome:
+        """What is said where the search has done its work."""
+        reached, target = (in_words(value, self.load)
+                           for value in (last.state.load(self.load), self.target))
+        return Outcome("not_converged", last, f"{EXHAUSTED}: it was given up at {reached} of "
+                       f"{target}; a smaller load or a coarser mesh (--refine 0.5) takes less")
 
     def natural(self, start: Solution) -> Solution | None:
         """The equilibrium at the target if one step leads there, to no thinner or slack film."""
@@ -166,8 +183,8 @@ class Ramp:
             most = -at(high)
             if not most > 0 or at(low) < 0:
                 return None
-            return float(brentq(lambda load: min(at(load), most), low, high,
-                                xtol=sharp * abs(high - low)))
+            return root_between(lambda load: min(at(load), most), low, high,
+                                xtol=sharp * abs(high - low))
 
     def _at(self, start: Solution, value: float, iterations: int | None = None
             ) -> tuple[Solution, State]:
@@ -296,6 +313,8 @@ class Ramp:
         if last is not None and self._margin(last) < _SOFT * small_strain_modulus(
                 self.model.specimen.membrane.material):
             return self._ended("thinning", stable, last)
+        if settings.exhausted:
+            return self._given_up(stable)
         return Outcome("not_converged", stable, _UNFOLLOWED)
 
     def _margin(self, point: PathPoint) -> float:

@@ -35,6 +35,7 @@ def equilibrium(model: Model, force: float, voltage: float, pressure: float = 0.
     first and then charged. An "equilibrium" is stable under these loads and connected to the start
     without passing a limit point.
     """
+    settings = settings.bounded(model)
     if start is None and (outcome := _nested(model, force, voltage, pressure, settings)):
         return outcome
     solution = start or _first(model, settings)
@@ -68,7 +69,8 @@ def _nested(model: Model, force: float, voltage: float, pressure: float, setting
     if fine.free_count < _LARGE or order < 1:
         return None
     coarse = replace(model, discretisation=fine.of_order(order))
-    outcome = equilibrium(coarse, force, voltage, pressure, settings=settings)
+    alone = replace(settings, newton=replace(settings.newton, budget=None))
+    outcome = equilibrium(coarse, force, voltage, pressure, settings=alone)
     outcome.solution.release()
     if outcome.status != "equilibrium":
         return None
@@ -141,6 +143,7 @@ def held(model: Model, deflection: float, voltage: float = 0.0, start: Solution 
     Without a plate its centre, by ``state.pressure`` [Pa]. The tangent of the solution may be that
     of a state on the way there, if near enough to correct by.
     """
+    settings = settings.bounded(model)
     free = (model.pushed_by,)
     solution = start or newton(model, model.mounted(), free, (held_plate(0.0),), settings.newton)
     origin, squared = model.deflection(solution.state), solution.state.voltage_squared

@@ -104,7 +104,7 @@ class Tangent:
         """
         if self.subspace is not FULL or self.model.specimen.plate is None:
             return self.negative == 0
-        return bool((np.linalg.eigvalsh(self.plate_stiffness) > 0).all())
+        return bool((_eigenvalues(self.plate_stiffness) > 0).all())
 
     @cached_property
     def wrinkling(self) -> int:
@@ -114,7 +114,7 @@ class Tangent:
     @property
     def negative(self) -> int:
         """Number of negative eigenvalues of film and plate at given loads."""
-        return self.wrinkling + int((np.linalg.eigvalsh(self.plate_stiffness) < 0).sum())
+        return self.wrinkling + int((_eigenvalues(self.plate_stiffness) < 0).sum())
 
     @property
     def negative_closed(self) -> int:
@@ -129,7 +129,7 @@ class Tangent:
         corner = np.block([[self._corner[: self._plates, : self._plates], rows.T],
                            [rows, np.diag(self._closures)]])
         matrix = corner - self._rows @ self._factor.solve(np.ascontiguousarray(self._rows.T))
-        negative = int((np.linalg.eigvalsh((matrix + matrix.T) / 2) < 0).sum())
+        negative = int((_eigenvalues((matrix + matrix.T) / 2) < 0).sum())
         return self.wrinkling + negative - sum(closure <= 0 for closure in self._closures)
 
     def correct(self, residual: Parts, misses: Sequence[float]) -> tuple[Parts, dict[Load, float]]:
@@ -167,6 +167,13 @@ def _inertia(model: Model) -> Array:
 
 def _dot(first: Parts, second: Parts) -> float:
     return float(first[0] @ second[0] + first[1] @ second[1])
+
+
+def _eigenvalues(matrix: Array) -> Array:
+    """Eigenvalues of a symmetric matrix; of one beyond all numbers -inf, which is not stable."""
+    if not np.isfinite(matrix).all():
+        return np.full(len(matrix), -np.inf)
+    return np.asarray(np.linalg.eigvalsh(matrix), float)
 
 
 def _factorise(matrix: Any, model: Model) -> Any:

@@ -8,6 +8,7 @@ s τ/(1 + s τ) times its stiffness at once. The film charges through its circui
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -49,11 +50,14 @@ class Harmonic:
     damper: float = 0.0
     circuit: Circuit = field(default_factory=Circuit)
 
-    def response(self, frequencies: Array) -> tuple[Array, Array]:
+    def response(self, frequencies: Array,
+                 progress: Callable[[str], None] = lambda words: None) -> tuple[Array, Array]:
         """Heave [m/V] and film voltage [V/V] over the source's, complex, of frequencies [Hz]."""
-        numbers = [self._driven(2j * np.pi * frequency) for frequency in frequencies.tolist()]
-        heave, voltage = np.array(numbers).T
-        return heave, voltage
+        numbers = np.empty((2, len(frequencies)), complex)
+        for number, frequency in enumerate(frequencies.tolist()):
+            progress(f"{frequency:.4g} Hz")
+            numbers[:, number] = self._driven(2j * np.pi * frequency)
+        return numbers[0], numbers[1]
 
     def natural(self, guess: complex) -> complex:
         """The s [1/s] near a guess at which the heave swings by itself, as e^(s t).

@@ -14,8 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import toeplitz
-from scipy.optimize import brentq
 from scipy.stats import norm, t
+
+from tympan.fem.roots import root_between
 
 Array = NDArray[np.float64]
 Series = Sequence[NDArray[Any]]
@@ -249,7 +250,8 @@ def _correlation(sight: _Sight, residual: Array) -> float:
 
     if beyond(0.0) >= 0:
         return 0.0
-    return _MOST if beyond(_MOST) <= 0 else float(brentq(beyond, 0.0, _MOST, xtol=1e-4))
+    between = None if beyond(_MOST) <= 0 else root_between(beyond, 0.0, _MOST, xtol=1e-4)
+    return _MOST if between is None else between
 
 
 def _powers(base: float, count: int) -> Array:

@@ -26,9 +26,11 @@ def film_part(specimen: Specimen, settings: MeshSettings,
               planes: frozenset[str]) -> CurvedTriangles:
     """The mesh of the film, or of its part where the coordinates ``planes`` are positive.
 
-    That of the same outlines and settings is meshed once and read from then on, to the last bit.
+    It is as fine as the settings and the film's prestretch say. That of the same outlines and
+    settings is meshed once and read from then on, to the last bit.
     But a process among others at work on many films keeps none: few are met again.
     """
+    settings = settings.suited(specimen.membrane.prestretch)
     key = None if parent_process() else _key(specimen, settings, planes)
     kept = None if key is None else MESHES.read(key, from_bytes)
     if kept is not None:

@@ -87,7 +87,8 @@ def curve(specimen: Specimen, masses: Sequence[float], settings: Settings, rig: 
           ) -> CurveResult:
     """Follow a film under each mass [kg] as its voltage rises to its limit.
 
-    ``voltages`` [V] are rows of their own; those beyond the limit have none.
+    ``voltages`` [V] are rows of their own; those beyond the limit have none. ``progress`` is called
+    before each mass and at each voltage.
     """
     began = time.perf_counter()
     curves: list[MassCurve] = []
@@ -103,8 +104,9 @@ def curve(specimen: Specimen, masses: Sequence[float], settings: Settings, rig: 
                                   lambda pair: pair[1].model):
             solved = ((case, Outcome("equilibrium", stop.point.solution)) for case, stop in way)
             cells += [_row(False, result, ascent.limits) for result, _ in summaries(model, solved)]
-        cells += [_row(True, result, ascent.limits)
-                  for result in _asked(ascent, mass, rig, voltages, settings)]
+        for result in _asked(ascent, mass, rig, voltages, settings):
+            progress(f"{specimen.name}: {mass * 1e3:g} g, {result.voltage_V / 1e3:g} kV")
+            cells.append(_row(True, result, ascent.limits))
     table = {column.name: np.array([row[number] for row in cells],
                                    float if column.choices is None else str)
              for number, column in enumerate(CURVES)}

@@ -9,7 +9,7 @@ from typing import Annotated
 import numpy as np
 
 from tympan.fem.equilibrium.solve import held
-from tympan.fem.rig import VOLTAGES, Rig
+from tympan.fem.rig import MOST_MASS, VOLTAGES, Rig
 from tympan.geometry.errors import InputError
 from tympan.geometry.fields import Key
 from tympan.geometry.specimen import Specimen
@@ -21,7 +21,7 @@ from tympan.studies.limits.voltages import first_limit
 #: first limit's voltage is applied.
 _SINKS, _APPLIED = 0.1, 0.6
 
-_BORNE: Rule = (lambda x: 0 < x <= 100, "must be above 0, at most 100 kg")
+_BORNE: Rule = (lambda x: 0 < x <= MOST_MASS, f"must be above 0, at most {MOST_MASS:g} kg")
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ def usual_masses(specimen: Specimen, settings: Settings, rig: Rig = Rig(),
     if pulled.status != "equilibrium" or mass <= 0:
         raise InputError("no mass can be chosen for this film: give one", key="mass",
                          given=specimen.name)
-    return tuple(_rounded(share * mass) for share in over)
+    return tuple(min(_rounded(share * mass), MOST_MASS) for share in over)
 
 
 def usual_voltages(specimen: Specimen, mass: float, settings: Settings, rig: Rig = Rig(),

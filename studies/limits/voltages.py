@@ -9,7 +9,6 @@ from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq
 
 from tympan.fem.equilibrium.arc_length import PathPoint
 from tympan.fem.equilibrium.ramp import Outcome
@@ -24,6 +23,8 @@ from tympan.fem.results.limit_states import (
     PULL_IN,
     TENSION,
 )
+from tympan.fem.rig import MOST_VOLTAGE
+from tympan.fem.roots import root_between
 from tympan.studies.case import (
     Case,
     CaseResult,
@@ -37,7 +38,7 @@ from tympan.studies.case import (
     mounted_place,
     solve,
 )
-from tympan.studies.path import UNFOLLOWED, Stop, apart, stops
+from tympan.studies.path import UNFOLLOWED, Stop, above_words, apart, stops
 
 Array = NDArray[np.float64]
 
@@ -107,6 +108,8 @@ def rise(case: Case, settings: Settings, first: bool = False) -> Rise:
     ``first``: only to the first limit of any kind.
     """
     case = replace(case, voltage=0.0)
+    model = build_model(case.specimen, settings, case.rig.loading)
+    settings = replace(settings, path=settings.path.bounded(model, followed=True))
     model, start = equilibrate(case, settings)
     if start.status != "equilibrium":
         return Rise(model, (), (), Limits(ended=_before_voltage(case, start, settings)))
@@ -116,7 +119,7 @@ def rise(case: Case, settings: Settings, first: bool = False) -> Rise:
         return Rise(model, (replace(case, voltage=0.0),), (Stop(model, _still(start)),), flat)
     reached = _limits(case, passed)
     wanted = reached.limit if first else reached.end or reached.instability
-    if passed and wanted is None:
+    if passed and wanted is None and not _highest(case, passed[-1].station.voltage_V):
         reached = _searched(case, passed, reached, settings)
     way = tuple(apart(passed))
     cases = tuple(replace(case, voltage=_nominal(case, stop)) for stop in way)
@@ -159,6 +162,11 @@ def _to_limit(case: Case, model: Model, start: Outcome, settings: Settings, firs
         gone = stop.event.what == INSTABILITY.event and not stop.thins
         if first or gone or stop.event.what == PULL_IN.event:
             return
+
+
+def _highest(case: Case, film_voltage: float) -> bool:
+    """Whether the supply gives a film no higher voltage [V]."""
+    return film_voltage >= (1 - _SAME) * case.rig.most_film_voltage(case.direction)
 
 
 def _searched(case: Case, passed: list[Stop], reached: Limits, settings: Settings) -> Limits:
@@ -236,11 +244,11 @@ def _unmoved(case: Case, model: Model, start: Outcome, settings: Settings) -> Li
     first: dict[LimitKind, Array] = {
         "tension": tension, "breakdown": _TRIED / np.where(share > 0, share, 1e-300)}
     reached = {kind: _flat_limit(case, flat, kind, float(voltages.min()), int(voltages.argmin()))
-               for kind, voltages in first.items()}
-    return Limits(tension=reached["tension"],
-                  breakdown=reached["breakdown"] if share.any() else None,
-                  instability=_flat_instability(case, flat, float(tension.min())),
-                  ended="no pull-in was found: the film stays flat, the voltage moves nothing")
+               for kind, voltages in first.items() if not _highest(case, float(voltages.min()))}
+    gone = _flat_instability(case, flat, float(tension.min()))
+    still = "no pull-in was found: the film stays flat, the voltage moves nothing"
+    return Limits(tension=reached.get("tension"), breakdown=reached.get("breakdown"),
+                  instability=gone, ended=still if reached or gone else above_words(case))
 
 
 def _flat_instability(case: Case, flat: Stop, slack: float) -> Limit | None:
@@ -254,7 +262,9 @@ def _flat_instability(case: Case, flat: Stop, slack: float) -> Limit | None:
     taut = slack * (1 - _TAUT)
     if not margin(taut) < 0:
         return None
-    voltage = float(brentq(margin, 0.0, taut)) if margin(0.0) > 0 else 0.0
+    voltage = root_between(margin, 0.0, taut) if margin(0.0) > 0 else 0.0
+    if voltage is None or _highest(case, voltage):
+        return None
     place = int(np.argmin(firmness(flat.model, state(voltage))))
     return _flat_limit(case, flat, "instability", voltage, place)
 
@@ -270,7 +280,9 @@ def _still(outcome: Outcome) -> PathPoint:
 
 
 def _nominal(case: Case, stop: Stop) -> float:
-    return max(case.rig.nominal_voltage(stop.station.voltage_V, case.direction), 0.0)
+    nominal = case.rig.nominal_voltage(stop.station.voltage_V, case.direction)
+    # At the most that the supply gives, rounding must not lead beyond.
+    return max(min(nominal, case.rig.sag_voltage, MOST_VOLTAGE), 0.0)
 
 
 def _limits(case: Case, passed: list[Stop]) -> Limits:

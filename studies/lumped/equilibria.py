@@ -9,8 +9,9 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq, minimize_scalar
+from scipy.optimize import minimize_scalar
 
+from tympan.fem.roots import root_between
 from tympan.geometry.errors import InputError
 from tympan.studies.lumped.actuator import Actuator
 
@@ -38,13 +39,15 @@ def roots(actuator: Actuator, voltage: float) -> tuple[Array, Array]:
     values, slopes = actuator.balance(y, voltage)
     turning = np.flatnonzero(slopes[:-1] * slopes[1:] < 0)
     crossing = values[:-1] * values[1:] < 0
+    turns = [root_between(stiffness, y[i], y[i + 1], xtol=1e-15) for i in turning]
     places = np.unique([
         y[0], y[-1], *y[values == 0], *y[:-1][crossing], *y[1:][crossing],
-        *(brentq(stiffness, y[i], y[i + 1], xtol=1e-15) for i in turning)]).tolist()
+        *(turn for turn in turns if turn is not None)]).tolist()
     zeros = [at for at in places if abs(balance(at)) <= _TOUCHING * actuator.load]
     for low, high in pairwise(places):
-        if balance(low) * balance(high) < 0:
-            zeros.append(float(brentq(balance, low, high, xtol=1e-14, rtol=1e-13)))
+        zero = root_between(balance, low, high, xtol=1e-14)
+        if zero is not None and balance(low) * balance(high) < 0:
+            zeros.append(zero)
     distinct: list[float] = []
     for at in sorted(zeros):
         if not distinct or at - distinct[-1] > 1e-6 * (y[1] - y[0]):

@@ -13,9 +13,9 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
-from scipy.optimize import brentq
 
 from tympan.fem.rig import Rig
+from tympan.fem.roots import root_between
 from tympan.fem.toml_writer import specimen_content, toml
 from tympan.geometry.errors import InputError
 from tympan.geometry.fields import write
@@ -154,8 +154,11 @@ def _leaves(motion: Motion, reach: float) -> float | None:
     if not len(beyond):
         return None
     ends = motion.time[max(int(beyond[0]) - 1, 0)], motion.time[beyond[0]]
-    return float(brentq(lambda t: reach - abs(float(motion.deflection(np.array([t]))[0][0])),
-                        *ends))
+    def room(time: float) -> float:
+        return reach - abs(float(motion.deflection(np.array([time]))[0][0]))
+
+    moment = root_between(room, *ends)
+    return float(ends[1]) if moment is None else moment
 
 
 def slow_ends(actuator: Actuator, signal: Signal) -> Array:

@@ -136,3 +136,9 @@ def test_a_swing_dies_away_as_its_natural_frequency_says() -> None:
 def test_no_voltage_has_no_response() -> None:
     with pytest.raises(InputError, match="square of the voltage"):
         swung(film(), 1.0, voltage=0.0)
+
+
+def test_each_frequency_is_said_before_it_is_solved_for() -> None:
+    said: list[str] = []
+    response(Case(CREEPS, mass=MASS, voltage=VOLTAGE), Settings(), (0.5, 2.0), said.append)
+    assert said == ["0.5 Hz", "2 Hz"]

@@ -23,7 +23,7 @@ from tympan.geometry import mesher
 from tympan.geometry.cad.wires import pieces_wire, planar
 from tympan.geometry.errors import InputError
 from tympan.geometry.mesh import ELEMENTS, facets_of, from_bytes, from_meshio, to_bytes, unfold
-from tympan.geometry.mesher import MeshSettings, mesh_film
+from tympan.geometry.mesher import MeshSettings, _widths, mesh_film
 from tympan.geometry.outlines import Circle, Ellipse, Outline, Superellipse, examples
 from tympan.geometry.sectors import sectors
 from tympan.geometry.specimen import Electrode, Plate, Region, Specimen
@@ -215,7 +215,7 @@ def test_meshing_leaves_a_broken_pipe_an_error() -> None:
     up."""
     script = """
 import os, pickle, sys, threading
-from tympan.geometry.mesher import MeshSettings, mesh_film
+from tympan.geometry.mesher import MeshSettings, _widths, mesh_film
 
 specimen = pickle.load(sys.stdin.buffer)
 def mesh():
@@ -271,3 +271,28 @@ def test_a_mesh_is_read_back_to_the_last_bit(specimen: Specimen) -> None:
             assert tags.keys() == others.keys()
             assert all(np.array_equal(tags[name], others[name]) for name in others)
             assert all(tags[name].dtype == others[name].dtype for name in others)
+
+
+def test_a_film_is_as_wide_as_its_normals_are_long() -> None:
+    """Of an ellipse xᵀAx = 1 the normal n = Ax at x meets it again at x − 2 n (xᵀAn)/(nᵀAn)."""
+    places, widths = _widths(Ellipse((60e-3, 20e-3)).points(720))
+    axes = np.array([60e-3, 20e-3]) ** -2.0
+    normals = places * axes
+    exact = 2 * (places * axes * normals).sum(axis=1) / (axes * normals**2).sum(axis=1)
+    assert len(places) == 90
+    assert widths == pytest.approx(exact * np.hypot(*normals.T), rel=3e-3)
+
+
+def test_a_tight_end_is_fine_without_the_whole_edge_being_so() -> None:
+    """Twelve elements go around a circle of the end, of radius b²/a; flanks have larger ones."""
+    frame = Ellipse((90e-3, 6e-3))
+    film = replace(circular(), frame=frame, plate=Plate(Circle(2e-3)))
+    part = from_meshio(mesh_film(film, MeshSettings(), frozenset("xy")))
+    corners = part.p[:, part.t]  # (2, 3, elements)
+    sides = corners - np.roll(corners, 1, axis=1)
+    sizes = np.hypot(*sides).max(axis=0)
+    x = corners[0].mean(axis=0)
+    tight = 2 * np.pi / 12 * 6e-3**2 / 90e-3
+    assert sizes[x > 89.7e-3].max() < 2 * tight
+    assert np.median(sizes[(x > 20e-3) & (x < 60e-3)]) > 10 * tight
+    assert part.nelements < 400

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.constants import epsilon_0
 
 from tests.oracles import axisymmetric, inflation
 from tests.oracles.laws import gent
@@ -199,3 +200,44 @@ def test_alpha_leaves_out_what_is_beyond_the_limit_and_says_which() -> None:
     said = re.search(r"at ([0-9.]+) kV", warned)
     assert said is not None
     assert 1e3 * float(said[1]) == pytest.approx(end.voltage_V, rel=1e-3)
+
+
+def test_a_film_too_stiff_for_any_supply_has_its_limit_above_it() -> None:
+    """Thick and of 100 MPa: flat, it loses tension at E = √(σ/ε), 1.86 MV across 1.8 mm."""
+    film = Film(2e-3, (1.05, 1.05), NeoHooke(100e6), 3.0)
+    stiff = Specimen("stiff", Circle(45e-3), Plate(Circle(10e-3)), film)
+    assert tension_voltage(film) > 1.8e6
+    reached = limits(Case(stiff, mass=0.1), COARSE)
+    assert (reached.limit, reached.end) == (None, None)
+    assert reached.ended == "no pull-in was found: the limit is above 1000 kV"
+    result = solve_within(Case(stiff, mass=0.1, voltage=1e6), COARSE)
+    assert result.status == "equilibrium"
+    assert result.limits == reached
+    table = curve(stiff, [0.1], COARSE).table
+    assert table["voltage"][[0, -1]] == pytest.approx([0.0, 1e6], abs=1.0)
+    assert table["deflection"][-1] == pytest.approx(result.deflection_m, rel=1e-6)
+    assert max(usual_masses(stiff, COARSE)) <= 100.0
+
+
+def test_an_amplifier_that_sags_ends_a_curve_at_the_most_it_gives() -> None:
+    """At its sag voltage it gives half of that; no nominal voltage gives the film more."""
+    rig = Rig(sag_voltage=3000.0)
+    reached = limits(Case(SOFT, mass=17.9e-3, rig=rig), COARSE)
+    assert reached.end is None
+    assert "the limit is above 1.5 kV across the film" in reached.ended
+    table = curve(SOFT, [17.9e-3], COARSE, rig).table
+    assert table["voltage"][-1] == pytest.approx(3000.0, rel=1e-3)
+
+
+def tension_voltage(film: Film) -> float:
+    """Voltage [V] at which a flat neo-Hookean film of equal stretches has lost its stress."""
+    stretch = film.prestretch[0]
+    stress = film.material.mu * (stretch**2 - stretch**-4)
+    return float(np.sqrt(stress / (epsilon_0 * film.relative_permittivity))
+                 * film.thickness / stretch**2)
+
+
+def test_a_curve_says_at_which_mass_and_voltage_it_is() -> None:
+    said: list[str] = []
+    curve(SOFT, [17.9e-3], COARSE, voltages=[1000.0, 2000.0, 30e3], progress=said.append)
+    assert said == [f"circle: 17.9 g{at}" for at in ("", ", 1 kV", ", 2 kV", ", 30 kV")]

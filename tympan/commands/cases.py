@@ -104,7 +104,7 @@ def curve(options: argparse.Namespace) -> None:
 
     specimen, rig, settings, masses = _loaded(options)
     voltages = sorted(parse_quantities(options.voltage or "", "voltage", "--voltage"))
-    with bar(len(masses)) as progress:
+    with bar(len(masses) * (1 + len(voltages))) as progress:
         result = curve(specimen, masses, settings, rig, voltages, progress)
     finish(options, result)
 

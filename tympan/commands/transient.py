@@ -95,10 +95,13 @@ def transient(options: argparse.Namespace) -> None:
          example='oval.toml --mass "17.9 g" --voltage "3.5 kV" -o response')
 def response(options: argparse.Namespace) -> None:
     """Amplitude and phase of a loaded film under a small sine of the voltage, by frequency."""
-    from tympan.studies.response import response
+    from tympan.progress import bar
+    from tympan.studies.response import USUAL_COUNT, response
 
     frequencies = parse_quantities(options.frequency or "", "frequency", "--frequency")
     if any(not 0 < frequency < 1e9 for frequency in frequencies):
         raise InputError("must be positive, below 1e9 Hz", key="--frequency",
                          given=options.frequency)
-    finish(options, response(read_case(options), read_settings(options), tuple(frequencies)))
+    with bar(len(frequencies) or USUAL_COUNT) as progress:
+        result = response(read_case(options), read_settings(options), tuple(frequencies), progress)
+    finish(options, result)
