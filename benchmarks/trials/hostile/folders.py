@@ -73,8 +73,8 @@ def _left_half(folder: Path) -> None:
 
 
 def _no_halves(folder: Path) -> str:
-    left = [file.name for file in folder.rglob(".tympan-*")]
-    return f"{len(left)} temporary files" if left else ""
+    halves = [file.name for file in folder.rglob(".tympan-*")]
+    return f"{len(halves)} temporary files" if halves else ""
 
 
 @group("list of results")
