@@ -156,11 +156,11 @@ def film_deflection(case: Case, settings: Settings, coupons: Coupons,
     for fit in as_good:
         candidate = _candidate(coupons, fit, noise)
         each[candidate.family.name] = _deflections(case, settings, candidate, visited)
-    own = each[best.family.name].deflection_m
+    deflection = each[best.family.name].deflection_m
     lows = [law.low_m for law in each.values()]
     highs = [law.high_m for law in each.values()]
     return FilmDeflection(
-        case.specimen.name, case.mass, case.voltage, own,
+        case.specimen.name, case.mass, case.voltage, deflection,
         None if None in lows else min(filter(None, lows)),
         None if None in highs else max(filter(None, highs)), each)
 

@@ -201,18 +201,18 @@ def _share(count: int, every: int) -> str:
     return f"{count} of {every} ({100 * low:.0f} to {100 * high:.0f} %)"
 
 
-def report(outcomes: list[Outcome], found: list[int]) -> str:
+def report(outcomes: list[Outcome], counts: list[int]) -> str:
     """Counts with their intervals."""
-    one, two = ([item for item in outcomes if item.modes == number] for number in (1, 2))
-    widths = [100 * (item.film.high_m - item.film.low_m) / 2 / item.truth for item in one
+    strips, both = ([item for item in outcomes if item.modes == number] for number in (1, 2))
+    widths = [100 * (item.film.high_m - item.film.low_m) / 2 / item.truth for item in strips
               if item.film and item.film.high_m is not None and item.film.low_m is not None]
     rows = [
         ("elastic", "branches found", [item.branches > 0 for item in outcomes]),
-        ("elastic, two modes", "deflection within 5 %", [item.error <= ALLOWED for item in two]),
-        ("elastic, two modes", "limits hold the truth", [item.inside for item in two]),
-        ("elastic, one mode", "deflection within 5 %", [item.error <= ALLOWED for item in one]),
-        ("elastic, one mode", "limits hold the truth", [item.inside for item in one]),
-        ("viscous, a hold or three rates", "branches found", [count > 0 for count in found])]
+        ("elastic, two modes", "deflection within 5 %", [item.error <= ALLOWED for item in both]),
+        ("elastic, two modes", "limits hold the truth", [item.inside for item in both]),
+        ("elastic, one mode", "deflection within 5 %", [item.error <= ALLOWED for item in strips]),
+        ("elastic, one mode", "limits hold the truth", [item.inside for item in strips]),
+        ("viscous, a hold or three rates", "branches found", [count > 0 for count in counts])]
     return "\n".join([
         "| rubbers | what | count, 95 % interval |", "|---|---|---|",
         *(f"| {kind} | {what} | {_share(sum(hits), len(hits))} |" for kind, what, hits in rows),
@@ -240,9 +240,9 @@ def main() -> None:
                   f"{100 * rubber.noise:.1f} %: {item.branches} branches, {item.best:14s} truth "
                   f"{1e3 * item.truth:.3f} mm, off {100 * item.error:5.2f} %, limits {limits} mm"
                   f"{'' if item.inside else '  OUTSIDE'}", flush=True)
-    found = [branches_found(seed) for seed in range(options.seeds // 4)]
-    print("branches of viscous rubbers:", *found)
-    text = report(outcomes, found)
+    branches = [branches_found(seed) for seed in range(options.seeds // 4)]
+    print("branches of viscous rubbers:", *branches)
+    text = report(outcomes, branches)
     print(text)
     if options.output:
         options.output.write_text(text + "\n", encoding="utf-8")

@@ -37,11 +37,11 @@ NAMES = ("neo_hooke", "mooney_rivlin", "yeoh", "gent", "ogden_1")
 @pytest.mark.parametrize("seed", range(1, 5), ids=lambda seed: LAWS[seed])
 def test_an_elastic_rubber_s_film_is_foretold(seed: int) -> None:
     rubber = Rubber.drawn(seed)
-    one = outcome(rubber, ("uniaxial",), names=NAMES)
-    two = outcome(rubber, ("uniaxial", "equibiaxial"), names=NAMES)
-    assert (one.branches, two.branches) == (0, 0)
-    assert two.error <= ALLOWED
-    assert one.inside
+    strips = outcome(rubber, ("uniaxial",), names=NAMES)
+    both = outcome(rubber, ("uniaxial", "equibiaxial"), names=NAMES)
+    assert (strips.branches, both.branches) == (0, 0)
+    assert both.error <= ALLOWED
+    assert strips.inside
 
 
 def test_viscous_rubbers_keep_their_branches() -> None:
