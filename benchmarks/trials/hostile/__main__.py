@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import sys
-from dataclasses import replace
 
 from benchmarks.trials.hostile import all_cases
 from benchmarks.trials.hostile.case import Answer, Case, run
@@ -13,16 +12,16 @@ from benchmarks.trials.hostile.case import Answer, Case, run
 def answered(case: Case) -> Answer:
     """The answer; one that is late on a busy machine has a second try."""
     answer = run(case)
-    if answer.fault(case) != "late":
+    if answer.fault(case) != "late" or answer.status < 0:
         return answer
-    return replace(answer, seconds=min(answer.seconds, run(case).seconds))
+    return min(answer, run(case), key=lambda either: either.taken)
 
 
 def line(group: str, case: Case, answer: Answer) -> str:
     """What is printed of a case."""
     said = answer.error.strip().splitlines()
     verdict = answer.fault(case) or "ok"
-    return (f"{group:20s} {case.name:28s} {answer.status:3d} {answer.seconds:5.2f} s  "
+    return (f"{group:20s} {case.name:28s} {answer.status:3d} {answer.taken:5.2f} s  "
             f"{verdict:12s} {said[-1][:150] if said else ''}").rstrip()
 
 
@@ -42,7 +41,7 @@ def main() -> int:
             answer = answered(case)
             faults += bool(answer.fault(case))
             if case.refused:
-                slowest = max(slowest, answer.seconds)
+                slowest = max(slowest, answer.taken)
             print(line(group, case, answer), flush=True)
         counts[group] = len(members), faults
     print(f"\n{'group':20s} cases  wrong")

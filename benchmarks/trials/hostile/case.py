@@ -19,7 +19,9 @@ SECONDS = 2.0
 #: Seconds to an answer where the input is right.
 PATIENCE = 30.0
 #: Seconds until a command counts as one without end.
-NO_END = 120.0
+NO_END = 300.0
+#: On a busy machine, the most times as long on the clock as a command may take.
+MOST_WAITING = 30.0
 
 
 @dataclass(frozen=True)
@@ -90,7 +92,8 @@ def group(name: str) -> Callable[[Callable[[], Cases]], Callable[[], Cases]]:
 class Answer:
     """Exit status, standard error, seconds on the clock, standard output.
 
-    ``fault_of_files`` is what the case's check found in the folder.
+    ``fault_of_files`` is what the case's check found in the folder. ``processor`` is the processor
+    time of all its processes [s], where the machine had other work, otherwise None.
     """
 
     status: int
@@ -98,6 +101,14 @@ class Answer:
     seconds: float
     output: str = ""
     fault_of_files: str = ""
+    processor: float | None = None
+
+    @property
+    def taken(self) -> float:
+        """Seconds that count; on a busy machine those of the processor, unless it waited long."""
+        if self.processor is None:
+            return self.seconds
+        return max(self.processor, self.seconds / MOST_WAITING)
 
     def fault(self, case: Case) -> str:
         """In a word what is wrong with it; empty if nothing."""
@@ -114,7 +125,7 @@ class Answer:
         if self.fault_of_files:
             return self.fault_of_files
         allowed = case.seconds or (SECONDS if case.refused else PATIENCE)
-        return "late" if self.seconds > allowed else ""
+        return "late" if self.taken > allowed else ""
 
 
 def run(case: Case) -> Answer:
@@ -128,7 +139,8 @@ def run(case: Case) -> Answer:
         _write(case.files, folder)
         if case.prepare is not None:
             case.prepare(folder)
-        began = time.perf_counter()
+        began, spent = time.perf_counter(), _processor()
+        busy = os.getloadavg()[0] > (os.cpu_count() or 1)
         try:
             done = subprocess.run(
                 [sys.executable, *case.program, *shlex.split(case.arguments)], cwd=folder,
@@ -139,7 +151,14 @@ def run(case: Case) -> Answer:
         seconds = time.perf_counter() - began
         return Answer(done.returncode, done.stderr.decode(errors="replace"), seconds,
                       done.stdout.decode(errors="replace"),
-                      case.check(folder) if case.check is not None else "")
+                      case.check(folder) if case.check is not None else "",
+                      _processor() - spent if busy else None)
+
+
+def _processor() -> float:
+    """Processor time of all processes that were waited for [s]."""
+    usage = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return usage.ru_utime + usage.ru_stime
 
 
 def _write(files: Mapping[str, str | bytes | None], folder: Path) -> None:
