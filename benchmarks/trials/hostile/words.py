@@ -15,7 +15,7 @@ def _python(name: str, code: str, words: str) -> Case:
 
 @group("words")
 def words() -> Cases:
-    yield of_specimen("width", "thickness", "thicknes", "thickness: .*did you mean it by .thicknes.")
+    yield of_specimen("width", "thickness", "thicknes", "did you mean it by .thicknes.")
     yield of_specimen("[film]", "[membrane]", "[film]", "membrane")
     yield Case("sovle", "sovle specimen.toml", GOOD, "did you mean.*solve")
     yield _python("typo of a keyword", "tympan.solve('specimen.toml', mas='1 g')", "mass")
