@@ -38,6 +38,12 @@ MOST_MASS = 100.0
 MASSES: Rule = (lambda x: 0 <= x <= MOST_MASS, f"must be from 0 to {MOST_MASS:g} kg")
 VOLTAGES: Rule = (lambda x: 0 <= x <= MOST_VOLTAGE, f"must be from 0 to {MOST_VOLTAGE / 1e3:g} kV")
 
+#: A gas may hold more than an atmosphere: a stiff film of a few millimetres bears some 10 MPa.
+PRESSURES: Rule = (lambda x: -1e8 <= x <= 1e8, "must be from -100 to 100 MPa")
+
+GAS_SIGN = ("positive gas pressure now lifts film and plate, against the weight: in files written "
+            "before this version, change its sign")
+
 #: Ways the voltage got to where it is, as datasets name them; none where it is not known.
 DIRECTIONS = {"up": 1.0, "down": -1.0, "": 0.0}
 
@@ -62,7 +68,9 @@ class Rig:
         "where the mass hangs, from the plate's centre", "length")] = (0.0, 0.0)
     plate_pressure: Annotated[float, Key(
         "loads the plate like a weight of pressure times area", "stress")] = 0.0
-    gas_pressure: Annotated[float, Key("below film and plate, following them", "stress")] = 0.0
+    gas_pressure: Annotated[float, Key(
+        "of the gas below film and plate, which follows them: positive lifts them against the "
+        "weight", "stress", PRESSURES)] = 0.0
     biases: Annotated[tuple[Bias, ...], Key(
         "further mechanisms between plate and ground", name="bias", kinds=BIASES)] = ()
     lag_voltage: Annotated[float, Key("by how much the film is behind a rising or falling voltage",
@@ -80,9 +88,10 @@ class Rig:
                                              _LEAKAGE)] = inf
     sensor_lag: Annotated[float, Key("in which the sensor follows, by a factor e", "time",
                                      NON_NEGATIVE)] = 0.0
-    air: Annotated[float, Key("density of the still air that swings with film and plate, on both "
-                              "sides, as if frame and stand were a wall; 0 for none", "density",
-                              _AIR)] = 0.0
+    air: Annotated[float, Key("density of the still air that swings with film and plate in modes "
+                              "and frequencies, on both sides, as if frame and stand were a wall; "
+                              "mass for heaves, inertia for tilts, none for slides; 0 for none",
+                              "density", _AIR)] = 0.0
     width_held: Annotated[float, Key("of strips in tests said to be uniaxial, how far the grips "
                                      "hold their width: 0 not at all, 1 as in pure shear",
                                      rule=_SHARE)] = 0.0
@@ -99,6 +108,15 @@ class Rig:
     def read(cls, file: Path | str) -> Self:
         """The rig of a TOML file."""
         return read(cls, Table.read(file))
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """Sentences that belong to every result on this rig.
+
+        The one about the gas is for files of before 26 November 2026 and goes with the first
+        release: until then the solver's sign was the opposite of the texts'.
+        """
+        return (GAS_SIGN,) if self.gas_pressure else ()
 
     @property
     def loading(self) -> Loading:
@@ -193,9 +211,10 @@ def _not_turned(before: Any, after: Any) -> Any:
     return after * (np.real(after) * (1 - 2 * (np.real(before) < 0)) > 0)
 
 
-def checked_load(mass: float, voltage: float) -> None:
-    """Refuse what is not of :data:`MASSES` and :data:`VOLTAGES`."""
+def checked_load(mass: float, voltage: float, gas_pressure: float = 0.0) -> None:
+    """Refuse what is not of :data:`MASSES`, :data:`VOLTAGES` and :data:`PRESSURES`."""
     for option, load, unit, (holds, words) in (("--mass", mass, "kg", MASSES),
-                                               ("--voltage", voltage, "V", VOLTAGES)):
+                                               ("--voltage", voltage, "V", VOLTAGES),
+                                               ("gas_pressure", gas_pressure, "Pa", PRESSURES)):
         if not holds(load):
             raise InputError(words, key=option, given=f"{load:g} {unit}")

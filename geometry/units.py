@@ -64,6 +64,7 @@ DIMENSIONS: dict[str, Dimension] = {
     "resistance": Dimension("ohm", "10 MOhm"),
     "damping": Dimension("N s/m", "0.2 N s/m"),
     "voltage rate": Dimension("V/s", "100 V/s"),
+    "current": Dimension("A", "5 uA", ("uA",)),
 }
 
 METRE = 1e3  #: in cadquery's model unit, the millimetre
@@ -87,7 +88,7 @@ _SIGNS = str.maketrans({"²": "^2", "³": "^3", "°": "deg"})
 #: How powers of kilogram, metre, second and ampere make the units people write, ...
 _POWERS = {"kg": (1, 0, 0, 0), "m": (0, 1, 0, 0), "s": (0, 0, 1, 0), "N": (1, 1, -2, 0),
            "Pa": (1, -1, -2, 0), "J": (1, 2, -2, 0), "V": (1, 2, -3, -1), "F": (-1, -2, 4, 2),
-           "ohm": (1, 2, -3, -2), "Hz": (0, 0, -1, 0), "rad": (0, 0, 0, 0)}
+           "ohm": (1, 2, -3, -2), "A": (0, 0, 0, 1), "Hz": (0, 0, -1, 0), "rad": (0, 0, 0, 0)}
 #: ... and what each is of these, as a fraction. All others, and what is wrong, pint knows.
 _MULTIPLES: dict[str, dict[str, tuple[float, int]]] = {
     "kg": {"kg": (1, 1), "g": (1, 1000), "mg": (1, 10**6)},
@@ -100,6 +101,7 @@ _MULTIPLES: dict[str, dict[str, tuple[float, int]]] = {
     "F": {"F": (1, 1), "pF": (1, 10**12), "nF": (1, 10**9)},
     "ohm": {"ohm": (1, 1), "Ohm": (1, 1), "kOhm": (1000, 1), "MOhm": (10**6, 1),
             "GOhm": (10**9, 1)},
+    "A": {"A": (1, 1), "mA": (1, 1000), "uA": (1, 10**6)},
     "Hz": {"Hz": (1, 1), "kHz": (1000, 1)},
     "rad": {"rad": (1, 1), "mrad": (1, 1000), "deg": (pi, 180)},
 }

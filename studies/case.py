@@ -92,7 +92,7 @@ class Case:
                      direction: float = 0.0) -> None: ...
 
     def __post_init__(self) -> None:
-        checked_load(self.mass, self.voltage)
+        checked_load(self.mass, self.voltage, self.rig.gas_pressure)
         require(self)
         if self.direction not in DIRECTIONS.values():
             raise InputError("must be 1 (up), -1 (down) or 0 (not known)", key="direction",
@@ -117,7 +117,8 @@ class Case:
 class CaseRecord:
     """Numbers of one case, SI, in a file named after the specimen and the record's ``ending``.
 
-    ``pressure_Pa`` is that of the gas below the film, None where there is none. ``film`` is the
+    ``pressure_Pa`` is that of the gas below the film, positive where it lifts it, None where there
+    is none. ``film`` is the
     deformed film, where there is one and it was asked for; it has a VTU file beside the numbers.
     ``writer`` is the command that writes both.
     """
@@ -396,7 +397,10 @@ def summaries(model: Model, cases: Iterable[tuple[Case, Outcome]]
                 dofs=model.unknowns, wall_s=0.0, warnings=())
             if outcome.status == "equilibrium":
                 reading = case.rig.reading(model.deflection(outcome.state), case.elapsed)
-                yield replace(result, reading_m=reading, **next(numbers)), outcome
+                state_numbers = next(numbers)
+                warnings = (*state_numbers.pop("warnings"), *case.rig.remarks)
+                yield replace(result, reading_m=reading, warnings=warnings,
+                              **state_numbers), outcome
                 continue
             if outcome is not last:  # all voltages above a limit share its outcome
                 when, state = "at the last equilibrium before that", outcome.state
@@ -404,7 +408,7 @@ def summaries(model: Model, cases: Iterable[tuple[Case, Outcome]]
                     when, state = "before it gets there", outcome.critical.state
                 before = (f"{when}, {words}" for words in state_warnings(model, state))
                 last, excuse = outcome, (failure_reason(outcome), *before)
-            yield replace(result, warnings=excuse), outcome
+            yield replace(result, warnings=(*excuse, *case.rig.remarks)), outcome
 
 
 def _state_numbers(model: Model, states: Sequence[State]) -> Iterator[dict[str, Any]]:
@@ -500,6 +504,9 @@ def failure_reason(outcome: Outcome) -> str:
     if outcome.limit is None:
         return outcome.advice
     load = in_words(outcome.limit, outcome.limited or "force")
+    if outcome.limited == "pressure" and outcome.kind == "pull_in":
+        # Blown up like a balloon, it is pulled nowhere.
+        return f"the film bears no more than {load}"
     if outcome.kind == "thinning":
         return f"the film loses tension at {load} and, wrinkled, thins without bound"
     return f"the film pulls in at {load}"

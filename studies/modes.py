@@ -15,7 +15,6 @@ from tympan.fem.membrane.rigid_plate import RigidPlate
 from tympan.fem.membrane.state import FREEDOMS, HEAVE, State
 from tympan.fem.results.fields import whole
 from tympan.fem.vibration.air import with_air
-from tympan.fem.vibration.heave import following
 from tympan.fem.vibration.modes import Modes, film_mass, mode_names, vibrations
 from tympan.geometry.errors import InputError
 from tympan.studies.case import (
@@ -31,7 +30,7 @@ from tympan.studies.film_surface import FilmSurface, cut_triangles, interpolated
 #: Into the square of this many triangles a curved element is cut in files and pictures.
 _PARTS = 6
 
-#: Modes in vacuo, at least, of which those of a film in air are combinations.
+#: Modes in vacuo, at least, of which those in air are combinations.
 _BASIS = 40
 
 
@@ -100,8 +99,9 @@ def modes(case: Case, settings: Settings, count: int = 6, point_mass: float = 0.
 
     The mass on the plate, the rig's unaccounted mass included, is that of a uniform plate, except
     for ``point_mass`` [kg] of it, without inertia of its own; their centre of mass is where the rig
-    hangs the weight. The rig's added mass moves with it and does not turn. A film without plate has
-    modes of its own; its air swings with each.
+    hangs the weight. The rig's added mass moves with it and does not turn. The rig's air swings
+    with film and plate along the load: it adds mass to heaves and inertia to tilts, none to slides
+    and twists.
     """
     began = time.perf_counter()
     plate = carried(case, point_mass)
@@ -112,14 +112,10 @@ def modes(case: Case, settings: Settings, count: int = 6, point_mass: float = 0.
         pressure_Pa=case.rig.gas_pressure or None, status=outcome.status, dofs=model.unknowns,
         wall_s=time.perf_counter() - began, warnings=(), semi_axes_m=case.specimen.frame.semi_axes)
     if outcome.status != "equilibrium":
-        return replace(result, warnings=(failure_reason(outcome),))
-    plate = _with_air(case, model, state, plate)
+        return replace(result, warnings=(failure_reason(outcome), *case.rig.remarks))
     full, whole_state = whole(model, state)
     alone = case.specimen.plate is None
-    computed = vibrations(model, state, plate, max(_BASIS, 3 * count)
-                          if alone and case.rig.air else count)
-    if alone and case.rig.air:
-        computed = with_air(full.discretisation, computed, case.rig.air, count)
+    computed = swinging(model, state, plate, case.rig.air, count)
     points, triangles = cut_triangles(full, _PARTS)
     shapes = [interpolated(full, nodal, points) for nodal in computed.shapes]
     longest = [float(np.linalg.norm(shape, axis=1).max()) for shape in shapes]
@@ -137,7 +133,8 @@ def modes(case: Case, settings: Settings, count: int = 6, point_mass: float = 0.
         modes=tuple(_mode(computed, number, name, longest[number])
                     for number, name in enumerate(mode_names(full, computed))),
         wall_s=time.perf_counter() - began,
-        warnings=(*_warnings(case, computed), *state_warnings(model, state)), film=film)
+        warnings=(*_warnings(case, computed), *state_warnings(model, state), *case.rig.remarks),
+        film=film)
 
 
 def heave_frequency(case: Case, settings: Settings, count: int = 12) -> float | None:
@@ -148,24 +145,25 @@ def heave_frequency(case: Case, settings: Settings, count: int = 12) -> float | 
     model, outcome = equilibrate(case, settings)
     if outcome.status != "equilibrium":
         return None
-    return heaving_frequency(model, outcome.state,
-                             _with_air(case, model, outcome.state, carried(case)), count)
+    return heaving_frequency(model, outcome.state, carried(case), case.rig.air, count)
 
 
-def heaving_frequency(model: Model, state: State, plate: RigidPlate, count: int = 12
-                      ) -> float | None:
-    """That of a state, whose plate has its mass and what moves with it."""
-    computed = vibrations(model, state, plate, count)
+def heaving_frequency(model: Model, state: State, plate: RigidPlate, air: float = 0.0,
+                      count: int = 12) -> float | None:
+    """That of a state, whose plate has its mass and what moves with it, in ``air`` [kg/m³]."""
+    computed = swinging(model, state, plate, air, count)
     heaving = int(np.argmax(computed.shares[:, HEAVE]))
     stable = not computed.growth[heaving] and computed.shares[heaving, HEAVE] > 0.5
     return float(computed.frequencies_Hz[heaving]) if stable else None
 
 
-def _with_air(case: Case, model: Model, state: State, plate: RigidPlate) -> RigidPlate:
-    """The plate with the mass of the air that heaves with it."""
-    if not case.rig.air or case.specimen.plate is None:
-        return plate
-    return replace(plate, mass=plate.mass + following(model, state).air_mass(case.rig.air))
+def swinging(model: Model, state: State, plate: RigidPlate, air: float, count: int) -> Modes:
+    """The lowest modes of film and plate about a state, in ``air`` [kg/m³] on both sides."""
+    if not air:
+        return vibrations(model, state, plate, count)
+    basis = vibrations(model, state, plate, max(_BASIS, 3 * count))
+    mesh = whole(model, state)[0].discretisation
+    return with_air(model.specimen, mesh, basis, plate, air, count)
 
 
 def carried(case: Case, point_mass: float = 0.0) -> RigidPlate:

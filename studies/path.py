@@ -189,7 +189,7 @@ def path(case: Case, settings: Settings, along: Along,
         unit=_GROWING[along][1], stations=tuple(stop.station for stop in apart(passed)),
         events=tuple(stop.event for stop in passed if stop.event is not None),
         dofs=model.unknowns, wall_s=time.perf_counter() - began,
-        warnings=(passed[-1].ended if passed else UNFOLLOWED,),
+        warnings=(passed[-1].ended if passed else UNFOLLOWED, *case.rig.remarks),
         limits=tuple(_critical_film(stop.model, stop.point) for stop in passed
                      if stop.event is not None and stop.event.what == PULL_IN.event),
         films=tuple(film_surface(stop.model, stop.point.state) for stop in apart(passed) if films))
@@ -209,14 +209,16 @@ def stops(case: Case, model: Model, start: State, along: Along, settings: PathSe
     it.
     """
     settings = settings.bounded(model, followed=True)
-    longest = _STEP * max(model.deflection(start) / model.high, 1.0)
+    longest = _STEP * max(abs(model.deflection(start)) / model.high, 1.0)
     stepping = replace(settings, arc=replace(settings.arc, longest=longest))
     load = _GROWING[along][0]
     # A search meets no check of what people give: it has a bound of its own.
     most = case.rig.most_film_voltage(case.direction) ** 2
     first: Stop | None = None
     before: Stop | None = None
-    for branch, point in follow_branch(model, start, load, stepping, beyond=True):
+    # A gas that sucks is made to suck more.
+    sense = -1 if load == "pressure" and start.pressure < 0 else 1
+    for branch, point in follow_branch(model, start, load, stepping, sense, beyond=True):
         here = Stop(branch.model, point, along=along)
         if before is not None:
             if load == "voltage" and point.state.load(load) > most:
@@ -390,11 +392,13 @@ def _ended(stop: Stop, first: Stop, along: Along, settings: PathSettings) -> str
     """
     station, point = stop.station, stop.point
     deflection = f"{station.deflection_m * 1e3:.4g} mm"
-    if station.deflection_m > max(stop.model.high, _FURTHER * first.station.deflection_m):
+    begun = abs(first.station.deflection_m)
+    if abs(station.deflection_m) > max(stop.model.high, _FURTHER * begun):
         return f"followed to a deflection of {deflection}"
     if station.max_stretch > max(_STRETCH, _FURTHER * first.station.max_stretch):
         return f"followed to a stretch of {station.max_stretch:.3g}"
-    if point.rate < 0 and point.state.load(_GROWING[along][0]) < 0:
+    sense = -1 if first.point.rate < 0 else 1
+    if point.rate * sense < 0 and point.state.load(_GROWING[along][0]) * sense < 0:
         return f"followed until the {along} fell back to zero"
     if station.unbalanced > settings.unbalanced:
         return (f"followed to a deflection of {deflection}: beyond, the mesh does not resolve the "

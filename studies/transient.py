@@ -47,13 +47,20 @@ from tympan.studies.lumped.simulate import (
     with_rest,
 )
 from tympan.studies.modes import carried
-from tympan.studies.reduced_film.sampling import extremes, in_time, last_loop
+from tympan.studies.reduced_film.sampling import extremes, in_time, last_loop, rates
 from tympan.studies.signals import Pieces, Signal, Supplied, lagging, nominal, ramp
 
 Array = NDArray[np.float64]
 
 #: Where a loop turns, as a share of the first limit, and how many samples it has.
 _NEAR_LIMIT, _SAMPLES = 0.95, 2000
+
+#: Errors of steps in time with which a loop is followed, one after the other, until its area
+#: changes by no more than a share. The last one takes some 10 s where the loop is thin.
+_LOOP_ERRORS = (1e-6, 1e-7, 1e-8)
+_AREA = 1e-3
+#: How far off an area may be, in changes from the run before: the finer one may err by as much.
+_DOUBT = 2.0
 
 #: What of a rig shifts readings on their way up or down, at rest alone.
 _AT_REST = ("friction", "lag_voltage")
@@ -86,7 +93,7 @@ class TransientCase:
 
     def __post_init__(self) -> None:
         self.specimen.needed_plate()
-        checked_load(self.mass, self.signal.peak)
+        checked_load(self.mass, self.signal.peak, self.rig.gas_pressure)
         require(self)
         if self.inertia and self.mass + self.rig.added_mass <= 0:
             raise InputError("must be positive where the plate swings: the film has no inertia",
@@ -105,10 +112,10 @@ class History:
     """What a film did, moment by moment; after a jump of the voltage the same time twice.
 
     ``time`` [s], ``deflection`` [m], ``voltage`` across the film [V], ``capacitance`` [F],
-    ``tilt`` [rad], all of shape (moments,). ``before``: the deflection when the signal began [m],
-    0 where the film hung under nothing until then. ``stopped``: where it went no further.
-    ``slack``: when the film first lost tension [s], None where it did not. ``balance``: where its
-    energy went.
+    ``tilt`` [rad], ``current`` into the electrodes [A], all of shape (moments,). ``before``: the
+    deflection when the signal began [m], 0 where the film hung under nothing until then.
+    ``stopped``: where it went no further. ``slack``: when the film first lost tension [s], None
+    where it did not. ``balance``: where its energy went.
     """
 
     time: Array
@@ -116,6 +123,7 @@ class History:
     voltage: Array
     capacitance: Array
     tilt: Array
+    current: Array
     before: float
     stopped: Stopped | None
     slack: float | None
@@ -162,9 +170,11 @@ def history(case: TransientCase, settings: Settings, films: tuple[float, ...] = 
         raise InputError("the film has no equilibrium at once after the mass is put on",
                          key="mass", given=f"{case.mass:g} kg")
     balance = EnergyBalance.of(energies, before)
-    times, deflection, voltage, capacitance, tilt = np.array(record).T
-    return History(times, deflection, voltage, capacitance, tilt, state.plate.deflection, stopped,
-                   slack, balance, pictures)
+    times, deflection, voltage, capacitance, tilt, current = np.array(record).T
+    if not transient.circuit.resistance:  # the source charges the film at once
+        current = rates(times, capacitance * voltage)
+    return History(times, deflection, voltage, capacitance, tilt, current, state.plate.deflection,
+                   stopped, slack, balance, pictures)
 
 
 def solve_after(case: Case, after: float, settings: Settings, film: bool = False) -> CaseResult:
@@ -196,6 +206,11 @@ def solve_after(case: Case, after: float, settings: Settings, film: bool = False
 def _left_out(rig: Rig) -> list[str]:
     """What a motion does not have of a rig, in words."""
     return [remark("at_rest_only", keys=key) for key in _AT_REST if getattr(rig, key)]
+
+
+def _remarks(rig: Rig) -> list[str]:
+    """What belongs to every result in time on a rig."""
+    return [*_left_out(rig), *rig.remarks]
 
 
 def _ending(ending: Stopped) -> str:
@@ -238,7 +253,7 @@ def begun(case: TransientCase, settings: Settings) -> tuple[Transient, State, Me
 def _numbers(model: Model, moment: Moment) -> tuple[float, ...]:
     state = moment.state
     return (moment.time, state.plate.deflection, float(np.sqrt(state.voltage_squared)),
-            float(model.capacitance(state)), state.plate.tilt)
+            float(model.capacitance(state)), state.plate.tilt, moment.current)
 
 
 @dataclass(frozen=True, eq=False)
@@ -268,7 +283,7 @@ def respond(case: TransientCase, settings: Settings, interval: float, period: fl
     when = np.linspace(0.0, done.end, max(2, round(done.end / interval) + 1))
     deflection = done.at(done.deflection, when)
     (low_s, low), (high_s, high) = extremes(done.time, done.deflection)
-    warnings = _left_out(case.rig)
+    warnings = _remarks(case.rig)
     if done.stopped is not None:
         warnings.append(_ending(done.stopped))
     if done.slack is not None:
@@ -294,6 +309,9 @@ def respond(case: TransientCase, settings: Settings, interval: float, period: fl
         "range_m": high - low,
         "settling_time_s": settled if np.isfinite(settled) else None,
         "hysteresis_area_V_m": area,
+        "hysteresis_area_error_V_m": None,
+        "highest_film_voltage_V": float(done.voltage.max()),
+        "highest_current_A": float(np.abs(done.current).max()),
         "energy": to_json(done.balance),
         "stopped_s": None if done.stopped is None else done.stopped.time,
         "slack_s": done.slack,
@@ -310,10 +328,16 @@ def _samples(case: TransientCase, done: History, when: Array) -> pd.DataFrame:
     if case.rested:
         sampled = with_rest(case.signal, *sampled, done.before)
     time, voltage, deflection = sampled
+    # A sample at rest may stand in front of what begins with a jump.
+    added = len(time) - len(when)
+    film_voltage = np.append(np.repeat(float(case.rig.film_voltage(case.signal.first)), added),
+                             done.at(done.voltage, when))
+    current = np.append(np.zeros(added), done.at(done.current, when))
     shown = lagging(time, case.rig.reading(deflection, time), case.rig.sensor_lag)
     samples = pd.DataFrame({
         "specimen": case.specimen.name, "mass": case.mass, "run": "simulated", "t": time,
-        "voltage": voltage, "displacement": shown})
+        "voltage": voltage, "displacement": shown, "film_voltage": film_voltage,
+        "current": current})
     return samples if case.rested == inf else samples.assign(rest=case.rested)
 
 
@@ -322,7 +346,8 @@ def loop(case: Case, rate: float, turn: float | None, settings: Settings, films:
     """Up from the case's voltage at a rate [V/s] to where it turns [V], and down again.
 
     Left out, it turns at 95 % of the film's first limit at rest. With so many ``films`` on the way,
-    at equal times.
+    at equal times. The loop's area is that of two runs with ever shorter steps that agree to a
+    thousandth; how far they differ is said with it.
     """
     if turn is None:
         first = first_limit(case, settings)
@@ -336,5 +361,16 @@ def loop(case: Case, rate: float, turn: float | None, settings: Settings, films:
     ramped = TransientCase(case.specimen, ramp(case.voltage, turn, duration), mass=case.mass,
                            rig=case.rig)
     moments = tuple(np.linspace(0.0, duration, films).tolist())
-    response, done = respond(ramped, settings, duration / _SAMPLES, duration, films=moments)
+    before, began = np.nan, time.perf_counter()
+    for error in _LOOP_ERRORS:
+        shorter = replace(ramped, steps=replace(ramped.steps, error=error))
+        response, done = respond(shorter, settings, duration / _SAMPLES, duration, films=moments)
+        area = response.numbers["hysteresis_area_V_m"]
+        if area is None:  # it pulls in: there is no loop
+            break
+        apart, before = _DOUBT * abs(area - before), area
+        response.numbers["hysteresis_area_error_V_m"] = apart if np.isfinite(apart) else None
+        if apart <= _AREA * abs(area):
+            break
+    response.numbers["wall_s"] = time.perf_counter() - began
     return TransientResult((response,), films=(done.films,))

@@ -112,7 +112,8 @@ JSON = argument("--json", action="store_true", help="print one JSON object")
 SPECIMEN = argument("specimen", type=Path, metavar="SPECIMEN.toml")
 RIG = argument("--rig", type=Path, metavar="RIG.toml",
                help="gravity, springs, pressure, amplifier, sensor and what else acts")
-PRESSURE = argument("--pressure", help='of the gas below the film, such as "200 Pa" (default: the '
+PRESSURE = argument("--pressure", help='of the gas below the film, such as "200 Pa"; positive '
+                                       "lifts film and plate against the weight (default: the "
                                        "rig's)")
 MESH = argument("--refine", type=float, default=1.0, metavar="X", within=(0.5, 20),
                 help="divide every element size by X")
@@ -173,10 +174,15 @@ def read_rig(file: Path | None) -> Rig:
 
 def read_pressed_rig(options: argparse.Namespace) -> Rig:
     """The rig of :data:`RIG` with the gas of :data:`PRESSURE`."""
+    from tympan.fem.rig import PRESSURES
+
     rig = read_rig(options.rig)
     if options.pressure is None:
         return rig
-    return replace(rig, gas_pressure=parse_quantity(options.pressure, "stress", "--pressure"))
+    pressure, (holds, words) = parse_quantity(options.pressure, "stress", "--pressure"), PRESSURES
+    if not holds(pressure):
+        raise InputError(words, key="--pressure", given=options.pressure)
+    return replace(rig, gas_pressure=pressure)
 
 
 def option_name(name: str) -> str:

@@ -171,7 +171,7 @@ def _rig(random: Generator, specimen: Specimen, load: float) -> Rig:
     reach = min(specimen.frame.semi_axes)
     spring = float(load / reach * random.uniform(0, 2) * (random.random() < 0.3))
     film_area = area(specimen.frame) - area(specimen.plate.outline)
-    gas = float(load / film_area * random.uniform(-0.3, 0.6) * (random.random() < 0.25))
+    gas = -float(load / film_area * random.uniform(-0.3, 0.6) * (random.random() < 0.25))
     magnet = Magnet(max(load, 1e-3) * float(random.uniform(0.2, 2)),
                     reach * float(random.uniform(0.6, 1.5)),
                     reach * float(random.uniform(0.2, 1)))

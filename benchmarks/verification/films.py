@@ -83,10 +83,10 @@ def quarter_disc(order: int, count: int, radius: float, film: Film) -> Model:
 
 
 def bulge(model: Model, pressures: list[float], apex: float) -> list[float]:
-    """Apex heights [m] of a disc at rising pressures [Pa], from a guess of the first."""
+    """Apex heights [m] above the frame at rising gas pressures [Pa], from a guess of the first."""
     x, y, _ = model.discretisation.reference.T
     positions = model.discretisation.reference.copy()
-    positions[:, 2] = apex * (1 - (x**2 + y**2) / model.size**2)
+    positions[:, 2] = -apex * (1 - (x**2 + y**2) / model.size**2)
     state = State(positions, model.mounted().plate)
     heights = []
     for pressure in pressures:
@@ -94,7 +94,7 @@ def bulge(model: Model, pressures: list[float], apex: float) -> list[float]:
         if not solution.converged:
             raise ArithmeticError(solution.advice)
         state = solution.state
-        heights.append(float(state.positions[:, 2].max()))
+        heights.append(float(-state.positions[:, 2].min()))
     return heights
 
 

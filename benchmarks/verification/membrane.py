@@ -69,15 +69,15 @@ def rim_stress() -> Iterator[Pair]:
 @claim("Gas pressure on film and plate, and on the film alone", tolerance=1e-6,
        reference="axisymmetric equations with follower pressure, Ritz on the enclosed volume")
 def gas_pressure() -> Iterator[Pair]:
-    """The plate's share is a force p πa²."""
+    """The plate's share is a force p πa². Here the gas pushes along the force: it is negative."""
     model, film, plate = build_model(annulus(NeoHooke(MU)),
                                      Settings()), oracle(neo_hooke(MU)), math.pi * A**2
     for pressure, voltage in ((50.0, 0.0), (50.0, 4000.0), (400.0, 0.0)):
         words = f"{pressure:g} Pa, {voltage / 1e3:g} kV"
-        both = equilibrium(model, 0.05, voltage, pressure).state
+        both = equilibrium(model, 0.05, voltage, -pressure).state
         yield Pair(f"{words}, film and plate, heave", both.plate.deflection,
                    minimise(film, Loads(pressure, 0.05 + pressure * plate, voltage)).apex, "m")
-        alone = equilibrium(model, 0.05 - pressure * plate, voltage, pressure).state
+        alone = equilibrium(model, 0.05 - pressure * plate, voltage, -pressure).state
         yield Pair(f"{words}, film alone, heave", alone.plate.deflection,
                    minimise(film, Loads(pressure, 0.05, voltage)).apex, "m")
 

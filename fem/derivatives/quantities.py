@@ -8,7 +8,7 @@ a name.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -52,7 +52,8 @@ def _reaction_slope(model: Model, state: State) -> Parts:
     lift = np.zeros(state.positions.shape)
     lift[model.discretisation.plate_nodes, 2] = 1.0
     return _of_nodes(model, state, complex_step(
-        lambda positions: model.forces(positions, state.voltage_squared), state.positions, lift))
+        lambda positions: model.nodal_forces(replace(state, positions=positions)),
+        state.positions, lift))
 
 
 def _capacitance_slope(model: Model, state: State) -> Parts:

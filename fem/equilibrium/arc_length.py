@@ -149,11 +149,15 @@ class Branch:
 
     def _renewed(self, point: PathPoint) -> PathPoint:
         """The point with its own tangent, if it has one: Newton's is too far off for limits."""
-        state = point.state
-        point.solution.release()
+        return self._along(point.solution, point.direction) or point
+
+    def _along(self, solution: Solution, direction: Parts) -> PathPoint | None:
+        """An equilibrium as a point of the branch, which goes about in a direction there."""
+        state = solution.state
+        solution.release()
         tangent, _ = tangent_at(self.model, state, (self.load,),
-                                (arc_length(state, point.direction, 0.0),), self.subspace)
-        return point if tangent is None else self._point(replace(point.solution, tangent=tangent))
+                                (arc_length(state, direction, 0.0),), self.subspace)
+        return None if tangent is None else self._point(replace(solution, tangent=tangent))
 
     def _first(self, start: State, sense: int) -> PathPoint | None:
         at_loads = newton(self.model, start, settings=self.newton, subspace=self.subspace)
@@ -161,10 +165,11 @@ class Branch:
             return None
         film, plate = self.model.by_load(at_loads.state, self.load)
         motion, _ = at_loads.tangent.correct((sense * film, sense * plate), [])
-        at_loads.release()
         if not length(self.model, motion):  # a load that moves nothing
+            at_loads.release()
             return None
-        return self._solved(at_loads.state, arc_length(at_loads.state, self._unit(motion)[0], 0.0))
+        # Not solved again with the load free: the first point has the start's load to the last bit.
+        return self._along(at_loads, self._unit(motion)[0])
 
     def _solved(self, guess: State, arc: Constraint) -> PathPoint | None:
         solution = newton(self.model, guess, (self.load,), (arc,), self.newton, self.subspace)

@@ -306,7 +306,7 @@ class Ramp:
             # sign tells nothing.
             if not after.solution.stable and after.solution.wrinkling == 0:
                 return self._ended("pull_in", stable, after, "loses its stability")
-            if self.model.deflection(after.state) > settings.reach * self.model.high:
+            if abs(self.model.deflection(after.state)) > settings.reach * self.model.high:
                 break
             if branch.subspace is FULL:
                 stable, last = after.solution, after

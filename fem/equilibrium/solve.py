@@ -30,15 +30,15 @@ def equilibrium(model: Model, force: float, voltage: float, pressure: float = 0.
                 settings: PathSettings = PathSettings()) -> Outcome:
     """The equilibrium under a force on the plate [N], a voltage [V] and a gas pressure [Pa].
 
-    Force, which there is none of without a plate, and gas, which is below film and plate, push
-    along the load. ``start`` is a converged solution; by default the flat mounted film, loaded
-    first and then charged. An "equilibrium" is stable under these loads and connected to the start
-    without passing a limit point.
+    The force, which there is none of without a plate, pushes along the load; the gas below film and
+    plate lifts them against it. ``start`` is a converged solution; by default the flat mounted
+    film, loaded first and then charged. An "equilibrium" is stable under these loads and connected
+    to the start without passing a limit point.
     """
     settings = settings.bounded(model)
     if start is None and (outcome := _nested(model, force, voltage, pressure, settings)):
         return outcome
-    solution = start or _first(model, settings)
+    solution = start or _first(model, settings, _sense(model, force, pressure))
     outcome = Outcome("equilibrium" if solution.converged else "not_converged", solution,
                       solution.advice)
     targets: dict[Load, float] = {"force": force, "pressure": pressure, "voltage": voltage**2}
@@ -96,11 +96,24 @@ def _unloading(settings: PathSettings) -> PathSettings:
                    newton=replace(settings.newton, iterations=_FEW))
 
 
-def _first(model: Model, settings: PathSettings) -> Solution:
+def _sense(model: Model, force: float, pressure: float) -> int:
+    """The way a film goes that resists nothing yet: 1 along the load, -1 where the gas lifts it.
+
+    A film pushed in carries what acts on its plate, the gas on it included, and about half of the
+    gas on itself.
+    """
+    mesh = model.discretisation
+    film_area = float(mesh.weights.sum() * mesh.mirrored)
+    film_weight = float((model.pull * mesh.weights).sum() * mesh.mirrored)
+    lifting = pressure * (float(model.plate_area) + film_area / 2)
+    return -1 if lifting > force + film_weight / 2 else 1
+
+
+def _first(model: Model, settings: PathSettings, sense: int) -> Solution:
     """The flat mounted film; or, where that is slack, the film pushed out at plate or centre.
 
     An unstressed flat membrane has no stiffness across its plane, so its load path cannot start
-    there.
+    there. ``sense``: 1 to push it along the load, -1 against it.
     """
     flat = newton(model, model.mounted(), settings=settings.newton)
     if flat.converged and flat.stable and model.in_tension(flat.state):
@@ -110,10 +123,12 @@ def _first(model: Model, settings: PathSettings) -> Solution:
         return replace(flat, converged=False,
                        advice="the film is slack when mounted, and its plate cannot move")
     deflection = _PUSHED * model.size
+    way = -sense if pushed_by == "pressure" else sense
     while True:
-        solution = newton(model, _cone(model, deflection), (pushed_by,), (held_plate(deflection),),
+        target = sense * deflection
+        solution = newton(model, _cone(model, target), (pushed_by,), (held_plate(target),),
                           settings.newton)
-        pushed = solution.converged and solution.state.load(pushed_by) > 0
+        pushed = solution.converged and way * solution.state.load(pushed_by) > 0
         if pushed and not still_slack(model, solution.state):
             return solution
         if deflection >= settings.reach * model.high:

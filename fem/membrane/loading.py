@@ -1,8 +1,10 @@
 """What acts on film and plate: weight and where it hangs, guide, bias mechanisms, gas.
 
-The gas below has the volume V = ∫ z n_z da = ∫ z (x,₁ y,₂ − x,₂ y,₁) dX over the film, and the
-plate's area times its normal's z times its deflection. With both, the virtual work of a uniform
-pressure p is p δV: the tangent is symmetric.
+The weight pulls along z. The gas lies below film and plate and loses volume where they move along
+z. Counted from the flat film it has V = −∫ z n_z da = −∫ z (x,₁ y,₂ − x,₂ y,₁) dX over the film,
+and minus the plate's area times its normal's z times its deflection. The virtual work of a uniform
+pressure p is p δV: the tangent is symmetric, and a positive pressure lifts film and plate. The sign
+of the gas stands here and nowhere else.
 """
 
 from __future__ import annotations
@@ -35,6 +37,9 @@ GUIDES: dict[Guide, frozenset[str]] = {
 
 #: Among the plate's six freedoms.
 _UP = np.eye(6)[HEAVE]
+
+#: Volume of gas that a deflection along the weight adds, per volume that it sweeps.
+_GAS = -1.0
 
 
 class Bias(Protocol):
@@ -112,7 +117,7 @@ class Loading:
     def on_plate(self, state: State, centre: Array, area: float) -> tuple[Any, Array, Array]:
         """Potential of what acts on the plate [J], and its derivatives by the six freedoms.
 
-        Force, bias mechanisms, and the gas pressure on the plate's ``area`` [m²].
+        Force, bias mechanisms, and the gas pressure on the plate's ``area`` [m²], which lifts it.
         """
         plate, lift = state.plate, self.lift(state.plate)
         height = centre[HEAVE] + plate.translation[HEAVE] + plate.rotation[HEAVE, :2] @ self.arm
@@ -136,12 +141,13 @@ class Loading:
 
 def film_volume(mesh: Discretisation, positions: Array, *, second: bool = False
                 ) -> tuple[Any, Array, Array | None]:
-    """Volume under the film [m³], its first and, if asked, second derivatives.
+    """Volume of the gas below the film [m³], its first and, if asked, second derivatives.
 
-    ``positions`` of the nodes, shape (nodes, 3) [m]. The derivatives are by those of the elements'
-    nodes, shapes (elements, local, 3) [m²] and (elements, 3 local, 3 local), node-major [m].
+    0 where the film is flat, less where it deflects along the load. ``positions`` of the nodes,
+    shape (nodes, 3) [m]. The derivatives are by those of the elements' nodes, shapes (elements,
+    local, 3) [m²] and (elements, 3 local, 3 local), node-major [m].
     """
-    f, g, w, shapes = mesh.deformation(positions), mesh.gradients, mesh.weights, mesh.shapes
+    f, g, w, shapes = mesh.deformation(positions), mesh.gradients, _GAS * mesh.weights, mesh.shapes
     height = positions[mesh.connectivity, 2] @ shapes.T
     # x,₁ y,₂ − x,₂ y,₁, the area on the frame's plane per mounted area, and its derivatives by x
     # and y of each node, shape (elements, points, local).
@@ -167,8 +173,11 @@ def film_volume(mesh: Discretisation, positions: Array, *, second: bool = False
 
 
 def plate_volume(area: float, plate: PlateMotion) -> tuple[float, Array, Array]:
-    """Volume under the plate [m³] and its first and second derivatives by the six freedoms."""
-    deflection, normal = plate.translation[HEAVE], plate.rotation[:, 2]
+    """Volume of the gas below the plate [m³], its first and second derivatives by the six freedoms.
+
+    As :func:`film_volume` counts it; ``area`` of the plate [m²].
+    """
+    deflection, normal, area = plate.translation[HEAVE], plate.rotation[:, 2], _GAS * area
     turn = np.zeros(6, dtype=normal.dtype)
     turn[3:] = np.cross(np.eye(3), normal)[:, 2]
     first = area * (normal[2] * _UP + deflection * turn)

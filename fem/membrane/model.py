@@ -281,10 +281,14 @@ class Model:
         return self._nodal(f, stress)
 
     def reaction(self, state: State) -> Any:
-        """Force with which the film pulls the whole plate back [N], positive against the load."""
-        mesh = self.discretisation
-        forces = self.forces(state.positions, state.voltage_squared)[mesh.plate_nodes, 2]
-        return forces.sum() * mesh.mirrored
+        """Force with which the film pulls the whole plate back [N], positive against the load.
+
+        The virtual work of stresses, weight and gas of the film when the plate alone moves along
+        the load: in equilibrium, on any mesh, what acts on the plate itself. The part of the gas
+        and the weight that elements at the plate's edge hand on to it is the film's.
+        """
+        return self.nodal_forces(state)[self.discretisation.plate_nodes, 2].sum() * (
+            self.discretisation.mirrored)
 
     def capacitance(self, state: State) -> Any:
         """Q/U = −2 ∂energy/∂U² of the whole film [F].

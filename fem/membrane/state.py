@@ -17,7 +17,8 @@ Array = NDArray[np.float64]
 FREEDOMS = ("x", "y", "z", "rx", "ry", "rz")
 HEAVE = FREEDOMS.index("z")
 
-#: The loads that can be changed along a path: force on the plate [N], U² [V²], gas pressure [Pa].
+#: The loads that can be changed along a path: force on the plate [N], U² [V²], gas pressure [Pa],
+#: which lifts film and plate against the force.
 Load = Literal["force", "voltage", "pressure"]
 
 _UNIT = np.eye(3)

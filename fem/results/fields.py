@@ -25,6 +25,7 @@ from tympan.fem.discretisation.isoparametric import (
 from tympan.fem.film.density import FilmDensity
 from tympan.fem.film.memory import Flow
 from tympan.fem.film.tension_field import Tension, tension_state
+from tympan.fem.membrane.loading import film_volume
 from tympan.fem.membrane.model import Model, cauchy_green
 from tympan.fem.membrane.state import State
 from tympan.geometry.mesh import ELEMENTS, unfold
@@ -207,7 +208,8 @@ def film_integrals(model: Model, states: Sequence[State]) -> tuple[Array, Array,
 
     As :meth:`Model.reaction`, :meth:`Model.capacitance` and :meth:`Model.energy`, of all states
     together from one evaluation of the film's density, at U² with an imaginary step. The reaction
-    is the work of the stresses when the plate's edge is lifted by one, nothing else moving.
+    is the work of stresses, weight and gas when the plate's edge is lifted by one, nothing else
+    moving.
     """
     mesh = model.discretisation
     f = mesh.deformation(np.stack([state.positions for state in states]))
@@ -220,7 +222,18 @@ def film_integrals(model: Model, states: Sequence[State]) -> tuple[Array, Array,
     lift = np.matmul(mesh.gradients.swapaxes(-1, -2),
                      edge[mesh.connectivity][:, None, :, None])[..., 0]
     work = np.einsum("sepi,sepij,epj->s", f[..., 2, :], stress[..., [[0, 2], [2, 1]]], lift)
-    return work * mesh.mirrored, -2 * energy.imag / STEP, energy.real
+    loads = np.array([_load_on_edge(model, state) for state in states])
+    return (work - loads) * mesh.mirrored, -2 * energy.imag / STEP, energy.real
+
+
+def _load_on_edge(model: Model, state: State) -> float:
+    """Weight and gas [N] of the film at the nodes of the plate's edge, along the load."""
+    mesh = model.discretisation
+    load = model.weight[mesh.plate_nodes, 2].sum()
+    if state.pressure:
+        by = mesh.scatter(film_volume(mesh, state.positions)[1])
+        load += state.pressure * by[mesh.plate_nodes, 2].sum()
+    return float(load)
 
 
 def _tension(model: Model, states: Sequence[State], gradients: Array, points: Array,

@@ -1,71 +1,150 @@
-"""The air that swings with a film without plate: an added mass for each pair of its modes.
+"""The air that swings with film and plate: an added mass for each pair of motions.
 
 Frame and stand are a baffle and the air is still, far below the frequency at which sound is as long
-as the film. On each side its kinetic energy is ½ ρ/(2π) ∬ v(x) v(x') / |x − x'| dA dA' with the
-velocity v along the load (Lamb, Proc. R. Soc. A 98, 1920, 205). Modes in vacuo are the basis in
-which film and air swing together.
+as the film. With V(k) = ∫ v e^(−ik·x) dA of a velocity v along the load, film and plate together,
+the kinetic energy of the air on one side is ½ ρ/(4π²) ∫ |V|²/k d²k: Rayleigh's integral
+½ ρ/(2π) ∬ v(x) v(x')/|x − x'| dA dA' (Lamb, Proc. R. Soc. A 98, 1920, 205) without its singularity.
+What moves across the load, a plate that slides or twists, moves no air. Modes in vacuo are the
+basis in which film, plate and air swing together.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
 import scipy.linalg
+import skfem.quadrature
 from numpy.typing import NDArray
 
 from tympan.fem.discretisation.discretisation import Discretisation
-from tympan.fem.discretisation.isoparametric import isoparametric, middles, tabulated
+from tympan.fem.discretisation.isoparametric import isoparametric, tabulated
+from tympan.fem.membrane.rigid_plate import RigidPlate
+from tympan.fem.membrane.state import FREEDOMS, PlateMotion
 from tympan.fem.vibration.modes import Modes
+from tympan.geometry.mesh import ELEMENTS
+from tympan.geometry.outlines import Outline
+from tympan.geometry.specimen import Specimen
 
 Array = NDArray[np.float64]
 
-#: Triangles into which elements are cut, along an edge; the finer cut has twice as many.
-_PARTS = 3
+#: Freedoms of the plate that move it along the load: up and down, and about both axes.
+_ALONG = tuple(FREEDOMS.index(name) for name in ("z", "rx", "ry"))
 
-#: Rows of the kernel at once.
-_ROWS = 512
+#: Degree of the rule on elements: waves of ten radians across an element still have three digits.
+_DEGREE = 10
+
+#: Points of the rules on a plate: around its edge, and from there to its centre.
+_AROUND, _INWARDS = 96, 10
+
+#: Largest wave number, times the frame's smaller half extent and, of long frames, its larger one.
+#: A film that is held in its frame has 1e-6 of its energy beyond, or 2e-5 where the frame is four
+#: times as long as wide; a piston that jumps there 1e-4.
+_SHORTEST_WAVE, _MOST = 60.0, 100.0
+
+#: Wave numbers per radian across the frame's larger half extent, and those more at least; wave
+#: directions, of half a turn, per the same radian, and those more.
+_DENSITY, _WAVES = 0.7, 24
+_TURN, _DIRECTIONS = 0.8, 16
+
+#: Products of waves and places at once.
+_TOGETHER = 2_000_000
 
 
-def with_air(mesh: Discretisation, modes: Modes, density: float, count: int) -> Modes:
-    """The lowest modes of film and air [kg/m³] among combinations of the film's own.
+def with_air(specimen: Specimen, mesh: Discretisation, modes: Modes, plate: RigidPlate,
+             density: float, count: int) -> Modes:
+    """The lowest modes of film, plate and air [kg/m³] among combinations of those in vacuo.
 
-    ``mesh`` is that of the whole film. Shapes are normalised to film and air together.
+    ``mesh`` is that of the whole film. Shapes are normalised to film, plate and air together.
     """
     stiffness = (2 * np.pi * modes.frequencies_Hz) ** 2 - modes.growth**2
-    inertia = np.eye(len(stiffness)) + air_masses(mesh, modes.shapes[..., 2], density)
-    values, mixes = scipy.linalg.eigh(np.diag(stiffness), inertia)
+    volumes = air_volumes(specimen, mesh, modes.shapes[..., 2], modes.plate[:, _ALONG])
+    values, mixes = scipy.linalg.eigh(np.diag(stiffness), np.eye(len(stiffness))
+                                      + density * volumes)
     chosen = slice(0, count)
     mixed = mixes[:, chosen].T
+    motion = mixed @ modes.plate
     return replace(modes, frequencies_Hz=np.sqrt(np.maximum(values[chosen], 0)) / (2 * np.pi),
                    growth=np.sqrt(np.maximum(-values[chosen], 0)),
-                   shapes=np.tensordot(mixed, modes.shapes, axes=1),
-                   plate=mixed @ modes.plate, shares=modes.shares[chosen])
+                   shapes=np.tensordot(mixed, modes.shapes, axes=1), plate=motion,
+                   shares=motion * (motion @ plate.matrix(PlateMotion.rest())))
 
 
-def air_masses(mesh: Discretisation, heights: Array, density: float) -> Array:
-    """Of the air on both sides, for motions along the load of the nodes (motions, nodes).
+def air_volumes(specimen: Specimen, mesh: Discretisation, heights: Array,
+                plate: Array | None = None) -> Array:
+    """Added masses over the air's density, both sides, of motions along the load.
 
-    Shape (motions, motions), kg where the motions have no unit. The midpoint rule's error halves
-    with the triangles, so that two of them leave little of it.
+    Shape (motions, motions), m³ where the motions have no unit. ``heights``: of the nodes,
+    (motions, nodes); of a mesh that is mirrored they are even about its planes, or odd where the
+    mesh is. ``plate``: along the load and about x and y, (motions, 3); None without motion or
+    plate.
     """
-    coarse, fine = (_midpoint_rule(mesh, heights, parts) for parts in (_PARTS, 2 * _PARTS))
-    return np.asarray(density / np.pi * (2 * fine - coarse))
+    places, flow = _film(mesh, heights)
+    for plane in mesh.planes:
+        axis, sign = "xy".index(plane), -1.0 if plane in mesh.odd else 1.0
+        image = places.copy()
+        image[:, axis] *= -1
+        places, flow = np.vstack([places, image]), np.hstack([flow, sign * flow])
+    if specimen.plate is not None and plate is not None:
+        inside, weights = _within(specimen.plate.outline)
+        lifts = plate @ np.stack([np.ones(len(inside)), inside[:, 1], -inside[:, 0]])
+        places = np.vstack([places, inside + specimen.centre])
+        flow = np.hstack([flow, lifts * weights])
+    result = np.zeros((len(heights), len(heights)))
+    small, large = sorted(specimen.frame.semi_axes)
+    for waves, weights in _waves(min(_SHORTEST_WAVE / small, _MOST / large), large):
+        for start in range(0, len(waves), step := max(1, _TOGETHER // len(places))):
+            part = slice(start, start + step)
+            phase = waves[part] @ places.T
+            for values in (np.cos(phase) @ flow.T, np.sin(phase) @ flow.T):
+                result += values.T @ (weights[part, None] * values)
+    # Both sides, and both halves of the turn.
+    return 2 * 2 * result / (4 * np.pi**2)
 
 
-def _midpoint_rule(mesh: Discretisation, heights: Array, parts: int) -> Array:
-    """∬ v v' / |x − x'| dA dA'; of a triangle with itself that of the disc of its area."""
-    order, points = mesh.mesh.order, middles(parts)
+def _film(mesh: Discretisation, heights: Array) -> tuple[Array, Array]:
+    """Places of a rule on the elements, (n, 2), and motions times weights there, (motions, n)."""
+    order = mesh.mesh.order
+    points, weights = skfem.quadrature.get_quadrature(ELEMENTS[order].refdom, _DEGREE)
     corners = mesh.reference[mesh.connectivity, :2]
-    areas = isoparametric(order, points, corners)[1]
-    areas = (areas * (mesh.weights.sum(axis=1) / areas.sum(axis=1))[:, None]).ravel()
     shapes = tabulated(order, points)[0]
-    places = np.einsum("lp,elx->epx", shapes, corners).reshape(-1, 2)
-    flow = (heights[:, mesh.connectivity] @ shapes).reshape(len(heights), -1) * areas
-    result = flow / areas * (2 * np.sqrt(np.pi * areas)) @ flow.T
-    for start in range(0, len(places), _ROWS):
-        rows = slice(start, start + _ROWS)
-        distance = np.linalg.norm(places[rows, None] - places, axis=2)
-        inverse = np.divide(1.0, distance, out=np.zeros_like(distance), where=distance > 0)
-        result += flow[:, rows] @ inverse @ flow.T
-    return np.asarray(result)
+    areas = isoparametric(order, points, corners)[1] * weights
+    flow = (heights[:, mesh.connectivity] @ shapes) * areas
+    places = np.einsum("lp,elx->epx", shapes, corners)
+    return places.reshape(-1, 2), flow.reshape(len(heights), -1)
+
+
+def _within(outline: Outline) -> tuple[Array, Array]:
+    """Places within an outline from its centre, (n, 2), and areas there, (n,).
+
+    By rays from the centre to the edge: ∫ g dA = ∮ ∫ g(s x) s ds x × dx, which holds for edges that
+    turn back, too, where areas are negative.
+    """
+    s, along = (np.asarray(part) for part in np.polynomial.legendre.leggauss(_INWARDS))
+    s, along = (1 + s) / 2, along / 2
+    pieces = outline.curve.pieces
+    lengths = outline.curve.lengths
+    places, areas = [], []
+    for piece, length in zip(pieces, lengths, strict=True):
+        # Waves turn about as often along a piece as it is long.
+        count = max(4, int(np.ceil(_AROUND * length / lengths.sum())))
+        t, weights = np.polynomial.legendre.leggauss(count)
+        edge, slope = piece.at((1 + t) / 2)[:2]
+        swept = (edge[:, 0] * slope[:, 1] - edge[:, 1] * slope[:, 0]) * weights / 2
+        places.append((s[:, None, None] * edge).reshape(-1, 2))
+        areas.append(((s * along)[:, None] * swept).ravel())
+    return np.vstack(places), np.concatenate(areas)
+
+
+def _waves(highest: float, size: float) -> Iterator[tuple[Array, Array]]:
+    """Wave vectors [1/m] over half a turn, (n, 2), and weights of ∫∫ dk dθ over it, (n,)."""
+    reach = highest * size
+    nodes, weights = np.polynomial.legendre.leggauss(_WAVES + int(_DENSITY * reach))
+    numbers, weights = highest * (1 + nodes) / 2, highest * weights / 2
+    for number, weight in zip(numbers, weights, strict=True):
+        # As many directions as a pattern of so short waves can tell.
+        count = _DIRECTIONS + int(_TURN * number * size)
+        angles = np.pi * np.arange(count) / count
+        yield (number * np.column_stack([np.cos(angles), np.sin(angles)]),
+               np.full(count, weight * np.pi / count))

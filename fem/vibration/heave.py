@@ -17,13 +17,13 @@ from scipy.sparse import identity, kron
 from tympan.fem.linear_solver.direct import factorise
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.rigid_plate import RigidPlate
-from tympan.fem.membrane.state import HEAVE, State
+from tympan.fem.membrane.state import FREEDOMS, HEAVE, State
+from tympan.fem.vibration.air import air_volumes
 from tympan.fem.vibration.modes import System, mass_matrix
 from tympan.geometry.errors import InputError
 
-#: Added mass of a piston in a baffle, over ρ r³ and one side, far below the frequency at which
-#: sound is as long as it: Rayleigh, The Theory of Sound II (1896), § 302.
-_PISTON = 8 / 3
+#: Plate freedoms that tilt it.
+_TURNS = (FREEDOMS.index("rx"), FREEDOMS.index("ry"))
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,8 @@ class FollowingFilm:
     ``swinging``: ∫ |v|² dA over the mounted film, and over what is covered of it [m²]; ``lag``: the
     g above for masses per area of 1 kg/m² [m⁴], shape (2, 2); ``lifted``: ∫ v_z dA over the covered
     film, which its weight acts on; ``swept``: that of the whole film and the ``plate``, whose area
-    that is.
+    that is; ``air``: the added mass of still air on both sides over its density, frame and stand a
+    baffle [m³].
     """
 
     swinging: tuple[float, float]
@@ -41,40 +42,25 @@ class FollowingFilm:
     lifted: float
     swept: float
     plate: float
+    air: float
 
     def mass(self, plate: Any, film: float, electrode: float, air: float = 0.0) -> Any:
         """Mass [kg] that on a weightless film has the frequency of the whole.
 
         Of a mass on the plate [kg], film and electrodes by theirs per mounted area [kg/m²], and
-        :meth:`air_mass`.
+        air by its density [kg/m³].
 
         Examples
         --------
         >>> none = (0.0, 0.0), ((0.0, 0.0), (0.0, 0.0))
-        >>> FollowingFilm(*none, 0.0, 0.0, 0.0).mass(0.02, 0.2, 0.05).item()
+        >>> FollowingFilm(*none, 0.0, 0.0, 0.0, 0.0).mass(0.02, 0.2, 0.05).item()
         0.02
         """
         coats = np.array([film, electrode])
-        whole = plate + coats @ self.swinging + self.air_mass(air)
+        whole = plate + coats @ self.swinging + self.air * air
         share = coats @ self.lag @ coats / whole**2
         # With ω² = x k/m, 1 - x - x² g/m² = 0.
         return whole * (1 + np.sqrt(1 + 4 * share)) / 2
-
-    def air_mass(self, density: float) -> float:
-        """Mass of the air on both sides [kg], frame and stand a baffle, by its density [kg/m³].
-
-        That of the piston that sweeps as much and has the same ∫ |v|² dA; of a film ln(b/R)/ln(b/a)
-        about a plate of a = 0.22 b it is 5 % low. Without a baffle there is less: of a free disc
-        half.
-
-        Examples
-        --------
-        >>> area, none = 3.141592653589793 * 0.03**2, ((0.0, 0.0), ((0.0, 0.0), (0.0, 0.0)))
-        >>> round(FollowingFilm(*none, 0.0, area, area).air_mass(1.2), 7)  # 16/3 ρ (3 cm)³
-        0.0001728
-        """
-        whole = self.swinging[0] + self.plate
-        return float(2 * _PISTON * density * self.swept * np.sqrt(whole) / np.pi**1.5)
 
 
 def following(model: Model, state: State) -> FollowingFilm:
@@ -103,5 +89,10 @@ def following(model: Model, state: State) -> FollowingFilm:
     film, electrode = (mesh.mirrored * inertia @ motion).tolist()
     (first, mixed), (_, second) = lag.tolist()
     plate = float(model.plate_area)
+    heights = (coordinates @ motion).reshape(-1, 3)[None, :, 2]
+    turns = [motion[stiffness.shape[0] - len(freedoms) + freedoms.index(turn)]
+             if turn in freedoms else 0.0 for turn in _TURNS]
+    air = air_volumes(model.specimen, mesh, heights, np.array([[1.0, *turns]]))
     return FollowingFilm((film, electrode), ((first, mixed), (mixed, second)),
-                         float((model.covered * lift).sum()), float(lift.sum()) + plate, plate)
+                         float((model.covered * lift).sum()), float(lift.sum()) + plate, plate,
+                         air.item())

@@ -86,23 +86,34 @@ class VoltageCurve:
         The last are those of a film that thins, were it kept from wrinkling. Each part begins where
         the one before it ends.
         """
-        y = self.line[1]
+        way = self.way
+        y = way * self.line[1]
         ends = self.limits.limit, self.limits.end if self.limits.thins else None
-        low, high = (np.inf if limit is None else self.deflection_at(limit) for limit in ends)
+        low, high = (np.inf if limit is None else way * self.deflection_at(limit)
+                     for limit in ends)
         return (y <= low + _SAME, (y >= low - _SAME) & (y <= high + _SAME), y >= high - _SAME)
 
     def deflection_at(self, limit: Limit) -> float:
         """Where on the curve a limit is: the curve has a point there."""
         return float(self.deflection[np.argmin(np.abs(self.voltage - limit.voltage_V / 1e3))])
 
+    @property
+    def way(self) -> float:
+        """The way the voltage moves the film: 1 along the load, -1 where gas holds it up."""
+        raised = len(self.deflection) > 1 and self.deflection[-1] < self.deflection[0]
+        return -1.0 if raised else 1.0
+
     @cached_property
     def line(self) -> tuple[Array, Array]:
         """Voltages and deflections close together, between which U² is smooth in the deflection."""
         y, squared = self.deflection, self.voltage**2
+        # Gas may hold the film up: then a voltage moves it up, to ever more negative deflections.
+        way = self.way
+        y = way * y
         if len(y) < 2 or not (np.diff(y) > 0).all():
-            return self.voltage, y
+            return self.voltage, self.deflection
         dense = np.unique(np.concatenate([y, np.linspace(y[0], y[-1], 200)]))
-        return np.sqrt(np.maximum(PchipInterpolator(y, squared)(dense), 0.0)), dense
+        return np.sqrt(np.maximum(PchipInterpolator(y, squared)(dense), 0.0)), way * dense
 
     def at(self, voltage: float) -> float:
         """The deflection at a voltage on the way."""
@@ -142,7 +153,7 @@ def draw_voltage_curves(axes: Axes, result: CurveResult) -> None:
 
 
 def frame_curves(axes: Axes, curves: list[VoltageCurve], *others: Axes) -> None:
-    """Limits of axes that show curves whole: from no deflection on, with room for a legend.
+    """Limits of axes that show curves whole: with no deflection, and with room for a legend.
 
     ``others`` show curves of the same limits. Equal words beside each other are said once, others
     moved apart.
@@ -150,10 +161,12 @@ def frame_curves(axes: Axes, curves: list[VoltageCurve], *others: Axes) -> None:
     panels = axes, *others
     right = max((float(part.max()) for curve in curves for part in (curve.voltage, curve.asked)
                  if len(part)), default=0.0) or 1.0
-    top = max((float(curve.deflection.max()) for curve in curves if len(curve.deflection)),
-              default=0.0) or 1.0
+    every = np.concatenate([np.zeros(1), *(curve.deflection for curve in curves)])
+    low, top = float(every.min()), float(every.max())
+    high = (top - low) or 1.0
+    bottom = low - 0.05 * high if low < 0 else 0.0
     for panel in panels:
-        panel.set(xlim=(-0.02 * right, 1.06 * right), ylim=(0, 1.15 * top))
+        panel.set(xlim=(-0.02 * right, 1.06 * right), ylim=(bottom, top + 0.15 * high))
         panel.legend(loc="upper left")
         _say_once(panel)
     for _ in range(_TRIES):
@@ -162,7 +175,8 @@ def frame_curves(axes: Axes, curves: list[VoltageCurve], *others: Axes) -> None:
         if not any(map(_crowded, panels)):
             break
         for panel in panels:
-            panel.set_ylim(0, 1.08 * panel.get_ylim()[1])
+            bottom, top = panel.get_ylim()
+            panel.set_ylim(bottom, top + 0.08 * (top - bottom))
 
 
 def _crowded(axes: Axes) -> bool:
@@ -239,7 +253,7 @@ def draw_curve(axes: Axes, curve: VoltageCurve, number: int, label: str) -> None
             if words not in axes.get_legend_handles_labels()[1]:
                 faint.set_label(words)
     if limits.tension is not None:  # wide and pale: part of the film has lost tension
-        loose = y >= curve.deflection_at(limits.tension) - _SAME
+        loose = curve.way * (y - curve.deflection_at(limits.tension)) >= -_SAME
         axes.plot(x[loose], y[loose], color=colour, alpha=0.25, linewidth=5.0, zorder=1,
                   solid_capstyle="butt")
     here = np.isfinite(curve.there)

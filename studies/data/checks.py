@@ -88,7 +88,8 @@ def summary(dataset: Dataset) -> dict[str, Any]:
 def dataset_warnings(dataset: Dataset) -> list[str]:
     """One sentence for each thing that limits, or may spoil, what the data can tell."""
     return [*dataset.remarks, *_too_little(dataset), *_static_warnings(dataset),
-            *_frequency_warnings(dataset), *slips_of_unit(dataset), *slips_of_sign(dataset)]
+            *_frequency_warnings(dataset), *slips_of_unit(dataset), *slips_of_sign(dataset),
+            *dataset.rig.remarks]
 
 
 def _distinct(values: list[NDArray[np.float64]]) -> list[float]:

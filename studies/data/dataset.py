@@ -70,7 +70,8 @@ RANGE: tuple[Column, ...] = (
     _DWELL,
 )
 #: The columns of transient.csv; ``rest``: how long the mass hung under the first voltage before,
-#: for ever where it is left out.
+#: for ever where it is left out; ``film_voltage`` across the film and ``current`` into its
+#: electrodes are kept and not judged.
 TRANSIENT: tuple[Column, ...] = (
     *_LOAD,
     Column.labels("run"),
@@ -78,6 +79,8 @@ TRANSIENT: tuple[Column, ...] = (
     Column("voltage", "kV", _VOLTAGE),
     Column("displacement", "mm", _DISPLACEMENT),
     Column("rest", "s", NON_NEGATIVE, required=False),
+    Column("film_voltage", "kV", _VOLTAGE, required=False),
+    Column("current", "uA", required=False),
 )
 
 #: The columns of frequency.csv: natural frequencies of small vibrations at rest under mass and

@@ -55,6 +55,7 @@ class CurveResult:
     curves: tuple[MassCurve, ...]
     dofs: int
     wall_s: float
+    warnings: tuple[str, ...] = ()
     table: Mapping[str, NDArray[Any]] = field(default_factory=dict, repr=False, compare=False)
 
     def json(self) -> dict[str, Any]:
@@ -111,7 +112,7 @@ def curve(specimen: Specimen, masses: Sequence[float], settings: Settings, rig: 
                                    float if column.choices is None else str)
              for number, column in enumerate(CURVES)}
     return CurveResult(specimen=specimen.name, curves=tuple(curves), dofs=dofs,
-                       wall_s=time.perf_counter() - began, table=table)
+                       wall_s=time.perf_counter() - began, warnings=rig.remarks, table=table)
 
 
 def _row(asked: bool, result: CaseResult, limits: Limits) -> tuple[Any, ...]:
@@ -133,4 +134,4 @@ def _asked(ascent: Rise, mass: float, rig: Rig, voltages: Sequence[float], setti
     for voltage in voltages[len(within):]:
         yield CaseResult(specimen=model.specimen.name, mass_kg=mass, voltage_V=voltage,
                          status="no_equilibrium", limit=end, dofs=model.unknowns, wall_s=0.0,
-                         warnings=(ascent.limits.ended,))
+                         warnings=(ascent.limits.ended, *rig.remarks))

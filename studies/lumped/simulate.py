@@ -52,7 +52,8 @@ _CLOSED = 0.01
 _EARLY = 1e-3
 _COLUMNS = (Column.labels("specimen"), Column("mass", "g"), Column.labels("run"),
             Column("t", "s"), Column("voltage", "kV"), Column("displacement", "mm"),
-            Column("rest", "s", required=False))
+            Column("rest", "s", required=False), Column("film_voltage", "kV", required=False),
+            Column("current", "uA", required=False))
 _LOOP_COLUMNS = (Column.labels("specimen"), Column("voltage", "kV"), Column("deflection", "mm"))
 
 

@@ -126,12 +126,15 @@ class DesignEvaluator:
             self.between = any(limit.between for limit in kept.values())
         rest = resting.state.plate.deflection
         stroke = charged.state.plate.deflection - rest
+        # A plate that the gas holds up is moved further up.
+        sense = -1.0 if stroke < 0 else 1.0
         owners = tuple((name, at) for name, limit in kept.items() for at in limit.voltages)
         limits = np.concatenate([np.zeros(0), *(limit.c for limit in kept.values())])
         limit_slopes = np.concatenate([np.zeros((0, len(by))),
                                        *(limit.slopes for limit in kept.values())])
-        return Design(values, specimen, "", stroke, rest, kept, owners), Linearisation(
-            stroke, (slopes[1] - slopes[0]) * problem.widths, limits, limit_slopes * problem.widths)
+        return Design(values, specimen, "", sense * stroke, rest, kept, owners), Linearisation(
+            sense * stroke, sense * (slopes[1] - slopes[0]) * problem.widths, limits,
+            limit_slopes * problem.widths)
 
 
 def check_derivatives(problem: OptimiseProblem, settings: Settings) -> None:

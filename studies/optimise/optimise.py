@@ -206,9 +206,9 @@ def _optimum(problem: OptimiseProblem, best: StartRun, runs: Sequence[StartRun],
         "starts": [_run(problem, run) for run in runs],
         "starts_apart_stroke": float(np.ptp(strokes)) / max(strokes),
         "starts_apart_variables": float(np.ptp(ends, axis=0).max()),
-        "warnings": list(dict.fromkeys(
+        "warnings": [*dict.fromkeys(
             words for state in evaluator.states[::-1] if evaluator.model is not None
-            for words in state_warnings(evaluator.model, state)))}
+            for words in state_warnings(evaluator.model, state)), *problem.rig.remarks]}
 
 
 def _run(problem: OptimiseProblem, run: StartRun) -> dict[str, Any]:

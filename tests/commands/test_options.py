@@ -10,6 +10,7 @@ import pytest
 
 from tests.support.specimens import ROUND, SOFT, specimen_toml
 from tympan.cli import main
+from tympan.fem.rig import GAS_SIGN
 from tympan.studies.paper.actuators import FILES as ACTUATORS
 
 OVAL = str(next(iter(ACTUATORS.values())))
@@ -101,12 +102,16 @@ def test_a_film_without_plate_carries_gas_and_no_mass(tmp_path: Path, monkeypatc
     record = json.loads(capsys.readouterr().out)
     # p a²/(4 σ t) of a flat film, which hardly moves; 1 mm of virgin film is stretched by 2.
     tension = 15e3 * (2.0**2 - 2.0**-4) * 1e-3 / 4
-    assert record["deflection_m"] == pytest.approx(20 * 45e-3**2 / (4 * tension), rel=5e-3)
+    assert record["deflection_m"] == pytest.approx(-20 * 45e-3**2 / (4 * tension), rel=5e-3)
     assert record["pressure_Pa"] == 20
+    assert record["warnings"] == [GAS_SIGN]
     assert record["mass_kg"] == 0
     assert main(["solve", "drum.toml", "--mass", "1 g"]) == 2
     assert "--mass: given '0.001 kg': must be 0" in capsys.readouterr().err
     assert main(["solve", "drum.toml", "--pressure", "1 mm"]) == 2
     assert "--pressure: given '1 mm'" in capsys.readouterr().err
+    assert main(["solve", "drum.toml", "--pressure", "1 TPa"]) == 2
+    assert capsys.readouterr().err == (
+        "tympan: --pressure: given '1 TPa': must be from -100 to 100 MPa\n")
     assert main(["solve", OVAL]) == 2
     assert '--mass: must be given, such as "17.9 g"' in capsys.readouterr().err

@@ -22,8 +22,12 @@ from collections.abc import Callable
 from functools import cache
 
 import numpy as np
+from scipy.integrate import simpson
 from scipy.optimize import brentq
 from scipy.special import iv, ivp, j0, jv, jvp, kv, kvp, yv, yvp
+
+#: Wave numbers of a transform, times the outer radius: beyond there are 1e-10 of its square.
+_WAVES = 400.0
 
 
 def held(order: int, count: int, inner: float, outer: float) -> np.ndarray:
@@ -89,14 +93,30 @@ def air_volume(inner: float, outer: float) -> float:
     """Added mass of still air on both sides in a baffle, over its density [m³].
 
     Of the profile 1 on the plate and ln(b/R)/ln(b/a) beyond, ∬ v v'/(2π |x - x'|) dA dA' a side,
-    by Hankel's transform V: 2π ∫ V(k)² dk.
+    by Hankel's transform V = (J₀(ka) − J₀(kb))/(k² ln(b/a)): 2π ∫ V(k)² dk.
     """
-    k = np.linspace(1e-3, 6000.0, 3000)
-    radius = np.linspace(0, outer, 1501)
-    beyond = np.log(outer / np.maximum(radius, inner)) / np.log(outer / inner)
-    profile = np.where(radius < inner, 1.0, beyond)
-    transform = np.array([np.trapezoid(profile * j0(at * radius) * radius, radius) for at in k])
-    return float(4 * np.pi * np.trapezoid(transform**2, k))
+    k, ratio = np.linspace(0.0, _WAVES / outer, 400_001), np.log(outer / inner)
+    transform = np.full(len(k), (outer**2 - inner**2) / (4 * ratio))  # the limit at k = 0
+    transform[1:] = (j0(k[1:] * inner) - j0(k[1:] * outer)) / (k[1:]**2 * ratio)
+    return float(4 * np.pi * simpson(transform**2, x=k))
+
+
+@cache
+def air_inertia(inner: float, outer: float) -> float:
+    """Added moment of inertia about a diameter of the same, over the air's density [m⁵].
+
+    Of the profile R cos t on the plate and, beyond, the harmonic one that is 0 at the frame,
+    a (b²/R − R)/(b²/a − a) cos t: π ∫ V(k)² dk a side with Hankel's transform of order 1.
+    """
+    k = np.linspace(0.0, 60.0 * np.pi / outer, 1501)[1:]
+    nodes, weights = np.polynomial.legendre.leggauss(120)
+    transform = np.zeros(len(k))
+    for low, high in ((0.0, inner), (inner, outer)):
+        radius = low + (high - low) * (1 + nodes) / 2
+        beyond = inner * (outer**2 / radius - radius) / (outer**2 / inner - inner)
+        profile = radius if low == 0 else beyond
+        transform += (jv(1, np.outer(k, radius)) * (profile * radius)) @ weights * (high - low) / 2
+    return float(2 * np.pi * simpson(transform**2, x=k))
 
 
 def _cross(order: int, k: float, inner: float, outer: float) -> tuple[float, float]:

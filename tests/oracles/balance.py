@@ -79,7 +79,7 @@ def nodal_forces(model: Model, state: State) -> Array:
     elements[..., 2] -= density * model.loading.gravity * np.einsum("ep,pl->el", model.volumes,
                                                                     shapes)
     normal = np.cross(deformation[..., 0], deformation[..., 1])
-    elements -= state.pressure * np.einsum("epi,pl,ep->eli", normal, shapes,
+    elements += state.pressure * np.einsum("epi,pl,ep->eli", normal, shapes,
                                            model.discretisation.basis.dx)
     result = np.zeros_like(state.positions)
     np.add.at(result, model.discretisation.connectivity, elements)
@@ -159,7 +159,7 @@ def plate_balance(model: Model, state: State, rim: Array) -> tuple[Array, Array]
     arms = (edge - model.centre) @ plate.rotation.T
     weight = np.array([0.0, 0.0, state.force])
     hung = plate.rotation @ np.array([*loading.arm, 0.0])
-    gas = state.pressure * model.plate_area * plate.rotation[:, 2]
+    gas = -state.pressure * model.plate_area * plate.rotation[:, 2]
     push = np.array([0.0, 0.0, sum(_pull(bias, plate.deflection) for bias in loading.biases)])
     return weight + gas + push - rim.sum(axis=0), np.cross(hung, weight) - np.cross(arms,
                                                                                     rim).sum(axis=0)

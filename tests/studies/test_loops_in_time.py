@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.interpolate import CubicSpline
 
 from tests.support.creeping import film
 from tympan.cli import main
@@ -14,9 +15,9 @@ from tympan.fem.transient.integrate import StepSettings
 from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Specimen, ViscousBranch
 from tympan.studies.case import Case, Settings, solve
-from tympan.studies.reduced_film.sampling import extremes
-from tympan.studies.signals import Sine
-from tympan.studies.transient import TransientCase, loop, respond
+from tympan.studies.reduced_film.sampling import extremes, last_loop
+from tympan.studies.signals import Pieces, Sine, ramp
+from tympan.studies.transient import TransientCase, history, loop, respond
 
 MASS, TURN, TIME = 17.9e-3, 5e3, 10.0
 
@@ -44,6 +45,45 @@ def test_a_loop_is_wide_where_its_rate_meets_the_branch() -> None:
 
 def test_a_film_without_branches_comes_back_the_way_it_went() -> None:
     assert abs(width(film(), TIME)) < 2e-5
+
+
+@pytest.mark.parametrize(("duration", "most"), [(20.0, 1e-3), (6e-2, 1e-2)])
+def test_a_loop_s_area_is_that_of_far_shorter_steps_within_its_error(duration: float, most: float
+                                                                      ) -> None:
+    """Of a wide loop and of one that is a twentieth of a thousandth of its box."""
+    case = Case(CREEPS, mass=MASS)
+    numbers = loop(case, 2 * TURN / duration, TURN, Settings()).responses[0].numbers
+    area, error = numbers["hysteresis_area_V_m"], numbers["hysteresis_area_error_V_m"]
+    done = history(TransientCase(CREEPS, ramp(0.0, TURN, duration), mass=MASS,
+                                 steps=StepSettings(error=1e-9)), Settings())
+    rising = np.flatnonzero(np.diff(done.time) == 0).item()
+    up, down = (CubicSpline(done.time[part], done.deflection[part])
+                for part in (slice(0, rising + 1), slice(rising + 1, None)))
+    rate = 2 * TURN / duration
+    exact = rate * (down.integrate(duration / 2, duration) - up.integrate(0.0, duration / 2))
+    assert 0 < error < most * area
+    assert area == pytest.approx(exact, abs=error)
+
+
+def test_a_film_without_branches_encloses_nothing_within_the_error() -> None:
+    numbers = loop(Case(film(), mass=MASS), TURN, TURN, Settings()).responses[0].numbers
+    box = TURN * numbers["range_m"]
+    assert abs(numbers["hysteresis_area_V_m"]) < 1e-6 * box
+    assert numbers["hysteresis_area_error_V_m"] < 1e-6 * box
+
+
+def test_the_area_counts_jumps_and_sines_exactly() -> None:
+    """∮ y du of a square and of an ellipse, y = sin(t − φ) on u = sin t: π sin φ."""
+    corners = np.array([0.0, 1.0, 1.0, 2.0])
+    square = Pieces(corners, np.array([0.0, 0.0, 3.0, 3.0]))
+    time = np.array([0.0, 0.3, 1.0, 1.0, 1.5, 2.0])
+    _, area, _ = last_loop("", square, 2.0, time, np.array([1.0, 2.0, 2.0, 4.0, 4.0, 1.0]))
+    # At the jump of u from 0 to 3 the mean of y is 3: −∮ y du without the way back, at y = 1.
+    assert area == pytest.approx(-9.0)
+    period, lag = 2 * np.pi, 0.3
+    time = np.linspace(0, period, 400)
+    _, area, _ = last_loop("", Sine(0.0, 1.0, period, 1.0), period, time, np.sin(time - lag))
+    assert area == pytest.approx(np.pi * np.sin(lag), rel=1e-7)
 
 
 def test_a_slow_loop_turns_at_the_equilibrium() -> None:

@@ -148,3 +148,35 @@ def test_a_branch_that_cannot_be_is_refused(old: str, new: str, key: str, film: 
     message, = capsys.readouterr().err.strip().splitlines()
     assert str(film) in message
     assert key in message
+
+
+def test_transient_csv_has_the_film_s_voltage_and_current(
+        film: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Through a resistance by Ohm's law; without one what the charge at rest makes of a ramp."""
+    rig = tmp_path / "rig.toml"
+    rig.write_text('series_resistance = "100 MOhm"\n', encoding="utf-8")
+    begin = ("transient", str(film), "--mass", "17.9 g", "-o", str(tmp_path / "out"))
+    record = answer(capsys, *begin, "--signal", "step", "--high", "3 kV", "--duration", "3 s",
+                    "--interval", "10 ms", "--rig", str(rig))["responses"][0]
+    rows = np.genfromtxt(tmp_path / "out" / "transient.csv", delimiter=",", names=True,
+                         encoding="utf-8", dtype=None)
+    assert (rows["film_voltage_kV"][0], rows["current_uA"][0]) == (0, 0)  # at rest before the step
+    after = rows[1:]
+    ohm = (3.0 - after["film_voltage_kV"]) / 100e6 * 1e9
+    assert after["current_uA"] == pytest.approx(ohm, abs=1e-3 * ohm.max())
+    assert record["highest_current_A"] == pytest.approx(3e3 / 100e6, rel=1e-9)
+    assert record["highest_film_voltage_V"] == pytest.approx(3e3, rel=1e-4)
+    again = read_dataset(tmp_path / "out").transients
+    assert again is not None
+    assert again["current"] == pytest.approx(rows["current_uA"] * 1e-6, rel=1e-9)
+    answer(capsys, *begin, "--signal", "ramp", "--high", "3 kV", "--duration", "2000 s",
+           "--interval", "1 s")
+    rows = np.genfromtxt(tmp_path / "out" / "transient.csv", delimiter=",", names=True,
+                         encoding="utf-8", dtype=None)
+    rising = rows[rows["t_s"] < 1000]
+    charge = np.trapezoid(np.append(rising["current_uA"], rising["current_uA"][-1]),
+                          np.append(rising["t_s"], 1000.0))
+    at_top = answer(capsys, "solve", str(film), "--mass", "17.9 g", "--voltage", "3 kV")
+    assert charge == pytest.approx(3e3 * at_top["capacitance_F"] * 1e6, rel=2e-3)
+    assert rows["current_uA"][-1] < 0
+    assert rows["film_voltage_kV"] == pytest.approx(rows["voltage_kV"], abs=1e-9)

@@ -85,7 +85,7 @@ def limits(options: argparse.Namespace) -> None:
     specimen, rig, settings, (mass, *_) = _loaded(options)
     risen = rise(Case(specimen, mass=mass, rig=rig), settings)
     print_record(options, {"specimen": specimen.name, "mass_kg": mass, **to_json(risen.limits),
-                           "warnings": risen.warnings},
+                           "warnings": [*risen.warnings, *rig.remarks]},
                  limits=risen.limits, plate=specimen.plate, pressure=rig.gas_pressure)
 
 
@@ -131,7 +131,7 @@ def _loaded(options: argparse.Namespace) -> tuple[Specimen, Rig, Settings, tuple
 @command("path",
          *case_arguments(mass="on the plate at the start", voltage="across the film at the start"),
          argument("--along", choices=("voltage", "charge", "mass", "pressure"), default="voltage",
-                  help="what grows; gas pressure acts below film and plate"),
+                  help="what grows; a gas pressure lifts the film, one below 0 falls further"),
          argument("--rate", metavar="RATE",
                   help='in time instead, up and down again at a rate such as "100 V/s": the loop '
                        "of a film with viscous branches"),

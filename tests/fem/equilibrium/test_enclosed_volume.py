@@ -1,5 +1,5 @@
-"""Volume under film and plate against closed forms; gas pressure, which follows both, against
-shooting."""
+"""Volume between film, plate and frame against closed forms; gas pressure, which follows both and
+lifts them, against shooting."""
 
 from __future__ import annotations
 
@@ -28,9 +28,12 @@ INNER, OUTER = 10e-3, 45e-3
 
 
 def volume(film: Model, state: State) -> float:
-    """Volume under the whole film and plate [m³]: what the potential says the pressure has done."""
+    """Volume [m³] that the whole film and plate sweep along the load.
+
+    By what the potential says a gas of 1 Pa has lost: gas lies below and is pressed out.
+    """
     works = [potential(film, state.under(pressure=pressure)) for pressure in (0.0, 1.0)]
-    return film.discretisation.mirrored * float(works[0] - works[1])
+    return film.discretisation.mirrored * float(works[1] - works[0])
 
 
 def raised(film: Model, height, heave: float) -> State:
@@ -94,19 +97,19 @@ def test_divergence_theorem_with_the_plate_shifted_tilted_and_turned(skewed_mode
 
 
 def test_gas_pressure_is_normal_to_film_and_plate(skewed_model: Model) -> None:
-    """Forces p ∫ φ n da on free nodes; on the plate p n A through its centre, and the film's on its
-    edge."""
+    """Forces −p ∫ φ n da on free nodes, n along the load where flat; on the plate −p n A through
+    its centre, and the film's on its edge."""
     film, state = skewed_model, loaded(skewed_model)
     inner, outer = film.by_load(state, "pressure")
     forces, _ = followers(film, state)
-    assert np.allclose(-inner, forces[film.discretisation.free],
+    assert np.allclose(inner, forces[film.discretisation.free],
                        rtol=0, atol=1e-13 * np.abs(forces).max())
     at_edge = forces[film.discretisation.plate_nodes]
     arms = state.positions[film.discretisation.plate_nodes] - film.centre - state.plate.translation
     push = at_edge.sum(axis=0) + film.plate_area * state.plate.rotation[:, 2]
     moment = np.cross(arms, at_edge).sum(axis=0)
-    assert -outer[:3] == pytest.approx(push, abs=3e-4 * film.plate_area)
-    assert -outer[3:] == pytest.approx(moment, abs=3e-4 * film.plate_area * INNER)
+    assert outer[:3] == pytest.approx(push, abs=3e-4 * film.plate_area)
+    assert outer[3:] == pytest.approx(moment, abs=3e-4 * film.plate_area * INNER)
 
 
 def test_plate_volume_s_derivatives() -> None:
@@ -117,7 +120,7 @@ def test_plate_volume_s_derivatives() -> None:
     errors = [abs(plate_volume(2.0, plate.moved(t * direction))[0] - value - t * first @ direction
                   - t * t * direction @ second @ direction / 2) for t in (0.04, 0.02)]
     assert math.log2(errors[0] / errors[1]) > 2.8
-    assert value == pytest.approx(2.0 * 5e-3 * plate.rotation[2, 2])
+    assert value == pytest.approx(-2.0 * 5e-3 * plate.rotation[2, 2])
 
 
 def shoot(rim: float, pressure: float, voltage_squared: float, force: float = 0.0,
@@ -159,7 +162,8 @@ def at(pressure: float, voltage: float, guess: tuple[float, float], force: float
     (300.0, 3000.0, 0.3, (2.2, 2.9)),
     (-300.0, 2000.0, 0.0, (2.2, 2.5))])
 def test_plate_and_film_under_gas_pressure_follow_the_ode(pressure, voltage, force, guess) -> None:
-    outcome = equilibrium(model(circular()), force, voltage, pressure)
+    # The oracle's gas pushes the way its force does, so it is below the film with the other sign.
+    outcome = equilibrium(model(circular()), force, voltage, -pressure)
     assert outcome.status == "equilibrium"
     exact = math.copysign(at(abs(pressure), voltage, guess, force), pressure)
     assert outcome.state.plate.deflection == pytest.approx(exact, rel=2e-6)
@@ -191,7 +195,8 @@ def test_ballooning_limit_is_the_ode_s_and_the_branch_goes_on_beyond() -> None:
         state = point.state
         assert point.solution.tangent.negative == 1
         rim = brentq(lambda l1, p=state.pressure: shoot(l1, p, 0.0)[0], 7.0, 12.0, xtol=1e-12)
-        assert state.plate.deflection == pytest.approx(shoot(rim, state.pressure, 0.0)[1], rel=1e-4)
+        raised = -shoot(rim, state.pressure, 0.0)[1]
+        assert state.plate.deflection == pytest.approx(raised, rel=1e-4)
 
 
 def test_pull_in_voltage_of_an_inflated_film() -> None:
@@ -219,14 +224,29 @@ def test_pressure_tilts_a_plate_off_centre_and_half_agrees_with_full() -> None:
     level = equilibrium(build_model(specimen, Settings(), Loading(guide="level")), 0.0, 0.0,
                         400.0).state
     assert level.plate.tilt == 0
-    assert level.plate.deflection < half.plate.deflection
+    assert 0 > level.plate.deflection > half.plate.deflection
 
 
 def test_a_film_mounted_slack_is_inflated() -> None:
-    """Its flat state has no stiffness, and it hangs on no weight."""
+    """Its flat state has no stiffness, and it hangs on no weight; up or down is the same."""
     film = model(circular(prestretch=(1.0, 1.0)))
-    outcome = equilibrium(film, 0.0, 0.0, 400.0)
+    heights = {}
+    for pressure in (-400.0, 400.0):
+        outcome = equilibrium(film, 0.0, 0.0, pressure)
+        assert outcome.status == "equilibrium"
+        pushed = equilibrium(film, -math.copysign(0.1, pressure), 0.0, pressure)
+        eased = equilibrium(film, 0.0, 0.0, pressure, pushed.solution)
+        heights[pressure] = outcome.state.plate.deflection
+        assert heights[pressure] == pytest.approx(eased.state.plate.deflection, rel=1e-6)
+    assert heights[400.0] < 0
+    assert heights[-400.0] == pytest.approx(-heights[400.0], rel=1e-9)
+
+
+@pytest.mark.parametrize(("mass", "pressure", "sense"), [
+    (17.9e-3, 50.0, 1), (17.9e-3, 400.0, -1)])
+def test_a_film_mounted_slack_goes_where_weight_or_gas_pull_it(
+        mass: float, pressure: float, sense: int) -> None:
+    film = model(circular(prestretch=(1.0, 1.0)))
+    outcome = equilibrium(film, mass * 9.80665, 0.0, pressure)
     assert outcome.status == "equilibrium"
-    pushed = equilibrium(film, 0.1, 0.0, 400.0)
-    eased = equilibrium(film, 0.0, 0.0, 400.0, pushed.solution)
-    assert outcome.state.plate.deflection == pytest.approx(eased.state.plate.deflection, rel=1e-6)
+    assert sense * outcome.state.plate.deflection > 1e-3

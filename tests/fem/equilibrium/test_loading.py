@@ -218,7 +218,7 @@ def test_a_fixed_plate_leaves_the_film_alone_to_bulge() -> None:
     radius = np.hypot(*film.discretisation.reference[:, :2].T)
     flat = (outer**2 - radius**2 - (outer**2 - inner**2) * np.log(outer / radius)
             / np.log(outer / inner)) / 4
-    assert np.allclose(outcome.state.positions[:, 2], flat / tension, rtol=0,
+    assert np.allclose(outcome.state.positions[:, 2], -flat / tension, rtol=0,
                        atol=5e-6 * flat.max() / tension)
 
 
@@ -267,8 +267,8 @@ def test_the_film_s_own_weight_is_carried_by_frame_and_plate() -> None:
     small = replace(film, loading=replace(film.loading, gravity=0.0981))
     state = equilibrium(small, 0.0, 0.0).state
     pressed = equilibrium(build_model(circular(), Settings(), Loading(guide="fixed")), 0.0, 0.0,
-                          per_area / 100).state
-    assert np.abs(state.positions[:, 2]).max() == pytest.approx(pressed.positions[:, 2].max(),
+                          -per_area / 100).state
+    assert state.positions[:, 2].max() == pytest.approx(pressed.positions[:, 2].max(),
                                                                 rel=1e-4)
 
 
@@ -364,4 +364,4 @@ def test_a_limit_in_pressure_is_told_in_pascal() -> None:
     result = solve(Case(circular(), mass=0.0, voltage=0.0,
                         rig=Rig(gas_pressure=2000.0)), Settings())
     assert result.status == "no_equilibrium"
-    assert result.warnings[0] == "the film pulls in at 1272 Pa of gas pressure"
+    assert result.warnings[0] == "the film bears no more than 1272 Pa of gas pressure"
