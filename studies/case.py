@@ -25,6 +25,7 @@ from tympan.fem.film.tension_field import Tension
 from tympan.fem.membrane.loading import Loading
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import State
+from tympan.fem.plausible_loads import implausible_loads
 from tympan.fem.results.fields import (
     Fields,
     LostTension,
@@ -111,6 +112,19 @@ class Case:
     def force(self, plate_area: float) -> float:
         """What the film carries [N] by a plate of so much area [m²] that came all the way."""
         return float(self.rig.rubbed(self.rig.force(self.mass, plate_area), self.direction))
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """Sentences that belong to every result of this case, its rig's among them."""
+        return *self._doubts, *self.rig.remarks
+
+    def doubted(self, reason: str) -> str:
+        """A reason why it is refused, and which of its loads may be a slip."""
+        return "; ".join((reason, *self._doubts))
+
+    @property
+    def _doubts(self) -> list[str]:
+        return implausible_loads(self.specimen, self.rig, self.mass, self.voltage)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -352,7 +366,8 @@ def solve_grid(model: Model, masses: Iterable[float], voltages: Sequence[float],
     """
     start: Solution | None = None
     for mass in masses:
-        cases = summaries(model, voltage_ramp(model, mass, voltages, rig, path, start))
+        cases = summaries(model, voltage_ramp(model, mass, voltages, rig, path, start),
+                          max(voltages, key=abs, default=0.0))
         for number, (result, outcome) in enumerate(cases):
             if number == 0 and _charged_next(model, outcome):
                 start = outcome.solution
@@ -381,9 +396,13 @@ def solved(case: Case, settings: Settings) -> tuple[Model, Outcome, CaseResult]:
     return model, outcome, replace(result, wall_s=time.perf_counter() - began)
 
 
-def summaries(model: Model, cases: Iterable[tuple[Case, Outcome]]
+def summaries(model: Model, cases: Iterable[tuple[Case, Outcome]], highest: float | None = None
               ) -> Iterator[tuple[CaseResult, Outcome]]:
-    """The numbers of cases of one model, without the time they took, beside their outcomes."""
+    """The numbers of cases of one model, without the time they took, beside their outcomes.
+
+    ``highest``: the highest nominal voltage [V] of those asked for together, 0 where a low one is
+    as good as any; left out, each case stands alone.
+    """
     pairs = iter(cases)
     last: Outcome | None = None
     excuse: tuple[str, ...] = ()
@@ -391,6 +410,7 @@ def summaries(model: Model, cases: Iterable[tuple[Case, Outcome]]
         numbers = iter(_state_numbers(model, [outcome.state for _, outcome in batch
                                               if outcome.status == "equilibrium"]))
         for case, outcome in batch:
+            remarks = (case if highest is None else replace(case, voltage=highest)).remarks
             result = CaseResult(
                 specimen=case.specimen.name, mass_kg=case.mass, voltage_V=case.voltage,
                 pressure_Pa=case.rig.gas_pressure or None, status=outcome.status,
@@ -398,7 +418,7 @@ def summaries(model: Model, cases: Iterable[tuple[Case, Outcome]]
             if outcome.status == "equilibrium":
                 reading = case.rig.reading(model.deflection(outcome.state), case.elapsed)
                 state_numbers = next(numbers)
-                warnings = (*state_numbers.pop("warnings"), *case.rig.remarks)
+                warnings = (*state_numbers.pop("warnings"), *remarks)
                 yield replace(result, reading_m=reading, warnings=warnings,
                               **state_numbers), outcome
                 continue
@@ -408,7 +428,7 @@ def summaries(model: Model, cases: Iterable[tuple[Case, Outcome]]
                     when, state = "before it gets there", outcome.critical.state
                 before = (f"{when}, {words}" for words in state_warnings(model, state))
                 last, excuse = outcome, (failure_reason(outcome), *before)
-            yield replace(result, warnings=(*excuse, *case.rig.remarks)), outcome
+            yield replace(result, warnings=(*excuse, *remarks)), outcome
 
 
 def _state_numbers(model: Model, states: Sequence[State]) -> Iterator[dict[str, Any]]:

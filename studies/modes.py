@@ -112,7 +112,7 @@ def modes(case: Case, settings: Settings, count: int = 6, point_mass: float = 0.
         pressure_Pa=case.rig.gas_pressure or None, status=outcome.status, dofs=model.unknowns,
         wall_s=time.perf_counter() - began, warnings=(), semi_axes_m=case.specimen.frame.semi_axes)
     if outcome.status != "equilibrium":
-        return replace(result, warnings=(failure_reason(outcome), *case.rig.remarks))
+        return replace(result, warnings=(failure_reason(outcome), *case.remarks))
     full, whole_state = whole(model, state)
     alone = case.specimen.plate is None
     computed = swinging(model, state, plate, case.rig.air, count)
@@ -133,7 +133,7 @@ def modes(case: Case, settings: Settings, count: int = 6, point_mass: float = 0.
         modes=tuple(_mode(computed, number, name, longest[number])
                     for number, name in enumerate(mode_names(full, computed))),
         wall_s=time.perf_counter() - began,
-        warnings=(*_warnings(case, computed), *state_warnings(model, state), *case.rig.remarks),
+        warnings=(*_warnings(case, computed), *state_warnings(model, state), *case.remarks),
         film=film)
 
 

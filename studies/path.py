@@ -176,9 +176,11 @@ def path(case: Case, settings: Settings, along: Along,
     began = time.perf_counter()
     model, start = equilibrate(case, settings)
     if start.status != "equilibrium":
-        raise InputError(f"must be where the branch can start: {failure_reason(start)}",
+        raise InputError("must be where the branch can start: "
+                         f"{case.doubted(failure_reason(start))}",
                          key="--mass, --voltage",
                          given=f"{case.mass * 1e3:g} g and {case.voltage / 1e3:g} kV")
+    asked = replace(case, voltage=0.0) if along in ("voltage", "charge") else case
     passed = []
     for stop in stops(case, model, start.state, along, settings.path):
         progress(f"{stop.station.deflection_m * 1e3:.2f} mm")
@@ -189,7 +191,7 @@ def path(case: Case, settings: Settings, along: Along,
         unit=_GROWING[along][1], stations=tuple(stop.station for stop in apart(passed)),
         events=tuple(stop.event for stop in passed if stop.event is not None),
         dofs=model.unknowns, wall_s=time.perf_counter() - began,
-        warnings=(passed[-1].ended if passed else UNFOLLOWED, *case.rig.remarks),
+        warnings=(passed[-1].ended if passed else UNFOLLOWED, *asked.remarks),
         limits=tuple(_critical_film(stop.model, stop.point) for stop in passed
                      if stop.event is not None and stop.event.what == PULL_IN.event),
         films=tuple(film_surface(stop.model, stop.point.state) for stop in apart(passed) if films))

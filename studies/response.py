@@ -85,9 +85,9 @@ def response(case: Case, settings: Settings, frequencies: tuple[float, ...] = ()
     model, outcome = equilibrate(case, settings)
     result = ResponseResult(
         specimen=case.specimen.name, mass_kg=case.mass, voltage_V=case.voltage,
-        status=outcome.status, dofs=model.unknowns, wall_s=0.0, warnings=case.rig.remarks)
+        status=outcome.status, dofs=model.unknowns, wall_s=0.0, warnings=case.remarks)
     if outcome.status != "equilibrium":
-        return replace(result, warnings=(failure_reason(outcome), *case.rig.remarks))
+        return replace(result, warnings=(failure_reason(outcome), *case.remarks))
     rig = case.rig
     plate = carried(case)
     harmonic = Harmonic(model, outcome.state, plate, rig.plate_damping,

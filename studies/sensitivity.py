@@ -102,7 +102,7 @@ def sensitivity(case: Case, settings: Settings,
         values = {name: float(quantity.value(model, state)) for name, quantity in wanted.items()}
         warnings = state_warnings(model, state)
     elif critical is None or load is None:
-        return replace(result, warnings=(failure_reason(outcome), *case.rig.remarks))
+        return replace(result, warnings=(failure_reason(outcome), *case.remarks))
     else:
         by, state = case_parameters(case, model, load), critical.state
         name, value = f"{outcome.kind}_{load}", state.load(load)
@@ -114,7 +114,7 @@ def sensitivity(case: Case, settings: Settings,
             slopes[name] = {key: slope / (2 * value) for key, slope in slopes[name].items()}
         values = {name: value}
     numbers = {name: parameter.value(model, state) for name, parameter in by.items()}
-    said = (*warnings, *_immovable(model), *case.rig.remarks)
+    said = (*warnings, *_immovable(model), *case.remarks)
     return replace(result, warnings=said, quantities={
         name: _answers(case, value, UNITS.get(name, "SI"), slopes[name], numbers)
         for name, value in values.items()})

@@ -291,7 +291,7 @@ def _solved(study: Study, specimen: Specimen, source: str, progress: Progress) -
     model, outcome, result = solved(case, study.settings)
     if outcome.status != "equilibrium":
         raise InputError(f"has no picture at {study.mass * 1e3:g} g and {study.voltage / 1e3:g} "
-                         f"kV: {result.warnings[0]}", key="specimens",
+                         f"kV: {case.doubted(result.warnings[0])}", key="specimens",
                          given=specimen.name)
     progress(f"{specimen.name}: fields")
     result = replace(result, film=film_surface(model, outcome.state))

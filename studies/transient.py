@@ -16,10 +16,12 @@ from numpy.typing import NDArray
 from tympan.fem.equilibrium.newton import Solution
 from tympan.fem.equilibrium.ramp import Outcome, Status
 from tympan.fem.equilibrium.solve import equilibrium
+from tympan.fem.film.admissibility import failures
 from tympan.fem.film.density import from_virgin
 from tympan.fem.film.memory import Memory
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import State
+from tympan.fem.results.fields import node_fields
 from tympan.fem.rig import Rig, checked_load
 from tympan.fem.transient.circuit import Circuit
 from tympan.fem.transient.energy import Energy, EnergyBalance
@@ -100,6 +102,11 @@ class TransientCase:
                              key="mass", given=f"{self.mass:g} kg")
 
     @property
+    def highest(self) -> Case:
+        """The case at rest under the highest voltage of the signal."""
+        return Case(self.specimen, mass=self.mass, voltage=self.signal.peak, rig=self.rig)
+
+    @property
     def rested(self) -> float:
         """Time under mass and first voltage before the signal [s]."""
         if self.rest is not None:
@@ -115,7 +122,8 @@ class History:
     ``tilt`` [rad], ``current`` into the electrodes [A], all of shape (moments,). ``before``: the
     deflection when the signal began [m], 0 where the film hung under nothing until then.
     ``stopped``: where it went no further. ``slack``: when the film first lost tension [s], None
-    where it did not. ``balance``: where its energy went.
+    where it did not. ``balance``: where its energy went. ``farthest``: when it deflects most [s];
+    ``failures``: what its law fails there.
     """
 
     time: Array
@@ -128,6 +136,8 @@ class History:
     stopped: Stopped | None
     slack: float | None
     balance: EnergyBalance
+    farthest: float
+    failures: list[str]
     films: dict[float, FilmSurface] = field(default_factory=dict)
 
     @property
@@ -151,12 +161,15 @@ def history(case: TransientCase, settings: Settings, films: tuple[float, ...] = 
     transient, state, memory = begun(case, settings)
     model = transient.model
     record, past, slack, stopped = list[tuple[float, ...]](), list[Moment](), None, None
+    farthest: Moment | None = None
     energies, before = list[Energy](), Energy.of(transient, Moment(0.0, state, memory))
     wanted, pictures = sorted(films), dict[float, FilmSurface]()
     try:
         for moment in transient.moments(state, memory):
             jumped = bool(past) and moment.time == past[-1].time
             past = [moment] if jumped else [*past[-2:], moment]
+            if farthest is None or _deflected(moment) > _deflected(farthest):
+                farthest = moment
             record.append(_numbers(model, moment))
             energies.append(Energy.of(transient, moment))
             if slack is None and not model.in_tension(moment.state):
@@ -166,15 +179,27 @@ def history(case: TransientCase, settings: Settings, films: tuple[float, ...] = 
                 pictures[wanted.pop(0)] = film_surface(transient.remembering(at), at.state)
     except Stopped as ending:
         stopped = ending
-    if not record:
-        raise InputError("the film has no equilibrium at once after the mass is put on",
-                         key="mass", given=f"{case.mass:g} kg")
+    if farthest is None:
+        reason = "the film has no equilibrium at once after the mass is put on"
+        raise InputError(case.highest.doubted(reason), key="mass", given=f"{case.mass:g} kg")
     balance = EnergyBalance.of(energies, before)
     times, deflection, voltage, capacitance, tilt, current = np.array(record).T
     if not transient.circuit.resistance:  # the source charges the film at once
         current = rates(times, capacitance * voltage)
     return History(times, deflection, voltage, capacitance, tilt, current, state.plate.deflection,
-                   stopped, slack, balance, pictures)
+                   stopped, slack, balance, farthest.time,
+                   _failures(transient, farthest), pictures)
+
+
+def _deflected(moment: Moment) -> float:
+    return abs(moment.state.plate.deflection)
+
+
+def _failures(transient: Transient, moment: Moment) -> list[str]:
+    """What the film's law fails at a moment, as of a film at rest."""
+    fields, = node_fields(transient.remembering(moment), [moment.state])
+    return failures(transient.model.specimen.membrane, fields.position, fields.stretch_1,
+                    fields.stretch_2)
 
 
 def solve_after(case: Case, after: float, settings: Settings, film: bool = False) -> CaseResult:
@@ -208,9 +233,9 @@ def _left_out(rig: Rig) -> list[str]:
     return [remark("at_rest_only", keys=key) for key in _AT_REST if getattr(rig, key)]
 
 
-def _remarks(rig: Rig) -> list[str]:
-    """What belongs to every result in time on a rig."""
-    return [*_left_out(rig), *rig.remarks]
+def _remarks(case: TransientCase) -> list[str]:
+    """What belongs to every result of a case in time."""
+    return [*_left_out(case.rig), *case.highest.remarks]
 
 
 def _ending(ending: Stopped) -> str:
@@ -233,7 +258,8 @@ def begun(case: TransientCase, settings: Settings) -> tuple[Transient, State, Me
         outcome = equilibrium(model, force, first, rig.gas_pressure)
         if outcome.status != "equilibrium":
             raise InputError("must have an equilibrium under the signal's first voltage: "
-                             f"{failure_reason(outcome)}", key="mass", given=f"{case.mass:g} kg")
+                             f"{case.highest.doubted(failure_reason(outcome))}", key="mass",
+                             given=f"{case.mass:g} kg")
         strain = from_virgin(model.cauchy_green(outcome.state.positions), film.prestretch)
         return transient, outcome.state, Memory.relaxed(film, strain)
     flat = model.mounted()
@@ -283,7 +309,9 @@ def respond(case: TransientCase, settings: Settings, interval: float, period: fl
     when = np.linspace(0.0, done.end, max(2, round(done.end / interval) + 1))
     deflection = done.at(done.deflection, when)
     (low_s, low), (high_s, high) = extremes(done.time, done.deflection)
-    warnings = _remarks(case.rig)
+    warnings = _remarks(case)
+    warnings += [f"at {done.farthest:.4g} s, where it deflects most, {words}"
+                 for words in done.failures]
     if done.stopped is not None:
         warnings.append(_ending(done.stopped))
     if done.slack is not None:

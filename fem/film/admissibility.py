@@ -63,6 +63,12 @@ def _hill(l1: Array, l2: Array, derivatives: tuple[Array, ...]) -> Array:
         return np.asarray(np.where(larger > 0, (h11 * h22 - h12**2) / larger, mean - radius))
 
 
+def equibiaxial_stiffness(material: Material, l1: Any, l2: Any) -> Array:
+    """Growth of the mean true stress [Pa] with the logarithm of a stretch along both axes."""
+    l1, l2, (_, w1, w2, w11, w12, w22) = _derivatives(material, l1, l2)
+    return np.asarray((l1**2 * w11 + l1 * w1 + l2**2 * w22 + l2 * w2) / 2 + l1 * l2 * w12)
+
+
 def ellipticity_margin(material: Material, l1: Any, l2: Any) -> Array:
     """The smallest of five stiffnesses [Pa], positive where the film's plane is strongly elliptic.
 

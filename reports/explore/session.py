@@ -77,7 +77,7 @@ class Session:
         case = view.case
         model = self._meshed(case)
         outcome = self._equilibrium(model, case)
-        (result, _), = summaries(model, [(case, outcome)])
+        (result, _), = summaries(model, [(case, outcome)], 0.0)
         if outcome.status != "equilibrium":
             return Scene(view, result)
         return drawn(view, result, model, outcome.state)

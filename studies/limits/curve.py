@@ -104,15 +104,18 @@ def curve(specimen: Specimen, masses: Sequence[float], settings: Settings, rig: 
         for model, way in groupby(zip(ascent.cases, ascent.stops, strict=True),
                                   lambda pair: pair[1].model):
             solved = ((case, Outcome("equilibrium", stop.point.solution)) for case, stop in way)
-            cells += [_row(False, result, ascent.limits) for result, _ in summaries(model, solved)]
+            cells += [_row(False, result, ascent.limits)
+                      for result, _ in summaries(model, solved, 0.0)]
         for result in _asked(ascent, mass, rig, voltages, settings):
             progress(f"{specimen.name}: {mass * 1e3:g} g, {result.voltage_V / 1e3:g} kV")
             cells.append(_row(True, result, ascent.limits))
+    heaviest = Case(specimen, mass=max(masses, key=abs, default=0.0),
+                    voltage=max(voltages, key=abs, default=0.0), rig=rig)
     table = {column.name: np.array([row[number] for row in cells],
                                    float if column.choices is None else str)
              for number, column in enumerate(CURVES)}
     return CurveResult(specimen=specimen.name, curves=tuple(curves), dofs=dofs,
-                       wall_s=time.perf_counter() - began, warnings=rig.remarks, table=table)
+                       wall_s=time.perf_counter() - began, warnings=heaviest.remarks, table=table)
 
 
 def _row(asked: bool, result: CaseResult, limits: Limits) -> tuple[Any, ...]:
@@ -129,7 +132,8 @@ def _asked(ascent: Rise, mass: float, rig: Rig, voltages: Sequence[float], setti
     model, end = ascent.model, ascent.limits.end
     highest = np.inf if end is None else end.voltage_V
     within = [voltage for voltage in voltages if voltage <= highest]
-    for result, _ in summaries(model, voltage_ramp(model, mass, within, rig, settings.path)):
+    for result, _ in summaries(model, voltage_ramp(model, mass, within, rig, settings.path),
+                               0.0):
         yield result
     for voltage in voltages[len(within):]:
         yield CaseResult(specimen=model.specimen.name, mass_kg=mass, voltage_V=voltage,

@@ -142,7 +142,7 @@ def solve_within(case: Case, settings: Settings, film: bool = False) -> CaseResu
             first=reached.first, limit=limit,
             dofs=build_model(case.specimen, settings, case.rig.loading).unknowns,
             wall_s=time.perf_counter() - began,
-            warnings=(reached.ended, *case.rig.remarks))
+            warnings=(reached.ended, *case.remarks))
     result = solve(case, settings, film)
     if limit is not None and limit.kind == INSTABILITY.kind and result.status != "equilibrium":
         result = replace(result, warnings=(reached.ended, *result.warnings))

@@ -83,9 +83,10 @@ def limits(options: argparse.Namespace) -> None:
     from tympan.studies.limits import rise
 
     specimen, rig, settings, (mass, *_) = _loaded(options)
-    risen = rise(Case(specimen, mass=mass, rig=rig), settings)
+    case = Case(specimen, mass=mass, rig=rig)
+    risen = rise(case, settings)
     print_record(options, {"specimen": specimen.name, "mass_kg": mass, **to_json(risen.limits),
-                           "warnings": [*risen.warnings, *rig.remarks]},
+                           "warnings": [*risen.warnings, *case.remarks]},
                  limits=risen.limits, plate=specimen.plate, pressure=rig.gas_pressure)
 
 

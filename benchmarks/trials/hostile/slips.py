@@ -16,6 +16,8 @@ def slips() -> Cases:
     yield Case("command of a group", "material fitt x.csv", {}, "did you mean 'fit'")
     yield Case("option", f"{SOLVE} --voltagee '1 kV'", GOOD, "did you mean --voltage")
     yield Case("value in two words", "solve specimen.toml --mass 1 g", GOOD, "quotation marks")
+    yield Case("kilograms for grams", "solve specimen.toml --mass '17.9 kg' --voltage '3 V'", GOOD,
+               status=0, shows='was "17.9 g" meant(.|\n)*was "3 kV" meant')
     yield Case("table", SOLVE, {"specimen.toml": SPECIMEN.replace("[membrane]", "[film]")},
                "membrane: is missing: did you mean it by 'film'")
     yield Case("material", SOLVE, {"specimen.toml": SPECIMEN.replace("vhb-4910", "vhb4910")},

@@ -19,6 +19,8 @@ from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Film
 from tympan.studies.case import Case, Settings, solve
 from tympan.studies.data.coupon import Coupons
+from tympan.studies.signals import Pieces
+from tympan.studies.transient import TransientCase, respond
 
 ROOT5 = 5**0.5
 #: A film by a law that strips gave, to stretch 6: their thinnest is 6^-½.
@@ -100,3 +102,26 @@ def test_python_and_files_say_the_same(tmp_path: Path) -> None:
     assert load_specimen(file) == ranged
     with pytest.raises(InputError, match="the smaller first"):
         replace(specimen, membrane=replace(film, law_range=(3.0, 1.0)))
+
+
+def test_a_film_in_time_is_asked_where_it_deflects_most() -> None:
+    """Released from 5 kV: within the range at its end, beyond it in the beginning."""
+    film = circular()
+    signal = Pieces(np.array([0.0, 1.0, 2.0]), np.array([5e3, 5e3, 0.0]))
+    most, end = (solve(Case(film, mass=0.1, voltage=voltage), Settings())
+                 for voltage in (5e3, 0.0))
+    assert most.max_stretch is not None
+    assert end.max_stretch is not None
+    assert end.max_stretch * 1.1 < most.max_stretch
+    between = (end.max_stretch * most.max_stretch) ** 0.5
+    warned = []
+    for high in (between, most.max_stretch):
+        ranged = replace(film, membrane=replace(film.membrane, law_range=(0.05, high)))
+        case = TransientCase(ranged, signal, mass=0.1)
+        response, done = respond(case, Settings(), 0.1)
+        assert done.farthest <= 1.0
+        warned.append([words for words in response.numbers["warnings"] if "range" in words])
+    said, = warned[0]
+    assert said.startswith("at 0 s, where it deflects most, the film's law is used outside its ")
+    assert f"a stretch in its plane of {most.max_stretch:.3g} at" in said
+    assert warned[1] == []
