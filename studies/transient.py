@@ -64,6 +64,9 @@ _AREA = 1e-3
 #: How far off an area may be, in changes from the run before: the finer one may err by as much.
 _DOUBT = 2.0
 
+#: A film deflects more where by more than this factor: at rest it does so by rounding alone.
+_MORE = 1 + 1e-6
+
 #: What of a rig shifts readings on their way up or down, at rest alone.
 _AT_REST = ("friction", "lag_voltage")
 
@@ -168,7 +171,7 @@ def history(case: TransientCase, settings: Settings, films: tuple[float, ...] = 
         for moment in transient.moments(state, memory):
             jumped = bool(past) and moment.time == past[-1].time
             past = [moment] if jumped else [*past[-2:], moment]
-            if farthest is None or _deflected(moment) > _deflected(farthest):
+            if farthest is None or _deflected(moment) > _MORE * _deflected(farthest):
                 farthest = moment
             record.append(_numbers(model, moment))
             energies.append(Energy.of(transient, moment))
