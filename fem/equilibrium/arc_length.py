@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 
@@ -117,11 +117,7 @@ class Branch:
 
         def at(step: float) -> float:
             if step not in points:
-                nearest = min(points, key=lambda other: abs(other - step))
-                point = self.at(before, step, points[nearest])
-                if point is None:
-                    raise NoValueHere
-                points[step] = point
+                points[step] = self._from_nearest(before, step, points)
             if not of_state:
                 points[step] = self._renewed(points[step])
             result = value(points[step])
@@ -133,6 +129,18 @@ class Branch:
             near = None if self.model.specimen.plate else self._nearest(at, points, value)
             return near and self._renewed(near)
         return self._renewed(points[root])
+
+    def _from_nearest(self, before: PathPoint, step: float, points: Mapping[float, PathPoint]
+                      ) -> PathPoint:
+        """The point a length from another, looked for from the nearest of those that are known.
+
+        Where Newton's method goes astray from there, it may not from the other side.
+        """
+        for near in sorted(points, key=lambda other: abs(other - step)):
+            point = self.at(before, step, points[near])
+            if point is not None:
+                return point
+        raise NoValueHere
 
     def _nearest(self, at: Callable[[float], float], points: dict[float, PathPoint],
                  value: Callable[[PathPoint], float]) -> PathPoint | None:
