@@ -157,7 +157,10 @@ def alone(folder: Path | None, patience: float = 0.0) -> Iterator[None]:
 def _locked(folder: Path, end: float) -> int:
     """The manifest, open and locked, in a folder that is made."""
     while True:
-        folder.mkdir(parents=True, exist_ok=True)
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except FileExistsError:
+            raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR)) from None
         try:
             handle = _open(folder / MANIFEST)
         except FileNotFoundError:  # whoever was there has just removed the folder again
