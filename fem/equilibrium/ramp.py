@@ -41,8 +41,9 @@ LimitKind = Literal["pull_in", "thinning"]
 Margin = Callable[[State], float]
 
 _ENDS: dict[LimitKind, str] = {"pull_in": "pulls in", "thinning": "thins without bound"}
-#: What is said of such a film.
-SLACK = "the film is slack when mounted, and still"
+#: What is said of such a film, still slack under what is named.
+SLACK = ("the film is slack when mounted, and still {}: it has no definite shape; prestretch or "
+         "load it more")
 _UNFOLLOWED = "the path could not be followed to the load: the film strains without bound"
 
 #: Step, relative to the load, within which a film that would be stiff even wrinkled does not thin.
@@ -121,7 +122,7 @@ class Ramp:
             trial, expected = self._step(solution, value)
             if expected:
                 if self._slackened(start, trial):
-                    return Outcome("not_converged", solution, f"{SLACK} under its loads")
+                    return Outcome("not_converged", solution, SLACK.format("under its loads"))
                 if trial.thinning_margin(self.model) >= 0:
                     solution, done, step = trial, share, 2 * step
                     continue
@@ -283,7 +284,7 @@ class Ramp:
         points = follow_branch(self.model, start.state, load, settings, sense)
         for (_, before), (branch, after) in pairwise(points):
             if self._slackened(start, after.solution):
-                return Outcome("not_converged", stable, f"{SLACK} under its loads")
+                return Outcome("not_converged", stable, SLACK.format("under its loads"))
             if self._margin(after) < 0:
                 # Near its end a film softens so fast that only points on both sides may be had.
                 thin = branch.where(before, after, self._margin, of_state=True) or before

@@ -53,7 +53,7 @@ def equilibrium(model: Model, force: float, voltage: float, pressure: float = 0.
             outcome = Ramp(model, load, targets[load], stepping).run(outcome.solution)
     changed = outcome.status == "equilibrium" and outcome.solution is not solution
     if changed and still_slack(model, outcome.state):
-        return Outcome("not_converged", outcome.solution, f"{SLACK} under its loads")
+        return Outcome("not_converged", outcome.solution, SLACK.format("under its loads"))
     return outcome
 
 
@@ -133,7 +133,7 @@ def _first(model: Model, settings: PathSettings, sense: int) -> Solution:
             return solution
         if deflection >= settings.reach * model.high:
             return replace(solution, converged=False,
-                           advice=f"{SLACK} when it is pushed out")
+                           advice=SLACK.format("when it is pushed out"))
         deflection = min(2 * deflection, settings.reach * model.high)
 
 

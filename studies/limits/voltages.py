@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tympan.fem.equilibrium.arc_length import PathPoint
-from tympan.fem.equilibrium.ramp import Outcome
+from tympan.fem.equilibrium.ramp import Outcome, Status
 from tympan.fem.equilibrium.solve import equilibrium
 from tympan.fem.film.admissibility import beyond_range
 from tympan.fem.membrane.model import Model
@@ -69,11 +69,12 @@ _FLAT = 1e-6
 class Rise:
     """The equilibria of a case as its voltage rises from 0 until the film ends; its limits.
 
-    ``cases`` are those of the ``stops``, at nominal voltages; none where there is no equilibrium
-    without voltage.
+    ``cases`` are those of the ``stops``, at nominal voltages; none where no equilibrium was found
+    without voltage, of which ``start`` is the status.
     """
 
     model: Model
+    start: Status
     cases: tuple[Case, ...]
     stops: tuple[Stop, ...]
     limits: Limits
@@ -112,33 +113,38 @@ def rise(case: Case, settings: Settings, first: bool = False) -> Rise:
     settings = replace(settings, path=settings.path.bounded(model, followed=True))
     model, start = equilibrate(case, settings)
     if start.status != "equilibrium":
-        return Rise(model, (), (), Limits(ended=_before_voltage(case, start, settings)))
+        ended = Limits(ended=_before_voltage(case, start, settings))
+        return Rise(model, start.status, (), (), ended)
     passed = list(_to_limit(case, model, start, settings, first))
     flat = _unmoved(case, model, start, settings) if len(passed) <= 1 else None
     if flat is not None:
-        return Rise(model, (replace(case, voltage=0.0),), (Stop(model, _still(start)),), flat)
+        return Rise(model, start.status, (replace(case, voltage=0.0),),
+                    (Stop(model, _still(start)),), flat)
     reached = _limits(case, passed)
     wanted = reached.limit if first else reached.end or reached.instability
     if passed and wanted is None and not _highest(case, passed[-1].station.voltage_V):
         reached = _searched(case, passed, reached, settings)
     way = tuple(apart(passed))
     cases = tuple(replace(case, voltage=_nominal(case, stop)) for stop in way)
-    return Rise(model, cases, way, replace(reached, ended=_told(reached)))
+    return Rise(model, start.status, cases, way, replace(reached, ended=_told(reached)))
 
 
 def solve_within(case: Case, settings: Settings, film: bool = False) -> CaseResult:
     """One case with the limits of its film; beyond its end nothing is searched for.
 
-    ``film``: with its fields on a surface.
+    The voltage comes last: a film whose other loads fail has the status of those. ``film``: with
+    its fields on a surface.
     """
     began = time.perf_counter()
     within = rise(case, settings)
     reached = within.limits
     limit = reached.beyond(case.voltage)
-    if not within.cases or (limit is not None and limit == reached.end):
+    ended = limit is not None and limit == reached.end
+    if within.start != "equilibrium" or ended:
         return CaseResult(
             specimen=case.specimen.name, mass_kg=case.mass, voltage_V=case.voltage,
-            pressure_Pa=case.rig.gas_pressure or None, status="no_equilibrium", limits=reached,
+            pressure_Pa=case.rig.gas_pressure or None,
+            status="no_equilibrium" if ended else within.start, limits=reached,
             first=reached.first, limit=limit,
             dofs=build_model(case.specimen, settings, case.rig.loading).unknowns,
             wall_s=time.perf_counter() - began,
