@@ -179,7 +179,7 @@ def test_a_folder_that_cannot_be_written_is_one_message(right, tmp_path) -> None
 def test_a_folder_that_is_a_file_is_one_message(tmp_path) -> None:
     (tmp_path / "out").write_text("")
     assert Command(written(tmp_path, MANY), tmp_path / "out").ended() == (
-        2, f"tympan: {tmp_path}/out: cannot be written: File exists\n")
+        2, f"tympan: {tmp_path}/out: cannot be written: Not a directory\n")
 
 
 def test_fields_are_kept_whole_and_a_lost_one_is_solved_again(tmp_path) -> None:
