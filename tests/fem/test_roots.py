@@ -43,8 +43,8 @@ def test_a_function_says_that_it_has_no_value() -> None:
 
 
 @pytest.mark.parametrize(("law", "stretch", "mass", "gas"), [
-    (NeoHooke(23e3), 1.09, 1e-3, 1e12), (NeoHooke(23e3), 1.09, 0.0, -1e12),
-    (Gent(20e3, 30.0), 3.9, 1.0, 0.0), (Gent(20e3, 30.0), 3.9, 10.0, 1e9)])
+    (NeoHooke(23e3), 1.09, 1e-3, 1e8), (NeoHooke(23e3), 1.09, 0.0, -1e8),
+    (Gent(20e3, 30.0), 3.9, 1.0, 0.0), (Gent(20e3, 30.0), 3.9, 10.0, 1e8)])
 def test_loads_beyond_all_a_film_bears_are_answered(law, stretch, mass, gas) -> None:
     case = Case(circular(law, prestretch=(stretch, stretch)), mass=mass, voltage=1000.0,
                 rig=Rig(gas_pressure=gas))
