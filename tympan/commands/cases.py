@@ -77,7 +77,7 @@ def solve(options: argparse.Namespace) -> None:
          RIG, MESH, JSON,
          example='oval.toml --mass "17.9 g"', also=("limit", "pull-in", "breakdown"))
 def limits(options: argparse.Namespace) -> None:
-    """How far a film can go: where it first loses tension, breaks down and pulls in."""
+    """How far a film can go: where it first loses tension, breaks down, gives way and pulls in."""
     from tympan.studies.case import Case
     from tympan.studies.files import to_json
     from tympan.studies.limits import rise
