@@ -42,6 +42,7 @@ UNITS = {
     "angle": {"mrad": 1e-3, "rad": 1, "deg": np.pi / 180},
     "stress": {"kPa": 1e3, "Pa": 1, "MPa": 1e6},
     "frequency": {"Hz": 1, "kHz": 1e3, "mHz": 1e-3},
+    "current": {"uA": 1e-6, "mA": 1e-3, "A": 1},
 }
 #: Between which numbers are drawn, where columns have limits of their own.
 LIMITS = {"quality": (0.51, 1e3), "displacement": (1e-9, 10), "stretch": (0.05, 20),
@@ -115,7 +116,8 @@ def test_every_field_of_a_dataset_is_the_one_of_its_column(tmp_path) -> None:
                "repeat,run,displacement_mm,"
                "voltage_kV,mass_g,specimen\n\n1,2,3,4,0.5,down,5,6,seventh,eighth,9,10,11,B\n,,,,,,,,,,-1,0,2,A\n",
         range="specimen,mass_kg,voltage_min_V,voltage_max_kV,range_um\nB,0.5,1,2,3\n",
-        transient="rest_min,specimen,mass_g,run,t_min,voltage_kV,displacement_mm\n1,A,1,x,2,3,4\n",
+        transient="rest_min,current_uA,specimen,mass_g,run,t_min,film_voltage_kV,voltage_kV,"
+                  "displacement_mm\n1,6,A,1,x,2,5,3,4\n",
         coupon="mode,stretch,nominal_stress_kPa,run,t_s,specimen\nuniaxial,2,35,r,4,strip\n",
         frequency="quality,mode,frequency_kHz,sigma_Hz,voltage_kV,mass_g,specimen\n"
                   "9,heave,0.011,0.5,2,7,B\n"))
@@ -135,7 +137,8 @@ def test_every_field_of_a_dataset_is_the_one_of_its_column(tmp_path) -> None:
     assert [values[0] for values in ranges.values.values()][:5] == [
         "B", 0.5, 1, 2e3, pytest.approx(3e-6)]
     assert [values[0] for values in transients.values.values()] == [
-        "A", pytest.approx(1e-3), "x", 120, 3e3, pytest.approx(4e-3), 60]
+        "A", pytest.approx(1e-3), "x", 120, 3e3, pytest.approx(4e-3), 60, 5e3,
+        pytest.approx(6e-6)]
     assert transients.line[0] == 2
     assert (coupons.stress[0], coupons.time[0], coupons.run[0]) == (35e3, 4, "r")
     assert [values[0] for values in frequencies.values.values()] == [

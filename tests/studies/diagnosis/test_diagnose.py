@@ -196,7 +196,7 @@ def test_the_page_says_it_in_one_sentence_and_is_rebuilt(
     assert page.index("The electrodes end") < page.index("Readings, and the models through them")
     assert page.index("What the models leave") < page.index("What to do next")
     assert "electrode_margin" not in page[: page.index("For the record")]
-    assert "http" not in page.replace("http://www.w3.org", "")
+    assert "://" not in page.replace("http://www.w3.org", "")
     (folder / "diagnosis.html").unlink()
     assert main(["report", str(folder)]) == 0
     assert capsys.readouterr().out.strip() == str(folder / "diagnosis.html")
