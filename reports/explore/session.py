@@ -21,7 +21,15 @@ from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Specimen
 from tympan.reports.explore.view import FilmView
 from tympan.studies.alpha import AlphaSettings, alpha
-from tympan.studies.case import Case, CaseResult, Settings, build_model, meshed, summaries
+from tympan.studies.case import (
+    Case,
+    CaseResult,
+    Settings,
+    build_model,
+    meshed,
+    needs_mesh,
+    summaries,
+)
 from tympan.studies.columns import Sheet
 from tympan.studies.film_surface import FilmSurface, film_surface
 from tympan.studies.limits import CurveResult, curve
@@ -54,7 +62,7 @@ class Scene:
 
 
 class Session:
-    """Solves views; a mesh serves as long as the outlines are the same.
+    """Solves views; a mesh serves as long as the next film needs the same.
 
     An equilibrium is the start of the next one where only mass or voltage differ. Where that does
     not lead to one, the film is loaded anew, as ``tympan solve`` does.
@@ -62,7 +70,7 @@ class Session:
 
     def __init__(self, settings: Settings = Settings()) -> None:
         self.settings = settings
-        self._outlines: object = None
+        self._needs: object = None
         self._model: Model | None = None
         self._start: tuple[Specimen, Rig, Solution] | None = None
 
@@ -84,12 +92,12 @@ class Session:
 
     def _meshed(self, case: Case) -> Model:
         specimen, loading = case.specimen, case.rig.loading
-        outlines = specimen.frame, specimen.plate, specimen.electrode, loading
-        if self._model is None or outlines != self._outlines:
-            self._model, self._outlines = None, None  # not half of it where meshing fails
+        needs = loading, needs_mesh(specimen, self.settings, loading)
+        if self._model is None or needs != self._needs:
+            self._model, self._needs = None, None  # not half of it where meshing fails
             _forget_films()
             self._model = build_model(specimen, self.settings, loading)
-            self._outlines = outlines
+            self._needs = needs
         if self._model.specimen != specimen:
             self._model = replace(self._model, specimen=specimen)
         return self._model

@@ -142,19 +142,16 @@ class StaticProblem:
         return tuple(shapes.get(pair, "") for pair in radii)
 
     @cached_property
-    def _units(self) -> tuple[tuple[ConeCircle, Any, Any], ...]:
-        """Each specimen's circles, and what acts on them at unit constants: material and voltage.
-
-        The material has its constants on a first axis, before points and circles.
-        """
-        units: Any = np.eye(6)[:, :, None, None]
+    def _units(self) -> tuple[tuple[ConeCircle, *tuple[Any, ...]], ...]:
+        """Each specimen's circles, and what acts on them by unit constant: materials, voltage."""
         films = []
         for actuator in self.actuators:
             specimen, film = actuator.specimen, actuator.specimen.membrane
-            material = film.material if self.law == "film" else Separable(
-                tuple(units[:3]), tuple(units[3:]), _POWERS, film.area_prestretch**0.5)
+            materials = (film.material,) if self.law == "film" else tuple(
+                Separable((beta,), (1 - beta,), (power,), film.area_prestretch**0.5)
+                for beta in (1.0, 0.0) for power in _POWERS)
             unit = replace(specimen, membrane=replace(film, relative_permittivity=1.0))
-            films.append((actuator.circles, material, maxwell(unit, 1.0)))
+            films.append((actuator.circles, *materials, maxwell(unit, 1.0)))
         return tuple(films)
 
     def weights(self, number: int, values: Any) -> tuple[Any, ...]:
@@ -203,11 +200,10 @@ class StaticProblem:
         """The same of one specimen (by number), at deflections [m] and voltages [V], (points,)."""
         actuator, (circles, *parts) = self.actuators[number], self._units[number]
         squared = actuator.permittivity * np.asarray(self.rig.film_voltage(voltage))[:, None] ** 2
-        elastic, electric = (circles.pull(part, y[:, None])[1:] for part in parts)
+        parted = (circles.pull(part, y[:, None])[1:] for part in parts)
         # Both linear in the constants: shape (constants, points, circles).
-        pulls, stiffs = (np.concatenate([actuator.stiffness * film.reshape(-1, *drawn.shape),
-                                         squared * drawn[None]])
-                         for film, drawn in zip(elastic, electric, strict=True))
+        pulls, stiffs = (np.stack([*(actuator.stiffness * film for film in films), squared * drawn])
+                         for *films, drawn in zip(*parted, strict=True))
         weights, linear = np.array(self.weights(number, values)), values[:len(pulls)]
         slopes = np.zeros((len(y), len(self.constants)))
         slopes[:, :len(linear)] = (pulls @ weights).T

@@ -120,7 +120,7 @@ def resident_bytes() -> float:
     return float(pages * resource.getpagesize())
 
 
-def test_the_mesh_serves_while_the_outlines_are_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_mesh_serves_while_the_film_needs_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
     from tympan.reports.explore import session as module
 
     made: list[str] = []
@@ -137,6 +137,17 @@ def test_the_mesh_serves_while_the_outlines_are_the_same(monkeypatch: pytest.Mon
     assert len(made) == 1
     session.scene(changed(START, "plate.outline.radius", 9e-3))
     assert len(made) == 2
+    unequal = changed(START, "membrane.prestretch.0", 5.0)  # is meshed more finely
+    session.scene(unequal)
+    assert len(made) == 3
+
+
+def test_a_film_that_becomes_a_wedge_is_meshed_whole() -> None:
+    session = Session()
+    session.scene(OVAL)
+    assert OVAL.specimen.mirror_planes == {"x", "y"}
+    film = replace(OVAL.specimen.membrane, thickness_gradient=(0.1, 0.1))
+    same_as_solved(session.scene(replace(OVAL, specimen=replace(OVAL.specimen, membrane=film))))
 
 
 @pytest.mark.parametrize(("key", "text", "words"), [
@@ -421,7 +432,7 @@ def test_each_specimen_begins_as_it_was_read_and_its_sliders_stay_where_they_are
 
     async def run() -> None:
         start = changed(subject.view(0, 0.0179), "voltage", 1500.0)
-        served = _Served.of("page", subject, start)
+        served = _Served.of("page", subject, start, print)
         page, state = served.page, served.server.state
         page._typed("stiffness", "1.5")
         for number, view in ((1, subject.view(1, 0.0179)), (0, start)):

@@ -127,6 +127,16 @@ def test_real_output_is_as_declared(name: str, command: str, options: tuple[str,
         assert any(fits(path, key) for key in RECORDS[name].keys) or path[1:2] == ("material",)
 
 
+@pytest.mark.parametrize(("command", "options"), [case[1:] for case in PLAIN])
+def test_what_is_printed_for_people_needs_no_key_that_is_not_there(
+        command: str, options: tuple[str, ...], models: Path, monkeypatch: pytest.MonkeyPatch,
+        capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.chdir(models)
+    capsys.readouterr()
+    main([*command.split(), *options])
+    assert capsys.readouterr().out.strip()
+
+
 def paths_of_numbers(value: Any, path: tuple[str, ...] = ()) -> list[tuple[str, ...]]:
     """The steps to every number of a record; a law's constants, which differ, go by "material"."""
     if isinstance(value, dict):

@@ -34,4 +34,5 @@ def _drawing(folder: Path) -> None:
     check_outline(OUTLINES.read(table), "frame")
 
 
-register("drawing", Kind("a.dxf", (_dxf(),), _drawing))
+#: Its curves lie apart.
+register("drawing", Kind("a.dxf", (_dxf(),), _drawing, refused=True))

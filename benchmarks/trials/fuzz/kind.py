@@ -73,7 +73,8 @@ class Kind:
     """A file by name, contents that can be read, and how it is read in its folder.
 
     ``seconds`` of processor time are enough: loads that are left out follow from the film, which
-    is then solved. ``change`` is one change of a content; ``refusals`` are what reading may raise.
+    is then solved. ``change`` is one change of a content; ``refusals`` are what reading may raise;
+    contents that are ``refused`` raise it before they are changed.
     """
 
     file: str
@@ -82,6 +83,7 @@ class Kind:
     seconds: float = 2.0
     change: Change = changed_text
     refusals: tuple[type[BaseException], ...] = (InputError,)
+    refused: bool = False
 
 
 #: By name; each file of this folder adds those of its subject.

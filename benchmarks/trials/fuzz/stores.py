@@ -16,7 +16,6 @@ from openpyxl import Workbook
 
 from benchmarks.trials.fuzz.contents import SIGNAL
 from benchmarks.trials.fuzz.kind import Kind, changed_bytes, changed_text, register
-from tympan.geometry.errors import InputError
 from tympan.geometry.fields import Registry
 from tympan.geometry.plugins import _loaded, load_plugins
 from tympan.studies.kept.store import Store
@@ -140,4 +139,4 @@ register("cache", Kind("films.sqlite", (_sound_cache(),), _read_cache, change=ch
 for _name, _content in (("odd_law.py", MODULE), ("entry_points.txt", POINTS),
                         ("METADATA", METADATA)):
     register(f"package {_name}", Kind(f"changed-{_name}", (_content.encode(),), _read_package,
-                                      refusals=(InputError,)))
+                                      refused=True))
