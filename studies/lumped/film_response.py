@@ -124,6 +124,8 @@ def film_response(model: LumpedModel, signal: Signal, mass: float, rig: Rig, int
         "first_voltage_V": signal.first,
         "first_m": float(sampled[0]),
         "last_m": float(sampled[-1]),
+        "lowest_m": low,
+        "highest_m": high,
         "range_m": high - low,
         "settling_time_s": settled if np.isfinite(settled) else None,
         "hysteresis_area_V_m": area,
