@@ -286,8 +286,8 @@ def _numbers(field: Field, value: Any) -> tuple[Any, ...]:
             or (field.count is not None and len(value) != field.count)):
         what = "numbers" if get_origin(field.item) is not tuple else "pairs of numbers"
         raise InputError(f"must be {field.count or 'a list of'} {what}", given=value)
-    # Outlines have hundreds of numbers: no call for each. Fits give arrays in place of constants.
-    return tuple([item if isinstance(item, float) or getattr(item, "shape", None) else
+    # Outlines have hundreds of numbers: no call for each.
+    return tuple([item if isinstance(item, float) else
                   tuple([_one_number(field, part) for part in item])
                   if isinstance(item, list | tuple) else _one_number(field, item)
                   for item in value])
