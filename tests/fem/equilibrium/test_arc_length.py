@@ -28,8 +28,9 @@ from tympan.fem.membrane.loading import Loading, Magnet
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import HEAVE, State
 from tympan.geometry.mesh import unfold
-from tympan.geometry.outlines import Ellipse
+from tympan.geometry.outlines import Circle, Ellipse
 from tympan.geometry.specimen import Plate
+from tympan.studies.paper.actuators import actuators
 
 VHB = Ogden((18.4e3, 210.0), (2.0, 4.0))
 
@@ -129,6 +130,22 @@ def test_a_limit_is_found_on_any_mesh() -> None:
     assert {outcome.kind for outcome in outcomes} == {"pull_in"}
     limits = [np.sqrt(outcome.limit) for outcome in outcomes]
     assert np.ptp(limits) < 1e-5 * limits[-1]
+
+
+def test_a_limit_is_looked_for_from_both_sides() -> None:
+    """Newton's method went astray from the nearest point, and the limit between two was missed."""
+    specimen = replace(actuators()[-1], frame=Ellipse((58.0951e-3, 58.0944e-3)),
+                       plate=Plate(Circle(6.3438e-3)))
+    film, weight = pressed_model(specimen), 17.9e-3 * 9.80665
+    charged = equilibrium(film, weight, 6500.0)
+
+    def limit(waves: int, degree: int) -> float:
+        settings = PathSettings(smooth=((waves, degree),))
+        outcome = equilibrium(film, weight, 11.7e3, start=charged.solution, settings=settings)
+        assert outcome.limit is not None
+        return float(np.sqrt(outcome.limit))
+
+    assert limit(4, 14) == pytest.approx(limit(4, 10), rel=1e-4)
 
 
 def test_a_limit_in_force() -> None:
