@@ -57,14 +57,15 @@ def kept_limit(limit: DesignLimit, states: Sequence[DesignState], bound: float) 
         at = working.case.voltage if limit.of_voltage else None
         return KeptLimit(value, at, c, slopes, (at,) * len(c))
     loads = [limit.load(state) for state in states]
-    ends = [replace(states[0], name="none"), replace(working, name="working")]
+    ends = [replace(states[0], name="without voltage"),
+            replace(working, name="at the working voltage")]
     evaluations = [limit.evaluate(state, bound) for state in ends]
     highest = int(np.argmax(loads))
     higher = int(loads[-1] >= loads[0])
     places, worst = [*ends, ends[higher]], evaluations[higher]
     inside = 0 < highest < len(states) - 1
     if inside:
-        between = replace(_highest_between(limit, states, loads, highest), name="between")
+        between = replace(_highest_between(limit, states, loads, highest), name="in between")
         places[2], worst = between, limit.evaluate(between, bound)
     value, *_ = worst
     evaluations.append(worst)
