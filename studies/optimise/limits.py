@@ -37,8 +37,8 @@ _MARGIN: Rule = (lambda x: 1 <= x <= 10, "must be a margin from 1 to 10")
 _POWER = 200
 #: Voltage of pull-in is sought up to this many times the limit.
 _REACH = 1.5
-#: Smooth motions in which pull-in is sought, fewer than elsewhere: with more of them one is soft by
-#: chance on some meshes, and the slope 2 % off. The voltage is the same to 1e-6.
+#: Smooth motions in which pull-in is sought, fewer than elsewhere: of (4, 14) one was soft by
+#: chance on one of two meshes, and the slope 2 % off. The voltage is the same to 2e-5.
 _SMOOTH = ((4, 10), (2, 14))
 #: Points along the plate's edge whose distances from the frame are limited.
 _POINTS = 64
