@@ -32,10 +32,13 @@ def implausible_loads(specimen: Specimen, rig: Rig, mass: float, voltage: float)
     """What a mass [kg] and a nominal voltage [V] seem to be instead, in sentences; mostly none.
 
     The door they came through does not matter, only what they do to the film. Of several voltages
-    the highest counts. A weight that something else may carry is not judged.
+    the highest counts. A weight that something else may carry is not judged, nor is a film whose
+    law gives it no stiffness, such as the paper's Eq. (8).
     """
     stiffness, around = _stiffness(specimen)
-    doubts = []
+    doubts: list[str] = []
+    if not 0 < stiffness < np.inf:
+        return doubts
     if mass and not rig.biases and rig.guide != "fixed":
         frame = specimen.frame
         weight = abs(mass * rig.gravity)

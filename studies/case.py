@@ -104,6 +104,13 @@ class Case:
                 raise InputError("must be 0: the film has no plate to carry it", key="--mass",
                                  given=f"{self.mass:g} kg")
 
+    @classmethod
+    def greatest(cls, specimen: Specimen, masses: Iterable[float], voltages: Iterable[float],
+                 rig: Rig = Rig()) -> Case:
+        """The largest of masses [kg] that are asked for together, at the highest voltage [V]."""
+        return cls(specimen, mass=max(masses, key=abs, default=0.0),
+                   voltage=max(voltages, key=abs, default=0.0), rig=rig)
+
     @property
     def film_voltage(self) -> float:
         """What the film responds to [V]."""

@@ -25,7 +25,7 @@ from tympan.studies.alpha.circles import (
     membrane_forces,
 )
 from tympan.studies.alpha.simplex import condition, simplex_fit, weight_ranges
-from tympan.studies.case import Settings, build_model
+from tympan.studies.case import Case, Settings, build_model
 from tympan.studies.circles import radii_of
 from tympan.studies.files import from_json, read_json, stored_file, to_json, write_json
 from tympan.studies.limits.loads import LoadGrid, usual_masses, usual_voltages
@@ -100,6 +100,11 @@ class AlphaLoads:
     fit: LoadGrid
     held_out: LoadGrid
     from_film: bool = False
+
+    def greatest(self, specimen: Specimen, rig: Rig) -> Case:
+        """The case of the largest mass and the highest voltage."""
+        return Case.greatest(specimen, self.fit.masses + self.held_out.masses,
+                             self.fit.voltages + self.held_out.voltages, rig)
 
 
 @dataclass(frozen=True)
@@ -209,11 +214,12 @@ def alpha(specimen: Specimen, settings: Settings, alpha_settings: AlphaSettings 
     warnings: list[str] = []
     progress(f"{specimen.name}: equilibria")
     loads = alpha_settings.loads(specimen, settings, rig)
+    greatest = loads.greatest(specimen, rig)
     fit = equilibria(model, loads.fit, rig, settings, count, warnings)
     test = equilibria(model, loads.held_out, rig, settings, count, warnings)
     if not len(fit):
-        raise InputError("has no equilibrium at any load of the fit", key="alpha",
-                         given=specimen.name)
+        raise InputError(greatest.doubted("has no equilibrium at any load of the fit"),
+                         key="alpha", given=specimen.name)
     progress(f"{specimen.name}: circles")
     forces = partial(membrane_forces, specimen, settings, rig.loading)
     radii = RADII[how](specimen, count, forces, fit) if radii is None else radii
@@ -231,7 +237,8 @@ def alpha(specimen: Specimen, settings: Settings, alpha_settings: AlphaSettings 
     ranges = weight_ranges(membrane[0], fit.force, best + alpha_settings.tolerance)
     result = AlphaResult(specimen.name, radii, by_basis, scale, _weigh(shares, membrane, fit, test),
                          spread, tuple(warnings), how, ranges, condition(membrane[0]), loads)
-    return replace(result, warnings=(*warnings, *_doubts(specimen, result, alpha_settings)))
+    return replace(result, warnings=(*warnings, *_doubts(specimen, result, alpha_settings),
+                                     *greatest.remarks))
 
 
 def uncertainty(specimen: Specimen, settings: Settings, alpha_settings: AlphaSettings, rig: Rig,

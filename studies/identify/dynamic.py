@@ -26,7 +26,7 @@ from tympan.studies.identify.static import Constant, StaticFit, Tell
 from tympan.studies.lumped.actuator import Actuator, Viscous
 from tympan.studies.lumped.collocation import CollocationSolver
 from tympan.studies.lumped.equilibria import rest, settle
-from tympan.studies.lumped.remarks import remark
+from tympan.studies.lumped.remarks import of_loads, remark
 from tympan.studies.paper.table1 import known
 from tympan.studies.signals import Pieces
 
@@ -314,6 +314,11 @@ class DynamicFit:
                    if stays and constant.name in self.judgement.undetermined]
         if unmoved:
             warnings.append(remark("stays", names=", ".join(unmoved)))
+        for number in dict.fromkeys(record.specimen for record in self.problem.records):
+            runs = [record for record in self.problem.records if record.specimen == number]
+            specimen = self.problem.actuator(runs[0], self.z).specimen
+            warnings += of_loads(specimen, [run.mass for run in runs],
+                                 [run.drive.peak for run in runs], self.problem.rig)
         return warnings
 
 

@@ -31,7 +31,7 @@ from tympan.studies.estimation.identifiability import (
 from tympan.studies.estimation.least_squares import LeastSquares, minimise
 from tympan.studies.lumped.actuator import Actuator, Viscous
 from tympan.studies.lumped.equilibria import settle
-from tympan.studies.lumped.remarks import is_cone, remark, softness
+from tympan.studies.lumped.remarks import is_cone, of_loads, remark, softness
 from tympan.studies.paper.table1 import known
 
 Array = NDArray[np.float64]
@@ -335,6 +335,10 @@ class StaticFit:
                  if is_cone(actuator)}
         if cones:
             warnings.append(remark("cone_found", factors=", ".join(cones)))
+        for number, specimen in enumerate(self.problem.specimens):
+            here = self.problem.which == number
+            warnings += of_loads(specimen, self.problem.mass[here].tolist(),
+                                 self.problem.voltage[here].tolist(), self.rig)
         return warnings
 
 

@@ -109,8 +109,7 @@ def curve(specimen: Specimen, masses: Sequence[float], settings: Settings, rig: 
         for result in _asked(ascent, mass, rig, voltages, settings):
             progress(f"{specimen.name}: {mass * 1e3:g} g, {result.voltage_V / 1e3:g} kV")
             cells.append(_row(True, result, ascent.limits))
-    heaviest = Case(specimen, mass=max(masses, key=abs, default=0.0),
-                    voltage=max(voltages, key=abs, default=0.0), rig=rig)
+    heaviest = Case.greatest(specimen, masses, voltages, rig)
     table = {column.name: np.array([row[number] for row in cells],
                                    float if column.choices is None else str)
              for number, column in enumerate(CURVES)}

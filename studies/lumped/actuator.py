@@ -15,6 +15,7 @@ from tympan.fem.rig import Rig
 from tympan.geometry.errors import InputError
 from tympan.geometry.outlines import area
 from tympan.geometry.specimen import Specimen
+from tympan.studies.case import Case
 from tympan.studies.circles import ConeCircle, radii_of
 from tympan.studies.paper.table1 import known
 
@@ -123,6 +124,10 @@ class Actuator:
     def load(self) -> Any:
         """The weight [N]."""
         return self.rig.force(self.mass)
+
+    def case(self, voltage: float) -> Case:
+        """That of the field model at a nominal voltage [V]; of several masses the largest."""
+        return Case(self.specimen, mass=float(np.max(self.mass)), voltage=voltage, rig=self.rig)
 
     @property
     def label(self) -> str:

@@ -92,6 +92,10 @@ class BuildSettings:
                                                    shares) for specimen in specimens)
         return cls(**given)
 
+    def greatest(self, specimen: Specimen, rig: Rig) -> Case:
+        """The case of the largest mass and the highest voltage."""
+        return Case.greatest(specimen, self.masses, self.voltages, rig)
+
     @cached_property
     def fit(self) -> LoadGrid:
         """The loads it is fitted on."""
@@ -184,7 +188,7 @@ class Built:
         if self.model.specimen.membrane.density:
             warnings.append("the lumped model has no film mass: its frequencies are those of plate "
                             "and weight alone")
-        return warnings
+        return [*warnings, *self.settings.greatest(self.model.specimen, self.rig).remarks]
 
     @property
     def statics(self) -> pd.DataFrame:
@@ -283,7 +287,8 @@ def _at_rest(model: Model, settings: Settings, chosen: BuildSettings,
                 missing = "did not converge"
                 if outcome.status == "no_equilibrium":
                     missing = "has no equilibrium"
-                raise InputError(f"the field model {missing}: {failure_reason(outcome)}",
+                reason = f"the field model {missing}: {failure_reason(outcome)}"
+                raise InputError(chosen.greatest(case.specimen, rig).doubted(reason),
                                  key=load, given=f"{1e-3 * case.voltage:.5g} kV")
             deflection = outcome.state.plate.deflection
             if deflection <= 1e-6 * model.size:
@@ -308,8 +313,7 @@ def _frequencies(actuator: Actuator, voltage: float, settings: Settings) -> tupl
     """Undamped frequency along the load [Hz] of the model and of the field model."""
     still = rest(actuator, voltage)
     lumped = float(np.sqrt(actuator.balance(still, voltage)[1] / actuator.moved) / (2 * np.pi))
-    case = Case(actuator.specimen, mass=actuator.mass, voltage=voltage, rig=actuator.rig)
-    along = (mode.frequency_Hz for mode in modes(case, settings).modes
+    along = (mode.frequency_Hz for mode in modes(actuator.case(voltage), settings).modes
              if mode.plate_share["z"] > 0.5)
     return lumped, min((hertz for hertz in along if hertz is not None), default=np.nan)
 

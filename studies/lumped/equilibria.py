@@ -98,7 +98,8 @@ def rest(actuator: Actuator, voltage: float) -> float:
     """
     y = float(rest_curve(actuator, voltage))
     if np.isnan(y):
-        raise InputError(f"has no stable rest: {limit_words(actuator)}",
+        reason = f"has no stable rest: {limit_words(actuator)}"
+        raise InputError(actuator.case(voltage).doubted(reason),
                          given=f"{voltage / 1e3:g} kV", key=actuator.label)
     return y
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from tympan.fem.rig import Rig, checked_load
 from tympan.geometry.errors import InputError
+from tympan.studies.case import Case
 from tympan.studies.lumped.model_file import LumpedModel
 from tympan.studies.lumped.simulate import SampledResponse, settling_time
 from tympan.studies.reduced_film.driven_film import ERROR, ReducedMoment
@@ -96,15 +97,16 @@ def film_response(model: LumpedModel, signal: Signal, mass: float, rig: Rig, int
     """
     assert model.film is not None
     motion, name = film_motion(model.film, signal, mass, rig, inertia), model.specimen.name
-    warnings = []
+    case = Case(model.specimen, mass=mass, voltage=signal.peak, rig=rig)
+    warnings = [*case.remarks]
     try:
         moments, stopped = _followed(motion)
     except NoBalance:
-        raise InputError("must have an equilibrium under the signal's first voltage", key="mass",
-                         given=f"{mass:g} kg") from None
+        reason = "must have an equilibrium under the signal's first voltage"
+        raise InputError(case.doubted(reason), key="mass", given=f"{mass:g} kg") from None
     if not moments:
-        raise InputError("the film has no equilibrium at once after the mass is put on",
-                         key="mass", given=f"{mass:g} kg")
+        reason = "the film has no equilibrium at once after the mass is put on"
+        raise InputError(case.doubted(reason), key="mass", given=f"{mass:g} kg")
     if stopped is not None:
         warnings.append(f"the film pulls in after {stopped:.4g} s; lower the voltage")
     time = np.array([moment.time for moment in moments])

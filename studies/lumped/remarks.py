@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import tomllib
+from collections.abc import Iterable
 from functools import cache
 from importlib import resources
 
 import numpy as np
 
+from tympan.fem.rig import Rig
+from tympan.geometry.specimen import Specimen
+from tympan.studies.case import Case
 from tympan.studies.circles import MembraneCircle
 from tympan.studies.lumped.actuator import Actuator
 
@@ -37,6 +41,13 @@ def origin(actuator: Actuator) -> list[str]:
     if is_cone(actuator):
         remarks.append(remark("cone", factors=softness(actuator)))
     return remarks
+
+
+def of_loads(specimen: Specimen, masses: Iterable[float], voltages: Iterable[float], rig: Rig
+             ) -> list[str]:
+    """What the masses [kg] and nominal voltages [V] of a specimen's readings give rise to say."""
+    return [f"{specimen.name}: {words}"
+            for words in Case.greatest(specimen, masses, voltages, rig).remarks]
 
 
 def is_cone(actuator: Actuator) -> bool:

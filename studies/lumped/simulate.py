@@ -122,7 +122,8 @@ def simulate(actuator: Actuator, signal: Signal, start: Array | None = None,
                          key=actuator.label)
     peak = abs(float(actuator.rig.film_voltage(signal.peak)))
     if peak > highest(actuator):
-        raise InputError(f"the signal goes too high: {limit_words(actuator)}", key=actuator.label,
+        reason = f"the signal goes too high: {limit_words(actuator)}"
+        raise InputError(actuator.case(signal.peak).doubted(reason), key=actuator.label,
                          given=f"{peak / 1e3:.5g} kV")
     state = actuator.rest(rest(actuator, signal.first)) if start is None else start
     solver = CollocationSolver(signal, precision, most=_WORK)
@@ -291,7 +292,7 @@ def sample(response: Response, interval: float, period: float | None = None,
         "flat_stored_energy_J": flat * float(np.abs(voltage).max()) ** 2 / 2,
         "linear": linearise(actuator, first, by="U" if first else "U2").json(),
         "evaluations": response.evaluations,
-        "warnings": [*warnings, *origin(actuator)],
+        "warnings": [*warnings, *origin(actuator), *actuator.case(response.signal.peak).remarks],
     }
     # Its plate has inertia: at a jump it has not moved yet.
     time, voltage, deflection = with_rest(response.signal, time, voltage, deflection,

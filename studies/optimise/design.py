@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +19,7 @@ from tympan.fem.membrane.state import State
 from tympan.geometry.errors import InputError
 from tympan.geometry.paths import at, with_change
 from tympan.geometry.specimen import Specimen
-from tympan.studies.case import Case, Settings, build_model, failure_reason, voltage_ramp
+from tympan.studies.case import Settings, build_model, failure_reason, voltage_ramp
 from tympan.studies.optimise.cycle import KeptLimit, cycle_voltages, kept_limit
 from tympan.studies.optimise.limits import LIMITS, DesignState, slopes_of
 from tympan.studies.optimise.problem import OptimiseProblem
@@ -105,7 +105,7 @@ class DesignEvaluator:
             return Design(values, reason=str(error)), None
         if not renew and folded(model.discretisation.mesh):
             return Design(values, specimen, "the mesh cannot be moved so far"), None
-        case = Case(specimen, mass=problem.mass, voltage=problem.voltage, rig=problem.rig)
+        case = replace(problem.case, specimen=specimen)
         parameters = case_parameters(case, model)
         by = {variable.name: parameters[variable.name] for variable in problem.variables}
         loaded = any(LIMITS[name].load is not None for name in problem.limits)
@@ -113,7 +113,7 @@ class DesignEvaluator:
         ramp = list(voltage_ramp(model, case.mass, voltages, case.rig, path))
         for _, outcome in ramp:
             if outcome.status != "equilibrium":
-                return Design(values, specimen, failure_reason(outcome)), None
+                return Design(values, specimen, case.doubted(failure_reason(outcome))), None
         (_, resting), (_, charged) = ramp[0], ramp[-1]
         slopes = [slopes_of(QUANTITIES["heave"], model, outcome, by)
                   for outcome in (resting, charged)]

@@ -208,7 +208,7 @@ def _optimum(problem: OptimiseProblem, best: StartRun, runs: Sequence[StartRun],
         "starts_apart_variables": float(np.ptp(ends, axis=0).max()),
         "warnings": [*dict.fromkeys(
             words for state in evaluator.states[::-1] if evaluator.model is not None
-            for words in state_warnings(evaluator.model, state)), *problem.rig.remarks]}
+            for words in state_warnings(evaluator.model, state)), *problem.case.remarks]}
 
 
 def _run(problem: OptimiseProblem, run: StartRun) -> dict[str, Any]:

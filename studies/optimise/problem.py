@@ -19,7 +19,7 @@ from tympan.geometry.outlines import area, perimeter
 from tympan.geometry.paths import at, numbers, with_change
 from tympan.geometry.specimen import Specimen
 from tympan.geometry.toml_reader import POSITIVE, Table
-from tympan.studies.case import Settings
+from tympan.studies.case import Case, Settings
 from tympan.studies.limits.loads import usual_masses, usual_voltages
 from tympan.studies.optimise.limits import LIMITS
 from tympan.studies.paper.actuators import FILES
@@ -83,6 +83,11 @@ class OptimiseProblem:
     limits: Mapping[str, float] = field(default_factory=dict)
     held: tuple[str, ...] = ("area",)
     rig: Rig = field(default_factory=Rig)
+
+    @property
+    def case(self) -> Case:
+        """The specimen's own."""
+        return Case(self.specimen, mass=self.mass, voltage=self.voltage, rig=self.rig)
 
     @property
     def lows(self) -> np.ndarray:

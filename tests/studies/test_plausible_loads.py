@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 from scipy.constants import epsilon_0, g, pi
@@ -12,6 +13,7 @@ from scipy.constants import epsilon_0, g, pi
 import tympan
 from tests.support.specimens import NEO_HOOKE, ROOT5, circular
 from tympan.cli import main
+from tympan.fem.film.admissibility import equibiaxial_stiffness
 from tympan.fem.membrane.loading import Spring
 from tympan.fem.plausible_loads import implausible_loads
 from tympan.fem.rig import Rig
@@ -19,7 +21,9 @@ from tympan.fem.toml_writer import specimen_to_toml
 from tympan.geometry.errors import InputError
 from tympan.geometry.mesher import MeshSettings
 from tympan.geometry.specimen import Film
+from tympan.studies.alpha import AlphaSettings, LoadGrid
 from tympan.studies.case import Case, Settings
+from tympan.studies.paper.table1 import eq8
 from tympan.studies.path import path
 
 COARSE = Settings(MeshSettings(order=2).refined(0.6))
@@ -55,6 +59,13 @@ def test_only_what_cannot_be_meant() -> None:
     assert doubts(voltage=1e-3).endswith("of its stiffness)")
     # An amplifier that makes kilovolts of volts.
     assert not doubts(voltage=3.5e2, rig=Rig(amplifier_gain=9.0))
+
+
+def test_a_law_without_stiffness_is_no_yardstick() -> None:
+    """The paper's Eq. (8) with Table 1's constants: the film would be softer than nothing."""
+    film = eq8(circular(), 4.7)
+    assert equibiaxial_stiffness(film.membrane.material, ROOT5, ROOT5) < 0
+    assert implausible_loads(film, Rig(), 17.9e-3, 3.5e3) == []
 
 
 def test_what_else_carries_the_weight_is_not_forgotten() -> None:
@@ -101,6 +112,80 @@ def test_both_doors_say_the_same(tmp_path: Path, capsys: pytest.CaptureFixture[s
     step = "transient|--mass|17.9 g|--signal|step|--duration|1 s|--high|"
     assert any(VOLTS in words for words in printed(f"{step}3.5 V"))
     assert printed(f"{step}2 kV") == []
+
+
+def test_weights_of_circles_are_judged_by_all_their_loads(tmp_path: Path) -> None:
+    def alpha(fit: LoadGrid, held_out: LoadGrid) -> tuple[str, ...]:
+        return tympan.alpha(circular(), AlphaSettings(fit, held_out), COARSE).warnings
+
+    none, some = LoadGrid(()), LoadGrid((17.9e-3,), (0.0, 3.5))
+    assert any(VOLTS in words for words in alpha(some, none))
+    assert not any("meant" in words for words in alpha(some, LoadGrid((17.9e-3,), (3.5e3,))))
+    with pytest.raises(InputError, match=r'at any load of the fit.*"17\.9 g" meant'):
+        alpha(LoadGrid((17.9,), (20e3,)), none)
+
+
+def test_lumped_commands_ask_as_solve_does(tmp_path: Path, capsys: pytest.CaptureFixture[str]
+                                           ) -> None:
+    film, out = tmp_path / "film.toml", tmp_path / "out"
+    film.write_text(specimen_to_toml(circular()), encoding="utf-8")
+
+    def warned(line: str, kind: str) -> str:
+        assert main(["lumped", *line.split("|"), "--json"]) == 0
+        content, = json.loads(capsys.readouterr().out)[kind]
+        return " | ".join(content["warnings"])
+
+    mesh = "--refine|0.6"
+    for high, asked in (("3.5 V", True), ("3.5 kV", False)):
+        step = f"simulate|{film}|--mass|17.9 g|--signal|step|--duration|1 s|--high|{high}|{mesh}"
+        assert (VOLTS in warned(step, "responses")) == asked
+        small = f"linearise|{film}|--mass|17.9 g|--at|{high}|{mesh}"
+        assert (VOLTS in warned(small, "linear")) == asked
+        model = f"build|{film}|--mass|17.9 g|--voltages|0 V..{high}|-o|{out}|{mesh}"
+        assert (VOLTS in warned(model, "built")) == asked
+    model = out / "circle.lumped.toml"
+    for line in (f"simulate|{film}|--mass|17.9 kg|--signal|step|--duration|1 s|{mesh}",
+                 f"simulate|{film}|--paper|--mass|17.9 kg|--signal|step|--duration|1 s",
+                 f"linearise|--model|{model}|--mass|17.9 kg",
+                 f"build|{film}|--mass|17.9 kg|--voltages|0 V..3.5 kV|-o|{out}|{mesh}",
+                 f"export|{model}|--slow-fast|--mass|17.9 kg|-o|{out}"):
+        assert main(["lumped", *line.split("|")]) == 2
+        assert KILOGRAMS in capsys.readouterr().err
+
+
+def test_readings_that_a_film_cannot_have_given_are_asked_about(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Volts in a column of kilovolts, in readings at rest and in time."""
+    film, runs = tmp_path / "film.toml", tmp_path / "runs"
+    film.write_text(specimen_to_toml(circular()), encoding="utf-8")
+    assert main(["lumped", "simulate", str(film), "--mass", "17.9 g", "--signal", "step",
+                 "--duration", "0.5 s", "--high", "3.5 V", "--refine", "0.6", "-o",
+                 str(runs)]) == 0
+    (runs / "static.csv").write_text(
+        "specimen,mass_g,voltage_kV,displacement_mm\ncircle,17.9,0,1.694\n"
+        "circle,17.9,0.0035,1.695\ncircle,22,0,2.08\n", encoding="utf-8")
+    capsys.readouterr()
+    assert main(["lumped", "identify", str(runs), "--dynamic", "--no-limits", "--refine", "0.6",
+                 "--json"]) == 0
+    fits = json.loads(capsys.readouterr().out)
+    for kind in ("static", "dynamic"):
+        assert any(words.startswith("circle: ") and VOLTS in words
+                   for words in fits[kind]["warnings"])
+
+
+def test_an_optimum_is_judged_by_its_own_loads(tmp_path: Path) -> None:
+    def record(mass: str, voltage: str) -> dict[str, Any]:
+        file = tmp_path / "OPTIMISE.toml"
+        file.write_text(
+            f'specimen = "circular"\nhold = "nothing"\nmass = "{mass}"\nvoltage = "{voltage}"\n'
+            '[vary]\n"plate.radius" = ["9.9 mm", "10.1 mm"]\n', encoding="utf-8")
+        return tympan.optimise(file, settings=COARSE).json()
+
+    for voltage, asked in (("3.5 V", True), ("3.5 kV", False)):
+        optimum, = record("17.9 g", voltage)["optima"]
+        assert any(VOLTS in words for words in optimum["warnings"]) == asked
+    failed, = record("99 kg", "3.5 kV")["failed"]
+    assert 'was "99 g" meant?' in failed["reason"]
 
 
 def test_a_sweep_is_judged_by_its_highest_voltage(tmp_path: Path) -> None:

@@ -18,6 +18,9 @@ def slips() -> Cases:
     yield Case("value in two words", "solve specimen.toml --mass 1 g", GOOD, "quotation marks")
     yield Case("kilograms for grams", "solve specimen.toml --mass '17.9 kg' --voltage '3 V'", GOOD,
                status=0, shows='was "17.9 g" meant(.|\n)*was "3 kV" meant')
+    yield Case("kilograms for grams, lumped", "lumped simulate specimen.toml --paper --mass "
+               "'17.9 kg' --signal step --high '3 V' --duration '1 s'", GOOD,
+               'was "17.9 g" meant(.|\n)*was "3 kV" meant')
     yield Case("table", SOLVE, {"specimen.toml": SPECIMEN.replace("[membrane]", "[film]")},
                "membrane: is missing: did you mean it by 'film'")
     yield Case("material", SOLVE, {"specimen.toml": SPECIMEN.replace("vhb-4910", "vhb4910")},

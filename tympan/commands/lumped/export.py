@@ -20,6 +20,8 @@ from tympan.options import argument, command, output, parse_quantity
          output(required=True), example="lumped/oval.lumped.toml -o controller")
 def lumped_export(options: argparse.Namespace) -> None:
     """A lumped model for a controller: as C99, FMU, or two transfer functions."""
+    from tympan.progress import say
+    from tympan.studies.case import Case
     from tympan.studies.lumped.export.c_source import export_c
     from tympan.studies.lumped.model_file import read_model
 
@@ -32,7 +34,10 @@ def lumped_export(options: argparse.Namespace) -> None:
     if options.fmu:
         from tympan.studies.lumped.export.fmu import export_fmu
 
-        print(export_fmu(model, options.output, parse_quantity(options.mass, "mass", "--mass")))
+        mass = parse_quantity(options.mass, "mass", "--mass")
+        print(export_fmu(model, options.output, mass))
+        for words in Case(model.specimen, mass=mass).remarks:
+            say(f"warning: {words}")
         return
     if options.slow_fast:
         from tympan.studies.lumped.export.slow_fast import export_slow_fast

@@ -178,4 +178,5 @@ def lumped_linearise(options: argparse.Namespace) -> None:
     print_record(options, {"linear": [
         {"specimen": actuator.specimen.name, "mass_kg": actuator.mass,
          **linearise(actuator, voltage, by=options.input).json(),
-         "warnings": [*remarks, *origin(actuator)]} for actuator in actuators]})
+         "warnings": [*remarks, *origin(actuator), *actuator.case(voltage).remarks]}
+        for actuator in actuators]})
