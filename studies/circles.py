@@ -1,20 +1,19 @@
-"""Circular actuators of the lumped model: the paper's cones, Eqs. (2)–(5), membranes, mixtures."""
+"""Circular actuators of the lumped model: the paper's cones, Eqs. (2)–(5), and membranes."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from tympan.fem.film.density import maxwell
-from tympan.geometry.errors import InputError
 from tympan.geometry.outlines import Outline
 from tympan.geometry.specimen import Specimen
 
-_RINGS = 12
-_ALIKE = 1e-9  # relative difference at which semi-axes are one circle's
+#: Relative difference at which semi-axes are one circle's: rounding of lengths in files.
+_ALIKE = 1e-9
 
 
 def radii_of(frame: Outline) -> tuple[float, ...]:
@@ -44,15 +43,10 @@ class ConeCircle:
     Kinematics of Eqs. (3) and (4): λ_r = λ_p √(1 + (y/l₀)²), λ_c = λ_p, sin θ = y/√(l₀² + y²), l₀ =
     radius − r, with r the plate's mean radius and λ_p the mean prestretch. Radii and deflections
     are numbers or arrays that broadcast.
-
-    ``profile`` c moves the film from the straight cone (0) to the shape ln(radius/ρ)/ln(radius/r)
-    of a weightless membrane that is hardly deflected (1): its slope at a distance ρ from the axis
-    is y ((1 − c)/l₀ + c/(ρ ln(radius/r))).
     """
 
     specimen: Specimen
     radius: Any
-    profile: float = 0.0
 
     @cached_property
     def plate_radius(self) -> float:
@@ -61,8 +55,8 @@ class ConeCircle:
 
     @cached_property
     def steepness(self) -> Any:
-        """Slope of the film at the plate's edge over the deflection [1/m]; 1/l₀ for the cone."""
-        return self._steepness(self.plate_radius)
+        """Slope of the cone over the deflection [1/m], 1/l₀."""
+        return 1 / (self.radius - self.plate_radius)
 
     @cached_property
     def thickness(self) -> float:
@@ -117,21 +111,12 @@ class ConeCircle:
         return sum(self.pull(part, deflection)[1] for part in parts)
 
     def capacitance(self, deflection: Any) -> Any:
-        """ε₀ε_r dA/z over the film [F] at a deflection [m], by Gauss's rule along the radius."""
-        axes = np.broadcast(deflection, self.radius).ndim
-        nodes, weights = (rule.reshape(-1, *[1] * axes)
-                          for rule in np.polynomial.legendre.leggauss(_RINGS))
-        half = (self.radius - self.plate_radius) / 2
-        at = self.plate_radius + half * (1 + nodes)
-        prestretch = np.sqrt(self.specimen.membrane.area_prestretch)
-        radial = prestretch * np.sqrt(1 + (deflection * self._steepness(at)) ** 2)
-        energy = maxwell(self.specimen, 1.0).derivatives(radial, prestretch)[0]
-        volume = 2 * np.pi * at * weights * half * self.thickness
-        return -2 * np.sum(volume * energy, axis=0)
-
-    def _steepness(self, at: Any) -> Any:
-        c, inner = self.profile, self.plate_radius
-        return (1 - c) / (self.radius - inner) + c / (at * np.log(self.radius / inner))
+        """ε₀ε_r dA/z over the film [F] at a deflection [m]."""
+        flat = np.sqrt(self.specimen.membrane.area_prestretch)
+        radial = flat * sloped_stretch(self.steepness, deflection)[0]
+        energy = maxwell(self.specimen, 1.0).derivatives(radial, flat)[0]
+        volume = np.pi * (self.radius**2 - self.plate_radius**2) * self.thickness
+        return -2 * volume * energy
 
 
 @dataclass(frozen=True)
@@ -169,40 +154,3 @@ class MembraneCircle(ConeCircle):
     def capacitance(self, deflection: Any) -> Any:
         """Of the whole film [F]; half its derivative by y times U² is the voltage's pull."""
         return self.flat_capacitance - 2 * self.electric(deflection)[0]
-
-
-@dataclass(frozen=True)
-class Lumped(Specimen):
-    """An actuator as the lumped model has it: circles of its semi-axes, with weights α.
-
-    ``profile`` is that of :class:`ConeCircle`; the paper's is 0. Electrode margins and stiffness,
-    the plate's offset and the direction of the prestretch do not enter.
-    """
-
-    weights: tuple[float, ...] = (1.0,)
-    profile: float = 0.0
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        count = len(radii_of(self.frame))
-        if len(self.weights) != count or min(self.weights) < 0 or abs(sum(self.weights) - 1) > 1e-9:
-            raise InputError(f"must be {count} numbers from 0 that add up to 1, one for each "
-                             "semi-axis", key="weights", given=self.weights)
-
-    @classmethod
-    def of(cls, specimen: Specimen, weights: tuple[float, ...] = (1.0,)) -> Lumped:
-        """A specimen seen so; an ellipse needs its two weights."""
-        return cls(**{item.name: getattr(specimen, item.name) for item in fields(Specimen)},
-                   weights=weights)
-
-    @property
-    def circles(self) -> ConeCircle:
-        return ConeCircle(self, np.array(radii_of(self.frame)), self.profile)
-
-    def force(self, deflection: float, voltage: float) -> float:
-        """Σ α_j F_j [N] at a deflection [m] and a voltage [V]."""
-        return float(np.dot(self.weights, self.circles.force(deflection, voltage)))
-
-    def capacitance(self, deflection: float) -> float:
-        """Σ α_j C_j [F] at a deflection [m]."""
-        return float(np.dot(self.weights, self.circles.capacitance(deflection)))

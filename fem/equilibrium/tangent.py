@@ -40,10 +40,6 @@ class Tangent:
         loads = {name: subspace.project(model.by_load(state, name)) for name in free}
         rows = [subspace.project(equation.by_motion) for equation in equations]
         self._plates = len(model.plate_freedoms)
-        # l t for an equation's row e = t g and derivative l by the load of g.
-        self._closures = [sum(by_load * _dot(row, loads[name]) / _dot(loads[name], loads[name])
-                              for name, by_load in equation.by_load.items() if name in loads)
-                          for equation, row in zip(equations, rows, strict=True)]
         columns = np.column_stack([part.border, *(load[0] for load in loads.values())])
         self._rows = np.vstack([part.border.T, *(row[0] for row in rows)])
         self._corner = np.vstack([
@@ -116,22 +112,6 @@ class Tangent:
         """Number of negative eigenvalues of film and plate at given loads."""
         return self.wrinkling + int((_eigenvalues(self.plate_stiffness) < 0).sum())
 
-    @property
-    def negative_closed(self) -> int:
-        """Number of negative eigenvalues of film and plate when the constraints hold.
-
-        That is stability at constant charge, or with the plate held: of the tangent K within the
-        motions that a hard equation e·δx = 0 leaves; and of K − g eᵀ/l, with g the forces of the
-        load, where the load gives way by δq = −e·δx/l. Both have the inertia of K bordered by e
-        (Haynsworth), less one negative eigenvalue for each.
-        """
-        rows = self._corner[self._plates :, : self._plates]
-        corner = np.block([[self._corner[: self._plates, : self._plates], rows.T],
-                           [rows, np.diag(self._closures)]])
-        matrix = corner - self._rows @ self._factor.solve(np.ascontiguousarray(self._rows.T))
-        negative = int((_eigenvalues((matrix + matrix.T) / 2) < 0).sum())
-        return self.wrinkling + negative - sum(closure <= 0 for closure in self._closures)
-
     def correct(self, residual: Parts, misses: Sequence[float]) -> tuple[Parts, dict[Load, float]]:
         """Motion and changes of the free loads that undo a residual, and what the equations miss.
 
@@ -163,10 +143,6 @@ def _inertia(model: Model) -> Array:
     """What a step of the plate's motion adds to its stiffness, shape (6, 6)."""
     swing = model.loading.swing
     return np.zeros((6, 6)) if swing is None else swing.stiffness
-
-
-def _dot(first: Parts, second: Parts) -> float:
-    return float(first[0] @ second[0] + first[1] @ second[1])
 
 
 def _eigenvalues(matrix: Array) -> Array:

@@ -15,7 +15,6 @@ from tympan.geometry.errors import InputError
 from tympan.geometry.fields import Registry
 from tympan.geometry.specimen import Film, Specimen
 from tympan.geometry.units import any_quantity
-from tympan.studies.circles import Lumped
 from tympan.studies.effects.prior import HeavyTail
 
 
@@ -138,8 +137,7 @@ class Effect:
     the laboratory; ``finding`` what is said where it is found, as
     :func:`tympan.studies.effects.findings.finding` fills it in, and ``check`` what to do there
     to see it directly, both of them with the specimen as ``{which}``. ``columns`` are those of
-    static.csv without which it cannot be seen; ``lumped``: it is one of the lumped model's
-    actuators, not of films and rigs as they are.
+    static.csv without which it cannot be seen.
     """
 
     name: str
@@ -150,12 +148,9 @@ class Effect:
     edit: Callable[..., Setup]
     on_one: bool = False
     columns: tuple[str, ...] = ()
-    lumped: bool = False
 
     def choices(self, setup: Setup) -> tuple[str | None, ...]:
-        """What ``which`` may be; nothing where it cannot happen."""
-        if self.lumped and not all(isinstance(specimen, Lumped) for specimen in setup.specimens):
-            return ()
+        """What ``which`` may be."""
         return tuple(specimen.name for specimen in setup.specimens) if self.on_one else (None,)
 
     def apply(self, setup: Setup, values: Sequence[float], which: str | None = None) -> Setup:
@@ -193,8 +188,8 @@ Use = tuple[str, tuple[float, ...], str | None]
 EFFECTS: Registry[Effect] = Registry("name")
 
 
-def effect(explanation: str, *, finding: str, check: str, columns: tuple[str, ...] = (),
-           lumped: bool = False) -> Callable[[Callable[..., Setup]], Effect]:
+def effect(explanation: str, *, finding: str, check: str, columns: tuple[str, ...] = ()
+           ) -> Callable[[Callable[..., Setup]], Effect]:
     """Register an edit as the effect of its name: its annotated arguments are the parameters.
 
     One with an argument ``which`` is on one specimen.
@@ -213,7 +208,7 @@ def effect(explanation: str, *, finding: str, check: str, columns: tuple[str, ..
             raise TypeError(f"the finding of {edit.__name__} speaks of {', '.join(unknown)}, which "
                             "is no argument of it")
         made = Effect(edit.__name__, explanation, finding, check, parameters, edit,
-                      on_one="which" in hints, columns=columns, lumped=lumped)
+                      on_one="which" in hints, columns=columns)
         EFFECTS.register(made)
         return made
 

@@ -17,7 +17,6 @@ def listing() -> dict[str, Any]:
     return {effect.name: {
         "explanation": effect.explanation, "check": direct_check(effect),
         "on_one_specimen": effect.on_one, "needs_columns": list(effect.columns),
-        "lumped_model_only": effect.lumped,
         "parameters": {item.name: _parameter(item) for item in effect.parameters}}
         for effect in EFFECTS.whole().values()}
 

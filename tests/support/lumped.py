@@ -11,7 +11,6 @@ from tests.support.specimens import circular, elliptical
 from tympan.fem.film.laws import Gent, Separable
 from tympan.fem.film.library import MATERIALS
 from tympan.fem.rig import Rig
-from tympan.studies.circles import ConeCircle
 from tympan.studies.identify.static import StaticProblem
 from tympan.studies.lumped.actuator import Actuator, paper_cones
 from tympan.studies.lumped.equilibria import rest
@@ -24,8 +23,6 @@ RIG = Rig(gravity=9.81, unaccounted_mass=1e-3, spring=3.0, amplifier_gain=0.02, 
 MODELS = {
     "paper": Actuator.of(paper_actuators(8.5)[2], 17.9e-3, (0.4, 0.6)),
     "tape": Actuator.of(OVAL, 22.45e-3, (0.7, 0.3), rig=RIG),
-    "membrane profile": Actuator(ConeCircle(OVAL, np.array([45e-3, 75e-3]), profile=1.0),
-                                 (0.7, 0.3), 17.9e-3),
     "permittivity that falls": Actuator.of(circular(Gent(18e3, 110.0), permittivity_exponent=0.4),
                                            17.9e-3),
     "membrane circles": LumpedModel(OVAL, (45e-3, 75e-3), (0.6, 0.4), 2e-9, 5e3, 1.03, 0.8

@@ -67,7 +67,7 @@ _VOLTAGES = np.linspace(0.0, 5500.0, 8)
 #: coupons alone show, and air, which they have by the diagnosis' own formula.
 _ROUND = tuple(name for name in ROUND if name not in ALIASES)
 _SWINGING = ("added_mass", "air_mass")
-_NOT_BY_ELEMENTS = {*ALIASES, "friction", "hysteresis", "cone_kinematics", "creep", "mounting_age",
+_NOT_BY_ELEMENTS = {*ALIASES, "friction", "hysteresis", "creep", "mounting_age",
                     "plate_damping", "series_resistance", "sensor_lag", "air_mass", "temperature",
                     "width_not_free", "width_not_held"}
 

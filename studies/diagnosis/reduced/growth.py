@@ -196,11 +196,13 @@ def extended_law(law: ForceLaw, solved: Iterable[Solved]) -> ForceLaw:
 
 
 def first_laws(solver: Solver, setup: Setup, grids: Sequence[Grid], workers: int = 1,
-               progress: Progress = lambda done, all_of_them: None,
-               axes_of: Callable[[Setup, str], tuple[Axis, ...]] = film_axes
+               progress: Progress = lambda done, all_of_them: None, shapes: bool = False
                ) -> tuple[ForceLaw, ...]:
-    """The force law of every specimen of a setup, each effect alone at its first sizes."""
-    laws = [ForceLaw(solver, grid, axes_of(setup, specimen.name), {})
+    """The force law of every specimen of a setup, each effect alone at its first sizes.
+
+    With ``shapes`` the axes of effects, too, that only the films' shapes show.
+    """
+    laws = [ForceLaw(solver, grid, film_axes(setup, specimen.name, shapes), {})
             for specimen, grid in zip(setup.specimens, grids, strict=True)]
     return _sampled(setup, laws, [acting_together(law.axes) for law in laws], workers, progress)
 

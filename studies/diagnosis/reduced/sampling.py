@@ -6,7 +6,7 @@ from collections import OrderedDict
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from functools import lru_cache, partial
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -24,7 +24,7 @@ from tympan.geometry.mesher import MeshSettings
 from tympan.geometry.outlines import Outline
 from tympan.geometry.specimen import Plate, Specimen
 from tympan.studies.case import Settings, build_model
-from tympan.studies.diagnosis.reduced.axes import HeldFilm, film_axes
+from tympan.studies.diagnosis.reduced.axes import HeldFilm
 from tympan.studies.diagnosis.reduced.film_shape import ALONG, AROUND, COUNT, lattice_of
 from tympan.studies.diagnosis.reduced.force_law import SHAPE, ForceLaw, Grid, Sampled
 from tympan.studies.diagnosis.reduced.growth import first_laws
@@ -286,5 +286,4 @@ def force_laws(setup: Setup, grids: Sequence[Grid], workers: int = 1,
     NotSampled
         Where a film has no solution within its grid.
     """
-    return first_laws(FiniteElements(shapes), setup, grids, workers, progress,
-                      partial(film_axes, shapes=shapes))
+    return first_laws(FiniteElements(shapes), setup, grids, workers, progress, shapes)

@@ -8,4 +8,3 @@ from tympan.studies.effects.library import films as films
 from tympan.studies.effects.library import rig as rig
 from tympan.studies.effects.library import in_time as in_time
 from tympan.studies.effects.library import strips as strips
-from tympan.studies.effects.library import cones as cones

@@ -184,10 +184,3 @@ def export_slow_fast(model: LumpedModel, folder: Path, mass: float) -> Path:
         "units": {"u": "V", "y": "m", "s0, z0, alpha, omega": "1/s"},
         "mass_kg": mass, **asdict(form)})
     return file
-
-
-def read_slow_fast(content: dict[str, Any]) -> SlowFast:
-    """What :func:`export_slow_fast` wrote, read as JSON."""
-    names = SlowFast.__dataclass_fields__
-    values = {name: value for name, value in content.items() if name in names}
-    return SlowFast(**values | {"polynomial": tuple(values["polynomial"])})

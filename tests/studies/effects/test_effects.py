@@ -60,14 +60,11 @@ class Reading:
 
 READINGS = (Reading(17.9e-3, 5e3, 3600.0, 1.0), Reading(22.45e-3, 3e3, 1800.0, -1.0))
 
-#: Those of the lumped model are in test_lumped_diagnosis.py.
-FILM_EFFECTS = {name: effect for name, effect in EFFECTS.items() if not effect.lumped}
-
-each_effect = pytest.mark.parametrize("effect", FILM_EFFECTS.values(), ids=FILM_EFFECTS)
+each_effect = pytest.mark.parametrize("effect", EFFECTS.values(), ids=EFFECTS)
 each_parameter = pytest.mark.parametrize(
     ("effect", "number"),
     [pytest.param(effect, number, id=f"{effect.name}-{item.name}")
-     for effect in FILM_EFFECTS.values() for number, item in enumerate(effect.parameters)])
+     for effect in EFFECTS.values() for number, item in enumerate(effect.parameters)])
 
 
 def case_of(setup: Setup, specimen: Specimen, load: Reading) -> Case:

@@ -15,7 +15,7 @@ from tests.support.specimens import circular
 from tympan.fem.rig import Rig
 from tympan.geometry.errors import InputError
 from tympan.geometry.system import MissingLibrary
-from tympan.studies.circles import Lumped
+from tympan.studies.circles import ConeCircle
 from tympan.studies.lumped.actuator import (
     Actuator,
     Viscous,
@@ -66,12 +66,20 @@ def test_forces_derive_from_the_energy(actuator: Actuator) -> None:
 
 
 def test_at_rest_it_is_the_mixture_of_cones() -> None:
-    mixture = Lumped.of(OVAL, (0.7, 0.3))
+    short, long = ConeCircle(OVAL, 45e-3), ConeCircle(OVAL, 75e-3)
     actuator = Actuator.of(OVAL, 17.9e-3, (0.7, 0.3))
     for y, u in ((1e-3, 0.0), (4e-3, 3e3)):
-        assert actuator.balance(y, u)[0] + actuator.load == pytest.approx(mixture.force(y, u),
-                                                                          rel=1e-12)
-        assert actuator.capacitance(y) == pytest.approx(mixture.capacitance(y), rel=1e-12)
+        assert actuator.balance(y, u)[0] + actuator.load == pytest.approx(
+            0.7 * short.force(y, u) + 0.3 * long.force(y, u), rel=1e-12)
+        assert actuator.capacitance(y) == pytest.approx(
+            0.7 * short.capacitance(y) + 0.3 * long.capacitance(y), rel=1e-12)
+
+
+def test_capacitance_of_the_straight_cone_by_hand() -> None:
+    """Eq. (1) of a film whose area grows and whose thickness shrinks by √s."""
+    y, flat = 5e-3, 8.8541878128e-12 * 4.7 * np.pi * (45e-3**2 - 10e-3**2) / 0.2e-3
+    assert ConeCircle(circular(), 45e-3).capacitance(y) == pytest.approx(
+        flat * (1 + (y / 35e-3) ** 2), rel=1e-9)
 
 
 @EVERY
