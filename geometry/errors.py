@@ -7,6 +7,9 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Self
 
+#: Letters of a value in a message: some two lines of a terminal.
+_LONGEST = 200
+
 
 class InputError(ValueError):
     """Input that cannot be used, in one line: file, dotted key, what was given, what is allowed.
@@ -55,8 +58,8 @@ def nearest_word(word: str, words: Iterable[str]) -> str | None:
     return near[0] if near else None
 
 
-def _shortened(text: str, most: int = 200) -> str:
-    return text if len(text) <= most else f"{text[: most - 20]} … {text[-15:]}"
+def _shortened(text: str) -> str:
+    return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 20]} … {text[-15:]}"
 
 
 def _printable(text: str) -> str:

@@ -25,6 +25,9 @@ Array = NDArray[np.float64]
 _MOUNTED = ("across", "back")
 _LOOSE = ("wrinkled", "slack")
 
+#: Room around a film in its picture, over its larger side: no line of its edge is cut.
+_ROOM = 0.01
+
 
 @dataclass(frozen=True)
 class View:
@@ -135,14 +138,14 @@ def film_rims(surface: pv.PolyData) -> list[Array]:
     return [loops[number] for number in np.argsort(lengths)[::-1]]
 
 
-def picture_frame(projected: Array, resolution: float, margin: float = 0.01,
+def picture_frame(projected: Array, resolution: float
                   ) -> tuple[tuple[float, float, float, float], tuple[int, int]]:
     """Extent [mm] and pixels of a picture that holds points, shape (n, 2) [mm].
 
     Its pixels are whole, of exactly 1/resolution mm.
     """
     low, high = projected.min(0), projected.max(0)
-    room = margin * float((high - low).max())
+    room = _ROOM * float((high - low).max())
     width, height = (ceil((span + 2 * room) * resolution) for span in high - low)
     (x, y), half = (low + high) / 2, np.array([width, height]) / resolution / 2
     return (x - half[0], x + half[0], y - half[1], y + half[1]), (width, height)

@@ -30,6 +30,10 @@ from tympan.studies.film_surface import FilmSurface, cut_triangles, interpolated
 #: Into the square of this many triangles a curved element is cut in files and pictures.
 _PARTS = 6
 
+#: Modes among which that of the plate's heave is sought: tilts and modes of a light film may be
+#: lower.
+_LOWEST = 12
+
 #: Modes in vacuo, at least, of which those in air are combinations.
 _BASIS = 40
 
@@ -137,21 +141,21 @@ def modes(case: Case, settings: Settings, count: int = 6, point_mass: float = 0.
         film=film)
 
 
-def heave_frequency(case: Case, settings: Settings, count: int = 12) -> float | None:
+def heave_frequency(case: Case, settings: Settings) -> float | None:
     """Frequency [Hz] of the mode in which the plate mostly moves up and down.
 
-    None where the case has no equilibrium, or no such mode is among the lowest ``count``.
+    None where the case has no equilibrium, or no such mode is among the lowest.
     """
     model, outcome = equilibrate(case, settings)
     if outcome.status != "equilibrium":
         return None
-    return heaving_frequency(model, outcome.state, carried(case), case.rig.air, count)
+    return heaving_frequency(model, outcome.state, carried(case), case.rig.air)
 
 
-def heaving_frequency(model: Model, state: State, plate: RigidPlate, air: float = 0.0,
-                      count: int = 12) -> float | None:
+def heaving_frequency(model: Model, state: State, plate: RigidPlate, air: float = 0.0
+                      ) -> float | None:
     """That of a state, whose plate has its mass and what moves with it, in ``air`` [kg/m³]."""
-    computed = swinging(model, state, plate, air, count)
+    computed = swinging(model, state, plate, air, _LOWEST)
     heaving = int(np.argmax(computed.shares[:, HEAVE]))
     stable = not computed.growth[heaving] and computed.shares[heaving, HEAVE] > 0.5
     return float(computed.frequencies_Hz[heaving]) if stable else None

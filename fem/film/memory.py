@@ -176,12 +176,12 @@ class Flow:
         return ((1.5 * moduli * excess).sum(0),
                 *self._stress(full, weight, grown, growth, tangent))
 
-    def stress(self, c: Any, *, tangent: bool = True) -> tuple[Array, Array | None]:
+    def stress(self, c: Any) -> tuple[Array, Array | None]:
         """S and ∂S/∂E of :meth:`density` alone."""
         if self.at_once is None:
-            return self._stress(*self._grown(c), tangent)
+            return self._stress(*self._grown(c), tangent=True)
         plane, thick = self.at_once
-        stress, bend = of_thickness(np.asarray(c), thick, tangent=tangent)
+        stress, bend = of_thickness(np.asarray(c), thick)
         return _aligned(plane, 1, stress.ndim) + stress, bend
 
     @cached_property

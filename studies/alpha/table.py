@@ -86,19 +86,19 @@ class OutlineTable:
 
 
 #: The paper's loads, and others to test at.
-PAPER_LOADS = AlphaSettings(
+_PAPER_LOADS = AlphaSettings(
     LoadGrid(MASSES, (0.0, 1e3, 2e3, 3e3, 4e3, 5e3)),
     LoadGrid((12e-3, 20e-3, 25e-3), (2.5e3, 4.5e3, 5.5e3)))
 
 
-def outline_table(settings: Settings, loads: AlphaSettings = PAPER_LOADS,
-                  progress: Callable[[str], None] = lambda _: None) -> OutlineTable:
+def outline_table(settings: Settings, progress: Callable[[str], None] = lambda _: None
+                  ) -> OutlineTable:
     """A row for every registered outline that has an example: the paper's film and plate in it."""
     rows, points = [], []
     for outline in examples().values():
         progress(outline.shape)
         specimen = Specimen(outline.shape, outline, Plate(Circle(10e-3)), paper_film())
-        pair, single = (alpha(specimen, settings, replace(loads, circles=count, radii=radii))
+        pair, single = (alpha(specimen, settings, replace(_PAPER_LOADS, circles=count, radii=radii))
                     for count, radii in ((2, "sectors"), (1, "fit")))
         rows.append(_row(outline, pair, single))
         points.append(outline.points(720))

@@ -51,6 +51,15 @@ _REMEMBERED = 2
 #: How often laws may grow, and by what factor at most each time.
 _ROUNDS, _GROWTH = 8, 2.0
 
+#: States at rest that finite elements on a fine mesh check, some tenth of a second each.
+_STATES_CHECKED = 6
+
+#: Frequencies that are checked so: each takes an equilibrium and its modes.
+_FREQUENCIES_CHECKED = 4
+
+#: Scans that are checked so: each takes an equilibrium and the places of all its points.
+_SCANS_CHECKED = 4
+
 #: Why a reading is left out: the laws end before it, or the film does.
 _REASONS = ("the film cannot be solved so far out",
             "a film that fits the other readings has no equilibrium there")
@@ -240,11 +249,11 @@ def with_effects(calibration: Simulation, progress: Callable[[int, int], None],
                                                 shapes))
 
 
-def law_error(simulation: Simulation, fit: Fit, table: ReadingTable, count: int = 6) -> float:
+def law_error(simulation: Simulation, fit: Fit, table: ReadingTable) -> float:
     """Largest error of the reduced heaves [m] at a fit, against finite elements on a fine mesh.
 
-    At ``count`` of the states, from small to large heaves; states the finite elements do not reach
-    are left out.
+    At some of the states, from small to large heaves; states the finite elements do not reach are
+    left out.
     """
     setup = simulation.extended(fit.hypothesis, fit.unknowns)
     states = table.states.at_rest
@@ -253,7 +262,7 @@ def law_error(simulation: Simulation, fit: Fit, table: ReadingTable, count: int 
     order = free[np.argsort(rest.heave[free])]
     rig, worst = setup.rig, 0.0
     place, way = rest.came
-    for state in place[evenly(order, count)].tolist():
+    for state in place[evenly(order, _STATES_CHECKED)].tolist():
         model = build_model(setup.specimens[int(states.specimen[state])], FINE, rig.loading)
         voltage = rig.film_voltage(float(states.voltage[state]), float(states.direction[state]))
         force = rig.force(float(states.mass[state]), model.plate_area)
@@ -265,17 +274,17 @@ def law_error(simulation: Simulation, fit: Fit, table: ReadingTable, count: int 
     return worst
 
 
-def frequency_error(simulation: Simulation, fit: Fit, table: ReadingTable, count: int = 4) -> float:
+def frequency_error(simulation: Simulation, fit: Fit, table: ReadingTable) -> float:
     """Largest error of the reduced frequencies at a fit, as a share of the finite elements' own.
 
-    At ``count`` of those read, from low to high; what the finite elements do not reach is left out.
+    At some of those read, from low to high; what the finite elements do not reach is left out.
     """
     if "frequency" not in table.kind:
         return 0.0
     setup, rows = simulation.extended(fit.hypothesis, fit.unknowns), table.rows_of
     shown, worst = simulation.predict(fit.hypothesis, fit.unknowns, table), 0.0
     order = rows["frequency"][np.argsort(shown[rows["frequency"]])]
-    for row in evenly(order, count):
+    for row in evenly(order, _FREQUENCIES_CHECKED):
         case = Case(setup.specimens[int(table.specimen[row])], mass=float(table.mass[row]),
                     voltage=float(table.voltage[row]), rig=setup.rig)
         exact = heave_frequency(case, FINE)
@@ -284,11 +293,10 @@ def frequency_error(simulation: Simulation, fit: Fit, table: ReadingTable, count
     return worst
 
 
-def film_error(simulation: Simulation, fit: Fit, table: ReadingTable, count: int = 4
-               ) -> dict[str, float]:
+def film_error(simulation: Simulation, fit: Fit, table: ReadingTable) -> dict[str, float]:
     """Largest error of each component of scans at a fit [m], against a fine mesh.
 
-    Of ``count`` scans, from small to large heaves; what finite elements do not reach is left out.
+    Of some scans, from small to large heaves; what finite elements do not reach is left out.
     """
     if not table.scans:
         return {}
@@ -296,7 +304,7 @@ def film_error(simulation: Simulation, fit: Fit, table: ReadingTable, count: int
     shown = simulation.predict(fit.hypothesis, fit.unknowns, table)
     states = np.array([table.state[table.scan == number][0] for number in np.unique(table.scan)
                        if number >= 0], np.int64)
-    for state in evenly(states[np.argsort(fit.heave[states])], count):
+    for state in evenly(states[np.argsort(fit.heave[states])], _SCANS_CHECKED):
         rows = np.flatnonzero((table.state == state) & (table.point >= 0))
         specimen = setup.specimens[int(table.specimen[rows[0]])]
         exact = scanned_exactly(specimen, setup.rig, float(table.mass[rows[0]]), float(

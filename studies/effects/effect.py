@@ -178,8 +178,6 @@ class Effect:
 IN_TIME = "t_s or dwell_s"
 #: What coupon tests are read by.
 OF_STRIPS, WARMTH = "nominal_stress_kPa", "temperature_C"
-#: Columns that only coupons have.
-COUPONS_ALONE = frozenset({OF_STRIPS, WARMTH})
 
 #: An effect by name, its values in SI, and the specimen it happens to, if it is on one.
 Use = tuple[str, tuple[float, ...], str | None]

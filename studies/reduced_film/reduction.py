@@ -28,6 +28,16 @@ from tympan.studies.signals import Pieces, Signal, Sine, ramp, random_steps, ste
 
 Array = NDArray[np.float64]
 
+#: The largest part of a deformation that the shapes leave out, over the largest deformation: some
+#: 0.5 µm of a heave of 5 mm, below what films are known to.
+_MOTION_LEFT_OUT = 1e-4
+
+#: Most shapes: the cost of a step grows with their square.
+_MOST_SHAPES = 8
+
+#: The part of the virtual work that the points leave out, as small as that of the shapes.
+_WORK_LEFT_OUT = 1e-4
+
 #: How long the voltage of the motion it is made from stays, in times of the slowest branch.
 _LONG = 3.0
 
@@ -38,19 +48,6 @@ _LIGHTER, _BETWEEN = (0.3, 0.65), (0.0, 0.7)
 _LOW, _HIGH, _LEVELS, _SEED, _SAMPLES = 0.05, 0.85, 5, 7, 401
 
 
-@dataclass(frozen=True)
-class ReductionSettings:
-    """How closely shapes and points stand for the states they are made from, relative.
-
-    ``shapes``: the largest part of a deformation that they leave out, over the largest; at most
-    ``most`` of them. ``points``: the part of the virtual work that they leave out.
-    """
-
-    shapes: float = 1e-4
-    points: float = 1e-4
-    most: int = 8
-
-
 @dataclass(frozen=True, eq=False)
 class Snapshot:
     """A state of a film, and what its branches remember, None of one without."""
@@ -59,8 +56,8 @@ class Snapshot:
     memory: Memory | None = None
 
 
-def reduced_film(model: Model, forces: Sequence[float], voltage: float, spring: float = 0.0,
-                 settings: ReductionSettings = ReductionSettings()) -> ReducedFilm:
+def reduced_film(model: Model, forces: Sequence[float], voltage: float, spring: float = 0.0
+                 ) -> ReducedFilm:
     """The film of a model, for forces [N] up to a voltage across it [V], and how near it comes.
 
     ``spring``: of the model's loading, if there is one on its plate [N/m]. Made under the first
@@ -71,14 +68,13 @@ def reduced_film(model: Model, forces: Sequence[float], voltage: float, spring: 
     InputError
         When the film pulls in at such loads.
     """
-    film = film_of_runs(model, forces, voltage, settings)
+    film = film_of_runs(model, forces, voltage)
     errors = {name: error_of(film, model, forces[-1], signal, spring)
               for name, signal in held_out(model, voltage).items()}
     return replace(film, errors=errors)
 
 
-def film_of_runs(model: Model, forces: Sequence[float], voltage: float,
-                 settings: ReductionSettings = ReductionSettings()) -> ReducedFilm:
+def film_of_runs(model: Model, forces: Sequence[float], voltage: float) -> ReducedFilm:
     """As :func:`reduced_film`, and not held against the model."""
     gradient, patches = (model.specimen.membrane.thickness_gradient,
                          model.specimen.electrode.patches)
@@ -90,7 +86,7 @@ def film_of_runs(model: Model, forces: Sequence[float], voltage: float,
                          given=str(patches[0]))
     run = _there_and_back(model, voltage)
     snapshots = [*_at_rest(model, forces, voltage), *_in_motion(model, forces[0], run)]
-    return reduced(model, snapshots, settings)
+    return reduced(model, snapshots)
 
 
 def _there_and_back(model: Model, voltage: float) -> Pieces:
@@ -163,8 +159,7 @@ def error_of(film: ReducedFilm, model: Model, force: float, signal: Signal, spri
     return float(np.abs(near - exact).max() / np.ptp(np.append(exact, before)))
 
 
-def reduced(model: Model, snapshots: Sequence[Snapshot],
-            settings: ReductionSettings = ReductionSettings()) -> ReducedFilm:
+def reduced(model: Model, snapshots: Sequence[Snapshot]) -> ReducedFilm:
     """The film of a model, reduced to what its snapshots do."""
     mesh = model.discretisation
     volumes = model.volumes.ravel() * mesh.mirrored
@@ -173,23 +168,23 @@ def reduced(model: Model, snapshots: Sequence[Snapshot],
     moved = np.array([(mesh.deformation(snapshot.state.positions) - flat).reshape(-1, 3, 2)
                       for snapshot in snapshots])
     heave = np.array([snapshot.state.plate.deflection for snapshot in snapshots])
-    gradients = _shapes(moved, heave, volumes, settings)
+    gradients = _shapes(moved, heave, volumes)
     whole = ReducedFilm(model.specimen, volumes, covered, gradients)
     squared = max(snapshot.state.voltage_squared for snapshot in snapshots)
     works = np.concatenate([_works(whole, model, snapshot, squared) for snapshot in snapshots])
-    weights = _cubature(works, volumes, settings.points)
+    weights = _cubature(works, volumes, _WORK_LEFT_OUT)
     kept = np.flatnonzero(weights)
     return ReducedFilm(model.specimen, weights[kept], covered[kept], gradients[:, kept])
 
 
-def _shapes(moved: Array, heave: Array, volumes: Array, settings: ReductionSettings) -> Array:
+def _shapes(moved: Array, heave: Array, volumes: Array) -> Array:
     """∂φ/∂X of the heave's shape and of those that the snapshots deviate by from it."""
     first = np.tensordot(heave, moved, 1) / (heave @ heave)
     root = np.sqrt(volumes)[:, None, None]
     apart = (moved - np.multiply.outer(heave, first)) * root
     _, sizes, rows = np.linalg.svd(apart.reshape(len(moved), -1), full_matrices=False)
     largest = np.sqrt(((moved * root) ** 2).sum((1, 2, 3)).max())
-    count = min(int((sizes > settings.shapes * largest).sum()), settings.most - 1)
+    count = min(int((sizes > _MOTION_LEFT_OUT * largest).sum()), _MOST_SHAPES - 1)
     # As large as the heave's shape, so that all q are alike.
     unit = np.linalg.norm(first * root)
     others = unit * rows[:count].reshape(count, *first.shape) / root

@@ -59,11 +59,6 @@ class Predictive:
             weight = weight / weight.sum(0)
         return cls(weight, np.where(there, mean, 0.0), np.where(there, deviation, 0.0))
 
-    @property
-    def centre(self) -> Array:
-        """The mean of each row."""
-        return np.asarray((self.weight * self.mean).sum(0))
-
     def below(self, values: Array, noise: Array | float) -> Array:
         """Probabilities that rows show less than some values with that noise, shape (rows,)."""
         spread = np.sqrt(self.deviation**2 + np.square(noise))

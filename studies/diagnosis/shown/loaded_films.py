@@ -38,8 +38,7 @@ class LoadedFilm:
     film: FilmSurface
 
 
-def loaded_films(judged: Judgement, extended: Setup | None, settings: Settings = Settings()
-                 ) -> Iterator[LoadedFilm]:
+def loaded_films(judged: Judgement, extended: Setup | None) -> Iterator[LoadedFilm]:
     """The film of each specimen under the largest load read at which both models have one."""
     if judged.simulation.coupons_alone is not None:  # coupons are no films
         return
@@ -48,7 +47,7 @@ def loaded_films(judged: Judgement, extended: Setup | None, settings: Settings =
     for number in np.unique(judged.table.specimen).tolist()[:_MOST]:
         for mass, voltage in _loads(judged.table, number)[:_TRIED]:
             films = [_film(Case(setup.specimens[number], mass=mass, voltage=voltage,
-                                rig=setup.rig), settings) for setup in setups]
+                                rig=setup.rig), Settings()) for setup in setups]
             if films[0] is not None and films[1] is not None:
                 yield LoadedFilm(nominal.specimens[number].name, mass, voltage,
                                  over_nominal(films[1], films[0]))

@@ -25,7 +25,7 @@ from tympan.studies.case import Case, Settings, equilibrate, solve
 from tympan.studies.data.coupon import Coupons
 from tympan.studies.diagnosis.reduced.coupon_tests import CouponTests
 from tympan.studies.effects import EFFECTS, Effect, Setup, Use, extended
-from tympan.studies.effects.effect import COUPONS_ALONE, IN_TIME
+from tympan.studies.effects.effect import IN_TIME, OF_STRIPS, WARMTH
 from tympan.studies.effects.findings import FoundSize, finding, limits_told
 from tympan.studies.modes import heave_frequency, modes
 from tympan.studies.signals import step
@@ -41,6 +41,9 @@ TAKEN = Setup(
     (replace(skewed(), electrode=replace(skewed().electrode, margin_frame=3e-3)),
      circular(MATERIAL, branches=BRANCH)),
     Rig(9.81, 1e-3, 4.0, 0.03, 30e3, -0.02, 20e-6, drift=1e-9, lag_voltage=60.0, friction=2e-3))
+
+#: Columns that only coupons have.
+COUPONS_ALONE = frozenset({OF_STRIPS, WARMTH})
 
 FINE = Settings()
 COARSE = Settings(MeshSettings(order=2).refined(0.7))
