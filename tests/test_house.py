@@ -1,4 +1,4 @@
-"""The house rules that a program can check: style, types, who imports whom, what is called how."""
+"""The house rules that a program can check: style, types, who imports whom."""
 
 from __future__ import annotations
 
@@ -52,20 +52,6 @@ def imports(tree: ast.Module) -> Iterator[str]:
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
             yield from (f"{node.module}.{alias.name}" for alias in node.names)
-
-
-def variables(tree: ast.Module) -> Iterator[tuple[int, str]]:
-    """Variables without annotation, and all arguments, each with its line.
-
-    Annotated are the fields of results, which carry the names of JSON keys ("held" by an optimum).
-    """
-    for parent in ast.walk(tree):
-        for node in ast.iter_child_nodes(parent):
-            if isinstance(node, ast.arg):
-                yield node.lineno, node.arg
-            elif (isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store)
-                  and not isinstance(parent, ast.AnnAssign)):
-                yield node.lineno, node.id
 
 
 def is_test(module: str) -> bool:
@@ -124,45 +110,6 @@ def test_no_test_is_imported() -> None:
              if module.split(".")[0] in ("tests", "benchmarks", "conftest")
              and (is_test(module) or not module.startswith(prefixes))]
     assert not wrong
-
-
-def test_no_folder_holds_more_than_twenty_files() -> None:
-    counts: dict[str, int] = {}
-    for file, _ in files_of(*PRODUCT, "tests", "benchmarks"):
-        if file.name != "__init__.py":
-            counts[str(file.parent)] = counts.get(str(file.parent), 0) + 1
-    assert {folder: count for folder, count in counts.items() if count > 20} == {}
-
-
-#: Public names that stand in several modules on purpose, with the reason.
-ON_PURPOSE = {
-    "alpha_map": "the command's", "export": "the command's", "material_fit": "the command's",
-    "curve": "the door's", "draw": "the door's",
-    "limits": "the command's", "response": "the command's",
-    "alpha": "the door's study of this name, loads as keywords",
-    "diagnose": "the door's", "load": "the door's", "lumped": "the door's", "modes": "the door's",
-    "optimise": "the door's", "path": "the door's", "sensitivity": "the door's",
-    "solve": "the door's", "study": "the door's", "sweep": "the door's",
-    "transient": "the door's",
-}
-VAGUE = {"found", "one", "own", "left", "known", "held", "told", "lost"}
-
-
-def test_no_public_name_is_defined_twice() -> None:
-    places: dict[str, list[str]] = {}
-    for file, tree in files_of(*PRODUCT):
-        for node in tree.body:
-            if isinstance(node, ast.FunctionDef | ast.ClassDef) and not node.name.startswith("_"):
-                places.setdefault(node.name, []).append(str(file))
-    assert {name: files for name, files in places.items()
-            if len(files) > 1 and name not in ON_PURPOSE} == {}
-
-
-def test_variables_say_what_they_hold() -> None:
-    vague = [f"{file}:{line} {name}"
-             for file, tree in files_of(*PRODUCT, "tests", "benchmarks")
-             for line, name in variables(tree) if name in VAGUE]
-    assert not vague
 
 
 #: Versions and examples of the program's own, which hold nothing that a user named.
