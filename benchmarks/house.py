@@ -19,7 +19,7 @@ from tympan.reports.look import MM, PALETTE, figure_style
 
 PACKAGES = {"geometry": "specimens, CAD, meshes", "fem": "the membrane",
             "studies": "cases, sweeps, lumped model, measured data",
-            "reports": "figures and pages", "tympan": "public door and command line"}
+            "reports": "figures and pages", "tympan": "public door, commands, explorer"}
 FILE = Path("docs/house.svg")
 _WIDTH, _FLOOR, _BOX, _GAP, _HEAD = 180.0, 8.5, 4.6, 2.0, 5.0  #: [mm]
 _LETTER = 1.28  #: width of one [mm]

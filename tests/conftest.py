@@ -6,10 +6,13 @@ import fcntl
 import os
 import pickle
 import signal
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from benchmarks.explore.browser import browsing, chromium
 from tests.support.models import model
 from tests.support.specimens import skewed
 from tympan.fem.membrane.model import Model
@@ -59,3 +62,14 @@ def three_shapes(tmp_path_factory: pytest.TempPathFactory) -> Simulation:
         simulation = pickle.loads(stored.read_bytes())
     assert isinstance(simulation, Simulation)
     return simulation
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    """A headless Chromium, where there is one."""
+    pytest.importorskip("playwright", reason="playwright is not installed")
+    executable = chromium()
+    if executable is None:
+        pytest.skip("Chromium is not installed")
+    with browsing(executable) as chrome:
+        yield chrome

@@ -4,7 +4,7 @@
 
 Times run from the event in the page to the frame after WebGL drew the film anew, on a page of 1440
 by 900 pixels, without a graphics card. That the picture is the right one is tested elsewhere
-(tests/reports/test_explore_page.py). Beside other work they say little; so the processor time of a
+(tests/explore/test_page.py). Beside other work they say little; so the processor time of a
 move is printed too, that of all processes of the explorer and of the browser. Then sliders are
 moved at random, with the memory of the explorer's process at the beginning and at the end.
 """

@@ -11,7 +11,7 @@ from tympan.geometry.errors import Failure, InputError
 from tympan.options import RIG, argument, command, parse_quantity
 
 if TYPE_CHECKING:
-    from tympan.reports.explore.server import Explorer
+    from tympan.explore.server import Explorer
 
 _PORTS = (0, 65535)
 
@@ -63,13 +63,13 @@ def _explorer(options: argparse.Namespace) -> Explorer:
         import trame_vtk  # noqa: F401
     except ImportError:
         raise Failure("explore needs the package trame: pip install 'tympan[explore]'") from None
+    from tympan.explore.latest import prepared
     from tympan.progress import say
-    from tympan.reports.explore.latest import prepared
 
     prepared()  # while the rest is read
-    from tympan.reports.explore.server import Explorer
-    from tympan.reports.explore.subject import read_subject
-    from tympan.reports.explore.view import changed
+    from tympan.explore.server import Explorer
+    from tympan.explore.subject import read_subject
+    from tympan.explore.view import changed
     from tympan.studies.case import Settings
     from tympan.studies.limits.loads import usual_masses
 

@@ -48,7 +48,7 @@ _REQUESTS = (
 @cache
 def _server() -> tuple[Serving, str]:
     """A server that lasts as long as this process, and a page of it."""
-    from tympan.reports.explore import server
+    from tympan.explore import server
 
     server._KEPT = 1e6
     stack = ExitStack()

@@ -16,7 +16,7 @@ _NAME = "my film;touch PWNED;$(touch PWNED).toml"
 _COPIED = """
 from pathlib import Path
 from tympan.fem.film.library import load_specimen
-from tympan.reports.explore.view import FilmView, command_of
+from tympan.explore.view import FilmView, command_of
 (name,) = [file.name for file in Path().glob("my*")]
 print(command_of(FilmView(load_specimen(Path(name)), mass=1e-3), name))
 """

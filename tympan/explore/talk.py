@@ -10,8 +10,8 @@ from aiohttp import WSCloseCode, WSMsgType, web
 from wslink.backends.aiohttp import AioHttpWsHandler
 from wslink.chunking import HEADER_LENGTH, UnChunker
 
-from tympan.reports.explore.door import safe
-from tympan.reports.explore.messages import checked_message
+from tympan.explore.door import safe
+from tympan.explore.messages import checked_message
 
 #: Bytes of a message, and of all messages of which only parts have come. The page's longest are
 #: the texts of all its fields, some 1,000 bytes.

@@ -24,7 +24,7 @@ from benchmarks.explore.serving import (
 
 pytest.importorskip("trame_vtk", reason="trame is not installed")
 
-from tympan.reports.explore import door, talk  # they import what may lack
+from tympan.explore import door, talk  # they import what may lack
 
 SAFE = {"cache-control": "no-store", "x-content-type-options": "nosniff",
         "x-frame-options": "DENY", "referrer-policy": "no-referrer"}
@@ -34,7 +34,7 @@ SAFE = {"cache-control": "no-store", "x-content-type-options": "nosniff",
 def server() -> Iterator[Serving]:
     """A server; nothing goes wrong in it, whatever is sent."""
     with pytest.MonkeyPatch.context() as patch, serving() as running:
-        patch.setattr("tympan.reports.explore.server._KEPT", 600.0)
+        patch.setattr("tympan.explore.server._KEPT", 600.0)
         yield running
         assert running.troubles == []
 

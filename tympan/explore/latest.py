@@ -20,7 +20,7 @@ from tympan.studies.parallel import begin_worker, signals_blocked
 Answer: TypeAlias = Callable[[Any], Iterator[Any]]
 
 #: What processes hold when they start: to import it takes longer than to start one.
-_PRELOADED = ["cadquery", "gmsh", "tympan.reports.explore.session"]
+_PRELOADED = ["cadquery", "gmsh", "tympan.explore.session"]
 
 
 @dataclass(frozen=True)

@@ -18,9 +18,9 @@ import pytest
 from benchmarks.explore.browser import Running, exploring, pixels
 from tests.support.specimens import specimen_toml
 from tympan.cli import main
+from tympan.explore.view import FilmView, changed
 from tympan.fem.film.library import load_specimen
 from tympan.geometry.specimen import Specimen
-from tympan.reports.explore.view import FilmView, changed
 from tympan.studies.case import Settings, solve
 
 pytest.importorskip("trame_vtk", reason="trame is not installed")

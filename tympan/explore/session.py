@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tympan.explore.view import FilmView
 from tympan.fem.equilibrium.newton import Solution
 from tympan.fem.equilibrium.ramp import Outcome
 from tympan.fem.equilibrium.solve import equilibrium
@@ -19,7 +20,6 @@ from tympan.fem.membrane.state import State
 from tympan.fem.rig import DIRECTIONS, Rig
 from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Specimen
-from tympan.reports.explore.view import FilmView
 from tympan.studies.alpha import AlphaSettings, alpha
 from tympan.studies.case import (
     Case,

@@ -16,12 +16,12 @@ from typing import Any
 
 from aiohttp import web
 
-from tympan.reports.explore.door import Door, check
-from tympan.reports.explore.latest import prepared
-from tympan.reports.explore.page import Page
-from tympan.reports.explore.subject import Subject
-from tympan.reports.explore.talk import Talk
-from tympan.reports.explore.view import FilmView
+from tympan.explore.door import Door, check
+from tympan.explore.latest import prepared
+from tympan.explore.page import Page
+from tympan.explore.subject import Subject
+from tympan.explore.talk import Talk
+from tympan.explore.view import FilmView
 from tympan.reports.template import template, text_of
 
 #: How long a page whose browser went away is kept for it to come back [s].
@@ -131,7 +131,7 @@ class Explorer:
         if path == "index.html":
             return web.Response(text=page.index(), content_type="text/html")
         if path == "page.css":
-            return web.Response(text=text_of("reports/explore/page.css"), content_type="text/css")
+            return web.Response(text=text_of("explore/page.css"), content_type="text/css")
         file = page.file(path)
         if file is None:
             raise web.HTTPNotFound(text="there is no such file\n")
@@ -177,7 +177,7 @@ class _Served:
         server.state.trame__title = f"tympan: {subject.name}"
         page = Page(server, subject, start)
         with AbstractLayout(server, html.Div(trame_server=server)) as layout:
-            layout.root.add_child(template("reports/explore/page.html").render())
+            layout.root.add_child(template("explore/page.html").render())
         running = server.start(backend="generic", exec_mode="task", open_browser=False,
                                show_connection_info=False, disable_logging=True, timeout=0)
         server.controller.on_exception.add(

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
+from tympan.explore.view import FilmView
 from tympan.fem.film.library import load_specimen
 from tympan.fem.rig import Rig
 from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Specimen
-from tympan.reports.explore.view import FilmView
 from tympan.studies.columns import Sheet
 from tympan.studies.data.dataset import read_dataset
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from tympan.explore.session import CircleWeights, FollowedCurve, Scene
 from tympan.fem.results.limit_states import LIMIT_STATES
-from tympan.reports.explore.session import CircleWeights, FollowedCurve, Scene
 from tympan.reports.template import digits
 
 #: What of a result is shown: key, words, unit, how many make the SI unit.

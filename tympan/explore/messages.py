@@ -6,8 +6,8 @@ from collections.abc import Callable
 from math import isfinite
 from typing import Any
 
+from tympan.explore.picture import LOOKS
 from tympan.reports.colouring import COLOURINGS
-from tympan.reports.explore.picture import LOOKS
 
 
 def _texts(value: Any) -> bool:

@@ -11,7 +11,7 @@ import numpy as np
 from jinja2 import Template
 from numpy.typing import NDArray
 
-from tympan.reports.explore.session import FollowedCurve, Readings
+from tympan.explore.session import FollowedCurve, Readings
 from tympan.reports.figures.curve import VoltageCurve, voltage_curves
 from tympan.reports.scales import AxisScale, round_scale
 from tympan.reports.template import template
@@ -77,7 +77,7 @@ def drawn_curve(curve: FollowedCurve, here: tuple[float, float] | None) -> str:
 @cache
 def _picture() -> Template:
     """The picture's template; to compile it takes longer than to draw."""
-    return template("reports/explore/curve.html")
+    return template("explore/curve.html")
 
 
 def _scale(*values: Any) -> AxisScale:

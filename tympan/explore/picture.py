@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tympan.explore.session import Scene
 from tympan.reports.colouring import COLOURINGS, tick_places
-from tympan.reports.explore.session import Scene
 
 Array = NDArray[Any]
 

@@ -19,19 +19,11 @@ import pytest
 from tests.support.datasets import write_dataset
 from tests.support.moves import random_views
 from tests.support.specimens import circular, elliptical, skewed, specimen_toml
-from tympan.fem.film.library import load_specimen
-from tympan.fem.rig import Rig
-from tympan.fem.toml_writer import specimen_to_toml
-from tympan.geometry.errors import InputError
-from tympan.geometry.outlines import Circle, Polygon
-from tympan.geometry.specimen import Electrode, Plate, Specimen
-from tympan.geometry.toml_reader import Table
-from tympan.reports.colouring import COLOURINGS, MOST_MARGIN
-from tympan.reports.explore import latest, picture
-from tympan.reports.explore.curve import drawn_curve
-from tympan.reports.explore.latest import Latest, Trouble
-from tympan.reports.explore.numbers import limit_rows, result_rows
-from tympan.reports.explore.session import (
+from tympan.explore import latest, picture
+from tympan.explore.curve import drawn_curve
+from tympan.explore.latest import Latest, Trouble
+from tympan.explore.numbers import limit_rows, result_rows
+from tympan.explore.session import (
     CircleWeights,
     FollowedCurve,
     Question,
@@ -40,8 +32,8 @@ from tympan.reports.explore.session import (
     followed,
     hatched,
 )
-from tympan.reports.explore.subject import read_subject
-from tympan.reports.explore.view import (
+from tympan.explore.subject import read_subject
+from tympan.explore.view import (
     FilmView,
     changed,
     command_of,
@@ -49,6 +41,14 @@ from tympan.reports.explore.view import (
     python_of,
     value_of,
 )
+from tympan.fem.film.library import load_specimen
+from tympan.fem.rig import Rig
+from tympan.fem.toml_writer import specimen_to_toml
+from tympan.geometry.errors import InputError
+from tympan.geometry.outlines import Circle, Polygon
+from tympan.geometry.specimen import Electrode, Plate, Specimen
+from tympan.geometry.toml_reader import Table
+from tympan.reports.colouring import COLOURINGS, MOST_MARGIN
 from tympan.studies.case import Settings, solve
 from tympan.studies.film_surface import FilmSurface
 
@@ -121,7 +121,7 @@ def resident_bytes() -> float:
 
 
 def test_the_mesh_serves_while_the_film_needs_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
-    from tympan.reports.explore import session as module
+    from tympan.explore import session as module
 
     made: list[str] = []
     build = module.build_model
@@ -421,7 +421,7 @@ def test_what_nobody_waits_for_is_given_up_and_a_process_that_dies_is_replaced()
 def test_each_specimen_begins_as_it_was_read_and_its_sliders_stay_where_they_are_moved(
         tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("trame_vtk", reason="trame is not installed")
-    from tympan.reports.explore.server import _Served
+    from tympan.explore.server import _Served
 
     monkeypatch.setenv("TRAME_ARGS", "--server")
     monkeypatch.setattr(latest, "_PRELOADED", [])

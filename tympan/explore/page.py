@@ -11,17 +11,12 @@ from typing import Any
 
 import numpy as np
 
-from tympan.fem.rig import Rig
-from tympan.fem.toml_writer import rig_to_toml, specimen_to_toml
-from tympan.geometry.errors import InputError
-from tympan.geometry.specimen import Specimen
-from tympan.reports.colouring import COLOURINGS, css_gradient, usual_depth
-from tympan.reports.explore import picture
-from tympan.reports.explore.curve import drawn_curve
-from tympan.reports.explore.latest import Answer, Latest, Trouble
-from tympan.reports.explore.messages import TRIGGERS
-from tympan.reports.explore.numbers import limit_rows, loads_of, result_rows
-from tympan.reports.explore.session import (
+from tympan.explore import picture
+from tympan.explore.curve import drawn_curve
+from tympan.explore.latest import Answer, Latest, Trouble
+from tympan.explore.messages import TRIGGERS
+from tympan.explore.numbers import limit_rows, loads_of, result_rows
+from tympan.explore.session import (
     CircleWeights,
     FollowedCurve,
     Question,
@@ -29,8 +24,8 @@ from tympan.reports.explore.session import (
     Session,
     followed,
 )
-from tympan.reports.explore.subject import Subject
-from tympan.reports.explore.view import (
+from tympan.explore.subject import Subject
+from tympan.explore.view import (
     Control,
     FilmView,
     changed,
@@ -38,6 +33,11 @@ from tympan.reports.explore.view import (
     controls,
     python_of,
 )
+from tympan.fem.rig import Rig
+from tympan.fem.toml_writer import rig_to_toml, specimen_to_toml
+from tympan.geometry.errors import InputError
+from tympan.geometry.specimen import Specimen
+from tympan.reports.colouring import COLOURINGS, css_gradient, usual_depth
 from tympan.studies.case import Limit
 from tympan.studies.files import write_text
 
