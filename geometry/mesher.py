@@ -38,16 +38,22 @@ _STEEP = 6
 #: Curvatures along a curve that differ by no more are one.
 _ALIKE = 1.5
 
-#: Points of an outline at which the width of the film is measured; of its polygon, so many times
-#: more.
-_PLACES, _BETWEEN = 90, 8
+#: Points of the frame's outline at which the width of the film is measured, every 4 degrees of a
+#: circle. Set by trial.
+_PLACES = 90
+#: Corners of the polygon for each of those places, so that it stands for the curve when widths are
+#: measured to it.
+_BETWEEN = 8
 
 #: A size that is asked for at a point counts where it is that much smaller than what others ask.
 _SMALLER = 0.8
 
 #: The factor of :meth:`MeshSettings.suited` changes in such steps, so that prestretches that differ
-#: little have one mesh; its largest value.
-_LEVEL, _FINEST = 0.25, 2.0
+#: little have one mesh.
+_LEVEL = 0.25
+#: The largest factor of :meth:`MeshSettings.suited`: elements half as long, four times as many. A
+#: bound of the cost.
+_FINEST = 2.0
 
 _CELLS = {1: ("line", "triangle"), 2: ("line3", "triangle6"), 3: ("line4", "triangle10"),
           4: ("line5", "triangle15")}

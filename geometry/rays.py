@@ -9,8 +9,11 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-#: Places on a ray between which an outline is looked for; halvings of where it is.
-_SOUGHT, _HALVINGS = 400, 50
+#: Places on a ray between which the edge of an outline is looked for. What is thinner than the
+#: distance between two of them may be missed. Set by trial.
+_SOUGHT = 400
+#: Halvings of the interval that holds the edge: to the rounding of numbers.
+_HALVINGS = 50
 
 
 class Bounded(Protocol):

@@ -7,8 +7,10 @@ from pathlib import Path
 
 from tympan.geometry.errors import InputError
 
-#: Most bytes of a file that a person writes, and of a table, a drawing or a result.
-WRITTEN, STORED = 4_000_000, 100_000_000
+#: Most bytes of a file that a person writes, far more than anyone types.
+WRITTEN = 4_000_000
+#: Most bytes of a table, a drawing or a result. A bound of the memory that one file may take.
+STORED = 100_000_000
 
 
 def file_bytes(file: Path | str, most: int = STORED) -> bytes:

@@ -19,8 +19,15 @@ from typing import Any
 
 from tympan.geometry.errors import InputError
 
-#: Limits of the process: memory [bytes], its own time [s], and that on the clock.
-_MEMORY, _SECONDS, _PATIENCE = 4 << 30, 20, 120
+#: Memory that the process may take [bytes]: no drawing of an outline needs so much, a damaged one
+#: may ask for any.
+_MEMORY = 4 << 30
+#: Time of the processor that the process may take [s]. A damaged drawing may keep a library busy
+#: for ever.
+_SECONDS = 20
+#: Time on the clock until the process is ended [s], for one that waits instead of working. Longer
+#: than its own time, as the machine may be busy.
+_PATIENCE = 120
 
 #: Where a specimen file names a STEP drawing; no more of a file is looked at than _HEAD [bytes].
 _STEP = re.compile(rb"""\bshape["']?\s*=\s*["']step["']""")

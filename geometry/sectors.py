@@ -15,8 +15,11 @@ from tympan.geometry.specimen import Pair, Specimen
 #: Pieces in order around a part of the film.
 Loop = tuple[Piece, ...]
 
-#: How near an axis is on it, and what is too short to be built, relative to the frame.
-_MEET, _SHORT = 1e-12, 1e-6
+#: How near to an axis a point is on it, relative to the frame: above the rounding of numbers.
+_MEET = 1e-12
+#: Pieces shorter than this, relative to the frame, all but end on an axis: the kernel of CAD cuts
+#: such a film instead. Set by trial.
+_SHORT = 1e-6
 
 #: Intervals between two breaks of a piece in which it crosses an axis once at most.
 _EACH = 8

@@ -21,8 +21,12 @@ NON_NEGATIVE: Rule = (lambda x: 0 <= x < float("inf"), "must not be negative")
 FINITE: Rule = (lambda x: abs(x) < float("inf"), "must be finite")
 WHOLE: Rule = (lambda x: x == int(x), "must be a whole number")
 
-#: Most tables and lists within each other, keys between dots, and entries of a list.
-_DEEPEST, _ENTRIES = 20, 10_000
+#: Most tables and lists within each other, and dots of a key: no file of tympan needs more than a
+#: few, and on many the parser of the standard library takes very long.
+_DEEPEST = 20
+#: Most entries of a list. A longer one is data and belongs in a table of its own file.
+_ENTRIES = 10_000
+
 _LONGEST_KEY = 500
 #: TOML's own limits of whole numbers.
 _WHOLE_NUMBERS = range(-(2**63), 2**63)

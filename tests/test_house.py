@@ -112,6 +112,13 @@ def test_no_test_is_imported() -> None:
     assert not wrong
 
 
+def test_a_constant_has_a_line_of_its_own() -> None:
+    """So that its reason can stand above it."""
+    assert not [f"{file}:{node.lineno}" for file, tree in files_of("geometry", "tympan")
+                for node in tree.body if isinstance(node, ast.Assign)
+                and any(isinstance(target, ast.Tuple) for target in node.targets)]
+
+
 #: Versions and examples of the program's own, which hold nothing that a user named.
 NO_COMMANDS = {"tympan/cli.py", "tympan/options.py", "studies/sweep/task.py"}
 

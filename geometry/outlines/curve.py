@@ -22,8 +22,10 @@ from tympan.geometry.units import METRE
 
 Foot = tuple[Array, Array]
 
-#: Gauss's rules between breaks that are few, and for more of them than _MANY.
-_LONG, _SHORT = (np.polynomial.legendre.leggauss(count) for count in (12, 4))
+#: Gauss's rule between breaks that are few: an ellipse's length is exact to rounding.
+_LONG = np.polynomial.legendre.leggauss(12)
+#: Gauss's rule where there are more breaks than _MANY: each part is short, and little is lost.
+_SHORT = np.polynomial.legendre.leggauss(4)
 _MANY = 64
 _AT_END = 1e-12
 #: Turn of direction that is a corner [rad].

@@ -30,8 +30,10 @@ Local = tuple[Array, Array, Array]
 #: Kinds of pieces that files may spell out.
 PIECES: Registry[Any] = Registry("kind")
 
-#: Of more pieces than these, or a spline of more knots, nobody made an outline by hand.
-MOST_PIECES, _MOST_KNOTS = 1000, 10_000
+#: Nobody makes an outline of more pieces by hand.
+MOST_PIECES = 1000
+#: Most knots of a spline that follows a curve. A curve that needs more bends too sharply.
+_MOST_KNOTS = 10_000
 
 #: How near each other places are one [m].
 _POINT = 1e-12

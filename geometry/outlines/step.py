@@ -26,9 +26,11 @@ from tympan.geometry.reader_process import at_most
 
 _MILLI = 1e-3
 
-#: What the library may take [s], and for every megabyte: fifty times what a rectangle takes, eight
-#: times what a thousand lines do. A damaged file may keep it busy for ever.
-_LEAST, _PER_MEGABYTE = 0.25, 8.0
+#: Time that the library may take [s]: fifty times what a rectangle takes. A damaged file may keep
+#: it busy for ever.
+_LEAST = 0.25
+#: Further time for every megabyte of the file [s]: eight times what a thousand lines take.
+_PER_MEGABYTE = 8.0
 
 
 def step_pieces(file: Path) -> list[Piece]:

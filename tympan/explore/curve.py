@@ -18,7 +18,22 @@ from tympan.reports.template import template
 
 Array = NDArray[Any]
 
-_WIDTH, _LEFT, _RIGHT, _TOP, _HIGH, _GAP, _LOW, _BELOW = 560, 52, 14, 22, 230, 30, 80, 38
+#: Width of the picture in its own units, about pixels: the page scales it to its column.
+_WIDTH = 560
+#: Room on the left for the numbers of an axis.
+_LEFT = 52
+#: Room on the right for half of the last number.
+_RIGHT = 14
+#: Room above the curve for the words of its axis.
+_TOP = 22
+#: Height of the curve.
+_HIGH = 230
+#: Room between the curve and the residuals below it, for their words.
+_GAP = 30
+#: Height of the residuals, a third of the curve's: their axis has few numbers.
+_LOW = 80
+#: Room below for the numbers and the words of the voltage.
+_BELOW = 38
 
 
 @dataclass(frozen=True)

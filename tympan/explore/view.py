@@ -29,11 +29,18 @@ _UNITS = {"": ("", 1.0), "length": ("mm", 1e3), "mass": ("g", 1e3), "voltage": (
 #: An outline of more numbers is changed in its file.
 _MOST_NUMBERS = 8
 
-#: How far the sliders of sizes and factors go, relative to where they begin.
-_LEAST, _MOST = 0.5, 2.0
+#: Least value on the sliders of sizes and factors, over the one they begin with.
+_LEAST = 0.5
+#: Largest value on the sliders of sizes and factors, over the one they begin with: as many times as
+#: the least is fewer.
+_MOST = 2.0
 
-#: How far the sliders of mass and voltage go where nothing else says so [kg], [V].
-_MASS, _VOLTAGE = 50e-3, 10e3
+#: Largest mass on its slider where nothing else says so [kg]: some twice the source paper's larger
+#: load.
+_MASS = 50e-3
+#: Largest voltage on its slider where nothing else says so [V]: the reach of common high-voltage
+#: amplifiers.
+_VOLTAGE = 10e3
 
 #: Keys of a view that are none of its specimen.
 _LOADS = ("mass", "voltage", "stiffness")
