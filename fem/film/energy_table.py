@@ -22,11 +22,16 @@ from tympan.geometry.specimen import Specimen
 
 Array = NDArray[np.float64]
 
-#: Of an energy's slopes over the largest of them, across the box; degrees tried in each variable.
-PRECISION, _DEGREES = 1e-5, (3, 4, 5, 6, 8, 10)
+#: Largest error of an energy's slopes over the largest of them across the box, far below that of a
+#: reduced film.
+PRECISION = 1e-5
+#: Degrees tried in each variable, the lowest first: its polynomial is the quickest.
+_DEGREES = (3, 4, 5, 6, 8, 10)
 
-#: Nodes along an axis more than the degree, those of the fit and those that check it.
-_NODES, _CHECKS = 2, 5
+#: Nodes along an axis more than the degree, for the fit: least squares of a few more than need be.
+_NODES = 2
+#: Nodes along an axis more than the degree, for the check: other places than those of the fit.
+_CHECKS = 5
 
 
 @dataclass(frozen=True, eq=False)

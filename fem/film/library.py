@@ -118,7 +118,8 @@ def library_strength(name: str) -> Strength:
     return STRENGTH_LIBRARY[name].strength
 
 
-LAWS.by_name, STRENGTHS.by_name = library_material, library_strength
+LAWS.by_name = library_material
+STRENGTHS.by_name = library_strength
 
 
 def examine_material(table: Table, key: str) -> Material | LibraryEntry:

@@ -16,13 +16,23 @@ from scipy.sparse import csc_matrix, csr_matrix
 Array = NDArray[Any]
 
 _SYMMETRIC_INDEFINITE = -2
-_ANALYSE, _FACTORISE, _SOLVE = 11, 22, 33
+
+#: The phase in which PARDISO orders a matrix and finds the pattern of its factors, in the numbers
+#: of its manual.
+_ANALYSE = 11
+#: The phase in which it factorises the matrix.
+_FACTORISE = 22
+#: The phase in which it solves by the factors.
+_SOLVE = 33
 
 #: Settings, numbered from 1: not the defaults; nested dissection; pivots below 1e-10 are perturbed;
 #: pivots of order 1 and 2.
 _SETTINGS = {1: 1, 2: 2, 10: 10, 21: 1}
-#: Where PARDISO reports how many pivots it perturbed and how many were negative.
-_PERTURBED, _NEGATIVE = 14, 23
+
+#: Where PARDISO reports how many pivots it perturbed.
+_PERTURBED = 14
+#: Where it reports how many pivots were negative.
+_NEGATIVE = 23
 
 
 class Pardiso:

@@ -12,9 +12,10 @@ from __future__ import annotations
 #: θ where nothing decays.
 TRAPEZOIDAL = 0.5
 
-#: h/T at which θ is ¾: by the trapezoidal rule extrapolated what decays is yet forgotten. And from
-#: which on θ is 1.
-_TURN, _LONG = 8.0, 1e6
+#: h/T at which θ is ¾. By the trapezoidal rule extrapolated what decays so fast is yet forgotten.
+_TURN = 8.0
+#: h/T from which on θ is 1: the cube of a longer one might be beyond all numbers.
+_LONG = 1e6
 
 
 def end_weight(ratio: float) -> float:

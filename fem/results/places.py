@@ -18,10 +18,17 @@ Array = NDArray[Any]
 
 #: Elements whose nodes are the nearest to a point, that may hold it.
 _NEAREST = 8
-#: Steps of Newton's method within an element, and how far beyond it they are kept.
-_STEPS, _BEYOND = 12, 0.3
-#: A step that is the last, and how far outside an element a point is still within it.
-_SMALL, _INSIDE = 1e-10, 1e-9
+
+#: Most steps of Newton's method within an element. Elements are hardly curved, so that a few do.
+_STEPS = 12
+#: How far beyond an element, in its own coordinates, steps are kept: its mapping may turn over
+#: further out.
+_BEYOND = 0.3
+
+#: A step shorter than this, in the element's coordinates, is the last.
+_SMALL = 1e-10
+#: A point so little outside an element is within it: on an edge rounding would leave it in none.
+_INSIDE = 1e-9
 
 
 @dataclass(frozen=True, eq=False)

@@ -48,15 +48,26 @@ from tympan.fem.transient.dense_output import weights
 
 Array = NDArray[np.float64]
 
-#: How much the branches' relative change, and that of the charge over its most, count beside the
-#: plate's over the frame.
-_STRAIN, _CHARGE = 0.1, 0.1
+#: How much the branches' relative change counts beside the plate's motion over the frame. A strain
+#: of a tenth is as bad as a motion of a hundredth of the frame. Set by trial.
+_STRAIN = 0.1
+#: How much the charge's change over the most it can be counts beside the same. Set by trial.
+_CHARGE = 0.1
 
-#: Safety of a step's length, and by how much it may shrink and grow at most.
-_SAFE, _SHRINK, _GROWTH = 0.85, 0.2, 5.0
+#: A step's length over the longest that its error would allow, so that few are refused; a usual
+#: factor of safety.
+_SAFE = 0.85
+#: A step is at least this share of the one before, as an error estimate far from its aim says
+#: little.
+_SHRINK = 0.2
+#: A step is at most this many times as long as the one before, for the same reason.
+_GROWTH = 5.0
 
-#: How much closer than the error of a step Newton must come, and in how many iterations.
-_CLOSER, _ITERATIONS = 1e-3, 10
+#: How much closer than the error of a step Newton must come, so that what is left of it does not
+#: count as error.
+_CLOSER = 1e-3
+#: Iterations of Newton's method in a step. A step that takes more is too long.
+_ITERATIONS = 10
 
 #: A voltage that moves no film [V].
 _NO_VOLTAGE = 1e-3

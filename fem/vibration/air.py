@@ -35,18 +35,28 @@ _ALONG = tuple(FREEDOMS.index(name) for name in ("z", "rx", "ry"))
 #: Degree of the rule on elements: waves of ten radians across an element still have three digits.
 _DEGREE = 10
 
-#: Points of the rules on a plate: around its edge, and from there to its centre.
-_AROUND, _INWARDS = 96, 10
+#: Points of the rule around a plate's edge: several to each of the shortest waves that are summed.
+_AROUND = 96
+#: Points of the rule from the edge to the centre, for the same.
+_INWARDS = 10
 
-#: Largest wave number, times the frame's smaller half extent and, of long frames, its larger one.
-#: A film that is held in its frame has 1e-6 of its energy beyond, or 2e-5 where the frame is four
-#: times as long as wide; a piston that jumps there 1e-4.
-_SHORTEST_WAVE, _MOST = 60.0, 100.0
+#: Largest wave number times the frame's smaller half extent. A film that is held in its frame has
+#: 1e-6 of its energy beyond; a piston that jumps there 1e-4.
+_SHORTEST_WAVE = 60.0
+#: Largest wave number times the frame's larger half extent: a bound for long frames. Where the
+#: frame is four times as long as wide a film has 2e-5 of its energy beyond.
+_MOST = 100.0
 
-#: Wave numbers per radian across the frame's larger half extent, and those more at least; wave
-#: directions, of half a turn, per the same radian, and those more.
-_DENSITY, _WAVES = 0.7, 24
-_TURN, _DIRECTIONS = 0.8, 16
+#: Wave numbers per radian across the frame's larger half extent. Set by trial.
+_DENSITY = 0.7
+#: Wave numbers more than these, for a small frame. Set by trial.
+_WAVES = 24
+
+#: Wave directions of half a turn per the same radian: as many as a pattern of so short waves can
+#: tell.
+_TURN = 0.8
+#: Wave directions more than these, for long waves. Set by trial.
+_DIRECTIONS = 16
 
 #: Products of waves and places at once.
 _TOGETHER = 2_000_000

@@ -30,8 +30,10 @@ from tympan.geometry.system import silent
 
 Array = NDArray[Any]
 
-#: How close to its last one a complex frequency comes, relative, and after how many at most.
-_CLOSE, _MOST = 1e-10, 60
+#: How close to the one before the last complex frequency comes, relative.
+_CLOSE = 1e-10
+#: Most iterations of that search. The method of secants takes a few from a good guess.
+_MOST = 60
 
 #: By how much the second guess of a complex frequency differs from the first.
 _ASIDE = 1e-3
