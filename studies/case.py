@@ -186,8 +186,11 @@ class CaseRecord:
 #: The kinds of :data:`LIMIT_STATES`.
 LimitKind = Literal["tension", "breakdown", "instability", "pull_in"]
 
-#: Relative errors of a limit that are worth a word, and that a mesh must not leave.
-_WORTH, _RESOLVED = 5e-3, 0.05
+#: Relative error of a limit from which on it is worth a word. Limits are printed with four digits,
+#: and films scatter more.
+_WORTH = 5e-3
+#: Relative error of a limit from which on the mesh is too coarse to tell it. Set by trial.
+_RESOLVED = 0.05
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -21,9 +21,10 @@ from tympan.studies.modes import carried
 #: How many frequencies are asked where none are given.
 USUAL_COUNT = 241
 
-#: They reach from this share of the slowest branch's rate to
-#: so many times the plate's own frequency.
-_SLOW, _FAST = 0.01, 10.0
+#: Lowest of the usual frequencies over the slowest branch's rate: there it follows at once.
+_SLOW = 0.01
+#: Highest of them over the plate's own frequency: there inertia holds the plate.
+_FAST = 10.0
 
 #: Lowest frequency asked of a film without branches, relative to the plate's own.
 _LOWEST = 1e-3

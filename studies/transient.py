@@ -54,8 +54,10 @@ from tympan.studies.signals import Pieces, Signal, Supplied, lagging, nominal, r
 
 Array = NDArray[np.float64]
 
-#: Where a loop turns, as a share of the first limit, and how many samples it has.
-_NEAR_LIMIT, _SAMPLES = 0.95, 2000
+#: Where a loop turns, as a share of the first limit, so that the film stays before it.
+_NEAR_LIMIT = 0.95
+#: Samples of a loop, enough for a smooth line.
+_SAMPLES = 2000
 
 #: Errors of steps in time with which a loop is followed, one after the other, until its area
 #: changes by no more than a share. The last one takes some 10 s where the loop is thin.

@@ -30,9 +30,11 @@ Radii = tuple[float, ...]
 #: Directions around the plate that are told apart.
 _DIRECTIONS = 7200
 
-#: Radii among which those of the fit are interpolated, and how far these go beyond the frame's
-#: nearest and farthest.
-_GRID, _BEYOND = 9, 1.1
+#: Radii at which forces are solved for the fit, a cubic spline between them. Set by trial.
+_GRID = 9
+#: How far these go beyond the frame's nearest and farthest distance, as a factor, so that the best
+#: radius lies inside.
+_BEYOND = 1.1
 
 
 @dataclass(frozen=True, eq=False)

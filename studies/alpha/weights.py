@@ -44,9 +44,15 @@ MOST_CIRCLES = 6
 #: shape.
 REPRESENTED = 0.01
 
-#: Masses over the usual one, and voltages over the usual one, of the fit and of the test.
-_FIT, _HELD_OUT = (1.0, 1.25), (0.7, 1.1, 1.4)
-_FIT_VOLTAGES, _HELD_OUT_VOLTAGES = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0), (0.5, 0.9, 1.1)
+#: Masses of the fit over the usual one, some as far apart as the source paper's two.
+_FIT = (1.0, 1.25)
+#: Masses of the test over the usual one: below, between and above those of the fit.
+_HELD_OUT = (0.7, 1.1, 1.4)
+
+#: Voltages of the fit over the usual one, evenly from none.
+_FIT_VOLTAGES = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)
+#: Voltages of the test over the usual one: between those of the fit, and one beyond.
+_HELD_OUT_VOLTAGES = (0.5, 0.9, 1.1)
 
 #: By how much the elements are finer that show what the mesh does to α.
 _FINER = 1.5

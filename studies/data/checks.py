@@ -32,9 +32,11 @@ _FIELDS = (1e5, 1e9)
 #: as it is mounted.
 _CAPACITIES = 50.0
 
-#: Stretch below which a strip is pressed, and does not pull, and the temperature [°C] above which
-#: no film was at all times: rooms are at 290 K.
-_SHORT, _HOT = 0.95, 200.0
+#: Stretch below which a strip is pressed and does not pull, with room for zeros that are a little
+#: off.
+_SHORT = 0.95
+#: Temperature above which no film was at all times [°C]. In kelvins rooms are at 290.
+_HOT = 200.0
 
 #: How many readings tell a slip or a sensor's end; how many times as many as any other value has.
 _SEVERAL = 3
@@ -43,8 +45,11 @@ _SEVERAL = 3
 #: stiffen, and mass is missing, by less.
 _APART = 4.0
 
-#: Correlation of readings with the voltage's square below which they fall, and voltages that take.
-_FALLS, _FEWEST = -0.9, 4
+#: Correlation of readings with the voltage's square below which they fall, so that scatter alone
+#: does not count.
+_FALLS = -0.9
+#: Different voltages that a fall needs: a few readings fall by chance.
+_FEWEST = 4
 
 
 def summary(dataset: Dataset) -> dict[str, Any]:

@@ -13,9 +13,12 @@ from tympan.studies.data.dataset import Dataset
 
 Array = NDArray[np.float64]
 
-#: How far from a multiple of a step a value may be, over the step; and steps of a display over the
-#: noise from which rounding counts.
-_ROUNDED, _COARSE = 1e-6, 2.0
+#: How far from a multiple of a step a value may be, over the step: the rounding of a decimal number
+#: in a file.
+_ROUNDED = 1e-6
+#: Steps of a display over the noise from which on rounding counts: a finer step adds less than a
+#: third of the noise's variance.
+_COARSE = 2.0
 
 
 @dataclass(frozen=True)

@@ -176,8 +176,11 @@ class Effect:
 
 #: What tells how readings go on in time: a transient's times, or how long states were held.
 IN_TIME = "t_s or dwell_s"
-#: What coupon tests are read by.
-OF_STRIPS, WARMTH = "nominal_stress_kPa", "temperature_C"
+
+#: The column of a stress, which only coupon tests have.
+OF_STRIPS = "nominal_stress_kPa"
+#: The column of their temperature.
+WARMTH = "temperature_C"
 
 #: An effect by name, its values in SI, and the specimen it happens to, if it is on one.
 Use = tuple[str, tuple[float, ...], str | None]

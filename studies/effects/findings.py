@@ -9,8 +9,11 @@ from string import Formatter
 
 from tympan.studies.effects.effect import Effect, EffectParameter
 
-#: Significant digits at most, and the share of half the width between limits that they resolve.
-_DIGITS, _RESOLVED = 3, 0.6
+#: Most significant digits of a number in a sentence. No effect is known better.
+_DIGITS = 3
+#: The share of half the width between limits that the last digit resolves, so that rounding hardly
+#: moves them. Set by trial.
+_RESOLVED = 0.6
 
 #: Share of the width between limits within which nothing is told from no effect.
 _NEAR = 1e-3

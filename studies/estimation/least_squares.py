@@ -22,9 +22,15 @@ from tympan.geometry.process.interruption import signals_wait
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-#: Marquardt's damping over the scaled curvature: the first, the least once there is one, the most a
-#: search tries; and what keeps undamped steps finite.
-_FIRST, _LEAST, _MOST, _TINY = 1e-4, 1e-10, 1e8, 1e-14
+#: The first of Marquardt's dampings, over the scaled curvature: near to no damping.
+_FIRST = 1e-4
+#: The least damping once there is one. With less, a step is an undamped one.
+_LEAST = 1e-10
+#: The largest damping that is tried. With more, a step moves nothing.
+_MOST = 1e8
+#: What keeps an undamped step finite where the curvature is singular: some rounding errors of it.
+_TINY = 1e-14
+
 #: A refused step shorter than this many standard deviations ends a search.
 _SHORT = 1e-4
 

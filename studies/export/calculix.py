@@ -37,8 +37,10 @@ _OUTPUT = ("*NODE PRINT, NSET=PLATE, FREQUENCY=1000", "U", "*NODE PRINT, NSET=RI
            "RF", "*NODE FILE", "U", "*EL FILE", "S")
 _TONNE_PER_MM3 = 1e-12
 
-#: The plate as a solid [mm, MPa], so stiff beside a film that it is rigid.
-_PLATE_THICKNESS, _PLATE_MODULUS = 2.0, 1e6
+#: Thickness of the plate as a solid [mm]. Any would do, as it is rigid.
+_PLATE_THICKNESS = 2.0
+#: Its modulus [MPa], so stiff beside a film of some 0.1 MPa that it is rigid.
+_PLATE_MODULUS = 1e6
 
 Term = tuple[int, int, float]
 

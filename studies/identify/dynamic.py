@@ -39,7 +39,12 @@ CONSTANTS = (Constant("k_1", "Pa", known("k_1"), 1.0, 1e2, 1e12),
 _STILL = 1e-6  # of a logarithm that does not move
 _STAYED = 0.01  # of a logarithm that has not moved far
 _BEGUN = 0.25  # of the way between two rests: how far from one a run may begin
-_DELAY, _FURTHEST = 0.5, 1.5  # deviation and bound of a run's delay, in sampling intervals
+
+#: Standard deviation of a run's delay, in sampling intervals: a clock is off by some half of one.
+_DELAY = 0.5
+#: Bound of a run's delay, in sampling intervals.
+_FURTHEST = 1.5
+
 #: The search sees the first so many periods of the fast oscillation, then more: a response that is
 #: out of step by half a period has its own minimum.
 _PERIODS = (1.5, 6.0, 25.0, 100.0)

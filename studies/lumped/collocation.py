@@ -32,7 +32,13 @@ _END = np.linalg.solve(_A.T, np.array([5 / 18, 4 / 9, 5 / 18]))
 
 _PRECISION = 1e-10  # of the quintics [m]
 _CLOSE = 1e-7  # [m]: from a change so small Newton's next step, the one with derivatives, is exact
-_NEWTON, _ROUNDS = 12, 8
+
+#: Most of Newton's iterations over a whole mesh. If they do not end by then, halves of it are
+#: solved one after the other.
+_NEWTON = 12
+#: Most meshes, each made by the errors on the one before. Set by trial.
+_ROUNDS = 8
+
 _GROWTH = 5.0  # of a step from mesh to mesh, at first; then they only shrink, and there is an end
 _STEPS = 20_000  # of a first mesh, unless the signal has more pieces
 _LEAST = 24  # of a piece of a signal of few

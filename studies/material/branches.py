@@ -43,21 +43,38 @@ Array = NDArray[Any]
 
 #: Most branches tried.
 MOST_BRANCHES = 4
-#: Times per factor e of the search; from how many of its best choices a fit begins, if the law has
-#: no shape constants to begin from.
-_COARSE, _BEST = 1.2, 3
-#: Searches per shape constant of a law, of all readings and without held-out runs.
-_STARTS, _FEWER = 10, 6
-#: Stretch levels (over 1), loads and rates that differ by less than these factors are the same.
-_SAME_LEVEL, _SAME_RATE = 1.15, 1.25
+
+#: Times per factor e of the grid on which a search begins. Branches closer in time than that are
+#: hardly told apart.
+_COARSE = 1.2
+#: From how many of the grid's best choices a fit begins if the law has no shape constants to begin
+#: from. Set by trial.
+_BEST = 3
+
+#: Searches per shape constant of a law, for all readings. Set by trial.
+_STARTS = 10
+#: The same without held-out runs: they are many fits, and none of them is the one that is given.
+_FEWER = 6
+
+#: Stretch levels (over 1) and loads that differ by less than this factor are the same: testers do
+#: not repeat them better.
+_SAME_LEVEL = 1.15
+#: Rates that differ by less than this factor are the same. Testers repeat them less well than
+#: levels.
+_SAME_RATE = 1.25
+
 #: A stress, or a stretch over its level, that varies by less than this share is held.
 _STEADY = 0.02
 #: A run that leaves its virgin length by less is not stretched.
 _UNSTRETCHED = 1e-6
 #: Stress in a search is in units of so much of the readings.
 _FINE = 1e-6
-#: Logarithm of times so near to a bound are at it; of two branches nearer to another they are one.
-_AT_BOUND, _SAME_TIME = 1e-3, 0.05
+
+#: The logarithm of a time so near to a bound is at it, as searches end a little before.
+_AT_BOUND = 1e-3
+#: Two branches whose logarithms of time are nearer than this are one: no reading tells them apart.
+_SAME_TIME = 0.05
+
 #: Stiffness that branches carry at the end of the longest test, over that at rest, that is told.
 _CARRIED = 0.05
 #: Excess of the stretch over 1 at which stiffness is compared.

@@ -41,8 +41,12 @@ _AS_GOOD = 10.0
 _FORETOLD = 1.25
 #: How exactly the energy meets a value that is asked for, relative.
 _MET = 1e-4
-#: Bounds of the energy over that of the best fit.
-_LEAST, _MOST = 1e-2, 1e2
+
+#: Lower bound of the energy over that of the best fit, far below any that readings allow.
+_LEAST = 1e-2
+#: Upper bound of the energy over that of the best fit, far above any that readings allow.
+_MOST = 1e2
+
 #: How exactly a profile meets its quantile, and the most evaluations it takes.
 _QUANTILE_MET = 0.02
 _EVALUATIONS = 300

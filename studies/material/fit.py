@@ -56,9 +56,12 @@ _ALIKE = 1e-3
 _AT_BOUND = 1e-3
 #: Most folds of runs that are held out.
 _FOLDS = 5
-#: Stress in a search for minima is in units of so much of the readings; limits are met to such a
-#: share of the quantile.
-_FINE, _MET = 1e-8, 1e-3
+
+#: Unit of stress in a search for minima, as a share of the readings: small, so that the search goes
+#: on to the rounding.
+_FINE = 1e-8
+#: Limits of a profile are met to this share of the quantile: the third digit of a limit.
+_MET = 1e-3
 
 
 @dataclass(frozen=True, eq=False)

@@ -25,16 +25,28 @@ Array = NDArray[Any]
 #: Of every step its duration [s] and the stretch at its end; of every reading the step it ends.
 March = tuple[Array, Array, Array]
 
-#: Times per factor e of the grid, and the degree of the spline between them.
-_DENSITY, _DEGREE = 5.0, 5
-#: Shortest time of a branch over the shortest interval between readings that strain the film, and
-#: longest over the longest test: beyond, it is one with no branch or with the law.
-_SHORTEST, _SLOWEST = 0.3, 3.0
+#: Times per factor e of the grid between which the stress of a branch is looked up. Set by trial.
+_DENSITY = 5.0
+#: Degree of the spline between them: smooth functions are near to it with few times.
+_DEGREE = 5
+
+#: Shortest time of a branch, over the shortest interval between readings that strain the film. A
+#: shorter one has relaxed in all of them.
+_SHORTEST = 0.3
+#: Longest time of a branch, over the longest test. A longer one is a part of the law.
+_SLOWEST = 3.0
+
 #: Least shortest time over the longest, whatever readings stand as good as together.
 _SPAN = 1e-9
-#: Largest change of a stretch's logarithm in a step, and the largest error of a step's end over the
-#: size of the stress before extrapolation, which takes away all but its square; so many halvings.
-_LARGEST, _EXACT, _HALVINGS = 0.05, 5e-5, 6
+
+#: Largest change of a stretch's logarithm in a step of the integration. Set by trial.
+_LARGEST = 0.05
+#: Largest error of a step's end over the size of the stress before extrapolation, which takes away
+#: all but its square.
+_EXACT = 5e-5
+#: Most halvings of the steps, a bound of the cost.
+_HALVINGS = 6
+
 #: Where the rate of stretching changes by more than this factor, steps begin small.
 _TURN = 1.5
 

@@ -46,8 +46,12 @@ _LEAST_COUNT = 6
 _CONSTANTS = 2
 #: Scatter of exact readings, as a share of their root mean square: that of their rounding.
 _ROUNDING = 1e-6
-#: How much faster or slower another ramp should be, and a hold longer than the ramp.
-_OTHER_RATE, _HOLD = 10.0, 10.0
+
+#: How much faster or slower another ramp should be: a decade tells most branches.
+_OTHER_RATE = 10.0
+#: How much longer than the ramp a hold should be, for the same reason.
+_HOLD = 10.0
+
 #: A run that leaves its first stretch by less is not stretched.
 _UNSTRETCHED = 1e-6
 

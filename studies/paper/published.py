@@ -16,8 +16,12 @@ Array = NDArray[np.float64]
 MASSES = (17.9e-3, 22.45e-3)
 #: Columns of all tables here.
 NAMES = ("circular", "elliptical-small", "elliptical-large")
-#: Voltages that Table 2 and figures 7, 8 and 14 lie between [V].
-LOWEST, HIGHEST = 0.0, 7e3
+
+#: Lowest voltage of Table 2 and of figures 7, 8 and 14 [V].
+LOWEST = 0.0
+#: Their highest voltage [V].
+HIGHEST = 7e3
+
 #: Figures 9–12 step from the first voltage to the second [V].
 STEP = (0.0, 3.5e3)
 #: Figure 14 switches so often [s].

@@ -25,9 +25,12 @@ from tympan.studies.reduced_film.sampling import by_voltages
 
 Array = NDArray[np.float64]
 
-#: How much the last coefficient but one counts: where a signal swings between stages, the last may
-#: be nothing. Errors so many times too large after one correction are not corrected further.
-_TAILS, _HOPELESS = np.diag([1.0, 0.2]), 1.5
+#: How much the last two coefficients of q in a step count as its error. Where a signal swings
+#: between stages the last may be nothing, so that the one before counts a little.
+_TAILS = np.diag([1.0, 0.2])
+#: Errors this many times too large after one correction are not corrected further: the step is
+#: refused in any case.
+_HOPELESS = 1.5
 
 #: What may be left after the last correction, over a step's error.
 _LEFT = 0.3

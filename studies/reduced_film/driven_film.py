@@ -17,14 +17,20 @@ from tympan.studies.signals import Signal, Supplied, Together
 
 Array = NDArray[np.float64]
 
-#: Stages of a step of one run; of several, which cost arithmetic, or where the plate is led.
-_STAGES, _FEWER = 5, 4
+#: Stages of a step of one run: its cost is that of calls, so that many are cheap.
+_STAGES = 5
+#: Stages of a step of several runs, which cost arithmetic, or where inertia or a damper hold the
+#: plate.
+_FEWER = 4
 
 #: By how much more closely what swings is followed: over many swings phases add up.
 PHASES = 2.0
 
-#: The last correction of a state over the root of a step's error, and at most.
-_CLOSER, _NEAR = 0.2, 2e-3
+#: The last correction of a state over the root of a step's error: of what is left after it the
+#: square counts.
+_CLOSER = 0.2
+#: The largest that this correction may be, relative to the gap. Set by trial.
+_NEAR = 2e-3
 
 #: Of a step, relative to the gap between plate and frame.
 ERROR = 1e-4

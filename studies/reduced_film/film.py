@@ -39,11 +39,17 @@ from tympan.studies.reduced_film.heave_path import DEGREE, HeavePath, HeaveSampl
 
 Array = NDArray[np.float64]
 
-#: The most corrections of a state; and the last one over the gap: of the next its square is left.
-ITERATIONS, _LAST = 12, 1e-4
+#: Most corrections of a state. Newton's method takes a few from a good guess.
+ITERATIONS = 12
+#: The last correction over the gap. Of the next one its square is left, 1e-8.
+_LAST = 1e-4
 
-#: A film's table goes so far over the gap, and beyond the strains there by so much of their range.
-_TABULATED, _MARGIN = 0.25, 0.2
+#: How far the table of a film's law goes, over the gap between plate and frame. Beyond it the law
+#: itself is asked.
+_TABULATED = 0.25
+#: How far the table goes beyond the strains there, by their range: other shapes strain the film a
+#: little more.
+_MARGIN = 0.2
 
 #: Shortest part of a change of loads that is tried.
 _PART = 1e-3

@@ -15,11 +15,17 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-#: Of the polynomials, and how precisely they give q, over the highest heave.
-DEGREE, PRECISION = 8, 1e-8
+#: Degree of the polynomials by the heave. Set by trial.
+DEGREE = 8
+#: How precisely they give q, over the highest heave. Otherwise there is no path, and motions begin
+#: without it.
+PRECISION = 1e-8
 
-#: Corrections of a heave that is looked for between samples; iterations of creep, for a guess.
-_CORRECTIONS, _CREEPS = 2, 4
+#: Corrections by Newton's method of a heave that begins on the line between two samples. Set by
+#: trial.
+_CORRECTIONS = 2
+#: Iterations of creep: it is a guess, that Newton's method corrects.
+_CREEPS = 4
 
 #: What counts as no heave by U² [m/V²].
 _NONE = 1e-30

@@ -22,16 +22,28 @@ Array = NDArray[np.float64]
 #: Up to how many times as long a step begins where the one before leads to.
 _FAR = 1.5
 
-#: Safety of a step's length, by how much it may shrink and grow, the first and the shortest as
-#: shares of the shortest time that matters.
-_SAFE, _SHRINK, _GROWTH, _FIRST, _SHORTEST = 0.8, 0.2, 5.0, 3.0, 1e-9
+#: A step's length over the longest that its error would allow, so that few are refused; a usual
+#: factor of safety.
+_SAFE = 0.8
+#: A step is at least this share of the one before, as an error estimate far from its aim says
+#: little.
+_SHRINK = 0.2
+#: A step is at most this many times as long as the one before, for the same reason.
+_GROWTH = 5.0
+#: The first step over the shortest time that matters: five stages resolve that much of a decay.
+_FIRST = 3.0
+#: A step this much shorter than the first is the end: the film has pulled in.
+_SHORTEST = 1e-9
 
 #: After so many steps that failed where it begins is put in balance again.
 _TWICE = 2
 
-#: A signal is a line where it is one at these places, but for so much of it; else the first step is
-#: so long a part of it.
-_PLACES, _LINE, _BENT = np.array([0.1, 0.3, 0.5]), 1e-9, 0.25
+#: Shares of a piece of the signal at which it is looked at whether it is a line.
+_PLACES = np.array([0.1, 0.3, 0.5])
+#: How far from a line these voltages may be, over the largest: the rounding of numbers.
+_LINE = 1e-9
+#: The first step in a piece that is no line, as a share of the piece. Set by trial.
+_BENT = 0.25
 
 #: Deflection over the gap at which the film has pulled in.
 _REACH = 1.5

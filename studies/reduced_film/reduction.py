@@ -41,11 +41,22 @@ _WORK_LEFT_OUT = 1e-4
 #: How long the voltage of the motion it is made from stays, in times of the slowest branch.
 _LONG = 3.0
 
-#: Of the force and the highest voltage: where the film is also looked at, at rest.
-_LIGHTER, _BETWEEN = (0.3, 0.65), (0.0, 0.7)
+#: Shares of the first force under which the film is looked at without voltage: how shapes change
+#: with the load.
+_LIGHTER = (0.3, 0.65)
+#: Shares of the highest voltage at which it is looked at under each force, beside the whole one.
+_BETWEEN = (0.0, 0.7)
 
-#: The runs it is held against: shares of the highest voltage, levels and their seed, samples.
-_LOW, _HIGH, _LEVELS, _SEED, _SAMPLES = 0.05, 0.85, 5, 7, 401
+#: The lowest voltage of the runs that a film is held against, as a share of the highest.
+_LOW = 0.05
+#: The highest voltage of their steps and sines: other than the film was made with.
+_HIGH = 0.85
+#: Levels of the run with random steps.
+_LEVELS = 5
+#: Their seed: any number would do.
+_SEED = 7
+#: Times at which deflections are compared. Set by trial.
+_SAMPLES = 401
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,15 +11,21 @@ from tympan.studies.signals import Signal, nominal
 
 Array = NDArray[np.float64]
 
-#: A loop that drifts by less than this share of its range counts as closed; points of a loop.
-_CLOSED, _POINTS = 0.01, 401
+#: A loop that drifts by less than this share of its range counts as closed: less cannot be seen in
+#: a figure.
+_CLOSED = 0.01
+#: Points of a loop, enough for a smooth line.
+_POINTS = 401
 
 #: Points of Gauss's rule between two times of a motion: exact where the voltage is straight, to
 #: 1e-9 where a step is a quarter of a sine.
 _GAUSS = 6
 
-#: Where squared voltages, relative, differ by less they are alike; and a voltage that is none [V²].
-_ALIKE, _NO_VOLTAGE = 1e-10, 1e-12
+#: What is added to the squares of least squares: where voltages hardly differ these say nothing,
+#: and a guess stays near the last value.
+_ALIKE = 1e-10
+#: The square of a voltage that is none [V²], so that nothing is divided by 0.
+_NO_VOLTAGE = 1e-12
 
 
 def in_time(time: Array, values: Array, when: Array) -> Array:

@@ -31,7 +31,12 @@ Reading = Literal["rest", "levels"]
 VOLTAGES = np.linspace(published.LOWEST, published.HIGHEST, 71)
 #: The paper's sampling interval [s].
 INTERVAL = 1e-3
-_STEP_END, ZOOM = 30.0, 3.0  # [s]; the time axes of figures 9–12 are lost
+
+#: End of the time axes of figures 9 to 12 [s], which are lost: long enough for the film to creep.
+_STEP_END = 30.0
+#: End of the time axes of their zooms [s], which are lost too.
+ZOOM = 3.0
+
 _PRECISION = 1e-10  # of responses [m]; the sensor sees 1 µm
 _BUCKETS = 3000
 _SEEDS = 10_000

@@ -42,7 +42,12 @@ Array = NDArray[np.float64]
 Values = dict[str, Any]
 _VOLTAGES = np.linspace(published.LOWEST, published.HIGHEST, 15)
 _SIZES = np.array([*[50e3] * 6, 5.0])  # of Eq. (8)'s constants [Pa] and ε_r
-_TERMS, _POINTS = 14, 400
+
+#: Terms of the series around the plate. Set by trial.
+_TERMS = 14
+#: Points on a quarter of the ellipse for its least squares, many to each term.
+_POINTS = 400
+
 _ALIKE = 0.03  # two growths with ranges rounded to 0.01 mm are alike within it
 
 

@@ -23,7 +23,13 @@ Array = NDArray[np.float64]
 _START = np.array([8.0, 0.5, 0.5])
 _BOUNDS = np.array([(1.0, 15.0), (0.0, 1.0), (0.0, 1.0)])
 _SHARED = np.array([[1.0, 0], [0, 1], [0, 1]])  # (ε_r, α₁, α₁) of ε_r and one α₁ for both ellipses
-_LEVELS_START, _LEVELS_BOUNDS = np.array([9.0, 0.5]), ((1.0, 0.0), (11.0, 1.0))
+
+#: ε_r and α₁ that the search over levels begins at. Steps of derivatives go towards it, so that
+#: none leaves the bounds.
+_LEVELS_START = np.array([9.0, 0.5])
+#: Bounds of ε_r and α₁, from the lowest to the highest.
+_LEVELS_BOUNDS = ((1.0, 0.0), (11.0, 1.0))
+
 _STEP = 1e-2  # of ε_r and α₁, for derivatives of the ranges over levels
 _DRAWN_IN = 1e-2  # [m], far beyond any range: the search turns back
 

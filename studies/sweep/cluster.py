@@ -23,10 +23,15 @@ _GLANCE = 1.0  # [s]: how often it is looked whether there are workers
 #: What solves on a worker; a text, since what lacks tympan can do nothing with its functions.
 _SOLVER = "__import__('tympan.studies.sweep.task', fromlist=['solver']).solver()"
 
-#: glibc's numbers of its thresholds for trimming and for mapping, from malloc.h, with its own
-#: limits for both [bytes].
-_TRIM, _MAP = (-1, 64 << 20), (-3, 32 << 20)
-_TRIM_SET, _MAP_DEFAULT = "MALLOC_TRIM_THRESHOLD_", 128 << 10
+#: glibc's number of its threshold for trimming, from malloc.h, and its own limit for it [bytes].
+_TRIM = (-1, 64 << 20)
+#: glibc's number of its threshold for mapping, and its own limit for it [bytes].
+_MAP = (-3, 32 << 20)
+
+#: The environment variable by which Dask sets the threshold for trimming.
+_TRIM_SET = "MALLOC_TRIM_THRESHOLD_"
+#: glibc's default threshold for mapping [bytes].
+_MAP_DEFAULT = 128 << 10
 
 
 def cluster(function: Callable[[Item], Value], items: Mapping[str, Item], address: str,

@@ -35,8 +35,14 @@ Array = NDArray[np.float64]
 #: Ways to sample ranges.
 METHODS = ("random", "latin_hypercube", "sobol")
 
-#: More specimens, keys that they differ in, values of those, and cases, are a slip of the pen.
-MOST, _MOST_KEYS, _MOST_VALUES, _MOST_CASES = 1_000_000, 1000, 2_000_000, 10_000_000
+#: More specimens than these are a slip of the pen.
+MOST = 1_000_000
+#: More keys that specimens differ in are a slip of the pen.
+_MOST_KEYS = 1000
+#: More values of these keys, of all specimens together, are a slip of the pen.
+_MOST_VALUES = 2_000_000
+#: More cases, which are specimens under loads, are a slip of the pen.
+_MOST_CASES = 10_000_000
 
 #: Keys of a choice that are no keys of the specimen: its load, and what begins with this, keys of
 #: the rig.

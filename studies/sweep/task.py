@@ -36,8 +36,11 @@ FAILED = "failed"
 #: Of a case whose turn has not come.
 WAITING = "waiting"
 
-#: Into the square of this many triangles an element is cut: for others, and for small pictures.
-_FINE, _COARSE = 6, 4
+#: Into the square of this many triangles an element is cut in files for others: curves look smooth
+#: there.
+_FINE = 6
+#: The same for small pictures of the sweep's page.
+_COARSE = 4
 
 #: gmsh has one state per process: where a cluster gives a process several threads, they take turns.
 _TURN = threading.Lock()

@@ -28,14 +28,21 @@ from tympan.studies.signals import Pieces, random_steps
 
 Array = NDArray[np.float64]
 
-#: Voltages at which the film rests, for the polynomial; those of the steps, over the highest.
-_RESTS, _STEPS = 41, (0.5, 1.0, 0.25, 0.75, 0.0)
+#: Voltages at which the film rests, for the polynomial: several to each of its coefficients.
+_RESTS = 41
+#: Levels of the steps that the form is fitted to, over the highest voltage: up and down, large and
+#: small.
+_STEPS = (0.5, 1.0, 0.25, 0.75, 0.0)
 
-#: How long a step is held, over the slow motion's time; times that are looked at after it.
-_HELD, _SAMPLES = 4.0, 400
+#: How long a step is held, over the slow motion's time: to 2 % of its end.
+_HELD = 4.0
+#: Times that are looked at soon after a step, and as many later on. Set by trial.
+_SAMPLES = 400
 
-#: Of the polynomial's misfit, over the range; its highest degree.
-_FINE, _HIGHEST = 1e-3, 8
+#: The polynomial's largest misfit over the range: small beside the errors in time.
+_FINE = 1e-3
+#: The polynomial's highest degree. Above, it may swing between the voltages.
+_HIGHEST = 8
 
 
 @dataclass(frozen=True)
