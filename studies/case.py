@@ -69,6 +69,10 @@ class Settings:
     path: PathSettings = field(default_factory=PathSettings)
     symmetry: bool = True
 
+    def bounded(self, model: Model, loads: int = 1) -> Settings:
+        """With one budget of work for all that is searched for over many loads of a model."""
+        return replace(self, path=self.path.bounded(model, followed=True, loads=loads))
+
 
 @takes_units
 @dataclass(frozen=True)

@@ -33,8 +33,12 @@ _SIMPLIFIED, _SHORTER = 5, 0.25
 #: Cost of a simplified correction, relative to that of a tangent.
 _CORRECTION = 0.2
 
-#: Why Newton's method stops where the search that calls it has done its work.
+#: Why Newton's method stops where the search that calls it has done its work, and what to do then.
 EXHAUSTED = "the search took more work than it may"
+LIGHTER = "a smaller load or a coarser mesh (--refine 0.5) takes less"
+
+#: Work that a search may take, in unknowns times tangents: some 20 s.
+WORK = 2.5e6
 
 
 class Budget:
@@ -213,6 +217,8 @@ def simplified_newton(model: Model, guess: State, free: tuple[Load, ...] = (),
     state = replace(guess, positions=model.place(guess.positions, guess.plate))
     with np.errstate(all="ignore"):
         if tangent is None or tangent.free != free:
+            if not settings.spend(model.unknowns):
+                return None
             tangent, forces = tangent_at(model, state, free, constraints)
         else:
             tangent = tangent.adapted(model, [each(model, state) for each in constraints])
@@ -221,6 +227,7 @@ def simplified_newton(model: Model, guess: State, free: tuple[Load, ...] = (),
     for iteration in range(1, _SIMPLIFIED + 1):
         if tangent is None or not np.isfinite(forces).all():
             return None
+        settings.spend(_CORRECTION * model.unknowns)
         misses = [constraint(model, state).miss for constraint in constraints]
         residual = model.residual(forces, state)
         motion, loads = tangent.correct(residual, misses)

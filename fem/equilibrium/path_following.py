@@ -8,18 +8,18 @@ from itertools import chain, dropwhile
 
 from tympan.fem.equilibrium.arc_length import ArcSettings, Branch, PathPoint
 from tympan.fem.equilibrium.constraints import difference, length
-from tympan.fem.equilibrium.newton import Budget, NewtonSettings
+from tympan.fem.equilibrium.newton import EXHAUSTED, LIGHTER, WORK, Budget, NewtonSettings
 from tympan.fem.equilibrium.subspace import SmoothSubspace
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import Load, State
+from tympan.geometry.errors import InputError
 
 #: Shortest step, relative to the frame, of a charged film: its wrinkles may end in one spot.
 _LOCAL = 1e-6
 
 
-#: Work that a search for an equilibrium may take, in unknowns times tangents: some 20 s. A large
-#: film has so many tangents at least.
-_WORK, _TANGENTS = 2.5e6, 40
+#: Tangents that the search for an equilibrium of a large film has at least.
+_TANGENTS = 40
 
 #: How much more the search for a film's limits may take, and a large film's.
 _FOLLOWED, _FOLLOWED_FAR = 2.0, 8.0
@@ -48,15 +48,15 @@ class PathSettings:
     annular: tuple[int, ...] = (14, 10, 20)
     unbalanced: float = 1e-2
 
-    def bounded(self, model: Model, followed: bool = False) -> PathSettings:
+    def bounded(self, model: Model, followed: bool = False, loads: int = 1) -> PathSettings:
         """With a budget of work, so that a search ends; as they are if they have one.
 
-        ``followed``: along a branch, to a film's limits.
+        ``followed``: along a branch, to a film's limits or over many ``loads``.
         """
         if self.newton.budget is not None:
             return self
-        work, tangents = (_WORK * _FOLLOWED, _TANGENTS * _FOLLOWED_FAR) if followed \
-            else (_WORK, _TANGENTS)
+        work, tangents = (WORK * _FOLLOWED, _TANGENTS * max(_FOLLOWED_FAR, loads)) if followed \
+            else (WORK, _TANGENTS)
         budget = Budget(max(work, tangents * model.unknowns))
         return replace(self, newton=replace(self.newton, budget=budget))
 
@@ -64,6 +64,11 @@ class PathSettings:
     def exhausted(self) -> bool:
         """Whether a search has done all the work that it may."""
         return self.newton.budget is not None and self.newton.budget.spent
+
+    def require_work(self, key: str) -> None:
+        """Refuse what is not complete: InputError where a search has done all its work."""
+        if self.exhausted:
+            raise InputError(f"{EXHAUSTED}: {LIGHTER}", key=key)
 
     def subspaces(self, model: Model) -> Iterator[SmoothSubspace]:
         """Smooth motions of a model: without waves where it is axisymmetric.

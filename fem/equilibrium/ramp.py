@@ -11,7 +11,7 @@ import numpy as np
 
 from tympan.fem.equilibrium.arc_length import PathPoint
 from tympan.fem.equilibrium.constraints import difference, length
-from tympan.fem.equilibrium.newton import EXHAUSTED, STRAINED, Solution, newton
+from tympan.fem.equilibrium.newton import EXHAUSTED, LIGHTER, STRAINED, Solution, newton
 from tympan.fem.equilibrium.path_following import PathSettings, follow_branch
 from tympan.fem.equilibrium.subspace import FULL
 from tympan.fem.film.density import small_strain_modulus
@@ -143,7 +143,7 @@ class Ramp:
         reached, target = (in_words(value, self.load)
                            for value in (last.state.load(self.load), self.target))
         return Outcome("not_converged", last, f"{EXHAUSTED}: it was given up at {reached} of "
-                       f"{target}; a smaller load or a coarser mesh (--refine 0.5) takes less")
+                       f"{target}; {LIGHTER}")
 
     def natural(self, start: Solution) -> Solution | None:
         """The equilibrium at the target if one step leads there, to no thinner or slack film."""

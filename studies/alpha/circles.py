@@ -146,6 +146,7 @@ def membrane_forces(specimen: Specimen, settings: Settings, loading: Loading, ra
             outcome = held(model, deflection, voltage, start, settings.path)
             start = outcome.solution if outcome.solution.converged else None
             if outcome.status != "equilibrium":
+                settings.path.require_work(specimen.name)
                 raise InputError(f"a circle of radius {radius * 1e3:.4g} mm cannot follow its "
                                  "deflection", key="alpha", given=specimen.name)
             # The film's alone, as the samples have it: no spring.

@@ -221,8 +221,10 @@ def alpha(specimen: Specimen, settings: Settings, alpha_settings: AlphaSettings 
     progress(f"{specimen.name}: equilibria")
     loads = alpha_settings.loads(specimen, settings, rig)
     greatest = loads.greatest(specimen, rig)
+    settings = settings.bounded(model, (1 + count) * (loads.fit.count + loads.held_out.count))
     fit = equilibria(model, loads.fit, rig, settings, count, warnings)
     test = equilibria(model, loads.held_out, rig, settings, count, warnings)
+    settings.path.require_work(specimen.name)
     if not len(fit):
         raise InputError(greatest.doubted("has no equilibrium at any load of the fit"),
                          key="alpha", given=specimen.name)

@@ -32,6 +32,11 @@ class LoadGrid:
     voltages: Annotated[tuple[float, ...], Key("nominal voltages", "voltage", VOLTAGES,
                                                "voltage")] = ()
 
+    @property
+    def count(self) -> int:
+        """Of its combinations."""
+        return len(self.masses) * len(self.voltages)
+
 
 def usual_masses(specimen: Specimen, settings: Settings, rig: Rig = Rig(),
                  over: Sequence[float] = (1.0, 1.25)) -> tuple[float, ...]:

@@ -110,7 +110,7 @@ def rise(case: Case, settings: Settings, first: bool = False) -> Rise:
     """
     case = replace(case, voltage=0.0)
     model = build_model(case.specimen, settings, case.rig.loading)
-    settings = replace(settings, path=settings.path.bounded(model, followed=True))
+    settings = settings.bounded(model)
     model, start = equilibrate(case, settings)
     if start.status != "equilibrium":
         ended = Limits(ended=_before_voltage(case, start, settings))

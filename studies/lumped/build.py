@@ -28,7 +28,7 @@ from tympan.studies.lumped.equilibria import pull_in, rest, rest_curve
 from tympan.studies.lumped.model_file import STILL, LumpedModel, read_model, write_model
 from tympan.studies.lumped.remarks import origin
 from tympan.studies.modes import modes
-from tympan.studies.reduced_film.reduction import reduced_film
+from tympan.studies.reduced_film.reduction import IN_TIME, reduced_film
 
 Array = NDArray[np.float64]
 Progress = Callable[[str], None]
@@ -91,6 +91,11 @@ class BuildSettings:
             given["voltages"] = min(usual_voltages(specimen, max(given["masses"]), settings, rig,
                                                    shares) for specimen in specimens)
         return cls(**given)
+
+    @property
+    def loads(self) -> int:
+        """How many loads there are."""
+        return len(self.masses) * len(self.voltages)
 
     def greatest(self, specimen: Specimen, rig: Rig) -> Case:
         """The case of the largest mass and the highest voltage."""
@@ -253,16 +258,18 @@ def build(specimen: Specimen, settings: Settings, chosen: BuildSettings | None =
     progress(f"{specimen.name}: field model")
     chosen = chosen or BuildSettings.suited([specimen], settings, rig)
     model = build_model(specimen, settings, rig.loading)
+    viscous_film = in_time and bool(specimen.membrane.branches)
+    settings = settings.bounded(model, chosen.loads + viscous_film * IN_TIME)
     deflection, capacitance = _at_rest(model, settings, chosen, rig)
     weights = alpha(specimen, settings,
                     AlphaSettings(chosen.fit, LoadGrid((), ()), chosen.circles, chosen.radii),
                     rig, progress)
     highest = rig.film_voltage(chosen.voltages[-1])
     film, viscous = None, chosen.viscous
-    if in_time and specimen.membrane.branches:
+    if viscous_film:
         progress(f"{specimen.name}: in time")
         forces = [float(rig.force(mass)) for mass in chosen.masses]
-        film, viscous = reduced_film(model, forces, highest, rig.spring), STILL
+        film, viscous = reduced_film(model, forces, highest, rig.spring, path=settings.path), STILL
     plain = LumpedModel(specimen, weights.circles, weights.by_basis["membrane"].alpha,
                         model.capacitance(model.mounted()), highest, viscous=viscous, film=film)
     samples = equilibria(model, chosen.fit, rig, settings, 1, [])
@@ -272,6 +279,7 @@ def build(specimen: Specimen, settings: Settings, chosen: BuildSettings | None =
     actuator = lumped.actuator(chosen.masses[0], rig)
     low, high = (_frequencies(actuator, voltage, settings)
                  for voltage in (chosen.voltages[0], chosen.voltages[-1]))
+    settings.path.require_work(specimen.name)
     return Built(chosen, rig, lumped, weights, deflection, capacitance,
                  {"lumped": (low[0], high[0]), "field": (low[1], high[1])})
 

@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from tympan.fem.equilibrium.newton import WORK, Budget
 from tympan.fem.rig import Rig, checked_load
 from tympan.geometry.errors import InputError
 from tympan.studies.case import Case
@@ -67,7 +68,8 @@ def _followed(motion: ReducedMotion) -> tuple[list[ReducedMoment], float | None]
 
 
 def film_motion(film: ReducedFilm, signal: Signal, mass: float, rig: Rig = Rig(),
-                inertia: bool = False, error: float = ERROR) -> ReducedMotion:
+                inertia: bool = False, error: float = ERROR, budget: Budget | None = None
+                ) -> ReducedMotion:
     """A reduced film under a nominal mass [kg] and signal on a rig; ``inertia``: its plate swings.
 
     Raises
@@ -85,7 +87,7 @@ def film_motion(film: ReducedFilm, signal: Signal, mass: float, rig: Rig = Rig()
         raise InputError("must be positive where the plate swings: the film has no inertia",
                          key="mass", given=f"{mass:g} kg")
     return ReducedMotion(film, float(rig.force(mass)), Supplied(signal, rig), rig.spring,
-                         moved if inertia else None, rig.plate_damping, error)
+                         moved if inertia else None, rig.plate_damping, error, budget)
 
 
 def film_response(model: LumpedModel, signal: Signal, mass: float, rig: Rig, interval: float,
@@ -96,7 +98,8 @@ def film_response(model: LumpedModel, signal: Signal, mass: float, rig: Rig, int
     ``period`` is its signal's [s] if it has one; ``step`` says that the signal is a step.
     """
     assert model.film is not None
-    motion, name = film_motion(model.film, signal, mass, rig, inertia), model.specimen.name
+    motion = film_motion(model.film, signal, mass, rig, inertia, budget=Budget(WORK))
+    name = model.specimen.name
     case = Case(model.specimen, mass=mass, voltage=signal.peak, rig=rig)
     warnings = [*case.remarks]
     try:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tympan.fem.equilibrium.newton import Budget
 from tympan.fem.film.memory import Memory
 from tympan.fem.transient.collocation import CollocationRule, radau
 from tympan.studies.reduced_film.film import FilmLoads, ReducedFilm
@@ -68,7 +69,8 @@ class DrivenFilm:
     share their steps.
 
     ``spring`` on the plate [N/m]; its ``mass`` [kg], None for one that follows the film at once;
-    ``damper`` on it [N s/m]; ``error``: of a step, relative to the gap between plate and frame.
+    ``damper`` on it [N s/m]; ``error``: of a step, relative to the gap between plate and frame;
+    ``budget``: work left to the motion, without one there is no limit.
     """
 
     film: ReducedFilm
@@ -78,6 +80,7 @@ class DrivenFilm:
     mass: float | None = None
     damper: float = 0.0
     error: float = ERROR
+    budget: Budget | None = None
 
     @property
     def begin(self) -> ReducedMoment:

@@ -13,6 +13,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from tympan.geometry.errors import InputError
 from tympan.studies.reduced_film.collocated_step import CollocatedStep, StepSolution
 from tympan.studies.reduced_film.driven_film import DrivenFilm, ReducedMoment
 from tympan.studies.reduced_film.film import FilmLoads, NoBalance
@@ -70,6 +71,8 @@ class ReducedMotion(DrivenFilm):
         ------
         PulledIn
             Where the film has no equilibrium any more, or the plate is gone.
+        InputError
+            Where it takes more work than its budget has.
         """
         moment, step, past = begin or self.begin, 0.0, None
         for piece, (start, end) in enumerate(pairwise(self.signal.breaks.tolist())):
@@ -101,6 +104,7 @@ class ReducedMotion(DrivenFilm):
             times = moment.time + duration * self.rule.nodes
             if duration == rest:
                 times[-1] = end
+            self._spend(moment, len(times))
             solution = self._attempt(CollocatedStep(self, moment, piece, times, jump), past)
             error = solution.error if solution is not None else np.inf
             change = _SAFE * (self.error / max(error, 1e-300)) ** (1 / len(times))
@@ -123,6 +127,17 @@ class ReducedMotion(DrivenFilm):
                 # Where it begins a little out of balance, that is an error no short step lessens.
                 moment = self._after_jump(moment, moment.loads)
         return moment, step, past
+
+    def _spend(self, moment: ReducedMoment, stages: int) -> None:
+        """Draw on the budget for a step."""
+        if self.budget is None:
+            return
+        if self.budget.spent:
+            breaks = self.signal.breaks
+            raise InputError(f"takes too much work: it was given up at {moment.time:.4g} s of "
+                             f"{breaks[-1]:.4g} s; make it shorter or with fewer bends",
+                             key="signal", given=f"{len(breaks)} bends")
+        self.budget.left -= stages * self.film.count
 
     def _attempt(self, step: CollocatedStep, past: StepSolution | None) -> StepSolution | None:
         """A step after another one; None where the film cannot be followed."""

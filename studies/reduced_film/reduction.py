@@ -14,14 +14,16 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import nnls
 
+from tympan.fem.equilibrium.newton import WORK, Budget
+from tympan.fem.equilibrium.path_following import PathSettings
 from tympan.fem.equilibrium.solve import equilibrium
 from tympan.fem.film.density import from_virgin, principal_stretches
 from tympan.fem.film.memory import Memory
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import State
-from tympan.fem.transient.integrate import Moment, Stopped, Transient
+from tympan.fem.transient.integrate import Moment, StepSettings, Stopped, Transient
 from tympan.geometry.errors import InputError
-from tympan.studies.reduced_film.film import ReducedFilm
+from tympan.studies.reduced_film.film import NoBalance, ReducedFilm
 from tympan.studies.reduced_film.motion import PulledIn, ReducedMotion
 from tympan.studies.reduced_film.sampling import in_time
 from tympan.studies.signals import Pieces, Signal, Sine, ramp, random_steps, step
@@ -58,6 +60,10 @@ _SEED = 7
 #: Times at which deflections are compared. Set by trial.
 _SAMPLES = 401
 
+#: How many loads at rest the making of a film takes as much work as, motions included: a few
+#: hundred tangents, and ten times as many are left to it.
+IN_TIME = 100
+
 
 @dataclass(frozen=True, eq=False)
 class Snapshot:
@@ -67,8 +73,8 @@ class Snapshot:
     memory: Memory | None = None
 
 
-def reduced_film(model: Model, forces: Sequence[float], voltage: float, spring: float = 0.0
-                 ) -> ReducedFilm:
+def reduced_film(model: Model, forces: Sequence[float], voltage: float, spring: float = 0.0,
+                 path: PathSettings = PathSettings()) -> ReducedFilm:
     """The film of a model, for forces [N] up to a voltage across it [V], and how near it comes.
 
     ``spring``: of the model's loading, if there is one on its plate [N/m]. Made under the first
@@ -77,15 +83,23 @@ def reduced_film(model: Model, forces: Sequence[float], voltage: float, spring: 
     Raises
     ------
     InputError
-        When the film pulls in at such loads.
+        When the film pulls in at such loads, the reduced one does not follow it there, or the field
+        model takes more work than it may.
     """
-    film = film_of_runs(model, forces, voltage)
-    errors = {name: error_of(film, model, forces[-1], signal, spring)
+    path = path.bounded(model, followed=True, loads=IN_TIME)
+    film = film_of_runs(model, forces, voltage, path)
+    errors = {name: error_of(film, model, forces[-1], signal, spring, path)
               for name, signal in held_out(model, voltage).items()}
+    astray = [name for name, error in errors.items() if not np.isfinite(error)]
+    if astray:
+        raise InputError("has no reduced film that follows it in time under such loads: take lower "
+                         "voltages, or `tympan transient`", key=model.specimen.name,
+                         given=", ".join(astray))
     return replace(film, errors=errors)
 
 
-def film_of_runs(model: Model, forces: Sequence[float], voltage: float) -> ReducedFilm:
+def film_of_runs(model: Model, forces: Sequence[float], voltage: float,
+                 path: PathSettings = PathSettings()) -> ReducedFilm:
     """As :func:`reduced_film`, and not held against the model."""
     gradient, patches = (model.specimen.membrane.thickness_gradient,
                          model.specimen.electrode.patches)
@@ -95,8 +109,9 @@ def film_of_runs(model: Model, forces: Sequence[float], voltage: float) -> Reduc
     if patches:
         raise InputError("must not be there for a reduced film", key="electrode.patch",
                          given=str(patches[0]))
+    path = path.bounded(model, followed=True, loads=IN_TIME)
     run = _there_and_back(model, voltage)
-    snapshots = [*_at_rest(model, forces, voltage), *_in_motion(model, forces[0], run)]
+    snapshots = [*_at_rest(model, forces, voltage, path), *_in_motion(model, forces[0], run, path)]
     return reduced(model, snapshots)
 
 
@@ -106,29 +121,33 @@ def _there_and_back(model: Model, voltage: float) -> Pieces:
                   voltage * np.array([0.0, 1.0, 1.0, 0.0, 0.0]))
 
 
-def _at_rest(model: Model, forces: Sequence[float], voltage: float) -> list[Snapshot]:
+def _at_rest(model: Model, forces: Sequence[float], voltage: float, path: PathSettings
+             ) -> list[Snapshot]:
     """Equilibria under parts of the loads, and under all."""
     loads = [*((share * forces[0], 0.0) for share in _LIGHTER),
              *((force, share * voltage) for force in forces for share in (*_BETWEEN, 1.0))]
-    outcomes = [equilibrium(model, *load) for load in loads]
+    outcomes = [equilibrium(model, *load, settings=path) for load in loads]
+    path.require_work(model.specimen.name)
     return [Snapshot(outcome.state) for outcome in outcomes if outcome.status == "equilibrium"]
 
 
-def _in_motion(model: Model, force: float, signal: Signal) -> list[Snapshot]:
+def _in_motion(model: Model, force: float, signal: Signal, path: PathSettings) -> list[Snapshot]:
     try:
         return [Snapshot(moment.state, moment.memory)
-                for moment in _field_motion(model, force, signal)]
+                for moment in _field_motion(model, force, signal, path)]
     except Stopped as ending:
         raise InputError(f"the film pulls in after {ending.time:.4g} s at the highest voltage: "
                          "take a lower one", key="voltage",
                          given=f"{signal.peak / 1e3:.5g} kV") from None
 
 
-def _field_motion(model: Model, force: float, signal: Signal) -> list[Moment]:
+def _field_motion(model: Model, force: float, signal: Signal, path: PathSettings) -> list[Moment]:
     """The field model's moments; relaxed under force and first voltage, or mounted and flat."""
     film, state = model.specimen.membrane, model.mounted()
+    steps = StepSettings(newton=path.newton)
     if film.mounted is None:
-        outcome = equilibrium(model, force, signal.first)
+        outcome = equilibrium(model, force, signal.first, settings=path)
+        path.require_work(model.specimen.name)
         if outcome.status != "equilibrium":
             raise Stopped("pull_in", 0.0)
         state = outcome.state
@@ -136,7 +155,11 @@ def _field_motion(model: Model, force: float, signal: Signal) -> list[Moment]:
                                                   film.prestretch))
     else:
         memory = Memory.mounted(film, model.volumes.shape)
-    return list(Transient(model, force, signal).moments(state, memory))
+    try:
+        return list(Transient(model, force, signal, settings=steps).moments(state, memory))
+    except Stopped:
+        path.require_work(model.specimen.name)
+        raise
 
 
 def held_out(model: Model, voltage: float) -> dict[str, Signal]:
@@ -150,17 +173,19 @@ def held_out(model: Model, voltage: float) -> dict[str, Signal]:
             "random": random_steps(low, voltage, middle / 2, _LEVELS, _SEED)}
 
 
-def error_of(film: ReducedFilm, model: Model, force: float, signal: Signal, spring: float = 0.0
-             ) -> float:
+def error_of(film: ReducedFilm, model: Model, force: float, signal: Signal, spring: float = 0.0,
+             path: PathSettings = PathSettings()) -> float:
     """The largest error of the deflection under a force [N] and a signal, over the field's range.
 
-    The range includes the deflection before the signal begins. Infinite where a film pulls in.
+    The range includes the deflection before the signal begins. Infinite where a film pulls in, or
+    the reduced one has no equilibrium there.
     """
     when = np.linspace(float(signal.breaks[0]), float(signal.breaks[-1]), _SAMPLES)
-    motion = ReducedMotion(film, force, signal, spring)
+    motion = ReducedMotion(film, force, signal, spring, budget=Budget(WORK))
     try:
-        field, moments = _field_motion(model, force, signal), list(motion.moments())
-    except (Stopped, PulledIn):
+        field = _field_motion(model, force, signal, path)
+        moments = list(motion.moments())
+    except (NoBalance, PulledIn, Stopped):
         return float("inf")
     exact = in_time(np.array([moment.time for moment in field]),
                     np.array([moment.state.plate.deflection for moment in field]), when)

@@ -4,21 +4,29 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from benchmarks.trials.extreme_films import MESH, design, faults_of, judged, study, table
 from benchmarks.trials.robustness import write_section
-from tests.support.specimens import circular
-from tympan.fem.equilibrium.newton import EXHAUSTED, Budget
+from tests.support.specimens import circular, elliptical
+from tympan.fem.equilibrium import newton, path_following
+from tympan.fem.equilibrium.newton import EXHAUSTED, Budget, NewtonSettings
 from tympan.fem.equilibrium.path_following import PathSettings
 from tympan.fem.equilibrium.solve import equilibrium
+from tympan.fem.equilibrium.tangent import Tangent
 from tympan.fem.film.laws import ArrudaBoyce, NeoHooke, Ogden
+from tympan.fem.membrane.model import Model
 from tympan.fem.rig import Rig
+from tympan.geometry.errors import InputError
 from tympan.geometry.mesher import MeshSettings
 from tympan.geometry.outlines import Circle, Ellipse
-from tympan.geometry.specimen import Electrode, Film, Plate, Specimen
+from tympan.geometry.specimen import Electrode, Film, Plate, Specimen, ViscousBranch
+from tympan.studies.alpha import AlphaSettings, LoadGrid, alpha
 from tympan.studies.case import Case, Settings, build_model, equilibrate, solve
 from tympan.studies.limits import curve, limits
+from tympan.studies.lumped.build import BuildSettings, build
+from tympan.studies.reduced_film.reduction import reduced_film
 
 #: The films that did not end: twenty times as long as wide, or with a plate beside its frame.
 ENDLESS = {
@@ -58,6 +66,69 @@ def test_a_search_ends_when_its_work_is_done_and_says_how_far_it_came() -> None:
     again = replace(few, newton=replace(few.newton, budget=Budget(4.5 * model.unknowns)))
     assert equilibrium(model, 0.2, 3000.0, settings=again).state.force == outcome.state.force
     assert equilibrium(model, 0.2, 3000.0, settings=few).status == "equilibrium"
+
+
+@pytest.mark.parametrize("name", ENDLESS)
+def test_films_that_did_not_end_have_no_lumped_model_and_a_reason(name: str) -> None:
+    case, settings = ENDLESS[name], Settings(MeshSettings(order=2))
+    chosen = BuildSettings((case.mass or 1e-3,), (0.0, case.voltage / 2, case.voltage))
+    with pytest.raises(InputError, match="the field model"):
+        build(case.specimen, settings, chosen)
+
+
+def test_all_loads_that_circles_are_weighed_at_draw_on_one_budget(monkeypatch: pytest.MonkeyPatch
+                                                                   ) -> None:
+    """At each of thirty masses the film takes all the work of a search, 12 s, and has no answer."""
+    monkeypatch.setattr(path_following, "WORK", 1e5)
+    monkeypatch.setattr(path_following, "_TANGENTS", 2)
+    film, made = ENDLESS["long, stiff"].specimen, []
+
+    class Counted(Tangent):
+        def __init__(self, model: Model, *parts: object) -> None:
+            super().__init__(model, *parts)  # type: ignore[arg-type]
+            made.append(model.unknowns)
+
+    monkeypatch.setattr(newton, "Tangent", Counted)
+    loads = LoadGrid(tuple(np.linspace(1.0, 1.3, 30).tolist()), (8e3,))
+    with pytest.raises(InputError, match=EXHAUSTED):
+        alpha(film, Settings(), AlphaSettings(loads, LoadGrid(())))
+    # Two circles beside the film, two tangents a load.
+    assert 100 < len(made) < 2 * 3 * 30
+    assert set(made) == {build_model(film, Settings()).unknowns}
+
+
+@pytest.mark.parametrize("tangents", [3, 15, 27])
+def test_whatever_a_lumped_model_lacks_work_for_is_said(tangents: int) -> None:
+    """Its equilibria, its circles or its vibrations; a few more tangents, and it is all there."""
+    chosen = BuildSettings((20e-3, 25e-3), (0.0, 1e3, 2e3, 3e3))
+    settings = Settings(MeshSettings(order=2))
+    model = build_model(elliptical(60e-3), settings)
+
+    def within(tangents: int) -> Settings:
+        budget = Budget(tangents * model.unknowns)
+        few = replace(settings.path, newton=replace(settings.path.newton, budget=budget))
+        return replace(settings, path=few)
+
+    with pytest.raises(InputError, match=EXHAUSTED):
+        build(model.specimen, within(tangents), chosen)
+    spared = build(model.specimen, within(60), chosen)
+    assert spared.json() == build(model.specimen, settings, chosen).json()
+
+
+@pytest.mark.parametrize("tangents", [3, 30, 120])
+def test_a_reduced_film_says_what_it_lacks_work_for(tangents: int) -> None:
+    """At rest, in motion, or held against the field model: it does not pull in."""
+    model = build_model(circular(branches=(ViscousBranch(30e3, 5.0),)),
+                        Settings(MeshSettings(order=2)))
+
+    def within(tangents: int) -> PathSettings:
+        budget = Budget(tangents * model.unknowns)
+        return PathSettings(newton=NewtonSettings(budget=budget))
+
+    with pytest.raises(InputError, match=EXHAUSTED):
+        reduced_film(model, [0.17], 4e3, path=within(tangents))
+    film = reduced_film(model, [0.17], 4e3, path=within(2000))
+    assert max(film.errors.values()) < 5e-3
 
 
 def test_a_search_for_limits_has_its_own_bound() -> None:

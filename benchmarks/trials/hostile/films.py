@@ -68,6 +68,9 @@ def extreme_films() -> Cases:
                status=0, never=f"{_ODD}|ValueError", seconds=60.0)
     yield Case("aspect 20 at 100 kV", "solve film.toml --mass '10 kg' --voltage '100 kV'",
                {"film.toml": _ENDLESS}, status=0, never=_ODD, seconds=60.0)
+    yield Case("aspect 20 at 100 kV, lumped", "lumped build film.toml -o out --mass '10 kg' "
+               "--voltages '0 kV..100 kV'", {"film.toml": _ENDLESS}, "the field model",
+               never=_ODD, seconds=60.0)
     yield Case("magnet before any voltage", "solve disk.toml --mass '10 g' --voltage '2.5 kV' "
                "--rig mag.toml", {"disk.toml": _DISK, "mag.toml": _MAGNET}, status=0,
                never=f"{_ODD}|no pull-in was found: the film pulls in")

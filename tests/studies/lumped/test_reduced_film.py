@@ -19,13 +19,15 @@ from tests.support.specimens import circular, elliptical
 from tympan.cli import main
 from tympan.fem.film.density import FilmDensity
 from tympan.fem.film.flows import ShearThinning
-from tympan.fem.film.laws import NeoHooke, Ogden
+from tympan.fem.film.laws import NeoHooke, Ogden, PrestretchedOgden
 from tympan.fem.film.library import load_specimen
 from tympan.fem.film.staged_memory import StagedFlow
 from tympan.fem.rig import Rig
 from tympan.fem.transient.collocation import radau
 from tympan.geometry.errors import InputError
-from tympan.geometry.specimen import Electrode, Specimen, ViscousBranch
+from tympan.geometry.mesher import MeshSettings
+from tympan.geometry.outlines import Ellipse, RoundedRectangle
+from tympan.geometry.specimen import Electrode, Film, Plate, Specimen, ViscousBranch
 from tympan.studies.case import Case, Settings, build_model, solve
 from tympan.studies.limits import limits
 from tympan.studies.lumped.build import BuildSettings, build
@@ -376,6 +378,30 @@ def test_a_film_mounted_a_while_ago() -> None:
     when = np.linspace(0.0, 20.0, 21)
     assert moved(film, stepped(0.0, 4e3, 20.0), when) == \
         pytest.approx(field.at(field.deflection, when), rel=2e-3)
+
+
+def test_a_swing_of_an_hour_ends_with_its_work(monkeypatch: pytest.MonkeyPatch) -> None:
+    """By a budget that half a minute of it takes; a film that follows at once needs far less."""
+    monkeypatch.setattr("tympan.studies.lumped.film_response.WORK", 1e4)
+    model, levels = lumped(of(NEO)), random_steps(0.0, 3e3, 10.0, 360, 1)
+    with pytest.raises(InputError, match=r"signal.*given up at .* s of 3600 s; make it shorter"):
+        film_response(model, levels, MASS, Rig(), 1.0, inertia=True)
+    short = random_steps(0.0, 3e3, 1.0, 2, 1)
+    assert film_response(model, short, MASS, Rig(), 1.0, inertia=True).numbers["stopped_s"] is None
+    monkeypatch.setattr("tympan.studies.lumped.film_response.WORK", 1e5)
+    assert film_response(model, levels, MASS, Rig(), 1.0).numbers["stopped_s"] is None
+
+
+def test_a_film_that_no_reduced_one_follows_is_refused() -> None:
+    """A soft film off centre, whose reduced one had no equilibrium without any voltage: it raised
+    what nobody expected."""
+    law = PrestretchedOgden((2492.0, 124.6), (186.9, 93.44), (2.0, 4.0), 2.1)
+    film = Film(0.623e-3, (3.567, 4.049), law, 15.7, branches=(ViscousBranch(10e3, 5.0),))
+    specimen = Specimen("soft", RoundedRectangle((30.282e-3, 27.292e-3), 17.727e-3),
+                        Plate(Ellipse((12.446e-3, 21.555e-3)), (16.983e-3, 0.0)), film)
+    with pytest.raises(InputError, match=r"soft: given 'step, .*has no reduced film that follows"):
+        build(specimen, Settings(MeshSettings(order=2).refined(0.5)),
+              BuildSettings((70e-6, 88e-6), (0.0, 100.0, 200.0)))
 
 
 def test_build_and_simulate(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
