@@ -37,19 +37,34 @@ from tympan.studies.modes import heave_frequency
 
 Array = NDArray[np.float64]
 
-#: How much further than the readings need force laws reach, as factors on heave and U²; of films
-#: that hardly go so far; and how much less is enough, for laws are good for a little more.
-_ROOM, _TIGHT, _ENOUGH = (1.3, 1.15), (0.95, 0.95), 0.94
+#: How much further than the readings need force laws reach, as factors on heave and U²: effects and
+#: larger factors move films on.
+_ROOM = (1.3, 1.15)
+#: The same of a film that hardly goes so far, held at less heave it bears more voltage. Less than
+#: one, since laws are good for a little more.
+_TIGHT = (0.95, 0.95)
+#: How much less than what is needed is enough, for the same reason.
+_ENOUGH = 0.94
 
-#: Shares of the gap between plate and frame: the largest heave of a force law, the least, and one
-#: where nothing says how far it must reach; the least U² [V²].
-_LARGEST, _LEAST, _UNKNOWN, _QUIET = 1.5, 0.01, 0.2, 1e4
+#: Largest heave of a force law, as a share of the gap between plate and frame. A bound of what is
+#: sampled.
+_LARGEST = 1.5
+#: Least heave of a force law, as a share of the gap: a film that cannot be solved so far has no
+#: law.
+_LEAST = 0.01
+#: Heave where nothing says how far a law must reach, as a share of the gap. Set by trial.
+_UNKNOWN = 0.2
+#: Least U² of a force law [V²], 100 V, so that films read without voltage have one.
+_QUIET = 1e4
 
 #: How often what films remember is found again about the fit with it.
 _REMEMBERED = 2
 
-#: How often laws may grow, and by what factor at most each time.
-_ROUNDS, _GROWTH = 8, 2.0
+#: How often laws may grow. A bound of the cost.
+_ROUNDS = 8
+#: By what factor they grow at most each time: further out the fit by which that is judged is a
+#: guess.
+_GROWTH = 2.0
 
 #: States at rest that finite elements on a fine mesh check, some tenth of a second each.
 _STATES_CHECKED = 6

@@ -27,9 +27,11 @@ FRAMES: dict[str, tuple[tuple[tuple[float, float], tuple[float, float]], float]]
     "ten_times": (((1, 0), (0, 1)), 10), "tenth": (((1, 0), (0, 1)), 0.1),
 }
 
-#: By what factor less another frame must leave, and how much less in units of what it leaves
-#: itself, over a reading's noise.
-_LESS, _CLEAR = 4.0, 60.0
+#: By what factor less than the frame that is said another one must leave.
+_LESS = 4.0
+#: How much less it must leave, in χ² scaled to what it leaves itself: e to the minus 30 by noise
+#: alone.
+_CLEAR = 60.0
 
 #: What two frames leave that fit alike, relative to what they leave.
 _ALIKE = 1.01

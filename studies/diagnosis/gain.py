@@ -41,15 +41,31 @@ Split = tuple[str, str, Rows]
 #: Kinds that are held out at once.
 _AT_ONCE = ("voltage", "stretch")
 
-_FEWEST_ROWS, _FEWEST_LEFT, _FEWEST_RAMPS, _SHORTLIST, _DRAWS = 6, 2, 3, 5, 4000
+#: Fewest readings that must be left when some are held out: stiffness, permittivity and an effect
+#: are fitted to them.
+_FEWEST_ROWS = 6
+#: Fewest shapes, masses or ramps that must be left.
+_FEWEST_LEFT = 2
+#: Fewest ramps held out for an interval: it is drawn from them.
+_FEWEST_RAMPS = 3
+#: Pairs are fitted of so many of the most probable effects. A bound of the cost.
+_SHORTLIST = 5
+#: Draws for the interval. Set by trial.
+_DRAWS = 4000
 
 #: Sizes over the usual ones from which an effect is sought there too.
 _LARGE = 3.0
 
-#: Lengths of a Gaussian process in U² over its largest and in mass over its largest, likeness of
-#: specimens, and sizes over the residuals'.
-_VOLTAGES, _MASSES = (0.2, 0.5, 1.0, 3.0), (0.1, 0.5, 2.0)
-_LIKE, _SIZES = (0.0, 0.5, 0.9, 0.99), (0.3, 1.0, 3.0, 10.0)
+#: Lengths of the Gaussian process that are tried, in U² over its largest, from quick changes to
+#: nearly a line.
+_VOLTAGES = (0.2, 0.5, 1.0, 3.0)
+#: The same in mass over its largest.
+_MASSES = (0.1, 0.5, 2.0)
+
+#: Likeness of specimens that is tried, from none to nearly one film.
+_LIKE = (0.0, 0.5, 0.9, 0.99)
+#: Sizes of the process that are tried, over the residuals'.
+_SIZES = (0.3, 1.0, 3.0, 10.0)
 
 #: More rows than this are thinned evenly before the process is trained.
 MOST_ROWS = 400

@@ -18,11 +18,12 @@ Array = NDArray[np.float64]
 #: When a held state is read, before the end of its dwell, over that.
 _BEFORE = 1e-6
 
+#: Nodes and weights of Gauss's rule over a passage. Set by trial.
+_RULE = np.polynomial.legendre.leggauss(12)
 #: Places in a passage, nearer to each other where it begins: there a film moves fastest.
-_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(12)
-_SHARES: Array = ((_NODES + 1) / 2) ** 2
-#: Of what is at these places in the mean; they add up to 1.
-WEIGHTS: Array = _WEIGHTS * (_NODES + 1) / 2
+_SHARES: Array = ((_RULE[0] + 1) / 2) ** 2
+#: Weights of what is at these places in the mean; they add up to 1.
+WEIGHTS: Array = _RULE[1] * (_RULE[0] + 1) / 2
 
 
 @dataclass(frozen=True, eq=False)

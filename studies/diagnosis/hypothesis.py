@@ -18,9 +18,15 @@ from tympan.studies.effects import EFFECTS, Effect, EffectParameter, Use
 
 Array = NDArray[np.float64]
 
-#: What every hypothesis has: the two factors; and the sizes of its effects.
-STIFFNESS, PERMITTIVITY = 0, 1
-FACTORS, SIZES = slice(0, 2), slice(2, None)
+#: Place of the stiffness factor's logarithm among the unknowns of every hypothesis.
+STIFFNESS = 0
+#: Place of the permittivity factor's logarithm.
+PERMITTIVITY = 1
+
+#: Places of both factors.
+FACTORS = slice(0, 2)
+#: Places of the sizes of a hypothesis' effects.
+SIZES = slice(2, None)
 
 
 @dataclass(frozen=True)

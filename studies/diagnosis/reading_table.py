@@ -44,7 +44,10 @@ class Unit:
     per_si: float
 
 
-MICROMETRES, KILOPASCALS = Unit("um", 1e6), Unit("kPa", 1e-3)
+#: What deflections and their misfits are told in, from metres.
+MICROMETRES = Unit("um", 1e6)
+#: What stresses of coupons are told in, from pascals.
+KILOPASCALS = Unit("kPa", 1e-3)
 
 
 @dataclass(frozen=True, eq=False)

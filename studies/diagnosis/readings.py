@@ -30,13 +30,18 @@ from tympan.studies.effects.effect import IN_TIME
 
 Array = NDArray[np.float64]
 
-#: Noise of a displacement nobody states and nothing measures, and of channels, whose noise no file
-#: states, as shares; and the least of tilts [rad].
-ASSUMED, CHANNEL, TILT = 0.02, 0.01, 1e-4
+#: Noise of a displacement that nobody states and nothing measures, as a share of the readings. No
+#: source.
+ASSUMED = 0.02
+#: Noise of other channels, which no file states, as a share of the largest. No source.
+CHANNEL = 0.01
+#: Least noise of a tilt [rad]. No source.
+TILT = 1e-4
 
-#: Readings below which nothing is concluded, and above which those of nearly the same state are
-#: averaged.
-FEWEST, MANY = 5, 2000
+#: Readings below which nothing is concluded: stiffness, permittivity and noise take three.
+FEWEST = 5
+#: Readings above which those of nearly the same state are averaged. A bound of the cost.
+MANY = 2000
 
 _BINS = 200
 

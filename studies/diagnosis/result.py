@@ -70,9 +70,13 @@ COUPONS = "coupons"
 
 #: Causes of less than this probability are not listed.
 _LEAST = 0.01
-#: Of the misfit, the share that an effect must take away alone for its check to be worth while
-#: where nothing explains it, and how many such checks are told.
-_WORTH, _CHECKS = 0.5, 2
+
+#: Share of the misfit that an effect must take away alone for its check to be worth while where
+#: nothing explains it: half.
+_WORTH = 0.5
+#: How many such checks are told: more are no advice.
+_CHECKS = 2
+
 #: Sizes over the usual one up to which such actuators have them.
 _PLAUSIBLE = 2.0
 #: Factor on the noise for which the probabilities are told too.

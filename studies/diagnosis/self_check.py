@@ -26,8 +26,10 @@ from tympan.studies.parallel import mapped
 
 Array = NDArray[np.float64]
 
-#: Hidden sizes over the usual ones, each power of ten as probable as another.
-SMALLEST, LARGEST = 0.5, 10.0
+#: Smallest hidden size over the usual one: smaller ones are mostly not seen.
+SMALLEST = 0.5
+#: Largest hidden size over the usual one. Each power of ten between is as probable as another.
+LARGEST = 10.0
 
 #: What may be said of a set, best first: the cause named; among those that are listed; another
 #: listed, or named; none of the library; nothing seen.
@@ -39,9 +41,14 @@ WORDS = words_beside(__file__)
 _NOTHING = 6
 #: Draws of a size without equilibria after which a set is left out.
 _DRAWS = 50
-#: Share of sets named below which a design names hardly anything; share of the sets seen in which
-#: another effect is listed from which the two are not told apart, if so many are seen.
-_HARDLY, _ALIKE, _SEEN = 0.1, 0.5, 3
+
+#: Share of sets named below which a design names hardly anything.
+_HARDLY = 0.1
+#: Share of the sets seen in which another effect is listed from which on the two are not told
+#: apart.
+_ALIKE = 0.5
+#: Fewest sets seen for such a share.
+_SEEN = 3
 
 
 @dataclass(frozen=True, eq=False)

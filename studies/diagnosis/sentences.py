@@ -24,17 +24,20 @@ Json = dict[str, Any]
 #: Sentences, by key.
 WORDS = words_beside(__file__)
 
-#: Suspects are causes of at least this probability, and so many at most.
-_SUSPECT, _MOST = 0.05, 4
+#: Suspects are causes of at least this probability.
+_SUSPECT = 0.05
+#: And they are at most so many: a bench has no time for more.
+_MOST = 4
 
 #: Shares by which what vague patterns take away counts, so that what says more is told instead; and
 #: what the best of many columns does, which fits a little of anything.
 _VAGUE = {"level": 0.5, "fitted": 0.6, "voltage": 0.9, "coupon_level": 0.5, "coupon_stretch": 0.9}
 _BEST_OF_MANY = {"step": 0.8, "stick": 0.8, "reading": 0.8}
 
-#: χ² from which a pattern is told beside another one, and how many times that of any other specimen
-#: one takes away that is off itself.
-_CLEAR, _ALONE = 30.0, 2.0
+#: χ² from which a pattern is told beside another one. Set by trial.
+_CLEAR = 30.0
+#: How many times as much as any other specimen or run one takes away that is off itself.
+_ALONE = 2.0
 
 
 def probability_text(share: float) -> str:

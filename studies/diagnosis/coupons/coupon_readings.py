@@ -34,9 +34,14 @@ WORDS = words_beside(__file__)
 #: from one to the next would count as many readings.
 MOST = 30
 
-#: The degree of the polynomial about which a leg's scatter is noise, readings per coefficient
-#: without which that is not known, and the least noise as a share of the readings.
-_DEGREE, _PER_COEFFICIENT, _QUIETEST = 5, 1.5, 0.002
+#: Degree of the polynomial about which a leg's scatter is noise. Set by trial.
+_DEGREE = 5
+#: Readings per coefficient without which the degree is lower. Fewer would be followed, noise and
+#: all.
+_PER_COEFFICIENT = 1.5
+#: Least noise, as a share of the readings, however little they scatter: a law is hardly nearer.
+_QUIETEST = 0.002
+
 #: Degrees of freedom from which a scatter is known.
 _KNOWN = 6
 

@@ -15,9 +15,13 @@ from tympan.studies.diagnosis.hypothesis import FACTORS, SIZES, parameters_of
 
 Array = NDArray[np.float64]
 
-#: Points of quadrature in each of one, two, three or more sizes, and in one of which limits are
-#: asked; how far it reaches, in standard deviations.
-_NODES, _FINE, _REACH = (32, 20, 12, 6, 4, 3), 128, 6.0
+#: Points of quadrature in one size, in each of two, of three or more: all their products are
+#: summed.
+_NODES = (32, 20, 12, 6, 4, 3)
+#: Points in a size of which limits are asked: quantiles are interpolated between them.
+_FINE = 128
+#: How far the quadrature reaches, in standard deviations: 2e-9 of a normal distribution is beyond.
+_REACH = 6.0
 
 #: Standard deviations within which a value lies on a bound.
 _AT_BOUND = 1e-6

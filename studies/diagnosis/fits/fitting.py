@@ -27,7 +27,10 @@ from tympan.studies.estimation.least_squares import Evaluation, LeastSquares, mi
 
 Array = NDArray[np.float64]
 
-_ITERATIONS, _SMALL = 40, 1e-4
+#: Most steps of a fit. A bound of the cost.
+_ITERATIONS = 40
+#: A fit ends where a step lowers the cost by less: odds change by as much.
+_SMALL = 1e-4
 
 #: Shares of the readings, those of the lowest voltages first, that the nominal model is fitted to.
 _SHARES = (0.25, 0.5, 0.75, 1.0)

@@ -29,27 +29,44 @@ from tympan.studies.diagnosis.reduced.simulation import Simulation
 
 Array = NDArray[np.float64]
 
-#: Sizes of one effect at which fits start besides none: a share of what is sampled, or so many
-#: usual ones where that is less.
-_SHARE, _USUAL = 0.9, 8.0
+#: Size of one effect at which a fit starts besides none, as a share of what is sampled: near to the
+#: end, not on it.
+_SHARE = 0.9
+#: The largest such size, in usual ones. Further out a start is no help. Set by trial.
+_USUAL = 8.0
 
 #: Sizes at which fits of effects begin that are no sum of their parameters, over usual ones.
 _TOGETHER = 1.5 * np.array([-1.0, 0.0, 1.0])
 
 #: What a fit that presses against the end of what is sampled may promise, by what factor more than
-#: its derivatives do, and how far behind the best one it may still end, in the cost.
-_PROMISE, _BEHIND = 3.0, 15.0
+#: its derivatives do: films harden. Set by trial.
+_PROMISE = 3.0
+#: How far behind the best fit it may still end, in the cost: odds of e to the minus 15 are not
+#: worth a film.
+_BEHIND = 15.0
 
-#: Fits that are made exact: so far behind the best one at most, by evidence and prior, so many,
-#: effects from such a share of their usual size on, and how often.
-_NEAR, _MOST, _ACTIVE, _ROUNDS = 6.0, 4, 0.2, 3
+#: Fits that are made exact are at most so far behind the best one, by evidence and prior: e to the
+#: minus 6 is a quarter of a per cent.
+_NEAR = 6.0
+#: And they are at most so many. A bound of the cost.
+_MOST = 4
+#: Effects of a smaller share of their usual size are left out where films are made exact: there
+#: force laws are good.
+_ACTIVE = 0.2
+#: How often fits are made exact: each time they move a little.
+_ROUNDS = 3
 
 #: By what factor more than its derivatives tell a second effect may help.
 _HELP = 1.5
 
-#: Effects alone that are tried far beyond their best fit where none explains the readings, how
-#: often each is grown for that, and by how much χ² those may be behind that could rival one.
-_VENTURES, _STEPS, _RIVAL = 3, 4, 30.0
+#: Effects alone that are tried far beyond their best fit where none explains the readings. A bound
+#: of the cost.
+_VENTURES = 3
+#: How often each of them is grown for that. A bound of the cost.
+_STEPS = 4
+#: How much χ² an effect may be behind the best one so that it could rival it once it is exact. Set
+#: by trial.
+_RIVAL = 30.0
 
 #: Logarithm of how much less probable a hypothesis is beforehand for each of its effects.
 _COUNT = 3.0
@@ -60,8 +77,10 @@ _FURTHER = 1.4
 #: The size at which effects are tried together, over the usual one.
 _FIRST = 1.3
 
-#: How often effects alone and in pairs may be grown; share of a limit at which a fit lies on it.
-_GROWTHS, _AT = (40, 12), 1e-3
+#: How often effects may be grown, alone and in pairs. A bound of the cost.
+_GROWTHS = (40, 12)
+#: Share of a limit at which a fit lies on it, as searches end a little before.
+_AT = 1e-3
 
 
 @dataclass

@@ -23,9 +23,12 @@ Array = NDArray[np.float64]
 #: their parameters at a typical size, shape (rows, parameters).
 Signatures = dict[Cause, Array]
 
-#: Distances in χ²: seen in 95 % of all cases among many effects; told apart at odds of a hundred to
-#: one; not at all.
-SEEN, TOLD, SAME = 25.0, 9.2, 0.5
+#: Distance in χ² from which an effect is seen in 95 % of all cases among many effects.
+SEEN = 25.0
+#: Distance in χ² from which two effects are told apart at odds of a hundred to one, 2 ln 100.
+TOLD = 9.2
+#: Distance in χ² below which nothing tells them apart.
+SAME = 0.5
 
 #: The size at which effects are compared, in standard deviations of their priors.
 TYPICAL = 2.0

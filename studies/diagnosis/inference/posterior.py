@@ -18,10 +18,15 @@ from tympan.studies.diagnosis.patterns.reading_patterns import JUMPS
 
 Array = NDArray[np.float64]
 
-#: What is thought before any data: that something is wrong at all is as probable as not; then that
-#: it is one effect of the library, two, or none of them. Effects share theirs equally, an effect on
-#: one specimen among these.
-NOTHING, SINGLE, PAIR, DISCREPANCY = 0.5, 0.3, 0.1, 0.1
+#: Probability before any data that nothing is wrong: as probable as that something is.
+NOTHING = 0.5
+#: Probability that it is one effect of the library. Effects share it equally, an effect on one
+#: specimen among these.
+SINGLE = 0.3
+#: Probability that it is two of them, shared equally.
+PAIR = 0.1
+#: Probability that it is none of them.
+DISCREPANCY = 0.1
 
 #: Sizes a discrepancy may have over the noise, each as probable as the other.
 _SIZES = np.geomspace(0.3, 100.0, 12)

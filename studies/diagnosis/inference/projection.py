@@ -8,9 +8,14 @@ from scipy.linalg import svd
 
 Array = NDArray[np.float64]
 
-#: What is left of a column, as a share, below which the readings do not tell its direction, of a
-#: pattern and of an unknown; and below which, over the noise, they do not tell it from nothing.
-RANK, _MOVED, _UNSEEN = 1e-3, 1e-4, 1e-2
+#: What is left of a pattern's column, as a share, below which the readings do not tell its
+#: direction.
+RANK = 1e-3
+#: The same of an unknown's column: a model's derivatives are exact to more digits than patterns are
+#: smooth.
+_MOVED = 1e-4
+#: What is left of a column, over the noise, below which the readings do not tell it from nothing.
+_UNSEEN = 1e-2
 
 
 def told_apart(taken: Array, columns: Array) -> NDArray[np.bool_]:

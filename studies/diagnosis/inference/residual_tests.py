@@ -31,9 +31,11 @@ Array = NDArray[np.float64]
 #: Sets of noise drawn to learn how large ratios get by chance.
 _DRAWS = 4000
 
-#: Jumps taken from the scatter at most, as a share of its degrees of freedom, and the probability
-#: by noise below which one is.
-_MOST_JUMPS, _CLEAR = 0.25, 1e-3
+#: Most jumps that are taken from the scatter, as a share of its degrees of freedom: what is left
+#: must still tell the noise.
+_MOST_JUMPS = 0.25
+#: Probability by noise below which a jump is one, allowing for how many are tried.
+_CLEAR = 1e-3
 
 #: Degrees of freedom a stated noise counts as: it is taken to be right within about a quarter.
 STATED = 8.0

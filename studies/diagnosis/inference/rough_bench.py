@@ -35,9 +35,11 @@ SHARES = (0.0, 0.1, 0.2, 0.3, 0.5, 0.8)
 #: The largest of them that still is small.
 SMALL = 0.5
 
-#: Hypotheses that are fitted again beside small errors: so far behind the best one at most, by
-#: logarithm of probability, and so many.
-_NEAR, _MOST = 8.0, 8
+#: Hypotheses that are fitted again beside small errors are at most so far behind the best one, by
+#: logarithm of probability.
+_NEAR = 8.0
+#: And they are at most so many. A bound of the cost.
+_MOST = 8
 
 
 @dataclass(frozen=True, eq=False)

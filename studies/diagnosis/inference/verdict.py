@@ -33,11 +33,20 @@ Array = NDArray[np.float64]
 
 Verdict = Literal["nothing", "named", "ambiguous", "unexplained"]
 
-#: What it takes: the probability by noise alone below which something is wrong, and below which
-#: what a cause leaves is not explained by it, and below which it is out of the question where
-#: another leaves noise; the probability from which a cause is named, and that of something beside
-#: the library from which nothing is named, and that from which the verdict is unexplained.
-ALARM, ADEQUATE, HARDLY, SURE, DOUBTED, DISCREPANCY = 0.03, 0.01, 1e-3, 0.9, 1 / 3, 0.5
+#: Probability by noise alone below which something is wrong.
+ALARM = 0.03
+#: Probability by noise alone below which what a cause leaves is not explained by it.
+ADEQUATE = 0.01
+#: The same below which a cause is out of the question where another one leaves noise.
+HARDLY = 1e-3
+#: Probability from which a cause is named.
+SURE = 0.9
+#: Probability of something beside the library, among all that is wrong, from which nothing is
+#: named.
+DOUBTED = 1 / 3
+#: Probability of something beside the library from which the verdict is unexplained: it is more
+#: probable than not.
+DISCREPANCY = 0.5
 
 #: Factors on the usual sizes for each of which a cause must stand out to be named.
 SCALES = (1 / 3, 1.0, 3.0, 10.0)

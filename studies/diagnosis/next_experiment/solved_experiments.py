@@ -30,18 +30,28 @@ from tympan.studies.effects import Setup
 
 Array = NDArray[np.float64]
 
-#: Changes by which derivatives are taken: of the factors' logarithms, and of sizes over usual ones.
-_FACTOR, _SHARE = 0.005, 0.02
+#: Change of a factor's logarithm by which derivatives are taken: small beside what readings leave
+#: open, large beside errors of films.
+_FACTOR = 0.005
+#: Change of a size by which derivatives are taken, over the usual one, for the same reason.
+_SHARE = 0.02
 
-#: Places on each line over a film, and how far they go, as a share of the frame's half extents.
-_PLACES, _REACH = 41, 0.97
+#: Places on each line over a film: 2 to 4 mm apart on films of the source paper's size.
+_PLACES = 41
+#: How far the lines go, as a share of the frame's half extents: short of the frame itself.
+_REACH = 0.97
 
-#: How much longer a frame, or larger a plate, another shape has.
-_LONGER, _LARGER = 1.5, 1.6
+#: How much longer the frame of another shape is. Set by trial.
+_LONGER = 1.5
+#: How much larger the plate of another shape is. Set by trial.
+_LARGER = 1.6
 
-#: Noise of strips' stresses as a share, each stretched from a strip of its own; their largest
-#: stretch over the mounted film's.
-_STRIPS, _FURTHER = 0.05, 1.2
+#: Noise of strips' stresses, as a share: each is stretched from a strip of its own, with its own
+#: width and grips.
+_STRIPS = 0.05
+#: Largest stretch of the strips over that of the mounted film, so that they pass what the film is
+#: stretched to.
+_FURTHER = 1.2
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,8 +10,10 @@ from tympan.studies.diagnosis.reading_table import ReadingTable, Scan
 
 Array = NDArray[np.float64]
 
-#: Degree of the polynomials in the place; share of a scan's readings that columns may take.
-_DEGREE, _MOST = 5, 0.34
+#: Degree of the polynomials in the place. Set by trial.
+_DEGREE = 5
+#: Share of a scan's readings that columns may take: the others must tell the noise.
+_MOST = 0.34
 
 
 def film_patterns(table: ReadingTable, predicted: Array) -> Array:

@@ -50,8 +50,11 @@ JUMPS = ("step", "stick")
 #: Degree of polynomials in the voltage's square.
 _DEGREE = 4
 
-#: Steps tried at most; thresholds at which a plate may stick, as shares of the largest prediction.
-_STEPS, _THRESHOLDS = 100, np.geomspace(0.003, 0.3, 64)
+#: Most steps that are tried, evenly over the readings. A bound of the cost.
+_STEPS = 100
+#: Thresholds at which a plate may stick, as shares of the largest prediction: so close that one of
+#: them is near to any.
+_THRESHOLDS = np.geomspace(0.003, 0.3, 64)
 
 
 def words_of(name: str) -> str:

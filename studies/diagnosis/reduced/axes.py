@@ -18,13 +18,20 @@ Sample = tuple[tuple[int, float], ...]
 #: The column of effects that only the film's shape shows.
 SHAPES_ALONE = "x_mm"
 
-#: The largest size at which a film is sampled first, in standard deviations of the prior; and all
-#: of them, of parameters with two signs and of those with one.
+#: The largest size at which a film is sampled first, in standard deviations of the prior. Set by
+#: trial.
 FIRST_SPAN = 3.0
-_FIRST_SIGNED, _FIRST = (1.3, FIRST_SPAN), (1.4, FIRST_SPAN)
 
-#: The largest size that is sought, in standard deviations; and how closely, relative to it.
-_FAR, _CLOSE = 1e3, 1e-3
+#: First sizes of a parameter with two signs, in standard deviations, on either side.
+_FIRST_SIGNED = (1.3, FIRST_SPAN)
+#: First sizes of a parameter with one sign, or whose sign changes nothing.
+_FIRST = (1.4, FIRST_SPAN)
+
+#: The largest size that is sought, in standard deviations: less than a thousandth of any prior is
+#: beyond.
+_FAR = 1e3
+#: How closely that size is found, relative to it. A film is meshed a little before it in any case.
+_CLOSE = 1e-3
 
 #: How near to the largest size that can be built a film is still meshed, as a share.
 _MESHED = 0.97

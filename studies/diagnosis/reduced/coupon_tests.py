@@ -33,12 +33,19 @@ from tympan.studies.material.relaxation import BranchStress
 Array = NDArray[np.float64]
 Numbers = NDArray[np.int64]
 
-#: 0 °C and the temperature at which constants of films hold [K].
-ICE, USUAL_KELVIN = 273.15, 293.15
+#: 0 °C [K].
+ICE = 273.15
+#: Temperature at which constants of films hold [K], 20 °C.
+USUAL_KELVIN = 293.15
 
-#: Steps of Newton's method for a strip's width, its largest step in the logarithm, and the change
-#: below which it is there; how much wider than without voltage no strip is, as a factor.
-_STEPS, _LARGEST, _THERE, _WIDEST = 40, 0.2, 1e-11, 3.0
+#: Most steps of Newton's method for a strip's width.
+_STEPS = 40
+#: Its largest step in the logarithm, so that it does not leave where laws are nearly straight.
+_LARGEST = 0.2
+#: Change below which it is there: near to the rounding of numbers.
+_THERE = 1e-11
+#: How much wider than without voltage no strip is, as a factor. Further out it has no width.
+_WIDEST = 3.0
 
 #: Share of the usual size by which derivatives are taken.
 _STEP = 1e-5

@@ -39,16 +39,25 @@ from tympan.studies.signals import Supplied, Together
 
 Array = NDArray[np.float64]
 
-#: Spacing of the lattice in logarithms; the largest modulus over the law's; a branch's shortest and
-#: longest time over those of the runs.
-_SPACING, _STIFFEST, _TIMES = 0.7, 1e4, (1e-2, 1e3)
+#: Spacing of the lattice in logarithms, a factor of two. Set by trial.
+_SPACING = 0.7
+#: Largest modulus of a branch over the law's: a stiffer one holds the film as well.
+_STIFFEST = 1e4
+#: Shortest and longest time of a branch over those of the runs: beyond, it has relaxed at once or
+#: never does.
+_TIMES = (1e-2, 1e3)
 
-#: The lattice's first number and modulus over the law's; what is added to that in the logarithm.
-_FIRST, _SOFTEST = -4, 5e-3
+#: The lattice's first number, at which the softest modulus stands.
+_FIRST = -4
+#: The softest modulus of a branch over the law's: what a softer one does is in proportion.
+_SOFTEST = 5e-3
+
 _ADDED = np.exp(_SPACING * _FIRST) - _SOFTEST
 
-#: Change of load and voltage by which slopes are taken, and how far they are trusted.
-_CHANGE, _FAR = 0.02, 0.5
+#: Change of load, voltage and modulus by which slopes are taken, as a share.
+_CHANGE = 0.02
+#: How far slopes are trusted, in logarithms.
+_FAR = 0.5
 
 #: Of the highest voltage what the reduced film is made for, until it does not pull in.
 _HIGHEST = (1.03, 1.0, 0.9, 0.75, 0.5)

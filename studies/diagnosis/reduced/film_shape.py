@@ -24,14 +24,22 @@ from tympan.geometry.specimen import Plate
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-#: Points along each ray, both ends included, and rays.
-ALONG, AROUND = 12, 48
+#: Points along each ray from plate to frame, both ends included. Set by trial.
+ALONG = 12
+#: Rays around the plate. Set by trial.
+AROUND = 48
+
 #: Numbers of a lattice: three components at each point.
 COUNT = 3 * ALONG * AROUND
 
-#: Steps of Newton's method, at most, on the lattice; a step that is the last, in its coordinates;
-#: how far beyond plate and frame the lattice is continued, as a share of a ray.
-_STEPS, _SMALL, _BEYOND = 12, 1e-9, 0.02
+#: Most steps of Newton's method on the lattice.
+_STEPS = 12
+#: A step that is the last, in the lattice's coordinates over the number of rays: the next one is
+#: its square.
+_SMALL = 1e-9
+#: How far beyond plate and frame the lattice is continued, as a share of a ray: places are read no
+#: more exactly.
+_BEYOND = 0.02
 
 
 @dataclass(frozen=True, eq=False)

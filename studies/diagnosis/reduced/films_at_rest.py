@@ -32,17 +32,25 @@ Balance = Callable[[Array], tuple[Array, Array]]
 #: How far below no heave a force law is trusted, as a share of the largest.
 _BELOW = 0.2
 
-#: The stiffness that missing force is over, at least, as a share of the flat film's; the least of
-#: that [N/m]; the heave that a film certainly has at its limit, as a share of a linear film's.
-_SOFT, _LEAST, _LINEAR = 0.1, 1e-6, 1.0
+#: Least stiffness that missing force is over, as a share of the flat film's, so that the
+#: continuation stays near.
+_SOFT = 0.1
+#: Least stiffness [N/m], so that nothing is divided by 0.
+_LEAST = 1e-6
+#: Heave that a film certainly has at its limit, as a share of a linear film's: voltage softens it.
+_LINEAR = 1.0
 
 #: How near derivatives by U² are taken, as a share of the largest.
 _TINY = 1e-4
 
 #: Places on the way between which a crossing is looked for.
 _PLACES = 17
-#: Halvings that leave nothing of a bracket, and a step of Newton's after which the next is nothing.
-_HALVINGS, _SMALL = 60, 1e-9
+
+#: Halvings that leave nothing of a bracket, by the digits of a number.
+_HALVINGS = 60
+#: A step of Newton's method [m] after which the next is nothing: its square.
+_SMALL = 1e-9
+
 #: A difference of heaves that is none [m].
 _STAYS = 1e-10
 

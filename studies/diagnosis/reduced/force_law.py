@@ -26,8 +26,10 @@ from tympan.studies.diagnosis.reduced.axes import Axis, HeldFilm, Sample
 Array = NDArray[np.float64]
 Numbers = NDArray[np.int64]
 
-#: Which of the nominal film's nodes are those of effects.
-_SOME_HEAVES, _SOME_VOLTAGES = np.array([0, 2, 4]), np.array([0, 2, 3, 5])
+#: Which of the nominal film's nodes by heave are those of effects, which change a film smoothly.
+_SOME_HEAVES = np.array([0, 2, 4])
+#: Which of its nodes by U² are those of effects.
+_SOME_VOLTAGES = np.array([0, 2, 3, 5])
 
 #: Degree of the polynomials that Floater's and Hormann's interpolant blends, at most.
 _DEGREE = 4
@@ -35,12 +37,18 @@ _DEGREE = 4
 #: Ratio of the next larger to a largest heave or U² to which grids are rounded.
 _STEP = 1.15
 
-#: How far beyond its largest heave and U² a force law is trusted, and how near to that U² its slope
-#: there is taken, as shares.
-BEYOND, _NEAR = 0.15, 1e-4
+#: How far beyond its largest heave and U² a force law is trusted, as a share. Further out it goes
+#: on by a line.
+BEYOND = 0.15
+#: How near to that U² the slope of the line is taken, as a share.
+_NEAR = 1e-4
 
-#: What is sampled at a node: force [N], capacitance [F], square of the plate's tilt [rad²].
-FORCE, CAPACITANCE, TILT = 0, 1, 2
+#: Place of the force [N] among what is sampled at a node.
+FORCE = 0
+#: Place of the capacitance [F].
+CAPACITANCE = 1
+#: Place of the square of the plate's tilt [rad²].
+TILT = 2
 
 #: Where displacements of a film's lattice begin, if they are sampled, component by component.
 SHAPE = 3

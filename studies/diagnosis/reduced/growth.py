@@ -30,16 +30,20 @@ Array = NDArray[np.float64]
 Progress = Callable[[int, int], None]
 Solve = Callable[[HeldFilm, Grid, Sequence[HeldFilm]], Array]
 
-#: By what factor the largest size sampled grows at once; and the share of the largest reachable
-#: from which on it grows to that.
-_GROWTH, _ALMOST = 1.8, 0.8
+#: By what factor the largest size sampled grows at once. Set by trial.
+_GROWTH = 1.8
+#: Share of the largest size reachable from which on it grows to that at once.
+_ALMOST = 0.8
 
 #: Where a film that cannot be solved is tried instead, as shares of the way to there.
 _SHARES = (0.5, 0.25, 0.1)
 
-#: Sizes this close, relative, are the same, beyond the first places and between them; and those
-#: below are none, in standard deviations.
-_ALIKE, _ALIKE_INSIDE, _NONE = 0.05, 0.2, 0.02
+#: Sizes this close, relative, are the same beyond the first places.
+_ALIKE = 0.05
+#: Sizes this close, relative, are the same between the first places, where interpolation is better.
+_ALIKE_INSIDE = 0.2
+#: Sizes below this many standard deviations are none.
+_NONE = 0.02
 
 #: The lowest of the grid's highest U² up to which a film with effects must be solved, as a share.
 _LOWEST = 0.4

@@ -20,8 +20,11 @@ from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.effects import Setup
 from tympan.studies.film_surface import FilmSurface
 
-#: Specimens whose films are solved, and loads tried of each, from the largest on.
-_MOST, _TRIED = 12, 4
+#: Specimens whose films are solved and stored: a page holds no more.
+_MOST = 12
+#: Loads that are tried of each, from the largest on: under the largest a film may have no
+#: equilibrium.
+_TRIED = 4
 
 
 @dataclass(frozen=True, eq=False)

@@ -27,19 +27,27 @@ from tympan.studies.diagnosis.transients.sampled_run import WORDS, SampledRun, f
 
 Array = NDArray[np.float64]
 
-#: Blocks after a jump for each factor e in time, and in a hold at most; samples of a record that
-#: are readings each.
-_BLOCKS, _MOST, _FEW = 4, 40, 60
+#: Blocks after a jump for each factor e in time: creep is told by its logarithm.
+_BLOCKS = 4
+#: Most blocks in a hold. A bound of the cost.
+_MOST = 40
+#: Samples of a record up to which each is a reading of its own: they are too few to tell their
+#: noise.
+_FEW = 60
 
-#: Shortest block in correlation times, samples a block needs.
-_APART, _LEAST = 8.0, 3
+#: Shortest block in correlation times, so that neighbours hardly know of each other.
+_APART = 8.0
+#: Samples that a block needs, for a line and something left of it.
+_LEAST = 3
 
 #: Factor beyond which a frequency is none of a weight on a spring that gives way so far.
 _APART_FROM_USUAL = 4.0
 
-#: Of the shift of a swing's mean by the film's curvature, the share that is not known; of what a
-#: swing does in a sample the share that a mean may be off.
-_UNSURE, _RAGGED = 0.1, 0.5
+#: Share of the shift of a swing's mean by the film's curvature that is not known. Set by trial.
+_UNSURE = 0.1
+#: Of what a swing does in a sample the share that a mean may be off: whole swings end between two
+#: samples.
+_RAGGED = 0.5
 
 
 @dataclass(frozen=True, eq=False)

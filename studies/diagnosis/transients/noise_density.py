@@ -16,9 +16,14 @@ from scipy.optimize import minimize
 
 Array = NDArray[np.float64]
 
-#: Fewest samples; lowest frequencies that slow curves spoil; how far about a swing's frequency and
-#: its multiples nothing is used, as a share, and how many multiples.
-_FEWEST, _SPOILT, _ABOUT, _MULTIPLES = 64, 4, 0.25, 4
+#: Samples without which a spectrum says nothing.
+_FEWEST = 64
+#: Lowest frequencies that are left out: slow curves spoil them.
+_SPOILT = 4
+#: How far about a swing's frequency and its multiples nothing is used, as a share of the frequency.
+_ABOUT = 0.25
+#: How many multiples are left out: higher ones are below the noise.
+_MULTIPLES = 4
 
 #: Correlation times that fits begin with, in samples.
 _STARTS = (2.0, 8.0, 40.0)

@@ -10,16 +10,29 @@ from scipy.optimize import least_squares
 
 Array = NDArray[np.float64]
 
-#: Samples a period must have, periods that are looked at and that are needed, the share of the
-#: scatter that a swing must be, how well its frequency must be told, and trials of a fit.
-_SAMPLES, _LONG, _SHORT, _CLEAR, _TOLD, _EVALUATIONS = 5, 40, 4, 0.6, 0.03, 60
+#: Samples that a period must have, to be told from noise.
+_SAMPLES = 5
+#: Most periods that are looked at: by then a swing has faded or its frequency is known.
+_LONG = 40
+#: Periods that are needed. Fewer are a bend of a slow curve.
+_SHORT = 4
+#: Share of the scatter that a swing must be.
+_CLEAR = 0.6
+#: How well its frequency must be told, as a share.
+_TOLD = 0.03
+#: Most trials of a fit. A bound of the cost.
+_EVALUATIONS = 60
 
 #: The probability that noise alone makes a swing of a record's samples.
 _CHANCE = 1e-4
 
-#: How far swings of an amplitude over the whole deflection change the frequency, over its square;
-#: and how exactly frequencies and rates (over the frequency) are known at best, as shares.
-_BENDS, _BEST, _RATE = 0.5, 1e-3, 1e-3
+#: How far swings of an amplitude over the whole deflection change the frequency, over the square of
+#: that.
+_BENDS = 0.5
+#: How exactly frequencies are known at best, as a share: that of clocks and of the model.
+_BEST = 1e-3
+#: How exactly rates are known at best, over the frequency.
+_RATE = 1e-3
 
 
 @dataclass(frozen=True)

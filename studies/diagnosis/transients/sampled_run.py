@@ -19,16 +19,27 @@ Array = NDArray[np.float64]
 #: Sentences on runs, by key.
 WORDS = words_beside(__file__)
 
-#: A jump of the voltage over its peak; how near lines come to a noisy voltage, over it and over the
-#: usual step between samples.
-_JUMP, _LINE, _SCATTER = 0.02, 2e-3, 8.0
+#: A jump of the voltage between samples, over its peak: smaller ones are a ramp or noise.
+_JUMP = 0.02
+#: How near lines come to a voltage, over its peak.
+_LINE = 2e-3
+#: How near they come to a noisy voltage, over the usual step between samples, so that they do not
+#: follow its noise.
+_SCATTER = 8.0
 
-#: Samples that are enough to say how a record is sampled; the share of its steps that are alike,
-#: and how nearly; missing samples in a row that are no harm.
-_MANY, _EVEN, _ALIKE, _HARMLESS = 50, 0.9, 0.02, 5
+#: Samples that are enough to say how a record is sampled.
+_MANY = 50
+#: Share of its steps that must be alike for it to be evenly sampled.
+_EVEN = 0.9
+#: How nearly they must be alike.
+_ALIKE = 0.02
+#: Missing samples in a row that are no harm.
+_HARMLESS = 5
 
-#: Equal values at an extreme, and over those of any other value, of a sensor at its end.
-_OFTEN, _MORE = 10, 8
+#: Equal values at an extreme from which a sensor is at its end.
+_OFTEN = 10
+#: And so many times as often as any other value, since a display rounds.
+_MORE = 8
 
 
 @dataclass(frozen=True, eq=False)
