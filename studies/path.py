@@ -13,14 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tympan.fem.equilibrium.arc_length import Branch, PathPoint
-from tympan.fem.equilibrium.newton import moved
+from tympan.fem.equilibrium.newton import Solution, moved
 from tympan.fem.equilibrium.path_following import PathSettings, follow_branch
 from tympan.fem.film.tension_field import Tension
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import Load, State
 from tympan.fem.results.fields import Fields, node_fields, whole
 from tympan.fem.results.firmness import firmness, rough_firmness
-from tympan.fem.results.limit_states import LIMIT_STATES, PULL_IN, LimitState, Sign
+from tympan.fem.results.limit_states import INSTABILITY, LIMIT_STATES, PULL_IN, LimitState, Sign
 from tympan.fem.rig import MOST_VOLTAGE
 from tympan.geometry.errors import InputError
 from tympan.geometry.outlines import area
@@ -44,9 +44,14 @@ _STEP, _STRETCH = 0.015, 6.0
 _FURTHER = 2.0
 
 UNFOLLOWED = "the branch could not be followed further"
+_THINS = "followed until the film, wrinkled, thins without bound"
 
 #: Difference of two deflections, relative to the frame, that are one.
 _SAME = 1e-6
+
+#: Elements on one side of an electrode's edge err alike, so that their jumps show part of an error.
+#: Where a wrinkled film ends there, it was up to 2.9 times as much (six meshes, three masses).
+_ALIKE = 3.0
 
 #: A motion along a branch by which is seen where the film thins, relative to the frame.
 _ONWARDS = 1e-4
@@ -231,7 +236,11 @@ def stops(case: Case, model: Model, start: State, along: Along, settings: PathSe
                     yield from _passed(case, branch, before, here)
                     yield replace(here, ended=above_words(case))
                 return
-            yield from _passed(case, branch, before, here)
+            passed = _passed(case, branch, before, here)
+            if here.thinned and before.wrinkled:
+                yield from _to_thinning(passed)
+                return
+            yield from passed
         first = first or here
         ended = _ended(here, first, along, settings)
         yield replace(here, ended=ended or UNFOLLOWED)
@@ -284,14 +293,40 @@ class Stop:
     @property
     def thins(self) -> bool:
         """Whether it is by thinning, wrinkled, that the film gives way first."""
-        model, state = self.model, self.point.state
-        return model.wrinkles and bool(model.thinning_margin(state) <= self.firmness.min())
+        return self.model.wrinkles and bool(self._thinning_margin <= self.firmness.min())
+
+    @property
+    def wrinkled(self) -> bool:
+        """Whether the film has lost tension and goes on, wrinkled."""
+        loose = self.model.wrinkles and not self.model.in_tension(self.point.state)
+        return loose and self._thinning_margin >= 0
+
+    @property
+    def thinned(self) -> bool:
+        """Whether a film that wrinkles would thin without bound before it gets here."""
+        return self.model.wrinkles and self._thinning_margin < 0
+
+    @cached_property
+    def _thinning_margin(self) -> float:
+        return float(self.model.thinning_margin(self.point.state))
 
     @cached_property
     def thinning(self) -> Array:
         """Thickness a little further along the branch over that here, at the nodes."""
-        onwards = moved(self.model, self.point.state, self.point.direction, _ONWARDS)
-        return np.asarray(node_fields(self.model, [onwards])[0].thickness / self.fields.thickness)
+        return np.asarray(self._moved(_ONWARDS).fields.thickness / self.fields.thickness)
+
+    @property
+    def behind(self) -> Stop:
+        """A little further back along the branch."""
+        return self._moved(-_ONWARDS)
+
+    def _moved(self, motion: float) -> Stop:
+        """Where the film is after a small motion along the branch, as its direction has it."""
+        point = self.point
+        loads = {_GROWING[self.along][0]: point.rate}
+        state = moved(self.model, point.state, point.direction, motion, loads)
+        solution = Solution(state, True, 0, point.solution.tangent)
+        return replace(self, point=replace(point, solution=solution), event=None)
 
     @property
     def growth(self) -> float:
@@ -342,6 +377,12 @@ class Stop:
     def place(self, state: LimitState) -> tuple[float, float]:
         """Where in the mounted film a limit state begins [m]."""
         return mounted_place(self.fields.position[np.argmin(state.field(self))])
+
+    def on_electrode_edge(self, state: LimitState) -> bool:
+        """Whether a limit state begins at the edge of an electrode, within the film."""
+        mesh = self.model.discretisation
+        node = mesh.connectivity.ravel()[np.argmin(state.field(self))]
+        return bool((mesh.electrode_edge_nodes == node).any())
 
     def jump(self, state: LimitState, sign: Sign) -> float:
         """By how much elements differ that meet where a limit state begins, as its sign has it.
@@ -432,13 +473,27 @@ def _passed(case: Case, branch: Branch, before: Stop, after: Stop) -> list[Stop]
     return sorted(passed, key=lambda stop: abs(stop.station.deflection_m - start))
 
 
+def _to_thinning(passed: list[Stop]) -> Iterator[Stop]:
+    """Of what happens before a point that a wrinkled film does not reach what it meets."""
+    for stop in passed:
+        gone = stop.event is not None and stop.event.what == INSTABILITY.event
+        yield replace(stop, ended=_THINS if gone and stop.thins else UNFOLLOWED)
+        if gone:
+            return
+
+
 def _happening(case: Case, stop: Stop, state: LimitState, sign: Sign, around: tuple[Stop, Stop]
                ) -> Stop:
     """The stop where something happens, with the event; between two others."""
-    value, *ends = (_measured(case, other.station, stop.along) for other in (stop, *around))
+    before, after = around
     spread = stop.jump(state, sign)
+    if after.thinned and before.wrinkled and stop.thins:
+        # Beyond its end a wrinkled film's margin jumps, and before it falls ever faster.
+        before, after = stop.behind, stop
+        spread *= _ALIKE if stop.on_electrode_edge(state) else 1.0
+    value, *ends = (_measured(case, other.station, stop.along) for other in (stop, before, after))
     if sign.local:
-        change = abs(sign.value(around[0]) - sign.value(around[1]))
+        change = max(abs(sign.value(before) - sign.value(after)), np.finfo(float).tiny)
         spread *= abs(ends[1] - ends[0]) / (change * abs(value)) if value else 0.0
     x, y = stop.place(state)
     what = cast(What, state.event)

@@ -108,8 +108,9 @@ class Branch:
         """The point between two others where a function vanishes; None without change of sign.
 
         Where that is the rate, the point is a limit and its direction the critical mode. A function
-        ``of_state`` looks at no tangent. A film without plate may lose its stability in many
-        motions at once, and with it the way to that point: then the nearest one that is found.
+        ``of_state`` looks at no tangent. Where Newton's method goes astray from both of them, it
+        starts from others between them. A film without plate may lose its stability in many motions
+        at once, and with it the way to that point: then the nearest one that is found.
         """
         motion = difference(self.model, after.state, before.state)
         end = product(self.model, before.direction, motion)
@@ -124,11 +125,19 @@ class Branch:
             points[step].solution.release()
             return result
 
-        root = root_between(at, 0.0, end, xtol=1e-7, rtol=1e-6)
-        if root is None:
-            near = None if self.model.specimen.plate else self._nearest(at, points, value)
-            return near and self._renewed(near)
-        return self._renewed(points[root])
+        def between(low: float, high: float) -> float | None:
+            return root_between(at, low, high, xtol=1e-7, rtol=1e-6)
+
+        root = between(0.0, end)
+        if root is not None:
+            return self._renewed(points[root])
+        around = self._closer(at, points, value)
+        if around is None:
+            return None
+        root = between(*around)
+        if root is None and not self.model.specimen.plate:
+            root = min(points, key=lambda step: abs(value(points[step])))
+        return None if root is None else self._renewed(points[root])
 
     def _from_nearest(self, before: PathPoint, step: float, points: Mapping[float, PathPoint]
                       ) -> PathPoint:
@@ -142,18 +151,24 @@ class Branch:
                 return point
         raise NoValueHere
 
-    def _nearest(self, at: Callable[[float], float], points: dict[float, PathPoint],
-                 value: Callable[[PathPoint], float]) -> PathPoint | None:
-        """Of points that are found by halving, the one where a function is nearest to zero."""
+    def _closer(self, at: Callable[[float], float], points: Mapping[float, PathPoint],
+                value: Callable[[PathPoint], float]) -> tuple[float, float] | None:
+        """Where a function changes its sign between two of the points, others found between them.
+
+        Each is a start from which Newton's method may find what is nearer. None without a change.
+        """
         sense = np.sign(value(points[0.0]))
-        for share in _SHARES:
+
+        def around() -> tuple[float, float] | None:
             passed = {step for step, point in points.items() if sense * value(point) <= 0}
-            if not passed:
+            return (max(points.keys() - passed), min(passed)) if passed else None
+
+        for share in _SHARES:
+            if (ends := around()) is None:
                 return None
-            behind = max(points.keys() - passed)
             with suppress(NoValueHere):
-                at(behind + share * (min(passed) - behind))
-        return min(points.values(), key=lambda point: abs(value(point)))
+                at(ends[0] + share * (ends[1] - ends[0]))
+        return around()
 
     def _renewed(self, point: PathPoint) -> PathPoint:
         """The point with its own tangent, if it has one: Newton's is too far off for limits."""

@@ -14,7 +14,6 @@ from tympan.fem.equilibrium.constraints import difference, length
 from tympan.fem.equilibrium.newton import EXHAUSTED, LIGHTER, STRAINED, Solution, newton
 from tympan.fem.equilibrium.path_following import PathSettings, follow_branch
 from tympan.fem.equilibrium.subspace import FULL
-from tympan.fem.film.density import small_strain_modulus
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import Load, State
 from tympan.fem.roots import root_between
@@ -55,9 +54,6 @@ _SHARP, _NEAR, _CLOSING = 1e-6, 1e-3, 60
 
 #: Iterations within which an equilibrium is reached from beyond there, or sooner from before it.
 _SOON = 5
-
-#: Stiffness of the wrinkled film, in moduli, below which a branch that ends does so by thinning.
-_SOFT = 0.2
 
 
 @dataclass(frozen=True, eq=False)
@@ -279,16 +275,15 @@ class Ramp:
         load, target, settings = self.load, self.target, self.settings
         start = self._tense(origin, reached)
         sense = 1 if target >= start.state.load(load) else -1
-        stable, last = reached, None
+        stable = reached
         start.release()
         points = follow_branch(self.model, start.state, load, settings, sense)
         for (_, before), (branch, after) in pairwise(points):
             if self._slackened(start, after.solution):
                 return Outcome("not_converged", stable, SLACK.format("under its loads"))
             if self._margin(after) < 0:
-                # Near its end a film softens so fast that only points on both sides may be had.
-                thin = branch.where(before, after, self._margin, of_state=True) or before
-                if sense * thin.rate < 0:
+                thin = branch.where(before, after, self._margin, of_state=True)
+                if thin is None or sense * thin.rate < 0:
                     break
                 if sense * thin.state.load(load) < sense * target:
                     return self._ended("thinning", stable, thin)
@@ -310,10 +305,7 @@ class Ramp:
             if abs(self.model.deflection(after.state)) > settings.reach * self.model.high:
                 break
             if branch.subspace is FULL:
-                stable, last = after.solution, after
-        if last is not None and self._margin(last) < _SOFT * small_strain_modulus(
-                self.model.specimen.membrane.material):
-            return self._ended("thinning", stable, last)
+                stable = after.solution
         if settings.exhausted:
             return self._given_up(stable)
         return Outcome("not_converged", stable, _UNFOLLOWED)

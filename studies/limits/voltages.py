@@ -45,13 +45,6 @@ Array = NDArray[np.float64]
 _KINDS: dict[str, LimitKind] = {state.event: cast(LimitKind, state.kind)
                                 for state in LIMIT_STATES.values()}
 
-#: How far beyond the last point that could be followed a limit is searched for, relative: far, then
-#: nearer, since a film that softens fast is not met by long steps; steps of each length.
-_BEYOND, _CLIMBS = (0.5, 0.1, 0.02, 0.005, 0.001), 5
-
-#: Share of a film's margin to thinning that is left where its end is sharp.
-_SHARP = 1e-3
-
 #: Voltage [V] by which is seen what one does to a film that it does not move; any would do.
 _TRIED = 1.0
 
@@ -121,9 +114,6 @@ def rise(case: Case, settings: Settings, first: bool = False) -> Rise:
         return Rise(model, start.status, (replace(case, voltage=0.0),),
                     (Stop(model, _still(start)),), flat)
     reached = _limits(case, passed)
-    wanted = reached.limit if first else reached.end or reached.instability
-    if passed and wanted is None and not _highest(case, passed[-1].station.voltage_V):
-        reached = _searched(case, passed, reached, settings)
     way = tuple(apart(passed))
     cases = tuple(replace(case, voltage=_nominal(case, stop)) for stop in way)
     return Rise(model, start.status, cases, way, replace(reached, ended=_told(reached)))
@@ -173,60 +163,6 @@ def _to_limit(case: Case, model: Model, start: Outcome, settings: Settings, firs
 def _highest(case: Case, film_voltage: float) -> bool:
     """Whether the supply gives a film no higher voltage [V]."""
     return film_voltage >= (1 - _SAME) * case.rig.most_film_voltage(case.direction)
-
-
-def _searched(case: Case, passed: list[Stop], reached: Limits, settings: Settings) -> Limits:
-    """With the limit beyond the last point of the film itself, where a ramp meets one."""
-    last = [stop for stop in passed if stop.model.wrinkles == passed[0].model.wrinkles][-1]
-    model, solution = last.model, last.point.solution
-    margin = model.thinning_margin(last.point.state)
-    best: Outcome | None = None
-    remaining = np.inf
-    for further in _BEYOND:
-        for _ in range(_CLIMBS):
-            voltage = (1 + further) * np.sqrt(solution.state.voltage_squared)
-            outcome = equilibrium(model, solution.state.force, voltage, solution.state.pressure,
-                                  solution, settings.path)
-            if outcome.status != "equilibrium":
-                break
-            solution = outcome.solution
-        else:
-            break
-        if outcome.critical is None or outcome.limited != "voltage":
-            continue
-        thin = outcome.kind == "thinning" and np.isfinite(margin)
-        missed = abs(model.thinning_margin(outcome.critical.state)) if thin else 0.0
-        if missed < remaining:
-            best, remaining = outcome, missed
-        if remaining <= _SHARP * margin:
-            break
-    if best is None or best.critical is None:
-        return reached
-    return _with_end(case, Stop(model, best.critical), best, reached, last)
-
-
-def _with_end(case: Case, stop: Stop, outcome: Outcome, reached: Limits, last: Stop) -> Limits:
-    """With the end that a ramp met at a stop beyond the last of a branch."""
-    if outcome.kind != "thinning":
-        return replace(reached, pull_in=_limit_at(case, stop, "pull_in", last))
-    thinned = _limit_at(case, stop, "instability", last)
-    tension = reached.tension
-    if tension is None or tension.voltage_V > thinned.voltage_V:
-        tension = replace(thinned, kind="tension")
-    return replace(reached, tension=tension, instability=thinned, thins=True)
-
-
-def _limit_at(case: Case, stop: Stop, kind: LimitKind, last: Stop) -> Limit:
-    """A limit at a stop, whose margin the film used up since the last one before it."""
-    state = LIMIT_STATES[kind]
-    (x, y), voltage = stop.place(state), _nominal(case, stop)
-    spread = stop.jump(state, state.signs[-1])
-    sign = state.signs[0]
-    used = sign.value(last) - sign.value(stop) if sign.local else 0.0
-    if np.isfinite(used) and used > 0:
-        share = stop.jump(state, sign) / used
-        spread = max(spread, share * (voltage - _nominal(case, last)) / voltage)
-    return Limit(kind=kind, voltage_V=voltage, x_m=x, y_m=y, spread=spread)
 
 
 def _unmoved(case: Case, model: Model, start: Outcome, settings: Settings) -> Limits | None:
@@ -311,8 +247,11 @@ def _limits(case: Case, passed: list[Stop]) -> Limits:
     if passed and ended == UNFOLLOWED:
         ended = f"the film could not be followed beyond {_nominal(case, passed[-1]) / 1e3:.4g} kV"
     tension, gone = reached.get("tension"), reached.get("instability")
-    if tension is not None and gone is not None and thins and _same(tension, gone):
-        gone = replace(tension, kind="instability")
+    if gone is not None and thins:
+        if tension is None or tension.voltage_V > gone.voltage_V:
+            tension = replace(gone, kind="tension")  # it wrinkles before it thins
+        if _same(tension, gone):
+            gone = replace(tension, kind="instability")
     return Limits(tension=tension, breakdown=reached.get("breakdown"), instability=gone,
                   pull_in=reached.get("pull_in"), ended=f"no pull-in was found: {ended}",
                   thins=thins)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +18,7 @@ from tympan.fem.results.limit_states import LIMIT_STATES
 from tympan.geometry.mesher import MeshSettings
 from tympan.geometry.outlines import Circle
 from tympan.geometry.specimen import Electrode, Film, Plate, Specimen
-from tympan.studies.case import Case, Limit, Limits, Settings, solve
+from tympan.studies.case import Case, Limit, Limits, Settings, equilibrate, solve
 from tympan.studies.limits import curve, limits, solve_within
 from tympan.studies.path import path
 
@@ -111,6 +112,34 @@ def test_a_film_that_wrinkles_first_thins_at_one_voltage_on_every_mesh(mass: flo
                                  f"without bound at {gone.text}")
     for coarse, fine in zip(both[0].reached, both[1].reached, strict=True):
         assert coarse.voltage_V == pytest.approx(fine.voltage_V, rel=1e-3)
+
+
+@pytest.mark.parametrize("mass", [20e-3, 28e-3, 40e-3])
+def test_every_command_has_the_end_of_a_wrinkled_film_at_one_voltage(mass: float) -> None:
+    """However far beyond it a voltage is asked for: one search, of one accuracy."""
+    case = Case(BARE, mass=mass)
+    gone = limits(case, Settings()).instability
+    assert gone is not None
+    ends = [equilibrate(replace(case, voltage=gone.voltage_V + further), Settings())[1]
+            for further in (1.0, 20.0, 100.0, 5e3)]
+    assert [(end.status, end.kind) for end in ends] == 4 * [("no_equilibrium", "thinning")]
+    branch = path(case, Settings(), "voltage")
+    drawn = curve(BARE, (mass,), Settings(), voltages=(gone.voltage_V - 1, gone.voltage_V + 1))
+    asked = drawn.table["asked"] == 1
+    voltages = [*(np.sqrt(end.limit) for end in ends), branch.events[-1].value,
+                drawn.table["voltage"][~asked].max()]
+    assert voltages == pytest.approx(6 * [gone.voltage_V], rel=1e-6)
+    assert branch.warnings[0] == "followed until the film, wrinkled, thins without bound"
+    assert branch.stations[-1].voltage_V == branch.events[-1].value
+    assert drawn.table["status"][asked].tolist() == ["equilibrium", "no_equilibrium"]
+
+
+def test_a_wrinkled_film_s_end_is_as_certain_as_it_says() -> None:
+    """The end on a mesh of elements of a third lies within what coarser ones state."""
+    *coarse, fine = [limits(Case(BARE, mass=40e-3), refined(factor)).instability
+                     for factor in (1.0, 1.25, 1.5, 2.0, 3.0)]
+    for gone in coarse:
+        assert abs(gone.voltage_V / fine.voltage_V - 1) < gone.spread < 6e-3
 
 
 def test_limits_stand_in_the_order_in_which_they_come() -> None:

@@ -25,6 +25,7 @@ from tympan.geometry.mesher import MeshSettings
 from tympan.geometry.outlines import Circle, Ellipse
 from tympan.geometry.specimen import Electrode, Film, Plate, Region, Specimen
 from tympan.studies.case import Case, Settings, equilibrate, failure_reason
+from tympan.studies.limits import limits
 
 QUICK = 40
 
@@ -125,6 +126,21 @@ def test_films_that_wrinkle_end_where_they_thin(number: int) -> None:
     assert "wrinkled, thins without bound" in failure_reason(outcome)
     short = replace(drawn.case, voltage=0.999 * np.sqrt(outcome.limit))
     assert equilibrate(short, Settings(MESH))[1].status == "equilibrium"
+
+
+@pytest.mark.parametrize("number", [2, 3, 16, 17, 18, 21, 22])
+def test_limits_and_solve_have_the_end_of_a_thinning_film_within_its_spread(number: int) -> None:
+    """Taut until it thins, or wrinkled before that."""
+    *_, drawn = design(number + 1)
+    case = replace(drawn.case, voltage=0.0)
+    end = limits(case, Settings()).end
+    assert end is not None
+    assert end.kind == "instability"
+    for further in (1.01, 1.5):
+        asked = replace(case, voltage=further * end.voltage_V)
+        outcome = equilibrate(asked, Settings())[1]
+        assert (outcome.status, outcome.kind) == ("no_equilibrium", "thinning")
+        assert abs(np.sqrt(outcome.limit) / end.voltage_V - 1) < max(end.spread, 1e-6)
 
 
 def test_a_film_that_locks_says_so() -> None:
