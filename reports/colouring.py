@@ -19,9 +19,11 @@ Array = NDArray[Any]
 #: Margins above it have one colour.
 MOST_MARGIN = 10.0
 
-#: Factors by which depth may be drawn larger, and how deep a plate should then hang, of the
-#: frame's half extent.
-DEPTHS, _HANGS = (1, 2, 5, 10, 20), 0.25
+#: Factors by which depth may be drawn larger, round numbers.
+DEPTHS = (1, 2, 5, 10, 20)
+#: How deep a plate should then hang, as a share of the frame's half extent: it is seen and still
+#: looks like a film.
+_HANGS = 0.25
 
 
 @dataclass(frozen=True)

@@ -23,9 +23,17 @@ from tympan.studies.files import write_atomically
 MM = 1 / 25.4  #: inches
 WIDTH = 180.0  #: of a journal's two columns [mm]
 DPI = 400  #: of pictures in print
-#: Colours of the two axes, told apart by all eyes, on the film and on paper.
-SHORT, LONG = "#f0642d", "#3aa3e3"
-SHORT_TEXT, LONG_TEXT = "#b5400f", "#1b6fa8"  #: those of words about them, dark enough to read
+
+#: Colour of the short axis on the film and on paper, told from the other by all eyes.
+SHORT = "#f0642d"
+#: Colour of the long axis.
+LONG = "#3aa3e3"
+
+#: Colour of words about the short axis, dark enough to read.
+SHORT_TEXT = "#b5400f"
+#: Colour of words about the long axis.
+LONG_TEXT = "#1b6fa8"
+
 COLOURS = "viridis"  #: of the stress, perceptually uniform
 PALETTE = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#000000")
 _MARKERS = "os^Dv*"  #: as many as colours

@@ -43,7 +43,11 @@ from tympan.studies.sweep.run import SweepResult
 from tympan.studies.sweep.table import column_name, frame
 from tympan.studies.transient import TransientResult
 
-_HEIGHT, _WIDTH = 75.0, 100.0  #: of a picture in a file [mm]
+#: Height of a picture in a file [mm].
+_HEIGHT = 75.0
+#: Width of a picture in a file [mm].
+_WIDTH = 100.0
+
 _SHOWN = 12  #: bars of a chart of sensitivities
 
 

@@ -16,15 +16,39 @@ from tympan.reports import look as style
 
 Columns = Mapping[str, NDArray[Any]]
 
-_TITLE, _PANEL, _GAP, _AXIS, _LEGEND = 8.0, 34.0, 6.0, 11.0, 8.0  # heights [mm]
-_LEFT, _RIGHT, _BETWEEN = 16.0, 3.0, 8.0
+#: Room above an axis for its title [mm].
+_TITLE = 8.0
+#: Height of an axis of residuals [mm].
+_PANEL = 34.0
+#: Room between two axes of residuals, one below the other [mm].
+_GAP = 6.0
+#: Room below an axis for its numbers and words [mm].
+_AXIS = 11.0
+#: Room below for the legend [mm].
+_LEGEND = 8.0
+
+#: Room on the left of an axis for its numbers and words [mm].
+_LEFT = 16.0
+#: Room on the right, for half of the last number [mm].
+_RIGHT = 3.0
+#: Room between two axes beside each other [mm].
+_BETWEEN = 8.0
+
 _NAMED = 20.0  # left of panels with their specimen's name
 
-#: Panels of readings beside each other, their height and what is below them [mm].
-_ACROSS, _TALL, _BELOW = 3, 52.0, 14.0
+#: Panels of readings beside each other: more are too narrow on the page.
+_ACROSS = 3
+#: Height of a panel of readings [mm].
+_TALL = 52.0
+#: Room below a panel of readings for its numbers and words [mm].
+_BELOW = 14.0
 
 _SHOWN = {"displacement": "deflection (mm)", "range": "range (mm)"}
-_GREY, _BAND = "#5a6475", "#e4e6ea"
+
+#: Colour of lines that stand for no measurement: zero, and models in a legend.
+_GREY = "#5a6475"
+#: Colour of the band of the noise, light behind the readings.
+_BAND = "#e4e6ea"
 
 
 def compose_readings(readings: Columns, curves: Columns) -> Figure:

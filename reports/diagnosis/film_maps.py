@@ -18,12 +18,32 @@ from tympan.studies.film_surface import FilmSurface
 
 Columns = Mapping[str, NDArray[Any]]
 
-_TITLE, _PANEL, _GAP, _BAR = 8.0, 46.0, 7.0, 17.0  # heights [mm]
-_LEFT, _RIGHT, _BETWEEN = 24.0, 3.0, 6.0
-_BAR_WIDTH, _BAR_HEIGHT = 60.0, 2.5
+#: Room above an axis for its title [mm].
+_TITLE = 8.0
+#: Height of a film's plan [mm].
+_PANEL = 46.0
+#: Room between two rows of plans [mm].
+_GAP = 7.0
+#: Room below for the colour bar with its words [mm].
+_BAR = 17.0
 
-#: Colours of what is above, below and at 0; share of residuals within the scale.
-_COLOURS, _SHARE = "RdBu_r", 0.98
+#: Room on the left for the names of films and loads [mm].
+_LEFT = 24.0
+#: Room on the right [mm].
+_RIGHT = 3.0
+#: Room between two plans beside each other [mm].
+_BETWEEN = 6.0
+
+#: Width of the colour bar of the residuals [mm].
+_BAR_WIDTH = 60.0
+#: Height of a colour bar [mm].
+_BAR_HEIGHT = 2.5
+
+#: Colours of what is above, below and at 0.
+_COLOURS = "RdBu_r"
+#: Share of residuals within the scale, so that a few outliers do not make all others pale.
+_SHARE = 0.98
+
 _GREY = "#5a6475"
 
 #: What films are coloured by: as everywhere, and by what the extended model has more.

@@ -14,7 +14,18 @@ from tympan.reports.template import embedded_picture, template
 from tympan.studies.diagnosis.self_check import OUTCOMES
 from tympan.studies.files import read_json, write_text
 
-_LEFT, _RIGHT, _TOP, _ROW, _AXIS, _LEGEND = 44.0, 4.0, 3.0, 6.0, 10.0, 11.0  # [mm]
+#: Room on the left for the names of effects [mm].
+_LEFT = 44.0
+#: Room on the right [mm].
+_RIGHT = 4.0
+#: Room above [mm].
+_TOP = 3.0
+#: Height of an effect's bar with the room around it [mm].
+_ROW = 6.0
+#: Room below an axis for its numbers and words [mm].
+_AXIS = 10.0
+#: Room below for the legend [mm].
+_LEGEND = 11.0
 
 #: Words for the outcomes and their colours, right answers in greens, wrong ones in reds.
 SAID = {"named": ("named rightly", "#117733"), "listed": ("listed among others", "#88ccaa"),

@@ -17,9 +17,31 @@ from tympan.studies.data.coupon import MODES
 
 Columns = Mapping[str, NDArray[Any]]
 
-_TITLE, _ABOVE, _BELOW, _GAP, _AXIS, _LINE = 7.0, 58.0, 34.0, 4.0, 12.0, 4.5  # heights [mm]
-_LEFT, _RIGHT, _BETWEEN = 15.0, 3.0, 14.0
-_GREY, _BAND = "#5a6475", "#e4e6ea"
+#: Room above an axis for its title [mm].
+_TITLE = 7.0
+#: Height of the axis of stresses [mm].
+_ABOVE = 58.0
+#: Height of the axis of residuals below it [mm].
+_BELOW = 34.0
+#: Room between both [mm].
+_GAP = 4.0
+#: Room below an axis for its numbers and words [mm].
+_AXIS = 12.0
+#: Height of a line of the legend [mm].
+_LINE = 4.5
+
+#: Room on the left of an axis for its numbers and words [mm].
+_LEFT = 15.0
+#: Room on the right, for half of the last number [mm].
+_RIGHT = 3.0
+#: Room between two columns, for the second one's numbers [mm].
+_BETWEEN = 14.0
+
+#: Colour of lines that stand for no measurement: zero, and models in a legend.
+_GREY = "#5a6475"
+#: Colour of the band of the noise, light behind the readings.
+_BAND = "#e4e6ea"
+
 _SHOWN = {"stress": "stress (kPa)", "drop": "drop of the stress (kPa)"}
 #: Entries of the legend beside each other.
 _ACROSS = 4

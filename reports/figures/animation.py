@@ -24,11 +24,37 @@ from tympan.studies.files import write_atomically
 from tympan.studies.film_surface import FilmSurface
 from tympan.studies.lumped.simulate import SampledResponse
 
-#: Sizes of a picture [mm], its resolution [pixels per inch], and how long all of them take [s].
-_WIDTH, _FILM, _BAR, _VOLTAGE, _RESPONSE = 120.0, 112.0, 16.0, 14.0, 26.0
-_LEFT, _RIGHT, _TOP, _AXIS, _GAP = 14.0, 4.0, 4.0, 11.0, 4.0
-FRAME_DPI, _LENGTH = 110, 5.0
-_COLOURS, _INK = "viridis", "white"
+#: Width of the picture [mm].
+_WIDTH = 120.0
+#: Width of the film in it [mm].
+_FILM = 112.0
+#: Room below for the colour bar with its words [mm].
+_BAR = 16.0
+#: Height of the axis of the voltage [mm].
+_VOLTAGE = 14.0
+#: Height of the axis of the deflection [mm].
+_RESPONSE = 26.0
+
+#: Room on the left of an axis for its numbers and words [mm].
+_LEFT = 14.0
+#: Room on the right, for half of the last number [mm].
+_RIGHT = 4.0
+#: Room above the film [mm].
+_TOP = 4.0
+#: Room below an axis for its numbers and words [mm].
+_AXIS = 11.0
+#: Room between two axes, one below the other [mm].
+_GAP = 4.0
+
+#: Resolution of a picture [pixels per inch]: sharp on a screen, and a small file.
+FRAME_DPI = 110
+#: How long all pictures take [s].
+_LENGTH = 5.0
+
+#: Colours of the stress, perceptually uniform.
+_COLOURS = "viridis"
+#: Colour of the net on the film, seen on dark colours.
+_INK = "white"
 
 
 def animate(response: SampledResponse, films: dict[float, FilmSurface], file: Path) -> None:

@@ -18,10 +18,32 @@ from tympan.reports import look as style
 from tympan.studies.data.coupon import MODES
 from tympan.studies.material.result import MaterialFitResult
 
-_TITLE, _PANEL, _AXIS, _LEGEND = 7.0, 52.0, 11.0, 11.0  # heights [mm]
-_LEFT, _RIGHT, _GAP = 14.0, 3.0, 11.0
-_HISTORY, _LINE = 72.0, 4.0  # height of tests in time, of a line of their legend [mm]
-_KEY, _LETTER = 14.0, 1.5  # width of a legend's line without words, of a letter [mm]
+#: Room above an axis for its title [mm].
+_TITLE = 7.0
+#: Height of an axis [mm].
+_PANEL = 52.0
+#: Room below an axis for its numbers and words [mm].
+_AXIS = 11.0
+#: Room below for the legend [mm].
+_LEGEND = 11.0
+
+#: Room on the left of an axis for its numbers and words [mm].
+_LEFT = 14.0
+#: Room on the right, for half of the last number [mm].
+_RIGHT = 3.0
+#: Room between two axes beside each other, for the second one's numbers [mm].
+_GAP = 11.0
+
+#: Height of tests in time [mm].
+_HISTORY = 72.0
+#: Height of a line of their legend [mm].
+_LINE = 4.0
+
+#: Width of a legend's entry without its words [mm].
+_KEY = 14.0
+#: Width of a letter of a legend [mm], at most.
+_LETTER = 1.5
+
 _STRESS = "nominal stress (kPa)"
 
 

@@ -23,15 +23,35 @@ from tympan.studies.limits import CurveResult
 Array = NDArray[np.float64]
 Points = NDArray[np.bool_]
 
-_WIDTH, _HEIGHT, _LEFT, _TOP, _BELOW = 110.0, 70.0, 14.0, 8.0, 12.0  # [mm]
+#: Width of the axis [mm].
+_WIDTH = 110.0
+#: Height of the axis [mm].
+_HEIGHT = 70.0
+#: Room on the left of an axis for its numbers and words [mm].
+_LEFT = 14.0
+#: Room above for the title [mm].
+_TOP = 8.0
+#: Room below for the numbers and words of the axis [mm].
+_BELOW = 12.0
 
-#: Where words are from their mark, and how far above that they are still beside it [points]; their
-#: colour where they are of several curves; times that room is made for them.
-_BESIDE, _NEAR, _OF_ALL, _TRIES = (-4.0, 2.0), 16.0, "#333333", 25
+#: Where words are from their mark [points]: at its left, a little above.
+_BESIDE = (-4.0, 2.0)
+#: How far above that they are still beside it [points].
+_NEAR = 16.0
+#: Their colour where they are of several curves.
+_OF_ALL = "#333333"
+#: How often the axis is made larger to give them room. A bound, since room may be missing in any
+#: case.
+_TRIES = 25
+
 #: Behind words, where they lie over a curve after all.
 _PAPER = {"facecolor": "white", "alpha": 0.75, "linewidth": 0.0, "pad": 0.5}
-#: Of a curve beyond its first limit, drawn faint.
-_BEYOND, _FAINT = "beyond its first limit", 0.65
+
+#: What a curve is called beyond its first limit.
+_BEYOND = "beyond its first limit"
+#: Opacity of a curve there, so that it is seen to be no film's for certain.
+_FAINT = 0.65
+
 #: Deflections [mm] that are one.
 _SAME = 1e-9
 #: Of the dotted rest of a curve, whose film thins without bound where it loses tension.

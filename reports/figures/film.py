@@ -13,7 +13,14 @@ from tympan.reports.scene import View, film_picture
 from tympan.reports.template import digits
 from tympan.studies.case import CaseResult
 
-_WIDTH, _MARGIN, _TITLE, _BAR = 110.0, 4.0, 11.0, 14.0  # [mm]
+#: Width of the picture [mm].
+_WIDTH = 110.0
+#: Room at the edges of the picture [mm].
+_MARGIN = 4.0
+#: Room above the film for the title [mm].
+_TITLE = 11.0
+#: Room below for the colour bar with its words [mm].
+_BAR = 14.0
 
 
 def draw_film(result: CaseResult, folder: Path) -> list[Path]:

@@ -9,8 +9,21 @@ from matplotlib.figure import Figure
 from tympan.reports import look as style
 from tympan.studies.response import ResponseResult
 
-_LEFT, _RIGHT, _TITLE, _AXIS, _GAP = 16.0, 4.0, 6.0, 12.0, 5.0  # [mm]
-_AMPLITUDE, _PHASE = 55.0, 30.0
+#: Room on the left of an axis for its numbers and words [mm].
+_LEFT = 16.0
+#: Room on the right, for half of the last number [mm].
+_RIGHT = 4.0
+#: Room above an axis for its title [mm].
+_TITLE = 6.0
+#: Room below an axis for its numbers and words [mm].
+_AXIS = 12.0
+#: Room between two axes, one below the other [mm].
+_GAP = 5.0
+
+#: Height of the axis of the amplitude [mm].
+_AMPLITUDE = 55.0
+#: Height of the axis of the phase [mm].
+_PHASE = 30.0
 
 
 def draw_response(result: ResponseResult, folder: Path) -> list[Path]:

@@ -14,14 +14,51 @@ from tympan.reports import look as style
 from tympan.studies.estimation.identifiability import Identifiability
 from tympan.studies.identify.result import Fitted, IdentifyResult
 
-_LEFT, _RIGHT, _TOP, _BOTTOM = 14.0, 4.0, 8.0, 13.0  # [mm]
-_TITLE, _AXIS, _GAP, _VOLTAGE, _RESPONSE = 6.0, 12.0, 5.0, 22.0, 60.0
-_WHOLE, _LEFTOVER, _POINTS = 45.0, 18.0, 5000
+#: Room on the left of an axis for its numbers and words [mm].
+_LEFT = 14.0
+#: Room on the right, for half of the last number [mm].
+_RIGHT = 4.0
+#: Room above a profile, and above the correlations, for a title [mm].
+_TOP = 8.0
+#: Room below a profile for its numbers and words [mm].
+_BOTTOM = 13.0
+
+#: Room above an axis for its title [mm].
+_TITLE = 6.0
+#: Room below an axis for its numbers and words [mm].
+_AXIS = 12.0
+#: Room between two axes, one below the other [mm].
+_GAP = 5.0
+#: Height of the axis of residuals below static readings [mm].
+_VOLTAGE = 22.0
+#: Height of the axis of static readings [mm].
+_RESPONSE = 60.0
+
+#: Height of the axis of responses in time [mm].
+_WHOLE = 45.0
+#: Height of the axis of residuals below it [mm].
+_LEFTOVER = 18.0
+#: Most points of a line: more cannot be seen, and make a large file.
+_POINTS = 5000
+
 _BEGINNING = 30.0  # radians of the fast oscillation that are shown on their own
 _SYMBOLS = {"relative_permittivity": "ε$_r$", "alpha_1": "α₁", "beta_1": "β₁", "beta_2": "β₂",
             "beta_3": "β₃", "gamma_1": "γ₁", "gamma_2": "γ₂", "gamma_3": "γ₃", "k_1": "k₁",
             "eta_1": "η₁", "eta_2": "η₂"}
-_PANEL, _CELL, _BAR, _SHORTEST, _LETTER, _NARROWEST = 38.0, 11.0, 20.0, 6.0, 1.3, 75.0
+
+#: Height of a profile [mm].
+_PANEL = 38.0
+#: Side of a correlation's square [mm], for its number.
+_CELL = 11.0
+#: Room on the right for the colour bar [mm].
+_BAR = 20.0
+#: Room for the names of the constants, before their letters [mm].
+_SHORTEST = 6.0
+#: And for each of their letters [mm].
+_LETTER = 1.3
+#: Narrowest figure of correlations, for its title [mm].
+_NARROWEST = 75.0
+
 _COLUMNS = 3
 _UP = "displacement (mm)", "fit − read (µm)"
 

@@ -11,8 +11,22 @@ from matplotlib.figure import Figure
 from tympan.reports import look as style
 from tympan.studies.lumped.build import BuildResult
 
-_LEFT, _RIGHT, _TITLE, _AXIS, _GAP = 16.0, 4.0, 6.0, 12.0, 5.0  # [mm]
-_ABOVE, _BELOW = 62.0, 34.0
+#: Room on the left of an axis for its numbers and words [mm].
+_LEFT = 16.0
+#: Room on the right, for half of the last number [mm].
+_RIGHT = 4.0
+#: Room above an axis for its title [mm].
+_TITLE = 6.0
+#: Room below an axis for its numbers and words [mm].
+_AXIS = 12.0
+#: Room between two axes, one below the other [mm].
+_GAP = 5.0
+
+#: Height of the axis of deflections [mm].
+_ABOVE = 62.0
+#: Height of the axis of differences below it [mm].
+_BELOW = 34.0
+
 _SHOWN = {"corrected": ("-", "lumped, corrected"), "membrane": (":", "lumped, α alone"),
           "cone": ("--", "cones, dashes in turn")}
 

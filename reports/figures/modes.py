@@ -23,10 +23,25 @@ from tympan.studies.modes import ModesResult
 
 _SWING = 0.22  #: largest displacement drawn, of the frame's smaller half extent
 _TURN = 0.4  #: largest rotation of the plate drawn [rad]: drawn straight on, a larger one swells it
-_MARGIN, _GAP, _TITLE, _BAR = 3.0, 4.0, 9.0, 15.0  # [mm]
+
+#: Room at the edges of the picture [mm].
+_MARGIN = 3.0
+#: Room between two modes beside each other [mm].
+_GAP = 4.0
+#: Room above a mode for its name and frequency [mm].
+_TITLE = 9.0
+#: Room below for the colour bar with its words [mm].
+_BAR = 15.0
+
 _MOST = 12  #: modes drawn
 _FRAMES = 24  #: of a swing there and back
-_COLOURS, _INK, _AXES = "RdBu_r", "#303030", "#808080"
+
+#: Colours of what swings up, down and not.
+_COLOURS = "RdBu_r"
+#: Colour of the net on the film.
+_INK = "#303030"
+#: Colour of the lines along its axes.
+_AXES = "#808080"
 
 
 def draw_modes(result: ModesResult, folder: Path) -> list[Path]:

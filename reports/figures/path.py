@@ -13,7 +13,17 @@ from tympan.fem.results.limit_states import LIMIT_STATES
 from tympan.reports import look as style
 from tympan.studies.path import Along, PathResult, Station
 
-_WIDTH, _HEIGHT, _LEFT, _TOP, _GAP = 72.0, 62.0, 14.0, 8.0, 20.0  # [mm]
+#: Width of an axis [mm].
+_WIDTH = 72.0
+#: Height of an axis [mm].
+_HEIGHT = 62.0
+#: Room on the left of an axis for its numbers and words [mm].
+_LEFT = 14.0
+#: Room above for a title [mm].
+_TOP = 8.0
+#: Room between two axes beside each other, for the second one's numbers [mm].
+_GAP = 20.0
+
 #: Limit states by their events.
 _STATES = {state.event: state for state in LIMIT_STATES.values()}
 Scaled = tuple[str, str, float]  #: a quantity's words, its name in a station, and 1 / its unit

@@ -11,9 +11,27 @@ from matplotlib.figure import Figure
 from tympan.reports import look as style
 from tympan.studies.lumped.simulate import SampledResponse, SimulationResult
 
-_LEFT, _RIGHT, _TITLE, _AXIS, _GAP = 14.0, 4.0, 6.0, 12.0, 5.0  # [mm]
-_VOLTAGE, _RESPONSE = 22.0, 60.0
-_POINTS, _COLUMNS = 20_000, 3
+#: Room on the left of an axis for its numbers and words [mm].
+_LEFT = 14.0
+#: Room on the right, for half of the last number [mm].
+_RIGHT = 4.0
+#: Room above an axis for its title [mm].
+_TITLE = 6.0
+#: Room below an axis for its numbers and words [mm].
+_AXIS = 12.0
+#: Room between two axes, one below the other [mm].
+_GAP = 5.0
+
+#: Height of the axis of the voltage [mm].
+_VOLTAGE = 22.0
+#: Height of the axis of the deflection, and of a loop [mm].
+_RESPONSE = 60.0
+
+#: Most points of a line: more cannot be seen, and make a large file.
+_POINTS = 20_000
+#: Loops beside each other, and columns of a legend.
+_COLUMNS = 3
+
 _BEFORE = 0.03  # of the time shown: how much is seen before a signal
 _ARROWS = (0.125, 0.625)  # where along a loop its direction is shown
 

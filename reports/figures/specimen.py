@@ -13,9 +13,26 @@ from numpy.typing import NDArray
 from tympan.geometry.specimen import Specimen
 from tympan.reports import look as style
 
-_WIDTH, _MARGIN, _TITLE, _ROOM = 110.0, 6.0, 15.0, 14.0  # [mm]
-_POINTS, _GRID = 721, 240
-_FILM, _COVERED, _PLATE = "#e9e2d0", "#9aa5b1", "#4d5763"
+#: Width of the picture [mm].
+_WIDTH = 110.0
+#: Room on the right [mm].
+_MARGIN = 6.0
+#: Room above for the name and two lines on the film [mm].
+_TITLE = 15.0
+#: Room on the left and below for the numbers and words of the axes [mm].
+_ROOM = 14.0
+
+#: Points of an outline: a smooth line.
+_POINTS = 721
+#: Points along either side by which the covered part is found: no edge is seen to have steps.
+_GRID = 240
+
+#: Colour of the film.
+_FILM = "#e9e2d0"
+#: Colour of the film under an electrode.
+_COVERED = "#9aa5b1"
+#: Colour of the plate.
+_PLATE = "#4d5763"
 
 
 def draw_specimen(specimen: Specimen, folder: Path) -> list[Path]:

@@ -25,7 +25,17 @@ Content = dict[str, Any]
 #: Abscissa and ordinate of the curves of each file, by the cells of its first columns.
 Curves = dict[str, dict[tuple[str, ...], NDArray[np.float64]]]
 
-_LEFT, _RIGHT, _TOP, _AXIS, _HEIGHT = 14.0, 4.0, 6.0, 12.0, 70.0  # [mm]
+#: Room on the left of an axis for its numbers and words [mm].
+_LEFT = 14.0
+#: Room on the right, for half of the last number [mm].
+_RIGHT = 4.0
+#: Room above for a title [mm].
+_TOP = 6.0
+#: Room below an axis for its numbers and words [mm].
+_AXIS = 12.0
+#: Height of a single axis [mm].
+_HEIGHT = 70.0
+
 _LETTERS = "abcdef"
 #: The columns of the curves' files: what a curve is of, then its abscissa and ordinate.
 _COLUMNS = {

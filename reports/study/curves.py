@@ -11,8 +11,19 @@ from tympan.reports.figures.curve import draw_curve, frame_curves
 from tympan.reports.scales import rows_of
 from tympan.reports.study.view import StudyView
 
-_TITLE, _PANEL, _AXIS = 7.0, 60.0, 11.0  # heights [mm]
-_LEFT, _RIGHT, _GAP = 13.0, 3.0, 6.0
+#: Room above an axis for its title [mm].
+_TITLE = 7.0
+#: Height of an axis [mm].
+_PANEL = 60.0
+#: Room below an axis for its numbers and words [mm].
+_AXIS = 11.0
+
+#: Room on the left of an axis for its numbers and words [mm].
+_LEFT = 13.0
+#: Room on the right, for half of the last number [mm].
+_RIGHT = 3.0
+#: Room between two panels beside each other [mm].
+_GAP = 6.0
 
 
 def draw_study_curves(run: StudyView, folder: Path) -> list[Path]:

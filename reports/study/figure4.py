@@ -24,10 +24,30 @@ from tympan.reports.scene import View, film_picture
 from tympan.reports.study.view import SpecimenView, StudyView
 from tympan.reports.template import digits
 
-_LEFT, _RIGHT, _GAP = 13.0, 2.0, 5.0  # margins of the page and between columns [mm]
-_TITLE, _BAR, _SPACE, _PANEL, _AXIS = 9.5, 19.0, 4.0, 38.0, 11.0  # heights [mm]
-# Narrowest column and widest film [mm], and room for the film's outline.
-_LEAST, _MOST, _ROOM = 36.0, 85.0, 1.02
+#: Room on the left of the page for the numbers and words of an axis [mm].
+_LEFT = 13.0
+#: Room on the right of the page [mm].
+_RIGHT = 2.0
+#: Room between columns [mm].
+_GAP = 5.0
+
+#: Room above a film for its name [mm].
+_TITLE = 9.5
+#: Room below the first row for the colour bar, the scale and the lines' meaning [mm].
+_BAR = 19.0
+#: Room between rows [mm].
+_SPACE = 4.0
+#: Height of the curves below a film [mm].
+_PANEL = 38.0
+#: Room below an axis for its numbers and words [mm].
+_AXIS = 11.0
+
+#: Narrowest column [mm], for the numbers of its axis.
+_LEAST = 36.0
+#: Widest film [mm]: half of the page, so that a film by itself does not fill it.
+_MOST = 85.0
+#: Room for a film's outline, over its width.
+_ROOM = 1.02
 
 
 @dataclass(frozen=True, eq=False)

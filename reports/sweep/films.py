@@ -19,8 +19,20 @@ from tympan.studies.files import replaced
 from tympan.studies.film_surface import FilmSurface
 from tympan.studies.sweep.run import SweepResult, fields_file
 
-_COLUMNS, _ROWS = 6, 8  #: of a sheet
-_GAP, _BAR, _MARGIN, _LINE = 3.0, 14.0, 2.0, 2.5  # [mm]
+#: Films beside each other on a sheet.
+_COLUMNS = 6
+#: Rows of films on a sheet, of about the height of a page.
+_ROWS = 8
+
+#: Room between films beside each other [mm].
+_GAP = 3.0
+#: Room above for the colour bar [mm].
+_BAR = 14.0
+#: Room at the edges of the picture [mm].
+_MARGIN = 2.0
+#: Height of a line of words [mm].
+_LINE = 2.5
+
 _LETTERS = 22  #: of a line as wide as a column
 _DPI = 220
 

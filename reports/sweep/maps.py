@@ -27,8 +27,15 @@ _MOST_PAIRS = 28
 #: Ticks of a map [px]: where, and what is written there.
 Ticks = list[tuple[float, str]]
 
-_LETTER, _BROAD = 5.4, 8.8  #: width of one, and of one of "mwMW" [px]
-WIDTH, HEIGHT = 190.0, 150.0  #: of a map without its labels [px]
+#: Width of a letter [px].
+_LETTER = 5.4
+#: Width of one of the broad letters, of "mwMW" [px].
+_BROAD = 8.8
+
+#: Width of a map without its labels [px].
+WIDTH = 190.0
+#: Height of a map without its labels [px].
+HEIGHT = 150.0
 
 
 @dataclass(frozen=True)

@@ -24,8 +24,10 @@ from tympan.studies.sweep.task import WAITING
 #: Rows of the page's table; more would make browsers slow, and are in sweep.csv.
 _MOST_ROWS = 2000
 
-#: While a sweep runs its page is written at most so often [s], and in at most this share of time.
-_EVERY, _SHARE = 10.0, 0.02
+#: While a sweep runs its page is written at most so often [s]: nobody looks more often.
+_EVERY = 10.0
+#: And in at most this share of the time, so that the sweep does not wait for it.
+_SHARE = 0.02
 
 #: What the page calls a case's status.
 STATUSES = {"equilibrium": "equilibria", "no_equilibrium": "beyond pull-in",

@@ -30,7 +30,12 @@ Array = NDArray[Any]
 
 #: Points of all films of a page; of more, elements are cut into fewer triangles.
 _MOST_POINTS = 40_000
-_SIGNED, _UNSIGNED = 2**15 - 1, 2**16 - 1
+
+#: Largest whole number of 16 bits with a sign.
+_SIGNED = 2**15 - 1
+#: Largest whole number of 16 bits without one.
+_UNSIGNED = 2**16 - 1
+
 #: Points so near to each other, of the film's extent, are one. No multiple of a round length.
 _SAME = 0.9137e-6
 
