@@ -37,8 +37,11 @@ from tympan.studies.film_surface import FilmSurface, film_surface, save_series, 
 
 Array = NDArray[np.float64]
 
-#: Longest step along a branch, relative to the frame's half extent; largest stretch at its end.
-_STEP, _STRETCH = 0.015, 6.0
+#: Longest step along a branch, relative to the frame's half extent, so that its points are a smooth
+#: curve.
+_STEP = 0.015
+#: Largest stretch at a branch's end, beyond the range of most laws. Set by trial.
+_STRETCH = 6.0
 
 #: Deflection and stretch at a branch's end, relative to where it begins, if that is far already.
 _FURTHER = 2.0

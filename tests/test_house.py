@@ -114,7 +114,7 @@ def test_no_test_is_imported() -> None:
 
 def test_a_constant_has_a_line_of_its_own() -> None:
     """So that its reason can stand above it."""
-    assert not [f"{file}:{node.lineno}" for file, tree in files_of("geometry", "tympan")
+    assert not [f"{file}:{node.lineno}" for file, tree in files_of(*PRODUCT)
                 for node in tree.body if isinstance(node, ast.Assign)
                 and any(isinstance(target, ast.Tuple) for target in node.targets)]
 

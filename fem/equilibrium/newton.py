@@ -25,9 +25,11 @@ _STILL = 1e-12
 #: Share of the largest allowed correction that may be foretold to be left after a longer one.
 _LEFT = 1e-3
 
-#: Iterations by the tangent of another state, and how much shorter than the one before each
-#: correction must be.
-_SIMPLIFIED, _SHORTER = 5, 0.25
+#: Most corrections by the tangent of another state. If more are needed, a new tangent costs less.
+_SIMPLIFIED = 5
+#: Each of these corrections must be this much shorter than the one before: five then gain three
+#: digits. If they shrink more slowly, a new tangent costs less.
+_SHORTER = 0.25
 
 
 #: Cost of a simplified correction, relative to that of a tangent.

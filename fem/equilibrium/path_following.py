@@ -21,8 +21,12 @@ _LOCAL = 1e-6
 #: Tangents that the search for an equilibrium of a large film has at least.
 _TANGENTS = 40
 
-#: How much more the search for a film's limits may take, and a large film's.
-_FOLLOWED, _FOLLOWED_FAR = 2.0, 8.0
+#: How many times that work the search for a film's limits may take: it follows a whole branch. Set
+#: by trial.
+_FOLLOWED = 2.0
+#: How many times those tangents a large film may take in it, if not more loads ask for more. Set by
+#: trial.
+_FOLLOWED_FAR = 8.0
 
 
 @dataclass(frozen=True)

@@ -18,14 +18,21 @@ from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import Load, State
 from tympan.fem.roots import root_between
 
-#: A natural step may miss its prediction by a share of its motion, and its end's rate must explain
-#: a share of it, but for motions that are small beside the frame. A film stiffening with the cube
-#: of its motion has 1/3 of it explained.
-_SURPRISE, _EXPLAINED, UNNOTICED = 0.6, 0.2, 1e-4
+#: A natural step may miss its prediction by this share of its motion. Up to a limit point it misses
+#: at most half: the motion grows to at most twice the prediction.
+_SURPRISE = 0.6
+#: The rate at a natural step's end must explain this share of its motion. A film stiffening with
+#: the cube of its motion has 1/3 of it explained.
+_EXPLAINED = 0.2
+#: Motions below this share of the frame are not asked so: they pass no limit point that matters.
+#: Set by trial.
+UNNOTICED = 1e-4
 
-#: Smallest part of Newton's correction that is taken within a step, and the longest correction,
-#: relative to the frame: a step that needs others is halved.
-_DAMPED, _ASTRAY = 0.05, 1.0
+#: Smallest part of Newton's correction that is taken within a step: a step that needs less is
+#: halved. Set by trial.
+_DAMPED = 0.05
+#: Longest correction within a step, relative to the frame: no film moves so far at once.
+_ASTRAY = 1.0
 
 #: Share of the work that residual tension may do in a film slack when mounted. Up to there it
 #: changes the deflection by some 1 %; beyond it soon holds the plate by itself.
@@ -48,9 +55,15 @@ _UNFOLLOWED = "the path could not be followed to the load: the film strains with
 #: Step, relative to the load, within which a film that would be stiff even wrinkled does not thin.
 _SMALL_STEP = 0.5
 
-#: Relative accuracy of the load at which a film begins to thin without bound, and of a guess; how
-#: many equilibria are looked at for it.
-_SHARP, _NEAR, _CLOSING = 1e-6, 1e-3, 60
+#: Accuracy of the load at which a film begins to thin without bound, relative to the step that
+#: holds it: far below what a mesh leaves uncertain.
+_SHARP = 1e-6
+#: Accuracy of a guess of that load, relative to the step. The step ends twice as far beyond it, so
+#: that its end is on the other side.
+_NEAR = 1e-3
+#: Most equilibria that are looked at for that load. Every sixth halves the interval, so that some
+#: ten halvings are among them.
+_CLOSING = 60
 
 #: Iterations within which an equilibrium is reached from beyond there, or sooner from before it.
 _SOON = 5

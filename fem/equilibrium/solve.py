@@ -17,9 +17,12 @@ from tympan.fem.membrane.state import HEAVE, Load, State
 #: relative to the frame's half extent.
 _PUSHED = 0.2
 
-#: Unknowns from which on elements of half the order find the start, and how far from it the
-#: equilibrium may be, relative to its motion.
-_LARGE, _ALIKE = 5_000, 0.1
+#: Unknowns from which on elements of half the order find the start: below, they save little. Set by
+#: trial.
+_LARGE = 5_000
+#: How far the equilibrium may be from such a start, relative to its motion. If it is further, the
+#: film is beside a limit. Set by trial.
+_ALIKE = 0.1
 
 #: Iterations with which Newton's method makes a short step, if at all.
 _FEW = 8

@@ -17,9 +17,13 @@ from tympan.fem.membrane.state import State
 #: By what share of its motion an equilibrium may miss the cubic through those around it.
 _ASIDE = 0.01
 
-#: Most voltages that one step leads over; iterations up to which a step was easy, and above which
-#: it was hard.
-_LONGEST, _EASY, _HARD = 3, 1, 3
+#: Most voltages that one step leads over: the cubic through its ends must be near those between.
+#: Set by trial.
+_LONGEST = 3
+#: Iterations up to which a step was easy, so that the next one leads over more voltages.
+_EASY = 1
+#: Iterations above which a step was hard, so that the next one leads to one voltage.
+_HARD = 3
 
 
 def voltage_path(model: Model, force: float, voltages: Sequence[float], pressure: float = 0.0,

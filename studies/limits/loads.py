@@ -17,9 +17,11 @@ from tympan.geometry.toml_reader import Rule
 from tympan.studies.case import Case, Settings, equilibrate
 from tympan.studies.limits.voltages import first_limit
 
-#: How far a usual mass pulls the plate down, of the gap between plate and frame; how much of the
-#: first limit's voltage is applied.
-_SINKS, _APPLIED = 0.1, 0.6
+#: How far a usual mass pulls the plate down, as a share of the gap between plate and frame: well
+#: seen, and far from the film's end.
+_SINKS = 0.1
+#: Share of the first limit's voltage that is applied, with room for films that scatter.
+_APPLIED = 0.6
 
 _BORNE: Rule = (lambda x: 0 < x <= MOST_MASS, f"must be above 0, at most {MOST_MASS:g} kg")
 
