@@ -195,6 +195,8 @@ LimitKind = Literal["tension", "breakdown", "instability", "pull_in"]
 _WORTH = 5e-3
 #: Relative error of a limit from which on the mesh is too coarse to tell it. Set by trial.
 _RESOLVED = 0.05
+#: Relative error of a limit above which none of its digits is sure: no percentage is printed.
+_VAGUE = 1.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -232,9 +234,14 @@ class Limit:
         '2.992 kV'
         >>> Limit(kind="tension", voltage_V=2663.0, x_m=0.0, y_m=0.0, spread=0.3).text
         '2.663 kV ± 30 %'
+        >>> Limit(kind="tension", voltage_V=2663.0, x_m=0.0, y_m=0.0, spread=110.0).text
+        'about 3 kV (known to its order of magnitude only)'
         """
+        voltage_kV = self.voltage_V / 1e3
+        if self.spread > _VAGUE:
+            return f"about {float(f'{voltage_kV:.1g}'):g} kV (known to its order of magnitude only)"
         off = f" ± {100 * self.spread:.2g} %" if self.spread >= _WORTH else ""
-        return f"{self.voltage_V / 1e3:.4g} kV{off}"
+        return f"{voltage_kV:.4g} kV{off}"
 
     @property
     def resolved(self) -> bool:

@@ -113,6 +113,20 @@ def test_a_limit_that_the_mesh_makes_is_said_to_be_hardly_resolved() -> None:
     assert limits(case, Settings(mesh=MeshSettings().refined(2))).tension is None
 
 
+def test_a_limit_without_a_sure_digit_is_known_to_its_order_of_magnitude() -> None:
+    """Near its locking stretch under 10 kg and 100 MPa of gas a film has no other."""
+    film = Film(1e-3, (7.0, 7.0), Gent(18e3, 110.0), 4.7)
+    specimen = Specimen("locking", Circle(45e-3), Plate(Circle(10e-3)), film)
+    reached = limits(Case(specimen, mass=10.0, rig=Rig(gas_pressure=1e8)), Settings())
+    gone = reached.instability
+    assert gone is not None
+    assert gone.spread > 1
+    about = round(gone.voltage_V, -5) / 1e3
+    assert gone.text == f"about {about:g} kV (known to its order of magnitude only)"
+    assert gone.text in reached.ended
+    assert "%" not in reached.ended
+
+
 def test_solve_knows_its_film_s_limits(film: Specimen) -> None:
     beyond = solve_within(Case(film, mass=20e-3, voltage=3000.0), Settings())
     assert beyond.status == "no_equilibrium"
