@@ -19,6 +19,12 @@ from numpy.typing import NDArray
 from scipy.optimize import BFGS, LinearConstraint, lsq_linear, minimize
 
 Array = NDArray[np.float64]
+
+#: A limit nearer to 0 than this is active: a search ends a little before it.
+_ACTIVE = 1e-3
+#: Most of Newton's steps back to e = 0. A bound: they double the digits each time.
+_ROUNDS = 20
+
 Status = Literal["optimum", "no_progress", "infeasible", "no_start"]
 
 
@@ -155,10 +161,10 @@ def maximise(objective: Objective, start: Array, settings: DescentSettings = Des
                    multipliers, trials, missing)
 
 
-def kkt(objective: Objective, x: Array, here: Linearisation, active: float = 1e-3) -> Multipliers:
+def kkt(objective: Objective, x: Array, here: Linearisation) -> Multipliers:
     """Multipliers that balance ∇f = Σ λ ∇c + μ ∇e + bounds best, λ of active limits positive."""
     slope, kept = here.slope, objective.held(x)[1]
-    at = np.flatnonzero(here.limits > -active)
+    at = np.flatnonzero(here.limits > -_ACTIVE)
     low, high = np.flatnonzero(x < 1e-6), np.flatnonzero(x > 1 - 1e-6)
     unit = np.eye(len(x))
     columns = np.column_stack([here.limit_slopes[at].T, kept, -unit[:, low], unit[:, high]])
@@ -175,10 +181,10 @@ def kkt(objective: Objective, x: Array, here: Linearisation, active: float = 1e-
                        residual / max(float(np.abs(slope).max()), 1e-300))
 
 
-def restored(objective: Objective, x: Array, rounds: int = 20) -> Array | None:
+def restored(objective: Objective, x: Array) -> Array | None:
     """The nearest point within the bounds that keeps e = 0, by Newton steps, None without one."""
     x = np.clip(x, 0.0, 1.0)
-    for _ in range(rounds):
+    for _ in range(_ROUNDS):
         miss, slope = objective.held(x)
         if abs(miss) < 1e-12:
             return x
