@@ -296,6 +296,12 @@ class TransientResult(SimulationResult):
 
     films: tuple[dict[float, FilmSurface], ...] = ()
 
+    @property
+    def pictures(self) -> tuple[str, ...]:
+        """Files of moving films that are drawn of it."""
+        return tuple(f"{response.numbers['specimen']}.{kind}" for response in self.responses
+                     for kind in ("gif", "mp4"))
+
     def save(self, folder: Path) -> None:
         """Write numbers and samples, and the films as a VTK series NAME.pvd."""
         for response, films in zip(self.responses, self.films, strict=False):

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 
 #: Adds one argument, or several of which one may be given, to a command's parser.
 Argument: TypeAlias = Callable[[argparse._ActionsContainer], object]
+#: A file, and what draws moving pictures into it.
+Moving: TypeAlias = tuple[Path, Callable[[Path], None]]
 
 
 @dataclass(frozen=True)
@@ -241,8 +243,12 @@ def parse_numbers(text: str | None, option: str) -> tuple[float, ...] | None:
                          given=text) from None
 
 
-def save_and_draw(options: argparse.Namespace, result: Any) -> list[Path]:
-    """Save and draw a result where a folder is given; answers what a person looks at first."""
+def save_and_draw(options: argparse.Namespace, result: Any, moving: Sequence[Moving] = ()
+                  ) -> list[Path]:
+    """Save and draw a result where a folder is given; answers what a person looks at first.
+
+    Those that are ``moving`` come last.
+    """
     if options.output is None:
         return []
     from tympan.reports.rebuild import draw_stored
@@ -250,12 +256,17 @@ def save_and_draw(options: argparse.Namespace, result: Any) -> list[Path]:
 
     with replaced(options.output, getattr(result, "pictures", ())):
         result.save(options.output)
-        return draw_stored(options.command, options.output, getattr(result, "specimen", ""))
+        drawn = draw_stored(options.command, options.output, getattr(result, "specimen", ""))
+        for file, draw in moving:
+            draw(file)
+            drawn.append(file)
+        return drawn
 
 
-def finish(options: argparse.Namespace, result: Any, **more: Any) -> None:
+def finish(options: argparse.Namespace, result: Any, moving: Sequence[Moving] = (), **more: Any
+           ) -> None:
     """Store a result and print it; with ``more`` that its text needs besides the record."""
-    drawn = save_and_draw(options, result)
+    drawn = save_and_draw(options, result, moving)
     print_record(options, result.json(), result=result, drawn=drawn, **more)
 
 
@@ -277,14 +288,8 @@ def print_record(options: argparse.Namespace, record: dict[str, Any],
         record=record, options=options, **more)
     if text:
         print(text.rstrip("\n"))
-    print_drawn(options, *drawn)
-
-
-def print_drawn(options: argparse.Namespace, *files: Path) -> None:
-    """Print which pictures there are to look at, unless one JSON object is printed."""
-    if not options.json:
-        for file in files:
-            print(file)
+    for file in drawn:
+        print(file)
 
 
 #: Units of results on a terminal, by SI unit, and how many of them make one.

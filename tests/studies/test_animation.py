@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import shutil
 import subprocess
@@ -19,7 +20,7 @@ from tympan.cli import main
 from tympan.commands import transient
 from tympan.fem.film.library import load_specimen
 from tympan.fem.toml_writer import specimen_to_toml
-from tympan.reports.figures import modes
+from tympan.reports.figures import animation, modes
 
 
 @pytest.fixture
@@ -77,6 +78,34 @@ def test_modes_swing_there_and_back(film: Path, tmp_path: Path, monkeypatch: pyt
     half = pictures[0].shape[1] // 2  # the modes stand side by side, and both move
     assert all(np.abs(pictures[4] - pictures[0])[:, part].mean() > 2
                for part in (slice(None, half), slice(half, None)))
+
+
+@pytest.mark.parametrize(("command", "name"), [
+    (["modes", "--mass", "17.9 g", "--count", "2", "--refine", "0.5"], "circle-modes.gif"),
+    (["transient", "--signal", "ramp", "--high", "3 kV", "--duration", "2 s", "--interval",
+      "100 ms", "--refine", "0.5"], "circle.gif")], ids=["modes", "transient"])
+def test_an_earlier_film_stays_until_another_is_whole(
+        film: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: list[str], name: str
+        ) -> None:
+    monkeypatch.setattr(modes, "_FRAMES", 4)
+    monkeypatch.setattr(transient, "_FRAMES", 3)
+    out = tmp_path / "out"
+    words = [command[0], str(film), *command[1:], "-o", str(out)]
+    assert main([*words, "--animate"]) == 0
+    earlier = (out / name).read_bytes()
+
+    def disk_full(frames: object, file: Path) -> None:
+        file.write_bytes(b"half")
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    with monkeypatch.context() as patched:
+        patched.setattr(animation, "_save", disk_full)
+        assert main([*words, "--animate"]) == 2
+    assert (out / name).read_bytes() == earlier
+    assert main([*words, "--animate"]) == 0
+    assert (out / name).exists()
+    assert main(words) == 0  # its film would be that of other results
+    assert not (out / name).exists()
 
 
 def test_a_mode_swings_by_its_cosine(film: Path) -> None:

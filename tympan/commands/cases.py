@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from functools import partial
 from typing import TYPE_CHECKING
 
 from tympan.geometry.errors import InputError
@@ -12,6 +13,7 @@ from tympan.options import (
     PRESSURE,
     RIG,
     SPECIMEN,
+    Moving,
     argument,
     case_arguments,
     command,
@@ -20,7 +22,6 @@ from tympan.options import (
     output,
     parse_quantities,
     parse_quantity,
-    print_drawn,
     print_record,
     read_case,
     read_pressed_rig,
@@ -188,13 +189,12 @@ def modes(options: argparse.Namespace) -> None:
     if options.animate and options.output is None:
         raise InputError("must be given to say where the pictures go", key="-o")
     result = modes(read_case(options), read_settings(options), options.count, point_mass)
-    finish(options, result)
+    moving: list[Moving] = []
     if options.animate and result.modes:
         from tympan.reports.figures.modes import animate_modes
 
-        file = options.output / f"{result.specimen}-modes.gif"
-        animate_modes(result, file)
-        print_drawn(options, file)
+        moving = [(options.output / f"{result.specimen}-modes.gif", partial(animate_modes, result))]
+    finish(options, result, moving)
 
 
 @command("sensitivity", *case_arguments(),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from functools import partial
 from pathlib import Path
 
 from tympan.commands.signal import SIGNAL, duration, signal_of
@@ -11,6 +12,7 @@ from tympan.options import (
     JSON,
     MESH,
     RIG,
+    Moving,
     argument,
     case_arguments,
     command,
@@ -18,7 +20,6 @@ from tympan.options import (
     output,
     parse_quantities,
     parse_quantity,
-    print_drawn,
     read_case,
     read_rig,
     read_settings,
@@ -72,18 +73,16 @@ def transient(options: argparse.Namespace) -> None:
                                      (*films, *shown)))
     stored = tuple({time: film for time, film in done.films.items() if time in films}
                    for _, done in responses)
-    moving = []
+    moving: list[Moving] = []
     if options.animate:
         from tympan.reports.figures.animation import animate
 
-        options.output.mkdir(parents=True, exist_ok=True)
         for response, done in responses:
             frames = {time: film for time, film in done.films.items() if time in shown}
-            moving.append(options.output / f"{response.numbers['specimen']}.gif")
-            animate(response, frames, moving[-1])
+            file = options.output / f"{response.numbers['specimen']}.gif"
+            moving.append((file, partial(animate, response, frames)))
     finish(options, TransientResult(tuple(response for response, _ in responses),
-                                    tuple(specimens), rig, stored))
-    print_drawn(options, *moving)
+                                    tuple(specimens), rig, stored), moving)
 
 
 @command("response",
