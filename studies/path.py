@@ -211,19 +211,19 @@ def apart(passed: Sequence[Stop]) -> list[Stop]:
             if not number or stop.point is not passed[number - 1].point]
 
 
-def stops(case: Case, model: Model, start: State, along: Along, settings: PathSettings
-          ) -> Iterator[Stop]:
+def stops(case: Case, model: Model, start: State, along: Along, settings: PathSettings,
+          most: float = np.inf) -> Iterator[Stop]:
     """The equilibria of a case from a state of its model on, while one quantity grows.
 
     What happens between two points of the branch is a stop of its own, so that curves pass through
-    it.
+    it. A voltage grows to ``most`` across the film [V], if the supply gives that.
     """
     settings = settings.bounded(model, followed=True)
     longest = _STEP * max(abs(model.deflection(start)) / model.high, 1.0)
     stepping = replace(settings, arc=replace(settings.arc, longest=longest))
     load = _GROWING[along][0]
     # A search meets no check of what people give: it has a bound of its own.
-    most = case.rig.most_film_voltage(case.direction) ** 2
+    highest = min(most, case.rig.most_film_voltage(case.direction)) ** 2
     first: Stop | None = None
     before: Stop | None = None
     # A gas that sucks is made to suck more.
@@ -231,9 +231,9 @@ def stops(case: Case, model: Model, start: State, along: Along, settings: PathSe
     for branch, point in follow_branch(model, start, load, stepping, sense, beyond=True):
         here = Stop(branch.model, point, along=along)
         if before is not None:
-            if load == "voltage" and point.state.load(load) > most:
+            if load == "voltage" and point.state.load(load) > highest:
                 # A stiff film hardly moves on the way there: its load says more than its motion.
-                last = next(branch.points(before.point.state.under(voltage=most)), None)
+                last = next(branch.points(before.point.state.under(voltage=highest)), None)
                 if last is not None:
                     here = Stop(branch.model, last, along=along)
                     yield from _passed(case, branch, before, here)
@@ -256,13 +256,15 @@ def stops(case: Case, model: Model, start: State, along: Along, settings: PathSe
 class Stop:
     """A point of a branch: what is seen there, what happens there, if anything.
 
-    ``ended`` says why the branch would end with it; ``along`` what grows along the branch.
+    ``ended`` says why the branch would end with it; ``along`` what grows along the branch;
+    ``sign``: the one that changes with the event.
     """
 
     model: Model
     point: PathPoint
     event: Event | None = None
     ended: str = ""
+    sign: Sign | None = None
 
     along: Along = "voltage"
 
@@ -500,8 +502,9 @@ def _happening(case: Case, stop: Stop, state: LimitState, sign: Sign, around: tu
         spread *= abs(ends[1] - ends[0]) / (change * abs(value)) if value else 0.0
     x, y = stop.place(state)
     what = cast(What, state.event)
-    return replace(stop, event=Event(what=what, value=value, unit=_GROWING[stop.along][1], x_m=x,
-                                     y_m=y, spread=spread, station=stop.station))
+    return replace(stop, sign=sign, event=Event(
+        what=what, value=value, unit=_GROWING[stop.along][1], x_m=x, y_m=y, spread=spread,
+        station=stop.station))
 
 
 def _critical_film(model: Model, point: PathPoint) -> FilmSurface:

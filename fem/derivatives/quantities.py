@@ -20,6 +20,7 @@ from tympan.fem.discretisation.isoparametric import deformation
 from tympan.fem.film.density import principal_stretches
 from tympan.fem.membrane.model import Model, Parts, cauchy_green
 from tympan.fem.membrane.state import State
+from tympan.fem.results.firmness import Spot
 from tympan.geometry.errors import InputError
 
 Array = NDArray[Any]
@@ -125,40 +126,40 @@ def largest(field: Field, power: int = 64) -> Quantity:
     return Quantity(value, slope)
 
 
-def _at_nodes(model: Model, state: State) -> tuple[Array, Any]:
-    """Gradients of the shape functions and F, at the nodes of every element."""
-    mesh = model.discretisation
-    return mesh.nodal_gradients, deformation(mesh.nodal_gradients,
-                                             state.positions[mesh.connectivity])
+def firmness_at(spot: Spot) -> Quantity:
+    """The film's firmness at a spot [Pa], which is used up where the film gives way there."""
+    def value(model: Model, state: State) -> Any:
+        _, weights, c = strains(model, state)
+        return spot.value(model, state.voltage_squared, combined(weights, c))
 
+    def strains(model: Model, state: State) -> tuple[Array, Array, tuple[Any, Any, Any]]:
+        mesh = model.discretisation
+        elements, gradients, weights = spot.sources(mesh)
+        f = deformation(gradients, state.positions[mesh.connectivity[elements]])
+        return f, weights, cauchy_green(f)
 
-def _thinning_margins(model: Model, voltage_squared: Any, c: tuple[Any, Any, Any]) -> Any:
-    stretches = principal_stretches(c, model.specimen.membrane.prestretch)
-    density = model.density(voltage_squared, nodal=True)
-    return density.material.thinning_margin(*stretches)
+    def combined(weights: Array, c: tuple[Any, Any, Any]) -> tuple[Any, Any, Any]:
+        first, second, shear = ((weights * part).sum() for part in c)
+        return first, second, shear
 
+    def slope(model: Model, state: State) -> Parts:
+        mesh = model.discretisation
+        elements, gradients, _ = spot.sources(mesh)
+        f, weights, c = strains(model, state)
+        there = combined(weights, c)
 
-def _thinning_slope(model: Model, state: State) -> Parts:
-    gradients, f = _at_nodes(model, state)
-    c = cauchy_green(f)
-    margins = _thinning_margins(model, state.voltage_squared, c)
-    least = np.unravel_index(margins.argmin(), margins.shape)
-    stress = np.zeros((*margins.shape, 3))
-    for component, factor in enumerate((2, 2, 1)):
-        stepped: list[Any] = list(c)
-        stepped[component] = stepped[component] + 1j * STEP
-        changed = _thinning_margins(model, state.voltage_squared,
-                                    (stepped[0], stepped[1], stepped[2]))
-        stress[(*least, component)] = factor * np.imag(changed[least]) / STEP
-    return model.on_freedoms(model.discretisation.scatter(element_forces(gradients, f, stress)),
-                             state.plate)
+        def by(component: int) -> float:
+            stepped = [part + (1j * STEP if number == component else 0)
+                       for number, part in enumerate(there)]
+            changed = spot.value(model, state.voltage_squared, (stepped[0], stepped[1], stepped[2]))
+            return float(np.imag(changed)) / STEP
 
+        stress = weights[..., None] * np.array([2 * by(0), 2 * by(1), by(2)])
+        forces = mesh.scatter(element_forces(gradients, f, stress), mesh.connectivity[elements])
+        return model.on_freedoms(forces, state.plate)
 
-#: How far a film that wrinkles is from thinning without bound, where it is nearest [Pa].
-THINNING_MARGIN = Quantity(
-    lambda model, state: _thinning_margins(model, state.voltage_squared,
-                                           cauchy_green(_at_nodes(model, state)[1])).min(),
-    _thinning_slope)
+    return Quantity(value, slope)
+
 
 #: Quantities by name: the deflection along the load [m]; the angle between its normal and
 #: the load [rad], without derivatives where it is zero; the force with which the film pulls the

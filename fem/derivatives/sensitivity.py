@@ -25,7 +25,7 @@ from typing import Any
 import numpy as np
 
 from tympan.fem.complex_step import STEP
-from tympan.fem.derivatives.quantities import THINNING_MARGIN, Quantity
+from tympan.fem.derivatives.quantities import Quantity, firmness_at
 from tympan.fem.derivatives.residual_derivative import ResidualDerivative, Stiffness
 from tympan.fem.derivatives.shape import lengthened, moved_by, velocity
 from tympan.fem.equilibrium.arc_length import PathPoint
@@ -36,6 +36,7 @@ from tympan.fem.equilibrium.tangent import Tangent
 from tympan.fem.membrane.loading import Loading
 from tympan.fem.membrane.model import Model, Parts
 from tympan.fem.membrane.state import Load, State
+from tympan.fem.results.firmness import Spot, firmness, spots_at
 from tympan.geometry.errors import InputError
 from tympan.geometry.paths import at, numbers, with_change
 from tympan.geometry.specimen import Specimen
@@ -244,20 +245,41 @@ def limit_gradient(model: Model, critical: PathPoint, load: Load,
     return result
 
 
+@dataclass(frozen=True)
+class Remaining:
+    """A film's firmness left at a spot [Pa], its derivatives by a load and by parameters.
+
+    The load, U² of a voltage, at which it is used up changes by −``by`` over ``by_load``.
+    """
+
+    value: float
+    by_load: float
+    by: dict[str, float]
+
+
+def firmness_left(model: Model, critical: PathPoint, load: Load, by: Mapping[str, ModelParameter],
+                  spots: Sequence[Spot]) -> list[Remaining]:
+    """What is left at spots at a point of a branch, at constant other loads.
+
+    Arguments are those of :func:`limit_gradient`.
+    """
+    quantities = {str(number): firmness_at(spot) for number, spot in enumerate(spots)}
+    parameter, state = _load(load), critical.state
+    slopes = gradient_many(model, critical.solution, quantities, {**by, load: parameter})
+    scale = 2 * parameter.value(model, state) if load == "voltage" else 1.0
+    return [Remaining(float(np.real(quantity.value(model, state))), slopes[name].pop(load) / scale,
+                      slopes[name]) for name, quantity in quantities.items()]
+
+
 def thinning_gradient(model: Model, critical: PathPoint, load: Load,
                       by: Mapping[str, ModelParameter]) -> dict[str, float]:
     """Derivatives of a load, U² of a voltage, at which a film begins to thin without bound.
 
-    Its margin m stays zero there: dλ/dp = −(dm/dp)/(dm/dλ). Arguments are those of
-    :func:`limit_gradient`.
+    Its firmness stays used up there. Arguments are those of :func:`limit_gradient`.
     """
-    parameter = _load(load)
-    margin = gradient_many(model, critical.solution, {"": THINNING_MARGIN},
-                           {**by, load: parameter})[""]
-    by_load = margin.pop(load)
-    if load == "voltage":
-        by_load /= 2 * parameter.value(model, critical.state)
-    return {name: -slope / by_load for name, slope in margin.items()}
+    place = int(np.argmin(firmness(model, critical.state)))
+    left, = firmness_left(model, critical, load, by, spots_at(model, critical.state, [place]))
+    return {name: -slope / left.by_load for name, slope in left.by.items()}
 
 
 def _extent(motion: Parts) -> float:

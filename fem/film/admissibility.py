@@ -110,7 +110,7 @@ def acoustic_margin(c: tuple[Array, Array, Array], stress: Array, tangent: Array
     for angle in np.pi * np.arange(_LINES) / _LINES:
         a, b = np.cos(angle), np.sin(angle)
         # A jump u of the material's own components strains by the symmetric part of (C u) ⊗ N.
-        strain = np.empty((*np.shape(c11), 3, 2))
+        strain = np.empty((*np.shape(c11), 3, 2), dtype=np.result_type(c11, c22, c12, float))
         strain[..., 0, 0], strain[..., 0, 1] = a * c11, a * c12
         strain[..., 1, 0], strain[..., 1, 1] = b * c12, b * c22
         strain[..., 2, 0], strain[..., 2, 1] = b * c11 + a * c12, b * c12 + a * c22

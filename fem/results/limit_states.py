@@ -72,7 +72,8 @@ class LimitState:
     every element, least where it begins; ``by_element`` the same by each element alone, whose jumps
     say how certain it is. ``signs``: it happens where the first of them changes. ``verb`` is said
     of the film, ``noun`` stands alone, ``sentence`` holds a voltage, ``legend`` is for the picture
-    of a path; ``marker`` is matplotlib's.
+    of a path; ``marker`` is matplotlib's. ``ends``: beyond it the film has no equilibrium, or no
+    stable one.
     """
 
     kind: str
@@ -85,6 +86,7 @@ class LimitState:
     sentence: str
     marker: str
     legend: str
+    ends: bool = False
 
 
 #: All limit states by kind, the gravest last.
@@ -125,9 +127,10 @@ INSTABILITY: LimitState = LIMIT_STATES.register(LimitState(
     "instability", "instability", _firmness, lambda point: point.rough_firmness,
     (_least(_firmness), Sign(lambda point: point.given_way, of_state=False, local=False)),
     verb="gives way", noun="the film's own instability", sentence="gives way in itself at {}",
-    legend="film gives way in itself", marker="D"))
+    legend="film gives way in itself", marker="D", ends=True))
 
 PULL_IN: LimitState = LIMIT_STATES.register(LimitState(
     "pull_in", "limit", _thinning, _thinning,
     (Sign(lambda point: point.growth, of_state=False, local=False),),
-    verb="pulls in", noun="pull-in", sentence="pulls in at {}", legend="limit point", marker="x"))
+    verb="pulls in", noun="pull-in", sentence="pulls in at {}", legend="limit point", marker="x",
+    ends=True))

@@ -14,7 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tympan.studies.case import voltage_ramp
-from tympan.studies.optimise.limits import DesignLimit, DesignState
+from tympan.studies.limits.voltages import EndKind
+from tympan.studies.optimise.limits import DesignLimit
+from tympan.studies.optimise.state import DesignState
 
 Array = NDArray[np.float64]
 
@@ -29,6 +31,7 @@ class KeptLimit:
 
     ``c`` ≤ 0, shape (m,), with ∇c (m, parameters), and the ``voltages`` each c is at. Voltages are
     None where the limit depends on none. ``between``: it comes nearest between the cycle's ends.
+    ``end``: how the film ends, where the limit is a margin to that.
     """
 
     value: float
@@ -37,6 +40,7 @@ class KeptLimit:
     slopes: Array
     voltages: tuple[float | None, ...]
     between: bool = False
+    end: EndKind | None = None
 
 
 def cycle_voltages(working: float, between: bool) -> list[float]:
@@ -53,9 +57,9 @@ def kept_limit(limit: DesignLimit, states: Sequence[DesignState], bound: float) 
     """
     working = states[-1]
     if limit.load is None:
-        value, c, slopes = limit.evaluate(working, bound)
+        value, c, slopes, end = limit.evaluate(working, bound)
         at = working.case.voltage if limit.of_voltage else None
-        return KeptLimit(value, at, c, slopes, (at,) * len(c))
+        return KeptLimit(value, at, c, slopes, (at,) * len(c), end=end)
     loads = [limit.load(state) for state in states]
     ends = [replace(states[0], name="without voltage"),
             replace(working, name="at the working voltage")]
@@ -67,12 +71,12 @@ def kept_limit(limit: DesignLimit, states: Sequence[DesignState], bound: float) 
     if inside:
         between = replace(_highest_between(limit, states, loads, highest), name="in between")
         places[2], worst = between, limit.evaluate(between, bound)
-    value, *_ = worst
     evaluations.append(worst)
-    return KeptLimit(value, places[2].case.voltage, np.concatenate([c for _, c, _ in evaluations]),
-                     np.concatenate([slopes for *_, slopes in evaluations]),
-                     tuple(state.case.voltage for state, (_, c, _) in
-                           zip(places, evaluations, strict=True) for _ in c), inside)
+    return KeptLimit(worst.value, places[2].case.voltage,
+                     np.concatenate([each.c for each in evaluations]),
+                     np.concatenate([each.slopes for each in evaluations]),
+                     tuple(state.case.voltage for state, each in
+                           zip(places, evaluations, strict=True) for _ in each.c), inside)
 
 
 def _highest_between(limit: DesignLimit, states: Sequence[DesignState], loads: Sequence[float],

@@ -20,10 +20,12 @@ from tympan.geometry.errors import InputError
 from tympan.geometry.paths import at, with_change
 from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Settings, build_model, failure_reason, voltage_ramp
+from tympan.studies.limits.voltages import EndKind
 from tympan.studies.optimise.cycle import KeptLimit, cycle_voltages, kept_limit
-from tympan.studies.optimise.limits import LIMITS, DesignState, slopes_of
+from tympan.studies.optimise.limits import LIMITS
 from tympan.studies.optimise.problem import OptimiseProblem
 from tympan.studies.optimise.sqp import Linearisation
+from tympan.studies.optimise.state import DesignState, MeshMemory, slopes_of
 from tympan.studies.sensitivity import case_parameters
 
 Array = NDArray[np.float64]
@@ -49,6 +51,11 @@ class Design:
     accepted: bool = False
 
     @property
+    def end(self) -> EndKind | None:
+        """How its film first ends, if a limit asks and it does."""
+        return next((limit.end for limit in self.kept.values() if limit.end), None)
+
+    @property
     def limited(self) -> dict[str, float]:
         """What each limit measures where it comes nearest to its bound [SI]."""
         return {name: limit.value for name, limit in self.kept.items()}
@@ -59,9 +66,9 @@ class DesignEvaluator:
     """Designs of a problem as an objective of :func:`tympan.studies.optimise.sqp.maximise`.
 
     ``measure`` of the frame is kept; ``last`` is the design computed last. ``model``, ``states``:
-    the mesh to move and the film on it, from no voltage to the working one; ``scales``: how far
-    limits' stand-ins fall short there; ``between``: some limit comes nearest between the two there,
-    so that a moved mesh is solved between them too.
+    the mesh to move and the film on it, from no voltage to the working one; ``memory``: what it
+    keeps while it moves; ``between``: some limit comes nearest between the two there, so that a
+    moved mesh is solved between them too.
     """
 
     problem: OptimiseProblem
@@ -70,7 +77,7 @@ class DesignEvaluator:
     last: Design | None = None
     model: Model | None = None
     states: Sequence[State] = ()
-    scales: dict[str, float] = field(default_factory=dict)
+    memory: MeshMemory = field(default_factory=MeshMemory)
     between: bool = False
 
     def at(self, x: Array, renew: bool = False) -> Linearisation | None:
@@ -118,8 +125,10 @@ class DesignEvaluator:
         slopes = [slopes_of(QUANTITIES["heave"], model, outcome, by)
                   for outcome in (resting, charged)]
         if renew:
-            self.model, self.states, self.scales = model, [end.state for _, end in ramp], {}
-        states = [DesignState(at, model, outcome, by, self.scales, path) for at, outcome in ramp]
+            self.model, self.states = model, [end.state for _, end in ramp]
+            self.memory = MeshMemory()
+        states = [DesignState(at, model, outcome, by, self.memory, path, resting.state)
+                  for at, outcome in ramp]
         kept = {name: kept_limit(LIMITS[name], states, bound)
                 for name, bound in problem.limits.items()}
         if renew:

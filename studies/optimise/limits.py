@@ -2,70 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tympan.fem.complex_step import STEP
-from tympan.fem.derivatives.quantities import Field, Quantity, larger_stress, largest, true_field
-from tympan.fem.derivatives.sensitivity import ModelParameter, gradient_many, limit_gradient
-from tympan.fem.equilibrium.path_following import PathSettings
-from tympan.fem.equilibrium.ramp import Outcome
-from tympan.fem.equilibrium.solve import equilibrium
+from tympan.fem.derivatives.quantities import Field, larger_stress, largest, true_field
 from tympan.fem.film.density import principal_stretches
 from tympan.fem.membrane.model import Model
-from tympan.fem.results.fields import Fields, node_fields, strength
-from tympan.geometry.errors import InputError
+from tympan.fem.results.fields import strength
 from tympan.geometry.paths import with_change
 from tympan.geometry.specimen import Specimen
 from tympan.geometry.toml_reader import POSITIVE, Rule
 from tympan.geometry.units import DIMENSIONS
-from tympan.studies.case import Case
-from tympan.studies.sensitivity import case_parameters
+from tympan.studies.optimise.end import end_margin
+from tympan.studies.optimise.state import DesignState, Evaluation, slopes_of
 
 Array = NDArray[np.float64]
-
-#: What a limit measures [its unit], c to be ≤ 0, shape (m,), and ∇c (m, parameters).
-Evaluation = tuple[float, Array, Array]
 
 _MARGIN: Rule = (lambda x: 1 <= x <= 10, "must be a margin from 1 to 10")
 #: Power of the norm that stands for a largest value: at 64 it is 2 to 10 % short, at 200 some 2 %.
 _POWER = 200
-#: Voltage of pull-in is sought up to this many times the limit.
-_REACH = 1.5
-#: Smooth motions in which pull-in is sought, fewer than elsewhere: of (4, 14) one was soft by
-#: chance on one of two meshes, and the slope 2 % off. The voltage is the same to 2e-5.
-_SMOOTH = ((4, 10), (2, 14))
 #: Points along the plate's edge whose distances from the frame are limited.
 _POINTS = 64
-
-
-@dataclass(frozen=True, eq=False)
-class DesignState:
-    """A design's equilibrium on a model, and the parameters to differentiate by, by name.
-
-    ``name``: which of its states, for limits at several voltages. ``scales``: by how much the
-    smooth maxima of the mesh the model was moved from fell short of the largest nodal value, by
-    limit and state; empty on a new mesh, which fills it. Held while a mesh moves, so that values
-    and derivatives belong together.
-    """
-
-    case: Case
-    model: Model
-    outcome: Outcome
-    by: Mapping[str, ModelParameter]
-    scales: dict[str, float]
-    path: PathSettings
-    name: str = ""
-
-    @cached_property
-    def fields(self) -> Fields:
-        """Fields at the nodes of all elements."""
-        return node_fields(self.model, [self.outcome.state])[0]
 
 
 @dataclass(frozen=True)
@@ -90,12 +53,6 @@ class DesignLimit:
         return DIMENSIONS[self.dimension].si if self.dimension else "1"
 
 
-def slopes_of(quantity: Quantity, model: Model, outcome: Outcome, by: Mapping[str, ModelParameter]
-              ) -> Array:
-    """Derivatives of a quantity of an equilibrium by parameters, shape (parameters,)."""
-    return np.array(list(gradient_many(model, outcome, {"": quantity}, by)[""].values()))
-
-
 def _highest(name: str, field: Field, stored: str, state: DesignState, bound: float,
              inverse: bool = False) -> Evaluation:
     """The largest value of a field over the film; as a margin if the file limits one over it.
@@ -105,44 +62,18 @@ def _highest(name: str, field: Field, stored: str, state: DesignState, bound: fl
     """
     highest, smooth = _load(stored, state), largest(field, _POWER)
     if highest == 0:  # a field without voltage
-        return np.inf if inverse else 0.0, -np.ones(1), np.zeros((1, len(state.by)))
+        return Evaluation(np.inf if inverse else 0.0, -np.ones(1), np.zeros((1, len(state.by))))
     norm = float(smooth.value(state.model, state.outcome.state))
-    scale = state.scales.setdefault(f"{name} {state.name}", highest / norm)
+    scale = state.memory.scales.setdefault(f"{name} {state.name}", highest / norm)
     share = scale * (bound if inverse else 1 / bound)
     slopes = slopes_of(smooth, state.model, state.outcome, state.by)
-    return 1 / highest if inverse else highest, np.array([share * norm - 1]), share * slopes[None]
+    return Evaluation(1 / highest if inverse else highest, np.array([share * norm - 1]),
+                      share * slopes[None])
 
 
 def _load(stored: str, state: DesignState) -> float:
     """The largest value of a field over the film."""
     return float(np.max(getattr(state.fields, stored)))
-
-
-def _pull_in(state: DesignState, bound: float) -> Evaluation:
-    """Voltage of pull-in over that applied at one load; c is the bound over this margin, minus one.
-
-    Of a film kept from wrinkling: one that wrinkles may end before, and not smoothly.
-    Where the search was cut short, by its reach or a film that wrinkles, the last margin stands,
-    which has no derivatives.
-    """
-    model = replace(state.model, wrinkles=False)
-    film, film_voltage = state.outcome.state, state.case.film_voltage
-    end = equilibrium(model, film.force, _REACH * bound * film_voltage, film.pressure,
-                      state.outcome.solution, replace(state.path, smooth=_SMOOTH))
-    slopes = np.zeros(len(state.by))
-    if end.critical is None or end.limited != "voltage":
-        margin = float(np.sqrt(end.state.voltage_squared)) / film_voltage
-    else:
-        margin = float(np.sqrt(end.critical.state.voltage_squared)) / film_voltage
-        parameters = case_parameters(state.case, model, "voltage")
-        try:
-            gradient = limit_gradient(model, end.critical, "voltage",
-                                      {name: parameters[name] for name in state.by})
-            slopes = np.array([gradient[name] for name in state.by]) / (2 * margin
-                                                                        * film_voltage**2)
-        except InputError:
-            pass  # no smooth limit: the film lost its stability otherwise
-    return margin, np.array([bound / margin - 1]), -bound / margin**2 * slopes[None, :]
 
 
 def _gap(state: DesignState, bound: float) -> Evaluation:
@@ -170,7 +101,7 @@ def _gap(state: DesignState, bound: float) -> Evaluation:
     for column, name in enumerate(state.by):
         stepped = across(with_change(specimen, name.split("."), 1j * STEP))[chosen]
         slopes[:, column] = np.sqrt((stepped**2).sum(axis=1)).imag / STEP
-    return specimen.gap, 1 - distances / bound, -slopes / bound
+    return Evaluation(specimen.gap, 1 - distances / bound, -slopes / bound)
 
 
 def _breakdown_share(model: Model, voltage_squared: Any, c: tuple[Any, Any, Any]) -> Any:
@@ -192,5 +123,5 @@ LIMITS: dict[str, DesignLimit] = {
     "breakdown_margin": DesignLimit(
         partial(_highest, "breakdown_margin", _breakdown_share, "breakdown_share", inverse=True),
         load=partial(_load, "breakdown_share")),
-    "pull_in_margin": DesignLimit(_pull_in),
+    "pull_in_margin": DesignLimit(end_margin),
     "gap": DesignLimit(_gap, "length", POSITIVE, of_voltage=False)}

@@ -45,7 +45,7 @@ class OptimiseResult:
     ``starts_apart_variables`` in any variable, relative to its bounds; ``gain`` and
     ``gain_over_given`` are its stroke over the reference's and the specimen's own, minus one.
     ``trials`` has the columns of path.csv: held, start, trial, accepted, the variables, stroke, the
-    limited values and reason. ``specimens``: the optimal ones by file name.
+    limited values, how the film ends, and reason. ``specimens``: the optimal ones by file name.
     """
 
     pictures: ClassVar[tuple[str, ...]] = ("optimum.png", "optimum.svg")  #: that are drawn of it
@@ -229,6 +229,7 @@ def _design(problem: OptimiseProblem, design: Design) -> dict[str, Any]:
             "deflection_without_voltage_m": _number(design.rest), **frame,
             "limited": {name: _number(value) for name, value in design.limited.items()},
             "limited_at_V": {name: limit.at_V for name, limit in design.kept.items()},
+            "end": design.end,
             "reason": design.reason}
 
 
@@ -247,7 +248,7 @@ def _trial_columns(record: Mapping[str, Any]) -> tuple[Column, ...]:
               for name, limit in record["limits"].items()]
     return (Column.labels("held"), Column("start"), Column("trial"), Column("accepted"), *variables,
             Column("stroke", "mm", required=False, absent="nan"), *limits,
-            Column.labels("reason", required=False))
+            Column.labels("end", required=False), Column.labels("reason", required=False))
 
 
 def _trials(problem: OptimiseProblem, runs: Sequence[StartRun]) -> TableOfColumns:
@@ -255,7 +256,8 @@ def _trials(problem: OptimiseProblem, runs: Sequence[StartRun]) -> TableOfColumn
              "accepted": float(trial.accepted), "stroke": trial.stroke, "reason": trial.reason,
              **{variable.key: float(value) for variable, value
                 in zip(problem.variables, trial.values, strict=True)},
-             **{name: trial.limited.get(name, np.nan) for name in problem.limits}}
+             **{name: trial.limited.get(name, np.nan) for name in problem.limits},
+            "end": trial.end or ""}
             for run in runs for number, trial in enumerate(run.trials)]
     return {name: np.array([row[name] for row in rows]) for name in rows[0]}
 

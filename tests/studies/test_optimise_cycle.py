@@ -17,9 +17,10 @@ from tympan.fem.film.laws import Gent
 from tympan.geometry.mesher import MeshSettings
 from tympan.studies.case import Case, Settings, solve
 from tympan.studies.optimise.cycle import cycle_voltages, kept_limit
-from tympan.studies.optimise.limits import DesignLimit, DesignState
+from tympan.studies.optimise.limits import DesignLimit
 from tympan.studies.optimise.optimise import OptimiseResult, optimise
 from tympan.studies.optimise.problem import OptimiseProblem, read_problem
+from tympan.studies.optimise.state import DesignState, Evaluation, MeshMemory
 
 #: A film whose stress without voltage exceeds that at the working voltage by a fifth.
 SPECIMEN = """
@@ -112,7 +113,9 @@ def states_of(problem: OptimiseProblem) -> list[DesignState]:
     model = build_model(problem.specimen, settings, problem.rig.loading)
     ramp = voltage_ramp(model, problem.mass, cycle_voltages(problem.voltage, between=True),
                         problem.rig, settings.path)
-    return [DesignState(case, model, outcome, {}, {}, settings.path) for case, outcome in ramp]
+    ends = list(ramp)
+    return [DesignState(case, model, outcome, {}, MeshMemory(), settings.path, ends[0][1].state)
+            for case, outcome in ends]
 
 
 @dataclass(frozen=True)
@@ -125,10 +128,9 @@ class Hump:
         away = (state.case.voltage**2 - self.volts**2) / 4e3**2
         return -(away**2) * (1 + 0.3 * away)
 
-    def evaluate(self, state: DesignState, bound: float
-                 ) -> tuple[float, np.ndarray, np.ndarray]:
+    def evaluate(self, state: DesignState, bound: float) -> Evaluation:
         load = self.load(state)
-        return load, np.array([load - bound]), np.zeros((1, 0))
+        return Evaluation(load, np.array([load - bound]), np.zeros((1, 0)))
 
 
 @pytest.mark.parametrize(("volts", "between"), [

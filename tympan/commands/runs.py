@@ -118,13 +118,14 @@ def sweep(options: argparse.Namespace) -> None:
 def optimise(options: argparse.Namespace) -> None:
     """Lengths of frame and plate with the largest stroke under limits."""
     from tympan.progress import bar
+    from tympan.studies.limits.voltages import END_VERBS
     from tympan.studies.optimise.optimise import optimise
     from tympan.studies.optimise.problem import default_problem, read_problem
 
     problem = default_problem() if options.file is None else read_problem(options.file)
     with bar(len(problem.held) * (len(problem.starts) + 1)) as progress:
         result = optimise(problem, read_settings(options), progress=progress)
-    finish(options, result)
+    finish(options, result, ends=END_VERBS)
 
 
 @command("report", argument("folder", type=Path, metavar="DIR"),

@@ -8,11 +8,16 @@ import numpy as np
 import pytest
 
 from tests.support.specimens import circular
+from tympan.fem.derivatives.quantities import firmness_at
+from tympan.fem.derivatives.sensitivity import gradient_many, parameters
+from tympan.fem.equilibrium.newton import moved, newton
+from tympan.fem.equilibrium.solve import equilibrium
 from tympan.fem.film.density import FilmDensity
 from tympan.fem.film.laws import NeoHooke, Yeoh
-from tympan.fem.results.firmness import recovered
+from tympan.fem.results.firmness import firmness, recovered, spots_at
 from tympan.geometry.mesher import MeshSettings
-from tympan.geometry.specimen import Electrode
+from tympan.geometry.outlines import Circle, Ellipse
+from tympan.geometry.specimen import Electrode, Film, Plate, Specimen
 from tympan.studies.case import Settings, build_model
 
 SOFTENING = Yeoh((13.1e3, -0.21e3, 9.3))
@@ -72,6 +77,50 @@ def test_an_electrode_with_axes_of_its_own_is_tried_line_by_line(voltage: float)
     root = np.linalg.cholesky(np.array([[1.2, 0.05], [0.05, 1.1]])).T
     assert density.firmness(c)[0] == pytest.approx(smallest_by_differences(density, root, 180),
                                                    rel=1e-3)
+
+
+#: Films near to where they give way: strain recovered, wrinkled, line by line.
+WEAK = {
+    "softening": (Specimen("oval", Ellipse((36e-3, 28e-3)), Plate(Circle(7.3e-3)), Film(
+        0.83e-3, (1.93, 1.93), SOFTENING, 3.1, permittivity_exponent=-0.6)), 0.57, 5.2e3, False),
+    "greased": (Specimen("oval", Ellipse((36e-3, 28e-3)), Plate(Circle(7.3e-3)), Film(
+        0.83e-3, (2.0, 1.9), SOFTENING, 3.1, permittivity_exponent=-0.6),
+        Electrode(stiffness=2e3)), 0.57, 5.2e3, False),
+    "wrinkled": (Specimen("bare", Circle(31.7e-3), Plate(Circle(7.3e-3)), Film(
+        0.61e-3, (1.09, 1.09), NeoHooke(23e3), 3.1),
+        Electrode(margin_frame=11.3e-3, margin_plate=2.9e-3)), 0.27, 9.8e3, True)}
+
+
+@pytest.mark.parametrize("name", WEAK)
+def test_firmness_at_a_spot_has_exact_derivatives(name: str) -> None:
+    """By motions at rest, and by film, loads and lengths along with the equilibrium."""
+    specimen, force, voltage, thins = WEAK[name]
+    model = build_model(specimen, Settings())
+    outcome = equilibrium(model, force, voltage)
+    state, margins = outcome.state, firmness(model, outcome.state)
+    assert outcome.status == "equilibrium"
+    place = int(margins.argmin())
+    spot, = spots_at(model, state, [place])
+    quantity = firmness_at(spot)
+    assert (spot.thinning, spot.recovered) == (thins, not thins)
+    assert quantity.value(model, state) == pytest.approx(margins[place], abs=1e-6)
+    random = np.random.default_rng(3)
+    slope = quantity.slope(model, state)
+    motion = (1e-3 * random.normal(size=slope[0].shape), 1e-3 * random.normal(size=slope[1].shape))
+    ends = [quantity.value(model, moved(model, state, motion, step)) for step in (1e-6, -1e-6)]
+    assert slope[0] @ motion[0] + slope[1] @ motion[1] == pytest.approx(
+        (ends[0] - ends[1]) / 2e-6, rel=1e-6)
+    by = {key: parameter for key, parameter in parameters(model).items()
+          if parameter.value(model, state) and not key.startswith("loading")}
+    assert {"voltage", "force", "membrane.prestretch.0", "plate.outline.radius"} < by.keys()
+    slopes = gradient_many(model, outcome, {"": quantity}, by)[""]
+    for key, parameter in by.items():
+        step = 1e-4 * parameter.value(model, state)
+        solved = [newton(*parameter.changed(model, state, change)) for change in (step, -step)]
+        moved_models = [parameter.changed(model, state, change)[0] for change in (step, -step)]
+        values = [quantity.value(there, solution.state)
+                  for there, solution in zip(moved_models, solved, strict=True)]
+        assert slopes[key] == pytest.approx((values[0] - values[1]) / (2 * step), rel=1e-4), key
 
 
 def test_wrinkles_alone_are_no_instability() -> None:
