@@ -120,7 +120,7 @@ def rise(case: Case, settings: Settings, first: bool = False) -> Rise:
                     (Stop(model, _still(start)),), flat)
     reached = _limits(case, passed)
     way = tuple(apart(passed))
-    cases = tuple(replace(case, voltage=_nominal(case, stop)) for stop in way)
+    cases = tuple(replace(case, voltage=_nominal(case, stop.station.voltage_V)) for stop in way)
     return Rise(model, start.status, cases, way, replace(reached, ended=_told(reached)))
 
 
@@ -151,15 +151,16 @@ def first_end(case: Case, model: Model, start: State, path: PathSettings, most: 
     """
     highest = case.rig.film_voltage(min(most, case.rig.sag_voltage), case.direction)
     unchecked = replace(path, unbalanced=np.inf)
-    followed: float | None = None
+    followed, begun = _nominal(case, float(np.sqrt(start.voltage_squared))), False
     for stop in stops(case, model, start, "voltage", unchecked, highest):
         for state in _ENDS:
-            ended = (_beyond(stop, state) if followed is None
-                     else stop.event is not None and stop.event.what == state.event)
+            ended = (stop.event is not None and stop.event.what == state.event if begun
+                     else _beyond(stop, state))
             if ended:
-                return _end(case, state, stop), _nominal(case, stop)
-        followed = _nominal(case, stop)
-    return None, followed or 0.0
+                end = _end(case, state, stop)
+                return end, end.voltage_V
+        followed, begun = _nominal(case, stop.station.voltage_V), True
+    return None, followed
 
 
 def _beyond(stop: Stop, state: LimitState) -> bool:
@@ -171,7 +172,7 @@ def _end(case: Case, state: LimitState, stop: Stop) -> End:
     kind = cast(EndKind, state.kind)
     if state is INSTABILITY and stop.thins and (stop.sign is None or stop.sign.local):
         kind = "thinning"
-    return End(kind, _nominal(case, stop), stop)
+    return End(kind, _nominal(case, stop.station.voltage_V), stop)
 
 
 def solve_within(case: Case, settings: Settings, film: bool = False) -> CaseResult:
@@ -276,8 +277,9 @@ def _still(outcome: Outcome) -> PathPoint:
     return PathPoint(outcome.solution, (np.zeros(0), np.zeros(0)), np.inf)
 
 
-def _nominal(case: Case, stop: Stop) -> float:
-    nominal = case.rig.nominal_voltage(stop.station.voltage_V, case.direction)
+def _nominal(case: Case, film_voltage: float) -> float:
+    """The nominal voltage at which a film sees so much [V]."""
+    nominal = case.rig.nominal_voltage(film_voltage, case.direction)
     # At the most that the supply gives, rounding must not lead beyond.
     return max(min(nominal, case.rig.sag_voltage, MOST_VOLTAGE), 0.0)
 
@@ -295,12 +297,13 @@ def _limits(case: Case, passed: list[Stop]) -> Limits:
             continue
         kind = _KINDS[stop.event.what]
         if kind not in reached:
-            reached[kind] = Limit(kind=kind, voltage_V=_nominal(case, stop), x_m=stop.event.x_m,
-                                  y_m=stop.event.y_m, spread=stop.event.spread)
+            reached[kind] = Limit(kind=kind, voltage_V=_nominal(case, stop.station.voltage_V),
+                                  x_m=stop.event.x_m, y_m=stop.event.y_m, spread=stop.event.spread)
             thins |= kind == INSTABILITY.kind and stop.thins
     ended = passed[-1].ended if passed else UNFOLLOWED
     if passed and ended == UNFOLLOWED:
-        ended = f"the film could not be followed beyond {_nominal(case, passed[-1]) / 1e3:.4g} kV"
+        followed = _nominal(case, passed[-1].station.voltage_V)
+        ended = f"the film could not be followed beyond {followed / 1e3:.4g} kV"
     tension, gone = reached.get("tension"), reached.get("instability")
     if gone is not None and thins:
         if tension is None or tension.voltage_V > gone.voltage_V:

@@ -24,7 +24,7 @@ from tympan.geometry.outlines import Circle, Ellipse
 from tympan.geometry.paths import at
 from tympan.geometry.specimen import Electrode, Film, Plate, Specimen
 from tympan.studies.case import Case, Limit, Settings
-from tympan.studies.limits import limits
+from tympan.studies.limits import limits, voltages
 from tympan.studies.limits.voltages import End, first_end
 from tympan.studies.optimise import end as ends
 from tympan.studies.optimise.design import Design, DesignEvaluator
@@ -151,6 +151,16 @@ def test_a_margin_without_an_end_within_reach_is_that_or_more() -> None:
     assert films.design.limited["pull_in_margin"] == pytest.approx(1.5 * BOUND)
     assert films.here.limits.max() == pytest.approx(-0.5)
     assert not films.here.limit_slopes.any()
+
+
+def test_a_film_that_is_not_followed_has_the_margin_it_was_followed_to(
+        monkeypatch: pytest.MonkeyPatch) -> None:
+    problem, _ = posed("thins where it loses tension")
+    monkeypatch.setattr(voltages, "stops", lambda *arguments: iter(()))
+    films = Films(problem)
+    assert films.design.end is None
+    assert films.design.limited["pull_in_margin"] == pytest.approx(1.0, rel=1e-12)
+    assert films.here.limits.max() == pytest.approx(1 - 1 / BOUND)
 
 
 def test_a_film_that_has_given_way_before_any_voltage_has_no_margin() -> None:
