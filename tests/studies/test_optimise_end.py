@@ -199,6 +199,22 @@ def test_the_optimum_s_margin_is_confirmed_by_its_own_specimen(result: OptimiseR
     assert optimum["gain"] > 0.14
 
 
+def test_a_film_that_gives_way_in_itself_has_an_optimum_before_that() -> None:
+    """The circle, and a larger plate: a margin that was 1.19 is 1.25, as its own specimen says."""
+    problem, end = posed("gives way in itself")
+    problem = replace(problem, limits={"pull_in_margin": 1.25}, held=("area",))
+    best = optimise(problem)
+    [optimum], [specimen] = best.record["optima"], best.specimens.values()
+    assert (optimum["status"], optimum["end"]) == ("optimum", end)
+    assert best.record["given"]["limited"]["pull_in_margin"] < 1.2
+    first = reached(replace(problem, specimen=specimen), Settings())
+    assert optimum["limits"]["pull_in_margin"]["value"] == pytest.approx(1.25, rel=3e-4)
+    assert abs(first.voltage_V / problem.voltage - 1.25) < first.spread * 1.25
+    a, b, radius = optimum["variables"].values()
+    assert a / b == pytest.approx(1, abs=0.02)
+    assert radius > 1.1 * 7.3e-3
+
+
 def test_no_design_with_that_margin_on_a_finer_mesh_is_better(result: OptimiseResult) -> None:
     """Neighbours of the same area whose margin is made the same by their plate's radius."""
     [optimum] = result.record["optima"]
