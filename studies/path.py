@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tympan.fem.equilibrium.arc_length import Branch, PathPoint
-from tympan.fem.equilibrium.newton import Solution, moved
+from tympan.fem.equilibrium.newton import Solution, moved, newton
 from tympan.fem.equilibrium.path_following import PathSettings, follow_branch
 from tympan.fem.film.tension_field import Tension
 from tympan.fem.membrane.model import Model
@@ -389,11 +389,13 @@ class Stop:
         node = mesh.connectivity.ravel()[np.argmin(state.field(self))]
         return bool((mesh.electrode_edge_nodes == node).any())
 
-    def jump(self, state: LimitState, sign: Sign) -> float:
-        """By how much elements differ that meet where a limit state begins, as its sign has it.
+    def missed(self, state: LimitState, sign: Sign) -> float:
+        """How far a limit state's number may be off for the mesh, in its own unit.
 
-        Of one that depends on the whole film's energy: mean square of the jumps of its stress, over
-        that of the stress about its mean.
+        What elements of one order less change in it, and by how much elements differ that meet
+        where it begins: either is too small alone, where both sides miss alike or the order changes
+        little by chance. Of a number that depends on the whole film's energy: mean square of the
+        jumps of its stress, over that of the stress about its mean.
         """
         mesh, fields = self.model.discretisation, self.fields
         # At an electrode's edge the film itself jumps.
@@ -407,7 +409,23 @@ class Stop:
         values = state.by_element(self)
         element = place // mesh.connectivity.shape[1]
         apart = abs(values[place] - state.field(self)[place]) if np.isfinite(values[place]) else 0.0
-        return float(max(_jumps(nodes, values)[nodes[element]].max(), apart))
+        jump = float(max(_jumps(nodes, values)[nodes[element]].max(), apart))
+        coarser = self._coarser()
+        return jump + (abs(sign.value(coarser) - sign.value(self)) if coarser else 0.0)
+
+    def _coarser(self) -> Stop | None:
+        """The film under the same loads by elements of one order less on the same triangles."""
+        fine, state = self.model.discretisation, self.point.state
+        if fine.mesh.order == 1:
+            return None
+        coarse = fine.of_order(fine.mesh.order - 1)
+        motion = coarse.interpolated(fine, state.positions - fine.reference)
+        model = replace(self.model, discretisation=coarse)
+        solution = newton(model, replace(state, positions=coarse.reference + motion))
+        solution.release()
+        if not solution.converged:
+            return None
+        return replace(self, model=model, point=replace(self.point, solution=solution))
 
 
 def _jumps(nodes: NDArray[np.int64], values: Array) -> Array:
@@ -491,7 +509,7 @@ def _happening(case: Case, stop: Stop, state: LimitState, sign: Sign, around: tu
                ) -> Stop:
     """The stop where something happens, with the event; between two others."""
     before, after = around
-    spread = stop.jump(state, sign)
+    spread = stop.missed(state, sign)
     if after.thinned and before.wrinkled and stop.thins:
         # Beyond its end a wrinkled film's margin jumps, and before it falls ever faster.
         before, after = stop.behind, stop
