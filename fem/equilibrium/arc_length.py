@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 
@@ -115,15 +115,21 @@ class Branch:
         motion = difference(self.model, after.state, before.state)
         end = product(self.model, before.direction, motion)
         points: dict[float, PathPoint] = {0.0: before, end: after}
+        values: dict[float, float] = {}
+
+        def passed(step: float) -> bool:
+            return values.get(step, 0.0) * values.get(0.0, 0.0) < 0
 
         def at(step: float) -> float:
             if step not in points:
-                points[step] = self._from_nearest(before, step, points)
+                # Beyond that place the film may be on another branch, with no way back from it.
+                nearest = sorted(points, key=lambda near: (passed(near), abs(near - step)))
+                points[step] = self._from_first(before, step, [points[near] for near in nearest])
             if not of_state:
                 points[step] = self._renewed(points[step])
-            result = value(points[step])
+            values[step] = value(points[step])
             points[step].solution.release()
-            return result
+            return values[step]
 
         def between(low: float, high: float) -> float | None:
             return root_between(at, low, high, xtol=1e-7, rtol=1e-6)
@@ -139,14 +145,13 @@ class Branch:
             root = min(points, key=lambda step: abs(value(points[step])))
         return None if root is None else self._renewed(points[root])
 
-    def _from_nearest(self, before: PathPoint, step: float, points: Mapping[float, PathPoint]
-                      ) -> PathPoint:
-        """The point a length from another, looked for from the nearest of those that are known.
+    def _from_first(self, before: PathPoint, step: float, starts: Sequence[PathPoint]) -> PathPoint:
+        """The point a length from another, from the first of some starts that leads to it.
 
-        Where Newton's method goes astray from there, it may not from the other side.
+        Where Newton's method goes astray from one, it may not from the other side.
         """
-        for near in sorted(points, key=lambda other: abs(other - step)):
-            point = self.at(before, step, points[near])
+        for start in starts:
+            point = self.at(before, step, start)
             if point is not None:
                 return point
         raise NoValueHere

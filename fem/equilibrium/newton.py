@@ -39,12 +39,17 @@ _CORRECTION = 0.2
 EXHAUSTED = "the search took more work than it may"
 LIGHTER = "a smaller load or a coarser mesh (--refine 0.5) takes less"
 
-#: Work that a search may take, in unknowns times tangents: some 20 s.
+#: What of a tangent's work does not grow with the film, in unknowns: a tangent takes some 2 ms, and
+#: as much again for each so many unknowns.
+_FIXED = 500
+
+#: Work that a search may take, in tangents times their unknowns and what does not grow with them:
+#: some 15 s.
 WORK = 2.5e6
 
 
 class Budget:
-    """Work left to a search, in unknowns times tangents; the same on every machine.
+    """Work left to a search, in that of tangents; the same on every machine.
 
     All of a search's calls of Newton's method draw on one budget, so that it ends.
     """
@@ -56,6 +61,11 @@ class Budget:
     def spent(self) -> bool:
         """Whether none is left."""
         return self.left <= 0
+
+
+def tangent_work(model: Model) -> float:
+    """Work of a tangent of a film, its factors included."""
+    return model.unknowns + _FIXED
 
 
 @dataclass(frozen=True)
@@ -151,7 +161,7 @@ def newton(model: Model, guess: State, free: tuple[Load, ...] = (),
     damping = 1.0
     tangent: Tangent | None = None
     for iteration in range(1, settings.iterations + 1):
-        if not settings.spend(model.unknowns):
+        if not settings.spend(tangent_work(model)):
             return Solution(state, False, iteration, None, EXHAUSTED)
         with np.errstate(all="ignore"):  # a prediction may overshoot; what comes of it is looked at
             part = model.linearised(state)
@@ -183,7 +193,7 @@ def newton(model: Model, guess: State, free: tuple[Load, ...] = (),
             with np.errstate(all="ignore"):
                 forces = model.nodal_forces(trial)
             if np.isfinite(forces).all():
-                settings.spend(_CORRECTION * model.unknowns)
+                settings.spend(_CORRECTION * tangent_work(model))
                 misses = [constraint(model, trial).miss for constraint in constraints]
                 simplified, changes = tangent.correct(model.residual(forces, trial), misses)
                 after = length(model, simplified)
@@ -219,7 +229,7 @@ def simplified_newton(model: Model, guess: State, free: tuple[Load, ...] = (),
     state = replace(guess, positions=model.place(guess.positions, guess.plate))
     with np.errstate(all="ignore"):
         if tangent is None or tangent.free != free:
-            if not settings.spend(model.unknowns):
+            if not settings.spend(tangent_work(model)):
                 return None
             tangent, forces = tangent_at(model, state, free, constraints)
         else:
@@ -229,7 +239,7 @@ def simplified_newton(model: Model, guess: State, free: tuple[Load, ...] = (),
     for iteration in range(1, _SIMPLIFIED + 1):
         if tangent is None or not np.isfinite(forces).all():
             return None
-        settings.spend(_CORRECTION * model.unknowns)
+        settings.spend(_CORRECTION * tangent_work(model))
         misses = [constraint(model, state).miss for constraint in constraints]
         residual = model.residual(forces, state)
         motion, loads = tangent.correct(residual, misses)

@@ -8,7 +8,14 @@ from itertools import chain, dropwhile
 
 from tympan.fem.equilibrium.arc_length import ArcSettings, Branch, PathPoint
 from tympan.fem.equilibrium.constraints import difference, length
-from tympan.fem.equilibrium.newton import EXHAUSTED, LIGHTER, WORK, Budget, NewtonSettings
+from tympan.fem.equilibrium.newton import (
+    EXHAUSTED,
+    LIGHTER,
+    WORK,
+    Budget,
+    NewtonSettings,
+    tangent_work,
+)
 from tympan.fem.equilibrium.subspace import SmoothSubspace
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import Load, State
@@ -61,7 +68,7 @@ class PathSettings:
             return self
         work, tangents = (WORK * _FOLLOWED, _TANGENTS * max(_FOLLOWED_FAR, loads)) if followed \
             else (WORK, _TANGENTS)
-        budget = Budget(max(work, tangents * model.unknowns))
+        budget = Budget(max(work, tangents * tangent_work(model)))
         return replace(self, newton=replace(self.newton, budget=budget))
 
     @property

@@ -20,6 +20,7 @@ from tympan.geometry.outlines import Circle
 from tympan.geometry.specimen import Electrode, Film, Plate, Specimen
 from tympan.studies.case import Case, Limit, Limits, Settings, equilibrate, solve
 from tympan.studies.limits import curve, limits, solve_within
+from tympan.studies.limits.voltages import first_limit
 from tympan.studies.path import path
 
 MASS = 58e-3
@@ -51,7 +52,7 @@ def test_every_mesh_has_it_where_the_equations_do(exact: float, refine: float) -
     assert gone is not None
     assert exact == pytest.approx(5240.157, rel=1e-6)
     assert gone.voltage_V == pytest.approx(exact, rel=2e-4)
-    assert abs(gone.voltage_V / exact - 1) < 2 * gone.spread < 1e-3
+    assert abs(gone.voltage_V / exact - 1) < gone.spread < 2e-3
     assert np.hypot(gone.x_m, gone.y_m) == pytest.approx(7.3e-3)
     # What such a film would do beyond depends on the mesh, and is not told.
     assert reached.reached == (gone,)
@@ -237,3 +238,17 @@ decay = "1 mm"
         assert "weight and magnet pull the plate in before any voltage: 0.0981 N is more" in text
         assert "(0.0382 N); without magnet it carries that" in text
         assert "no pull-in" not in text
+
+
+def test_another_branch_beyond_tension_does_not_hide_where_it_is_lost() -> None:
+    # On this mesh Newton's method finds other wrinkled films beyond, and from them others before.
+    film = Film(0.628e-3, (2.4544482934100973, 2.967385470774509), NeoHooke(20e3), 4.0)
+    plate = Plate(Circle(15.82020800965995e-3), (-5.458851084900788e-3, -5.615582095129661e-3))
+    specimen = Specimen("bands", Circle(44.97643380773953e-3), plate, film, Electrode(
+        4.264932672206591e-3, 2.1324663361032953e-3))
+    case = Case(specimen, mass=11.567755181364974e-3)
+    rough, fine = (first_limit(case, refined(factor)) for factor in (1.0, 2.0))
+    assert rough is not None
+    assert fine is not None
+    assert rough.kind == fine.kind == "tension"
+    assert abs(rough.voltage_V / fine.voltage_V - 1) < rough.spread < 2e-3
