@@ -11,7 +11,7 @@ from benchmarks.trials.extreme_films import MESH, design, faults_of, judged, stu
 from benchmarks.trials.robustness import write_section
 from tests.support.specimens import circular, elliptical
 from tympan.fem.equilibrium import newton, path_following
-from tympan.fem.equilibrium.newton import EXHAUSTED, Budget, NewtonSettings
+from tympan.fem.equilibrium.newton import EXHAUSTED, Budget, NewtonSettings, tangent_work
 from tympan.fem.equilibrium.path_following import PathSettings
 from tympan.fem.equilibrium.solve import equilibrium
 from tympan.fem.equilibrium.tangent import Tangent
@@ -55,7 +55,7 @@ def test_films_that_did_not_end_have_few_elements_and_an_answer(name: str) -> No
 def test_a_search_ends_when_its_work_is_done_and_says_how_far_it_came() -> None:
     model = build_model(circular(), Settings(MeshSettings(order=2)))
     few = PathSettings(first=0.01)
-    budget = Budget(4.5 * model.unknowns)
+    budget = Budget(4.5 * tangent_work(model))
     bounded = replace(few, newton=replace(few.newton, budget=budget))
     outcome = equilibrium(model, 0.2, 3000.0, settings=bounded)
     assert budget.spent
@@ -63,7 +63,7 @@ def test_a_search_ends_when_its_work_is_done_and_says_how_far_it_came() -> None:
     assert outcome.advice.startswith(EXHAUSTED)
     assert f"{outcome.state.force:.4g} N on the plate of 0.2 N" in outcome.advice
     assert 0 < outcome.state.force < 0.2
-    again = replace(few, newton=replace(few.newton, budget=Budget(4.5 * model.unknowns)))
+    again = replace(few, newton=replace(few.newton, budget=Budget(4.5 * tangent_work(model))))
     assert equilibrium(model, 0.2, 3000.0, settings=again).state.force == outcome.state.force
     assert equilibrium(model, 0.2, 3000.0, settings=few).status == "equilibrium"
 
@@ -105,7 +105,7 @@ def test_whatever_a_lumped_model_lacks_work_for_is_said(tangents: int) -> None:
     model = build_model(elliptical(60e-3), settings)
 
     def within(tangents: int) -> Settings:
-        budget = Budget(tangents * model.unknowns)
+        budget = Budget(tangents * tangent_work(model))
         few = replace(settings.path, newton=replace(settings.path.newton, budget=budget))
         return replace(settings, path=few)
 
@@ -122,7 +122,7 @@ def test_a_reduced_film_says_what_it_lacks_work_for(tangents: int) -> None:
                         Settings(MeshSettings(order=2)))
 
     def within(tangents: int) -> PathSettings:
-        budget = Budget(tangents * model.unknowns)
+        budget = Budget(tangents * tangent_work(model))
         return PathSettings(newton=NewtonSettings(budget=budget))
 
     with pytest.raises(InputError, match=EXHAUSTED):
