@@ -31,9 +31,9 @@ _TANGENTS = 40
 #: How many times that work the search for a film's limits may take: it follows a whole branch. Set
 #: by trial.
 _FOLLOWED = 2.0
-#: How many times those tangents a large film may take in it, if not more loads ask for more. Set by
-#: trial.
-_FOLLOWED_FAR = 8.0
+#: How many times those tangents a large film may take in it, if not more loads ask for more: limits
+#: of 13 random films took 45 to 142 tangents.
+_FOLLOWED_FAR = 6.0
 
 
 @dataclass(frozen=True)
