@@ -24,9 +24,11 @@ def file_bytes(file: Path | str, most: int = STORED) -> bytes:
     """
     file = Path(file)
     try:
-        if stat.S_ISREG(file.stat().st_mode) or file.is_dir():
+        state = file.stat()
+        if stat.S_ISREG(state.st_mode) or file.is_dir():
             with file.open("rb") as stream:
-                content = stream.read(most + 1)
+                # Room for all that it asks is taken at once; what a system makes says it has none.
+                content = stream.read(min(state.st_size or most, most) + 1)
         else:
             content = None
     except OSError as error:

@@ -10,9 +10,10 @@ from __future__ import annotations
 import hashlib
 import math
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
-from functools import cache
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cache, cached_property, partial
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tympan.geometry.errors import InputError, did_you_mean
-from tympan.geometry.read_file import file_bytes
+from tympan.geometry.read_file import STORED, file_bytes
 from tympan.geometry.toml_reader import FINITE, Rule
 from tympan.geometry.units import any_quantity, bounded, quantity, unit_factor
 from tympan.studies.files import read_text, write_csv
@@ -36,6 +37,11 @@ from tympan.studies.formats import (
 
 #: How a reading that was not made is written.
 _NOTHING_READ = ("", "-", "–", "n/a", "na")
+
+#: Rows of a table that are texts at a time: as numbers they take a tenth of the memory.
+_TOGETHER = 10_000
+#: Most bytes of a table of our own, whose rows are bounded where they are made: names may be long.
+_OWN = 4 * STORED
 
 #: So much of a line is shown.
 _SHOWN = 80
@@ -131,8 +137,8 @@ class Sheet:
 
     Columns are attributes too, as in pandas: ``sheet.mass`` is ``sheet["mass"]``. ``sha256`` is of
     the bytes read, ``line`` the line of each row (the first of a file is 1), ``titles`` the names
-    of the columns as written, ``places`` where each stands, ``cells`` the rows as written, without
-    blanks around the cells. Of a ``wide`` table, which was unfolded, several rows have one line.
+    of the columns as written, ``places`` where each stands. ``rows`` makes the rows as written,
+    that of the titles first. Of a ``wide`` table, which was unfolded, several rows have one line.
     """
 
     file: Path
@@ -141,7 +147,7 @@ class Sheet:
     values: dict[str, NDArray[Any]]
     titles: tuple[str, ...]
     places: dict[str, int]
-    cells: list[list[str]]
+    rows: Callable[[], Iterable[Row]]
     wide: bool = False
 
     def __len__(self) -> int:
@@ -156,17 +162,24 @@ class Sheet:
             raise AttributeError(name)
         return values[name]
 
+    @cached_property
+    def cells(self) -> list[list[str]]:
+        """The rows as written, without blanks around the cells."""
+        return [cells for _, cells in self.rows()][1:]
+
     def error(self, row: int, name: str, allowed: str) -> InputError:
         """An error about one cell."""
-        place, cells = self.places[name], self.cells[row]
+        cells = next(islice(self.rows(), row + 1, None))[1]
+        return self.error_in(int(self.line[row]), cells, name, allowed)
+
+    def error_in(self, line: int, cells: Sequence[str], name: str, allowed: str) -> InputError:
+        """An error about one cell of a row that was read just now."""
+        place = self.places[name]
         column = f"column {place + 1} ({self.titles[place]})"
         if self.wide:
             load = f"{float(cells[self.places['mass']]) * 1e3:g} g"
             column = f"{cells[self.places['specimen']]} {load} {self.titles[place]}"
-        return InputError(allowed, file=self.file, given=cells[place],
-                          key=f"line {self.line[row]}, {column}")
-
-
+        return InputError(allowed, file=self.file, given=cells[place], key=f"line {line}, {column}")
 def read_sheet(file: Path | str, columns: Sequence[Column]) -> Sheet:
     """Read a table that may have the given columns, and no others, in any of the formats.
 
@@ -174,57 +187,83 @@ def read_sheet(file: Path | str, columns: Sequence[Column]) -> Sheet:
     :class:`InputError` names line and column of what cannot be used, what was given and what is
     allowed.
     """
-    sheet = _read(Path(file), columns, read_rows)
+    file = Path(file)
+    raw = file_bytes(file)
+    rows: Callable[[], Iterable[Row]] = partial(read_rows, file, raw)
+    wide = False
+    if any(column.name == "specimen" for column in columns):
+        lines = list(rows())
+        long = unfolded(file, lines)
+        wide = long is not None
+        rows = partial(iter, lines if long is None else long)
+    sheet = _read(file, raw, columns, rows, wide)
     if not len(sheet):
         raise InputError("has no readings below the names of its columns", file=sheet.file)
     return sheet
 
 
-def _read(file: Path, columns: Sequence[Column],
-          rows_of: Callable[[Path, bytes], list[Row]]) -> Sheet:
-    """A table that may have no rows."""
-    raw = file_bytes(file)
-    lines = rows_of(file, raw)
-    long = unfolded(file, lines) if any(column.name == "specimen" for column in columns) else None
-    lines = lines if long is None else long
-    if not lines:
+def _read(file: Path, raw: bytes, columns: Sequence[Column], rows: Callable[[], Iterable[Row]],
+          wide: bool = False) -> Sheet:
+    """A table that may have no rows; of many, so many are in memory as texts at a time."""
+    below = iter(rows())
+    first = next(below, None)
+    if first is None:
         raise InputError("is empty: a first line with the names of the columns is needed",
                          file=file)
-    (top, titles), *rows = lines
+    top, titles = first
     header = _header(file, top, titles, columns)
-    for line, row in rows:
-        if len(row) != len(titles):
-            comma = "; a decimal comma splits a number: write decimal points"
-            more = comma if len(row) > len(titles) else ""
-            raise InputError(f"must have {len(titles)} cells, as the first line has{more}",
-                             file=file, key=f"line {line}", given=f"{len(row)} cells")
-    places = np.array([line for line, _ in rows], np.int64)
-    sheet = Sheet(file, hashlib.sha256(raw).hexdigest(), places,
-                  {column.name: np.full(len(rows), column.blank) for column in columns},
-                  tuple(titles), {column.name: place for place, (column, _) in enumerate(header)},
-                  [row for _, row in rows], wide=long is not None)
-    for place, (column, factor) in enumerate(header):
-        values = []
-        for number, (_, row) in enumerate(rows):
-            try:
-                values.append(column.value(row[place], factor))
-            except InputError as error:
-                raise sheet.error(number, column.name, error.allowed) from None
-        sheet.values[column.name] = np.array(values, None if values else type(column.blank))
-    return sheet
+    places = {column.name: place for place, (column, _) in enumerate(header)}
+    sheet = Sheet(file, hashlib.sha256(raw).hexdigest(), np.zeros(0, np.int64), {}, tuple(titles),
+                  places, rows, wide)
+    lines, parts = [sheet.line], [list[NDArray[Any]]() for _ in header]
+    while batch := list(islice(below, _TOGETHER)):
+        for line, cells in batch:
+            if len(cells) != len(titles):
+                comma = "; a decimal comma splits a number: write decimal points"
+                more = comma if len(cells) > len(titles) else ""
+                raise InputError(f"must have {len(titles)} cells, as the first line has{more}",
+                                 file=file, key=f"line {line}", given=f"{len(cells)} cells")
+        lines.append(np.array([line for line, _ in batch], np.int64))
+        for place, (column, factor) in enumerate(header):
+            parts[place].append(_values(sheet, batch, place, column, factor))
+    stood = np.concatenate(lines)
+    values = {column.name: np.full(len(stood), column.blank) for column in columns}
+    values |= {column.name: np.concatenate(parts[place])
+               for place, (column, _) in enumerate(header) if parts[place]}
+    return replace(sheet, line=stood, values=values)
+
+
+def _values(sheet: Sheet, rows: Sequence[Row], place: int, column: Column, factor: float
+            ) -> NDArray[Any]:
+    """A column's values in some rows."""
+    values = []
+    for line, cells in rows:
+        try:
+            values.append(column.value(cells[place], factor))
+        except InputError as error:
+            raise sheet.error_in(line, cells, column.name, error.allowed) from None
+    return np.array(values)
 
 
 def write_sheet(file: Path, columns: Sequence[Column], values: Mapping[str, Any]) -> None:
     """Write a CSV file of these columns from SI values by name, shape (rows,) each."""
-    cells = [column.texts(values[column.name]) for column in columns]
-    write_csv(file, [column.title for column in columns], zip(*cells, strict=True))
+    arrays = [np.asarray(values[column.name]) for column in columns]
+
+    def rows() -> Iterator[tuple[str, ...]]:
+        for begin in range(0, max(map(len, arrays), default=0), _TOGETHER):
+            cells = (column.texts(array[begin:begin + _TOGETHER].tolist())
+                     for column, array in zip(columns, arrays, strict=True))
+            yield from zip(*cells, strict=True)
+
+    write_csv(file, [column.title for column in columns], rows())
 
 
 def read_own_sheet(file: Path, columns: Sequence[Column]) -> dict[str, NDArray[Any]]:
     """SI values by column name of a file that :func:`write_sheet` wrote; it may have no rows."""
-    if not read_text(file).endswith("\n"):
+    if not read_text(file, _OWN).endswith("\n"):
         raise InputError("is cut short: run the command that wrote the folder again", file=file)
-    return _read(file, columns, text_rows).values
+    raw = file_bytes(file, _OWN)
+    return _read(file, raw, columns, partial(text_rows, file, raw)).values
 
 
 def _header(file: Path, line: int, titles: Sequence[str],

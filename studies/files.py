@@ -7,7 +7,6 @@ message that names it.
 from __future__ import annotations
 
 import csv
-import io
 import json
 import tomllib
 import types
@@ -23,7 +22,7 @@ import numpy as np
 from tympan.geometry.errors import InputError
 from tympan.geometry.process.folder import is_own, put, temporary_beside
 from tympan.geometry.process.interruption import raise_again
-from tympan.geometry.read_file import file_text
+from tympan.geometry.read_file import STORED, file_text
 
 T = TypeVar("T")
 
@@ -79,19 +78,21 @@ def write_json(file: Path, value: Any) -> None:
 
 def write_csv(file: Path, header: Iterable[str], rows: Iterable[Iterable[object]]) -> None:
     """Write a CSV file atomically; floats with the digits that read back to 12 places."""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(header)
-    writer.writerows([f"{cell:.12g}" if isinstance(cell, float) else cell for cell in row]
-                     for row in rows)
-    write_text(file, text.getvalue())
+    def write(path: Path) -> None:
+        with path.open("w", encoding="utf-8", newline="") as stream:
+            writer = csv.writer(stream, lineterminator="\n")
+            writer.writerow(header)
+            writer.writerows([f"{cell:.12g}" if isinstance(cell, float) else cell for cell in row]
+                             for row in rows)
+
+    write_atomically(file, write)
 
 
-def read_text(file: Path) -> str:
-    """The text of a result in UTF-8."""
+def read_text(file: Path, most: int = STORED) -> str:
+    """The text of a result in UTF-8, of no more than so many bytes."""
     if not file.exists():
         raise InputError("is missing: run the command that wrote the folder again", file=file)
-    return file_text(file)
+    return file_text(file, most)
 
 
 def words_beside(module: str) -> dict[str, str]:

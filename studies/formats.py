@@ -15,7 +15,7 @@ import re
 import warnings
 import zipfile
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -53,7 +53,8 @@ _CONTROL = re.compile(r"[\x00-\x08\x0e-\x1f\x7f]")
 
 #: Most columns of a table, the specimens of a wide one and more.
 _MOST_COLUMNS = 1000
-#: Most cells of a table: 2 million samples in five columns, 1 GB of memory.
+#: Most cells of a table: 2 million samples in five columns. A table of specimens takes 1 GB of
+#: memory, any other a tenth of that.
 _MOST_CELLS = 10_000_000
 #: Most rows of a workbook; an empty row costs nothing in its file.
 _MOST_ROWS = 300_000
@@ -81,7 +82,8 @@ class Format:
     """Files whose names end with ``suffix``, a dot and small letters.
 
     ``rows(file, content)`` are those of the bytes of a file, which it names in errors; the first
-    has the names of the columns. ``explanation`` is one sentence for someone in the laboratory.
+    has the names of the columns. They may be made one by one. ``explanation`` is one sentence for
+    someone in the laboratory.
     Formats that share a suffix have a ``name`` each, and all but one of them say which files are
     theirs: ``claims(file, content)``. ``table``: the file of a dataset, such as coupon.csv, for
     which those stand whatever their names.
@@ -89,7 +91,7 @@ class Format:
 
     suffix: str
     explanation: str
-    rows: Callable[[Path, bytes], list[Row]]
+    rows: Callable[[Path, bytes], Iterable[Row]]
     name: str = ""
     claims: Callable[[Path, bytes], bool] | None = None
     table: str = ""
@@ -114,7 +116,7 @@ def format_of(file: Path, content: bytes) -> Format | None:
     return next(iter([*claiming, *(kind for kind in able if kind.claims is None)]), None)
 
 
-def read_rows(file: Path, content: bytes) -> list[Row]:
+def read_rows(file: Path, content: bytes) -> Iterable[Row]:
     """The rows of a file by its format, or as text where it has none."""
     kind = format_of(file, content)
     return (text_rows if kind is None else kind.rows)(file, content)
@@ -169,7 +171,7 @@ def first_line(content: bytes) -> str:
     return _SEP_LINE.sub("", text, 1).partition("\n")[0]
 
 
-def text_rows(file: Path, content: bytes) -> list[Row]:
+def text_rows(file: Path, content: bytes) -> Iterator[Row]:
     """Rows of text with commas, semicolons or tabs between cells, or what ``sep=`` names.
 
     Where no comma stands between them, it may stand in numbers. Blank lines are skipped; encodings
@@ -185,23 +187,40 @@ def text_rows(file: Path, content: bytes) -> list[Row]:
         raise _too_many(file, columns, _MOST_COLUMNS, "columns")
     if (cells := text.count(mark) + text.count("\n")) > _MOST_CELLS:
         raise _too_many(file, cells, _MOST_CELLS, "cells")
-    reader = csv.reader(io.StringIO(text), delimiter=mark, skipinitialspace=True, strict=True)
-    rows, begin = [], 1
-    try:
-        for row in reader:
-            cells_of = [cell.strip() for cell in row]
-            if any(cells_of):
-                rows.append((begin, cells_of))
-            begin = reader.line_num + 1
-    except csv.Error as error:
-        raise InputError(f"is not comma-separated text: {error}; is a quotation mark left open?",
-                         file=file, key=f"line {begin}") from None
+    if mark == "," and not _ROUND.search(text):
+        yield from _split(file, text, mark)
+        return
+    rows = list(_split(file, text, mark))
     if mark != ",":
         _check_marks(file, rows)
     if _ROUND.search(text):
         _check_rounds(file, rows)
-    return rows if mark == "," else [(line, [decimal_point(cell) for cell in row])
-                                     for line, row in rows]
+    for line, row in rows:
+        yield line, row if mark == "," else [decimal_point(cell) for cell in row]
+
+
+def _split(file: Path, text: str, mark: str) -> Iterator[Row]:
+    """Rows of text that a mark splits, without those that are blank."""
+    reader = csv.reader(_lines(text), delimiter=mark, skipinitialspace=True, strict=True)
+    begin = 1
+    try:
+        for row in reader:
+            cells = [cell.strip() for cell in row]
+            if any(cells):
+                yield begin, cells
+            begin = reader.line_num + 1
+    except csv.Error as error:
+        raise InputError(f"is not comma-separated text: {error}; is a quotation mark left open?",
+                         file=file, key=f"line {begin}") from None
+
+
+def _lines(text: str) -> Iterator[str]:
+    """Lines with their ends; all at once, or a stream of text, would take four times its memory."""
+    begin = 0
+    while begin < len(text):
+        end = text.find("\n", begin) + 1 or len(text)
+        yield text[begin:end]
+        begin = end
 
 
 def _too_many(file: Path, count: int, most: int, things: str) -> InputError:

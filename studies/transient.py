@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import time
-from dataclasses import KW_ONLY, dataclass, field, replace
+from array import array
+from collections.abc import Callable
+from dataclasses import KW_ONLY, astuple, dataclass, field, replace
 from itertools import islice
 from math import inf
 from pathlib import Path
@@ -68,6 +70,9 @@ _DOUBT = 2.0
 
 #: A film deflects more where by more than this factor: at rest it does so by rounding alone.
 _MORE = 1 + 1e-6
+
+#: Numbers that are kept of each moment.
+_NUMBERS = 6
 
 #: What of a rig shifts readings on their way up or down, at rest alone.
 _AT_REST = ("friction", "lag_voltage")
@@ -155,8 +160,11 @@ class History:
         return in_time(self.time, values, when)
 
 
-def history(case: TransientCase, settings: Settings, films: tuple[float, ...] = ()) -> History:
+def history(case: TransientCase, settings: Settings, films: tuple[float, ...] = (),
+            progress: Callable[[float], None] = lambda share: None) -> History:
     """The motion of a film, with its fields at some times [s].
+
+    ``progress`` is called with the share of the signal that is over.
 
     Raises
     ------
@@ -165,9 +173,11 @@ def history(case: TransientCase, settings: Settings, films: tuple[float, ...] = 
     """
     transient, state, memory = begun(case, settings)
     model = transient.model
-    record, past, slack, stopped = list[tuple[float, ...]](), list[Moment](), None, None
+    past, slack, stopped = list[Moment](), None, None
+    # Numbers alone: a signal read from a table may have millions of moments.
+    record, energies = array("d"), array("d")
     farthest: Moment | None = None
-    energies, before = list[Energy](), Energy.of(transient, Moment(0.0, state, memory))
+    before = Energy.of(transient, Moment(0.0, state, memory))
     wanted, pictures = sorted(films), dict[float, FilmSurface]()
     try:
         for moment in transient.moments(state, memory):
@@ -175,8 +185,9 @@ def history(case: TransientCase, settings: Settings, films: tuple[float, ...] = 
             past = [moment] if jumped else [*past[-2:], moment]
             if farthest is None or _deflected(moment) > _MORE * _deflected(farthest):
                 farthest = moment
-            record.append(_numbers(model, moment))
-            energies.append(Energy.of(transient, moment))
+            record.extend(_numbers(model, moment))
+            energies.extend(astuple(Energy.of(transient, moment)))
+            progress(moment.time / case.signal.end)
             if slack is None and not model.in_tension(moment.state):
                 slack = moment.time
             while wanted and wanted[0] <= moment.time:
@@ -187,8 +198,9 @@ def history(case: TransientCase, settings: Settings, films: tuple[float, ...] = 
     if farthest is None:
         reason = "the film has no equilibrium at once after the mass is put on"
         raise InputError(case.highest.doubted(reason), key="mass", given=f"{case.mass:g} kg")
-    balance = EnergyBalance.of(energies, before)
-    times, deflection, voltage, capacitance, tilt, current = np.array(record).T
+    moments = np.frombuffer(record).reshape(-1, _NUMBERS)
+    balance = EnergyBalance.of(np.frombuffer(energies).reshape(len(moments), -1), before)
+    times, deflection, voltage, capacitance, tilt, current = moments.T.copy()
     if not transient.circuit.resistance:  # the source charges the film at once
         current = rates(times, capacitance * voltage)
     return History(times, deflection, voltage, capacitance, tilt, current, state.plate.deflection,
@@ -282,6 +294,7 @@ def begun(case: TransientCase, settings: Settings) -> tuple[Transient, State, Me
 
 
 def _numbers(model: Model, moment: Moment) -> tuple[float, ...]:
+    """What is kept of every moment, :data:`_NUMBERS` of them."""
     state = moment.state
     return (moment.time, state.plate.deflection, float(np.sqrt(state.voltage_squared)),
             float(model.capacitance(state)), state.plate.tilt, moment.current)
@@ -310,13 +323,16 @@ class TransientResult(SimulationResult):
 
 
 def respond(case: TransientCase, settings: Settings, interval: float, period: float | None = None,
-            step: bool = False, films: tuple[float, ...] = ()) -> tuple[SampledResponse, History]:
+            step: bool = False, films: tuple[float, ...] = (),
+            progress: Callable[[float], None] = lambda share: None
+            ) -> tuple[SampledResponse, History]:
     """What a film does, sampled with an interval [s].
 
     ``period`` is its signal's [s] if it has one; ``step`` says that the signal is a step.
+    ``progress`` is called with the share of the signal that is over.
     """
     began = time.perf_counter()
-    done = history(case, settings, films)
+    done = history(case, settings, films, progress)
     when = np.linspace(0.0, done.end, max(2, round(done.end / interval) + 1))
     deflection = done.at(done.deflection, when)
     (low_s, low), (high_s, high) = extremes(done.time, done.deflection)

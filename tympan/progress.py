@@ -9,6 +9,8 @@ from contextlib import contextmanager
 from typing import Any
 
 _EVERY = 30.0  #: seconds between lines in a log
+#: Of a share of a step that is shown.
+_DIGITS = 2
 _FORMAT = "{l_bar}{bar}| {n_fmt}/{total_fmt} [{elapsed}<{remaining}]"
 
 
@@ -21,20 +23,26 @@ def _bar(total: int, **settings: Any) -> Any:
 
 
 @contextmanager
-def bar(total: int) -> Iterator[Callable[[str], None]]:
-    """Yields a function to call at the start of each of ``total`` steps with what is being done."""
-    with _bar(total, bar_format=f"{_FORMAT} {{postfix}}") as progress:
-        started = False
+def bar(total: int) -> Iterator[Callable[..., None]]:
+    """Yields a function to call at the start of each of ``total`` steps with what is being done.
 
-        def step(words: str) -> None:
-            nonlocal started
-            if started:
-                progress.update()
-            started = True
-            progress.set_postfix_str(words)
+    ``share``: how much of a long step is over, as it goes on.
+    """
+    with _bar(total, bar_format=f"{_FORMAT} {{postfix}}", miniters=0) as progress:
+        begun = 0
+
+        def step(words: str = "", share: float | None = None) -> None:
+            nonlocal begun
+            if share is None:
+                begun += 1
+                progress.n = begun - 1
+                progress.set_postfix_str(words)
+            else:
+                progress.n = begun - 1 + round(share, _DIGITS)
+                progress.update(0)
 
         yield step
-        progress.update()
+        progress.update(begun - progress.n)
 
 
 @contextmanager

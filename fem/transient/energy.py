@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
+from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
@@ -78,10 +79,8 @@ class EnergyBalance:
     unexplained_J: float
 
     @classmethod
-    def of(cls, energies: list[Energy], before: Energy) -> EnergyBalance:
-        """From its state before the first moment on."""
-        every = np.array([[getattr(energy, item.name) for item in fields(Energy)]
-                          for energy in energies])
+    def of(cls, every: Array, before: Energy) -> EnergyBalance:
+        """From its state before the first moment on; a row of ``every`` are an energy's fields."""
         starts = np.flatnonzero(np.diff(every[:, 0]) == 0) + 1
         electrical = heat = smooth = 0.0
         for piece in np.split(every, starts):
@@ -90,13 +89,14 @@ class EnergyBalance:
             electrical, heat = electrical + charging, heat + dissipated
             smooth += change[6] + charging - dissipated - change[1] - change[2]
         jumps = 0.0
-        ends = [before, *(energies[start - 1] for start in starts)]
-        for end, start in zip(ends, (energies[number] for number in [0, *starts]), strict=True):
+        ends = chain([before], (Energy(*every[start - 1]) for start in starts))
+        for end, start in zip(ends, (Energy(*every[number]) for number in [0, *starts]),
+                              strict=True):
             charging = start.voltage * (start.charge - end.charge)
             electrical += charging
             jumps += (charging + (start.work - end.work)
                       - (start.stored - end.stored) - (start.kinetic - end.kinetic))
-        last = energies[-1]
+        last = Energy(*every[-1])
         return cls(load_work_J=last.work - before.work,
                    electrical_work_J=electrical, stored_J=last.stored - before.stored,
                    kinetic_J=last.kinetic - before.kinetic, heat_J=heat, jumps_J=jumps,

@@ -419,9 +419,10 @@ class Transient:
     @cached_property
     def _highest(self) -> float:
         """The source's highest voltage at the breaks of its signal [V]."""
-        ends = [abs(float(self.signal.within(piece, time)))
-                for piece, times in enumerate(pairwise(self.signal.breaks)) for time in times]
-        return max(*ends, _NO_VOLTAGE)
+        breaks = self.signal.breaks
+        pieces = np.arange(len(breaks) - 1)
+        ends = [self.signal.within(pieces, times) for times in (breaks[:-1], breaks[1:])]
+        return max(float(np.abs(ends).max()), _NO_VOLTAGE)
 
     @property
     def _damping(self) -> Array:

@@ -36,6 +36,8 @@ _CLOSE = 1e-7  # [m]: from a change so small Newton's next step, the one with de
 #: Most of Newton's iterations over a whole mesh. If they do not end by then, halves of it are
 #: solved one after the other.
 _NEWTON = 12
+#: Fewest of them, the last of which changes nothing.
+_PASSES = 2
 #: Most meshes, each made by the errors on the one before. Set by trial.
 _ROUNDS = 8
 
@@ -166,6 +168,13 @@ class CollocationSolver:
             time = self._moved(motion, errors, _GROWTH if number < _ROUNDS // 2 else 1.0)
         return motion
 
+    def check(self, steps: int) -> None:
+        """Refuse what takes too much, if so many more steps do."""
+        if self.evaluations + _PASSES * len(_C) * steps > self.most:
+            raise InputError("takes too many steps: make it shorter or with fewer bends",
+                             key="signal", given=f"{len(self.signal.breaks)} bends in "
+                                                 f"{self.signal.end:g} s")
+
     def _guess(self, mesh: _Mesh, constants: Array | None) -> Array | None:
         last = self.last
         if last is None or last.time[0] != mesh.time[0] or last.time[-1] != mesh.time[-1]:
@@ -194,10 +203,7 @@ class CollocationSolver:
         before = np.inf
         for _ in range(_NEWTON):
             self.evaluations += stages.shape[0] * stages.shape[1]
-            if self.evaluations > self.most:
-                raise InputError("takes too many steps: make it shorter or with fewer bends",
-                                 key="signal", given=f"{len(self.signal.breaks)} bends in "
-                                                     f"{self.signal.end:g} s")
+            self.check(0)
             nodes, new = _passed(mesh, stages, start[:, None], np.zeros((*stages.shape, 0)))
             change = float(np.abs(new[..., 0, 0] - stages[..., 0]).max())
             if not np.isfinite(new).all() or change > max(10 * before, mesh.actuator.reach):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -56,12 +56,14 @@ def _deflections(motions: Sequence[ReducedMotion], when: Array) -> Array:
     return in_time(time, heaves, when).T
 
 
-def _followed(motion: ReducedMotion) -> tuple[list[ReducedMoment], float | None]:
+def _followed(motion: ReducedMotion, progress: Callable[[float], None] = lambda share: None
+              ) -> tuple[list[ReducedMoment], float | None]:
     """The moments of a motion, and when the film pulled in [s], None where it does not."""
-    moments = list[ReducedMoment]()
+    moments, end = list[ReducedMoment](), float(motion.signal.breaks[-1])
     try:
         for moment in motion.moments():
             moments.append(moment)
+            progress(moment.time / end)
     except PulledIn as ending:
         return moments, ending.time
     return moments, None
@@ -91,11 +93,12 @@ def film_motion(film: ReducedFilm, signal: Signal, mass: float, rig: Rig = Rig()
 
 
 def film_response(model: LumpedModel, signal: Signal, mass: float, rig: Rig, interval: float,
-                  period: float | None = None, step: bool = False, inertia: bool = False
-                  ) -> SampledResponse:
+                  period: float | None = None, step: bool = False, inertia: bool = False,
+                  progress: Callable[[float], None] = lambda share: None) -> SampledResponse:
     """The response of a model with a film in time, sampled with an interval [s].
 
     ``period`` is its signal's [s] if it has one; ``step`` says that the signal is a step.
+    ``progress`` is called with the share of the signal that is over.
     """
     assert model.film is not None
     motion = film_motion(model.film, signal, mass, rig, inertia, budget=Budget(WORK))
@@ -103,7 +106,7 @@ def film_response(model: LumpedModel, signal: Signal, mass: float, rig: Rig, int
     case = Case(model.specimen, mass=mass, voltage=signal.peak, rig=rig)
     warnings = [*case.remarks]
     try:
-        moments, stopped = _followed(motion)
+        moments, stopped = _followed(motion, progress)
     except NoBalance:
         reason = "must have an equilibrium under the signal's first voltage"
         raise InputError(case.doubted(reason), key="mass", given=f"{mass:g} kg") from None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from itertools import pairwise
@@ -43,7 +43,10 @@ _SETTLED = 0.05
 _SAMPLES = 400  # of a period
 _WITHIN = 8  # times of a step at which extremes are sought
 _SHORTEST = 1e-9  # [s]: a film that cannot be followed for so long is gone
-_MOST = 2_000_000
+#: Samples of one file: with its nine columns it stays within what a table may have.
+_MOST = 1_000_000
+#: Samples that are computed at once.
+_TOGETHER = 100_000
 _WORK = 10_000_000  # evaluations of the rates: the better part of a minute
 _LIGHTEST = 1e-6  # [kg]
 #: A loop that drifts by less than this share of its range counts as closed.
@@ -92,16 +95,19 @@ class Response:
 
     def deflection(self, time: Array) -> Array:
         """y at times [m]."""
-        return np.asarray(self.state(time)[:, 0])
+        parts = np.array_split(time, len(time) // _TOGETHER + 1)
+        return np.concatenate([self.state(part)[:, 0] for part in parts])
 
     @property
     def extremes(self) -> tuple[float, float]:
         """The smallest and the largest deflection [m], between samples too."""
         shares = np.linspace(0.0, 1.0, _WITHIN, endpoint=False)
-        dense = [(motion.time[:-1, None] + np.diff(motion.time)[:, None] * shares).ravel()
-                 for motion in self.motions]
-        y = self.deflection(np.append(np.concatenate([*dense, [0.0]]).clip(0, self.end), self.end))
-        return float(y.min()), float(y.max())
+        ends: list[Array] = [self.deflection(np.array([0.0, self.end]))]
+        for motion in self.motions:
+            times = (motion.time[:-1, None] + np.diff(motion.time)[:, None] * shares).ravel()
+            y = motion.deflection(times.clip(0, self.end))[0]
+            ends.append(np.array([y.min(), y.max()]))
+        return float(np.min(ends)), float(np.max(ends))
 
     def last_period(self, period: float) -> tuple[Array, Array]:
         """Voltages [V] and deflections [m] of the last whole period [s] of a sine."""
@@ -110,12 +116,14 @@ class Response:
 
 
 def simulate(actuator: Actuator, signal: Signal, start: Array | None = None,
-             precision: float = _PRECISION) -> Response:
+             precision: float = _PRECISION,
+             progress: Callable[[float], None] = lambda share: None) -> Response:
     """The response to a signal, by default from rest at its first voltage, to a precision [m].
 
-    By collocation over many steps at once. A motion that leaves the model's reach ends there:
-    ``Response.drawn_in``. A signal beyond pull-in or the model's reach is refused: no rest holds
-    the film there. So is a mass next to nothing, and what would take minutes.
+    By collocation over many steps at once. ``progress`` is called with the share of the signal that
+    is over. A motion that leaves the model's reach ends there: ``Response.drawn_in``. A signal
+    beyond pull-in or the model's reach is refused: no rest holds the film there. So is a mass next
+    to nothing, and what would take minutes.
     """
     if actuator.moved < _LIGHTEST:
         raise InputError("must move at least 1 mg: the model has no mass but this, not the film's",
@@ -127,6 +135,7 @@ def simulate(actuator: Actuator, signal: Signal, start: Array | None = None,
                          given=f"{peak / 1e3:.5g} kV")
     state = actuator.rest(rest(actuator, signal.first)) if start is None else start
     solver = CollocationSolver(signal, precision, most=_WORK)
+    solver.check(len(signal.breaks) - 1)
     mesh = first_mesh(actuator, state, signal)
     ends, motions = [0.0], list[Motion]()
     steps, drawn_in = _WINDOW, None
@@ -148,6 +157,7 @@ def simulate(actuator: Actuator, signal: Signal, start: Array | None = None,
         mesh, steps, state = mesh[len(window) - 1:], _WINDOW, motion.nodes[-1]
         ends.append(float(window[-1]) if drawn_in is None else drawn_in)
         motions.append(motion)
+        progress(ends[-1] / signal.end)
     return Response(actuator, signal, np.array(ends), tuple(motions), solver.evaluations, drawn_in)
 
 
@@ -227,9 +237,12 @@ class SampledResponse:
     loop: pd.DataFrame | None = None
 
 
-def sample_count(end: float, interval: float) -> int:
-    """How many samples a response up to ``end`` gives with an interval [s], at most two million."""
-    if end / interval > _MOST:
+def sample_count(end: float, interval: float, runs: int = 1) -> int:
+    """How many samples a response up to ``end`` gives with an interval [s].
+
+    An :class:`InputError` where so many ``runs`` give more than a million.
+    """
+    if runs * end / interval > _MOST:
         raise InputError(f"would give more than {_MOST} samples", key="--interval",
                          given=f"{interval:g} s")
     return max(2, round(end / interval) + 1)

@@ -35,10 +35,15 @@ def in_time(time: Array, values: Array, when: Array) -> Array:
     beyond the last.
     """
     result = np.full((len(when), *values.shape[1:]), np.nan)
-    for part in _between_jumps(time):
-        times, last = time[part], part.stop == len(time)
-        within = (when >= times[0]) & ((when < times[-1]) | (last & (when <= times[-1])))
-        result[within] = spline(times, values[part])(when[within])
+    parts = _between_jumps(time)
+    starts = time[[part.start for part in parts]]
+    of = np.where(when <= time[-1], np.searchsorted(starts, when, "right") - 1, -1)
+    order = np.argsort(of, kind="stable")
+    ends = np.searchsorted(of[order], np.arange(len(parts) + 1))
+    for number in np.flatnonzero(np.diff(ends)).tolist():
+        within = order[ends[number]:ends[number + 1]]
+        part = parts[number]
+        result[within] = spline(time[part], values[part])(when[within])
     return result
 
 

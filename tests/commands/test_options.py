@@ -62,10 +62,10 @@ def test_a_signal_that_takes_too_long_is_one_message(tmp_path, monkeypatch, caps
         (tmp_path / "rough.csv").write_text(f"t_s,voltage_kV\n{rows}")
         monkeypatch.setattr("tympan.studies.lumped.simulate._WORK", 100_000)
         assert main(["lumped", "simulate", str(tmp_path / "soft.toml"), "--paper",
-                     "--signal", str(tmp_path / "rough.csv"), "--interval", "2 ms"]) == 2
+                     "--signal", str(tmp_path / "rough.csv"), "--interval", "4 ms"]) == 2
         said = capsys.readouterr().err
         assert ("signal: given '3000 bends in 2999 s': takes too many steps" if step == 1
-                else "--interval: given '0.002 s': would give more than 2000000 samples") in said
+                else "--interval: given '0.004 s': would give more than 1000000 samples") in said
 
 
 #: A film without plate.

@@ -186,7 +186,7 @@ def test_thousands_beside_whole_hundreds_are_refused(tmp_path: Path, mark: str) 
 def test_points_in_labels_are_no_decimal_marks(tmp_path: Path) -> None:
     text = LONG.replace(",", ";").replace(".", ",").replace(";repeat", ";order")
     text = text.replace("A;", "1.1;").replace("B;", "1.2;")
-    names = text_rows(Path("static.csv"), text.encode())
+    names = list(text_rows(Path("static.csv"), text.encode()))
     assert names[1][1][:2] == ["1.1", "17.9"]
 
 
@@ -211,8 +211,8 @@ ENCODINGS = ["utf-8", "utf-8-sig", "utf-16", "utf-16-le", "utf-16-be", "utf-32",
 def test_every_usual_encoding_is_read(tmp_path: Path, encoding: str, mark: str) -> None:
     """Among them Excel's Unicode text: tabs in UTF-16 with a byte-order mark."""
     text = LONG.replace("A,", "Größe µ,").replace(",", mark)
-    read_as = text_rows(Path("static.csv"), text.encode(encoding))
-    assert read_as == text_rows(Path("static.csv"), text.encode())
+    read_as = list(text_rows(Path("static.csv"), text.encode(encoding)))
+    assert read_as == list(text_rows(Path("static.csv"), text.encode()))
     assert read_as[1][1][0] == "Größe µ"
 
 

@@ -52,7 +52,7 @@ def transient(options: argparse.Namespace) -> None:
     mass = None if options.mass is None else parse_quantity(options.mass, "mass", "--mass")
     interval = duration(options.interval, "--interval")
     signal, period = signal_of(options)
-    sample_count(signal.end, interval)
+    sample_count(signal.end, interval, len(options.specimens))
     rest = None if options.rest is None else parse_quantity(options.rest, "time", "--rest")
     films = parse_quantities(options.at or "", "time", "--at")
     rig, settings = read_rig(options.rig), read_settings(options)
@@ -65,12 +65,15 @@ def transient(options: argparse.Namespace) -> None:
     if mass is None:
         mass = min(usual_masses(specimen, settings, rig)[0] for specimen in specimens)
     with bar(len(specimens)) as progress:
+        def over(share: float) -> None:
+            progress(share=share)
+
         for specimen in specimens:
             progress(specimen.name)
             case = TransientCase(specimen, signal, mass=mass, rig=rig, rest=rest,
                                  inertia=options.swing)
             responses.append(respond(case, settings, interval, period, options.signal == "step",
-                                     (*films, *shown)))
+                                     (*films, *shown), over))
     stored = tuple({time: film for time, film in done.films.items() if time in films}
                    for _, done in responses)
     moving: list[Moving] = []

@@ -48,5 +48,5 @@ def signals_of_voltage() -> Cases:
         rows = "".join(f"{row * step_s},{row % 3}\n" for row in range(200_000))
         yield Case(f"200000 samples of {step_s} s", simulate, {
             **GOOD, "signal.csv": "t_s,voltage_kV\n" + rows},
-            "2000000 samples" if status else "", status)
+            "1000000 samples" if status else "", status)
     yield Case("1e-12 g", "lumped simulate specimen.toml --mass '1e-12 g' -o out", GOOD, "mass")

@@ -140,20 +140,24 @@ def lumped_simulate(options: argparse.Namespace) -> None:
 
     interval = duration(options.interval, "--interval")
     signal, period = signal_of(options)
-    sample_count(signal.end, interval)
+    sample_count(signal.end, interval, len(options.specimens) + len(options.model))
     rig = read_rig(options.rig)
     actuators, remarks = _actuators(options, signal.peak, rig)
     films = {model.specimen.name: model for model in map(read_model, options.model) if model.film}
     responses: list[SampledResponse] = []
+    stepped = options.signal == "step"
     with bar(len(actuators)) as progress:
+        def over(share: float) -> None:
+            progress(share=share)
+
         for actuator in actuators:
             progress(actuator.specimen.name)
             if model := films.get(actuator.specimen.name):
                 responses.append(film_response(model, signal, actuator.mass, rig, interval, period,
-                                               options.signal == "step", options.swing))
+                                               stepped, options.swing, over))
                 continue
-            responses.append(sample(simulate(actuator, signal), interval, period,
-                                    options.signal == "step", remarks))
+            responses.append(sample(simulate(actuator, signal, progress=over), interval, period,
+                                    stepped, remarks))
     # Eq. (8) with Table 1's constants can be the film of no specimen file.
     specimens = tuple(actuator.specimen for actuator in actuators if options.permittivity is None)
     finish(options, SimulationResult(tuple(responses), specimens, rig))
