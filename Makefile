@@ -5,13 +5,20 @@ PYTHON ?= $(shell for p in python3.12 python3.13 python3.11 python3; do \
   $$p -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))' 2>/dev/null && echo $$p && break; done)
 OUT ?= out
 
-.PHONY: study test benchmarks scaling verification robustness spreads films-in-time hidden verdict-cases fuzz hostile signals optimum outlines map lumped-build paper coupons coupon-rubbers external house docs clean
+.PHONY: study check test benchmarks scaling verification robustness spreads films-in-time hidden verdict-cases fuzz hostile signals optimum outlines map lumped-build paper coupons coupon-rubbers external house docs clean
 
 study: .venv/ready
 	.venv/bin/tympan study -o "$(OUT)"
 
+# Style, types, imports and every command once: what one runs before a commit.
+check: .venv/ready
+	.venv/bin/ruff check .
+	.venv/bin/mypy
+	.venv/bin/lint-imports
+	OPENBLAS_NUM_THREADS=1 .venv/bin/python -m pytest -n 2 -q -m smoke tests/commands/test_smoke.py
+
 test: .venv/ready
-	OPENBLAS_NUM_THREADS=1 .venv/bin/python -m pytest -n 2
+	OPENBLAS_NUM_THREADS=1 .venv/bin/python -m pytest -n 2 --durations=50
 
 benchmarks: .venv/ready
 	.venv/bin/python -m benchmarks.reference_problem
