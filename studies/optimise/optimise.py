@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+import re
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import isfinite
 from pathlib import Path
@@ -25,6 +26,9 @@ from tympan.studies.optimise.sqp import Descent, DescentSettings, maximise
 
 #: A limit is active where its value is so near to it, relative.
 ACTIVE = 1e-3
+
+#: What differs between the same warning of two states.
+_NUMBERS = re.compile(r"\d[\d.e+-]*")
 
 #: The columns of optimum-outlines.csv: edges of frame and plate of the reference (``held`` blank)
 #: and of the designs gone to on the way to each optimum.
@@ -206,9 +210,17 @@ def _optimum(problem: OptimiseProblem, best: StartRun, runs: Sequence[StartRun],
         "starts": [_run(problem, run) for run in runs],
         "starts_apart_stroke": float(np.ptp(strokes)) / max(strokes),
         "starts_apart_variables": float(np.ptp(ends, axis=0).max()),
-        "warnings": [*dict.fromkeys(
-            words for state in evaluator.states[::-1] if evaluator.model is not None
-            for words in state_warnings(evaluator.model, state)), *problem.case.remarks]}
+        "warnings": [*_warnings(evaluator), *problem.case.remarks]}
+
+
+def _warnings(evaluator: DesignEvaluator) -> Iterable[str]:
+    """Warnings of a design's states, each once: as it is at the highest voltage that has it."""
+    if evaluator.model is None:
+        return ()
+    told: dict[str, str] = {}
+    for state in evaluator.states:
+        told |= {_NUMBERS.sub("", words): words for words in state_warnings(evaluator.model, state)}
+    return told.values()
 
 
 def _run(problem: OptimiseProblem, run: StartRun) -> dict[str, Any]:
