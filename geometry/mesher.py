@@ -6,7 +6,6 @@ own ``initialize``/``finalize``.
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -17,6 +16,7 @@ import numpy as np
 
 from tympan.geometry.errors import InputError
 from tympan.geometry.outlines.pieces import Arc, Line, Piece, Spline
+from tympan.geometry.process.folder import temporary_folder
 from tympan.geometry.process.interruption import handlers_kept
 from tympan.geometry.sectors import Loop, sectors
 from tympan.geometry.specimen import Plate, Specimen
@@ -258,8 +258,8 @@ def _spline(occ: Any, spline: Spline) -> int:
 
 def _imported(gmsh: Any, faces: dict[str, list[Any]]) -> Groups:
     """The surfaces of cadquery's faces, brought into gmsh."""
-    with tempfile.TemporaryDirectory() as folder:
-        surfaces = {name: gmsh.model.occ.importShapes(_brep_file(Path(folder), name, members))
+    with temporary_folder() as folder:
+        surfaces = {name: gmsh.model.occ.importShapes(_brep_file(folder, name, members))
                     if members else [] for name, members in faces.items()}
     return _glued(gmsh, surfaces)
 

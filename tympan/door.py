@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, TypedDict, Unpack
@@ -13,7 +12,7 @@ from tympan.fem.rig import Rig
 from tympan.geometry.errors import InputError as InputError
 from tympan.geometry.fields import names_arguments
 from tympan.geometry.mesher import MeshSettings as MeshSettings
-from tympan.geometry.process.folder import alone
+from tympan.geometry.process.folder import alone, temporary_folder
 from tympan.geometry.process.threads import one_thread
 from tympan.geometry.specimen import Specimen
 from tympan.result import Result as Result
@@ -214,7 +213,7 @@ def sweep(file: File, folder: File | None = None, workers: int = 1,
     planned = read_sweep(Path(file), settings)
     planned = planned if at is None else planned.compared_at(at)
     pool = serial if workers == 1 else partial(processes, workers=workers)
-    with tempfile.TemporaryDirectory() as scratch, alone(Path(folder or scratch)):
+    with temporary_folder() as scratch, alone(Path(folder or scratch)):
         return Result(run_sweep(planned, Path(folder or scratch), pool))
 
 

@@ -11,11 +11,13 @@ import errno
 import fcntl
 import hashlib
 import os
+import shutil
 import stat
 import tempfile
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from functools import cache
 from pathlib import Path
 
 from tympan.geometry.errors import InputError
@@ -26,12 +28,18 @@ MANIFEST = ".tympan"
 #: What names of files that are not whole yet begin with.
 TEMPORARY = ".tympan-"
 
+#: What names of temporary folders begin with; nobody gives such a name to results.
+_SCRATCH = f"{TEMPORARY}scratch-"
+#: How long a temporary folder may be without a lock, as one that was made just now is [s].
+_FRESH = 60.0
+
 #: Most bytes of a manifest: some 100,000 results.
 _MOST = 16_000_000
 #: How often a folder that is in use is tried again by those who wait [s].
 _GLANCE = 0.05
 #: A link is not followed, and a pipe not waited for.
 _PLAIN = os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
+_FOLDER = os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW | os.O_CLOEXEC
 #: File systems without locks are worked on without.
 _NO_LOCKS = (errno.ENOLCK, errno.ENOTSUP, errno.ENOSYS, errno.EINVAL)
 
@@ -119,6 +127,45 @@ def discard_temporaries(folder: Path) -> None:
                     file.unlink()
                 finally:
                     os.close(handle)
+
+
+@contextmanager
+def temporary_folder() -> Iterator[Path]:
+    """An empty folder in the system's temporary directory, as long as it is used.
+
+    Locked as long as its process lives: the first of another process removes what killed ones left.
+    """
+    _discard_folders(Path(tempfile.gettempdir()))
+    made: list[str] = []
+    handles: list[int] = []
+    try:
+        with signals_wait():
+            made.append(tempfile.mkdtemp(prefix=_SCRATCH))
+            handles.append(os.open(made[0], _FOLDER))
+        with suppress(OSError):
+            fcntl.flock(handles[0], fcntl.LOCK_EX | fcntl.LOCK_NB)
+        yield Path(made[0])
+    finally:
+        with signals_wait():
+            for name in made:
+                shutil.rmtree(name, ignore_errors=True)
+            for handle in handles:
+                os.close(handle)
+
+
+@cache
+def _discard_folders(place: Path) -> None:
+    """Remove temporary folders of this user whose processes are gone."""
+    for folder in place.glob(f"{_SCRATCH}*"):
+        with suppress(OSError):
+            handle = os.open(folder, _FOLDER)
+            try:
+                state = os.fstat(handle)
+                if state.st_uid == os.getuid() and time.time() > state.st_mtime + _FRESH:
+                    fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                    shutil.rmtree(folder)
+            finally:
+                os.close(handle)
 
 
 @contextmanager

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import tempfile
 import threading
 import time
 from collections.abc import Mapping, Sequence
@@ -12,13 +11,13 @@ from dataclasses import asdict, dataclass, field, fields, replace
 from functools import cache, cached_property
 from importlib import metadata
 from itertools import chain
-from pathlib import Path
 from typing import Any, get_args
 
 from tympan.fem.equilibrium.ramp import Status
 from tympan.fem.rig import Rig
 from tympan.geometry.errors import Failure, InputError
 from tympan.geometry.fields import write
+from tympan.geometry.process.folder import temporary_folder
 from tympan.geometry.process.threads import one_thread
 from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Case, CaseResult, Settings, build_model, solve_grid
@@ -150,8 +149,8 @@ class SweepTask:
                 if number % QUANTITIES[name].every(self.loads) == 0:
                     records.append(QUANTITIES[name].record(asked))
             if outcome.status == "equilibrium" and (self.fields or (self.figures and not number)):
-                with tempfile.TemporaryDirectory() as folder:
-                    file = Path(folder) / "fields.vtu"
+                with temporary_folder() as folder:
+                    file = folder / "fields.vtu"
                     parts = _FINE if self.fields else _COARSE
                     film_surface(model, outcome.state, parts).save(file)
                     solution.fields[case_id] = file.read_bytes()

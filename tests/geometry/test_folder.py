@@ -6,6 +6,7 @@ import hashlib
 import os
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -15,7 +16,14 @@ import pytest
 from tests.support.specimens import specimen_toml
 from tympan.cli import main
 from tympan.geometry.errors import InputError
-from tympan.geometry.process.folder import MANIFEST, alone, discard_temporaries, temporary_beside
+from tympan.geometry.process.folder import (
+    MANIFEST,
+    _discard_folders,
+    alone,
+    discard_temporaries,
+    temporary_beside,
+    temporary_folder,
+)
 from tympan.studies.files import remove, replaced, write_atomically, write_text
 
 #: A command that is killed while it draws: its picture is half there.
@@ -131,6 +139,40 @@ def test_a_kill_leaves_the_earlier_picture_and_the_next_run_removes_the_half(tmp
         pass
     assert not list((tmp_path / "m").rglob(".tympan-*"))
     assert (tmp_path / "m" / "a.png").read_text() == "earlier"
+
+
+def test_temporary_folders_of_killed_processes_go(tmp_path, monkeypatch) -> None:
+    """None of processes that live, none that was made just now, and none of another name."""
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    code = ("import sys, tempfile, time; from pathlib import Path\n"
+            "from tympan.geometry.process.folder import temporary_folder\n"
+            "tempfile.tempdir = sys.argv[1]\n"
+            "with temporary_folder() as folder:\n"
+            "    (folder / 'film.brep').write_text('half')\n"
+            "    print(folder, flush=True); time.sleep(60)")
+    (tmp_path / "tympan-results").mkdir()
+    os.utime(tmp_path / "tympan-results", (0, 0))
+
+    def beside() -> set[Path]:
+        """What stands beside a temporary folder of a new process."""
+        _discard_folders.cache_clear()
+        with temporary_folder() as made:
+            assert made.stat().st_mode & 0o777 == 0o700
+            return set(tmp_path.iterdir()) - {made, tmp_path / "tympan-results"}
+
+    with subprocess.Popen([sys.executable, "-c", code, str(tmp_path)], env=os.environ | {
+            "PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
+            stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        left = Path(process.stdout.readline().strip())
+        os.utime(left, (0, 0))
+        assert beside() == {left}  # its process lives
+        process.kill()
+    os.utime(left)
+    assert beside() == {left}  # it may be one that is not locked yet
+    os.utime(left, (0, 0))
+    assert beside() == set()
+    assert list(tmp_path.iterdir()) == [tmp_path / "tympan-results"]
 
 
 def test_pictures_stay_until_others_are_there_and_those_left_over_go(tmp_path) -> None:

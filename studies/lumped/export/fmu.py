@@ -6,7 +6,6 @@ import platform
 import shutil
 import subprocess
 import sys
-import tempfile
 import uuid
 import zipfile
 from importlib import resources
@@ -15,6 +14,7 @@ from string import Template
 from xml.etree import ElementTree as Xml
 
 from tympan.geometry.errors import Failure, InputError
+from tympan.geometry.process.folder import temporary_folder
 from tympan.studies.files import write_atomically
 from tympan.studies.lumped.export.c_source import export_c
 from tympan.studies.lumped.model_file import LumpedModel
@@ -33,8 +33,7 @@ def export_fmu(model: LumpedModel, folder: Path, mass: float) -> Path:
     """
     if not 1e-6 <= mass <= 100:
         raise InputError("must be from 1 mg to 100 kg", key="--mass", given=f"{mass:g} kg")
-    with tempfile.TemporaryDirectory() as name:
-        work = Path(name)
+    with temporary_folder() as work:
         header, source = export_c(model, work)
         title, states = header.stem, 2 + len(model.radii)
         # The same model has the same name: results can be compared.
