@@ -52,9 +52,9 @@ _THINS = "followed until the film, wrinkled, thins without bound"
 #: Difference of two deflections, relative to the frame, that are one.
 _SAME = 1e-6
 
-#: Elements on one side of an electrode's edge err alike, so that their jumps show part of an error.
-#: Where a wrinkled film ends there, it was up to 2.9 times as much (six meshes, three masses).
-_ALIKE = 3.0
+#: Elements on one side of an electrode's edge err alike and show a part of an error alone.
+#: Where a wrinkled film ends there, it was up to 1.47 times as much (six meshes, three masses).
+_ALIKE = 1.5
 
 #: A motion along a branch by which is seen where the film thins, relative to the frame.
 _ONWARDS = 1e-4

@@ -140,7 +140,7 @@ def test_a_wrinkled_film_s_end_is_as_certain_as_it_says() -> None:
     *coarse, fine = [limits(Case(BARE, mass=40e-3), refined(factor)).instability
                      for factor in (1.0, 1.25, 1.5, 2.0, 3.0)]
     for gone in coarse:
-        assert abs(gone.voltage_V / fine.voltage_V - 1) < gone.spread < 8e-3
+        assert abs(gone.voltage_V / fine.voltage_V - 1) < gone.spread < 4e-3
 
 
 def test_limits_stand_in_the_order_in_which_they_come() -> None:
