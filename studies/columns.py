@@ -180,6 +180,8 @@ class Sheet:
             load = f"{float(cells[self.places['mass']]) * 1e3:g} g"
             column = f"{cells[self.places['specimen']]} {load} {self.titles[place]}"
         return InputError(allowed, file=self.file, given=cells[place], key=f"line {line}, {column}")
+
+
 def read_sheet(file: Path | str, columns: Sequence[Column]) -> Sheet:
     """Read a table that may have the given columns, and no others, in any of the formats.
 
