@@ -16,14 +16,15 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.random import Generator, default_rng
 
-from benchmarks.trials.robustness import SECONDS, Judge, judged_by, write_section
+from benchmarks.trials.robustness import SECONDS, Judge, judged_once, write_section
 from tests.oracles.laws import SAMPLES, shear_modulus
 from tympan.fem.film.admissibility import checked
 from tympan.fem.film.laws.stiffened import scaled
@@ -256,21 +257,12 @@ def _failed(drawn: Extreme, status: str, words: str) -> Record:
 def study(count: int, seed: int, workers: int, kept: Path | None,
           mesh: MeshSettings = MESH) -> list[Record]:
     """All films judged, those in a file of records not again."""
-    done = [Record(**{**line, "faults": tuple(line["faults"])}) for line in
-            map(json.loads, kept.read_text(encoding="utf-8").splitlines())] \
-        if kept is not None and kept.exists() else []
-    done = [record for record in done if record.number < count]
-    numbers = {record.number for record in done}
-
-    def keep(records: list[Record]) -> None:
-        if kept is not None:
-            lines = [json.dumps(asdict(record)) for record in (*done, *records)]
-            kept.write_text("\n".join(lines) + "\n", encoding="utf-8")
-
     judge = Judge(partial(judged, mesh=mesh), _failed)
-    open_films = (drawn for drawn in design(count, seed) if drawn.number not in numbers)
-    fresh = judged_by(judge, open_films, workers, keep, every=1)
-    return sorted((*done, *fresh), key=lambda record: record.number)
+    return judged_once(judge, design(count, seed), workers, kept, _read)
+
+
+def _read(line: dict[str, Any]) -> Record:
+    return Record(**line | {"faults": tuple(line["faults"])})
 
 
 def table(records: Sequence[Record]) -> str:

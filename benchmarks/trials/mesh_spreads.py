@@ -11,17 +11,16 @@ same film on other meshes. With --keep, films that were judged before are not ju
 from __future__ import annotations
 
 import argparse
-import json
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.random import Generator, default_rng
 
-from benchmarks.trials.robustness import Judge, judged_by, write_section
+from benchmarks.trials.robustness import Judge, judged_once, write_section
 from tympan.fem.film.laws import NeoHooke, Yeoh
 from tympan.geometry.errors import InputError
 from tympan.geometry.mesher import MeshSettings
@@ -149,20 +148,12 @@ def _failed(drawn: Drawn, status: str, words: str) -> Record:
 def study(count: int, seed: int, workers: int, kept: Path | None, mesh: MeshSettings = _MESH
           ) -> list[Record]:
     """All films judged, those in a file of records not again."""
-    done = [Record(**{**line, "compared": tuple(Compared(*limit) for limit in line["compared"])})
-            for line in map(json.loads, kept.read_text(encoding="utf-8").splitlines())] \
-        if kept is not None and kept.exists() else []
-    numbers = {record.number for record in done}
+    judge = Judge(partial(judged, mesh=mesh), _failed)
+    return judged_once(judge, design(count, seed), workers, kept, _read)
 
-    def keep(records: list[Record]) -> None:
-        if kept is not None:
-            lines = [json.dumps(asdict(record)) for record in (*done, *records)]
-            kept.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
-    fresh = judged_by(Judge(partial(judged, mesh=mesh), _failed),
-                      (drawn for drawn in design(count, seed) if drawn.number not in numbers),
-                      workers, keep, every=1)
-    return sorted((*done, *fresh), key=lambda record: record.number)
+def _read(line: dict[str, Any]) -> Record:
+    return Record(**line | {"compared": tuple(Compared(*limit) for limit in line["compared"])})
 
 
 def held_share(records: Sequence[Record], kind: str = "", way: str = "") -> float:

@@ -11,6 +11,7 @@ direction (other_direction.py).
 from __future__ import annotations
 
 import argparse
+import json
 import multiprocessing
 import re
 import resource
@@ -20,11 +21,11 @@ import traceback
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import Generic, Protocol, TypeVar
+from typing import Any, Generic, Protocol, TypeVar
 
 from benchmarks.trials.other_direction import Verdict, along_heaves, oracle, voltage_first
 from benchmarks.trials.random_specimens import Drawn, design
@@ -241,6 +242,28 @@ def judged_by(judge: Judge[Case, Kept], cases: Iterable[Case], workers: int,
     for worker in free:
         worker.stop()
     return records
+
+
+def judged_once(judge: Judge[Any, Kept], cases: Iterable[Any], workers: int, file: Path | None,
+                read: Callable[[dict[str, Any]], Kept]) -> list[Kept]:
+    """Cases judged, but for those that a file has records of, a JSON line each; it grows by each.
+
+    Without a file all are judged; ``read`` makes a record of a line's entries.
+    """
+    every = {case.number: case for case in cases}
+    lines = file.read_text(encoding="utf-8").splitlines() if file and file.exists() else []
+    done = {record.number: record for record in map(read, map(json.loads, lines))}
+
+    def keep(records: list[Kept]) -> None:
+        if file is not None:
+            text = "".join(f"{json.dumps(asdict(record))}\n" for record in
+                           (*done.values(), *records))
+            file.write_text(text, encoding="utf-8")
+
+    fresh = judged_by(judge, [case for number, case in every.items() if number not in done],
+                      workers, keep, every=1)
+    asked = [record for record in done.values() if record.number in every]
+    return sorted((*asked, *fresh), key=lambda record: record.number)
 
 
 def table(records: Sequence[Record]) -> str:
