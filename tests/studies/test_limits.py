@@ -109,7 +109,8 @@ def test_a_limit_that_the_mesh_makes_is_said_to_be_hardly_resolved() -> None:
     assert inflation.pull_of(oracle, 10e-3 / 3, 6.815) > 1e3
     case = Case(disc, rig=Rig(gravity=1e-9))
     tension = limits(case, Settings()).tension
-    assert tension is None or (not tension.resolved and "±" in tension.text)
+    assert tension is None or not tension.resolved
+    assert tension is None or "±" in tension.text or "order of magnitude" in tension.text
     assert limits(case, Settings(mesh=MeshSettings().refined(2))).tension is None
 
 
