@@ -105,7 +105,7 @@ COMMANDS = {
 #: Commands that are killed.
 KILLED = ("study", "sweep", "diagnose", "optimise", "lumped build")
 #: Relative error of numbers in JSON; elsewhere none. Which worker of a diagnosis solves what, and
-#: from what it starts, is another in each run: between runs that nothing ends, sizes differ by 1e-9.
+#: from what it starts, differs from run to run: so do sizes, by 1e-9, where nothing is ended.
 ERRORS = {"diagnose": 1e-8}
 WORDS = {signal.SIGINT: "interrupted", signal.SIGTERM: "terminated"}
 
