@@ -44,8 +44,9 @@ def test_a_command_s_own_example_works(command: Command, tmp_path: Path,
     if command.name in ELSEWHERE:
         pytest.skip(ELSEWHERE[command.name])
     monkeypatch.chdir(tmp_path)
-    files = {**FILES, "readings/dataset.toml": DATASET, "readings/static.csv": STATIC,
-             "readings/transient.csv": TRANSIENT}
+    files = {**FILES, "readings/dataset.toml": DATASET, "readings/static.csv": STATIC}
+    if "--dynamic" in command.example:
+        files["readings/transient.csv"] = TRANSIENT
     for name, text in files.items():
         Path(name).parent.mkdir(exist_ok=True)
         Path(name).write_text(text, encoding="utf-8")

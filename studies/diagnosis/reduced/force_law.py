@@ -316,7 +316,8 @@ def _floater_hormann(nodes: Array) -> Array:
 def _cardinal(nodes: Array, weights: Array, at: float) -> Array:
     """What each node's value counts at a place."""
     apart = at - nodes
-    if (hit := apart == 0).any():
+    # So near to a node its share overflows.
+    if (hit := np.abs(apart) <= np.finfo(float).eps * np.ptp(nodes)).any():
         return np.asarray(hit, float)
     shares = weights / apart
     return np.asarray(shares / shares.sum())

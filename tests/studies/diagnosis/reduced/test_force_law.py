@@ -15,6 +15,7 @@ from tympan.studies.case import Case, solve
 from tympan.studies.diagnosis.hypothesis import Cause
 from tympan.studies.diagnosis.reading_table import States, rows
 from tympan.studies.diagnosis.reduced.films_at_rest import resting_place
+from tympan.studies.diagnosis.reduced.force_law import _cardinal, _floater_hormann
 from tympan.studies.diagnosis.reduced.prediction import Prediction
 from tympan.studies.diagnosis.reduced.sampling import FINE
 from tympan.studies.diagnosis.reduced.simulation import Simulation
@@ -182,3 +183,13 @@ def test_a_plate_rests_where_forces_first_balance_or_hangs_at_the_limit_point(pe
     assert at[3:5] == pytest.approx([peak, peak], rel=1e-6)
     if peak > 0.5:
         assert at[5] == -0.2
+
+
+def test_a_size_next_to_nothing_is_none() -> None:
+    """The weight of a node so near is 1; by its formula it would overflow."""
+    nodes = np.array([0.0, 1.3, 3.0, -1.3, -3.0])
+    order = np.argsort(nodes)
+    weights = np.empty(5)
+    weights[order] = _floater_hormann(nodes[order])
+    assert _cardinal(nodes, weights, 1.4e-309).tolist() == [1.0, 0.0, 0.0, 0.0, 0.0]
+    assert np.abs(_cardinal(nodes, weights, 1e-12) - [1, 0, 0, 0, 0]).max() < 1e-11
