@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 
@@ -14,6 +14,16 @@ from tympan.fem.equilibrium.subspace import FULL, Subspace
 from tympan.fem.membrane.model import Model, Parts
 from tympan.fem.membrane.state import Load, State
 from tympan.fem.roots import NoValueHere, root_between
+
+#: Error of the place where a function vanishes, relative to the frame: far below a mesh's own.
+_SHARP = 1e-7
+
+#: The same, relative to that place's distance from the point before: loads are told to 1e-3.
+_SHARP_SHARE = 1e-6
+
+#: Neighbours on one branch are apart about as far as their steps, which a turn of the branch makes
+#: little longer; on two branches they stay apart, however short the step.
+_APART = 30.0
 
 #: Where between two points, in turn, others are tried that are nearer to what is looked for.
 _SHARES = (0.5, 0.25, 0.75, 0.5, 0.25, 0.75, 0.5)
@@ -94,8 +104,7 @@ class Branch:
         It is looked for from a point ``near`` it, at first from the other itself.
         """
         near = near or point
-        motion = difference(self.model, near.state, point.state)
-        further = step - product(self.model, point.direction, motion)
+        further = step - product(self.model, point.direction, self._motion(point, near))
         further /= product(self.model, point.direction, near.direction)
         guess = moved(self.model, near.state, near.direction, further,
                       {self.load: near.rate})
@@ -110,70 +119,22 @@ class Branch:
         Where that is the rate, the point is a limit and its direction the critical mode. A function
         ``of_state`` looks at no tangent. Where Newton's method goes astray from both of them, it
         starts from others between them. A film without plate may lose its stability in many motions
-        at once, and with it the way to that point: then the nearest one that is found.
+        at once, and with it the way to that point: then the nearest one that is found. None, too,
+        where the sign changes since the two are on different branches.
         """
-        motion = difference(self.model, after.state, before.state)
-        end = product(self.model, before.direction, motion)
-        points: dict[float, PathPoint] = {0.0: before, end: after}
-        values: dict[float, float] = {}
-
-        def passed(step: float) -> bool:
-            return values.get(step, 0.0) * values.get(0.0, 0.0) < 0
-
-        def at(step: float) -> float:
-            if step not in points:
-                # Beyond that place the film may be on another branch, with no way back from it.
-                nearest = sorted(points, key=lambda near: (passed(near), abs(near - step)))
-                points[step] = self._from_first(before, step, [points[near] for near in nearest])
-            if not of_state:
-                points[step] = self._renewed(points[step])
-            values[step] = value(points[step])
-            points[step].solution.release()
-            return values[step]
-
-        def between(low: float, high: float) -> float | None:
-            return root_between(at, low, high, xtol=1e-7, rtol=1e-6)
-
-        root = between(0.0, end)
-        if root is not None:
-            return self._renewed(points[root])
-        around = self._closer(at, points, value)
-        if around is None:
-            return None
-        root = between(*around)
-        if root is None and not self.model.specimen.plate:
-            root = min(points, key=lambda step: abs(value(points[step])))
-        return None if root is None else self._renewed(points[root])
-
-    def _from_first(self, before: PathPoint, step: float, starts: Sequence[PathPoint]) -> PathPoint:
-        """The point a length from another, from the first of some starts that leads to it.
-
-        Where Newton's method goes astray from one, it may not from the other side.
-        """
-        for start in starts:
-            point = self.at(before, step, start)
-            if point is not None:
-                return point
-        raise NoValueHere
-
-    def _closer(self, at: Callable[[float], float], points: Mapping[float, PathPoint],
-                value: Callable[[PathPoint], float]) -> tuple[float, float] | None:
-        """Where a function changes its sign between two of the points, others found between them.
-
-        Each is a start from which Newton's method may find what is nearer. None without a change.
-        """
-        sense = np.sign(value(points[0.0]))
-
-        def around() -> tuple[float, float] | None:
-            passed = {step for step, point in points.items() if sense * value(point) <= 0}
-            return (max(points.keys() - passed), min(passed)) if passed else None
-
-        for share in _SHARES:
-            if (ends := around()) is None:
+        search = _Between(self, before, value, of_state)
+        end = product(self.model, before.direction, self._motion(before, after))
+        search.put(0.0, before)
+        search.put(end, after)
+        root = search.root(0.0, end)
+        if root is None:
+            around = search.closer()
+            if around is None:
                 return None
-            with suppress(NoValueHere):
-                at(ends[0] + share * (ends[1] - ends[0]))
-        return around()
+            root = search.root(*around)
+        if root is None:
+            return None if self.model.specimen.plate else self._renewed(search.least())
+        return self._renewed(search.points[root]) if search.on_one_branch() else None
 
     def _renewed(self, point: PathPoint) -> PathPoint:
         """The point with its own tangent, if it has one: Newton's is too far off for limits."""
@@ -209,6 +170,80 @@ class Branch:
         direction, scale = self._unit(motion)
         return PathPoint(solution, direction, loads[self.load] / scale)
 
+    def _motion(self, start: PathPoint, end: PathPoint) -> Parts:
+        return difference(self.model, end.state, start.state)
+
     def _unit(self, motion: Parts) -> tuple[Parts, float]:
         scale = length(self.model, motion)
         return (motion[0] / scale, motion[1] / scale), scale
+
+
+@dataclass(frozen=True, eq=False)
+class _Between:
+    """Points tried beside one of a branch, by their step from it, where a function vanishes."""
+
+    branch: Branch
+    before: PathPoint
+    value: Callable[[PathPoint], float]
+    of_state: bool
+    points: dict[float, PathPoint] = field(default_factory=dict)
+    values: dict[float, float] = field(default_factory=dict)
+
+    def put(self, step: float, point: PathPoint) -> None:
+        """Keep a point with its value, and with its own tangent if the value looks at that."""
+        point = point if self.of_state else self.branch._renewed(point)
+        self.points[step], self.values[step] = point, self.value(point)
+        point.solution.release()
+
+    def at(self, step: float) -> float:
+        """The value at a step; :class:`NoValueHere` if no point is found there.
+
+        Where Newton's method goes astray from one start, it may not from another. Those before the
+        place come first: beyond it the film may be on another branch, with no way back.
+        """
+        if step not in self.points:
+            starts = sorted(self.points, key=lambda near: (self.passed(near), abs(near - step)))
+            found = (self.branch.at(self.before, step, self.points[near]) for near in starts)
+            point = next((point for point in found if point is not None), None)
+            if point is None:
+                raise NoValueHere
+            self.put(step, point)
+        return self.values[step]
+
+    def passed(self, step: float) -> bool:
+        """Whether a point is beyond the place: its value has not the sign of the first."""
+        return step != 0 and not self.values[step] * self.values[0.0] > 0
+
+    def around(self) -> tuple[float, float] | None:
+        """The last step before the place and the first beyond it; None without change of sign."""
+        passed = {step for step in self.points if self.passed(step)}
+        return (max(self.points.keys() - passed), min(passed)) if passed else None
+
+    def root(self, low: float, high: float) -> float | None:
+        """The step between two at which the function vanishes, if it has values on the way."""
+        return root_between(self.at, low, high, xtol=_SHARP, rtol=_SHARP_SHARE)
+
+    def closer(self) -> tuple[float, float] | None:
+        """The steps around the place, once others are tried between them that are nearer to it.
+
+        Each is a start from which Newton's method may find the next.
+        """
+        for share in _SHARES:
+            if (ends := self.around()) is None:
+                return None
+            with suppress(NoValueHere):
+                self.at(ends[0] + share * (ends[1] - ends[0]))
+        return self.around()
+
+    def least(self) -> PathPoint:
+        """The point of the smallest value."""
+        return self.points[min(self.values, key=lambda step: abs(self.values[step]))]
+
+    def on_one_branch(self) -> bool:
+        """Whether the points around the place are no further apart than their steps are."""
+        ends = self.around()
+        if ends is None:
+            return True
+        low, high = ends
+        motion = self.branch._motion(self.points[low], self.points[high])
+        return length(self.branch.model, motion) <= _APART * (high - low + _SHARP)

@@ -248,6 +248,25 @@ def test_a_magnet_snaps_the_plate_through_and_back() -> None:
     assert sum(point.rate < 0 for point in points) >= 2
 
 
+def test_no_place_is_found_between_two_branches() -> None:
+    """Under another weight the film is on another branch: it is never under a weight between."""
+    film = pressed_model(circular(VHB))
+    branch, other = (list(islice(Branch(film, "voltage").points(
+        equilibrium(film, weight, 0.0).state), 3)) for weight in (LIGHT, 1.2 * LIGHT))
+
+    def heavier(point: PathPoint) -> float:
+        return point.state.force - 1.1 * LIGHT
+
+    assert heavier(branch[1]) < 0 < heavier(other[2])
+    assert Branch(film, "voltage").where(branch[1], other[2], heavier, of_state=True) is None
+
+    def deeper(point: PathPoint) -> float:
+        deep = (branch[1].state.plate.deflection + branch[2].state.plate.deflection) / 2
+        return point.state.plate.deflection - deep
+
+    assert Branch(film, "voltage").where(branch[1], branch[2], deeper, of_state=True) is not None
+
+
 def test_hysteresis_of_a_magnet() -> None:
     """Between the limits the state remembers; above the upper one the ramp says that the plate
     snaps."""
