@@ -1,4 +1,4 @@
-"""What a field says about itself, once: meaning, unit, limits; reading and writing follow.
+"""What a field of an input file or a result says about itself, once: meaning, unit, limits.
 
 A field of a dataclass is declared by its type and a :class:`Key`::
 
@@ -6,6 +6,9 @@ A field of a dataclass is declared by its type and a :class:`Key`::
     class Spring:
         stiffness: Annotated[float, Key("its stiffness", "stiffness per length", NON_NEGATIVE)]
         rest: Annotated[float, Key("heave at which it is unloaded", "length")] = 0.0
+
+Reading, writing, the reference pages and the schemas of results follow. A result's field has its
+unit in its name, ``deflection_m``, as the JSON that is printed.
 
 The type is the form: a number, whole number, truth, text or choice (``Literal``); a pair, a list
 or a list of points; another declared dataclass, a tuple of them, or one of the kinds of a
@@ -49,7 +52,7 @@ Special = Mapping[tuple[type, str], Callable[[Table, str], Any]]
 
 @dataclass(frozen=True, eq=False)
 class Key:
-    """What a key of a file holds.
+    """What a key of an input file, or of a result, holds; of a result it says the meaning alone.
 
     ``dimension`` is one of :data:`tympan.geometry.units.DIMENSIONS`, "" for plain numbers; ``rule``
     the limits of every number; ``name`` the key where it is not the field's name; ``kinds`` what a

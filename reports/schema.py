@@ -1,8 +1,8 @@
 """What ``--json`` prints and result files hold: keys, kinds, units, meaning, and JSON Schemas.
 
-Of results that are dataclasses all of it is from their fields and docstrings; of others, and for
-what docstrings leave out, from schema.toml. There ``[part.NAME]`` is what several objects hold: a
-kind "object: NAME, NAME" has their keys, too.
+Results that are dataclasses say it themselves, by the type and the ``Key`` of each field; that of
+others is in schema.toml. There ``[part.NAME]`` is what several objects hold: a kind "object: NAME,
+NAME" has their keys, too.
 """
 
 from __future__ import annotations
@@ -33,9 +33,6 @@ _MISSING = " or missing"
 _OTHERS = {"_C": "C", "_um": "µm", "_mm": "mm", "_cm2": "cm²", "_deg": "°", "_per_s": "1/s",
            "_kg_m2": "kg m²", "_V_per_V": "V/V", "_m_per_V": "m/V", "_m_per_V2": "m/V²",
            "_V_m": "V m", "_g": "g", "_kV": "kV", "_percent": "%"}
-
-#: A clause of a docstring that says what fields are.
-_NAMING = re.compile(r"(?P<names>``\w+``(?:(?:, | and )``\w+``)*)(?::| is| are|,)? (?P<words>.+)")
 
 
 @dataclass(frozen=True)
@@ -108,19 +105,19 @@ def _declared(entry: Mapping[str, Any], declared: Mapping[str, Any], at: str = "
             yield from _declared(declared["part"][part], declared, f"{at}{path}.")
     if "class" in entry:
         cls = resolve_name(f"tympan.{entry['class']}")
-        yield from class_keys(cls, declared["usual"], f"{at}{entry.get('at', '')}")
+        yield from class_keys(cls, f"{at}{entry.get('at', '')}")
 
 
-def class_keys(cls: type, usual: Mapping[str, str], at: str = "") -> Iterator[JsonKey]:
+def class_keys(cls: type, at: str = "") -> Iterator[JsonKey]:
     """The keys of a dataclass as ``to_json`` writes it, those of nested ones after their own."""
-    hints, said = get_type_hints(cls), _said(cls)
+    hints = get_type_hints(cls, include_extras=True)
     for item in fields(cls):
         if item.compare:
-            meaning = said.get(item.name) or usual.get(item.name, "")
-            yield from _keys(f"{at}{item.name}", hints[item.name], meaning, usual)
+            hint, key = get_args(hints[item.name])
+            yield from _keys(f"{at}{item.name}", hint, key.meaning)
 
 
-def _keys(path: str, hint: Any, meaning: str, usual: Mapping[str, str]) -> Iterator[JsonKey]:
+def _keys(path: str, hint: Any, meaning: str = "one of them") -> Iterator[JsonKey]:
     options = [option for option in get_args(hint) if option is not type(None)]
     origin, none = get_origin(hint), ""
     if origin in (Union, types.UnionType):
@@ -130,48 +127,17 @@ def _keys(path: str, hint: Any, meaning: str, usual: Mapping[str, str]) -> Itera
     if origin is Literal:
         yield JsonKey(path, " or ".join(f'"{text}"' for text in inner) + none, meaning)
     elif is_dataclass(hint):
-        yield JsonKey(path, f"object{none}", meaning or _summary(hint))
-        yield from class_keys(hint, usual, f"{path}.")  # type: ignore[arg-type]
+        yield JsonKey(path, f"object{none}", meaning)
+        yield from class_keys(hint, f"{path}.")  # type: ignore[arg-type]
     elif origin is tuple or origin is np.ndarray or hint is np.ndarray:
         yield JsonKey(path, f"list{none}", meaning)
-        yield from _keys(f"{path}[]", inner[0] if origin is tuple else float, "", usual)
+        yield from _keys(f"{path}[]", inner[0] if origin is tuple else float)
     elif origin in (dict, Mapping):
         yield JsonKey(path, f"object{none}", meaning)
         if inner[1] is not Any:
-            yield from _keys(f"{path}{{}}", inner[1], "", usual)
+            yield from _keys(f"{path}{{}}", inner[1])
     else:
         yield JsonKey(path, f"{_KINDS[hint]}{none}", meaning)
-
-
-def _said(cls: type) -> dict[str, str]:
-    """What a class's docstring, and its bases', say of each field: the clause it begins.
-
-    Examples
-    --------
-    >>> class Load:
-    ...     '''A load. ``mass_kg``: on the plate; ``voltage_V`` is that of the source.'''
-    >>> _said(Load)
-    {'mass_kg': 'on the plate', 'voltage_V': 'that of the source'}
-    """
-    meanings: dict[str, str] = {}
-    for base in cls.__mro__:
-        text = " ".join((base.__dict__.get("__doc__") or "").split())
-        for clause in re.split(r"(?<=[\w`)\]])[;.](?:\s|$)", text):
-            fitting = _NAMING.match(clause.strip())
-            if fitting is None:
-                continue
-            for name in re.findall(r"``(\w+)``", fitting["names"]):
-                meanings.setdefault(name, _plain(fitting["words"]))
-    return meanings
-
-
-def _summary(cls: Any) -> str:
-    return _plain((cls.__doc__ or "").split("\n\n")[0].replace("\n", " ")).rstrip(".")
-
-
-def _plain(words: str) -> str:
-    """As users know it, who read JSON and not Python."""
-    return words.replace("``", "`").replace("None", "none")
 
 
 def _steps(path: str) -> list[str]:

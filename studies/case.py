@@ -60,6 +60,13 @@ _TOGETHER = 400
 
 _ALONE = Loading()
 
+#: Fields that several results have.
+Existence = Annotated[Status, Key("whether there is an equilibrium; past pull-in there is none")]
+Deflection = Annotated[float | None, Key("deflection of the plate, downwards")]
+Unknowns = Annotated[int, Key("unknowns of the finite elements")]
+WallTime = Annotated[float, Key("time it took")]
+Warnings = Annotated[tuple[str, ...], Key("what limits the result, in sentences")]
+
 
 @dataclass(frozen=True)
 class Settings:
@@ -142,10 +149,8 @@ class Case:
 class CaseRecord:
     """Numbers of one case, SI, in a file named after the specimen and the record's ``ending``.
 
-    ``pressure_Pa`` is that of the gas below the film, positive where it lifts it, None where there
-    is none. ``film`` is the
-    deformed film, where there is one and it was asked for; it has a VTU file beside the numbers.
-    ``writer`` is the command that writes both.
+    ``film`` is the deformed film, where there is one and it was asked for; it has a VTU file beside
+    the numbers. ``writer`` is the command that writes both.
     """
 
     ending: ClassVar[str] = ""
@@ -154,10 +159,11 @@ class CaseRecord:
     kinds: ClassVar[tuple[str, ...]] = ("vtu", "json")
     drawn: ClassVar[tuple[str, ...]] = ()
 
-    specimen: str
-    mass_kg: float
-    voltage_V: float
-    pressure_Pa: float | None = None
+    specimen: Annotated[str, Key("name of the specimen")]
+    mass_kg: Annotated[float, Key("nominal load on the plate")]
+    voltage_V: Annotated[float, Key("nominal voltage")]
+    pressure_Pa: Annotated[float | None, Key("pressure of the gas below the film; positive lifts "
+                                             "it, none where there is no gas")] = None
     film: FilmSurface | None = field(default=None, repr=False, compare=False)
 
     def json(self) -> dict[str, Any]:
@@ -201,17 +207,15 @@ _VAGUE = 1.0
 
 @dataclass(frozen=True, kw_only=True)
 class Limit:
-    """What first happens to a film at a nominal voltage [V], and where in the mounted film [m].
+    """What first happens to a film as its voltage rises, and where in the mounted film."""
 
-    ``kind``: it loses tension, breaks down, gives way in itself, or pulls in; that begins where it
-    thins fastest. ``spread``: how far the voltage may be off, relative.
-    """
-
-    kind: LimitKind
-    voltage_V: float
-    x_m: float
-    y_m: float
-    spread: float = 0.0
+    kind: Annotated[LimitKind, Key("what happens there: the film loses tension, breaks down, gives "
+                                   "way in itself, or pulls in")]
+    voltage_V: Annotated[float, Key("nominal voltage")]
+    x_m: Annotated[float, Key("where it begins, in the mounted film: for a pull-in, where the film "
+                              "thins fastest")]
+    y_m: Annotated[float, Key("y of the same place")]
+    spread: Annotated[float, Key("how far the voltage may be off, relative")] = 0.0
 
     @property
     def state(self) -> LimitState:
@@ -253,19 +257,19 @@ class Limit:
 class Limits:
     """The voltages at which a film under a mass loses tension, breaks down, gives way and pulls in.
 
-    None where that does not happen as far as the voltage was raised, of which ``ended`` says why it
-    was not raised further. ``first`` is the kind that comes first. ``instability``: the film itself
-    gives way before its plate does. ``thins``: that is by thinning without bound once it has lost
-    tension; a pull-in after that is the one of a film kept from wrinkling.
+    None where that does not happen as far as the voltage was raised.
     """
 
-    tension: Limit | None = None
-    breakdown: Limit | None = None
-    instability: Limit | None = None
-    pull_in: Limit | None = None
-    first: LimitKind | None = None
-    ended: str
-    thins: bool = False
+    tension: Annotated[Limit | None, Key("where the film first loses tension")] = None
+    breakdown: Annotated[Limit | None, Key("where it first breaks down")] = None
+    instability: Annotated[Limit | None, Key("where the film itself gives way, before its plate "
+                                             "does")] = None
+    pull_in: Annotated[Limit | None, Key("where it pulls in")] = None
+    first: Annotated[LimitKind | None, Key("kind of the limit that comes first")] = None
+    ended: Annotated[str, Key("why the voltage was not raised further")]
+    thins: Annotated[bool, Key("whether the instability is thinning without bound of a film that "
+                               "has lost tension; a pull-in after that is the one of a film kept "
+                               "from wrinkling")] = False
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "first", self.reached[0].kind if self.reached else None)
@@ -298,38 +302,39 @@ class Limits:
 class CaseResult(CaseRecord):
     """The numbers of ``solve --json``, SI; those of a state that does not exist are None.
 
-    ``reading_m`` is what the rig's sensor shows of the deflection. ``breakdown_margin`` is the
-    smallest strength over field, None without voltage or a strength law, and its place on the
-    mounted film. ``slack_area_m2`` is the mounted area that carries tension in one direction or
-    none, ``slack_share`` its share. ``limits`` are those of the film under this mass, where they
-    were asked for, ``limit`` the gravest one that the voltage is beyond. ``film`` has
-    the fields.
+    ``film`` has the fields.
     """
 
     writer = "tympan solve -o"
     drawn = ("png", "svg")
 
-    status: Status
-    deflection_m: float | None = None
-    reading_m: float | None = None
-    reaction_N: float | None = None
-    capacitance_F: float | None = None
-    max_stretch: float | None = None
-    max_true_stress_Pa: float | None = None
-    max_field_V_per_m: float | None = None
-    breakdown_margin: float | None = None
-    breakdown_x_m: float | None = None
-    breakdown_y_m: float | None = None
-    slack_area_m2: float | None = None
-    slack_share: float | None = None
-    tilt_rad: float | None = None
-    energy_J: float | None = None
-    limits: Limits | None = None
-    first: LimitKind | None = None
-    limit: Limit | None = None
-    dofs: int
-    wall_s: float
-    warnings: tuple[str, ...]
+    status: Existence
+    deflection_m: Deflection = None
+    reading_m: Annotated[float | None, Key("what the rig's sensor shows of the deflection")] = None
+    reaction_N: Annotated[float | None, Key("force that the film carries")] = None
+    capacitance_F: Annotated[float | None, Key("capacitance of the film as it is")] = None
+    max_stretch: Annotated[float | None, Key("largest principal stretch, from the virgin "
+                                             "film")] = None
+    max_true_stress_Pa: Annotated[float | None, Key("largest principal true stress")] = None
+    max_field_V_per_m: Annotated[float | None, Key("largest electric field, voltage over "
+                                                   "thickness")] = None
+    breakdown_margin: Annotated[float | None, Key("smallest strength over field; none without "
+                                                  "voltage or a strength law")] = None
+    breakdown_x_m: Annotated[float | None, Key("where the margin is smallest, in the "
+                                               "mounted film")] = None
+    breakdown_y_m: Annotated[float | None, Key("y of the same place")] = None
+    slack_area_m2: Annotated[float | None, Key("mounted area that carries tension in one direction "
+                                               "or none")] = None
+    slack_share: Annotated[float | None, Key("its share of the mounted area")] = None
+    tilt_rad: Annotated[float | None, Key("tilt of the plate")] = None
+    energy_J: Annotated[float | None, Key("energy of the film and its loads")] = None
+    limits: Annotated[Limits | None, Key("limits of the film under this mass, where they were "
+                                         "asked for")] = None
+    first: Annotated[LimitKind | None, Key("kind of the limit that comes first")] = None
+    limit: Annotated[Limit | None, Key("the gravest limit that the voltage is beyond")] = None
+    dofs: Unknowns
+    wall_s: WallTime
+    warnings: Warnings
 
 
 def build_model(specimen: Specimen, settings: Settings, loading: Loading = _ALONE) -> Model:

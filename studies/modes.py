@@ -5,11 +5,10 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Self
+from typing import Annotated, Self
 
 import numpy as np
 
-from tympan.fem.equilibrium.ramp import Status
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.rigid_plate import RigidPlate
 from tympan.fem.membrane.state import FREEDOMS, HEAVE, State
@@ -17,10 +16,16 @@ from tympan.fem.results.fields import whole
 from tympan.fem.vibration.air import with_air
 from tympan.fem.vibration.modes import Modes, film_mass, mode_names, vibrations
 from tympan.geometry.errors import InputError
+from tympan.geometry.fields import Key
 from tympan.studies.case import (
     Case,
     CaseRecord,
+    Deflection,
+    Existence,
     Settings,
+    Unknowns,
+    WallTime,
+    Warnings,
     equilibrate,
     failure_reason,
     state_warnings,
@@ -40,19 +45,17 @@ _BASIS = 40
 
 @dataclass(frozen=True)
 class Mode:
-    """One mode: its frequency [Hz], or growth [1/s] if it is unstable, and its name.
+    """One mode: its frequency, or growth if it is unstable, and its name."""
 
-    ``plate_share`` maps the plate's freedoms (x, y, z, rx, ry, rz) to their shares of the kinetic
-    energy; the rest of 1 is the film's. ``plate_turn`` is how far the plate turns about x, y and z
-    [rad/m] where the film's largest displacement is 1 m; none in records of older versions.
-    """
-
-    name: str
-    frequency_Hz: float | None
-    growth_per_s: float | None
-    plate_share: dict[str, float]
-    film_share: float
-    plate_turn: tuple[float, ...] = ()
+    name: Annotated[str, Key("name of the mode")]
+    frequency_Hz: Annotated[float | None, Key("frequency of the mode; none if it is unstable")]
+    growth_per_s: Annotated[float | None, Key("growth of a mode that is unstable")]
+    plate_share: Annotated[dict[str, float], Key("shares of the plate's freedoms (x, y, z, rx, ry, "
+                                                 "rz) in the kinetic energy")]
+    film_share: Annotated[float, Key("the film's share of the kinetic energy")]
+    plate_turn: Annotated[tuple[float, ...], Key("how far the plate turns about x, y and z [rad/m] "
+                                                 "where the film's largest displacement is 1 m; "
+                                                 "empty in records of older versions")] = ()
 
     @property
     def speed(self) -> str:
@@ -66,25 +69,25 @@ class Mode:
 class ModesResult(CaseRecord):
     """The numbers of ``modes --json``; a state that does not exist has no modes.
 
-    ``semi_axes_m`` are the frame's half extents. ``film`` has a field ``mode_1``, ``mode_2``, … of
-    largest length 1 for each mode.
+    ``film`` has a field ``mode_1``, ``mode_2``, … of largest length 1 for each mode.
     """
 
     ending = "-modes"
     writer = "tympan modes -o"
     drawn = ("png", "svg", "gif", "mp4")
 
-    status: Status
-    deflection_m: float | None = None
-    film_mass_kg: float | None = None
-    plate_mass_kg: float | None = None
-    plate_inertia_kg_m2: tuple[float, ...] | None = None
-    unstable: int | None = None
-    modes: tuple[Mode, ...] = ()
-    dofs: int
-    wall_s: float
-    warnings: tuple[str, ...]
-    semi_axes_m: tuple[float, ...] = ()
+    status: Existence
+    deflection_m: Deflection = None
+    film_mass_kg: Annotated[float | None, Key("mass of the film")] = None
+    plate_mass_kg: Annotated[float | None, Key("mass of the plate with its weight")] = None
+    plate_inertia_kg_m2: Annotated[
+        tuple[float, ...] | None, Key("inertia of the plate about x, y and z")] = None
+    unstable: Annotated[int | None, Key("how many modes are unstable")] = None
+    modes: Annotated[tuple[Mode, ...], Key("the modes, the slowest first")] = ()
+    dofs: Unknowns
+    wall_s: WallTime
+    warnings: Warnings
+    semi_axes_m: Annotated[tuple[float, ...], Key("half extents of the frame")] = ()
 
     @classmethod
     def load(cls, folder: Path, name: str | None = None) -> Self:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Literal, Self, cast
+from typing import Annotated, Literal, Self, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,11 +23,15 @@ from tympan.fem.results.firmness import firmness, rough_firmness
 from tympan.fem.results.limit_states import INSTABILITY, LIMIT_STATES, PULL_IN, LimitState, Sign
 from tympan.fem.rig import MOST_VOLTAGE
 from tympan.geometry.errors import InputError
+from tympan.geometry.fields import Key
 from tympan.geometry.outlines import area
 from tympan.studies.case import (
     Case,
     CaseRecord,
     Settings,
+    Unknowns,
+    WallTime,
+    Warnings,
     equilibrate,
     failure_reason,
     mounted_place,
@@ -74,46 +78,38 @@ _READ = {"V": (1e-3, "kV"), "C": (1e6, "µC"), "kg": (1e3, "g"), "Pa": (1.0, "Pa
 
 @dataclass(frozen=True, kw_only=True)
 class Station:
-    """One equilibrium of a branch, in SI.
+    """One equilibrium of a branch, in SI."""
 
-    ``stable``: at constant load, voltage and gas pressure, the film kept from wrinkling, and not
-    beyond its own instability; ``tense``: no part of the film has lost tension;
-    ``least_stress_Pa``: smallest principal true stress; ``breakdown_share``: largest field over
-    strength, 0 where the strength is unknown;
-    ``unbalanced``: largest nodal force that smooth motions leave, relative to the largest nodal
-    force.
-    """
-
-    deflection_m: float
-    force_N: float
-    voltage_V: float
-    pressure_Pa: float
-    charge_C: float
-    capacitance_F: float
-    max_stretch: float
-    least_stress_Pa: float
-    breakdown_share: float
-    stable: bool
-    tense: bool
-    unbalanced: float
+    deflection_m: Annotated[float, Key("deflection of the plate, downwards")]
+    force_N: Annotated[float, Key("force that the film carries")]
+    voltage_V: Annotated[float, Key("nominal voltage")]
+    pressure_Pa: Annotated[float, Key("pressure of the gas below the film; positive lifts it")]
+    charge_C: Annotated[float, Key("charge on the film")]
+    capacitance_F: Annotated[float, Key("capacitance of the film as it is")]
+    max_stretch: Annotated[float, Key("largest principal stretch, from the virgin film")]
+    least_stress_Pa: Annotated[float, Key("smallest principal true stress")]
+    breakdown_share: Annotated[float, Key("largest field over strength; 0 where the strength is "
+                                          "unknown")]
+    stable: Annotated[bool, Key("whether it is stable at constant load, voltage and gas pressure, "
+                                "the film kept from wrinkling, and not beyond its own instability")]
+    tense: Annotated[bool, Key("whether no part of the film has lost tension")]
+    unbalanced: Annotated[float, Key("largest nodal force that smooth motions leave, relative to "
+                                     "the largest nodal force")]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Event:
-    """Something that happens at one point of a branch; ``value`` of what grows along it.
+    """Something that happens at one point of a branch."""
 
-    ``x_m`` and ``y_m`` are where in the mounted film: at a limit, where the film thins fastest.
-    ``spread``: how far the value may be off for the mesh, relative, by the jumps of what is
-    watched between elements.
-    """
-
-    what: What
-    value: float
-    unit: str
-    x_m: float
-    y_m: float
-    spread: float
-    station: Station
+    what: Annotated[What, Key("what happens there")]
+    value: Annotated[float, Key("value of what grows along the path")]
+    unit: Annotated[str, Key("unit of the value")]
+    x_m: Annotated[float, Key("where in the mounted film: at a limit, where the film thins "
+                              "fastest")]
+    y_m: Annotated[float, Key("y of the same place")]
+    spread: Annotated[float, Key("how far the value may be off for the mesh, relative, by the "
+                                 "jumps of what is watched between elements")]
+    station: Annotated[Station, Key("the equilibrium there")]
 
     @property
     def value_text(self) -> str:
@@ -135,13 +131,13 @@ class PathResult(CaseRecord):
     kinds = ("csv", "json")
     drawn = ("png", "svg")
 
-    along: Along
-    unit: str
-    stations: tuple[Station, ...]
-    events: tuple[Event, ...]
-    dofs: int
-    wall_s: float
-    warnings: tuple[str, ...]
+    along: Annotated[Along, Key("what grows")]
+    unit: Annotated[str, Key("unit of what grows")]
+    stations: Annotated[tuple[Station, ...], Key("the equilibria in order")]
+    events: Annotated[tuple[Event, ...], Key("where a limit of the film is passed")]
+    dofs: Unknowns
+    wall_s: WallTime
+    warnings: Warnings
     limits: tuple[FilmSurface, ...] = field(default=(), repr=False, compare=False)
     films: tuple[FilmSurface, ...] = field(default=(), repr=False, compare=False)
 

@@ -6,16 +6,28 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from math import pi
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tympan.fem.equilibrium.ramp import Status
 from tympan.fem.transient.circuit import Circuit
 from tympan.fem.vibration.harmonic import Harmonic
 from tympan.fem.vibration.modes import vibrations
 from tympan.geometry.errors import InputError
-from tympan.studies.case import Case, CaseRecord, Settings, equilibrate, failure_reason
+from tympan.geometry.fields import Key
+from tympan.studies.case import (
+    Case,
+    CaseRecord,
+    Deflection,
+    Existence,
+    Settings,
+    Unknowns,
+    WallTime,
+    Warnings,
+    equilibrate,
+    failure_reason,
+)
 from tympan.studies.modes import carried
 
 #: How many frequencies are asked where none are given.
@@ -38,29 +50,28 @@ _SLOPE = 1e-2
 
 @dataclass(frozen=True, kw_only=True)
 class ResponseResult(CaseRecord):
-    """The numbers of ``response --json``.
-
-    At each frequency: amplitude and phase of what the sensor reads, over the source's nominal
-    voltage; the amplitude of the film's own voltage over it. ``natural_Hz`` and ``damping`` (over
-    the critical one) are those of the heave by itself; None where it does not swing.
-    """
+    """The numbers of ``response --json``: amplitudes and phases at each frequency."""
 
     ending = "-response"
     writer = "tympan response -o"
     kinds = ("json",)
     drawn = ("png", "svg")
 
-    status: Status
-    deflection_m: float | None = None
-    natural_Hz: float | None = None
-    damping: float | None = None
-    frequency_Hz: tuple[float, ...] = ()
-    amplitude_m_per_V: tuple[float, ...] = ()
-    phase_deg: tuple[float, ...] = ()
-    film_voltage_V_per_V: tuple[float, ...] = ()
-    dofs: int
-    wall_s: float
-    warnings: tuple[str, ...]
+    status: Existence
+    deflection_m: Deflection = None
+    natural_Hz: Annotated[float | None, Key("natural frequency of the heave by itself; none where "
+                                            "it does not swing")] = None
+    damping: Annotated[float | None, Key("damping of the heave by itself, over the critical one; "
+                                         "none where it does not swing")] = None
+    frequency_Hz: Annotated[tuple[float, ...], Key("frequencies of the voltage's swing")] = ()
+    amplitude_m_per_V: Annotated[tuple[float, ...], Key("amplitude of what the sensor reads, over "
+                                                        "the source's nominal voltage")] = ()
+    phase_deg: Annotated[tuple[float, ...], Key("phase of what the sensor reads")] = ()
+    film_voltage_V_per_V: Annotated[tuple[float, ...], Key("amplitude of the film's own voltage "
+                                                           "over the source's")] = ()
+    dofs: Unknowns
+    wall_s: WallTime
+    warnings: Warnings
 
 
 def response(case: Case, settings: Settings, frequencies: tuple[float, ...] = (),

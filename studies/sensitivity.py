@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from math import isfinite
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -20,16 +20,17 @@ from tympan.fem.derivatives.sensitivity import (
     thinning_gradient,
 )
 from tympan.fem.derivatives.shape import edge_nodes
-from tympan.fem.equilibrium.ramp import Status
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import Load, State
 from tympan.geometry.errors import InputError
-from tympan.geometry.fields import field_at, symbol
+from tympan.geometry.fields import Key, field_at, symbol
 from tympan.geometry.paths import at, numbers, with_change
 from tympan.studies.case import (
     Case,
     CaseRecord,
+    Existence,
     Settings,
+    Warnings,
     equilibrate,
     failure_reason,
     state_warnings,
@@ -50,24 +51,21 @@ _MAKE = {"voltage": ("voltage", "rig.amplifier_gain", "rig.sag_voltage", "rig.la
 
 @dataclass(frozen=True)
 class Answer:
-    """A quantity's ``derivative`` by a parameter [SI].
+    """How a quantity follows one parameter."""
 
-    ``elasticity``: per cent per per cent, None where one is 0. ``unit``: of the parameter.
-    """
-
-    value: float
-    unit: str
-    derivative: float
-    elasticity: float | None
+    value: Annotated[float, Key("value of the parameter")]
+    unit: Annotated[str, Key("unit of the parameter")]
+    derivative: Annotated[float, Key("derivative of the quantity by the parameter, in SI")]
+    elasticity: Annotated[float | None, Key("per cent per per cent; none where one is 0")]
 
 
 @dataclass(frozen=True)
 class Answers:
-    """A quantity and its answers ``by`` all parameters."""
+    """A quantity and how it follows all parameters."""
 
-    value: float
-    unit: str
-    by: dict[str, Answer]
+    value: Annotated[float, Key("value of the quantity")]
+    unit: Annotated[str, Key("unit of the value")]
+    by: Annotated[dict[str, Answer], Key("answers by the parameter's name")]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -77,9 +75,10 @@ class SensitivityResult(CaseRecord):
     ending = "-sensitivity"
     writer = "tympan sensitivity"
 
-    status: Status
-    quantities: dict[str, Answers] = field(default_factory=dict)
-    warnings: tuple[str, ...] = ()
+    status: Existence
+    quantities: Annotated[dict[str, Answers], Key("quantities by "
+                                                  "their names")] = field(default_factory=dict)
+    warnings: Warnings = ()
 
 
 def sensitivity(case: Case, settings: Settings,

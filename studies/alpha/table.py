@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tympan.geometry.errors import InputError
+from tympan.geometry.fields import Key
 from tympan.geometry.outlines import Circle, Outline, area, examples
 from tympan.geometry.specimen import Plate, Specimen
 from tympan.studies.alpha.weights import AlphaResult, AlphaSettings, alpha
@@ -28,26 +29,25 @@ FRAMES: tuple[Column, ...] = (
 
 @dataclass(frozen=True, eq=False)
 class OutlineRow:
-    """A frame's outline with α of two membrane circles of its sectors, and the one that fits best.
+    """A frame's outline, α of two membrane circles of its sectors, and the one that fits best."""
 
-    A round frame has one circle, and None for the second.
-    """
-
-    shape: str
-    half_width_mm: float
-    half_height_mm: float
-    area_cm2: float
-    circle_1_mm: float
-    circle_2_mm: float | None
-    alpha_1: float
-    alpha_2: float | None
-    fit_error: float
-    held_out_error: float | None
-    field_alpha_1: float
-    field_held_out_error: float | None
-    one_circle_mm: float
-    one_circle_held_out_error: float | None
-    warnings: str
+    shape: Annotated[str, Key("name of the outline's shape")]
+    half_width_mm: Annotated[float, Key("half the frame's extent along x")]
+    half_height_mm: Annotated[float, Key("half the frame's extent along y")]
+    area_cm2: Annotated[float, Key("area of the frame")]
+    circle_1_mm: Annotated[float, Key("radius of the first circle")]
+    circle_2_mm: Annotated[float | None, Key("radius of the second circle; none in a round frame")]
+    alpha_1: Annotated[float, Key("weight of the first circle")]
+    alpha_2: Annotated[float | None, Key("weight of the second circle")]
+    fit_error: Annotated[float, Key("error of the force on the loads of the fit, relative, root "
+                                    "mean square")]
+    held_out_error: Annotated[float | None, Key("the same on other loads")]
+    field_alpha_1: Annotated[float, Key("weight of the first circle, from the field's shares of "
+                                        "the plate's edge force")]
+    field_held_out_error: Annotated[float | None, Key("its error of the force on other loads")]
+    one_circle_mm: Annotated[float, Key("radius of the single circle that fits best")]
+    one_circle_held_out_error: Annotated[float | None, Key("its error of the force on other loads")]
+    warnings: Annotated[str, Key("what limits the result, in sentences")]
 
 
 #: The table's columns.

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import norm, t
 
+from tympan.geometry.fields import Key
 from tympan.studies.estimation.least_squares import LeastSquares, minimise
 from tympan.studies.estimation.profile import EXACT, Profile, profile
 
@@ -78,35 +79,29 @@ class Combination:
 
 @dataclass(frozen=True)
 class Relation:
-    """A combination of constants that the data determine.
+    """A combination of constants that the data determine."""
 
-    ``formula``: as the constants write it; ``low`` and ``high``: 95 % limits.
-    """
-
-    formula: str
-    value: float
-    low: float
-    high: float
-    unit: str
+    formula: Annotated[str, Key("the combination as the constants write it")]
+    value: Annotated[float, Key("its value")]
+    low: Annotated[float, Key("lower 95 % limit")]
+    high: Annotated[float, Key("upper 95 % limit")]
+    unit: Annotated[str, Key("unit of the value")]
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """A constant's value and its 95 % limits.
+    """A constant's value and its 95 % limits."""
 
-    ``unit``: of all its numbers; ``low`` and ``high``: limits, None where the data do not determine
-    it; ``by``: the way to them, linear where profiles were not asked for or took too long;
-    ``linear_low`` and ``linear_high``: limits linearised, None where wider than its scale allows.
-    """
-
-    name: str
-    unit: str
-    value: float
-    low: float | None
-    high: float | None
-    linear_low: float | None
-    linear_high: float | None
-    by: Literal["profile", "linear"] = "profile"
+    name: Annotated[str, Key("name of the constant")]
+    unit: Annotated[str, Key("unit of all its numbers")]
+    value: Annotated[float, Key("value of the constant")]
+    low: Annotated[float | None, Key("lower 95 % limit; none where the data do not determine it")]
+    high: Annotated[float | None, Key("upper 95 % limit; none where the data do not determine it")]
+    linear_low: Annotated[float | None, Key("lower limit, linearised; none where wider than its "
+                                            "scale allows")]
+    linear_high: Annotated[float | None, Key("upper limit, linearised")]
+    by: Annotated[Literal["profile", "linear"], Key("way to the limits: linear where profiles were "
+                                                    "not asked for or took too long")] = "profile"
 
 
 @dataclass(frozen=True, eq=False)

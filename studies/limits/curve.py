@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import groupby
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,8 +15,19 @@ from numpy.typing import NDArray
 from tympan.fem.equilibrium.ramp import Outcome
 from tympan.fem.results.limit_states import LIMIT_STATES
 from tympan.fem.rig import Rig
+from tympan.geometry.fields import Key
 from tympan.geometry.specimen import Specimen
-from tympan.studies.case import Case, CaseResult, Limits, Settings, summaries, voltage_ramp
+from tympan.studies.case import (
+    Case,
+    CaseResult,
+    Limits,
+    Settings,
+    Unknowns,
+    WallTime,
+    Warnings,
+    summaries,
+    voltage_ramp,
+)
 from tympan.studies.columns import Column, read_own_sheet, write_sheet
 from tympan.studies.files import from_json, read_json, remove, stored_file, to_json, write_json
 from tympan.studies.limits.voltages import Rise, rise
@@ -40,8 +51,8 @@ CURVES: tuple[Column, ...] = (
 class MassCurve:
     """Under one mass: where the curve ends, and what the film meets on the way."""
 
-    mass_kg: float
-    limits: Limits
+    mass_kg: Annotated[float, Key("nominal load on the plate")]
+    limits: Annotated[Limits, Key("limits of the film under this mass")]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,11 +62,11 @@ class CurveResult:
     Rows of a mass follow the film to its limit; then come those at voltages that were asked for.
     """
 
-    specimen: str
-    curves: tuple[MassCurve, ...]
-    dofs: int
-    wall_s: float
-    warnings: tuple[str, ...] = ()
+    specimen: Annotated[str, Key("name of the specimen")]
+    curves: Annotated[tuple[MassCurve, ...], Key("one curve for each mass")]
+    dofs: Unknowns
+    wall_s: WallTime
+    warnings: Warnings = ()
     table: Mapping[str, NDArray[Any]] = field(default_factory=dict, repr=False, compare=False)
 
     def json(self) -> dict[str, Any]:
