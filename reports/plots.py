@@ -244,11 +244,10 @@ def _(result: BuildResult, axes: Axes) -> None:
 
 @draw.register
 def _(result: Diagnosis, axes: Axes) -> None:
-    content = result.json()
-    causes = content["causes"][::-1]
+    causes = result.causes[::-1]
     axes.barh([cause_label(cause).replace("_", " ") for cause in causes],
-              [cause["probability"] for cause in causes], color=look.PALETTE[0])
-    axes.set(xlabel="probability", xlim=(0, 1), title=f"verdict: {content['verdict']}")
+              [cause.probability for cause in causes], color=look.PALETTE[0])
+    axes.set(xlabel="probability", xlim=(0, 1), title=f"verdict: {result.verdict}")
 
 
 @draw.register

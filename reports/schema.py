@@ -13,7 +13,7 @@ import sys
 import tomllib
 import types
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import cache
 from pkgutil import resolve_name
 from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
@@ -28,6 +28,8 @@ _TYPES = {"text": "string", "number": "number", "whole number": "integer",
           "true or false": "boolean", "object": "object", "list": "array"}
 _KINDS = {str: "text", float: "number", int: "whole number", bool: "true or false"}
 _MISSING = " or missing"
+#: The unit at the end of keys that a result has in one of several.
+_UNIT = "um"
 
 #: Units that are none of SI, by the end of a key.
 _OTHERS = {"_C": "C", "_um": "µm", "_mm": "mm", "_cm2": "cm²", "_deg": "°", "_per_s": "1/s",
@@ -114,7 +116,9 @@ def class_keys(cls: type, at: str = "") -> Iterator[JsonKey]:
     for item in fields(cls):
         if item.compare:
             hint, key = get_args(hints[item.name])
-            yield from _keys(f"{at}{item.name}", hint, key.meaning)
+            first, *below = _keys(f"{at}{key.spelled(item.name, _UNIT)}", hint, key.meaning)
+            yield replace(first, kind=first.kind + _MISSING * key.may_miss)
+            yield from below
 
 
 def _keys(path: str, hint: Any, meaning: str = "one of them") -> Iterator[JsonKey]:

@@ -97,10 +97,9 @@ def _(result: BuildResult) -> Any:
 
 @table.register
 def _(result: Diagnosis) -> Any:
-    return pd.DataFrame([{key: cause[key] for key in ("effect", "which", "probability")}
-                         | {"parameter": name, **sizes}
-                         for cause in result.json()["causes"]
-                         for name, sizes in cause["parameters"].items()])
+    return pd.DataFrame([{"effect": cause.effect, "which": cause.which,
+                          "probability": cause.probability, "parameter": name, **asdict(size)}
+                         for cause in result.causes for name, size in cause.parameters.items()])
 
 
 @table.register

@@ -13,6 +13,7 @@ import types
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import MISSING, fields, is_dataclass
+from functools import cache
 from math import isinf
 from pathlib import Path
 from typing import Any, Literal, TypeVar, Union, cast, get_args, get_origin, get_type_hints
@@ -20,6 +21,7 @@ from typing import Any, Literal, TypeVar, Union, cast, get_args, get_origin, get
 import numpy as np
 
 from tympan.geometry.errors import InputError
+from tympan.geometry.fields import Key, fields_of
 from tympan.geometry.process.folder import is_own, put, temporary_beside
 from tympan.geometry.process.interruption import raise_again
 from tympan.geometry.read_file import STORED, file_text
@@ -124,10 +126,22 @@ def stored_file(folder: Path, pattern: str, name: str | None, writer: str) -> Pa
     return files[0]
 
 
-def to_json(value: Any) -> Any:
-    """What :func:`from_json` makes the value of again: dataclasses as objects, arrays as lists.
+@cache
+def _stored(cls: Any, unit: str) -> tuple[tuple[str, str, bool], ...]:
+    """Of each field of a dataclass that is stored: its name, its key, and whether that may miss.
 
     Fields that take no part in comparisons stand in files of their own and are left out.
+    """
+    keys = {field.name: field.says for field in fields_of(cls)}
+    plain = Key("")
+    return tuple((item.name, keys.get(item.name, plain).spelled(item.name, unit),
+                  keys.get(item.name, plain).may_miss) for item in fields(cls) if item.compare)
+
+
+def to_json(value: Any, unit: str = "") -> Any:
+    """What :func:`from_json` makes the value of again: dataclasses as objects, arrays as lists.
+
+    Keys of fields that are ``in_unit`` end in the ``unit``.
 
     Examples
     --------
@@ -139,20 +153,23 @@ def to_json(value: Any) -> Any:
     if value is None or isinstance(value, str | int):
         return value
     if is_dataclass(value):
-        return {item.name: to_json(getattr(value, item.name)) for item in fields(value)
-                if item.compare}
+        kind: Any = type(value)
+        return {key: to_json(part, unit) for name, key, may_miss in _stored(kind, unit)
+                if (part := getattr(value, name)) is not None or not may_miss}
     if isinstance(value, Mapping):
-        return {str(name): to_json(entry) for name, entry in value.items()}
+        return {str(name): to_json(entry, unit) for name, entry in value.items()}
     if isinstance(value, np.ndarray | np.generic):
         return to_json(value.tolist())
     if isinstance(value, tuple | list):
-        return [to_json(entry) for entry in value]
+        return [to_json(entry, unit) for entry in value]
     return value
 
 
-def from_json(kind: type[T], value: Any, file: Path | str | None = None, key: str = "") -> T:
+def from_json(kind: type[T], value: Any, file: Path | str | None = None, key: str = "",
+              unit: str = "") -> T:
     """A dataclass, or another annotated type, from the JSON value that stands for it.
 
+    Keys of fields that are ``in_unit`` end in the ``unit``.
     Keys the type does not have are left aside, since a record may hold more than its class; fields
     with a default may be missing, and are where they take no part in comparisons. An
     :class:`InputError` names file and key of what is missing or of another type.
@@ -162,10 +179,10 @@ def from_json(kind: type[T], value: Any, file: Path | str | None = None, key: st
     >>> from_json(tuple[float, ...], [1, 2.5])
     (1.0, 2.5)
     """
-    return cast(T, _converted(kind, value, file, key))
+    return cast(T, _converted(kind, value, file, key, unit))
 
 
-def _converted(kind: Any, value: Any, file: Path | str | None, key: str) -> Any:
+def _converted(kind: Any, value: Any, file: Path | str | None, key: str, unit: str) -> Any:
     def fail(allowed: str) -> InputError:
         return InputError(allowed, file=file, key=key or None, given=value)
 
@@ -176,10 +193,12 @@ def _converted(kind: Any, value: Any, file: Path | str | None, key: str) -> Any:
         if not isinstance(value, dict):
             raise fail("must be an object")
         hints, arguments = get_type_hints(kind), {}
+        stored = {name: own for name, own, _ in _stored(cast(Any, kind), unit)}
         for item in fields(kind):
-            path = f"{key}.{item.name}".lstrip(".")
-            if item.name in value and item.compare:
-                arguments[item.name] = _converted(hints[item.name], value[item.name], file, path)
+            own = stored.get(item.name)
+            path = f"{key}.{own}".lstrip(".")
+            if own in value:
+                arguments[item.name] = _converted(hints[item.name], value[own], file, path, unit)
             elif item.default is MISSING and item.default_factory is MISSING:
                 raise InputError("is missing", file=file, key=path)
         return cast(Any, kind)(**arguments)
@@ -191,7 +210,7 @@ def _converted(kind: Any, value: Any, file: Path | str | None, key: str) -> Any:
         if value is None and type(None) in inner:
             return None
         first, *_ = (option for option in inner if option is not type(None))
-        return _converted(first, value, file, key)
+        return _converted(first, value, file, key, unit)
     if origin is tuple:
         if not isinstance(value, list):
             raise fail("must be a list")
@@ -199,12 +218,12 @@ def _converted(kind: Any, value: Any, file: Path | str | None, key: str) -> Any:
         if not repeated and len(value) != len(inner):
             raise fail(f"must be a list of {len(inner)}")
         kinds = [inner[0]] * len(value) if repeated else inner
-        return tuple(_converted(item, entry, file, f"{key}[{number}]")
+        return tuple(_converted(item, entry, file, f"{key}[{number}]", unit)
                      for number, (item, entry) in enumerate(zip(kinds, value, strict=True)))
     if origin in (dict, Mapping):
         if not isinstance(value, dict):
             raise fail("must be an object")
-        return {name: _converted(inner[1], entry, file, f"{key}.{name}".lstrip("."))
+        return {name: _converted(inner[1], entry, file, f"{key}.{name}".lstrip("."), unit)
                 for name, entry in value.items()}
     if origin is np.ndarray:
         try:

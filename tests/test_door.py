@@ -8,9 +8,8 @@ import os
 import pickle
 import subprocess
 import sys
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
-from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -21,6 +20,7 @@ from matplotlib.figure import Figure
 
 import tympan
 from tests.support import parts_stub
+from tests.support.diagnosed import diagnosed
 from tests.support.specimens import circular, elliptical
 from tests.support.sweeps import written
 from tympan.cli import main
@@ -28,7 +28,7 @@ from tympan.fem.toml_writer import specimen_to_toml
 from tympan.geometry.mesher import MeshSettings
 from tympan.studies.alpha import AlphaSettings, LoadGrid
 from tympan.studies.case import CaseResult, Settings, solve
-from tympan.studies.diagnosis.result import Diagnosis
+from tympan.studies.diagnosis.result import FoundCause, ShownSize
 from tympan.studies.optimise.optimise import OptimiseResult
 
 ROOT = Path(__file__).parent.parent
@@ -214,14 +214,14 @@ def test_studies_and_lumped_models_have_pictures_and_tables(tmp_path: Path) -> N
 
 
 def test_a_diagnosis_has_a_picture_and_a_table() -> None:
-    size = {"value": 4.0, "unit": "mm", "low": 3.5, "high": 4.4}
-    diagnosis = Mock(spec=Diagnosis)  # one is made in tests/studies/diagnosis
-    loss = {"effect": "prestretch_loss", "parameters": {"d": size}}
-    diagnosis.json.return_value = {"verdict": "named", "causes": [
-        loss | {"which": "A", "probability": 0.9}, loss | {"which": "B", "probability": 0.04}]}
-    result = tympan.Result(diagnosis)
+    size = ShownSize(4.0, "mm", 3.5, 4.4, "")
+    causes = tuple(FoundCause(effect="prestretch_loss", which=which, probability=probability,
+                              headline="", check="", parameters={"d": size})
+                   for which, probability in (("A", 0.9), ("B", 0.04)))
+    result = tympan.Result(diagnosed("named", *causes))
     assert result.to_pandas().loc[0].to_dict() == {
-        "effect": "prestretch_loss", "which": "A", "probability": 0.9, "parameter": "d", **size}
+        "effect": "prestretch_loss", "which": "A", "probability": 0.9, "parameter": "d",
+        **asdict(size)}
     axes = result.plot(Figure().add_subplot())
     assert axes.get_title() == "verdict: named"
     assert [label.get_text() for label in axes.get_yticklabels()] == [

@@ -244,9 +244,9 @@ def diagnose(dataset: File, workers: int = 1, seed: int = 0) -> Result[Diagnosis
     With more than one worker the calling script needs a main guard.
     """
     from tympan.studies.data.dataset import read_dataset
-    from tympan.studies.diagnosis.diagnose import diagnose
+    from tympan.studies.diagnosis.diagnose import conclude
 
-    return Result(diagnose(read_dataset(Path(dataset)), workers, seed).with_films())
+    return Result(conclude(read_dataset(Path(dataset)), workers, seed).diagnosis(films=True))
 
 
 @names_arguments()

@@ -25,9 +25,9 @@ from benchmarks.external.table2_ranges import (
 from tympan.reports import look
 from tympan.studies import paper
 from tympan.studies.data.dataset import read_dataset
-from tympan.studies.diagnosis.diagnose import diagnose
+from tympan.studies.diagnosis.conclusions import Conclusions
+from tympan.studies.diagnosis.diagnose import conclude
 from tympan.studies.diagnosis.inference.predictive import Predictive
-from tympan.studies.diagnosis.result import Diagnosis
 from tympan.studies.replica.figures import Choices
 
 FOLDER = Path(paper.__file__).parent / "table-2"
@@ -59,18 +59,18 @@ def with_ends(ends: Ends, folder: Path) -> Path:
     return folder
 
 
-def judged(ends: Ends) -> Diagnosis:
+def judged(ends: Ends) -> Conclusions:
     """The verdict on the ranges between these ends."""
     with tempfile.TemporaryDirectory() as scratch:
-        return diagnose(read_dataset(with_ends(ends, Path(scratch) / "data")))
+        return conclude(read_dataset(with_ends(ends, Path(scratch) / "data")))
 
 
 def section(folder: Path) -> str:
     """Verdict, evidence, misfit, ranges expected, other ends and noises, what would decide."""
     stated = Ends("as stated", 0.0, 7.0)
     diagnosis = judged(stated)
-    in_time = judged(replace(stated, name="held", dwell=30.0)).json()
-    read, record = diagnosis.judgement.table, diagnosis.json()
+    in_time = judged(replace(stated, name="held", dwell=30.0)).diagnosis().json()
+    read, record = diagnosis.judgement.table, diagnosis.diagnosis().json()
     seeds = [judged_again(diagnosis, ends.moved(read)) for ends in ends_of_seeds()]
     noises = [judged_again(diagnosis, read.with_sigma(factor * read.sigma)) for factor in _NOISES]
     creep = next(entry for entry in in_time["attempts"] if entry["effect"] == "creep")
@@ -84,14 +84,14 @@ def section(folder: Path) -> str:
         attempts=_attempts(record["attempts"]), unknown=record["probability"]["unknown"],
         **_expectations(diagnosis, seeds, by_others), seeds=SEEDS,
         ends=_by_ends({"as stated": record, "as stated, held for 30 s": in_time}),
-        by_seeds=_spread([other.json() for other in seeds]),
+        by_seeds=_spread([other.diagnosis().json() for other in seeds]),
         noises=_by_noise([noises[0], diagnosis, noises[1]]),
         next=record["next_experiment"]["what"], menu=_menu(record["next_experiment"]["menu"]),
         warnings="; ".join(record["warnings"]) or "none",
         picture=draw(folder, "table-2", lambda: compose(misfit["ratios"])))
 
 
-def _expectations(diagnosis: Diagnosis, seeds: Sequence[Diagnosis],
+def _expectations(diagnosis: Conclusions, seeds: Sequence[Conclusions],
                   by_others: tuple[NDArray[np.float64], Predictive]) -> dict[str, Any]:
     """The table of the six ranges, and what is missed of those held out."""
     read, (nominal, others) = diagnosis.judgement.table, by_others
@@ -130,11 +130,11 @@ def _span(values: Sequence[float]) -> str:
     return f"{min(values):.1f} to {max(values):.1f}"
 
 
-def _by_noise(diagnoses: Sequence[Diagnosis]) -> str:
+def _by_noise(diagnoses: Sequence[Conclusions]) -> str:
     """What the verdict would be if a noise of the ranges were stated."""
     rows = []
     for diagnosis in diagnoses:
-        record = diagnosis.json()
+        record = diagnosis.diagnosis().json()
         share = record["probability"]
         rows.append([f"{record['misfit']['noise_um']:.0f}", f"{record['misfit']['p_value']:.1g}",
                      diagnosis.judgement.verdict, f"{share['nothing']:.0%}",

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from tympan.studies.diagnosis.conclusions import Conclusions
 from tympan.studies.diagnosis.fits.fit import Fit
 from tympan.studies.diagnosis.fits.fitting import fit
 from tympan.studies.diagnosis.hypothesis import hypotheses_of
@@ -15,7 +16,6 @@ from tympan.studies.diagnosis.inference.posterior import NOTHING, priors
 from tympan.studies.diagnosis.inference.predictive import Predictive
 from tympan.studies.diagnosis.inference.verdict import Judgement, judge
 from tympan.studies.diagnosis.reading_table import ReadingTable
-from tympan.studies.diagnosis.result import Diagnosis
 
 Array = NDArray[np.float64]
 
@@ -39,20 +39,20 @@ class Ends:
         return replace(table, states=replace(table.states, voltage=voltage))
 
 
-def judged_again(diagnosis: Diagnosis, table: ReadingTable) -> Diagnosis:
+def judged_again(diagnosis: Conclusions, table: ReadingTable) -> Conclusions:
     """The diagnosis with the verdict on other states or another noise, and nothing else new."""
     readings = diagnosis.readings
     judgement = judge(diagnosis.simulation, table, readings.causes, readings.stated)
     return replace(diagnosis, judgement=judgement)
 
 
-def expected(diagnosis: Diagnosis) -> Predictive:
+def expected(diagnosis: Conclusions) -> Predictive:
     """Of the ranges that were read, by the verdict on all of them."""
     fits, logs = _hypotheses(diagnosis.judgement)
     return _mixture(diagnosis, fits, logs, diagnosis.judgement.table)
 
 
-def held_out(diagnosis: Diagnosis) -> tuple[Array, Predictive]:
+def held_out(diagnosis: Conclusions) -> tuple[Array, Predictive]:
     """Of each range, by the others alone: the nominal model refitted to them [m], and all weighed.
 
     Hypotheses are those that all ranges leave credible.
@@ -94,14 +94,14 @@ def _hypotheses(judgement: Judgement) -> tuple[list[Fit], Array]:
             np.log([max(posterior.nothing, 1e-300), *(share for _, share in pairs)]))
 
 
-def _prior(diagnosis: Diagnosis, fits: Sequence[Fit]) -> Array:
+def _prior(diagnosis: Conclusions, fits: Sequence[Fit]) -> Array:
     """Logarithms of what is thought of hypotheses before any data."""
     among = hypotheses_of(diagnosis.readings.causes)
     shares = priors(among) | {(): NOTHING}
     return np.log([shares[fitted.hypothesis] for fitted in fits])
 
 
-def _mixture(diagnosis: Diagnosis, fits: Sequence[Fit], logs: Array, table: ReadingTable
+def _mixture(diagnosis: Conclusions, fits: Sequence[Fit], logs: Array, table: ReadingTable
              ) -> Predictive:
     return Predictive.of(diagnosis.simulation, fits, np.exp(logs - logs.max()), table)
 

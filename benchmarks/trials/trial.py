@@ -34,7 +34,7 @@ from benchmarks.trials.synthetic_trials import (
 from benchmarks.trials.unmodelled_faults import STRANGERS
 from tympan.geometry.errors import InputError
 from tympan.studies.data.dataset import read_dataset
-from tympan.studies.diagnosis.diagnose import diagnose
+from tympan.studies.diagnosis.diagnose import conclude
 from tympan.studies.diagnosis.gain import gain_of
 from tympan.studies.diagnosis.hypothesis import Cause, Hypothesis, hypotheses_of
 from tympan.studies.diagnosis.inference.identifiability import SEEN, TOLD
@@ -148,9 +148,9 @@ def _gain(lab: Lab, generator: np.random.Generator, number: int) -> list[Record]
     report = gain_of(further, verdict.table, design.causes, verdict, number)
     within = report.predictive
     return [replace(finished, seen=seen, told=apart,
-                    ratio=None if report.overall is None else report.overall["ratio"],
+                    ratio=None if report.overall is None else report.overall.ratio,
                     predicted=() if within is None else (
-                        round(within["coverage_95"] * within["readings"]), within["readings"]))]
+                        round(within.coverage_95 * within.readings), within.readings))]
 
 
 def _foretold(design: Design, simulation: Simulation, choice: Sequence[Hypothesis], means: Means,
@@ -253,15 +253,15 @@ def _random(lab: Lab, generator: np.random.Generator, number: int) -> list[Recor
             again += 1
         record = Record("random", number, "elements", (), again - 1, 0.0, 0.0, words=str(drawn))
         try:
-            diagnosis = diagnose(read_dataset(folder), seed=number)
-            diagnosis.save(folder)
+            conclusions = conclude(read_dataset(folder), seed=number)
+            conclusions.diagnosis().save(folder)
         except InputError as error:
             return [replace(record, words=f"{drawn}: {error}")]
         except Exception as error:  # that none raises is what is asked
             return [replace(record, verdict="raised",
                             words=f"{drawn}: {type(error).__name__}: {error}")]
-    return [replace(record, verdict=diagnosis.verdict, p_value=diagnosis.judgement.test.p_value,
-                    named=tuple(map(str, diagnosis.judgement.named)))]
+    return [replace(record, verdict=conclusions.verdict, p_value=conclusions.judgement.test.p_value,
+                    named=tuple(map(str, conclusions.judgement.named)))]
 
 
 def _along(cause: Cause, width: float) -> tuple[float, ...]:

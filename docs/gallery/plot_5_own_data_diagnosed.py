@@ -57,12 +57,12 @@ Path("readings/static.csv").write_text("\n".join(rows) + "\n", encoding="utf-8")
 # ``diagnosis.html``. It is ambiguous: by one disc a weight that every load has is not told from one
 # that the electrodes have, but for its size. Another disc would tell them apart, or a balance.
 result = tympan.diagnose("readings")
-print(f"the verdict: {result.json()['verdict']}")
-cause = result.json()["causes"][0]
-size = cause["parameters"]["m_0"]
-print(f"{cause['effect']}: {size['value']:.2f} {size['unit']} ({size['low']:.2f} to "
-      f"{size['high']:.2f}), probability {cause['probability']:.2f}")
-print("or", ", ".join(other["effect"] for other in result.json()["causes"][1:]))
+print(f"the verdict: {result.verdict}")
+cause = result.causes[0]
+size = cause.parameters["m_0"]
+print(f"{cause.effect}: {size.value:.2f} {size.unit} ({size.low:.2f} to {size.high:.2f}), "
+      f"probability {cause.probability:.2f}")
+print("or", ", ".join(other.effect for other in result.causes[1:]))
 result.plot()
 
 # %%

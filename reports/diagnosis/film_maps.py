@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from tympan.reports import look as style
 from tympan.reports.colouring import COLOURINGS, Colouring, about_zero
-from tympan.studies.diagnosis.shown.loaded_films import LoadedFilm
+from tympan.studies.diagnosis.result import LoadedFilm
 from tympan.studies.film_surface import FilmSurface
 
 Columns = Mapping[str, NDArray[Any]]
@@ -56,8 +56,8 @@ _STILL = ("stress", "deflection", "more")
 
 def titled_films(films: Sequence[LoadedFilm]) -> dict[str, FilmSurface]:
     """Films by specimen and load."""
-    return {f"{item.specimen}, {1e3 * item.mass:.4g} g, {item.voltage / 1e3:.4g} kV": item.film
-            for item in films}
+    return {f"{item.specimen}, {1e3 * item.mass_kg:.4g} g, {item.voltage_V / 1e3:.4g} kV": item.film
+            for item in films if item.film is not None}
 
 
 def compose_loaded_films(films: Mapping[str, FilmSurface]) -> Figure:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -21,14 +21,21 @@ from tympan.reports.diagnosis.film_maps import (
 from tympan.reports.diagnosis.strip_figure import compose_strips
 from tympan.reports.template import embedded_picture, sentence, template
 from tympan.reports.viewer import viewer
-from tympan.studies.diagnosis.reading_table import KILOPASCALS, LENGTHS, MICROMETRES
-from tympan.studies.diagnosis.result import COUPONS, load_diagnosis
+from tympan.studies.diagnosis.reading_table import LENGTHS
+from tympan.studies.diagnosis.result import (
+    COUPONS,
+    CURVES,
+    READINGS,
+    STRIPS,
+    Attempt,
+    Diagnosis,
+    FoundCause,
+    Misfit,
+    Ratio,
+)
 from tympan.studies.diagnosis.sentences import plain, probability_text, suspects_among
-from tympan.studies.diagnosis.shown.loaded_films import load_films
 from tympan.studies.effects import EFFECTS
 from tympan.studies.files import write_text
-
-Content = Mapping[str, Any]
 
 #: Standard deviations of the noise from which a ratio is clearly wrong.
 CLEARLY = 3.0
@@ -39,19 +46,17 @@ _FILES = {"readings": "curves", "loaded": "films"}
 #: Of maps of films within the pictures.
 _DPI = 200
 
-#: Names of the units of errors.
-UNITS = (MICROMETRES.name, KILOPASCALS.name)
-
 #: Effects told of where none explains what is wrong.
 _TRIED = 4
 
 
-def build_diagnosis_page(folder: Path) -> Path:
-    """Write folder/diagnosis.html from what a diagnosis stored there; answers that file."""
-    content, columns, curves = load_diagnosis(folder)
-    if "leg" in columns:
-        return _write(folder, content, {
-            "strips": lambda: compose_strips(columns, content["coupon_reading"])})
+def build_diagnosis_page(diagnosis: Diagnosis, folder: Path) -> list[Path]:
+    """Write folder/diagnosis.html with its pictures, and that of coupons; answers the file."""
+    tables = diagnosis.tables
+    if STRIPS in tables:
+        return _write(folder, diagnosis, {"strips": lambda: compose_strips(
+            tables[STRIPS], diagnosis.coupon_reading or "stress")})
+    columns, curves = tables[READINGS], tables[CURVES]
     lengths = np.isin(columns["kind"], LENGTHS)
     film = {name: values[columns["kind"] == "film"] for name, values in columns.items()}
     in_time = lengths & np.char.startswith(columns["file"].astype(str), "transient.")
@@ -64,113 +69,77 @@ def build_diagnosis_page(folder: Path) -> Path:
     if len(runs["kind"]):
         pictures["transients"] = lambda: compose_transients(runs)
     if len(film["kind"]):
-        pictures["film"] = lambda: compose_film_maps(film, content["films"])
-    films = titled_films(load_films(folder, content))
+        pictures["film"] = lambda: compose_film_maps(film, diagnosis.films)
+    films = titled_films(diagnosis.loaded_films)
     if films:
         pictures["loaded"] = lambda: compose_loaded_films(films)
-    if (folder / COUPONS).is_dir():
-        build_diagnosis_page(folder / COUPONS)
-    return _write(folder, content, pictures, viewer(films, QUANTITIES) if films else "")
+    if diagnosis.coupons is not None:
+        build_diagnosis_page(diagnosis.coupons, folder / COUPONS)
+    return _write(folder, diagnosis, pictures, viewer(films, QUANTITIES) if films else "")
 
 
-def _write(folder: Path, content: Content, pictures: Mapping[str, Callable[[], Figure]],
-           shown: str = "") -> Path:
+def _write(folder: Path, diagnosis: Diagnosis, pictures: Mapping[str, Callable[[], Figure]],
+           shown: str = "") -> list[Path]:
     """Draw the pictures and write the page."""
     for name, compose in pictures.items():
         style.save_figure(folder, _FILES.get(name, name), compose, ("svg",), _DPI)
     file = folder / "diagnosis.html"
     embedded = {name: embedded_picture(folder / f"{_FILES.get(name, name)}.svg")
                 for name in pictures}
-    write_text(file, render_diagnosis(content, viewer=shown, **embedded))
-    return file
+    write_text(file, render_diagnosis(diagnosis, viewer=shown, **embedded))
+    return [file]
 
 
-def render_diagnosis(content: Content, readings: str = "", residuals: str = "",
+def render_diagnosis(diagnosis: Diagnosis, readings: str = "", residuals: str = "",
                      transients: str = "", film: str = "", loaded: str = "", strips: str = "",
                      viewer: str = "") -> str:
     """The page as text; pictures as data URIs and films to turn as HTML, "" where there is none."""
-    content = in_its_unit(content)
-    attempts = _explained(content["attempts"])
-    tried = attempts[:_TRIED] if content["verdict"] == "unexplained" else []
+    tried = diagnosis.attempts[:_TRIED] if diagnosis.verdict == "unexplained" else ()
+    unit = _unit(diagnosis)
     return _template("reports/diagnosis/diagnosis.html").render(
-        diagnosis=content, verdict=verdict_words(content), readings=readings, residuals=residuals,
-        transients=transients, film=film, loaded=loaded, strips=strips, viewer=viewer,
-        unit=content["unit"],
-        causes=_explained(content["causes"]), attempts=attempts, tried=tried,
-        suspects=_suspects(content), gain=_said("gain", content), robust=_said("robust", content),
-        noise=_said("noise", content["misfit"], content["unit"]))
+        diagnosis=diagnosis, verdict=verdict_words(diagnosis), readings=readings,
+        residuals=residuals, transients=transients, film=film, loaded=loaded, strips=strips,
+        viewer=viewer, unit=unit, tried=tried, suspects=_suspects(diagnosis),
+        gain=_said("gain", diagnosis, unit), robust=_said("robust", diagnosis),
+        noise=_said("noise", diagnosis.misfit, unit))
 
 
-def in_its_unit(content: Content) -> dict[str, Any]:
-    """The content with its unit for errors as "unit" and without it in the names of its numbers.
-
-    Examples
-    --------
-    >>> in_its_unit({"misfit": {"noise_kPa": 0.2}})
-    {'misfit': {'noise': 0.2}, 'unit': 'kPa'}
-    """
-    if "unit" in content:
-        return dict(content)
-    unit = next((name for name in UNITS if f"noise_{name}" in content["misfit"]), "um")
-    renamed: dict[str, Any] = _without(content, f"_{unit}")
-    return {**renamed, "unit": unit.replace("u", "µ")}
+def verdict_words(diagnosis: Diagnosis) -> str:
+    """What follows the headline, in a few sentences."""
+    named = [cause for cause in diagnosis.causes if diagnosis.verdict == "named" and cause.named]
+    return _said("verdict", diagnosis, named, _suspects(diagnosis),
+                 _worst_ratios(diagnosis.misfit), _unit(diagnosis))
 
 
-def _without(content: Any, ending: str) -> Any:
-    """A JSON value, no key of which has that ending."""
-    if isinstance(content, Mapping):
-        return {key.removesuffix(ending): _without(value, ending) for key, value in content.items()}
-    if isinstance(content, list):
-        return [_without(value, ending) for value in content]
-    return content
+def _unit(diagnosis: Diagnosis) -> str:
+    """The unit of errors for people."""
+    return diagnosis.unit.replace("u", "µ")
 
 
-def verdict_words(content: Content) -> str:
-    """What follows the headline, in a few sentences.
-
-    Examples
-    --------
-    >>> misfit = {"baseline_rmse_um": 21.0, "noise_um": 20.0, "where": "nowhere"}
-    >>> verdict_words({"verdict": "nothing", "causes": [], "misfit": misfit, "after": None})[:55]
-    'With stiffness and permittivity fitted, the nominal mod'
-    """
-    content = in_its_unit(content)
-    named = [cause for cause in _explained(content["causes"])
-             if content["verdict"] == "named" and cause["named"]]
-    return _said("verdict", content, named, _suspects(content), _worst_ratios(content["misfit"]))
-
-
-def _suspects(content: Content) -> list[dict[str, Any]]:
-    causes = _explained(content["causes"])
-    return suspects_among(causes) if content["verdict"] == "ambiguous" else []
+def _suspects(diagnosis: Diagnosis) -> list[FoundCause]:
+    return suspects_among(diagnosis.causes) if diagnosis.verdict == "ambiguous" else []
 
 
 def _said(part: str, *values: Any) -> str:
     return sentence(_template("reports/diagnosis/words.txt"), part, *values)
 
 
-def _worst_ratios(misfit: Content) -> list[Content]:
+def _worst_ratios(misfit: Misfit) -> list[Ratio]:
     """The worst ratio of strokes of each kind that is clearly wrong."""
-    clear = [ratio for ratio in misfit.get("ratios", ()) if abs(ratio["off_by_noise"]) > CLEARLY]
-    of_kind = [[ratio for ratio in clear if ratio["kind"] == kind] for kind in ("shape", "mass")]
-    return [max(ratios, key=lambda ratio: abs(ratio["off_by_noise"])) for ratios in of_kind
-            if ratios]
-
-
-def _explained(causes: Iterable[Content]) -> list[dict[str, Any]]:
-    """Causes with their names and what they mean."""
-    return [{**cause, "label": cause_label(cause),
-             "explanation": EFFECTS[cause["effect"]].explanation} for cause in causes]
+    clear = [ratio for ratio in misfit.ratios if abs(ratio.off_by_noise) > CLEARLY]
+    of_kind = [[ratio for ratio in clear if ratio.kind == kind] for kind in ("shape", "mass")]
+    return [max(ratios, key=lambda ratio: abs(ratio.off_by_noise)) for ratios in of_kind if ratios]
 
 
 def _template(name: str) -> Template:
     return template(name, number=number, error=error, probability=probability_text, chance=chance,
-                    plain=plain, capitalised=capitalised, times=times)
+                    plain=plain, capitalised=capitalised, times=times, label=cause_label,
+                    explanation=lambda cause: EFFECTS[cause.effect].explanation)
 
 
-def cause_label(cause: Content) -> str:
+def cause_label(cause: FoundCause | Attempt) -> str:
     """An effect, with the specimen it happens to."""
-    return cause["effect"] if cause["which"] is None else f"{cause['effect']} of {cause['which']}"
+    return cause.effect if cause.which is None else f"{cause.effect} of {cause.which}"
 
 
 def number(value: float | None) -> str:

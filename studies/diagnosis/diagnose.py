@@ -20,6 +20,7 @@ from tympan.studies.diagnosis.calibration import (
     with_effects,
     with_masses,
 )
+from tympan.studies.diagnosis.conclusions import Conclusions
 from tympan.studies.diagnosis.coupons.beside_actuators import (
     BATCH,
     of_one_film,
@@ -41,13 +42,19 @@ from tympan.studies.diagnosis.reduced.simulation import Simulation
 from tympan.studies.diagnosis.result import Diagnosis
 from tympan.studies.diagnosis.self_check import Bench
 from tympan.studies.effects import EFFECTS, Setup
+from tympan.studies.files import to_json
 
 #: Parts of the work after the films: to weigh hypotheses, and to test what they predict.
 _LATER = 2
 
 
-def diagnose(dataset: Dataset, workers: int = 1, seed: int = 0,
-             progress: Callable[[int, int], None] = lambda done, all_of_them: None) -> Diagnosis:
+def diagnose(dataset: Dataset, workers: int = 1, seed: int = 0) -> Diagnosis:
+    """The result of :func:`conclude`, without films."""
+    return conclude(dataset, workers, seed).diagnosis()
+
+
+def conclude(dataset: Dataset, workers: int = 1, seed: int = 0,
+             progress: Callable[[int, int], None] = lambda done, all_of_them: None) -> Conclusions:
     """Diagnose a dataset's static readings, ranges, frequencies and scans of films, and coupons.
 
     Coupons are judged by themselves, by the same rules, and weighed with the readings of actuators
@@ -71,13 +78,13 @@ def diagnose(dataset: Dataset, workers: int = 1, seed: int = 0,
     """
     EFFECTS.whole()
     if dataset.coupons is None:
-        return Diagnosis.of(dataset, *judge_dataset(dataset, workers, seed, progress), seed)
+        return Conclusions.of(dataset, *judge_dataset(dataset, workers, seed, progress), seed)
     of_coupons = _judge_coupons(dataset, seed)
-    coupons = Diagnosis.of(dataset, *of_coupons, seed=seed)
+    coupons = Conclusions.of(dataset, *of_coupons, seed=seed)
     if _of_coupons_alone(dataset):
         return coupons
     of_actuators = _judge_actuators(dataset, of_coupons, workers, seed, progress)
-    return replace(Diagnosis.of(dataset, *of_actuators, seed), coupons=coupons)
+    return replace(Conclusions.of(dataset, *of_actuators, seed), coupons=coupons)
 
 
 def judge_dataset(dataset: Dataset, workers: int = 1, seed: int = 0,
@@ -85,7 +92,7 @@ def judge_dataset(dataset: Dataset, workers: int = 1, seed: int = 0,
                   ) -> tuple[PreparedReadings, Judgement, float]:
     """The readings with the reduced model's errors in their noise, the verdict, and these errors.
 
-    As :func:`diagnose`, which adds what follows from the verdict.
+    As :func:`conclude`, which adds what follows from the verdict.
     """
     of_coupons = None if dataset.coupons is None else _judge_coupons(dataset, seed)
     if of_coupons is not None and _of_coupons_alone(dataset):
@@ -184,7 +191,7 @@ def plan_readings(dataset: Dataset, workers: int = 1,
         "noise_from": readings.noise_from,
         "not_visible": sorted({str(cause) for cause in invisible}),
         "indistinguishable": [[str(cause) for cause in group] for group in classes],
-        "effects": detectable_effects(signs),
+        "effects": to_json(detectable_effects(signs)),
     }, bench
 
 

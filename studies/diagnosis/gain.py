@@ -28,6 +28,7 @@ from tympan.studies.diagnosis.inference.predictive import SHARE, Predictive
 from tympan.studies.diagnosis.inference.verdict import Judgement
 from tympan.studies.diagnosis.reading_table import MICROMETRES, ReadingTable, Unit
 from tympan.studies.diagnosis.reduced.simulation import Simulation
+from tympan.studies.diagnosis.result import Coverage, Gain, HeldOut
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.bool_]
@@ -102,49 +103,35 @@ class SplitGain:
         return {name: float(np.sqrt(np.mean(values**2))) if len(values) else float("nan")
                 for name, values in finite.items()}
 
-    def json(self, unit: Unit) -> dict[str, Any]:
-        """As a JSON object, errors in a unit."""
-        return {"held_out": self.held_out, "chosen": [str(cause) for cause in self.chosen],
-                "wrong": [str(cause) for cause in self.wrong],
-                f"rmse_{unit.name}": {name: unit.per_si * value if np.isfinite(value) else None
-                                      for name, value in self.rmse.items()},
-                "note": self.note}
+    def shown(self, unit: Unit) -> HeldOut:
+        """The part of a result, errors in a unit."""
+        return HeldOut(held_out=self.held_out, chosen=tuple(map(str, self.chosen)),
+                       wrong=tuple(map(str, self.wrong)), note=self.note,
+                       rmse={name: unit.per_si * value if np.isfinite(value) else None
+                             for name, value in self.rmse.items()})
 
 
 @dataclass(frozen=True, eq=False)
 class GainReport:
     """The gain ``overall``, each split, and in words which splits there are not, and why.
 
-    ``overall`` has what was "held_out", "rmse_before_um", "rmse_after_um" or the same in the other
-    ``unit``, the "ratio" of the errors beyond noise and its 95 % limits "low" and "high", None
-    where ramps are too few. It is None where nothing could be held out.
+    ``overall`` is None where nothing could be held out.
     """
 
-    overall: dict[str, Any] | None
+    overall: Gain | None
     splits: tuple[SplitGain, ...]
     impossible: tuple[str, ...]
-    unit: Unit = MICROMETRES
 
     @property
-    def predictive(self) -> dict[str, Any] | None:
-        """How well readings held out were predicted; None without any.
-
-        The share "coverage_95" within bands that are to hold 95 %, counts of the probabilities of
-        less than was read in ten equal bins ("pit"), and the number of "readings".
-        """
+    def predictive(self) -> Coverage | None:
+        """How well readings held out were predicted; None without any."""
         below = np.concatenate([np.empty(0), *(split.below for split in self.splits)])
         below = below[np.isfinite(below)]
         if not len(below):
             return None
         inside = np.abs(below - 0.5) <= SHARE / 2
-        return {"coverage_95": float(np.mean(inside)), "readings": len(below),
-                "pit": np.histogram(below, 10, (0.0, 1.0))[0].tolist()}
-
-    def json(self) -> dict[str, Any] | None:
-        """As a JSON object."""
-        splits = [split.json(self.unit) for split in self.splits]
-        return self.overall and {**self.overall, "splits": splits,
-                                 "impossible": list(self.impossible)}
+        return Coverage(coverage_95=float(np.mean(inside)), readings=len(below),
+                        pit=tuple(np.histogram(below, 10, (0.0, 1.0))[0].tolist()))
 
 
 def gain_of(simulation: Simulation, table: ReadingTable, causes: Sequence[Cause],
@@ -159,7 +146,10 @@ def gain_of(simulation: Simulation, table: ReadingTable, causes: Sequence[Cause]
     splits, impossible = splits_of(simulation, table)
     tested = tuple(_tested(simulation, table, causes if judgement.chosen else (), split, judgement)
                    for split in splits)
-    return GainReport(_overall(tested, seed, table.unit), tested, impossible, table.unit)
+    overall = _overall(tested, seed, table.unit)
+    return GainReport(overall and replace(
+        overall, splits=tuple(split.shown(table.unit) for split in tested), impossible=impossible),
+        tested, impossible)
 
 
 def splits_of(simulation: Simulation,
@@ -302,8 +292,7 @@ def excess_ratio(before: Array | float, after: Array | float, noise: Array | flo
     return np.asarray(np.sqrt(np.maximum(after - noise, 0.0) / np.maximum(before - noise, least)))
 
 
-def _overall(splits: Sequence[SplitGain], seed: int, unit: Unit = MICROMETRES
-             ) -> dict[str, Any] | None:
+def _overall(splits: Sequence[SplitGain], seed: int, unit: Unit = MICROMETRES) -> Gain | None:
     """All splits together; the interval by drawing ramps with replacement."""
     splits = [split for split in splits if not split.note]
     if not splits:
@@ -324,11 +313,10 @@ def _overall(splits: Sequence[SplitGain], seed: int, unit: Unit = MICROMETRES
              for kind in dict.fromkeys(split.kind for split in splits)}
     words = [f"all readings {name}" if kind in _AT_ONCE else f"each {kind} in turn ({name})"
              for kind, name in names.items() if name]
-    rmse = {name: unit.per_si * float(np.sqrt(squares / count))
-            for name, squares in (("before", before), ("after", after))}
-    return {"held_out": "; ".join(words),
-            **{f"rmse_{name}_{unit.name}": value for name, value in rmse.items()},
-            "ratio": float(excess_ratio(*sums.sum(1))), "low": low, "high": high}
+    rmse_before, rmse_after = (unit.per_si * float(np.sqrt(squares / count))
+                               for squares in (before, after))
+    return Gain(held_out="; ".join(words), rmse_before=rmse_before, rmse_after=rmse_after,
+                ratio=float(excess_ratio(*sums.sum(1))), low=low, high=high)
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,432 +1,372 @@
-"""A diagnosis as a result: everything computed, as JSON, in a folder and read back from one."""
+"""A diagnosis as a result: plain data, as JSON, in a folder and read back from one."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from functools import cached_property
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
 
-import numpy as np
 from numpy.typing import NDArray
 
-from tympan.fem.toml_writer import rig_to_toml, specimen_to_toml
 from tympan.geometry.errors import InputError
-from tympan.geometry.specimen import Specimen
+from tympan.geometry.fields import Key
 from tympan.studies.columns import Column, read_own_sheet, write_sheet
-from tympan.studies.data.checks import dataset_warnings
-from tympan.studies.data.dataset import Dataset
-from tympan.studies.diagnosis.coupons.coupon_record import (
-    COUPON_COLUMNS,
-    COUPON_FILE,
-    at_temperature,
-    save_coupons,
+from tympan.studies.data.coupon import MODES
+from tympan.studies.files import (
+    from_json,
+    read_json,
+    read_text,
+    to_json,
+    write_json,
+    write_text,
 )
-from tympan.studies.diagnosis.fits.evidence import interval
-from tympan.studies.diagnosis.fits.fit import Fit
-from tympan.studies.diagnosis.gain import GainReport, gain_of
-from tympan.studies.diagnosis.hypothesis import Cause
-from tympan.studies.diagnosis.inference.identifiability import detectable_effects
-from tympan.studies.diagnosis.inference.posterior import Posterior
-from tympan.studies.diagnosis.inference.ratios import ratios
-from tympan.studies.diagnosis.inference.verdict import Judgement
-from tympan.studies.diagnosis.next_experiment.experiments import MENU
-from tympan.studies.diagnosis.next_experiment.proposals import AnyExperiment, Proposal, propose
-from tympan.studies.diagnosis.next_experiment.solved_experiments import SOLVED
-from tympan.studies.diagnosis.reading_table import ReadingTable
-from tympan.studies.diagnosis.readings import PreparedReadings
-from tympan.studies.diagnosis.reduced.simulation import Simulation
-from tympan.studies.diagnosis.self_check import Bench
-from tympan.studies.diagnosis.sentences import (
-    WORDS,
-    found_sizes,
-    headline,
-    next_step,
-    slip,
-    suspects_among,
-    together,
-    told,
-    where,
-)
-from tympan.studies.diagnosis.shown.curves import CURVES, curves
-from tympan.studies.diagnosis.shown.loaded_films import LoadedFilm, loaded_films
-from tympan.studies.effects import Setup
-from tympan.studies.files import read_json, write_json, write_text
+from tympan.studies.film_surface import FilmSurface
 
-Array = NDArray[np.float64]
 Json = dict[str, Any]
+Columns = Mapping[str, NDArray[Any]]
+Verdict = Literal["nothing", "named", "ambiguous", "unexplained"]
 
-#: The columns of readings.csv: what was read, and what both models say [SI].
-COLUMNS: tuple[Column, ...] = (
-    Column.labels("file", required=False), Column("line"), Column.labels("kind"),
-    Column.labels("specimen"), Column("mass", "g"), Column("voltage", "kV"), Column("elapsed", "s"),
-    Column.labels("run", required=False),
-    *(Column(name, required=False, absent="nan")
-      for name in ("order", "read", "sigma", "baseline", "extended")),
-    Column("x", "mm", required=False), Column("y", "mm", required=False))
+READINGS = "readings.csv"
+CURVES = "curves.csv"
+STRIPS = "strips.csv"
+
+#: The columns of each table in SI: what was read and what both models say; what both models expect
+#: at voltages between, reached up (1) or down (-1), and the limits of the band, nan where there is
+#: no equilibrium; what was read of coupons, in place of both.
+TABLES: Mapping[str, tuple[Column, ...]] = {
+    READINGS: (
+        Column.labels("file", required=False), Column("line"), Column.labels("kind"),
+        Column.labels("specimen"), Column("mass", "g"), Column("voltage", "kV"),
+        Column("elapsed", "s"), Column.labels("run", required=False),
+        *(Column(name, required=False, absent="nan")
+          for name in ("order", "read", "sigma", "baseline", "extended")),
+        Column("x", "mm", required=False), Column("y", "mm", required=False)),
+    CURVES: (
+        Column.labels("kind"), Column.labels("specimen"), Column("mass", "g"),
+        Column("voltage", "kV"), Column("direction"),
+        *(Column(name, "mm", required=False, absent="nan")
+          for name in ("baseline", "extended", "low", "high"))),
+    STRIPS: (
+        Column("line"), Column.labels("specimen"), Column.labels("run", required=False),
+        Column("leg"), Column.labels("mode", tuple(MODES)),
+        Column("t", "s", required=False, absent="nan"), Column("stretch"),
+        Column("voltage", "kV"), Column("temperature_C"),
+        *(Column(name, "kPa", required=False, absent="nan")
+          for name in ("read", "sigma", "baseline", "extended")))}
 
 #: The folder of coupons' diagnosis in that of actuators.
 COUPONS = "coupons"
+#: The folder of films.
+_FILMS = "films"
+#: The folder of the extended model.
+_EXTENDED = "extended"
 
-#: Causes of less than this probability are not listed.
-_LEAST = 0.01
 
-#: Share of the misfit that an effect must take away alone for its check to be worth while where
-#: nothing explains it: half.
-_WORTH = 0.5
-#: How many such checks are told: more are no advice.
-_CHECKS = 2
+@dataclass(frozen=True)
+class ShownSize:
+    """A parameter of an effect as people read it."""
 
-#: Sizes over the usual one up to which such actuators have them.
-_PLAUSIBLE = 2.0
-#: Factor on the noise for which the probabilities are told too.
-_NOISIER = 1.5
-#: Scatter about smooth curves over the stated noise from which it is worth a word.
-_ROUGH = 1.4
+    value: Annotated[float | None, Key("in its unit")]
+    unit: Annotated[str, Key("unit of value and limits")]
+    low: Annotated[float | None, Key("lower 95 % limit")]
+    high: Annotated[float | None, Key("upper 95 % limit")]
+    words: Annotated[str, Key("what numbers do not say")]
 
-#: Points of an outline in a plan.
-_EDGE = 120
+
+@dataclass(frozen=True, kw_only=True)
+class FoundCause:
+    """An effect that may be what is wrong, given that something is."""
+
+    effect: Annotated[str, Key("name of the effect")]
+    which: Annotated[str | None, Key("the specimen it happens to; none for all")] = None
+    probability: Annotated[float, Key("probability of the cause, given that something is wrong")]
+    headline: Annotated[str, Key("what it means here")]
+    clear: Annotated[bool, Key("whether its sign is certain")] = True
+    check: Annotated[str, Key("what to look at on the bench")]
+    surprise: Annotated[float | None, Key("its size over the usual one")] = None
+    only_its_size: Annotated[bool, Key("whether only its size speaks against it")] = False
+    others: Annotated[tuple[str, ...], Key("other effects of the same hypothesis",
+                                           name="with")] = ()
+    named: Annotated[bool, Key("whether it stands out")] = False
+    parameters: Annotated[dict[str, ShownSize], Key("sizes by the parameter's name")] = field(
+        default_factory=dict)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Attempt:
+    """An effect fitted alone, with hardly any prior."""
+
+    effect: Annotated[str, Key("name of the effect")]
+    which: Annotated[str | None, Key("the specimen it happens to; none for all")]
+    explains: Annotated[float, Key("share of the misfit it takes away")]
+    parameters: Annotated[dict[str, ShownSize], Key("sizes by the parameter's name")]
+    headline: Annotated[str, Key("what it would mean")]
+    prior_widths: Annotated[float, Key("its size over the usual one")]
+    plausible: Annotated[bool, Key("whether that size is usual")]
+    at_limit: Annotated[bool, Key("whether it would want more than physics allows")]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ratio:
+    """A ratio of two strokes."""
+
+    kind: Annotated[Literal["shape", "mass"], Key("what is compared")]
+    what: Annotated[str, Key("the ratio in plain words")]
+    read: Annotated[float, Key("ratio of the readings")]
+    simulated: Annotated[float, Key("ratio of the nominal model")]
+    noise: Annotated[float, Key("standard deviation of the ratio read")]
+    off_by_noise: Annotated[float, Key("their difference over it")]
+
+
+@dataclass(frozen=True)
+class PatternTest:
+    """A test of one thing that may be wrong."""
+
+    what: Annotated[str, Key("what may be wrong, in plain words")]
+    p_value: Annotated[float, Key("probability of so much by noise alone")]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Misfit:
+    """How far the nominal model is off, its stiffness and permittivity fitted."""
+
+    baseline_rmse: Annotated[float, Key("root mean square of what the nominal model misses",
+                                        in_unit=True)]
+    noise: Annotated[float, Key("standard deviation of one reading", in_unit=True)]
+    noise_from: Annotated[str, Key("where the noise is from")]
+    noise_over_stated: Annotated[float | None, Key("what readings scatter by, over the noise "
+                                                   "stated")]
+    p_value: Annotated[float, Key("probability of so much misfit by noise alone")]
+    where: Annotated[str, Key("where the misfit is, in plain words")]
+    ratios: Annotated[tuple[Ratio, ...], Key("ratios of strokes, measured and simulated")] = ()
+    patterns: Annotated[tuple[PatternTest, ...], Key("tests of what may be wrong")] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Coverage:
+    """How well readings that were held out were predicted."""
+
+    coverage_95: Annotated[float | None, Key("share of them within their 95 % bands")]
+    readings: Annotated[int, Key("how many there are")]
+    pit: Annotated[tuple[int, ...], Key("counts of where they lie in their bands, in tenths")]
+
+
+@dataclass(frozen=True, kw_only=True)
+class HeldOut:
+    """Errors on one part of the readings that was held out."""
+
+    held_out: Annotated[str, Key("the part")]
+    chosen: Annotated[tuple[str, ...], Key("causes chosen on the rest")]
+    wrong: Annotated[tuple[str, ...], Key("the best other causes")]
+    rmse: Annotated[dict[str, float | None], Key(
+        "errors there: before, after, process (a smooth curve), rival (wrong), noise",
+        in_unit=True)]
+    note: Annotated[str, Key("why it does not count, if so")]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Gain:
+    """The gain of the extended model over the nominal one on readings held out."""
+
+    held_out: Annotated[str, Key("what was held out")]
+    rmse_before: Annotated[float | None, Key("error of the nominal model", in_unit=True)]
+    rmse_after: Annotated[float | None, Key("error of the extended model", in_unit=True)]
+    ratio: Annotated[float | None, Key("ratio of what noise does not explain")]
+    low: Annotated[float | None, Key("lower 95 % limit; none where ramps are too few")]
+    high: Annotated[float | None, Key("upper 95 % limit")]
+    splits: Annotated[tuple[HeldOut, ...], Key("one for each part held out")] = ()
+    impossible: Annotated[tuple[str, ...], Key("parts that cannot be held out, and why")] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class ProposedExperiment:
+    """An experiment that may be made next."""
+
+    what: Annotated[str, Key("what to do, in plain words")]
+    separates: Annotated[tuple[str, ...], Key("effects it tells apart")]
+    expected_chi_squared: Annotated[float, Key("expected χ² of their difference")]
+    enough: Annotated[bool, Key("whether that is odds of a hundred to one")]
+    minutes: Annotated[float, Key("minutes of work")]
+
+
+@dataclass(frozen=True, kw_only=True)
+class NextExperiment:
+    """What to do next."""
+
+    what: Annotated[str, Key("what to do, in plain words")]
+    checks: Annotated[tuple[str, ...], Key("what to look at first, on the bench")]
+    after_checks: Annotated[str, Key("what to read then")]
+    separates: Annotated[tuple[str, ...], Key("effects it tells apart")] = ()
+    expected_chi_squared: Annotated[float | None, Key("expected χ² of their difference")] = None
+    menu: Annotated[tuple[ProposedExperiment, ...], Key(
+        "experiments, those that tell most per minute first")] = ()
+
+
+@dataclass(frozen=True)
+class NoEffect:
+    """Probabilities of what is no effect."""
+
+    nothing: Annotated[float, Key("probability that nothing is wrong")]
+    unknown: Annotated[float, Key("probability of something smooth that no effect makes, or of "
+                                  "nothing that stands out from small errors")]
+
+
+@dataclass(frozen=True, kw_only=True)
+class After:
+    """The extended model."""
+
+    rmse: Annotated[float, Key("root mean square of what it misses", in_unit=True)]
+    p_value: Annotated[float | None, Key("probability of so much misfit by noise alone")]
+    effects: Annotated[tuple[str, ...], Key("what it is extended by")]
+
+
+@dataclass(frozen=True)
+class Factor:
+    """A factor on what the dataset states."""
+
+    value: Annotated[float, Key("found over stated")]
+    low: Annotated[float, Key("lower 95 % limit")]
+    high: Annotated[float, Key("upper 95 % limit")]
+
+
+@dataclass(frozen=True)
+class Noisier:
+    """What a larger noise would change."""
+
+    factor: Annotated[float, Key("factor on the noise")]
+    probability: Annotated[float | None, Key("probability of what is named, then")]
+
+
+@dataclass(frozen=True)
+class Robust:
+    """What other usual sizes of effects would change."""
+
+    factor: Annotated[float, Key("factor on the usual sizes")]
+    stand_out: Annotated[tuple[str, ...], Key("causes that stand out, then")]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Knowable:
+    """What an effect must reach on these readings; none where nothing it may reach is enough."""
+
+    effect: Annotated[str, Key("name of the effect")]
+    parameter: Annotated[str, Key("name of its parameter")]
+    unit: Annotated[str, Key("unit of the sizes")]
+    seen_from: Annotated[float | None, Key("smallest size to be noticed")]
+    told_from: Annotated[float | None, Key("smallest size to be told from all others")]
+    rival: Annotated[str | None, Key("the effect most like it")]
+    prior_width: Annotated[float, Key("its usual size")]
 
 
 @dataclass(frozen=True, eq=False)
-class Diagnosis:
-    """All that was found.
+class LoadedFilm:
+    """A film of the extended model, or of the fitted nominal one where nothing extends it.
 
-    ``model_error``: of the reduced model's deflections at the nominal fit and the best one, against
-    finite elements on a fine mesh [m]; ``gain`` on readings held out; ``proposals`` for the next
-    experiment and ``advice`` in a sentence; ``self_check``: what it makes of synthetic readings,
-    None where that was not asked; ``loaded``: films of the specimens, where they were asked for;
-    ``coupons``: the diagnosis of coupons of the same films, None where there are none or nothing
-    else.
+    Under a load that was read. ``film`` has, beside its fields, the ``nominal_deflection`` [m] of
+    the fitted nominal model; it stands in a file of its own.
     """
 
-    dataset: Dataset
-    readings: PreparedReadings
-    judgement: Judgement
-    model_error: float
-    gain: GainReport
-    proposals: tuple[Proposal, ...]
-    advice: str
-    self_check: Json | None = None
-    loaded: tuple[LoadedFilm, ...] = ()
-    coupons: Diagnosis | None = None
+    specimen: Annotated[str, Key("name of the specimen")]
+    mass_kg: Annotated[float, Key("nominal load on the plate")]
+    voltage_V: Annotated[float, Key("nominal voltage")]
+    film: FilmSurface | None = field(default=None, repr=False, compare=False)
 
-    @classmethod
-    def of(cls, dataset: Dataset, readings: PreparedReadings, judgement: Judgement,
-           model_error: float = 0.0, seed: int = 0) -> Diagnosis:
-        """With all that follows from a judgement of the dataset's readings."""
-        causes, films = readings.causes, judgement.of_actuators()
-        simulation = films.simulation
-        # Nothing more is proposed beside coupons than the checks of what is found.
-        # What is to be solved takes its time, and is for causes that cannot be told apart.
-        menu: tuple[AnyExperiment, ...] = MENU
-        if _verdict(judgement, readings) == "ambiguous" and all(
-                isinstance(specimen, Specimen) for specimen in simulation.setup.specimens):
-            menu = (*MENU, *SOLVED)
-        proposals: tuple[tuple[Proposal, ...], str] = ((), "")
-        if simulation.coupons_alone is None:
-            proposals = propose(simulation, films, causes, menu, dataset.effort)
-        return cls(dataset, readings, judgement, model_error,
-                   gain_of(simulation, films.table, causes, films, seed), *proposals)
+    def loaded(self, folder: Path) -> LoadedFilm:
+        """With the film that was stored in a folder."""
+        file = folder / f"{self.specimen}.vtu"
+        film = FilmSurface.load(file)
+        if "nominal_deflection" not in film.values:
+            raise InputError("is of an older version: run tympan diagnose again", file=file)
+        return replace(self, film=film)
 
-    @property
-    def verdict(self) -> str:
-        """The verdict; with a noise that is only assumed no cause is named."""
-        return _verdict(self.judgement, self.readings)
 
-    @property
-    def chosen(self) -> Fit | None:
-        """The hypothesis the extended model has, None when nothing is wrong."""
-        return self.judgement.chosen
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Diagnosis:
+    """All that was found, as it is printed, drawn and stored.
 
-    @cached_property
-    def single_effects(self) -> list[Fit]:
-        """Every effect fitted alone, the one that explains most first; none if nothing is wrong."""
-        return sorted(self.judgement.alone, key=lambda fit: -self.judgement.explained(fit))
+    ``tables`` has the columns of the files in :data:`TABLES`, in SI; ``extended`` the text of the
+    extended model's files by their names; ``coupons`` the diagnosis of coupons of the same films,
+    None where there are none or nothing else. ``unit`` is that of errors, "um" or "kPa": keys of
+    errors end in it.
+    """
 
-    @cached_property
-    def films(self) -> Judgement:
-        """The judgement's part on readings of actuators, where there are some."""
-        return self.judgement.of_actuators()
-
-    @property
-    def simulation(self) -> Simulation:
-        """The dataset's simulation, as far as effects were explored."""
-        return self.films.simulation
-
-    @property
-    def bench(self) -> Bench:
-        """What makes synthetic readings like these."""
-        return Bench(self.simulation, self.films.nominal.unknowns, self.films.table,
-                     self.readings.causes, self.readings.stated)
-
-    @property
-    def extended(self) -> Setup | None:
-        """Specimens and rig with stiffness, permittivity and effects as found."""
-        if self.chosen is None:
-            return None
-        return self.simulation.extended(self.chosen.hypothesis, self.chosen.unknowns)
-
-    def with_films(self) -> Diagnosis:
-        """With the specimens' films, which are solved by finite elements."""
-        return replace(self, loaded=tuple(loaded_films(self.films, self.extended)))
+    dataset: Annotated[str, Key("name of the dataset")]
+    verdict: Annotated[Verdict, Key("nothing beyond noise; one cause stands out; several could; "
+                                    "none in the library mends it")]
+    headline: Annotated[str, Key("the verdict in a sentence")]
+    causes: Annotated[tuple[FoundCause, ...], Key("causes, the most probable first")] = ()
+    together: Annotated[bool, Key("whether the causes act together")] = False
+    indistinguishable: Annotated[tuple[tuple[str, ...], ...], Key(
+        "groups of effects that these readings cannot tell apart")] = ()
+    misfit: Annotated[Misfit, Key("misfit of the nominal model, its stiffness and permittivity "
+                                  "fitted")]
+    predictive: Annotated[Coverage | None, Key("how readings held out were predicted")] = None
+    gain: Annotated[Gain | None, Key("gain of the extended model over the nominal one, on readings "
+                                     "held out")] = None
+    next_experiment: Annotated[NextExperiment | None, Key("what to do next")] = None
+    not_visible: Annotated[tuple[str, ...], Key("effects that a refit takes up")] = ()
+    probability: Annotated[NoEffect, Key("probabilities of what is no effect")]
+    attempts: Annotated[tuple[Attempt, ...], Key("every effect alone, with hardly any prior")] = ()
+    after: Annotated[After | None, Key("the extended model")] = None
+    baseline: Annotated[dict[str, Factor], Key(
+        "what was fitted of the nominal model: stiffness_factor, permittivity_factor")]
+    noisier: Annotated[Noisier, Key("what a larger noise would change")]
+    small_errors: Annotated[float | None, Key(
+        "share of its usual size at which every other cause is there, where that accounts for the "
+        "rest")] = None
+    robust: Annotated[tuple[Robust, ...], Key("what stands out with other usual sizes")] = ()
+    model_error: Annotated[float, Key("largest error of the reduced model against finite elements",
+                                      in_unit=True)] = 0.0
+    knowable: Annotated[tuple[Knowable, ...], Key("what these readings can tell")] = ()
+    self_check: Annotated[Json | None, Key("what comes of synthetic readings like these")] = None
+    warnings: Annotated[tuple[str, ...], Key("what limits the result, in sentences")] = ()
+    films: Annotated[Json, Key("plans of the films that were scanned, by specimen")] = field(
+        default_factory=dict)
+    loaded_films: Annotated[tuple[LoadedFilm, ...], Key(
+        "films in the folder films, solved by finite elements")] = ()
+    coupon_reading: Annotated[str | None, Key("of coupons: what was judged, the stress or its drop",
+                                              may_miss=True)] = None
+    unit: str = field(default="um", compare=False)
+    tables: Mapping[str, Columns] = field(default_factory=dict, repr=False, compare=False)
+    extended: Mapping[str, str] = field(default_factory=dict, repr=False, compare=False)
+    coupons: Diagnosis | None = field(default=None, repr=False, compare=False)
 
     def json(self) -> Json:
-        """The JSON object that the command prints, and what else the report shows."""
-        judged, posterior, chosen = self.judgement, self.judgement.posterior, self.chosen
-        unit = judged.table.unit.name
-        causes = [] if posterior is None else self._causes(posterior)
-        place = "nowhere: what is left is noise" if self.verdict == "nothing" else where(judged)
-        suspects = [] if self.verdict != "ambiguous" else suspects_among(causes)
-        named = [cause for cause in causes if self.verdict == "named" and cause["named"]]
-        factors = {name: np.exp(interval(judged.nominal, number)).tolist()
-                   for number, name in enumerate(("stiffness_factor", "permittivity_factor"))}
-        return {
-            "dataset": self.dataset.name,
-            "verdict": self.verdict,
-            "headline": headline(self.verdict, named, suspects, place, judged.small_errors),
-            "causes": causes,
-            "together": together(suspects),
-            "indistinguishable": [sorted({cause.name for cause in group})
-                                  for group in judged.indistinguishable],
-            "misfit": self._misfit(place),
-            "predictive": self.gain.predictive,
-            "gain": self.gain.json(),
-            "next_experiment": self._next_experiment([*named, *suspects]),
-            "not_visible": sorted({cause.name for cause in judged.invisible}),
-            "probability": {"nothing": 1.0 if posterior is None else posterior.nothing,
-                            "unknown": 0.0 if posterior is None else posterior.discrepancy},
-            "attempts": [self._attempt(fit) for fit in self.single_effects],
-            "after": chosen and {f"rmse_{unit}": self._rmse(self.films.chosen),
-                                 "p_value": judged.after and judged.after.p_value,
-                                 "effects": [str(cause) for cause in chosen.hypothesis]},
-            "baseline": {name: dict(zip(("value", "low", "high"), values, strict=True))
-                         for name, values in factors.items()},
-            "noisier": {"factor": _NOISIER, "probability": self._with_more_noise()},
-            "small_errors": judged.small_errors,
-            "robust": [{"factor": factor, "stand_out": sorted(map(str, causes))}
-                       for factor, causes in sorted(judged.robust.items())],
-            f"model_error_{unit}": judged.table.unit.per_si * self.model_error,
-            "knowable": detectable_effects(judged.signatures),
-            "self_check": self.self_check,
-            "warnings": self._limitations(),
-            "films": self._plans() if judged.table.scans else {},
-            "loaded_films": [{"specimen": film.specimen, "mass_kg": film.mass,
-                              "voltage_V": film.voltage} for film in self.loaded],
-            **({"coupons": self.coupons.json()} if self.coupons else {}),
-            **({"coupon_reading": self.dataset.coupon_reading}
-               if self.simulation.coupons_alone else {}),
-        }
-
-    def _attempt(self, fit: Fit) -> Json:
-        """An effect fitted alone."""
-        cause = fit.hypothesis[0]
-        widths = fit.surprise(cause)
-        return {"effect": cause.name, "which": cause.which,
-                "explains": self.judgement.explained(fit), "parameters": _parameters(fit, cause),
-                "headline": told(fit, cause)["headline"], "prior_widths": widths,
-                "plausible": widths <= _PLAUSIBLE, "at_limit": fit.at_limit}
-
-    def _rmse(self, fit: Fit | None) -> float:
-        """Root mean square of what a fit of the films misses, as it was read."""
-        table, tests = self.films.table, self.simulation.coupons_alone
-        errors = (fit or self.films.nominal).residual * table.sigma
-        return _root(errors if tests is None else tests.as_read(errors), table)
-
-    def _plans(self) -> Json:
-        """Plans of the films that were scanned, by specimen, in the places' frame [mm]."""
-        table, plans = self.films.table, {}
-        centred = self.dataset.field_frame == "plate"
-        for number in np.unique(table.specimen[table.point >= 0]):
-            specimen = self.simulation.setup.specimens[number]
-            origin = np.array(specimen.plate.offset if centred else (0.0, 0.0))
-            plans[specimen.name] = {
-                name: (1e3 * (outline.points(_EDGE).T - origin)).tolist()
-                for name, outline in (("frame", specimen.frame), ("plate", specimen.plate))}
-        return plans
+        """The JSON object that the command prints."""
+        record: Json = to_json(self, self.unit)
+        return record | ({"coupons": self.coupons.json()} if self.coupons else {})
 
     def save(self, folder: Path) -> None:
-        """Write the readings, the extended model and, last, diagnosis.json to a folder.
+        """Write the tables, the films, the extended model and, last, diagnosis.json to a folder.
 
-        Those of coupons of the same films to a folder in it.
+        The diagnosis of coupons of the same films to a folder in it.
         """
         if self.coupons is not None:
             self.coupons.save(folder / COUPONS)
-        if self.simulation.coupons_alone is None:
-            self._save_readings(folder)
-            specimens = self.extended.specimens if self.extended else ()
-        else:
-            save_coupons(folder, self.simulation.coupons_alone, self.judgement, self.chosen)
-            specimens = self._at_temperatures()
-        setup = self.extended
-        if setup is not None:
-            write_text(folder / "extended" / "rig.toml", rig_to_toml(setup.rig))
-        for specimen in specimens:
-            try:
-                suffix, text = "toml", specimen_to_toml(specimen)
-            except InputError as error:
-                suffix, text = "txt", f"{error}\n"
-            write_text(folder / "extended" / f"{specimen.name}.{suffix}", text)
+        for name, table in self.tables.items():
+            write_sheet(folder / name, TABLES[name], table)
+        for item in self.loaded_films:
+            if item.film is not None:
+                item.film.save(folder / _FILMS / f"{item.specimen}.vtu")
+        for name, text in self.extended.items():
+            write_text(folder / _EXTENDED / name, text)
         write_json(folder / "diagnosis.json", self.json())
 
-    def _save_readings(self, folder: Path) -> None:
-        table, nominal, chosen = self.films.table, self.films.nominal, self.films.chosen
-        specimens = np.array([specimen.name for specimen in self.simulation.setup.specimens])
-        write_sheet(folder / "readings.csv", COLUMNS, {
-            "file": table.file, "line": table.line, "kind": table.kind,
-            "specimen": specimens[table.specimen], "mass": table.mass, "voltage": table.voltage,
-            "elapsed": table.states.elapsed[table.state], "run": table.run, "order": table.order,
-            "read": table.value, "sigma": table.sigma,
-            "baseline": nominal.predicted(table), "extended": (chosen or nominal).predicted(table),
-            **dict(zip("xy", table.places.T, strict=True))})
-        write_sheet(folder / "curves.csv", CURVES,
-                    curves(self.simulation, self.films, chosen))
-        for film in self.loaded:
-            film.film.save(folder / "films" / f"{film.specimen}.vtu")
-
-    def _at_temperatures(self) -> tuple[Specimen, ...]:
-        """The extended specimens of coupons, and as they are at the temperatures of the tests."""
-        setup, tests = self.extended, self.simulation.coupons_alone
-        if setup is None or tests is None:
-            return ()
-        warm = [at_temperature(specimen, celsius) for specimen in setup.specimens
-                if specimen.membrane.temperature_power
-                for celsius in np.unique(tests.coupons.degrees).tolist()]
-        return (*setup.specimens, *warm)
-
-    def _causes(self, posterior: Posterior) -> list[Json]:
-        judged, probabilities = self.judgement, posterior.of_causes()
-        rivals = {fit.hypothesis[0]: fit for fit in judged.rivals}
-        causes = dict.fromkeys([*probabilities, *rivals])
-        listed = []
-        for cause in causes:
-            probability = probabilities.get(cause, 0.0)
-            if probability < _LEAST and cause not in judged.suspects:
-                continue
-            fit = rivals.get(cause) or next(
-                fit for fit in (self.chosen, *posterior.fits, *judged.alone)
-                if fit and cause in fit.hypothesis)
-            listed.append({"effect": cause.name, "which": cause.which, "probability": probability,
-                           **told(fit, cause, probability), "only_its_size": cause in rivals,
-                           "with": [str(other) for other in fit.hypothesis if other != cause],
-                           "named": cause in judged.named, "parameters": _parameters(fit, cause)})
-        return listed
-
-    def _with_more_noise(self) -> float | None:
-        """About how probable what is named would be with a larger noise; None without any.
-
-        Nor where small errors have been added to it already.
-        """
-        posterior, nominal = self.judgement.posterior, self.judgement.nominal
-        if posterior is None or self.verdict != "named" or self.judgement.small_errors:
-            return None
-        fits = (nominal, *posterior.fits)
-        # Misfits weigh less, and what they leave of the unknowns grows.
-        change = np.array([0.5 * (1 - _NOISIER**-2.0) * fit.chi_squared
-                           + len(fit.unknowns) * np.log(_NOISIER) for fit in fits])
-        named = [set(self.judgement.named) <= set(fit.hypothesis) for fit in fits]
-        # What else there may be counts as it does beside the best hypothesis.
-        shares = np.array([posterior.nothing, *posterior.probabilities, posterior.discrepancy])
-        with np.errstate(divide="ignore"):
-            logs = np.log(shares)
-        # A share too small for a number is as far behind as its evidence is.
-        behind = np.array([fit.evidence - posterior.fits[0].evidence for fit in fits] + [0.0])
-        logs = np.where(shares > 0, logs, behind) + np.array([*change, change[1]])
-        weight = np.exp(logs - logs.max())
-        return float(weight[:-1][named].sum() / weight.sum())
-
-    def _misfit(self, place: str) -> Json:
-        judged, table, nominal = self.judgement, self.films.table, self.films.nominal
-        unit = table.unit.name
-        names = [specimen.name for specimen in self.simulation.setup.specimens]
-        predicted = nominal.predicted(table)
-        p_values = sorted(judged.test.p_values.items(), key=lambda item: item[1])
-        return {
-            f"baseline_rmse_{unit}": self._rmse(None),
-            f"noise_{unit}": _root(table.sigma, table),
-            "noise_from": self.readings.noise_from,
-            "noise_over_stated": judged.noise_over(self.readings.table),
-            "p_value": judged.test.p_value,
-            "where": place,
-            "ratios": ratios(table, predicted, names) if table.lengths.any() else [],
-            "patterns": [{"what": judged.test.words(name), "p_value": p} for name, p in p_values
-                         if name in judged.patterns],
-        }
-
-    def _next_experiment(self, concerned: list[Json]) -> Json | None:
-        """The direct checks of what is concerned, then the best experiment; None if all is well."""
-        if self.verdict == "nothing":
-            return None
-        advice = self.advice if self.proposals else ""
-        checks = [cause["check"] for cause in concerned]
-        if self.verdict == "unexplained":
-            worth = [fit for fit in self.single_effects
-                     if self.judgement.explained(fit) >= _WORTH][:_CHECKS]
-            advice = WORDS["again"]
-            checks = [told(fit, fit.hypothesis[0])["check"] for fit in worth]
-        if words := slip(self.films):
-            look_up = WORDS["look_up"].format(slip=words)
-            checks = [look_up] if self.verdict == "unexplained" else [look_up, *checks]
-        step = {"what": next_step(self.verdict, checks, advice),
-                "checks": list(dict.fromkeys(checks)), "after_checks": advice}
-        if self.verdict == "unexplained" or not self.proposals:
-            return {**step, "separates": [], "expected_chi_squared": None, "menu": []}
-        menu = [{"what": proposal.what, "separates": list(proposal.separates),
-                 "expected_chi_squared": proposal.expected, "enough": proposal.enough,
-                 "minutes": proposal.minutes}
-                for proposal in self.proposals]
-        best = next((entry for entry in menu if entry["enough"]), menu[0])
-        return {**step, "separates": best["separates"],
-                "expected_chi_squared": best["expected_chi_squared"], "menu": menu}
-
-    def _limitations(self) -> list[str]:
-        """What limits the conclusions."""
-        words = [*dataset_warnings(self.dataset), *self.readings.remarks]
-        noise = float(np.median(self.films.table.sigma))
-        scatter = self.judgement.noise_over(self.readings.table)
-        if self.readings.assumed:
-            words.append(WORDS["assumed"])
-        if self.model_error > 0.5 * noise:
-            words.append(WORDS["reduced"].format(error=1e6 * self.model_error, noise=1e6 * noise))
-        if scatter > _ROUGH and self.readings.stated:
-            words.append(WORDS["scatters"].format(scatter=scatter))
-        return words
-
-
-def _verdict(judgement: Judgement, readings: PreparedReadings) -> str:
-    verdict = judgement.verdict
-    return "ambiguous" if verdict == "named" and readings.assumed else verdict
-
-
-def load_diagnosis(folder: Path) -> tuple[Json, dict[str, NDArray[Any]], dict[str, NDArray[Any]]]:
-    """What :meth:`Diagnosis.save` wrote: the JSON object, readings.csv and curves.csv [SI].
-
-    Of coupons strips.csv and no curves.
-
-    An :class:`InputError` for what an older version has written.
-    """
-    content = read_json(folder / "diagnosis.json")
-    if "headline" not in content:
-        raise InputError("is of an older version: run tympan diagnose again",
-                         file=folder / "diagnosis.json")
-    if (folder / COUPON_FILE).exists():
-        return content, read_own_sheet(folder / COUPON_FILE, COUPON_COLUMNS), {}
-    return (content, read_own_sheet(folder / "readings.csv", COLUMNS),
-            read_own_sheet(folder / "curves.csv", CURVES))
-
-
-def _root(errors: Array, table: ReadingTable) -> float:
-    """Root mean square of a table's errors, of those that count, in its unit."""
-    return table.unit.per_si * float(np.sqrt(np.mean(errors[table.judged] ** 2)))
-
-
-def _parameters(fit: Fit, cause: Cause) -> Json:
-    """The parameters of a cause at a fit, in the units to show, with 95 % limits; inf is None."""
-    parameters: Json = {}
-    for name, size in found_sizes(fit, cause).items():
-        shown = (size.parameter.shown(value) for value in (size.value, size.low, size.high))
-        value, low, high = (item if np.isfinite(item) else None for item in shown)
-        parameters[name] = {"value": value, "unit": size.parameter.unit, "low": low,
-                            "high": high,
-                            "words": "" if size.range else f"{size}"}
-    return parameters
+    @classmethod
+    def load(cls, folder: Path) -> Diagnosis:
+        """What was saved; an :class:`InputError` for what an older version has written."""
+        file = folder / "diagnosis.json"
+        content = from_json(Json, read_json(file), file)
+        if "headline" not in content:
+            raise InputError("is of an older version: run tympan diagnose again", file=file)
+        unit = "kPa" if "noise_kPa" in content.get("misfit", ()) else "um"
+        stored = from_json(cls, content, file, unit=unit)
+        names = (STRIPS,) if (folder / STRIPS).exists() else (READINGS, CURVES)
+        return replace(
+            stored, unit=unit,
+            tables={name: read_own_sheet(folder / name, TABLES[name]) for name in names},
+            loaded_films=tuple(item.loaded(folder / _FILMS) for item in stored.loaded_films),
+            extended={model.name: read_text(model)
+                      for model in sorted((folder / _EXTENDED).glob("*"))},
+            coupons=cls.load(folder / COUPONS) if (folder / COUPONS).is_dir() else None)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,12 +13,12 @@ from tympan.studies.diagnosis.hypothesis import Cause, sizes_of
 from tympan.studies.diagnosis.inference.projection import beside, taken_by
 from tympan.studies.diagnosis.inference.verdict import Judgement
 from tympan.studies.diagnosis.patterns.reading_patterns import JUMPS, over
+from tympan.studies.diagnosis.result import FoundCause
 from tympan.studies.diagnosis.slips import reading_columns, run_columns
 from tympan.studies.effects.findings import FoundSize, finding, limits_told
 from tympan.studies.files import words_beside
 
 Array = NDArray[np.float64]
-Json = dict[str, Any]
 
 #: Sentences, by key.
 WORDS = words_beside(__file__)
@@ -67,43 +66,43 @@ def found_sizes(fit: Fit, cause: Cause) -> dict[str, FoundSize]:
     return sizes
 
 
-def told(fit: Fit, cause: Cause, probability: float | None = None) -> Json:
-    """A cause at a fit: its "headline" with its size, whether that is "clear", its "check".
-
-    And the "surprise", its size over the usual one.
-    """
+def headline_of(fit: Fit, cause: Cause, probability: float | None = None) -> str:
+    """What a cause at a fit means here, with its size."""
     sizes = found_sizes(fit, cause)
     chance = "" if probability is None else probability_text(probability)
     inside = ", ".join(filter(None, (limits_told(cause.effect, sizes), chance)))
     sentence = finding(cause.effect, sizes, cause.which)
-    return {"headline": f"{sentence} ({inside})" if inside else sentence,
-            "clear": any(size.clear for size in sizes.values()),
-            "check": cause.effect.check.format(which=cause.which), "surprise": fit.surprise(cause)}
+    return f"{sentence} ({inside})" if inside else sentence
 
 
-def suspects_among(causes: Sequence[Json]) -> list[Json]:
+def check_of(cause: Cause) -> str:
+    """What to look at on the bench."""
+    return cause.effect.check.format(which=cause.which)
+
+
+def suspects_among(causes: Sequence[FoundCause]) -> list[FoundCause]:
     """Those of the listed causes that may be it."""
     likely = [cause for cause in causes
-              if cause["only_its_size"] or (cause["clear"] and cause["probability"] >= _SUSPECT)]
+              if cause.only_its_size or (cause.clear and cause.probability >= _SUSPECT)]
     return likely[:_MOST] or list(causes[:1])
 
 
-def together(suspects: Sequence[Json]) -> bool:
+def together(suspects: Sequence[FoundCause]) -> bool:
     """Whether suspects are no rivals but the members of one hypothesis."""
     return len(suspects) > 1 and all(
-        str(Cause(cause["effect"], cause["which"])) in suspects[0]["with"]
+        str(Cause(cause.effect, cause.which)) in suspects[0].others
         for cause in suspects[1:])
 
 
-def headline(verdict: str, named: Sequence[Json], suspects: Sequence[Json], where: str,
+def headline(verdict: str, named: Sequence[FoundCause], suspects: Sequence[FoundCause], where: str,
              small_errors: float | None = None) -> str:
     """What a reader is told first."""
     if verdict == "unexplained" and small_errors is not None:
         return WORDS["rough"].format(share=100 * small_errors)
     if verdict == "named":
-        return ". ".join(cause["headline"] for cause in named) + "."
+        return ". ".join(cause.headline for cause in named) + "."
     if verdict == "ambiguous":
-        heads = [cause["headline"] for cause in suspects]
+        heads = [cause.headline for cause in suspects]
         if len(heads) == 1:
             return WORDS["probably"].format(cause=heads[0])
         heads = [heads[0], *(head[0].lower() + head[1:] for head in heads[1:])]

@@ -2,56 +2,36 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import pytest
 
 from tests.support.checks.policy import unlawful
+from tests.support.diagnosed import diagnosed
 from tympan.reports.diagnosis.page import render_diagnosis, verdict_words
+from tympan.studies.diagnosis.result import FoundCause, Robust, Verdict
 
 
-def cause(effect: str, headline: str, **others: Any) -> dict[str, Any]:
-    return {"effect": effect, "which": None, "probability": 0.97, "parameters": {},
-            "headline": headline, "clear": True, "check": f"look at {effect[:6]}", "surprise": 1.0,
-            "only_its_size": False, "with": [], "named": False} | others
-
-
-def content(verdict: str, *causes: dict[str, Any]) -> dict[str, Any]:
-    step = {"what": "", "checks": [entry["check"] for entry in causes], "after_checks": "hang 10 g",
-            "separates": [], "expected_chi_squared": None, "menu": []}
-    factor = {"value": 1.0, "low": 0.9, "high": 1.1}
-    return {
-        "dataset": "bench", "verdict": verdict, "headline": "Every load is 20 g heavier (99 %).",
-        "causes": list(causes), "indistinguishable": [], "not_visible": [], "attempts": [],
-        "knowable": [], "warnings": [], "next_experiment": step, "model_error_um": 0.1,
-        "misfit": {"baseline_rmse_um": 61.2, "noise_um": 20.0, "noise_from": "stated", "p_value":
-                   1e-9, "noise_over_stated": 1.3, "where": "the way it depends on mass is wrong",
-                   "ratios": [], "patterns": []},
-        "after": {"rmse_um": 21.8, "p_value": 0.5, "effects": [causes[0]["effect"]]},
-        "gain": {"held_out": "each mass in turn (10 g, 20 g)", "rmse_before_um": 61.0, "low": None,
-                 "rmse_after_um": 22.0, "ratio": 0.2, "high": None, "splits": []},
-        "predictive": {"coverage_95": 0.944, "readings": 90, "pit": [9] * 10},
-        "robust": [{"factor": factor, "stand_out": [entry["effect"] for entry in causes[:1]]}
-                   for factor in (1 / 3, 1.0, 10.0)],
-        "noisier": {"factor": 1.5, "probability": 0.961}, "self_check": None,
-        "probability": {"nothing": 0.0, "unknown": 0.01},
-        "baseline": {"stiffness_factor": factor, "permittivity_factor": factor}}
+def cause(effect: str, headline: str, **others: Any) -> FoundCause:
+    return FoundCause(**{"effect": effect, "probability": 0.97, "headline": headline,
+                         "check": f"look at {effect[:6]}", "surprise": 1.0, **others})
 
 
 def test_a_surprise_is_to_be_looked_at_first() -> None:
     named = cause("unaccounted_mass", "Every load is 20 g heavier", named=True, surprise=12.3)
     assert ("Unaccounted mass: that is 12 times what is usual, so look at it first."
-            in verdict_words(content("named", named)))
-    usual = {**named, "surprise": 2.0}
-    assert "usual" not in verdict_words(content("named", usual))
+            in verdict_words(diagnosed("named", named)))
+    usual = replace(named, surprise=2.0)
+    assert "usual" not in verdict_words(diagnosed("named", usual))
 
 
 @pytest.mark.parametrize(("verdict", "words"), [
     ("named", "no more than small errors of every other kind make at once, each about 30 %"),
     ("unexplained", "Such a bench has no single fault to find")])
-def test_small_errors_are_said_where_they_are_the_rest(verdict: str, words: str) -> None:
-    usual = content(verdict, cause("drift", "Readings rise", named=verdict == "named"))
-    rough = usual | {"small_errors": 0.3}
+def test_small_errors_are_said_where_they_are_the_rest(verdict: Verdict, words: str) -> None:
+    usual = diagnosed(verdict, cause("drift", "Readings rise", named=verdict == "named"))
+    rough = replace(usual, small_errors=0.3)
     assert words in " ".join(verdict_words(rough).split())
     assert words not in " ".join(verdict_words(usual).split())
     beside = "here small errors of other kinds leave trends beside it"
@@ -60,7 +40,7 @@ def test_small_errors_are_said_where_they_are_the_rest(verdict: str, words: str)
 
 
 def test_a_rival_that_only_its_size_speaks_against_is_called_so() -> None:
-    page = render_diagnosis(content(
+    page = render_diagnosis(diagnosed(
         "ambiguous", cause("sensor_zero", "Every reading is 50 µm too large"), cause(
             "drift", "Readings rise", probability=0.0, only_its_size=True, surprise=12.3)), "", "")
     assert unlawful(page) == []
@@ -75,9 +55,10 @@ def test_a_rival_that_only_its_size_speaks_against_is_called_so() -> None:
     (([], []), "Nothing stands out, whichever sizes"),
 ])
 def test_what_the_name_depends_on_is_said(stand_out: tuple[list[str], ...], words: str) -> None:
-    diagnosis = content("named", cause("drift", "Readings rise", named=True))
-    diagnosis["robust"] = [{"factor": factor, "stand_out": names}
-                           for factor, names in zip((1 / 3, 10.0), stand_out, strict=True)]
+    diagnosis = diagnosed(
+        "named", cause("drift", "Readings rise", named=True),
+        robust=tuple(Robust(factor, tuple(names))
+                     for factor, names in zip((1 / 3, 10.0), stand_out, strict=True)))
     page = " ".join(render_diagnosis(diagnosis, "", "").split())
     assert words in page
     assert "Were the noise 1.5 times as large, the probability of what is named would be 96 %" in (

@@ -53,7 +53,7 @@ def data(options: argparse.Namespace) -> None:
 def diagnose(options: argparse.Namespace) -> None:
     """Say what the simulation gets wrong about measured data, and why."""
     from tympan.studies.data.dataset import read_dataset
-    from tympan.studies.diagnosis.diagnose import diagnose, plan_readings
+    from tympan.studies.diagnosis.diagnose import conclude, plan_readings
     from tympan.studies.files import write_json
 
     dataset = read_dataset(options.dataset, options.plan)
@@ -66,10 +66,9 @@ def diagnose(options: argparse.Namespace) -> None:
         print_record(options, record)
         return
     with naming_file(options.dataset), shares("films") as progress:
-        diagnosis = diagnose(dataset, options.workers, options.seed, progress)
-    diagnosis = replace(diagnosis, self_check=_self_check(options, diagnosis.bench))
-    if options.output is not None:
-        diagnosis = diagnosis.with_films()
+        conclusions = conclude(dataset, options.workers, options.seed, progress)
+    diagnosis = conclusions.diagnosis(options.output is not None,
+                                      _self_check(options, conclusions.bench))
     from tympan.reports.diagnosis import page
 
     finish(options, diagnosis, words=page)

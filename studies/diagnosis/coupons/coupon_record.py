@@ -1,42 +1,33 @@
-"""A diagnosis of coupons on disk: what was read and what both models say of it; warm films."""
+"""What was read of coupons and what both models say of it; films at other temperatures."""
 
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
+
+import numpy as np
 
 from tympan.fem.film.laws.stiffened import scaled
 from tympan.geometry.specimen import Specimen
-from tympan.studies.columns import Column, write_sheet
-from tympan.studies.data.coupon import MODES
 from tympan.studies.diagnosis.fits.fit import Fit
 from tympan.studies.diagnosis.inference.verdict import Judgement
 from tympan.studies.diagnosis.reduced.coupon_tests import ICE, USUAL_KELVIN, CouponTests
-
-#: The file of readings.
-COUPON_FILE = "strips.csv"
-#: Its columns: what was judged, and what both models say.
-COUPON_COLUMNS: tuple[Column, ...] = (
-    Column("line"), Column.labels("specimen"), Column.labels("run", required=False), Column("leg"),
-    Column.labels("mode", tuple(MODES)), Column("t", "s", required=False, absent="nan"),
-    Column("stretch"), Column("voltage", "kV"), Column("temperature_C"),
-    *(Column(name, "kPa", required=False, absent="nan")
-      for name in ("read", "sigma", "baseline", "extended")))
+from tympan.studies.diagnosis.result import Columns
 
 
-def save_coupons(folder: Path, tests: CouponTests, judged: Judgement, chosen: Fit | None) -> None:
-    """Write the readings to a folder."""
+def strips(tests: CouponTests, judged: Judgement, chosen: Fit | None) -> Columns:
+    """The readings with both models, by the columns of strips.csv."""
     table, coupons, row = judged.table, tests.coupons, tests.rows
     names = [specimen.name for specimen in judged.simulation.setup.specimens]
     nominal, best = judged.nominal, chosen or judged.nominal
-    write_sheet(folder / COUPON_FILE, COUPON_COLUMNS, {
-        "line": table.line, "specimen": [names[number] for number in tests.film[row].tolist()],
+    return {
+        "line": table.line,
+        "specimen": np.array([names[number] for number in tests.film[row].tolist()], str),
         "run": table.run, "leg": table.states.run[table.state], "mode": coupons.mode[row],
         "t": coupons.time[row], "stretch": coupons.stretch[row], "voltage": coupons.volts[row],
         "temperature_C": coupons.degrees[row], "sigma": tests.spread(table.sigma),
         **{name: tests.as_read(values) for name, values in (
             ("read", table.value), ("baseline", nominal.predicted(table)),
-            ("extended", best.predicted(table)))}})
+            ("extended", best.predicted(table)))}}
 
 
 def at_temperature(specimen: Specimen, celsius: float) -> Specimen:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +14,7 @@ from tympan.studies.diagnosis.inference.projection import orthonormal, taken_by,
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.reduced.reduced_films import bounds_of
 from tympan.studies.diagnosis.reduced.simulation import Simulation
+from tympan.studies.diagnosis.result import Knowable
 from tympan.studies.effects import EffectParameter
 
 Array = NDArray[np.float64]
@@ -110,12 +110,8 @@ def classes_of(signs: Signatures) -> tuple[tuple[Cause, ...], tuple[tuple[Cause,
     return invisible, tuple(tuple(group) for group in classes if len(group) > 1)
 
 
-def detectable_effects(signs: Signatures) -> list[dict[str, Any]]:
-    """What each effect must reach, in its value's "unit", whatever the readings will be.
-
-    "seen_from": to be noticed; "told_from": to be told from its "rival", the one most like it; None
-    where nothing it may reach is enough.
-    """
+def detectable_effects(signs: Signatures) -> list[Knowable]:
+    """What each effect must reach, whatever the readings will be."""
     invisible, classes = classes_of(signs)
     alike = {cause: group for group in classes for cause in group}
     effects = []
@@ -126,11 +122,12 @@ def detectable_effects(signs: Signatures) -> list[dict[str, Any]]:
         rival = min(distances, key=lambda other: distances[other], default=None)
         parameter = cause.effect.parameters[int(np.argmax((signature**2).sum(0)))]
         apart = visibility(signature) if rival is None else distances[rival]
-        effects.append({"effect": str(cause), "parameter": parameter.name, "unit": parameter.unit,
-                        "seen_from": _reached(parameter, SEEN, visibility(signature)),
-                        "told_from": _reached(parameter, TOLD, apart),
-                        "rival": None if rival is None else str(rival),
-                        "prior_width": parameter.shown(parameter.width)})
+        effects.append(Knowable(
+            effect=str(cause), parameter=parameter.name, unit=parameter.unit,
+            seen_from=_reached(parameter, SEEN, visibility(signature)),
+            told_from=_reached(parameter, TOLD, apart),
+            rival=None if rival is None else str(rival),
+            prior_width=parameter.shown(parameter.width)))
     return effects
 
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tympan.studies.diagnosis.reading_table import ReadingTable
+from tympan.studies.diagnosis.result import Ratio
 
 Array = NDArray[np.float64]
 
@@ -16,12 +17,10 @@ Array = NDArray[np.float64]
 Stroke = tuple[float, float, float]
 
 
-def ratios(table: ReadingTable, predicted: Array, names: Sequence[str]) -> list[dict[str, Any]]:
+def ratios(table: ReadingTable, predicted: Array, names: Sequence[str]) -> list[Ratio]:
     """Ratios to the first specimen under the same mass, and to the specimen's smallest mass.
 
     A stroke is a range, or the mean reading at the largest voltage less that at the smallest one.
-    Each ratio has its "kind", "what" in words, as "read" and "simulated", the "noise" of the one
-    read, and how far the simulation is "off_by_noise", in standard deviations.
     """
     strokes = _strokes(table, predicted)
     masses = sorted({mass for _, mass in strokes})
@@ -37,12 +36,12 @@ def ratios(table: ReadingTable, predicted: Array, names: Sequence[str]) -> list[
     return [*between, *loads]
 
 
-def _ratio(kind: str, what: str, stroke: Stroke, base: Stroke) -> dict[str, Any]:
+def _ratio(kind: Literal["shape", "mass"], what: str, stroke: Stroke, base: Stroke) -> Ratio:
     (read, simulated, sigma), (base_read, base_simulated, base_sigma) = stroke, base
     ratio, expected = read / base_read, simulated / base_simulated
     noise = abs(ratio) * float(np.hypot(sigma / read, base_sigma / base_read))
-    return {"kind": kind, "what": what, "read": ratio, "simulated": expected, "noise": noise,
-            "off_by_noise": (expected - ratio) / noise}
+    return Ratio(kind=kind, what=what, read=ratio, simulated=expected, noise=noise,
+                 off_by_noise=(expected - ratio) / noise)
 
 
 def _strokes(table: ReadingTable, predicted: Array) -> dict[tuple[int, float], Stroke]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,10 +27,9 @@ from tympan.studies.diagnosis.inference.rough_bench import SMALL, RoughBench, ne
 from tympan.studies.diagnosis.patterns.reading_patterns import over
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.reduced.simulation import Simulation
+from tympan.studies.diagnosis.result import Verdict
 
 Array = NDArray[np.float64]
-
-Verdict = Literal["nothing", "named", "ambiguous", "unexplained"]
 
 #: Probability by noise alone below which something is wrong.
 ALARM = 0.03

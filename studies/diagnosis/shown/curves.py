@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tympan.studies.columns import Column
 from tympan.studies.diagnosis.fits.fit import Fit
 from tympan.studies.diagnosis.inference.predictive import Predictive
 from tympan.studies.diagnosis.inference.verdict import Judgement
@@ -17,14 +16,6 @@ from tympan.studies.diagnosis.reading_table import LENGTHS, ReadingTable
 from tympan.studies.diagnosis.reduced.simulation import Simulation
 
 Array = NDArray[np.float64]
-
-#: The columns of curves.csv: readings of a kind that both models expect at a voltage reached up (1)
-#: or down (-1), and the limits of the band [SI]; nan where there is no equilibrium.
-CURVES: tuple[Column, ...] = (
-    Column.labels("kind"), Column.labels("specimen"), Column("mass", "g"), Column("voltage", "kV"),
-    Column("direction"),
-    *(Column(name, "mm", required=False, absent="nan")
-      for name in ("baseline", "extended", "low", "high")))
 
 _POINTS = 41
 

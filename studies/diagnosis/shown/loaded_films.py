@@ -6,9 +6,7 @@ Solved by finite elements, as ``tympan solve`` solves the specimens that a diagn
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 from scipy.interpolate import LinearNDInterpolator
@@ -17,6 +15,7 @@ from tympan.geometry.errors import InputError
 from tympan.studies.case import Case, Settings, solve
 from tympan.studies.diagnosis.inference.verdict import Judgement
 from tympan.studies.diagnosis.reading_table import ReadingTable
+from tympan.studies.diagnosis.result import LoadedFilm
 from tympan.studies.effects import Setup
 from tympan.studies.film_surface import FilmSurface
 
@@ -25,20 +24,6 @@ _MOST = 12
 #: Loads that are tried of each, from the largest on: under the largest a film may have no
 #: equilibrium.
 _TRIED = 4
-
-
-@dataclass(frozen=True, eq=False)
-class LoadedFilm:
-    """A film of the extended model, or of the fitted nominal one where nothing extends it.
-
-    Under a load that was read: ``mass`` [kg], ``voltage`` [V]. ``film`` has, beside its fields, the
-    ``nominal_deflection`` [m] of the fitted nominal model.
-    """
-
-    specimen: str
-    mass: float
-    voltage: float
-    film: FilmSurface
 
 
 def loaded_films(judged: Judgement, extended: Setup | None) -> Iterator[LoadedFilm]:
@@ -81,15 +66,3 @@ def over_nominal(film: FilmSurface, nominal: FilmSurface) -> FilmSurface:
         between = LinearNDInterpolator(places, deflection[first], fill_value=0.0)
         deflection = between(film.mounted[:, :2])
     return replace(film, values={**film.values, "nominal_deflection": np.asarray(deflection)})
-
-
-def load_films(folder: Path, content: dict[str, Any]) -> list[LoadedFilm]:
-    """The films that a diagnosis stored in a folder, as its JSON object ``content`` lists them."""
-    films = []
-    for entry in content.get("loaded_films", ()):
-        file = folder / "films" / f"{entry['specimen']}.vtu"
-        film = FilmSurface.load(file)
-        if "nominal_deflection" not in film.values:
-            raise InputError("is of an older version: run tympan diagnose again", file=file)
-        films.append(LoadedFilm(entry["specimen"], entry["mass_kg"], entry["voltage_V"], film))
-    return films

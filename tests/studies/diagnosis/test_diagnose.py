@@ -22,14 +22,15 @@ from tympan.geometry.errors import InputError
 from tympan.geometry.mesher import MeshSettings
 from tympan.studies.case import Case, Settings, solve
 from tympan.studies.data.dataset import read_dataset
+from tympan.studies.diagnosis.conclusions import Conclusions
 from tympan.studies.diagnosis.hypothesis import Cause
 from tympan.studies.diagnosis.inference.verdict import judge
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.readings import averaged, prepared_readings
 from tympan.studies.diagnosis.reduced.simulation import Simulation
-from tympan.studies.diagnosis.result import Diagnosis
+from tympan.studies.diagnosis.result import Diagnosis, FoundCause
 from tympan.studies.diagnosis.sentences import headline, next_step, suspects_among, where
-from tympan.studies.diagnosis.shown.loaded_films import load_films, over_nominal
+from tympan.studies.diagnosis.shown.loaded_films import over_nominal
 
 ROWS = "specimen,mass_g,voltage_kV,displacement_mm\n"
 GOOD = "".join(f"{name},{mass},{kv},{1.9 * mass / 17.9 + 0.03 * kv**2}\n"
@@ -114,14 +115,14 @@ def test_averaging_keeps_ranges_apart_from_displacements() -> None:
     assert twice.sigma == pytest.approx(table.sigma / np.sqrt(2))
 
 
-def _diagnosis(simulation: Simulation, table: ReadingTable, tmp_path: Path) -> Diagnosis:
-    """A diagnosis of a table made here, with a dataset only for its name."""
+def _concluded(simulation: Simulation, table: ReadingTable, tmp_path: Path) -> Conclusions:
+    """Conclusions from a table made here, with a dataset only for its name."""
     dataset = read_dataset(write_dataset(tmp_path / "named", 'noise = "5 um"\n' + HEAD,
                                          static=ROWS + GOOD))
     readings = prepared_readings(dataset)
     causes = tuple(every_cause(simulation))
     judged = judge(simulation, table, causes)
-    return Diagnosis.of(dataset, replace(readings, setup=simulation.setup, table=table), judged)
+    return Conclusions.of(dataset, replace(readings, setup=simulation.setup, table=table), judged)
 
 
 @pytest.fixture(scope="module")
@@ -132,11 +133,10 @@ def written(three_shapes: Simulation,
 
     folder = tmp_path_factory.mktemp("diagnosis")
     table = read(three_shapes, design(5e-6), (Cause("electrode_margin"),), [4e-3], seed=2)
-    diagnosis = _diagnosis(three_shapes, table, folder).with_films()
+    diagnosis = _concluded(three_shapes, table, folder).diagnosis(films=True)
     diagnosis.save(folder)
-    content = diagnosis.json()
-    build_diagnosis_page(folder)
-    return folder, content
+    build_diagnosis_page(Diagnosis.load(folder), folder)
+    return folder, diagnosis.json()
 
 
 def test_the_record_is_that_of_the_design(written: tuple[Path, dict[str, Any]]) -> None:
@@ -214,15 +214,17 @@ def test_a_folder_of_an_older_version_is_told_how_to_be_made_again(
 
 def test_films_are_those_of_the_files_that_are_written(
         three_shapes: Simulation, written: tuple[Path, dict[str, Any]]) -> None:
-    folder, content = written
-    films = load_films(folder, content)
+    folder, _ = written
+    films = Diagnosis.load(folder).loaded_films
     assert [film.specimen for film in films] == [specimen.name for specimen
                                                  in three_shapes.setup.specimens]
-    assert {film.mass for film in films} == {design(5e-6).mass.max()}
+    assert {film.mass_kg for film in films} == {design(5e-6).mass.max()}
     rig = Rig.read(folder / "extended" / "rig.toml")
     for film in films:
         specimen = load_specimen(folder / "extended" / f"{film.specimen}.toml")
-        solved = solve(Case(specimen, mass=film.mass, voltage=film.voltage, rig=rig), Settings())
+        solved = solve(Case(specimen, mass=film.mass_kg, voltage=film.voltage_V, rig=rig),
+                       Settings())
+        assert film.film is not None
         depth = film.film.values["displacement"][:, 2].max()
         assert depth == pytest.approx(solved.deflection_m, rel=1e-6)
         # A margin hides charge: the nominal film, refitted, is off by more than the noise.
@@ -230,12 +232,14 @@ def test_films_are_those_of_the_files_that_are_written(
 
 
 def test_the_page_of_a_diagnosis_turns_its_films(written: tuple[Path, dict[str, Any]]) -> None:
-    folder, content = written
+    folder, _ = written
     page = (folder / "diagnosis.html").read_text(encoding="utf-8")
     assert len(page) < 3e6
     data = page.partition('class="films">')[2].partition("</script>")[0]
-    for shown, item in zip(json.loads(data)["films"], load_films(folder, content), strict=True):
-        assert shown["name"].startswith(f"{item.specimen}, {1e3 * item.mass:.4g} g")
+    films = Diagnosis.load(folder).loaded_films
+    for shown, item in zip(json.loads(data)["films"], films, strict=True):
+        assert item.film is not None
+        assert shown["name"].startswith(f"{item.specimen}, {1e3 * item.mass_kg:.4g} g")
         depth, nominal = item.film.values["displacement"][:, 2], "nominal_deflection"
         more = 1e6 * (depth - item.film.values[nominal])
         assert shown["values"]["more"]["high"] == pytest.approx(more.max(), rel=1e-9, abs=1e-9)
@@ -256,11 +260,27 @@ def test_a_film_of_another_mesh_is_compared_where_its_points_are() -> None:
 
 
 def test_a_damaged_folder_gets_one_message(tmp_path: Path) -> None:
-    from tympan.reports.diagnosis.page import build_diagnosis_page
-
     (tmp_path / "diagnosis.json").write_text("{", encoding="utf-8")
     with pytest.raises(InputError, match=r"diagnosis\.json: is not valid JSON"):
-        build_diagnosis_page(tmp_path)
+        Diagnosis.load(tmp_path)
+
+
+def test_what_was_saved_is_loaded_whole(written: tuple[Path, dict[str, Any]],
+                                        tmp_path: Path) -> None:
+    folder, content = written
+    loaded = Diagnosis.load(folder)
+    assert loaded.json() == json.loads(json.dumps(content))
+    loaded.save(tmp_path)
+    files = [file.relative_to(folder) for file in folder.rglob("*")
+             if file.suffix in (".json", ".csv", ".toml") and "named" not in file.parts]
+    assert len(files) > 6
+    for file in files:
+        assert (tmp_path / file).read_bytes() == (folder / file).read_bytes(), file
+    again = Diagnosis.load(tmp_path).loaded_films
+    for one, other in zip(loaded.loaded_films, again, strict=True):
+        assert one.film is not None
+        assert other.film is not None
+        assert one.film.points == pytest.approx(other.film.points, abs=1e-9)
 
 
 @pytest.mark.parametrize("name", ["circular", "elliptical-small", "elliptical-large"])
@@ -281,16 +301,16 @@ def test_no_specimen_is_blamed_for_what_all_have(three_shapes: Simulation) -> No
         assert where(judge(three_shapes, table, [Cause(cause)])).split(";")[0] == words
 
 
-def listed(name: str, probability: float, clear: bool = True, rival: bool = False
-           ) -> dict[str, Any]:
-    return {"effect": name, "headline": f"A {name}", "probability": probability, "clear": clear,
-            "only_its_size": rival, "check": f"look at the {name}", "which": None, "with": []}
+def listed(name: str, probability: float, clear: bool = True, rival: bool = False,
+           others: tuple[str, ...] = ()) -> FoundCause:
+    return FoundCause(effect=name, headline=f"A {name}", probability=probability, clear=clear,
+                      only_its_size=rival, check=f"look at the {name}", others=others)
 
 
 def test_suspects_have_a_size_and_a_probability_or_nothing_but_their_size_against_them() -> None:
     causes = [listed("lead", 0.6), listed("drift", 0.3, clear=False), listed("hook", 0.01),
               listed("probe", 0.001, rival=True)]
-    assert [cause["effect"] for cause in suspects_among(causes)] == ["lead", "probe"]
+    assert [cause.effect for cause in suspects_among(causes)] == ["lead", "probe"]
     assert suspects_among(causes[1:2]) == causes[1:2]
 
 
@@ -300,7 +320,7 @@ def test_headlines() -> None:
     assert headline("ambiguous", [], [lead], "") == "Probably this: A lead."
     assert headline("ambiguous", [], [lead, hook], "").endswith(
         "Either this: A lead; or a hook.")
-    both = [lead | {"with": ["hook"]}, hook | {"with": ["lead"]}]
+    both = [replace(lead, others=("hook",)), replace(hook, others=("lead",))]
     assert headline("ambiguous", [], both, "").startswith("Two errors together")
     assert "no effect in the library explains it: here" in headline("unexplained", [], [], "here")
     assert headline("nothing", [], [], "").startswith("The simulation agrees")

@@ -32,6 +32,7 @@ from tympan.studies.diagnosis.readings import prepared_readings
 from tympan.studies.diagnosis.reduced.film_shape import ALONG, AROUND, FilmShape, lattice_of
 from tympan.studies.diagnosis.reduced.prediction import Prediction
 from tympan.studies.diagnosis.reduced.sampling import COARSE
+from tympan.studies.diagnosis.result import Diagnosis
 
 STATIC = "specimen,mass_g,voltage_kV,displacement_mm\n" + "".join(
     f"A,17.9,{kv},{2 + 0.03 * kv**2}\n" for kv in range(5))
@@ -133,8 +134,8 @@ def test_what_heaves_do_not_tell_a_line_names(tmp_path: Path, effect: str,
             diagnosis.save(tmp_path / "out")
     assert verdicts["heaves"]["verdict"] != "named"
     assert verdicts["line"]["verdict"] == "named"
-    page = build_diagnosis_page(tmp_path / "out").read_text(encoding="utf-8")
-    assert "What they leave over the films" in page
+    page, = build_diagnosis_page(Diagnosis.load(tmp_path / "out"), tmp_path / "out")
+    assert "What they leave over the films" in page.read_text(encoding="utf-8")
     cause = verdicts["line"]["causes"][0]
     assert cause["effect"] == effect
     for parameter, size in zip(cause["parameters"].values(), sizes, strict=True):

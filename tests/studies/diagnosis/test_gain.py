@@ -85,11 +85,11 @@ def test_the_cause_is_found_and_gains_on_every_split(sagging: tuple[ReadingTable
         sums = [float(np.sum(split.errors[name]**2)) for name in ("before", "after", "noise")]
         assert excess_ratio(*sums, len(split.ramp)) < 0.5, split.held_out
     assert report.overall is not None
-    assert report.overall["ratio"] < 0.2
-    assert report.overall["rmse_after_um"] < 2e6 * SIGMA < report.overall["rmse_before_um"]
-    assert report.overall["low"] is not None
-    assert report.overall["high"] is not None
-    assert report.overall["low"] <= report.overall["ratio"] <= report.overall["high"]
+    assert report.overall.ratio < 0.2
+    assert report.overall.rmse_after < 2e6 * SIGMA < report.overall.rmse_before
+    assert report.overall.low is not None
+    assert report.overall.high is not None
+    assert report.overall.low <= report.overall.ratio <= report.overall.high
 
 
 def test_extrapolation_is_where_a_cause_beats_curves(sagging: tuple[ReadingTable, Judgement,
@@ -128,7 +128,7 @@ def test_a_cause_on_the_specimen_held_out_does_not_count(three_shapes: Simulatio
     assert all(note.startswith("nothing is seen to be wrong") for note in notes.values())
     assert len(notes) < len(report.splits) - 2
     assert report.overall is not None
-    assert "circular" not in report.overall["held_out"].split("(")[1].split(")")[0].split(", ")
+    assert "circular" not in report.overall.held_out.split("(")[1].split(")")[0].split(", ")
 
 
 def test_a_mass_left_out_of_account_needs_two_masses(three_shapes: Simulation) -> None:
@@ -167,9 +167,9 @@ def test_the_interval_covers_the_true_ratio() -> None:
     for seed in range(count):
         gain = _overall([synthetic(generator, 24, 3.0, 1.2)], seed)
         assert gain is not None
-        assert gain["low"] is not None
-        assert gain["high"] is not None
-        covered += gain["low"] <= 0.4 <= gain["high"]
+        assert gain.low is not None
+        assert gain.high is not None
+        covered += gain.low <= 0.4 <= gain.high
     assert 0.87 <= covered / count <= 0.99
 
 

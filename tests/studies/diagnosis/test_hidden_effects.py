@@ -43,7 +43,7 @@ from tests.oracles.axisymmetric import Film, neo_hooke, solve_load
 from tests.support.datasets import HEAD, write_dataset
 from tympan.fem.toml_writer import specimen_content, toml
 from tympan.studies.data.dataset import read_dataset
-from tympan.studies.diagnosis.diagnose import diagnose
+from tympan.studies.diagnosis.diagnose import conclude
 from tympan.studies.diagnosis.hypothesis import Cause
 from tympan.studies.diagnosis.inference.identifiability import SEEN
 from tympan.studies.diagnosis.inference.verdict import judge
@@ -241,7 +241,7 @@ def test_the_papers_actuators_softer_than_stated_are_judged(lab: Lab, tmp_path: 
     head = toml({"name": "soft", "noise": "20 um",
                  "specimen": [specimen_content(specimen) for specimen in design.setup.specimens]})
     folder = write_dataset(tmp_path / "soft", head, (), static=_usual(design, table))
-    diagnosis = diagnose(read_dataset(folder))
+    diagnosis = conclude(read_dataset(folder))
     assert diagnosis.verdict == "nothing"
     assert len(diagnosis.judgement.table) == len(table)
 

@@ -136,12 +136,12 @@ def test_what_is_said_to_be_seen_is_seen_and_what_is_not_is_not(three_shapes: Si
     causes = every_cause(three_shapes)
     signs = signatures(three_shapes, table, np.zeros(2), causes)
     for cause, effect in zip(signs, detectable_effects(signs), strict=True):
-        parameters, seen = cause.effect.parameters, effect["seen_from"]
-        nearby = seen is not None and seen < 3 * effect["prior_width"]
+        parameters, seen = cause.effect.parameters, effect.seen_from
+        nearby = seen is not None and seen < 3 * effect.prior_width
         if not nearby or len(parameters) > 1 or cause.name in ("voltage_sag",
                                                                "strain_stiffening"):
             continue
-        unit = parameters[0].value(parameters[0].size(parameters[0].width)) / effect["prior_width"]
+        unit = parameters[0].value(parameters[0].size(parameters[0].width)) / effect.prior_width
         exact = table.with_values(three_shapes.predict((cause,), np.array([0.0, 0.0, seen * unit]),
                                                        table))
         assert fit(three_shapes, (), exact).chi_squared == pytest.approx(25.0, rel=0.5), effect
@@ -187,11 +187,11 @@ def test_ratios_of_strokes(three_shapes: Simulation) -> None:
     table = design(SIGMA)
     values = three_shapes.predict((), np.zeros(2), table)
     read_ = table.with_values(np.where(table.specimen == 2, 1.1, 1.0) * values)
-    by_words = {ratio["what"]: ratio for ratio in ratios(read_, values, NAMES)}
-    assert by_words["elliptical-large over circular at 17.9 g"]["read"] == pytest.approx(
-        1.1 * by_words["elliptical-large over circular at 17.9 g"]["simulated"])
-    assert by_words["22.45 g over 17.9 g, circular"]["off_by_noise"] == pytest.approx(0.0, abs=1e-7)
-    assert abs(by_words["elliptical-large over circular at 22.45 g"]["off_by_noise"]) > 3
+    by_words = {ratio.what: ratio for ratio in ratios(read_, values, NAMES)}
+    assert by_words["elliptical-large over circular at 17.9 g"].read == pytest.approx(
+        1.1 * by_words["elliptical-large over circular at 17.9 g"].simulated)
+    assert by_words["22.45 g over 17.9 g, circular"].off_by_noise == pytest.approx(0.0, abs=1e-7)
+    assert abs(by_words["elliptical-large over circular at 22.45 g"].off_by_noise) > 3
 
 
 def test_order_of_rows_and_causes_changes_no_verdict(three_shapes: Simulation) -> None:

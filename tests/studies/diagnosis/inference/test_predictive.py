@@ -61,9 +61,9 @@ def test_readings_held_out_lie_in_their_bands(three_shapes: Simulation) -> None:
         predictive = gain_of(three_shapes, table, causes,
                              judge(three_shapes, table, causes)).predictive
         assert predictive is not None
-        assert sum(predictive["pit"]) == predictive["readings"]
-        inside += predictive["coverage_95"] * predictive["readings"]
-        count += predictive["readings"]
+        assert sum(predictive.pit) == predictive.readings
+        inside += predictive.coverage_95 * predictive.readings
+        count += predictive.readings
     assert 0.91 <= inside / count <= 0.985
 
 

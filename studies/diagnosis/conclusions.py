@@ -1,0 +1,377 @@
+"""What follows from a judgement: causes, misfit, gain, next experiment, as a result."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tympan.fem.toml_writer import rig_to_toml, specimen_to_toml
+from tympan.geometry.errors import InputError
+from tympan.geometry.specimen import Specimen
+from tympan.studies.data.checks import dataset_warnings
+from tympan.studies.data.dataset import Dataset
+from tympan.studies.diagnosis import result
+from tympan.studies.diagnosis.coupons.coupon_record import at_temperature, strips
+from tympan.studies.diagnosis.fits.evidence import interval
+from tympan.studies.diagnosis.fits.fit import Fit
+from tympan.studies.diagnosis.gain import GainReport, gain_of
+from tympan.studies.diagnosis.hypothesis import Cause
+from tympan.studies.diagnosis.inference.identifiability import detectable_effects
+from tympan.studies.diagnosis.inference.posterior import Posterior
+from tympan.studies.diagnosis.inference.ratios import ratios
+from tympan.studies.diagnosis.inference.verdict import Judgement
+from tympan.studies.diagnosis.next_experiment.experiments import MENU
+from tympan.studies.diagnosis.next_experiment.proposals import AnyExperiment, Proposal, propose
+from tympan.studies.diagnosis.next_experiment.solved_experiments import SOLVED
+from tympan.studies.diagnosis.reading_table import ReadingTable
+from tympan.studies.diagnosis.readings import PreparedReadings
+from tympan.studies.diagnosis.reduced.simulation import Simulation
+from tympan.studies.diagnosis.result import Columns, Diagnosis, Json, Verdict
+from tympan.studies.diagnosis.self_check import Bench
+from tympan.studies.diagnosis.sentences import (
+    WORDS,
+    check_of,
+    found_sizes,
+    headline,
+    headline_of,
+    next_step,
+    slip,
+    suspects_among,
+    together,
+    where,
+)
+from tympan.studies.diagnosis.shown.curves import curves
+from tympan.studies.diagnosis.shown.loaded_films import loaded_films
+from tympan.studies.effects import Setup
+
+Array = NDArray[np.float64]
+
+#: Causes of less than this probability are not listed.
+_LEAST = 0.01
+
+#: Share of the misfit that an effect must take away alone for its check to be worth while where
+#: nothing explains it: half.
+_WORTH = 0.5
+#: How many such checks are told: more are no advice.
+_CHECKS = 2
+
+#: Sizes over the usual one up to which such actuators have them.
+_PLAUSIBLE = 2.0
+#: Factor on the noise for which the probabilities are told too.
+_NOISIER = 1.5
+#: Scatter about smooth curves over the stated noise from which it is worth a word.
+_ROUGH = 1.4
+
+#: Points of an outline in a plan.
+_EDGE = 120
+
+
+@dataclass(frozen=True, eq=False)
+class Conclusions:
+    """A judgement of a dataset's readings, with what follows from it.
+
+    ``model_error``: of the reduced model's deflections at the nominal fit and the best one, against
+    finite elements on a fine mesh [m]; ``gain`` on readings held out; ``proposals`` for the next
+    experiment and ``advice`` in a sentence; ``coupons``: the conclusions from coupons of the same
+    films, None where there are none or nothing else.
+    """
+
+    dataset: Dataset
+    readings: PreparedReadings
+    judgement: Judgement
+    model_error: float
+    gain: GainReport
+    proposals: tuple[Proposal, ...]
+    advice: str
+    coupons: Conclusions | None = None
+
+    @classmethod
+    def of(cls, dataset: Dataset, readings: PreparedReadings, judgement: Judgement,
+           model_error: float = 0.0, seed: int = 0) -> Conclusions:
+        """With all that follows from a judgement of the dataset's readings."""
+        causes, films = readings.causes, judgement.of_actuators()
+        simulation = films.simulation
+        # Nothing more is proposed beside coupons than the checks of what is found.
+        # What is to be solved takes its time, and is for causes that cannot be told apart.
+        menu: tuple[AnyExperiment, ...] = MENU
+        if _verdict(judgement, readings) == "ambiguous" and all(
+                isinstance(specimen, Specimen) for specimen in simulation.setup.specimens):
+            menu = (*MENU, *SOLVED)
+        proposals: tuple[tuple[Proposal, ...], str] = ((), "")
+        if simulation.coupons_alone is None:
+            proposals = propose(simulation, films, causes, menu, dataset.effort)
+        return cls(dataset, readings, judgement, model_error,
+                   gain_of(simulation, films.table, causes, films, seed), *proposals)
+
+    @property
+    def verdict(self) -> Verdict:
+        """The verdict; with a noise that is only assumed no cause is named."""
+        return _verdict(self.judgement, self.readings)
+
+    @property
+    def chosen(self) -> Fit | None:
+        """The hypothesis the extended model has, None when nothing is wrong."""
+        return self.judgement.chosen
+
+    @cached_property
+    def single_effects(self) -> list[Fit]:
+        """Every effect fitted alone, the one that explains most first; none if nothing is wrong."""
+        return sorted(self.judgement.alone, key=lambda fit: -self.judgement.explained(fit))
+
+    @cached_property
+    def films(self) -> Judgement:
+        """The judgement's part on readings of actuators, where there are some."""
+        return self.judgement.of_actuators()
+
+    @property
+    def simulation(self) -> Simulation:
+        """The dataset's simulation, as far as effects were explored."""
+        return self.films.simulation
+
+    @property
+    def bench(self) -> Bench:
+        """What makes synthetic readings like these."""
+        return Bench(self.simulation, self.films.nominal.unknowns, self.films.table,
+                     self.readings.causes, self.readings.stated)
+
+    @property
+    def extended(self) -> Setup | None:
+        """Specimens and rig with stiffness, permittivity and effects as found."""
+        if self.chosen is None:
+            return None
+        return self.simulation.extended(self.chosen.hypothesis, self.chosen.unknowns)
+
+    def diagnosis(self, films: bool = False, self_check: Json | None = None) -> Diagnosis:
+        """The result; ``films``: with the specimens' films, which are solved by finite elements.
+
+        ``self_check``: what is concluded from synthetic readings, None where that was not asked.
+        """
+        judged, posterior, chosen = self.judgement, self.judgement.posterior, self.chosen
+        unit, tests = judged.table.unit, self.simulation.coupons_alone
+        causes = () if posterior is None else tuple(self._causes(posterior))
+        place = "nowhere: what is left is noise" if self.verdict == "nothing" else where(judged)
+        suspects = [] if self.verdict != "ambiguous" else suspects_among(causes)
+        named = [cause for cause in causes if self.verdict == "named" and cause.named]
+        return Diagnosis(
+            dataset=self.dataset.name,
+            verdict=self.verdict,
+            headline=headline(self.verdict, named, suspects, place, judged.small_errors),
+            causes=causes,
+            together=together(suspects),
+            indistinguishable=tuple(tuple(sorted({cause.name for cause in group}))
+                                    for group in judged.indistinguishable),
+            misfit=self._misfit(place),
+            predictive=self.gain.predictive,
+            gain=self.gain.overall,
+            next_experiment=self._next_experiment([*named, *suspects]),
+            not_visible=tuple(sorted({cause.name for cause in judged.invisible})),
+            probability=result.NoEffect(1.0, 0.0) if posterior is None else result.NoEffect(
+                posterior.nothing, posterior.discrepancy),
+            attempts=tuple(self._attempt(fit) for fit in self.single_effects),
+            after=None if chosen is None else result.After(
+                rmse=self._rmse(self.films.chosen),
+                p_value=None if judged.after is None else judged.after.p_value,
+                effects=tuple(map(str, chosen.hypothesis))),
+            baseline={name: result.Factor(*np.exp(interval(judged.nominal, number)).tolist())
+                      for number, name in enumerate(("stiffness_factor", "permittivity_factor"))},
+            noisier=result.Noisier(_NOISIER, self._with_more_noise()),
+            small_errors=judged.small_errors,
+            robust=tuple(result.Robust(factor, tuple(sorted(map(str, causes))))
+                         for factor, causes in sorted(judged.robust.items())),
+            model_error=unit.per_si * self.model_error,
+            knowable=tuple(detectable_effects(judged.signatures)),
+            self_check=self_check,
+            warnings=tuple(self._limitations()),
+            films=self._plans() if judged.table.scans else {},
+            loaded_films=tuple(loaded_films(self.films, self.extended)) if films else (),
+            coupon_reading=None if tests is None else self.dataset.coupon_reading,
+            unit=unit.name,
+            tables=(dict(self._tables()) if tests is None
+                    else {result.STRIPS: strips(tests, judged, chosen)}),
+            extended=self._extended_files(),
+            coupons=None if self.coupons is None else self.coupons.diagnosis())
+
+    def _attempt(self, fit: Fit) -> result.Attempt:
+        """An effect fitted alone."""
+        cause = fit.hypothesis[0]
+        widths = fit.surprise(cause)
+        return result.Attempt(
+            effect=cause.name, which=cause.which, explains=self.judgement.explained(fit),
+            parameters=_parameters(fit, cause), headline=headline_of(fit, cause),
+            prior_widths=widths, plausible=widths <= _PLAUSIBLE, at_limit=fit.at_limit)
+
+    def _rmse(self, fit: Fit | None) -> float:
+        """Root mean square of what a fit of the films misses, as it was read."""
+        table, tests = self.films.table, self.simulation.coupons_alone
+        errors = (fit or self.films.nominal).residual * table.sigma
+        return _root(errors if tests is None else tests.as_read(errors), table)
+
+    def _plans(self) -> Json:
+        """Plans of the films that were scanned, by specimen, in the places' frame [mm]."""
+        table, plans = self.films.table, {}
+        centred = self.dataset.field_frame == "plate"
+        for number in np.unique(table.specimen[table.point >= 0]):
+            specimen = self.simulation.setup.specimens[number]
+            origin = np.array(specimen.plate.offset if centred else (0.0, 0.0))
+            plans[specimen.name] = {
+                name: (1e3 * (outline.points(_EDGE).T - origin)).tolist()
+                for name, outline in (("frame", specimen.frame), ("plate", specimen.plate))}
+        return plans
+
+    def _extended_files(self) -> dict[str, str]:
+        """The extended model's rig and specimens as files by name, or why there is none."""
+        setup, tests = self.extended, self.simulation.coupons_alone
+        if setup is None:
+            return {}
+        files = {"rig.toml": rig_to_toml(setup.rig)}
+        for specimen in setup.specimens if tests is None else self._at_temperatures():
+            try:
+                files[f"{specimen.name}.toml"] = specimen_to_toml(specimen)
+            except InputError as error:
+                files[f"{specimen.name}.txt"] = f"{error}\n"
+        return files
+
+    def _tables(self) -> Iterator[tuple[str, Columns]]:
+        """What was read of actuators, and what both models say there and between."""
+        table, nominal, chosen = self.films.table, self.films.nominal, self.films.chosen
+        specimens = np.array([specimen.name for specimen in self.simulation.setup.specimens])
+        yield result.READINGS, {
+            "file": table.file, "line": table.line, "kind": table.kind,
+            "specimen": specimens[table.specimen], "mass": table.mass, "voltage": table.voltage,
+            "elapsed": table.states.elapsed[table.state], "run": table.run, "order": table.order,
+            "read": table.value, "sigma": table.sigma,
+            "baseline": nominal.predicted(table), "extended": (chosen or nominal).predicted(table),
+            **dict(zip("xy", table.places.T, strict=True))}
+        yield result.CURVES, curves(self.simulation, self.films, chosen)
+
+    def _at_temperatures(self) -> tuple[Specimen, ...]:
+        """The extended specimens of coupons, and as they are at the temperatures of the tests."""
+        setup, tests = self.extended, self.simulation.coupons_alone
+        if setup is None or tests is None:
+            return ()
+        warm = [at_temperature(specimen, celsius) for specimen in setup.specimens
+                if specimen.membrane.temperature_power
+                for celsius in np.unique(tests.coupons.degrees).tolist()]
+        return (*setup.specimens, *warm)
+
+    def _causes(self, posterior: Posterior) -> Iterator[result.FoundCause]:
+        judged, probabilities = self.judgement, posterior.of_causes()
+        rivals = {fit.hypothesis[0]: fit for fit in judged.rivals}
+        for cause in dict.fromkeys([*probabilities, *rivals]):
+            probability = probabilities.get(cause, 0.0)
+            if probability < _LEAST and cause not in judged.suspects:
+                continue
+            fit = rivals.get(cause) or next(
+                fit for fit in (self.chosen, *posterior.fits, *judged.alone)
+                if fit and cause in fit.hypothesis)
+            yield result.FoundCause(
+                effect=cause.name, which=cause.which, probability=probability,
+                headline=headline_of(fit, cause, probability),
+                clear=any(size.clear for size in found_sizes(fit, cause).values()),
+                check=check_of(cause), surprise=fit.surprise(cause), only_its_size=cause in rivals,
+                others=tuple(str(other) for other in fit.hypothesis if other != cause),
+                named=cause in judged.named, parameters=_parameters(fit, cause))
+
+    def _with_more_noise(self) -> float | None:
+        """About how probable what is named would be with a larger noise; None without any.
+
+        Nor where small errors have been added to it already.
+        """
+        posterior, nominal = self.judgement.posterior, self.judgement.nominal
+        if posterior is None or self.verdict != "named" or self.judgement.small_errors:
+            return None
+        fits = (nominal, *posterior.fits)
+        # Misfits weigh less, and what they leave of the unknowns grows.
+        change = np.array([0.5 * (1 - _NOISIER**-2.0) * fit.chi_squared
+                           + len(fit.unknowns) * np.log(_NOISIER) for fit in fits])
+        named = [set(self.judgement.named) <= set(fit.hypothesis) for fit in fits]
+        # What else there may be counts as it does beside the best hypothesis.
+        shares = np.array([posterior.nothing, *posterior.probabilities, posterior.discrepancy])
+        with np.errstate(divide="ignore"):
+            logs = np.log(shares)
+        # A share too small for a number is as far behind as its evidence is.
+        behind = np.array([fit.evidence - posterior.fits[0].evidence for fit in fits] + [0.0])
+        logs = np.where(shares > 0, logs, behind) + np.array([*change, change[1]])
+        weight = np.exp(logs - logs.max())
+        return float(weight[:-1][named].sum() / weight.sum())
+
+    def _misfit(self, place: str) -> result.Misfit:
+        judged, table, nominal = self.judgement, self.films.table, self.films.nominal
+        names = [specimen.name for specimen in self.simulation.setup.specimens]
+        predicted = nominal.predicted(table)
+        p_values = sorted(judged.test.p_values.items(), key=lambda item: item[1])
+        return result.Misfit(
+            baseline_rmse=self._rmse(None),
+            noise=_root(table.sigma, table),
+            noise_from=self.readings.noise_from,
+            noise_over_stated=judged.noise_over(self.readings.table),
+            p_value=judged.test.p_value,
+            where=place,
+            ratios=tuple(ratios(table, predicted, names)) if table.lengths.any() else (),
+            patterns=tuple(result.PatternTest(judged.test.words(name), p) for name, p in p_values
+                           if name in judged.patterns))
+
+    def _next_experiment(self, concerned: Sequence[result.FoundCause]
+                         ) -> result.NextExperiment | None:
+        """The direct checks of what is concerned, then the best experiment; None if all is well."""
+        if self.verdict == "nothing":
+            return None
+        advice = self.advice if self.proposals else ""
+        checks = [cause.check for cause in concerned]
+        if self.verdict == "unexplained":
+            worth = [fit for fit in self.single_effects
+                     if self.judgement.explained(fit) >= _WORTH][:_CHECKS]
+            advice = WORDS["again"]
+            checks = [check_of(fit.hypothesis[0]) for fit in worth]
+        if words := slip(self.films):
+            look_up = WORDS["look_up"].format(slip=words)
+            checks = [look_up] if self.verdict == "unexplained" else [look_up, *checks]
+        step = result.NextExperiment(what=next_step(self.verdict, checks, advice),
+                              checks=tuple(dict.fromkeys(checks)), after_checks=advice)
+        if self.verdict == "unexplained" or not self.proposals:
+            return step
+        menu = tuple(result.ProposedExperiment(
+            what=proposal.what, separates=proposal.separates,
+            expected_chi_squared=proposal.expected, enough=proposal.enough,
+            minutes=proposal.minutes) for proposal in self.proposals)
+        best = next((entry for entry in menu if entry.enough), menu[0])
+        return replace(step, separates=best.separates,
+                       expected_chi_squared=best.expected_chi_squared, menu=menu)
+
+    def _limitations(self) -> list[str]:
+        """What limits the conclusions."""
+        words = [*dataset_warnings(self.dataset), *self.readings.remarks]
+        noise = float(np.median(self.films.table.sigma))
+        scatter = self.judgement.noise_over(self.readings.table)
+        if self.readings.assumed:
+            words.append(WORDS["assumed"])
+        if self.model_error > 0.5 * noise:
+            words.append(WORDS["reduced"].format(error=1e6 * self.model_error, noise=1e6 * noise))
+        if scatter > _ROUGH and self.readings.stated:
+            words.append(WORDS["scatters"].format(scatter=scatter))
+        return words
+
+
+def _verdict(judgement: Judgement, readings: PreparedReadings) -> Verdict:
+    verdict = judgement.verdict
+    return "ambiguous" if verdict == "named" and readings.assumed else verdict
+
+
+def _root(errors: Array, table: ReadingTable) -> float:
+    """Root mean square of a table's errors, of those that count, in its unit."""
+    return table.unit.per_si * float(np.sqrt(np.mean(errors[table.judged] ** 2)))
+
+
+def _parameters(fit: Fit, cause: Cause) -> dict[str, result.ShownSize]:
+    """The parameters of a cause at a fit, in the units to show, with 95 % limits; inf is None."""
+    parameters = {}
+    for name, size in found_sizes(fit, cause).items():
+        shown = (size.parameter.shown(value) for value in (size.value, size.low, size.high))
+        value, low, high = (item if np.isfinite(item) else None for item in shown)
+        parameters[name] = result.ShownSize(value, size.parameter.unit, low, high,
+                                     "" if size.range else f"{size}")
+    return parameters
