@@ -219,12 +219,13 @@ def test_files_give_the_same_number(effect: Effect, tmp_path: Path,
     """Written as TOML and read back: equal, and ``tympan solve`` on the files finds what is found
     in memory."""
     values = [max(item.deviation, item.least) for item in effect.parameters]
-    setup = effect.at(TAKEN, values, effect.choices(TAKEN)[0])
-    specimen = setup.specimens[0]
+    setup = effect.at(TAKEN, values, effect.choices(TAKEN)[-1])
     films, rig = tmp_path / "specimen.toml", tmp_path / "rig.toml"
-    films.write_text(specimen_to_toml(specimen), encoding="utf-8")
+    # The last one has mirror planes: the command finds its limits in a tenth of the first's time.
+    for specimen in setup.specimens:
+        films.write_text(specimen_to_toml(specimen), encoding="utf-8")
+        assert load_specimen(films) == specimen
     rig.write_text(rig_to_toml(setup.rig), encoding="utf-8")
-    assert load_specimen(films) == specimen
     assert Rig.read(rig) == setup.rig
     if "frequency_Hz" in effect.columns:
         command = ["modes", str(films), "--rig", str(rig), "--mass", "20 g", "--voltage", "3 kV"]
