@@ -99,8 +99,10 @@ def follow_branch(model: Model, start: State, load: Load, settings: PathSettings
     One load grows at first (``sense`` 1) or falls (−1). With all motions as far as the film has an
     equilibrium. A film that is taut until, wrinkled, it would thin without bound, is followed on as
     one that bears compression, with smooth motions; with ``beyond`` from the first point beyond the
-    loss of tension on, which is then among the points. One that is wrinkled before it would thin
-    ends there: of its points the last alone is beyond, as its margin to thinning says.
+    loss of tension on, which is then among the points. Where one place thins ever faster, the load
+    turns on some meshes: no limit of the plate, and no point beyond is given. A film that is
+    wrinkled before it would thin ends there: of its points the last alone is beyond, as its margin
+    to thinning says.
     """
     last, passed = start, 0.0
     shortest, charged = settings.arc.shortest, load == "voltage" or start.voltage_squared > 0
@@ -108,12 +110,14 @@ def follow_branch(model: Model, start: State, load: Load, settings: PathSettings
     branch = Branch(model, load, newton=settings.newton,
                     arc=replace(settings.arc, shortest=fine))
     for point in branch.points(start, sense):
-        pressed = not model.wrinkles or model.thinning_margin(point.state) < 0
+        thinned = model.wrinkles and model.thinning_margin(point.state) < 0
+        pressed = thinned or not model.wrinkles
         loose = model.wrinkles and not model.in_tension(last)
         if pressed and loose and model.thinning_margin(last) >= 0:
             yield branch, point
             return
-        if pressed and (loose or point.solution.wrinkling):
+        turned = point.rate * sense < 0
+        if (pressed and (loose or point.solution.wrinkling)) or (thinned and turned):
             if beyond and not loose and point.rate * sense > 0:
                 yield branch, point
                 passed = length(model, difference(model, point.state, last))

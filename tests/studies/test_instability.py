@@ -252,3 +252,19 @@ def test_another_branch_beyond_tension_does_not_hide_where_it_is_lost() -> None:
     assert fine is not None
     assert rough.kind == fine.kind == "tension"
     assert abs(rough.voltage_V / fine.voltage_V - 1) < rough.spread < 2e-3
+
+
+def test_what_thins_at_one_edge_is_no_pull_in_on_any_mesh() -> None:
+    """A film and its mirror image: on one of their meshes the load turns where one place thins."""
+    film = Film(0.6734842944718781e-3, (2.19424294877568, 2.8324046520983015), NeoHooke(20e3), 4.0)
+    bare = Electrode(8.257244269964848e-3, 4.128622134982424e-3)
+    found = []
+    for offset in (2e-3, -2e-3):
+        specimen = Specimen("edge", Circle(53.86715891848611e-3),
+                            Plate(Circle(9.712178806527912e-3), (offset, 0.0)), film, bare)
+        reached = limits(Case(specimen, mass=7.098624570354486e-3), refined(0.6))
+        assert reached.thins
+        assert reached.pull_in is not None
+        found.append(reached.pull_in)
+    here, there = found
+    assert abs(here.voltage_V / there.voltage_V - 1) < here.spread + there.spread < 1e-2
