@@ -42,7 +42,7 @@ class Ends:
 def judged_again(diagnosis: Conclusions, table: ReadingTable) -> Conclusions:
     """The diagnosis with the verdict on other states or another noise, and nothing else new."""
     readings = diagnosis.readings
-    judgement = judge(diagnosis.simulation, table, readings.causes, readings.stated)
+    judgement = judge(diagnosis.simulation, table, readings.causes)
     return replace(diagnosis, judgement=judgement)
 
 

@@ -84,8 +84,8 @@ def summary(dataset: Dataset) -> dict[str, Any]:
             "readings_with_their_own": 0 if static is None
             else int(np.isfinite(static.sigma).sum()),
             "found_m": None if scatter is None else {
-                "value": scatter.sigma, "low": scatter.low, "high": scatter.high,
-                "degrees_of_freedom": scatter.freedom}},
+                **dict(zip(("low", "high"), scatter.limits.tolist(), strict=True)),
+                "value": scatter.size, "degrees_of_freedom": int(scatter.freedom[0])}},
         "warnings": dataset_warnings(dataset),
     }
 
@@ -144,8 +144,8 @@ def _static_warnings(dataset: Dataset) -> Iterator[str]:
     if step := coarse_step(dataset):
         yield WORDS["steps"].format(step=1e6 * step)
     ratio = stated_ratio(dataset)
-    if ratio is not None and not ratio.low <= 1 <= ratio.high:
-        yield WORDS["scatter"].format(ratio=ratio)
+    if ratio is not None and not ratio.limits[0] <= 1 <= ratio.limits[1]:
+        yield WORDS["scatter"].format(ratio=ratio.size, limits=ratio.limits)
 
 
 def at_sensor_end(static: Sheet) -> NDArray[np.bool_]:

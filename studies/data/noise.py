@@ -1,15 +1,13 @@
-"""Noise from repeated readings: pooled standard deviation, degrees of freedom, interval."""
+"""Noise of a dataset's readings: as it is stated, of repeats, and what a display rounds."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
 
 from tympan.studies.columns import Sheet
 from tympan.studies.data.dataset import Dataset
+from tympan.studies.estimation.noise import Noise
 
 Array = NDArray[np.float64]
 
@@ -21,20 +19,6 @@ _ROUNDED = 1e-6
 _COARSE = 2.0
 
 
-@dataclass(frozen=True)
-class Scatter:
-    """A standard deviation, its degrees of freedom ν, and the limits of its 95 % interval.
-
-    These are s √(ν/χ²), for normal, independent readings: one that drifts between its repeats
-    widens the scatter.
-    """
-
-    sigma: float
-    freedom: int
-    low: float
-    high: float
-
-
 def repeat_groups(readings: Sheet) -> NDArray[np.int64]:
     """Each reading's group: those of the same specimen, mass, voltage, direction and run."""
     shared = (readings.specimen, readings.mass, readings.voltage, readings.direction, readings.run)
@@ -43,25 +27,7 @@ def repeat_groups(readings: Sheet) -> NDArray[np.int64]:
     return np.array([numbers.setdefault(key, len(numbers)) for key in keys], dtype=np.int64)
 
 
-def pooled(values: Array, groups: NDArray[np.int64], sigma: Array | float = 1.0) -> Scatter | None:
-    """Scatter of values, (n,), about their groups' means; None when nothing repeats.
-
-    It is in units of ``sigma``, the standard deviation of each reading up to a common factor, which
-    also weights the means. ``groups`` are the numbers of the readings' groups, (n,).
-    """
-    weight = np.broadcast_to(1 / np.square(sigma), values.shape)
-    _, group, count = np.unique(groups, return_inverse=True, return_counts=True)
-    freedom = int((count - 1).sum())
-    if freedom == 0:
-        return None
-    centred = values - values.mean()
-    mean = np.bincount(group, weight * centred) / np.bincount(group, weight)
-    squares = (weight * (centred - mean[group]) ** 2)[count[group] > 1].sum()
-    limits = np.sqrt(squares / chi2.ppf([0.975, 0.025], freedom))
-    return Scatter(float(np.sqrt(squares / freedom)), freedom, *limits.tolist())
-
-
-def repeat_noise(dataset: Dataset) -> Scatter | None:
+def repeat_noise(dataset: Dataset) -> Noise | None:
     """Standard deviation of one reading [m] from the repeats among those without their own sigma.
 
     None where nothing repeats, and where repeats agree to the last digit, which is rounding and no
@@ -71,9 +37,9 @@ def repeat_noise(dataset: Dataset) -> Scatter | None:
     if readings is None:
         return None
     plain = np.isnan(readings.sigma)
-    scatter = pooled(readings.displacement[plain], repeat_groups(readings)[plain])
+    scatter = Noise.pooled(readings.displacement[plain], repeat_groups(readings)[plain])
     rounding = 1e-12 * np.abs(readings.displacement).max()
-    return scatter if scatter is not None and scatter.sigma > rounding else None
+    return scatter if scatter is not None and scatter.size > rounding else None
 
 
 def step_of(values: Array) -> float:
@@ -99,14 +65,15 @@ def coarse_step(dataset: Dataset) -> float:
     return step if step > _COARSE * noise else 0.0
 
 
-def stated_ratio(dataset: Dataset) -> Scatter | None:
+def stated_ratio(dataset: Dataset) -> Noise | None:
     """Scatter of repeats over the standard deviation stated for them; ideally 1."""
     readings = dataset.static
     if readings is None:
         return None
-    sigma = np.where(np.isnan(readings.sigma), dataset.noise or np.nan, readings.sigma)
+    sigma = _own_or(readings, dataset.noise or np.nan)
     stated = np.isfinite(sigma)
-    return pooled(readings.displacement[stated], repeat_groups(readings)[stated], sigma[stated])
+    values, groups = readings.displacement[stated], repeat_groups(readings)[stated]
+    return Noise.pooled(values, groups, sigma[stated])
 
 
 def reading_sigma(dataset: Dataset) -> Array:
@@ -125,7 +92,7 @@ def _of_one(dataset: Dataset) -> float:
     if dataset.noise is not None:
         return dataset.noise
     estimated = repeat_noise(dataset)
-    return np.nan if estimated is None else estimated.sigma
+    return np.nan if estimated is None else estimated.size
 
 
 def _own_or(readings: Sheet, sigma: float) -> Array:

@@ -328,8 +328,8 @@ def film_error(simulation: Simulation, fit: Fit, table: ReadingTable) -> dict[st
             some = rows[table.kind[rows] == kind]
             if len(some) and exact is not None:
                 point = table.point[some] - table.first_points[table.scan[some[0]]]
-                error = np.abs(exact[COMPONENTS.index(kind), point] - shown[some]).max()
-                worst[kind] = max(worst.get(kind, 0.0), float(error))
+                error = table.noise[some].apart(exact[COMPONENTS.index(kind), point] - shown[some])
+                worst[kind] = max(worst.get(kind, 0.0), float(np.abs(error).max()))
     return worst
 
 

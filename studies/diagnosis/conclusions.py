@@ -135,8 +135,10 @@ class Conclusions:
     @property
     def bench(self) -> Bench:
         """What makes synthetic readings like these."""
-        return Bench(self.simulation, self.films.nominal.unknowns, self.films.table,
-                     self.readings.causes, self.readings.stated)
+        table = self.films.table
+        noise = self.readings.table.noise.with_sigma(table.sigma)
+        return Bench(self.simulation, self.films.nominal.unknowns, table.with_noise(noise),
+                     self.readings.causes)
 
     @property
     def extended(self) -> Setup | None:
@@ -206,9 +208,8 @@ class Conclusions:
 
     def _rmse(self, fit: Fit | None) -> float:
         """Root mean square of what a fit of the films misses, as it was read."""
-        table, tests = self.films.table, self.simulation.coupons_alone
-        errors = (fit or self.films.nominal).residual * table.sigma
-        return _root(errors if tests is None else tests.as_read(errors), table)
+        table = self.films.table
+        return _root(table.value - (fit or self.films.nominal).predicted(table), table)
 
     def _plans(self) -> Json:
         """Plans of the films that were scanned, by specimen, in the places' frame [mm]."""
@@ -243,8 +244,10 @@ class Conclusions:
             "file": table.file, "line": table.line, "kind": table.kind,
             "specimen": specimens[table.specimen], "mass": table.mass, "voltage": table.voltage,
             "elapsed": table.states.elapsed[table.state], "run": table.run, "order": table.order,
-            "read": table.value, "sigma": table.sigma,
-            "baseline": nominal.predicted(table), "extended": (chosen or nominal).predicted(table),
+            "sigma": table.sigma,
+            **{name: table.noise.apart(values) for name, values in (
+                ("read", table.value), ("baseline", nominal.predicted(table)),
+                ("extended", (chosen or nominal).predicted(table)))},
             **dict(zip("xy", table.places.T, strict=True))}
         yield result.CURVES, curves(self.simulation, self.films, chosen)
 
@@ -307,7 +310,7 @@ class Conclusions:
         return result.Misfit(
             baseline_rmse=self._rmse(None),
             noise=_root(table.sigma, table),
-            noise_from=self.readings.noise_from,
+            noise_from=self.readings.table.noise.source,
             noise_over_stated=judged.noise_over(self.readings.table),
             p_value=judged.test.p_value,
             where=place,
@@ -351,7 +354,7 @@ class Conclusions:
             words.append(WORDS["assumed"])
         if self.model_error > 0.5 * noise:
             words.append(WORDS["reduced"].format(error=1e6 * self.model_error, noise=1e6 * noise))
-        if scatter > _ROUGH and self.readings.stated:
+        if scatter > _ROUGH and self.readings.table.noise.freedom.any():
             words.append(WORDS["scatters"].format(scatter=scatter))
         return words
 

@@ -34,7 +34,6 @@ from tympan.studies.diagnosis.inference.identifiability import (
     signatures,
 )
 from tympan.studies.diagnosis.inference.nominal import with_noise_found
-from tympan.studies.diagnosis.inference.part_noise import PartNoise
 from tympan.studies.diagnosis.inference.verdict import Judgement, judge
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.readings import PreparedReadings, prepared_readings
@@ -121,9 +120,8 @@ def _judge_actuators(dataset: Dataset, of_coupons: tuple[CouponReadings, Judgeme
     simulation = with_effects(nominal.simulation, solved, workers)
     progress(films, films + _LATER)
     try:
-        readings, simulation, every, part_noise = _with_coupons(readings, simulation, of_coupons)
-        judged = judge(simulation, every, readings.causes, readings.stated, seed=seed,
-                       workers=workers, part_noise=part_noise)
+        readings, simulation, every = _with_coupons(readings, simulation, of_coupons)
+        judged = judge(simulation, every, readings.causes, seed=seed, workers=workers)
     except ArithmeticError as failure:
         raise InputError(str(failure), key="readings", given=f"{len(table)} readings") from None
     progress(films + 1, films + _LATER)
@@ -134,23 +132,20 @@ def _judge_actuators(dataset: Dataset, of_coupons: tuple[CouponReadings, Judgeme
 
 def _with_coupons(readings: PreparedReadings, simulation: Simulation,
                   of_coupons: tuple[CouponReadings, Judgement] | None
-                  ) -> tuple[PreparedReadings, Simulation, ReadingTable, PartNoise | None]:
+                  ) -> tuple[PreparedReadings, Simulation, ReadingTable]:
     """With coupons of the same film beside them, if there are some, each with its noise found."""
     tests = None if of_coupons is None else of_coupons[1].simulation.coupons
     if of_coupons is None or tests is None:
-        return readings, simulation, readings.table, None
+        return readings, simulation, readings.table
     coupons, judged = of_coupons
     if not of_one_film(readings.setup, tests):
         remark = WORDS["other_film"]
-        return (replace(readings, remarks=(*readings.remarks, remark)), simulation,
-                readings.table, None)
-    table, freedom = with_noise_found(simulation, readings.table, readings.causes, readings.stated)
+        readings = replace(readings, remarks=(*readings.remarks, remark))
+        return readings, simulation, readings.table
+    table = with_noise_found(simulation, readings.table, readings.causes)
     remark = WORDS["together"].format(count=len(judged.table), share=BATCH)
     together = replace(readings, coupons=coupons, remarks=(*readings.remarks, remark))
-    simulation, every = weighed_together(simulation, table, judged)
-    part_noise = PartNoise((every.kind == "stress").astype(np.int64),
-                           np.array([freedom, judged.test.freedom]))
-    return together, simulation, every, part_noise
+    return together, *weighed_together(simulation, table, judged)
 
 
 def _of_coupons_alone(dataset: Dataset) -> bool:
@@ -161,8 +156,7 @@ def _judge_coupons(dataset: Dataset, seed: int) -> tuple[CouponReadings, Judgeme
     readings = coupon_readings(dataset)
     simulation = Simulation(readings.setup, (), coupons=readings.tests)
     try:
-        return readings, judge(simulation, readings.table, readings.causes, readings.stated,
-                               seed=seed)
+        return readings, judge(simulation, readings.table, readings.causes, seed=seed)
     except ArithmeticError as failure:
         raise InputError(str(failure), key="readings",
                          given=f"{len(readings.table)} readings of coupons") from None
@@ -183,12 +177,12 @@ def plan_readings(dataset: Dataset, workers: int = 1,
     signs = signatures(simulation, table, nominal.fit.unknowns, readings.causes)
     invisible, classes = classes_of(signs)
     noisy = with_model_error(table, law_error(nominal.simulation, nominal.fit, table), nominal)
-    bench = Bench(simulation, nominal.fit.unknowns, noisy, readings.causes, readings.stated)
+    bench = Bench(simulation, nominal.fit.unknowns, noisy, readings.causes)
     return {
         "dataset": dataset.name,
         "readings": len(table),
         "noise_um": 1e6 * float(np.sqrt(np.mean(table.sigma[table.lengths] ** 2))),
-        "noise_from": readings.noise_from,
+        "noise_from": table.noise.source,
         "not_visible": sorted({str(cause) for cause in invisible}),
         "indistinguishable": [[str(cause) for cause in group] for group in classes],
         "effects": to_json(detectable_effects(signs)),

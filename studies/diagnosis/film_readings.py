@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from tympan.studies.columns import Sheet
 from tympan.studies.data.dataset import Dataset
-from tympan.studies.data.noise import pooled
 from tympan.studies.diagnosis.reading_table import (
     COMPONENTS,
     ReadingTable,
@@ -20,6 +19,7 @@ from tympan.studies.diagnosis.reading_table import (
     evenly,
     rows,
 )
+from tympan.studies.estimation.noise import Noise
 
 Array = NDArray[np.float64]
 Numbers = NDArray[np.int64]
@@ -74,13 +74,12 @@ def _rows(dataset: Dataset, sheet: Sheet, scan: Numbers, sigma: Array) -> Readin
     kinds = [(kind, column) for kind, column in zip(COMPONENTS, ("u", "v", "displacement"),
                                                     strict=True)
              if np.isfinite(sheet[column][scan[0]])]
-    noise = float(np.sqrt(np.mean(sigma[scan] ** 2)))
-    share = 1 - (1 + len(scan) * (ZERO / noise) ** 2) ** -0.5
-    read = Scan(place, len(kinds) > 1, on_plate, centred, share)
+    read = Scan(place, len(kinds) > 1, on_plate, centred)
     state = States.of([number], sheet.mass[scan[:1]], sheet.voltage[scan[:1]])
     states = state[np.zeros(len(scan), dtype=np.int64)]
-    parts = [rows(states, kind, sigma[scan], read.without_zero(sheet[column][scan]),
-                  file="field.csv", line=sheet.line[scan]) for kind, column in kinds]
+    noise = Noise(sigma[scan]).with_zero(ZERO)
+    parts = [rows(states, kind, 0.0, sheet[column][scan], file="field.csv", line=sheet.line[scan])
+             .with_noise(noise) for kind, column in kinds]
     table = reduce(ReadingTable.joined, parts)
     return replace(table, states=state, state=np.zeros(len(table), dtype=np.int64), scans=(read,),
                    point=np.tile(np.arange(len(scan)), len(parts)))
@@ -99,8 +98,8 @@ def _sigma(dataset: Dataset, sheet: Sheet) -> Array:
                strict=True)
     group: dict[tuple[object, ...], int] = {}
     place = np.array([group.setdefault(key, len(group)) for key in keys])
-    repeated = pooled(level, place)
+    repeated = Noise.pooled(level, place)
     rest = assumed if dataset.noise is None else np.full(len(sheet), dataset.noise)
-    if repeated is not None and repeated.sigma > 0:
-        rest = np.full(len(sheet), repeated.sigma)
+    if repeated is not None and repeated.size > 0:
+        rest = np.full(len(sheet), repeated.size)
     return np.where(np.isnan(sheet.sigma), rest, sheet.sigma)

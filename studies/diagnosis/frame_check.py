@@ -62,7 +62,7 @@ def check_frame(simulation: Simulation, table: ReadingTable, centre: str) -> Non
 
 def _misfit(simulation: Simulation, table: ReadingTable, unknowns: Array) -> float:
     """χ² of scans, infinite where there is no equilibrium."""
-    residual = (table.value - simulation.predict((), unknowns, table)) / table.sigma
+    residual = table.noise.whitened(table.value - simulation.predict((), unknowns, table))
     return float(np.nan_to_num(residual @ residual, nan=np.inf))
 
 

@@ -142,7 +142,7 @@ def gain_of(simulation: Simulation, table: ReadingTable, causes: Sequence[Cause]
     is held out; a mass left out of account, with one mass left), or shows nothing wrong at all, the
     split says so and does not count.
     """
-    table = table.with_sigma(judgement.table.sigma)
+    table = table.with_noise(judgement.table.noise)
     splits, impossible = splits_of(simulation, table)
     tested = tuple(_tested(simulation, table, causes if judgement.chosen else (), split, judgement)
                    for split in splits)
@@ -209,7 +209,6 @@ def _tested(simulation: Simulation, table: ReadingTable, causes: Sequence[Cause]
     nominal = nominal_fit(simulation, train)
     fits, logs = _alternatives(simulation, train, trained, nominal, judgement.alone)
     chosen, wrong = (*fits, nominal)[0], _unlike_the_best(fits, judgement.indistinguishable)
-    simulation, test = simulation.as_read(table, test)
     # That something is wrong all readings say; what it is, those left to train on.
     expected = Predictive.of(simulation, fits or [nominal],
                              np.exp(np.array(logs or [0.0]) - max(logs, default=0.0)), test)
@@ -219,10 +218,11 @@ def _tested(simulation: Simulation, table: ReadingTable, causes: Sequence[Cause]
         else np.full(len(test), np.nan) for model in (nominal, chosen, wrong))
     smooth = np.full(len(test), np.nan)
     if simulation.coupons_alone is None:
-        process = GaussianProcess.trained(train, nominal.residual * train.sigma)
+        missed = train.value - nominal.predicted(train)
+        process = GaussianProcess.trained(train, train.noise.apart(missed))
         smooth = before - process.predicted(test)
     errors = {"before": before, "after": after, "process": smooth,
-              "rival": rival, "noise": test.sigma}
+              "rival": rival, "noise": test.noise.total}
     solved = np.isfinite(before + after)
     best = judgement.chosen.hypothesis if judgement.chosen else ()
     signs = signatures(judgement.simulation, train, nominal.unknowns, best)
@@ -237,7 +237,7 @@ def _tested(simulation: Simulation, table: ReadingTable, causes: Sequence[Cause]
     return SplitGain(kind, held_out, rows, chosen.hypothesis, wrong.hypothesis if wrong else (),
                      {name: values[solved] for name, values in errors.items()},
                      table.ramp[counted][solved], note,
-                     np.empty(0) if hidden else expected.below(test.value, test.sigma))
+                     np.empty(0) if hidden else expected.below(test.value, test.noise.total))
 
 
 def _alternatives(simulation: Simulation, table: ReadingTable, causes: Sequence[Cause],

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tympan.studies.diagnosis.history import Passages
+from tympan.studies.estimation.noise import Noise
 
 Array = NDArray[np.float64]
 Numbers = NDArray[np.int64]
@@ -56,23 +57,16 @@ class Scan:
 
     ``place``: on the table, or from the plate's centre if ``centred`` [m], shape (n, 2), of what
     stands there or, if it ``follows`` the film, of what was there when the film was flat;
-    ``on_plate``, (n,), as the specimen is stated. Rows are of displacements less a ``share`` of
-    their mean over the scan: all that is off by the same length in it is off by as much less, and
-    what is left is independent.
+    ``on_plate``, (n,), as the specimen is stated.
     """
 
     place: Array
     follows: bool
     on_plate: NDArray[np.bool_]
     centred: bool
-    share: float
 
     def __len__(self) -> int:
         return len(self.place)
-
-    def without_zero(self, values: Array) -> Array:
-        """Values less the share of their mean, shape (..., n)."""
-        return np.asarray(values - self.share * values.mean(axis=-1, keepdims=True))
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,7 +150,7 @@ class ReadingTable:
 
     For a range also the state it is counted from, for a transient's displacement the one before the
     voltage jumped (``since``, else -1). ``value`` is what was read
-    and ``sigma`` its standard deviation, in SI; ``order`` the place in the sequence, nan where not
+    and ``noise`` its errors, in SI; ``order`` the place in the sequence, nan where not
     known; ``file`` and ``line`` say where a row is from; ``run`` which ramp it belongs to;
     ``point`` which place of all the ``scans`` it is of, or which of the coupons' rows, else -1.
     """
@@ -166,7 +160,7 @@ class ReadingTable:
     state: Numbers
     since: Numbers
     value: Array
-    sigma: Array
+    noise: Noise
     order: Array
     run: NDArray[np.str_]
     file: NDArray[np.str_]
@@ -179,11 +173,18 @@ class ReadingTable:
 
     def __getitem__(self, rows: NDArray[np.bool_] | Numbers) -> ReadingTable:
         """Some of the rows; states and scans are all kept."""
-        return replace(self, **{name: getattr(self, name)[rows] for name in self._columns})
+        return replace(self, noise=self.noise[rows],
+                       **{name: getattr(self, name)[rows] for name in self._columns})
 
     @property
     def _columns(self) -> list[str]:
-        return [name for name in self.__dataclass_fields__ if name not in ("states", "scans")]
+        return [name for name in self.__dataclass_fields__
+                if name not in ("states", "scans", "noise")]
+
+    @property
+    def sigma(self) -> Array:
+        """Standard deviation of each row's own error."""
+        return self.noise.sigma
 
     @property
     def specimen(self) -> Numbers:
@@ -269,8 +270,11 @@ class ReadingTable:
     def with_values(self, value: Array) -> ReadingTable:
         return replace(self, value=value)
 
+    def with_noise(self, noise: Noise) -> ReadingTable:
+        return replace(self, noise=noise)
+
     def with_sigma(self, sigma: Array) -> ReadingTable:
-        return replace(self, sigma=sigma)
+        return replace(self, noise=self.noise.with_sigma(sigma))
 
     def joined(self, other: ReadingTable) -> ReadingTable:
         """These rows, and others in runs of their own."""
@@ -281,7 +285,7 @@ class ReadingTable:
                         since=np.where(other.since < 0, -1, other.since + count),
                         point=np.where(other.point < 0, -1, other.point + places))
         return replace(self, states=self.states.joined(moved.states),
-                       scans=(*self.scans, *other.scans),
+                       scans=(*self.scans, *other.scans), noise=self.noise.joined(other.noise),
                        **{name: np.concatenate([getattr(self, name), getattr(moved, name)])
                           for name in self._columns})
 
@@ -293,5 +297,5 @@ def rows(states: States, kind: Kind, sigma: float | Array, value: float | Array 
     count = len(states)
     values, sigmas, orders = (np.full(count, part, float) for part in (value, sigma, order))
     return ReadingTable(states, np.full(count, kind), np.arange(count), np.full(count, -1), values,
-                        sigmas, orders, np.full(count, run), np.full(count, file),
+                        Noise(sigmas), orders, np.full(count, run), np.full(count, file),
                         np.full(count, line), np.full(count, -1))

@@ -22,11 +22,11 @@ from tympan.studies.data.noise import coarse_step, range_sigma, reading_sigma, r
 from tympan.studies.diagnosis.film_readings import film_rows
 from tympan.studies.diagnosis.history import staircase
 from tympan.studies.diagnosis.hypothesis import Cause
-from tympan.studies.diagnosis.inference.residual_tests import STATED
 from tympan.studies.diagnosis.reading_table import Kind, ReadingTable, States, rows
 from tympan.studies.diagnosis.transients.block_means import transient_rows
 from tympan.studies.effects import EFFECTS, Setup
 from tympan.studies.effects.effect import IN_TIME
+from tympan.studies.estimation.noise import SCATTER, Noise
 
 Array = NDArray[np.float64]
 
@@ -48,24 +48,21 @@ _BINS = 200
 
 @dataclass(frozen=True, eq=False)
 class PreparedReadings:
-    """The setup with the specimens that were read, the table, and how well its noise is known.
+    """The setup with the specimens that were read, and the table.
 
-    ``stated``: degrees of freedom the noise in the table counts as before the readings' own
-    scatter; ``noise_from`` says in words where it is from; ``remarks`` what was done to the
-    readings. ``coupons``: those that are weighed with them, of the same film.
+    ``remarks`` say what was done to the readings. ``coupons``: those that are weighed with them, of
+    the same film.
     """
 
     setup: Setup
     table: ReadingTable
-    stated: float
-    noise_from: str
     remarks: tuple[str, ...] = ()
     coupons: PreparedReadings | None = None
 
     @property
     def assumed(self) -> bool:
         """Whether nothing says how large the noise is."""
-        return self.noise_from == "assumed"
+        return self.table.noise.source == "assumed"
 
     @property
     def causes(self) -> tuple[Cause, ...]:
@@ -108,15 +105,14 @@ def prepared_readings(dataset: Dataset) -> PreparedReadings:
     if sum(map(len, parts)) < FEWEST:
         raise InputError(f"less than {FEWEST} can be used", key="readings",
                          given="; ".join(remarks) or sum(map(len, sheets)))
-    table, noise_from = _with_noise(reduce(ReadingTable.joined, parts), dataset)
-    stated = STATED if noise_from in ("stated", "assumed") else 0.0
+    table = _with_noise(reduce(ReadingTable.joined, parts), dataset)
     if step := coarse_step(dataset):
-        table, stated = _rounded(table, step), STATED
+        table = _rounded(table, step)
     table, fewer = _not_too_many(table)
     scans, seen = film_rows(replace(dataset, specimens=setup.specimens)) or (None, [])
     if scans is not None:
         table = table.joined(scans)
-    return PreparedReadings(setup, table, stated, noise_from, (*remarks, *fewer, *seen))
+    return PreparedReadings(setup, table, (*remarks, *fewer, *seen))
 
 
 def _sheets(dataset: Dataset) -> list[Sheet]:
@@ -162,8 +158,8 @@ def _parts(dataset: Dataset, setup: Setup) -> tuple[list[ReadingTable], list[str
     return parts, remarks
 
 
-def _with_noise(table: ReadingTable, dataset: Dataset) -> tuple[ReadingTable, str]:
-    """With the noise of all rows; where that is from, in words.
+def _with_noise(table: ReadingTable, dataset: Dataset) -> ReadingTable:
+    """With the noise of all rows.
 
     An :class:`InputError` where readings are still to be made and nobody states their noise.
     """
@@ -171,14 +167,14 @@ def _with_noise(table: ReadingTable, dataset: Dataset) -> tuple[ReadingTable, st
     unknown = np.isnan(table.sigma)
     if not unknown.any():
         repeated = dataset.noise is None and not planned and repeat_noise(dataset) is not None
-        return table, "from repeats" if repeated else "stated"
+        return table.with_noise(Noise.of(table.sigma, "from repeats" if repeated else "stated"))
     if planned:
         raise InputError("is needed to plan: the standard deviation of one reading", key="noise",
                          given=None)
     size = ASSUMED * np.sqrt(np.mean(table.value[unknown] ** 2))
     enough = len(table) > 4 * FEWEST
-    return (table.with_sigma(np.where(unknown, size, table.sigma)),
-            "from the scatter about smooth curves" if enough else "assumed")
+    return table.with_noise(Noise.of(np.where(unknown, size, table.sigma),
+                                     SCATTER if enough else "assumed"))
 
 
 def _not_too_many(table: ReadingTable) -> tuple[ReadingTable, list[str]]:
@@ -196,7 +192,7 @@ def _rounded(table: ReadingTable, step: float) -> ReadingTable:
     resting = ~np.isin(table.state, table.states.passages.rows)
     few = averaged(table[resting].compact())
     rounding = np.where(few.kind == "displacement", step / 2, 0.0)
-    few = few.with_sigma(np.hypot(few.sigma, rounding))
+    few = few.with_noise(Noise(np.hypot(few.sigma, rounding), source=few.noise.source))
     return _beside_passages(few, table, resting)
 
 
@@ -284,7 +280,7 @@ def averaged(table: ReadingTable) -> ReadingTable:
     def mean(values: Array) -> Array:
         return np.asarray(np.bincount(group, values) / count)
 
-    sigma = np.sqrt(np.bincount(group, table.sigma**2)) / count
+    noise = table.noise[first].with_sigma(np.sqrt(np.bincount(group, table.sigma**2)) / count)
     at = table.state[first]
     merged = States(states.specimen[at], states.mass[at], mean(states.voltage[table.state]),
                     mean(states.elapsed[table.state]), states.direction[at], states.heave[at],
@@ -297,6 +293,6 @@ def averaged(table: ReadingTable) -> ReadingTable:
     if np.isfinite(table.order).all():
         order = mean(table.order)
     fewer = ReadingTable(merged, table.kind[first], np.arange(len(first)), since, mean(table.value),
-                         sigma, order, table.run[first], table.file[first], table.line[first],
+                         noise, order, table.run[first], table.file[first], table.line[first],
                          table.point[first], table.scans)
     return fewer.reached(np.argsort(np.r_[at, table.since[first][origin]], kind="stable"))

@@ -56,14 +56,13 @@ class Bench:
     """What synthetic readings are made of and judged by.
 
     ``unknowns`` are the logarithms of the factors on stiffness and permittivity; ``table`` has the
-    noise, of which ``stated`` degrees of freedom are said.
+    noise.
     """
 
     simulation: Simulation
     unknowns: Array
     table: ReadingTable
     causes: tuple[Cause, ...]
-    stated: float
     seed: int = 0
 
     def judged_set(self, number: int) -> SyntheticSet:
@@ -71,8 +70,8 @@ class Bench:
         generator = np.random.default_rng([self.seed, number])
         hidden = self.hidden(number, generator)
         size, values = self._readings(hidden, generator)
-        table = self.table.with_values(values + generator.normal(0.0, self.table.sigma))
-        judged = judge(self.simulation, table, self.causes, self.stated, seed=number)
+        table = self.table.with_values(values + self.table.noise.drawn(generator))
+        judged = judge(self.simulation, table, self.causes, seed=number)
         listed = judged.named or (judged.suspects if judged.verdict == "ambiguous" else ())
         return SyntheticSet(hidden, size, judged.verdict, listed)
 

@@ -17,6 +17,8 @@ from scipy.linalg import toeplitz
 from scipy.stats import norm, t
 
 from tympan.fem.roots import root_between
+from tympan.studies.estimation.identifiability import seen_by
+from tympan.studies.estimation.noise import Noise
 
 Array = NDArray[np.float64]
 Series = Sequence[NDArray[Any]]
@@ -57,21 +59,25 @@ def akaike(mean_square: float, count: float, constants: int, sigma: float | None
 
 
 @dataclass(frozen=True, eq=False)
-class CorrelatedNoise:
-    """Errors of readings along series, and what they leave open of the unknowns.
+class Spread:
+    """What errors that are alike along series leave open of the unknowns.
 
-    ``sigma`` is the standard deviation of a reading, ``correlation`` that of neighbours,
-    ``freedom`` the effective degrees of freedom of ``sigma`` (Satterthwaite, Biometrics Bull. 2,
-    110, 1946), inf where it was given; ``covariance`` is of the unknowns, shape (p, p), linearised;
-    ``widening`` by how much errors that are correlated widen the limits of each, shape (p,).
+    ``noise`` of a reading has the effective degrees of freedom (Satterthwaite, Biometrics Bull. 2,
+    110, 1946), ``correlation`` is that of neighbours; ``covariance`` is of the unknowns, shape
+    (p, p), linearised; ``widening`` by how much errors that are correlated widen the limits of
+    each, shape (p,).
     """
 
-    sigma: float
+    noise: Noise
     correlation: float
-    freedom: float
     covariance: Array
     widening: Array
     scatter: _Scatter
+
+    def noise_of(self, unknowns: slice) -> Noise:
+        """Known as well as for that of some unknowns whose limits are the widest by it."""
+        freedoms = self.scatter.freedoms(np.eye(len(self.covariance))[unknowns])
+        return Noise.of_one(self.noise.size, float(freedoms.min()))
 
     @property
     def quantiles(self) -> Array:
@@ -89,30 +95,24 @@ class CorrelatedNoise:
 
     @classmethod
     def of(cls, jacobian: Array, residual: Array, series: Series,
-           given: float | None = None) -> CorrelatedNoise:
+           given: float | None = None) -> Spread:
         """Of the residuals at a minimum and their derivative there.
 
         The correlation is the one with which residuals that remain after a fit of so many unknowns
         would be as much like their neighbours as these are, none where they are less alike than
         independent ones. ``given`` is a known standard deviation of a reading.
         """
-        lengths = np.linalg.norm(jacobian, axis=0)
-        safe = np.where(lengths > 0, lengths, 1.0)
-        basis, singular, right = np.linalg.svd(jacobian / safe, full_matrices=False)
-        seen = singular > 1e-10 * singular[0]
-        sight = _Sight(basis[:, seen], series, len(residual))
+        basis, back, hidden = seen_by(jacobian)
+        sight = _Sight(basis, series, len(residual))
         correlation = _correlation(sight, residual)
         moments = sight.moments(correlation)
         sigma = float(np.sqrt(residual @ residual / moments.plain)) if given is None else given
-        back = right[seen].T / singular[seen] / safe[:, None]
-        covariance = sigma**2 * back @ moments.spread @ back.T
+        covariance = (sigma**2 * back @ moments.spread @ back.T
+                      + np.diag(np.where(hidden, np.inf, 0.0)))
         with np.errstate(invalid="ignore", divide="ignore"):
             widening = np.sqrt(_along(back, moments.spread) / np.sum(back**2, axis=1))
-        hidden = (np.abs(right[~seen]) > 1e-6).any(axis=0) | (lengths == 0)
-        covariance[np.diag_indices_from(covariance)] = np.where(hidden, np.inf,
-                                                                np.diag(covariance))
         freedom = np.inf if given is not None else float(moments.plain**2 / moments.squares[0])
-        return cls(sigma, correlation, freedom, covariance,
+        return cls(Noise.of_one(sigma, freedom), correlation, covariance,
                    np.where(np.isfinite(widening), widening, 1.0),
                    _Scatter.of(sight, correlation, back, given is not None))
 

@@ -8,7 +8,6 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import norm, t
 
 from tympan.geometry.fields import Key
 from tympan.studies.estimation.least_squares import LeastSquares, minimise
@@ -35,32 +34,6 @@ _DOUBTFUL = 5.0
 #: How firmly what readings do not determine stays where the search began, in standard deviations
 #: per scale.
 _FIRM = 100.0
-#: A misfit above so many times the stated noise is the law's, not the noise's.
-MISFIT = 2.0
-
-@dataclass(frozen=True)
-class Noise:
-    """Standard deviation of a reading in its unit, and the quantile for 95 % intervals.
-
-    Given, the quantile is the normal one; estimated from the residuals, Student's with their
-    degrees of freedom.
-    """
-
-    sigma: float
-    quantile: float
-
-    @classmethod
-    def of(cls, squares: float, freedom: int, given: float | None, widen: bool = False) -> Noise:
-        """Estimated from the sum of squares unless given.
-
-        ``widen``: a misfit that the noise given cannot explain takes its place, which would make
-        limits too narrow.
-        """
-        estimated = (squares / freedom) ** 0.5
-        if given is None:
-            return cls(estimated, float(t.ppf(0.975, freedom)))
-        beyond = widen and estimated >= MISFIT * given
-        return cls(estimated if beyond else given, float(norm.ppf(0.975)))
 
 
 @dataclass(frozen=True)
@@ -198,21 +171,28 @@ def unseen(problem: LeastSquares, at: Array, count: int) -> tuple[Array, int]:
     return rows, determined
 
 
+def seen_by(jacobian: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
+    """How readings see unknowns, by the derivatives of residuals, shape (n, p).
+
+    An orthonormal basis of what these move, (n, k); the unknowns by their parts in it, (p, k); and
+    which of them nothing sees, (p,).
+    """
+    lengths = np.linalg.norm(jacobian, axis=0)
+    safe = np.where(lengths > 0, lengths, 1.0)
+    basis, singular, right = np.linalg.svd(jacobian / safe, full_matrices=False)
+    seen = singular > 1e-10 * singular[0]
+    hidden = (np.abs(right[~seen]) > 1e-6).any(axis=0) | (lengths == 0)
+    return basis[:, seen], right[seen].T / singular[seen] / safe[:, None], hidden
+
+
 def covariance(jacobian: Array, sigma: float) -> Array:
     """Linearised covariance of unknowns, shape (p, p); inf on the diagonal where nothing sees one.
 
     ``jacobian`` is of the residuals, shape (n, p), in units in which a reading's standard deviation
     is ``sigma``.
     """
-    lengths = np.linalg.norm(jacobian, axis=0)
-    safe = np.where(lengths > 0, lengths, 1.0)
-    _, singular, right = np.linalg.svd(jacobian / safe, full_matrices=False)
-    seen_at_all = singular > 1e-10 * singular[0]
-    unit = (right[seen_at_all].T / singular[seen_at_all] ** 2) @ right[seen_at_all]
-    result = sigma**2 * unit / np.outer(safe, safe)
-    hidden = (np.abs(right[~seen_at_all]) > 1e-6).any(axis=0) | (lengths == 0)
-    result[np.diag_indices_from(result)] = np.where(hidden, np.inf, np.diag(result))
-    return np.asarray(result)
+    _, back, hidden = seen_by(jacobian)
+    return np.asarray(sigma**2 * back @ back.T + np.diag(np.where(hidden, np.inf, 0.0)))
 
 
 def identifiability(problem: LeastSquares, best: Array, names: Sequence[tuple[str, str]],

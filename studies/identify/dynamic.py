@@ -15,11 +15,11 @@ from tympan.fem.rig import Rig
 from tympan.geometry.errors import InputError
 from tympan.studies.estimation.identifiability import (
     Identifiability,
-    Noise,
     identifiability,
     unseen,
 )
 from tympan.studies.estimation.least_squares import LeastSquares, minimise
+from tympan.studies.estimation.noise import Noise
 from tympan.studies.identify.correlation import variance_inflation
 from tympan.studies.identify.responses import Record
 from tympan.studies.identify.static import Constant, StaticFit, Tell
@@ -359,17 +359,17 @@ def identify_dynamic(problem: DynamicProblem, profiles: bool = True,
         parts = problem.parts(z)
         squares = sum(float(residual @ residual) for residual, _ in parts)
         freedom = problem.size - determined - (len(z) - count)
-        noise = Noise.of(squares, freedom, problem.noise, widen=True)
-        noise = replace(noise, sigma=max(noise.sigma, FINEST))
-        inflation = variance_inflation(parts, count, noise.sigma)
-        wide = noise.sigma * inflation**0.5
+        noise = Noise.left(squares, freedom, problem.noise, widen=True)
+        noise = noise.with_sigma(np.maximum(noise.size, FINEST))
+        inflation = variance_inflation(parts, count, noise.size)
+        wide = noise.size * inflation**0.5
         settled, sigma = 0.9 < wide / sigma < 1.1, wide
         if settled and (moved < 1e-4 or determined == count):
             break
     names = [(constant.name, constant.unit) for constant in CONSTANTS]
     tell({name: float(np.exp(log)) for (name, _), log in zip(names, z[:count], strict=True)})
     judgement = identifiability(problem.misfit(sigma), z, names, noise.quantile, None, profiles)
-    return DynamicFit(problem, z, noise.sigma, inflation, judgement,
+    return DynamicFit(problem, z, noise.size, inflation, judgement,
                       (squares / problem.size) ** 0.5, calls, time.perf_counter() - began,
                       1 / abs(problem.pole(z)), waited)
 

@@ -24,11 +24,11 @@ from tympan.studies.data.dataset import Dataset
 from tympan.studies.estimation.identifiability import (
     CREDIBLE,
     Identifiability,
-    Noise,
     identifiability,
     unseen,
 )
 from tympan.studies.estimation.least_squares import LeastSquares, minimise
+from tympan.studies.estimation.noise import Noise
 from tympan.studies.lumped.actuator import Actuator, Viscous
 from tympan.studies.lumped.equilibria import settle
 from tympan.studies.lumped.remarks import is_cone, of_loads, remark, softness
@@ -367,14 +367,14 @@ def identify_static(problem: StaticProblem, objective: Objective = "deflection",
         if seek == objective and moved < 1e-4:
             break
     residual = problem.residual(scale * z, "deflection")[0]
-    noise = Noise.of(float(residual @ residual), len(residual) - determined, problem.noise,
+    noise = Noise.left(float(residual @ residual), len(residual) - determined, problem.noise,
                      widen=True)
     names = [(constant.name, constant.unit) for constant in problem.constants]
     tell({name: float(value) for (name, _), value in zip(names, scale * z, strict=True)})
-    judgement = identifiability(_misfit(problem, "deflection", noise.sigma), z, names,
+    judgement = identifiability(_misfit(problem, "deflection", noise.size), z, names,
                                 noise.quantile, scale, profiles and objective == "deflection")
     rmse = float(np.sqrt(np.mean(residual**2)))
-    return StaticFit(problem, scale * z, noise.sigma, judgement, rmse, calls,
+    return StaticFit(problem, scale * z, noise.size, judgement, rmse, calls,
                      time.perf_counter() - began)
 
 

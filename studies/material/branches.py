@@ -20,8 +20,7 @@ from numpy.typing import NDArray
 from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import ViscousBranch
 from tympan.studies.data.coupon import Coupons
-from tympan.studies.estimation.correlation import CorrelatedNoise, akaike, independent_count
-from tympan.studies.estimation.identifiability import Noise
+from tympan.studies.estimation.correlation import Spread, akaike, independent_count
 from tympan.studies.estimation.least_squares import LeastSquares, minima, seeded_starts
 from tympan.studies.estimation.profile import profile
 from tympan.studies.material.families import FAMILIES, Family, largest_excess
@@ -451,7 +450,7 @@ def fit_branches(tests: TimedTests, count: int, noise: float | None = None,
     # Exact readings have the noise of rounding.
     floor = 1e-9 * tests.size
     seen = np.where(np.abs(residual) > floor, residual, floor)
-    errors_of = CorrelatedNoise.of(jacobian, seen, list(tests.coupons.series.values()), noise)
+    errors_of = Spread.of(jacobian, seen, list(tests.coupons.series.values()), noise)
     natural = tests.natural(values)
     limits = _limits(tests, values, errors_of)
     law = _law_at_rest(tests, natural, limits, errors_of, residual, jacobian, errors or {})
@@ -462,7 +461,7 @@ def fit_branches(tests: TimedTests, count: int, noise: float | None = None,
                      limits=limits[tests.laws:], foretold=None,
                      correlation=errors_of.correlation, stress=tests.predict(values),
                      half=errors_of.halves(jacobian), tried={},
-                     idle=_idle(tests, values, errors_of.sigma),
+                     idle=_idle(tests, values, errors_of.noise.size),
                      at_bound=any(_bound_notes(tests, values)))
 
 
@@ -495,12 +494,12 @@ def _extrapolated(tests: TimedTests, values: Array) -> Iterator[str]:
         yield NOTES["extrapolated"].format(longest=max(ends), share=100 * carried / abs(rest))
 
 
-def _limits(tests: TimedTests, values: Array, noise: CorrelatedNoise) -> tuple[Limits, ...]:
+def _limits(tests: TimedTests, values: Array, noise: Spread) -> tuple[Limits, ...]:
     """95 % limits by profiles, as wide as correlated errors make them; none without meaning."""
     count = (len(values) - tests.laws) // 2
     if judged(tests.family, values[:tests.laws], tests.coupons)[1] is None:
         return ((None, None),) * len(values)
-    problem, limits = tests.problem(count, noise.sigma), []
+    problem, limits = tests.problem(count, noise.noise.size), []
     for index, reach in enumerate((noise.quantiles * noise.widening).tolist()):
         line = profile(problem, values, index, reach)
         low, high = line.low, line.high
@@ -511,10 +510,9 @@ def _limits(tests: TimedTests, values: Array, noise: CorrelatedNoise) -> tuple[L
 
 
 def _law_at_rest(tests: TimedTests, values: Array, limits: tuple[Limits, ...],
-                 noise: CorrelatedNoise, residual: Array, jacobian: Array,
+                 noise: Spread, residual: Array, jacobian: Array,
                  errors: Mapping[str, float | None]) -> LawFit:
     law = slice(0, tests.laws)
-    widest = float(noise.quantiles[law].max())
     _, material, failing = judged(tests.family, values[law], tests.coupons)
     mean = float(residual @ residual) / len(residual)
     independent = independent_count(len(residual), noise.correlation)
@@ -522,15 +520,15 @@ def _law_at_rest(tests: TimedTests, values: Array, limits: tuple[Limits, ...],
     condition = np.linalg.cond(jacobian / lengths) if lengths.all() else np.inf
     return LawFit(
         family=tests.family, material=material, values=values[law], limits=limits[law],
-        covariance=noise.covariance[law, law], noise=Noise(noise.sigma, widest),
+        covariance=noise.covariance[law, law], noise=noise.noise_of(law),
         rmse=mean**0.5,
         criterion=akaike(mean, independent, len(values)),
         condition=float(min(condition, 1e300)), held_out=dict(errors),
         range=tests.coupons.stretch_range, inadmissible=failing,
-        dropped=useless_constant(tests.family, values[law], tests.coupons, noise.sigma))
+        dropped=useless_constant(tests.family, values[law], tests.coupons, noise.noise.size))
 
 
-def _notes(coupons: Coupons, law: LawFit, noise: CorrelatedNoise) -> Iterator[str]:
+def _notes(coupons: Coupons, law: LawFit, noise: Spread) -> Iterator[str]:
     if law.dropped:
         yield law.dropped
     if law.material is None:
@@ -538,5 +536,5 @@ def _notes(coupons: Coupons, law: LawFit, noise: CorrelatedNoise) -> Iterator[st
     if law.inadmissible is not None:
         yield NOTES["inadmissible"].format(at=law.inadmissible, range=law.range)
     if noise.correlation > 0.5:
-        yield NOTES["alike"].format(correlation=noise.correlation,
-                                    readings=len(coupons), independent=round(noise.freedom))
+        yield NOTES["alike"].format(correlation=noise.correlation, readings=len(coupons),
+                                    independent=round(float(noise.noise.freedom[0])))

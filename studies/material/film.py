@@ -24,7 +24,7 @@ from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Material
 from tympan.studies.case import Case, Settings, solve, solved
 from tympan.studies.data.coupon import Coupons
-from tympan.studies.estimation.correlation import CorrelatedNoise
+from tympan.studies.estimation.correlation import Spread
 from tympan.studies.estimation.least_squares import Evaluation, LeastSquares, minimise
 from tympan.studies.estimation.profile import profile
 from tympan.studies.material.branches import BranchFit, TimedTests
@@ -96,7 +96,7 @@ class _Candidate:
     family: Family
     best: Array
     problem: LeastSquares
-    noise: CorrelatedNoise
+    noise: Spread
     jacobian: Array
     range: tuple[float, float]
 
@@ -212,16 +212,15 @@ def _candidate(coupons: Coupons, fit: LawFit | BranchFit, noise: float | None) -
     if isinstance(fit, LawFit):
         errors = coupon_noise(coupons, law.family, law.values, noise)
         return _Candidate(law.family, law.values,
-                          coupon_problem(law.family, coupons, errors.sigma), errors,
+                          coupon_problem(law.family, coupons, errors.noise.size), errors,
                           law.family.jacobian(*coupons.in_plane, law.values), law.range)
     tests = TimedTests(coupons, BranchStress.of(coupons), law.family)
     moduli, times = np.split(fit.values, 2)
     best = np.concatenate([law.values, moduli, np.log(times)])
     jacobian = tests.jacobian(best)
-    errors = CorrelatedNoise.of(jacobian, tests.residual(best), list(coupons.series.values()),
-                                noise)
-    return _Candidate(law.family, best, tests.problem(fit.count, errors.sigma), errors, jacobian,
-                      law.range)
+    errors = Spread.of(jacobian, tests.residual(best), list(coupons.series.values()), noise)
+    problem = tests.problem(fit.count, errors.noise.size)
+    return _Candidate(law.family, best, problem, errors, jacobian, law.range)
 
 
 def _deflections(case: Case, settings: Settings, candidate: _Candidate, visited: _Visited
@@ -270,7 +269,7 @@ def _reach(candidate: _Candidate, row: Array) -> float:
     lengths = np.linalg.norm(candidate.jacobian, axis=0)
     safe = np.where(lengths > 0, lengths, 1.0)
     spread = np.linalg.pinv(candidate.jacobian / safe, rcond=1e-10) / safe[:, None]
-    plain = candidate.noise.sigma * float(np.linalg.norm(row @ spread))
+    plain = candidate.noise.noise.size * float(np.linalg.norm(row @ spread))
     half = float(candidate.noise.halves(row)[0])
     return half / plain if plain > 0 and np.isfinite(half) else float(
         candidate.noise.quantiles.max())

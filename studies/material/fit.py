@@ -15,9 +15,10 @@ from tympan.geometry.errors import InputError
 from tympan.geometry.fields import fields_of
 from tympan.geometry.specimen import Material
 from tympan.studies.data.coupon import MODES, Coupons
-from tympan.studies.estimation.correlation import CorrelatedNoise, akaike, independent_count
-from tympan.studies.estimation.identifiability import Noise, covariance
+from tympan.studies.estimation.correlation import Spread, akaike, independent_count
+from tympan.studies.estimation.identifiability import covariance
 from tympan.studies.estimation.least_squares import LeastSquares, minima, seeded_starts
+from tympan.studies.estimation.noise import Noise
 from tympan.studies.estimation.profile import profile
 from tympan.studies.files import words_beside
 from tympan.studies.material.families import FAMILIES, Family, largest_excess
@@ -202,12 +203,12 @@ def _common_correlation(coupons: Coupons, fits: Sequence[LawFit], noise: float |
 
 
 def coupon_noise(coupons: Coupons, family: Family, values: Array, noise: float | None = None
-                 ) -> CorrelatedNoise:
+                 ) -> Spread:
     """Errors of a law's readings, alike along the stretch of each run of each mode."""
     residual = _residual(family, coupons, values)
     floor = 1e-13 * _size(coupons)
     seen = np.where(np.abs(residual) > floor, residual, floor)
-    return CorrelatedNoise.of(family.jacobian(*coupons.in_plane, values), seen,
+    return Spread.of(family.jacobian(*coupons.in_plane, values), seen,
                               list(runs_of_modes(coupons).values()), noise)
 
 
@@ -350,11 +351,11 @@ def fit_law(coupons: Coupons, family: Family, noise: float | None = None, starts
     count, ends = len(coupons), _minima(family, coupons, starts)
     values, material, failing = _admissible(ends, family, coupons)
     squares = _squares(family, coupons, values)
-    sigma = Noise.of(squares, count - len(values), noise)
+    sigma = Noise.left(squares, count - len(values), noise)
     jacobian = family.jacobian(*coupons.in_plane, values)
-    spread = covariance(jacobian, sigma.sigma)
+    spread = covariance(jacobian, sigma.size)
     lengths = np.linalg.norm(jacobian, axis=0)
-    dropped = useless_constant(family, values, coupons, sigma.sigma)
+    dropped = useless_constant(family, values, coupons, sigma.size)
     # Profiles along a constant of no use take long and say nothing.
     limits = (((None, None),) * len(values) if dropped or not profiles else
               _limits(family, coupons, values, np.sqrt(np.diag(spread)), sigma))
@@ -420,7 +421,7 @@ def _limits(family: Family, coupons: Coupons, values: Array, spread: Array,
         return tuple((float(value - half), float(value + half)) if np.isfinite(half)
                      else (None, None) for value, half in zip(values, halves, strict=True))
     floor = 1e-9 * _size(coupons) * len(coupons) ** 0.5 / noise.quantile
-    problem = coupon_problem(family, coupons, max(noise.sigma, floor))
+    problem = coupon_problem(family, coupons, max(noise.size, floor))
     lines = [profile(problem, values, index, noise.quantile, _MET, _EVALUATIONS)
              for index in range(len(values))]
     return tuple((line.low, line.high) for line in lines)

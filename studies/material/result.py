@@ -169,7 +169,7 @@ def _fitted(coupons: Coupons, fits: Sequence[LawFit], at_rest: bool = False) -> 
         "best": None if best is None else best.family.name,
         "material_toml": (None if best is None or best.material is None
                           else material_lines(best.material, best.range)),
-        "noise_Pa": (best or fits[0]).noise.sigma,
+        "noise_Pa": (best or fits[0]).noise.size,
         "fits": [fit.json() for fit in fits], "warnings": warnings(coupons, fits, at_rest)}
     first = best or fits[0]
     drawn = [first, *(fit for fit in fits if fit is not first)][:_DRAWN]

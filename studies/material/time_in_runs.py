@@ -19,7 +19,7 @@ from scipy.optimize import nnls
 from scipy.stats import chi2
 
 from tympan.studies.data.coupon import Coupons
-from tympan.studies.estimation.correlation import CorrelatedNoise, independent_count
+from tympan.studies.estimation.correlation import Spread, independent_count
 from tympan.studies.files import words_beside
 from tympan.studies.material.relaxation import BranchStress
 
@@ -166,7 +166,7 @@ def _shown(read: Array, branches: Array, basis: Array, coupons: Coupons) -> bool
     if after <= 2 * floor or not pulling.shape[1]:
         return bool(before > 2 * after)
     residual = read - branches @ (moduli / lengths)
-    noise = CorrelatedNoise.of(np.column_stack([basis, pulling]), residual,
+    noise = Spread.of(np.column_stack([basis, pulling]), residual,
                                list(coupons.series.values()))
     # Branches of all times say as much as one or two: their columns are much alike.
     freedom = max(len(read) - basis.shape[1] - _CONSTANTS, 0)

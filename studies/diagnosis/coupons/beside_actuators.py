@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from tympan.geometry.specimen import Film
 from tympan.studies.diagnosis.inference.verdict import Judgement
-from tympan.studies.diagnosis.reading_table import ReadingTable, States, rows
+from tympan.studies.diagnosis.reading_table import ReadingTable, States
 from tympan.studies.diagnosis.reduced.coupon_tests import CouponTests
 from tympan.studies.diagnosis.reduced.simulation import Simulation
 from tympan.studies.effects import Setup
@@ -41,17 +41,18 @@ def weighed_together(simulation: Simulation, table: ReadingTable, coupons: Judge
     """
     tests, best = coupons.simulation.coupons, coupons.chosen or coupons.nominal
     assert tests is not None
-    lasting = _of_batch(tests, coupons.simulation.extended(best.hypothesis, best.unknowns))
-    sigma = coupons.table.sigma
-    tests = replace(tests, lasting=lasting if tests.lasting is None else lasting + tests.lasting
-                    ).with_noise(sigma)
-    values = tests.judged(tests.counted(tests.coupons.stress))
-    return replace(simulation, coupons=tests), table.joined(
-        _rows(tests, sigma, values, float(table.states.mass.max(initial=0.0))))
+    batch = _of_batch(tests, coupons.simulation.extended(best.hypothesis, best.unknowns))
+    noise = coupons.table.noise.known(coupons.test.freedom).with_shared(
+        np.arange(len(tests.rows)), batch)
+    # All of one state: of a plate, under some mass, that is held where the film is flat.
+    mass = float(table.states.mass.max(initial=0.0))
+    flat = replace(States.of([0], [mass], [0.0]), heave=np.zeros(1))
+    strips = replace(coupons.table, states=flat, state=0 * coupons.table.state, noise=noise)
+    return replace(simulation, coupons=tests), table.joined(strips)
 
 
 def _of_batch(tests: CouponTests, best: Setup) -> Array:
-    """Covariance of rows whose films differ from the actuators' [Pa²], shape (rows, rows).
+    """What rows show whose films differ from the actuators' [Pa], shape (rows, 2).
 
     By what the best model of the coupons says: by what was read, what films differ by would be
     along the readings' own noise.
@@ -60,16 +61,4 @@ def _of_batch(tests: CouponTests, best: Setup) -> Array:
         return replace(film, relative_permittivity=_NONE * film.relative_permittivity)
 
     whole, law = (tests.shown(setup)[0] for setup in (best, best.with_films(uncharged)))
-    parts = BATCH * np.stack([law, law - whole])[:, tests.rows]
-    return np.asarray(parts.T @ parts)
-
-
-def _rows(tests: CouponTests, sigma: Array, values: Array, mass: float) -> ReadingTable:
-    """Rows of one state: of a plate, of some mass [kg], that is held where the film is flat."""
-    count = len(tests.rows)
-    number, none = np.zeros(count, np.int64), np.zeros(count)
-    states = States.of(number, np.full(count, mass), none)
-    every = rows(replace(states, heave=none), "stress", sigma, values,
-                 file=tests.coupons.file[tests.rows], line=tests.coupons.line[tests.rows])
-    return replace(every, states=every.states[number[:1]], state=number,
-                   point=np.arange(count))
+    return np.asarray(BATCH * np.stack([law, law - whole], axis=1)[tests.rows])

@@ -16,12 +16,12 @@ from tympan.studies.data.checks import slips_of_unit
 from tympan.studies.data.coupon import Coupons
 from tympan.studies.data.dataset import Dataset
 from tympan.studies.diagnosis.hypothesis import Cause
-from tympan.studies.diagnosis.inference.residual_tests import STATED
 from tympan.studies.diagnosis.reading_table import ReadingTable, States, evenly, rows
 from tympan.studies.diagnosis.readings import ASSUMED, FEWEST, PreparedReadings
 from tympan.studies.diagnosis.reduced.coupon_tests import CouponTests
 from tympan.studies.effects import EFFECTS, Setup
 from tympan.studies.effects.effect import IN_TIME, OF_STRIPS, WARMTH
+from tympan.studies.estimation.noise import SCATTER, Noise, root_of
 from tympan.studies.files import words_beside
 
 Array = NDArray[np.float64]
@@ -95,22 +95,20 @@ def coupon_readings(dataset: Dataset) -> CouponReadings:
         if sum(map(len, legs)) < FEWEST:
             raise InputError(WORDS["no_drops"], key="coupon_reading", given="drop")
         remarks.append(WORDS["drops"].format(count=sum(map(len, legs))))
-    sigma, noise_from = _noise(coupons, references, values, legs)
+    noise = _noise(coupons, references, values, legs)
     judged = list(_thinned(legs, keys))
     chosen = np.concatenate(judged)
     if len(chosen) < sum(map(len, legs)):
         remarks.append(WORDS["thinned"].format(every=sum(map(len, legs)), kept=len(chosen),
                                                most=MOST))
     leg = np.concatenate([np.full(len(part), number) for number, part in enumerate(judged)])
-    tests = CouponTests(setup, coupons, film, chosen, leg, references)
+    tests, noise = CouponTests(setup, coupons, film, chosen, leg, references), noise[chosen]
     _refuse_slip_of_stress(tests)
     if dataset.strip_scatter:
         remarks.append(WORDS["scatter"].format(share=dataset.strip_scatter))
-        tests = replace(tests, lasting=_lasting(tests, keys, dataset.strip_scatter)
-                        ).with_noise(sigma[chosen])
-    table = _table(coupons, tests).with_values(tests.judged(values))
-    return CouponReadings(setup, table.with_sigma(sigma[chosen]), STATED, noise_from,
-                          tuple(remarks), tests=tests)
+        noise = _with_lasting(noise, tests, keys, dataset.strip_scatter)
+    table = _table(coupons, tests).with_values(values[chosen]).with_noise(noise)
+    return CouponReadings(setup, table, tuple(remarks), tests=tests)
 
 
 def _refuse_slip_of_stress(tests: CouponTests) -> None:
@@ -123,8 +121,8 @@ def _refuse_slip_of_stress(tests: CouponTests) -> None:
         raise InputError(WORDS["slip"].format(ratio=ratio), file="coupon.csv")
 
 
-def _lasting(tests: CouponTests, keys: Array, scatter: float) -> Array:
-    """Covariance of rows whose strips differ by a share of their stress [Pa²], (rows, rows).
+def _with_lasting(noise: Noise, tests: CouponTests, keys: Array, scatter: float) -> Noise:
+    """Of rows whose strips differ by a share of their stress.
 
     Smoothly in the logarithm of the stretch along a run, and in nothing from run to run.
     """
@@ -134,9 +132,12 @@ def _lasting(tests: CouponTests, keys: Array, scatter: float) -> Array:
         squared = squared + (tests.references[rows] @ coupons.stress) ** 2
     size = scatter * np.sqrt(squared)
     along = np.log(coupons.stretch[rows])
-    alike = (keys[rows][:, None] == keys[rows]).all(-1)
-    near = np.exp(-0.5 * ((along[:, None] - along) / _LASTS) ** 2)
-    return np.asarray(np.outer(size, size) * near * alike)
+    runs = np.unique(keys[rows], axis=0, return_inverse=True)[1].ravel()
+    for run in range(int(runs.max()) + 1):
+        mine = np.flatnonzero(runs == run)
+        near = np.exp(-0.5 * ((along[mine][:, None] - along[mine]) / _LASTS) ** 2)
+        noise = noise.with_shared(mine, root_of(np.outer(size[mine], size[mine]) * near))
+    return noise
 
 
 def _films(dataset: Dataset, coupons: Coupons) -> tuple[Setup, Numbers]:
@@ -225,8 +226,8 @@ def _thinned(legs: list[Numbers], keys: Array) -> Iterator[Numbers]:
 
 
 def _noise(coupons: Coupons, references: Array | None, values: Array, legs: list[Numbers]
-           ) -> tuple[Array, str]:
-    """Standard deviation of each reading [Pa] and where it is from."""
+           ) -> Noise:
+    """Of each reading [Pa]; what few readings scatter by is known no better than a stated one."""
     every = np.concatenate(legs)
     size = float(np.sqrt(np.mean(values[every] ** 2))) or 1.0
     squares, freedom = 0.0, 0
@@ -240,14 +241,14 @@ def _noise(coupons: Coupons, references: Array | None, values: Array, legs: list
     scatter = (squares / freedom) ** 0.5 if measured else ASSUMED * size
     estimated = np.full(len(coupons), max(scatter, _QUIETEST * size))
     if coupons.sigma is None:
-        return estimated, "from the scatter about smooth curves" if measured else "assumed"
+        return Noise(estimated, source=SCATTER if measured else "assumed")
     sigma = coupons.sigma
     if references is not None:
         squared = np.nan_to_num(sigma, nan=scatter) ** 2
         sigma = np.sqrt(squared + references**2 @ squared)
     stated = np.isfinite(sigma[every]).all()
-    return (np.where(np.isfinite(sigma), sigma, estimated),
-            "stated" if stated else "from the scatter about smooth curves")
+    return Noise(np.where(np.isfinite(sigma), sigma, estimated),
+                 source="stated" if stated else SCATTER)
 
 
 def _smooth(coupons: Coupons, leg: Numbers) -> list[Numbers]:

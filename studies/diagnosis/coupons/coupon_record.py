@@ -24,10 +24,9 @@ def strips(tests: CouponTests, judged: Judgement, chosen: Fit | None) -> Columns
         "specimen": np.array([names[number] for number in tests.film[row].tolist()], str),
         "run": table.run, "leg": table.states.run[table.state], "mode": coupons.mode[row],
         "t": coupons.time[row], "stretch": coupons.stretch[row], "voltage": coupons.volts[row],
-        "temperature_C": coupons.degrees[row], "sigma": tests.spread(table.sigma),
-        **{name: tests.as_read(values) for name, values in (
-            ("read", table.value), ("baseline", nominal.predicted(table)),
-            ("extended", best.predicted(table)))}}
+        "temperature_C": coupons.degrees[row], "sigma": table.noise.total,
+        "read": table.value, "baseline": nominal.predicted(table),
+        "extended": best.predicted(table)}
 
 
 def at_temperature(specimen: Specimen, celsius: float) -> Specimen:

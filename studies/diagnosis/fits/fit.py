@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tympan.studies.diagnosis.fits.small_errors import SmallErrors
 from tympan.studies.diagnosis.hypothesis import SIZES, Cause, Hypothesis, sizes_of
 from tympan.studies.diagnosis.reading_table import ReadingTable
+from tympan.studies.estimation.noise import Noise
 
 Array = NDArray[np.float64]
 
@@ -24,8 +24,8 @@ NUISANCE = np.array([0.5, 0.4])
 class Fit:
     """A hypothesis fitted to a table.
 
-    ``residual``: readings minus predictions over their noise, shape (rows,); ``jacobian``:
-    derivatives of the predictions over the noise by the unknowns; ``bounds`` and ``limits``: what
+    ``residual``: readings minus predictions, whitened by their noise, shape (rows,); ``jacobian``:
+    derivatives of the predictions, whitened, by the unknowns; ``bounds`` and ``limits``: what
     films are sampled for and could be, shape (2, unknowns); ``slope`` and ``precision``:
     first and second derivatives of the cost; ``cost``: minus the logarithm of posterior density,
     and ``evidence``: logarithm of the readings' probability, up to what all hypotheses share;
@@ -47,7 +47,7 @@ class Fit:
     heave: Array
     short: float = np.inf
     widen: float = 1.0
-    beside: SmallErrors | None = None
+    beside: Noise | None = None
 
     @property
     def possible(self) -> bool:
@@ -92,7 +92,7 @@ class Fit:
 
     def predicted(self, table: ReadingTable) -> Array:
         """What the rows of the table it was fitted to show, shape (rows,)."""
-        return np.asarray(table.value - self.residual * table.sigma)
+        return np.asarray(table.value - table.noise.coloured(self.residual))
 
     def whitened(self, values: Array) -> Array:
         """Values of readings over their noise as if that were all, not small errors besides."""

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from tympan.studies.diagnosis.fits.evidence import evidence
 from tympan.studies.diagnosis.fits.fit import NUISANCE, Fit, best_of
-from tympan.studies.diagnosis.fits.small_errors import SmallErrors
 from tympan.studies.diagnosis.hypothesis import (
     FACTORS,
     SIZES,
@@ -24,6 +23,7 @@ from tympan.studies.diagnosis.reduced.reduced_films import bounds_of, limits_of
 from tympan.studies.diagnosis.reduced.simulation import Simulation
 from tympan.studies.effects.prior import as_residuals
 from tympan.studies.estimation.least_squares import Evaluation, LeastSquares, minimise
+from tympan.studies.estimation.noise import Noise
 
 Array = NDArray[np.float64]
 
@@ -37,7 +37,7 @@ _SHARES = (0.25, 0.5, 0.75, 1.0)
 
 
 def fit(simulation: Simulation, hypothesis: Hypothesis, table: ReadingTable,
-        start: Array | None = None, widen: float = 1.0, beside: SmallErrors | None = None) -> Fit:
+        start: Array | None = None, widen: float = 1.0, beside: Noise | None = None) -> Fit:
     """The best fit of a hypothesis to readings, usual sizes taken ``widen`` times as large.
 
     It begins at ``start``, of which the nominal hypothesis' unknowns are enough; without effects
@@ -49,7 +49,7 @@ def fit(simulation: Simulation, hypothesis: Hypothesis, table: ReadingTable,
 
 
 def _fit_from(simulation: Simulation, hypothesis: Hypothesis, table: ReadingTable, start: Array,
-              widen: float, beside: SmallErrors | None) -> Fit:
+              widen: float, beside: Noise | None) -> Fit:
     bounds, limits = bounds_of(simulation, hypothesis), limits_of(simulation, hypothesis)
     scales = np.array([parameter.prior.widened(widen).scale
                        for parameter in parameters_of(hypothesis)])
@@ -64,11 +64,11 @@ def _fit_from(simulation: Simulation, hypothesis: Hypothesis, table: ReadingTabl
 
     def evaluate(unknowns: Array, near: Evaluation | None) -> Evaluation:
         prediction = simulation.prediction(hypothesis, unknowns, table)
-        residual = (table.value - prediction.extended) / table.sigma
+        residual = table.noise.whitened(table.value - prediction.extended)
         if near is not None and prediction.beyond(near.state):
             residual = np.full(len(table), np.nan)
         return Evaluation(white(residual),
-                          lambda: -white(prediction.jacobian / table.sigma[:, None]), prediction)
+                          lambda: -white(table.noise.whitened(prediction.jacobian)), prediction)
 
     problem = LeastSquares(evaluate, bounds[0], bounds[1], prior=prior)
     start = np.clip(start, *bounds)
@@ -76,8 +76,8 @@ def _fit_from(simulation: Simulation, hypothesis: Hypothesis, table: ReadingTabl
     point, unknowns, prediction = minimum.point, minimum.unknowns, minimum.point.state
     residual, jacobian = point.residual, -point.jacobian
     if beside is not None:
-        residual = (table.value - prediction.extended) / table.sigma
-        jacobian = prediction.jacobian / table.sigma[:, None]
+        residual = table.noise.whitened(table.value - prediction.extended)
+        jacobian = table.noise.whitened(prediction.jacobian)
     reached = Fit(hypothesis, unknowns, bounds, limits, residual, jacobian,
                   problem.slope(unknowns, point), problem.curvature(unknowns, point), minimum.cost,
                   0.0, prediction.heave, widen=widen, beside=beside)

@@ -195,7 +195,7 @@ class Exploration:
     def _shown(self, hypothesis: Hypothesis, unknowns: Array) -> Array:
         """What readings show, over their noise."""
         shown = self.simulation.prediction(hypothesis, unknowns, self.table)
-        return shown.extended / self.table.sigma
+        return self.table.noise.whitened(shown.extended)
 
     def _reach(self) -> None:
         """Force laws of further heaves and voltages, where an effect alone may ask for them."""

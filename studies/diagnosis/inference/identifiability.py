@@ -40,7 +40,7 @@ def signatures(simulation: Simulation, table: ReadingTable, unknowns: Array,
     low, high = bounds_of(simulation, ())
     jacobian = simulation.prediction((), unknowns, table).jacobian[:, (low < unknowns)
                                                                    & (unknowns < high)]
-    taken = taken_by(jacobian / table.sigma[:, None])
+    taken = taken_by(table.noise.whitened(jacobian))
     return {cause: without(taken, np.stack([_shown(simulation, cause, index, unknowns, table)
                                             for index in range(len(cause.effect.parameters))], 1))
             for cause in causes}

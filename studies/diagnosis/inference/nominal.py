@@ -52,11 +52,10 @@ class NominalMisfit:
 
     @classmethod
     def of(cls, simulation: Simulation, table: ReadingTable, causes: Sequence[Cause],
-           stated: float, workers: int = 1) -> tuple[NominalMisfit, ResidualTests]:
+           workers: int = 1) -> tuple[NominalMisfit, ResidualTests]:
         """By a simulation that reaches as far as it needs; and the tests of what it misses.
 
-        The noise is the table's as far as it is ``stated``: by so many degrees of freedom. Raises
-        ArithmeticError where there is no equilibrium at the readings' states.
+        Raises ArithmeticError where there is no equilibrium at the readings' states.
         """
         nominal = nominal_fit(simulation, table)
         for _ in range(_REACHES):
@@ -70,12 +69,11 @@ class NominalMisfit:
         misfit = cls(simulation, table, nominal, _patterns(simulation, table, nominal))
         if not table.lengths.all():
             misfit = misfit._with_noise_of_channels(misfit._shown(causes))
-        tests = misfit._tests(causes, stated)
-        alone = simulation.coupons_alone
-        if alone is not None and alone.lasting is not None:
+        tests = misfit._tests(causes)
+        if table.noise.shared and not table.lengths.any():
             # What lasts along strips is told from noise once that is known.
             misfit = misfit.louder(tests.noise(misfit.fit.residual))
-            tests = misfit._tests(causes, stated)
+            tests = misfit._tests(causes)
         return misfit, tests
 
     def signatures(self, causes: Sequence[Cause]) -> Signatures:
@@ -83,23 +81,22 @@ class NominalMisfit:
         return signatures(self.simulation, self.table, self.fit.unknowns, causes)
 
     def louder(self, factor: float) -> NominalMisfit:
-        """All of it with a factor on the noise of the readings."""
-        simulation, table = self.simulation.with_noise(self.table, factor)
-        nominal = fit(simulation, (), table, self.fit.unknowns)
-        columns = (self.patterns if simulation is self.simulation
-                   else _patterns(simulation, table, nominal))
-        return NominalMisfit(simulation, table, nominal, columns)
+        """All of it with a factor on the noise of each reading by itself."""
+        table = self.table.with_sigma(factor * self.table.sigma)
+        nominal = fit(self.simulation, (), table, self.fit.unknowns)
+        return replace(self, table=table, fit=nominal)
 
     def _shown(self, causes: Sequence[Cause]) -> dict[str, Array]:
         """What patterns and causes show, over the noise, by name."""
         return over(self.patterns, self.table) | {
             str(cause): signature for cause, signature in self.signatures(causes).items()}
 
-    def _tests(self, causes: Sequence[Cause], stated: float) -> ResidualTests:
+    def _tests(self, causes: Sequence[Cause]) -> ResidualTests:
         one_sided = frozenset(
             str(cause) for cause in causes
             if [parameter.sign for parameter in cause.effect.parameters] == ["positive"])
-        return ResidualTests.of(self.fit.free_jacobian, self._shown(causes), stated, one_sided)
+        return ResidualTests.of(self.fit.free_jacobian, self._shown(causes),
+                                float(self.table.noise.freedom.sum()), one_sided)
 
     def _with_noise_of_channels(self, shown: Mapping[str, Array]) -> NominalMisfit:
         """With the noise of every channel but lengths, which no file states, as its scatter tells.
@@ -123,14 +120,14 @@ class NominalMisfit:
                        fit=fit(self.simulation, (), table, self.fit.unknowns))
 
 
-def with_noise_found(simulation: Simulation, table: ReadingTable, causes: Sequence[Cause],
-                     stated: float) -> tuple[ReadingTable, float]:
-    """A table with its noise as the nominal model's misfit tells it, and degrees of freedom."""
-    misfit, tests = NominalMisfit.of(simulation, table, causes, stated)
-    if not tests.freedom + stated:
+def with_noise_found(simulation: Simulation, table: ReadingTable, causes: Sequence[Cause]
+                     ) -> ReadingTable:
+    """A table with its noise as the nominal model's misfit tells it."""
+    misfit, tests = NominalMisfit.of(simulation, table, causes)
+    if not tests.freedom + tests.stated:
         raise ArithmeticError(TOO_FEW)
-    noise = tests.noise(misfit.fit.residual)
-    return misfit.table.with_sigma(misfit.table.sigma * noise), tests.freedom + stated
+    table = misfit.table.with_sigma(misfit.table.sigma * tests.noise(misfit.fit.residual))
+    return table.with_noise(table.noise.known(tests.freedom + tests.stated))
 
 
 def _patterns(simulation: Simulation, table: ReadingTable, nominal: Fit) -> dict[str, Array]:

@@ -16,7 +16,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import f as f_distribution
 
-from tympan.studies.diagnosis.inference.part_noise import PartNoise
 from tympan.studies.diagnosis.inference.projection import (
     RANK,
     orthonormal,
@@ -25,6 +24,7 @@ from tympan.studies.diagnosis.inference.projection import (
     without,
 )
 from tympan.studies.diagnosis.patterns.reading_patterns import JUMPS, WORDS, words_of
+from tympan.studies.estimation.noise import STATED, Noise
 
 Array = NDArray[np.float64]
 
@@ -37,8 +37,6 @@ _MOST_JUMPS = 0.25
 #: Probability by noise below which a jump is one, allowing for how many are tried.
 _CLEAR = 1e-3
 
-#: Degrees of freedom a stated noise counts as: it is taken to be right within about a quarter.
-STATED = 8.0
 #: Probability below which scatter beyond the stated noise is no noise: what no curve here follows
 #: may be a misfit too.
 _ROUGH = 1e-3
@@ -153,21 +151,21 @@ class ResidualTests:
         return np.maximum(squares + stated, 1e-12) / (freedom + self.stated)
 
     def __call__(self, residual: Array, generator: np.random.Generator,
-                 part_noise: PartNoise | None = None) -> TestResult:
+                 found: Noise | None = None) -> TestResult:
         """Test residuals at a best fit, shape (rows,), against their noise and the stated one.
 
-        Or against the noise of each part, ``part_noise``, as it was found before.
+        Or against the noise of each part as it was ``found`` before.
         """
         # Draws are of the readings, not of any basis: those turn with the last digit of a column.
         draws = np.column_stack([residual, generator.standard_normal((len(residual), _DRAWS))])
-        if part_noise is None:
+        if found is None:
             scatter = (generator.chisquare(self.stated, _DRAWS) if self.stated
                        else np.zeros(_DRAWS))
             every = self._ratios(draws, np.r_[self.stated, scatter])
         else:
-            variances = np.column_stack([np.ones(len(part_noise.freedom)),
-                                         part_noise.drawn(generator, _DRAWS)])
-            every = self._ratios_to(part_noise, draws, variances)
+            variances = np.column_stack([np.ones(len(found.freedom)),
+                                         found.variances(generator, _DRAWS)])
+            every = self._ratios_to(found, draws, variances)
         tails = {name: self._tail(name, *ratios) for name, ratios in every.items()}
         p_values = {name: float(tail[0]) for name, tail in tails.items()}
         least = min(p_values.values(), default=1.0)
@@ -176,8 +174,8 @@ class ResidualTests:
         bound = min(1.0, least * len(p_values)) if p_values else 1.0
         p_value = min(bound, max(corrected, 1 / _DRAWS)) if corrected > 0 else bound
         step = every["step"][0][:, 0].argmax() if "step" in every else None
-        noise, freedom = ((self.noise(residual), self.freedom + self.stated) if part_noise is None
-                          else (1.0, float(part_noise.freedom.sum())))
+        noise, freedom = ((self.noise(residual), self.freedom + self.stated) if found is None
+                          else (1.0, float(found.freedom.sum())))
         return TestResult(p_values, p_value, noise, freedom,
                           0 if step is None else int(self.readings[step]))
 
@@ -204,7 +202,7 @@ class ResidualTests:
             ratios[name] = parts**2 / variance, 1, freedom - apart
         return ratios
 
-    def _ratios_to(self, part_noise: PartNoise, residuals: Array, variances: Array
+    def _ratios_to(self, found: Noise, residuals: Array, variances: Array
                    ) -> dict[str, tuple[Array, int, float]]:
         """The same over noise whose parts have these ``variances``, shape (parts, n).
 
@@ -212,13 +210,13 @@ class ResidualTests:
         """
         inner, ratios = self.smooth.T @ residuals, {}
         for name, columns in self.bases.items():
-            shares = part_noise.shares(columns)
+            shares = found.shares(columns)
             ratios[name] = (self._mean_square(name, inner) / (shares @ variances),
-                            columns.shape[1], part_noise.freedom_of(shares))
+                            columns.shape[1], found.freedom_of(shares))
         for name, columns in self.jumps.items():
-            shares = part_noise.shares(columns)
+            shares = found.shares(columns)
             ratios[name] = ((columns.T @ residuals) ** 2 / (shares @ variances), 1,
-                            part_noise.freedom_of(shares))
+                            found.freedom_of(shares))
         return ratios
 
     def _mean_square(self, name: str, inner: Array) -> Array:

@@ -19,13 +19,13 @@ from scipy.special import logsumexp
 from tympan.studies.diagnosis.fits.evidence import evidence
 from tympan.studies.diagnosis.fits.fit import Fit
 from tympan.studies.diagnosis.fits.fitting import fit
-from tympan.studies.diagnosis.fits.small_errors import SmallErrors
 from tympan.studies.diagnosis.hypothesis import Cause, Hypothesis
 from tympan.studies.diagnosis.inference.identifiability import TYPICAL, Signatures
 from tympan.studies.diagnosis.inference.posterior import Posterior, priors
 from tympan.studies.diagnosis.inference.projection import taken_by, without
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.reduced.simulation import Simulation
+from tympan.studies.estimation.noise import Noise
 
 Array = NDArray[np.float64]
 
@@ -149,5 +149,9 @@ def _beside(member: Fit, signatures: Signatures, share: float) -> Fit:
     """With small errors of every kind but those of its hypothesis."""
     columns = [signature for cause, signature in signatures.items()
                if cause not in member.hypothesis]
-    errors = SmallErrors.of(np.concatenate(columns, axis=1) / TYPICAL) if columns else None
-    return replace(member, beside=errors and errors.scaled(share))
+    if not columns:
+        return replace(member, beside=None)
+    count = len(member.residual)
+    errors = Noise(np.ones(count)).with_shared(
+        np.arange(count), np.concatenate(columns, axis=1) / TYPICAL)
+    return replace(member, beside=errors.scaled(share))

@@ -20,14 +20,14 @@ from tympan.studies.diagnosis.inference.identifiability import (
     shows_when_large,
 )
 from tympan.studies.diagnosis.inference.nominal import TOO_FEW, NominalMisfit
-from tympan.studies.diagnosis.inference.part_noise import PartNoise
 from tympan.studies.diagnosis.inference.posterior import Posterior, log_odds_to_smooth, odds_of_more
-from tympan.studies.diagnosis.inference.residual_tests import STATED, ResidualTests, TestResult
+from tympan.studies.diagnosis.inference.residual_tests import ResidualTests, TestResult
 from tympan.studies.diagnosis.inference.rough_bench import SMALL, RoughBench, near_rivals
 from tympan.studies.diagnosis.patterns.reading_patterns import over
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.reduced.simulation import Simulation
 from tympan.studies.diagnosis.result import Verdict
+from tympan.studies.estimation.noise import Noise
 
 Array = NDArray[np.float64]
 
@@ -156,19 +156,17 @@ class Judgement:
 
 
 def judge(simulation: Simulation, table: ReadingTable, causes: Sequence[Cause],
-          stated: float = STATED, widen: float = 1.0, seed: int = 0, workers: int = 1,
-          part_noise: PartNoise | None = None) -> Judgement:
+          widen: float = 1.0, seed: int = 0, workers: int = 1) -> Judgement:
     """Judge a table's readings by what may be wrong, usual sizes taken ``widen`` times as large.
 
-    The noise is the table's as far as it is ``stated``: by so many degrees of freedom, 0 where it
-    is made up; or that of each part, ``part_noise``, as it was found before. ``workers``: processes
-    for the films of effects larger than those simulated so far.
+    ``workers``: processes for the films of effects larger than those simulated so far.
     """
     generator = np.random.default_rng(seed)
-    misfit, tests = NominalMisfit.of(simulation, table, causes, stated, workers)
+    misfit, tests = NominalMisfit.of(simulation, table, causes, workers)
     if not tests.able:
         raise ArithmeticError(TOO_FEW)
-    test = tests(misfit.fit.residual, generator, part_noise)
+    found = table.noise if table.noise.found else None
+    test = tests(misfit.fit.residual, generator, found)
     misfit = misfit.louder(test.noise)
     simulation, table, nominal = misfit.simulation, misfit.table, misfit.fit
     signs = misfit.signatures(causes)
@@ -177,7 +175,7 @@ def judge(simulation: Simulation, table: ReadingTable, causes: Sequence[Cause],
                      indistinguishable=classes, invisible=invisible)
     if test.p_value >= ALARM:
         return base
-    adequacy = _Adequacy(base, part_noise or PartNoise.of_all(len(table), test.freedom), generator)
+    adequacy = _Adequacy(base, found or table.noise.known(test.freedom), generator)
     possible = tuple(cause for cause in causes if cause not in invisible
                      or shows_when_large(simulation, cause, nominal, table))
     exploration = Exploration(simulation, table, nominal, possible, adequacy.enough, widen, workers)
@@ -202,7 +200,7 @@ class _Adequacy:
     """Tests whether what a hypothesis leaves is noise, known as well as before."""
 
     base: Judgement
-    part_noise: PartNoise
+    noise: Noise
     generator: np.random.Generator
     results: dict[int, tuple[Fit, TestResult]] = field(default_factory=dict)
 
@@ -218,8 +216,7 @@ class _Adequacy:
         columns = {name: fit.whitened(values[rows]) for name, values in over(
             self.base.patterns, self.base.table).items() if values[rows].any()}
         tests = ResidualTests.of(fit.whitened(fit.free_jacobian), columns, stated=0.0)
-        noise = replace(self.part_noise, part=self.part_noise.part[rows])
-        return tests(fit.whitened(fit.residual), self.generator, noise)
+        return tests(fit.whitened(fit.residual), self.generator, self.noise[rows])
 
     def odd_specimen(self) -> str:
         """That of three or more without which the nominal model leaves noise; "" if not one is."""

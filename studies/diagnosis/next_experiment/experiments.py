@@ -22,6 +22,7 @@ from tympan.studies.diagnosis.reduced.prediction import Prediction
 from tympan.studies.diagnosis.reduced.sampling import COARSE
 from tympan.studies.diagnosis.reduced.simulation import Simulation
 from tympan.studies.effects import Setup
+from tympan.studies.estimation.noise import Noise
 from tympan.studies.files import words_beside
 
 Array = NDArray[np.float64]
@@ -95,7 +96,7 @@ class Readout:
 
 @dataclass(frozen=True, eq=False)
 class Outlook:
-    """What readings to be made would be by each rival, and their ``sigma``, shape (readings,).
+    """What readings to be made would be by each rival, and their ``noise``.
 
     ``values`` (readings,) and ``jacobians`` (readings, unknowns) of each rival; ``what`` to do, and
     the ``work`` it costs [s].
@@ -103,7 +104,7 @@ class Outlook:
 
     values: Sequence[Array]
     jacobians: Sequence[Array]
-    sigma: Array
+    noise: Noise
     what: str
     work: float
 
@@ -112,8 +113,8 @@ class Outlook:
         losses = np.zeros((len(fits), len(fits)))
         for true, other in permutations(range(len(fits)), 2):
             losses[true, other] = _loss(
-                fits[other], (self.values[true] - self.values[other]) / self.sigma,
-                self.jacobians[other] / self.sigma[:, None])
+                fits[other], self.noise.whitened(self.values[true] - self.values[other]),
+                self.noise.whitened(self.jacobians[other]))
         return losses
 
 
@@ -150,7 +151,7 @@ class Experiment:
         predictions = [Prediction(readout.simulation, fit.hypothesis, fit.unknowns, table)
                        for fit in fits]
         return Outlook([prediction.values for prediction in predictions],
-                       [prediction.jacobian for prediction in predictions], table.sigma,
+                       [prediction.jacobian for prediction in predictions], table.noise,
                        self.words(table, readout.simulation.setup),
                        self.work(readout, table, effort))
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import reduce
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +28,7 @@ from tympan.studies.diagnosis.reduced.coupon_tests import CouponTests
 from tympan.studies.diagnosis.reduced.sampling import COARSE
 from tympan.studies.diagnosis.reduced.scans import scanned_exactly
 from tympan.studies.effects import Setup
+from tympan.studies.estimation.noise import Noise
 
 Array = NDArray[np.float64]
 
@@ -59,14 +61,14 @@ class NewReadings:
     """Readings that could be made.
 
     ``setup`` holds every specimen, also those to be made; ``shown`` of a setup with effects gives
-    the readings' values, an ArithmeticError where a film has no equilibrium; ``sigma`` their noise
+    the readings' values, an ArithmeticError where a film has no equilibrium; ``noise`` is theirs
     by their values. ``count``: what is read one after the other, ``loads``: masses put on, and
     ``specimens`` put on the stand; ``words`` say what is done.
     """
 
     setup: Setup
     shown: Callable[[Setup], Array]
-    sigma: Callable[[Array], Array]
+    noise: Callable[[Array], Noise]
     count: int
     loads: int
     specimens: int
@@ -98,7 +100,7 @@ class SolvedExperiment:
         values, jacobians = zip(*shown, strict=True)
         work = (new.count * effort.reading + new.loads * effort.load
                 + new.specimens * effort.specimen + getattr(effort, self.sets_up))
-        return Outlook(values, jacobians, new.sigma(values[0]), self.what.format(**new.words), work)
+        return Outlook(values, jacobians, new.noise(values[0]), self.what.format(**new.words), work)
 
 
 def _shown(readout: Readout, new: NewReadings, fit: Fit) -> tuple[Array, Array]:
@@ -137,8 +139,8 @@ def film_line(readout: Readout) -> NewReadings | None:
         return None
     setup, (number, mass, voltages) = readout.simulation.setup, _heaviest(readout)
     specimen, ends = setup.specimens[number], voltages[[0, -1]][: len(voltages)]
-    noise = readout.noise
-    scan = _cross(specimen, 1 - (1 + 2 * _PLACES * (ZERO / noise) ** 2) ** -0.5)
+    scan = _cross(specimen)
+    noise = Noise(np.full(len(scan), readout.noise)).with_zero(ZERO)
 
     def shown(extended: Setup) -> Array:
         lines = [scanned_exactly(extended.specimens[number], extended.rig, mass, voltage, scan,
@@ -147,16 +149,17 @@ def film_line(readout: Readout) -> NewReadings | None:
             raise ArithmeticError("no equilibrium")
         return np.concatenate([line[-1] for line in lines if line is not None])
 
-    return NewReadings(setup, shown, lambda values: np.full(len(values), noise), len(ends), 1, 1,
+    every = reduce(Noise.joined, [noise] * len(ends))
+    return NewReadings(setup, shown, lambda values: every, len(ends), 1, 1,
                        {"specimen": specimen.name, **_loads(mass, float(ends[-1]))})
 
 
-def _cross(specimen: Specimen, share: float) -> Scan:
+def _cross(specimen: Specimen) -> Scan:
     place = np.zeros((2, _PLACES, 2))
     for axis, half in enumerate(specimen.frame.semi_axes):
         place[axis, :, axis] = np.linspace(-_REACH * half, _REACH * half, _PLACES)
     flat = place.reshape(-1, 2)
-    return Scan(flat, False, specimen.needed_plate().level(*flat.T) <= 0, False, share)
+    return Scan(flat, False, specimen.needed_plate().level(*flat.T) <= 0, False)
 
 
 def other_shape(readout: Readout, change: Callable[[Specimen], Specimen | None]
@@ -181,7 +184,7 @@ def other_shape(readout: Readout, change: Callable[[Specimen], Specimen | None]
     plate = 2e3 * max(other.needed_plate().outline.semi_axes)
     return NewReadings(
         replace(setup, specimens=(*setup.specimens, other)), shown,
-        lambda values: np.full(len(values), readout.noise), len(some), 1, 1,
+        lambda values: Noise(np.full(len(values), readout.noise)), len(some), 1, 1,
         {"frame": f"{long:.4g} by {wide:.4g} mm", "plate": f"{plate:.4g} mm",
          **_loads(mass, float(some[-1]))})
 
@@ -216,7 +219,8 @@ def strips(readout: Readout) -> NewReadings:
     coupons = Coupons(mode, stretch, np.zeros(6), blank, blank, none)
     tests = CouponTests(setup, coupons, np.full(6, number), np.arange(6), np.zeros(6, int))
     return NewReadings(setup, lambda extended: tests.shown(extended)[0],
-                       lambda values: _STRIPS * np.abs(values), 6, 0, 0, {"stretch": f"{top:.2g}"})
+                       lambda values: Noise(_STRIPS * np.abs(values)), 6, 0, 0,
+                       {"stretch": f"{top:.2g}"})
 
 
 #: What is on offer where causes cannot be told apart: each takes seconds to foresee.

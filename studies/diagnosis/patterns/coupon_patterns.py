@@ -19,10 +19,9 @@ _DEGREE = 4
 def coupon_patterns(tests: CouponTests, sigma: Array, predicted: Array) -> dict[str, Array]:
     """By name, columns a misfit of all coupons' rows may be a combination of [Pa].
 
-    ``predicted`` is what the nominal model says of each row, ``sigma`` its noise [Pa].
+    ``predicted`` is what the nominal model says of each row, ``sigma`` its own error [Pa].
     """
     coupons, reading = tests.coupons, tests.rows
-    predicted = tests.as_read(predicted)
     size = float(np.sqrt(np.mean(predicted**2))) or float(sigma.max())
     stretch = _legendre(coupons.stretch[reading])
     few = stretch[:, :3]
@@ -39,7 +38,7 @@ def coupon_patterns(tests: CouponTests, sigma: Array, predicted: Array) -> dict[
     columns["rate"] = _times(_log_rate(coupons)[reading], few)
     columns["way"] = _times(_way(tests.leg, coupons.stretch[reading]), few)
     columns["runs"] = _runs(tests.leg, coupons.stretch[reading])
-    return {f"coupon_{name}": tests.whitened(size * values) for name, values in columns.items()
+    return {f"coupon_{name}": size * values for name, values in columns.items()
             if np.abs(values).max(initial=0.0) > 0}
 
 

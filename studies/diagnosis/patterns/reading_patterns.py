@@ -119,7 +119,7 @@ def _patterns_of_lengths(table: ReadingTable, names: Sequence[str],
 
 def over(columns: dict[str, Array], table: ReadingTable) -> dict[str, Array]:
     """Patterns' columns over the noise of a table."""
-    return {name: values / table.sigma[:, None] for name, values in columns.items()}
+    return {name: table.noise.whitened(values) for name, values in columns.items()}
 
 
 def _legendre(squared: Array) -> Array:

@@ -58,9 +58,7 @@ class CouponTests:
     ``film``: number of the specimen whose film each of the ``coupons`` is, shape (readings,);
     ``references``: of each reading the shares, shape (readings, readings), of those it is counted
     from, as a drop of the stress; None where readings are stresses. ``rows`` are numbers of the
-    readings that are judged, ``leg`` of the legs of runs they are of. ``lasting``: covariance [Pa²]
-    of errors of them that last along a strip; ``whitening`` makes of them what those leave
-    independent, shape (rows, rows) each.
+    readings that are judged, ``leg`` of the legs of runs they are of.
     """
 
     setup: Setup
@@ -69,8 +67,6 @@ class CouponTests:
     rows: Numbers
     leg: Numbers
     references: Array | None = None
-    lasting: Array | None = None
-    whitening: Array | None = None
 
     def shown(self, setup: Setup) -> tuple[Array, NDArray[np.bool_]]:
         """What each reading shows [Pa] and whether such a strip has an equilibrium, (readings,)."""
@@ -82,35 +78,10 @@ class CouponTests:
             possible = possible & ~((self.references > 0) & ~possible).any(1)
         return self.counted(stress), possible
 
-    def with_noise(self, sigma: Array) -> CouponTests:
-        """Whitened for a noise of these standard deviations beside what lasts [Pa], (rows,)."""
-        if self.lasting is None:
-            return self
-        values, vectors = np.linalg.eigh(np.eye(len(sigma)) + self.lasting / np.outer(sigma, sigma))
-        root = (vectors / np.sqrt(np.maximum(values, 1.0))) @ vectors.T
-        return replace(self, whitening=sigma[:, None] * root / sigma)
-
     def counted(self, readings: Array) -> Array:
         """Stresses as what is read: themselves, or by how much they drop, shape (readings,)."""
         shares = self.references
         return readings if shares is None else np.asarray(shares @ readings - readings)
-
-    def judged(self, readings: Array) -> Array:
-        """Values of readings, (readings,), as those that are judged, (rows,)."""
-        return self.whitened(readings[self.rows])
-
-    def whitened(self, values: Array) -> Array:
-        """Values of all rows, shape (rows, ...), without what lasts along strips."""
-        return values if self.whitening is None else np.asarray(self.whitening @ values)
-
-    def as_read(self, values: Array) -> Array:
-        """The values, shape (rows, ...), of which these are whitened."""
-        whitening = self.whitening
-        return values if whitening is None else np.asarray(np.linalg.solve(whitening, values))
-
-    def spread(self, sigma: Array) -> Array:
-        """Standard deviation of rows as they were read, of those when whitened [Pa]."""
-        return np.asarray(np.linalg.norm(self.as_read(np.diag(sigma)), axis=1))
 
     def _stress(self, specimen: Specimen, rig: Rig, rows: Numbers) -> tuple[Array, Any]:
         coupons, film = self.coupons, specimen.membrane
@@ -276,7 +247,7 @@ class CouponPrediction:
         tests, uses = self.tests, uses_of(self.hypothesis, unknowns)
         felt = [use for cause, use in zip(self.hypothesis, uses, strict=True) if tests.feel(cause)]
         shown, possible = tests.shown(coupon_setup(tests.setup, unknowns, felt))
-        return tests.judged(shown)[self.rows], possible
+        return shown[tests.rows[self.rows]], possible
 
     @cached_property
     def jacobian(self) -> Array:

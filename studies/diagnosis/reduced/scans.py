@@ -93,7 +93,7 @@ def shown_by_scans(table: ReadingTable, kind: str, rows: NDArray[np.int64],
 @lru_cache(maxsize=1024)
 def scanned(surface: ForceSurface, lattice: Lattice, sag: Sag | None, scan: Scan, heave: float,
             voltage_squared: float, pressure: float) -> Array:
-    """Displacements at a scan's places [m], its zero taken off: shape (3, n), deflections last.
+    """Displacements at a scan's places [m], shape (3, n), deflections last.
 
     nan where there is no heave.
     """
@@ -105,9 +105,9 @@ def scanned(surface: ForceSurface, lattice: Lattice, sag: Sag | None, scan: Scan
     shape = FilmShape.of(lattice, values)
     place = scan.place + lattice.centre if scan.centred else scan.place
     if scan.follows:
-        return scan.without_zero(shape.displacements(place))
+        return shape.displacements(place)
     heights = shape.heights(place)
-    return scan.without_zero(np.stack([np.zeros_like(heights), np.zeros_like(heights), heights]))
+    return np.stack([np.zeros_like(heights), np.zeros_like(heights), heights])
 
 
 def scanned_exactly(specimen: Specimen, rig: Rig, mass: float, voltage: float, scan: Scan,
@@ -131,4 +131,4 @@ def scanned_exactly(specimen: Specimen, rig: Rig, mass: float, voltage: float, s
         specimen.frame.level(*place.T) < 0)) if scan.follows else shape.origins(place)
     shown[:, film] = Places.of(model.discretisation, origin[film]).displacement(
         model, outcome.state).T
-    return scan.without_zero(shown)
+    return shown

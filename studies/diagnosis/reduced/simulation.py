@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -93,28 +93,6 @@ class Simulation(ReducedFilms):
                     table: ReadingTable) -> CouponPrediction:
         return CouponPrediction(tests, hypothesis, unknowns, table.coupon,
                                bounds_of(self, hypothesis))
-
-    def as_read(self, table: ReadingTable, part: ReadingTable) -> tuple[Simulation, ReadingTable]:
-        """A part of a table's rows with values as they were read, and what predicts those."""
-        tests = self.coupons_alone
-        if tests is None or tests.whitening is None:
-            return self, part
-        read, spread = tests.as_read(table.value), tests.spread(table.sigma)
-        return (replace(self, coupons=replace(tests, whitening=None)),
-                part.with_values(read[part.point]).with_sigma(spread[part.point]))
-
-    def with_noise(self, table: ReadingTable, factor: float) -> tuple[Simulation, ReadingTable]:
-        """The table with that factor on its noise, and what predicts it.
-
-        What lasts along strips is no part of the noise and stays as large as it is.
-        """
-        louder, tests = table.with_sigma(factor * table.sigma), self.coupons
-        if tests is None or tests.lasting is None:
-            return self, louder
-        stress, values = table.kind == "stress", table.value.copy()
-        further = tests.with_noise(louder.sigma[stress])
-        values[stress] = further.whitened(tests.as_read(table.value[stress]))
-        return replace(self, coupons=further), louder.with_values(values)
 
     def extended(self, hypothesis: Hypothesis, unknowns: Array) -> Setup:
         """The setup with stiffness, permittivity and effects."""

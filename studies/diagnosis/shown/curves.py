@@ -66,4 +66,5 @@ def _ramp(ramp: ReadingTable) -> ReadingTable:
     rows = ramp[np.zeros(_POINTS, np.int64)]
     return replace(rows, states=states, state=np.arange(_POINTS),
                    since=np.full(_POINTS, 0 if ramp.since[0] >= 0 else -1),
-                   value=np.full(_POINTS, np.nan), sigma=np.full(_POINTS, np.median(ramp.sigma)))
+                   value=np.full(_POINTS, np.nan),
+                   noise=rows.noise.with_sigma(np.full(_POINTS, np.median(ramp.sigma))))

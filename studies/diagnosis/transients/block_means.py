@@ -84,16 +84,15 @@ def block_means(record: SampledRun, noise: float | None = None) -> ThinnedRecord
               if (rung := ringing(record.time[begin:end], record.displacement[begin:end]))}
     period = max((1 / swing.frequency for swing in swings.values()), default=0.0)
     begin, end = max(holds, key=lambda hold: hold[1] - hold[0])
-    colour = noise_density(record.time[begin:end], record.displacement[begin:end],
-                           1 / period if period else 0.0)
-    density = colour.density
+    density, correlation = noise_density(record.time[begin:end], record.displacement[begin:end],
+                                         1 / period if period else 0.0)
     if noise and not np.isfinite(density):
         density = noise**2 * float(np.median(np.diff(record.time)))
     blocks = []
     for number, (begin, end) in enumerate(holds, -1):
         swing = swings.get(number)
         whole = 1 / swing.frequency if swing else period if number < 0 else 0.0
-        for first, last in _blocks(record.time[begin:end], whole, _APART * colour.correlation):
+        for first, last in _blocks(record.time[begin:end], whole, _APART * correlation):
             blocks.append(_mean(record, history, begin + first, begin + last, number,
                                 begin if number >= 0 else -1, density))
     return ThinnedRecord(tuple(blocks), swings)

@@ -7,7 +7,6 @@ that is long beside the correlation time has the variance (S_w + S_c)/T.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from math import nan
 
 import numpy as np
@@ -32,18 +31,13 @@ _STARTS = (2.0, 8.0, 40.0)
 _CLEAR = 4.0
 
 
-@dataclass(frozen=True)
-class NoiseDensity:
-    """Spectral density at frequency 0 [m² s] and correlation time [s], 0 for white noise."""
+def noise_density(time: Array, value: Array, frequency: float = 0.0) -> tuple[float, float]:
+    """Spectral density at frequency 0 [m² s] and correlation time [s], 0 for white noise.
 
-    density: float
-    correlation: float
-
-
-def noise_density(time: Array, value: Array, frequency: float = 0.0) -> NoiseDensity:
-    """Of evenly spaced samples after a jump; nan of too few. ``frequency`` of a swing [Hz]."""
+    Of evenly spaced samples after a jump; nan of too few. ``frequency`` of a swing [Hz].
+    """
     if len(time) < _FEWEST:
-        return NoiseDensity(nan, 0.0)
+        return nan, 0.0
     step, since = float(np.median(np.diff(time))), time - time[0]
     # A window keeps a swing's power near its frequency.
     window = np.hanning(len(time))
@@ -72,8 +66,8 @@ def noise_density(time: Array, value: Array, frequency: float = 0.0) -> NoiseDen
             for length in _STARTS]
     best = min(fits, key=lambda fit: float(fit.fun))
     if len(power) - best.fun < _CLEAR:
-        return NoiseDensity(white, 0.0)
+        return white, 0.0
     parts = np.exp(best.x[:2])
     share = parts[1] / parts.sum()
-    return NoiseDensity(white * float(parts.sum()),
-                        step * float(np.exp(min(best.x[2], np.log(len(time)))) * share))
+    return (white * float(parts.sum()),
+            step * float(np.exp(min(best.x[2], np.log(len(time)))) * share))

@@ -22,12 +22,12 @@ from tympan.studies.data import dataset
 from tympan.studies.data.checks import dataset_warnings, summary
 from tympan.studies.data.dataset import read_dataset
 from tympan.studies.data.noise import (
-    pooled,
     range_sigma,
     reading_sigma,
     repeat_noise,
     stated_ratio,
 )
+from tympan.studies.estimation.noise import Noise
 from tympan.studies.paper.actuators import actuators
 
 TOP = "specimen,mass_g,voltage_kV,displacement_mm\n"
@@ -401,10 +401,10 @@ def test_noise_of_repeats_by_hand(tmp_path) -> None:
                                       static=text + "A,22.45,0,77,up,1\nB,17.9,0,66,up,1\n"))
     noise = repeat_noise(data)
     assert noise is not None
-    assert (noise.sigma, noise.freedom) == (pytest.approx(1e-3 * (4 / 3) ** 0.5), 3)
-    assert noise.low == pytest.approx(1e-3 * (4 / 9.348) ** 0.5, rel=1e-3)
-    assert noise.high == pytest.approx(1e-3 * (4 / 0.2158) ** 0.5, rel=1e-3)
-    assert reading_sigma(data) == pytest.approx(np.full(9, noise.sigma))
+    assert (noise.size, noise.freedom) == (pytest.approx(1e-3 * (4 / 3) ** 0.5), 3)
+    assert noise.limits[0] == pytest.approx(1e-3 * (4 / 9.348) ** 0.5, rel=1e-3)
+    assert noise.limits[1] == pytest.approx(1e-3 * (4 / 0.2158) ** 0.5, rel=1e-3)
+    assert reading_sigma(data) == pytest.approx(np.full(9, noise.size))
 
 
 def test_a_reading_s_own_sigma_is_respected(tmp_path) -> None:
@@ -413,9 +413,9 @@ def test_a_reading_s_own_sigma_is_respected(tmp_path) -> None:
     noise, ratio = repeat_noise(data), stated_ratio(data)
     assert noise is not None
     assert ratio is not None
-    assert (noise.sigma, noise.freedom) == (pytest.approx(0.2e-3 / 2**0.5), 1)
-    assert (ratio.sigma, ratio.freedom) == (pytest.approx(2**0.5), 1)
-    assert reading_sigma(data) == pytest.approx([0.5e-3, 0.5e-3, noise.sigma, noise.sigma])
+    assert (noise.size, noise.freedom) == (pytest.approx(0.2e-3 / 2**0.5), 1)
+    assert (ratio.size, ratio.freedom) == (pytest.approx(2**0.5), 1)
+    assert reading_sigma(data) == pytest.approx([0.5e-3, 0.5e-3, noise.size, noise.size])
     stated = read_dataset(write_dataset(tmp_path / "d", NOISY,
                                         static=TOP[:-1] + ",sigma_mm\n" + rows))
     assert reading_sigma(stated) == pytest.approx([0.5e-3, 0.5e-3, 50e-6, 50e-6])
@@ -443,11 +443,11 @@ def test_noise_intervals_cover_as_often_as_they_say(uneven: bool) -> None:
     sigma = random.uniform(0.5, 2, len(groups)) if uneven else 1.0
     hits = 0
     for _ in range(trials):
-        noise = pooled(1e3 * groups + 0.05 * sigma * random.standard_normal(len(groups)), groups,
-                       sigma)
+        values = 1e3 * groups + 0.05 * sigma * random.standard_normal(len(groups))
+        noise = Noise.pooled(values, groups, sigma)
         assert noise is not None
         assert noise.freedom == 10
-        hits += noise.low < 0.05 < noise.high
+        hits += noise.limits[0] < 0.05 < noise.limits[1]
     assert binom.ppf(0.001, trials, 0.95) <= hits <= binom.ppf(0.999, trials, 0.95)
 
 
@@ -502,7 +502,7 @@ def test_a_hundred_thousand_rows(tmp_path) -> None:
     assert data.static is not None
     assert data.static.line[-1] == 100_001
     assert noise is not None
-    assert noise.low < 50e-6 < noise.high
+    assert noise.limits[0] < 50e-6 < noise.limits[1]
     assert summary(data)["files"][1]["readings"] == 100_000
 
 

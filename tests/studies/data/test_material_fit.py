@@ -16,7 +16,8 @@ from tympan.fem.film.library import MATERIALS, load_specimen
 from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Material
 from tympan.studies.data.coupon import MODES, Coupons, read_coupons
-from tympan.studies.estimation.identifiability import Noise, covariance
+from tympan.studies.estimation.identifiability import covariance
+from tympan.studies.estimation.noise import Noise
 from tympan.studies.estimation.profile import profile
 from tympan.studies.material.families import FAMILIES
 from tympan.studies.material.fit import (
@@ -151,8 +152,8 @@ def test_profile_intervals_are_t_intervals_where_the_law_is_linear() -> None:
     exact = fit_law(data, family)
     noise = exact.noise
     jacobian = family.jacobian(*data.in_plane, exact.values)
-    spread = np.sqrt(np.diag(covariance(jacobian, noise.sigma)))
-    problem = coupon_problem(family, data, noise.sigma)
+    spread = np.sqrt(np.diag(covariance(jacobian, noise.size)))
+    problem = coupon_problem(family, data, noise.size)
     for index, limits in enumerate(exact.limits):
         line = profile(problem, exact.values, index, noise.quantile, 1e-4)
         for profiled, limit in zip((line.low, line.high), limits, strict=True):
@@ -163,10 +164,10 @@ def test_noise_is_estimated_or_given() -> None:
     data = coupons(mooney, (8e3, 500.0), count=200, noise=700.0, seed=1)
     estimated, given = (fit_law(data, FAMILIES["mooney_rivlin"], noise)
                         for noise in (None, 1400.0))
-    assert estimated.noise.sigma == pytest.approx(700, rel=0.08)
+    assert estimated.noise.size == pytest.approx(700, rel=0.08)
     widths = [fitted.limits[0][1] - fitted.limits[0][0] for fitted in (estimated, given)]
-    assert widths[1] / widths[0] == pytest.approx(1400 / estimated.noise.sigma, rel=0.01)
-    assert Noise.of(9.0, 3, None).quantile == pytest.approx(3.182446, rel=1e-6)
+    assert widths[1] / widths[0] == pytest.approx(1400 / estimated.noise.size, rel=0.01)
+    assert Noise.left(9.0, 3).quantile == pytest.approx(3.182446, rel=1e-6)
 
 
 def test_mooney_from_uniaxial_tests_alone_is_told_to_be_open() -> None:

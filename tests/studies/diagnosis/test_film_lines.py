@@ -114,8 +114,12 @@ def test_lines_have_a_zero_of_their_own(tmp_path: Path) -> None:
         tmp_path / name, seed=3, shapes=["round"], zero=zero))).table
         for name, zero in (("none", 0.0), ("some", 0.2e-3))]
     rows = tables[0].rows_of["film"]
-    apart = np.abs(tables[1].value[rows] - tables[0].value[rows])
-    assert 0 < apart.max() < 1e-6
+    apart = tables[1].value[rows] - tables[0].value[rows]
+    for scan in np.unique(tables[0].scan[rows]):
+        added = apart[tables[0].scan[rows] == scan]
+        assert added == pytest.approx(added[:1].repeat(len(added)), abs=1e-12)
+    seen = np.abs(tables[0].noise[rows].apart(apart))
+    assert 0 < seen.max() < 1e-6
 
 
 @pytest.mark.parametrize(("effect", "sizes"), [

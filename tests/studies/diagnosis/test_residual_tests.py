@@ -11,7 +11,6 @@ from benchmarks.trials.unmodelled_faults import Jump, Stick
 from tests.support.trials import design, every_cause
 from tympan.studies.diagnosis.fits.fitting import fit
 from tympan.studies.diagnosis.inference.identifiability import signatures
-from tympan.studies.diagnosis.inference.part_noise import PartNoise
 from tympan.studies.diagnosis.inference.projection import orthonormal
 from tympan.studies.diagnosis.inference.residual_tests import ResidualTests
 from tympan.studies.diagnosis.inference.verdict import ALARM, judge
@@ -70,8 +69,8 @@ def test_a_knock_is_told_with_its_reading(bench: Bench, reading: int) -> None:
     assert min(result.p_values, key=lambda name: result.p_values[name]) == "step"
     assert abs(result.reading - (reading + 1)) <= 1
     assert result.words("step") == f"from reading {result.reading} on, readings are shifted"
-    part_noise = PartNoise.of_all(len(knocked), 60.0)
-    assert bench.tests({})(bench.left(knocked), generator, part_noise).p_value < 1e-3
+    found = bench.table.noise.known(60.0)
+    assert bench.tests({})(bench.left(knocked), generator, found).p_value < 1e-3
 
 
 def test_jumps_are_no_noise(bench: Bench) -> None:

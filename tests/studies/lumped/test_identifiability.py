@@ -12,8 +12,9 @@ import pytest
 from tests.support.lumped import clean
 from tympan.geometry.errors import InputError
 from tympan.reports.figures.identification import draw_correlations, draw_profiles
-from tympan.studies.estimation.identifiability import Noise, identifiability
+from tympan.studies.estimation.identifiability import identifiability
 from tympan.studies.estimation.least_squares import LeastSquares, minimise
+from tympan.studies.estimation.noise import Noise
 from tympan.studies.estimation.profile import profile
 from tympan.studies.identify.static import identify_static
 from tympan.studies.lumped.actuator import paper_cones
@@ -164,10 +165,10 @@ def test_a_search_that_cannot_begin_is_refused() -> None:
 
 
 def test_noise_that_cannot_explain_the_misfit_gives_way_to_it() -> None:
-    assert Noise.of(100.0, 100, 0.9, widen=True).sigma == 0.9
-    assert Noise.of(100.0, 100, 0.1, widen=True).sigma == 1.0
-    assert Noise.of(100.0, 100, 0.1).sigma == 0.1
-    assert Noise.of(100.0, 10, None).quantile > Noise.of(100.0, 10, 1.0).quantile
+    assert Noise.left(100.0, 100, 0.9, widen=True).size == 0.9
+    assert Noise.left(100.0, 100, 0.1, widen=True).size == 1.0
+    assert Noise.left(100.0, 100, 0.1).size == 0.1
+    assert Noise.left(100.0, 10).quantile > Noise.left(100.0, 10, 1.0).quantile
 
 
 def test_pictures(tmp_path: Path) -> None:

@@ -53,7 +53,7 @@ def judged(folder: Path) -> tuple[str, list[str]]:
     """The verdict, and the causes that are named, or of which one is suspected."""
     readings = coupon_readings(read_dataset(folder))
     simulation = Simulation(readings.setup, (), coupons=readings.tests)
-    judgement = judge(simulation, readings.table, readings.causes, readings.stated)
+    judgement = judge(simulation, readings.table, readings.causes)
     return judgement.verdict, [cause.name for cause in judgement.named or judgement.suspects]
 
 

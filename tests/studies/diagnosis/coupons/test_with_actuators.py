@@ -130,7 +130,7 @@ def test_films_that_differ_by_a_tenth_are_one_standard_deviation_apart(written: 
     """In stiffness, or in what voltage does; by another law they are still far apart."""
     readings = coupon_readings(read_dataset(written(Film())))
     simulation = Simulation(readings.setup, (), coupons=readings.tests)
-    judgement = judge(simulation, readings.table, readings.causes, readings.stated)
+    judgement = judge(simulation, readings.table, readings.causes)
     films = replace(simulation, coupons=None)
     joint, table = weighed_together(films, readings.table[:0], judgement)
     assert joint.coupons is not None
@@ -141,7 +141,7 @@ def test_films_that_differ_by_a_tenth_are_one_standard_deviation_apart(written: 
         change = np.concatenate([film.stress(mode, STRETCH, voltage, celsius)
                                  - Film().stress(mode, STRETCH, voltage, celsius)
                                  for mode, voltage, celsius in DESIGN])
-        return float(np.linalg.norm(joint.coupons.judged(change) / judgement.table.sigma))
+        return float(np.linalg.norm(table.noise.whitened(change[joint.coupons.rows])))
 
     assert apart(Film(stiffer=Film.stiffer * (1 + BATCH))) == pytest.approx(1.0, abs=0.1)
     assert apart(Film(less=Film.less * (1 + BATCH))) == pytest.approx(1.0, abs=0.1)

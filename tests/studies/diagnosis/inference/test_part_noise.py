@@ -2,21 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 from scipy.stats import binom
 
-from tympan.studies.diagnosis.inference.part_noise import PartNoise
 from tympan.studies.diagnosis.inference.projection import without
 from tympan.studies.diagnosis.inference.residual_tests import ResidualTests
 from tympan.studies.diagnosis.inference.verdict import ALARM
+from tympan.studies.estimation.noise import Noise
 
 Array = NDArray[np.float64]
 
 #: Readings of two parts, of which the first hardly tells its noise, and sets of them.
 COUNTS, SETS = (14, 48), 100
 PART = np.repeat([0, 1], COUNTS)
+
+
+def found(freedom: Sequence[float]) -> Noise:
+    """Noise whose parts are known so well."""
+    return Noise(np.ones(len(PART)), freedom=np.array(freedom), part=PART, found=True)
 
 
 def model() -> tuple[Array, dict[str, Array]]:
@@ -37,7 +44,7 @@ def p_values() -> Array:
     alone = [ResidualTests.of(jacobian[rows], {name: values[rows] for name, values
                                                in columns.items() if values[rows].any()}, 0.0)
              for rows in parts]
-    part_noise = PartNoise(PART, np.array([tests.freedom for tests in alone]))
+    part_noise = found([tests.freedom for tests in alone])
     assert part_noise.freedom.tolist() == [14 - 11, 48 - 11]
     random, values = np.random.default_rng(2), []
     for seed in range(SETS):
@@ -65,15 +72,15 @@ def test_noise_alone_alarms_as_often_as_it_should(p_values: Array) -> None:
 def test_a_sum_of_variances_scatters_as_its_degrees_of_freedom_say(shares: tuple[float, float]
                                                                    ) -> None:
     """A variance known with ν of them has the variance 2/ν."""
-    part_noise = PartNoise(PART, np.array([5.0, 37.0]))
-    drawn = np.array(shares) @ part_noise.drawn(np.random.default_rng(3), 200_000)
+    part_noise = found([5.0, 37.0])
+    drawn = np.array(shares) @ part_noise.variances(np.random.default_rng(3), 200_000)
     assert drawn.mean() == pytest.approx(1.0, abs=0.01)
     assert drawn.var() == pytest.approx(2 / part_noise.freedom_of(np.array(shares)), rel=0.03)
 
 
 def test_a_pattern_has_the_noise_of_the_parts_it_is_in() -> None:
     _, columns = model()
-    part_noise = PartNoise(PART, np.array([5.0, 37.0]))
+    part_noise = found([5.0, 37.0])
     assert part_noise.shares(columns["channel 0 of 0"]).tolist() == [1.0, 0.0]
     assert part_noise.shares(columns["channel 3 of 1"]).tolist() == [0.0, 1.0]
     squares = columns["level"][:, 0] ** 2

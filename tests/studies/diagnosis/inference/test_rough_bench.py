@@ -8,27 +8,10 @@ import pytest
 from tests.support.trials import design, every_cause, read, size_of
 from tympan.studies.diagnosis.fits.evidence import interval
 from tympan.studies.diagnosis.fits.fitting import fit
-from tympan.studies.diagnosis.fits.small_errors import SmallErrors
 from tympan.studies.diagnosis.hypothesis import Cause
 from tympan.studies.diagnosis.inference.verdict import judge
 from tympan.studies.diagnosis.reduced.simulation import Simulation
 from tympan.studies.diagnosis.self_check import sizes_at
-
-
-def test_small_errors_are_a_covariance() -> None:
-    """Whitening makes of it the unit one, and its determinant is the volume's square."""
-    generator = np.random.default_rng(3)
-    columns = generator.normal(size=(12, 4)) * [3.0, 1.0, 0.1, 0.0]
-    errors = SmallErrors.of(columns)
-    covariance = np.eye(12) + columns @ columns.T
-    root = errors.whitened(np.eye(12))
-    assert np.allclose(root @ covariance @ root.T, np.eye(12), atol=1e-12)
-    assert errors.log_volume == pytest.approx(0.5 * np.linalg.slogdet(covariance)[1])
-    assert errors.scaled(2.0).log_volume == pytest.approx(
-        0.5 * np.linalg.slogdet(np.eye(12) + 4 * columns @ columns.T)[1])
-    some = np.arange(12) < 7
-    assert errors[some].log_volume == pytest.approx(
-        0.5 * np.linalg.slogdet(covariance[np.ix_(some, some)])[1])
 
 
 @pytest.mark.parametrize("large", ["drift", "sensor_zero"])

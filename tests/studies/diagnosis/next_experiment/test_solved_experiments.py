@@ -66,7 +66,7 @@ def test_a_shape_that_is_known_reads_what_its_force_law_says(three_shapes: Simul
     law = three_shapes.prediction(fitted.hypothesis, fitted.unknowns, table)
     assert outlook.values[0] == pytest.approx(law.values, abs=2e-6)
     assert outlook.jacobians[0] == pytest.approx(law.jacobian, rel=0.02, abs=1e-6)
-    assert outlook.sigma == pytest.approx(SIGMA)
+    assert outlook.noise.sigma == pytest.approx(SIGMA)
     assert outlook.work == 7200 + 300 + 120 + 3 * 20
 
 

@@ -7,10 +7,10 @@ import pytest
 from scipy.stats import chi2, f, kstest
 
 from tests.support.noise import autoregressive
-from tympan.studies.diagnosis.inference.residual_tests import STATED
 from tympan.studies.diagnosis.transients.block_means import block_means
 from tympan.studies.diagnosis.transients.ringing import ringing
 from tympan.studies.diagnosis.transients.sampled_run import SampledRun, faults
+from tympan.studies.estimation.noise import STATED
 
 RATE, LENGTH, NOISE = 100.0, 30.0, 10e-6
 

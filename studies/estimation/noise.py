@@ -1,0 +1,273 @@
+"""Noise of readings: what is off of each by itself, and what several have in common."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import svd
+from scipy.stats import chi2, norm, t
+
+Array = NDArray[np.float64]
+Numbers = NDArray[np.int64]
+Rows = NDArray[np.bool_] | Numbers
+
+#: A misfit above so many times the stated noise is the law's, not the noise's.
+MISFIT = 2.0
+
+#: Where a noise is from.
+Source = Literal["stated", "from repeats", "from the scatter about smooth curves", "assumed"]
+#: Where it is from if readings alone tell it.
+SCATTER: Source = "from the scatter about smooth curves"
+
+#: Degrees of freedom a stated noise counts as: it is taken to be right within about a quarter.
+STATED = 8.0
+
+
+@dataclass(frozen=True, eq=False)
+class Shared:
+    """Independent normal errors that some readings have in common.
+
+    ``rows``: numbers of these readings, (m,); ``directions``: orthonormal columns of them, (m, k);
+    ``sizes``: standard deviations of the errors along these, (k,).
+    """
+
+    rows: Numbers
+    directions: Array
+    sizes: Array
+
+    @classmethod
+    def of(cls, rows: Numbers, columns: Array) -> Shared:
+        """By what each error does at its standard deviation, shape (m, errors)."""
+        directions, sizes, _ = svd(columns, full_matrices=False, lapack_driver="gesvd")
+        return cls(rows, directions, sizes)
+
+    @property
+    def columns(self) -> Array:
+        """What each error does at its standard deviation, shape (m, k)."""
+        return np.asarray(self.directions * self.sizes)
+
+    def over(self, sigma: Array) -> Shared:
+        """Over standard deviations of these readings, (m,)."""
+        if np.ptp(sigma) == 0:
+            return replace(self, sizes=self.sizes / sigma[0])
+        return self.of(self.rows, self.columns / sigma[:, None])
+
+    def among(self, readings: Numbers) -> Shared:
+        """Of some readings by their numbers, with the places they have there."""
+        here = np.isin(readings, self.rows)
+        if np.array_equal(readings[here], self.rows):
+            return replace(self, rows=np.flatnonzero(here))
+        place = np.searchsorted(self.rows, readings[here])
+        return self.of(np.flatnonzero(here), self.columns[place])
+
+
+@dataclass(frozen=True, eq=False)
+class Noise:
+    """Normal errors of readings: independent ones, and such as several readings have in common.
+
+    The covariance is S² + C Cᵀ: S of the independent errors' standard deviations, in which rounding
+    counts, C of all that lasts along a run, and of its zero and gain. All that is missed is weighed
+    by :meth:`whitened` alone: there an outlier would be told, too.
+
+    ``sigma``: standard deviation of each reading's own error, shape (readings,), in its unit;
+    ``shared``: errors in common, no two of them of one reading. ``freedom``: degrees of freedom
+    with which the noise is known of each part of the readings, shape (parts,), ``part``: which part
+    each is of. ``found``: it was estimated from these readings, and is tested against as it is;
+    otherwise their scatter has still its say.
+    """
+
+    sigma: Array
+    shared: tuple[Shared, ...] = ()
+    source: Source = "stated"
+    freedom: Array = field(default_factory=lambda: np.array([STATED]))
+    part: Numbers = field(default_factory=lambda: np.empty(0, np.int64))
+    found: bool = False
+
+    def __post_init__(self) -> None:
+        if len(self.part) != len(self.sigma):
+            object.__setattr__(self, "part", np.zeros(len(self.sigma), np.int64))
+
+    def __len__(self) -> int:
+        return len(self.sigma)
+
+    def __getitem__(self, rows: Rows) -> Noise:
+        """Of some readings."""
+        numbers = np.arange(len(self))[rows]
+        return replace(self, sigma=self.sigma[rows], part=self.part[rows],
+                       shared=tuple(some.among(numbers) for some in self.shared
+                                    if np.isin(some.rows, numbers).any()))
+
+    def joined(self, other: Noise) -> Noise:
+        """Of these readings and others; noises that were found stay parts."""
+        after = tuple(replace(some, rows=some.rows + len(self)) for some in other.shared)
+        both = replace(self, sigma=np.r_[self.sigma, other.sigma], shared=self.shared + after,
+                       part=np.r_[self.part, other.part])
+        if not self.found:
+            return both
+        return replace(both, freedom=np.r_[self.freedom, other.freedom],
+                       part=np.r_[self.part, other.part + len(self.freedom)])
+
+    @classmethod
+    def of_one(cls, sigma: float, freedom: float = np.inf) -> Noise:
+        """Of one reading, known with so many degrees of freedom; with all where it was given."""
+        return cls(np.array([sigma]), freedom=np.array([freedom]), found=True)
+
+    @classmethod
+    def left(cls, squares: float, freedom: float, given: float | None = None, widen: bool = False
+             ) -> Noise:
+        """Of one reading, by the sum of squares that a fit leaves unless given.
+
+        ``widen``: a misfit that the noise given cannot explain takes its place, which would make
+        limits too narrow.
+        """
+        found = (squares / freedom) ** 0.5
+        if given is None:
+            return cls.of_one(found, freedom)
+        return cls.of_one(found if widen and found >= MISFIT * given else given)
+
+    @classmethod
+    def pooled(cls, values: Array, groups: Numbers, sigma: Array | float = 1.0) -> Noise | None:
+        """Of one reading, by the scatter of values, (n,), about the means of their ``groups``.
+
+        In units of ``sigma``, the standard deviation of each reading up to a common factor, which
+        also weights the means. None where nothing repeats.
+        """
+        weight = np.broadcast_to(1 / np.square(sigma), values.shape)
+        _, group, count = np.unique(groups, return_inverse=True, return_counts=True)
+        freedom = int((count - 1).sum())
+        if freedom == 0:
+            return None
+        centred = values - values.mean()
+        mean = np.bincount(group, weight * centred) / np.bincount(group, weight)
+        squares = (weight * (centred - mean[group]) ** 2)[count[group] > 1].sum()
+        return cls.left(float(squares), freedom)
+
+    @classmethod
+    def of(cls, sigma: Array, source: Source) -> Noise:
+        """Independent errors; only as they are stated or assumed is anything known beforehand."""
+        beforehand = STATED if source in ("stated", "assumed") else 0.0
+        return cls(sigma, source=source, freedom=np.array([beforehand]))
+
+    def with_sigma(self, sigma: Array) -> Noise:
+        """With other errors of each reading by itself; those in common stay."""
+        return replace(self, sigma=sigma)
+
+    def with_shared(self, rows: Numbers, columns: Array) -> Noise:
+        """With errors in common of some readings, in order, by what each does, (rows, errors)."""
+        same = [some for some in self.shared if np.isin(some.rows, rows).any()]
+        others = tuple(some for some in self.shared if some not in same)
+        if not same:
+            return replace(self, shared=(*others, Shared.of(rows, columns)))
+        every = np.unique(np.concatenate([rows, *(some.rows for some in same)]))
+        one, place = np.eye(len(every)), np.searchsorted
+        return replace(self, shared=(*others, Shared.of(every, np.hstack([
+            one[:, place(every, rows)] @ columns,
+            *(one[:, place(every, some.rows)] @ some.columns for some in same)]))))
+
+    def with_zero(self, size: float) -> Noise:
+        """With a zero that all these readings have in common, of that standard deviation."""
+        return self.with_shared(np.arange(len(self)), np.full((len(self), 1), size))
+
+    def known(self, freedom: float) -> Noise:
+        """As it was found, with so many degrees of freedom."""
+        return replace(self, freedom=np.array([freedom]), part=0 * self.part, found=True)
+
+    def scaled(self, share: float) -> Noise:
+        """With errors in common so many times as large."""
+        return replace(self, shared=tuple(replace(some, sizes=share * some.sizes)
+                                          for some in self.shared))
+
+    @cached_property
+    def _over(self) -> tuple[Shared, ...]:
+        """What is in common, over the noise of each reading."""
+        return tuple(some.over(self.sigma[some.rows]) for some in self.shared)
+
+    def whitened(self, values: Array) -> Array:
+        """Errors of readings, or columns of them, shape (readings, ...), as independent ones of 1.
+
+        By the symmetric root: as near to those of each reading as may be.
+        """
+        return self._turned((values.T / self.sigma).T, -0.5)
+
+    def coloured(self, values: Array) -> Array:
+        """Independent errors of size 1, shape (readings, ...), as those of readings."""
+        return (self._turned(values, 0.5).T * self.sigma).T
+
+    def apart(self, values: Array) -> Array:
+        """Values, shape (readings, ...), without what several readings have in common."""
+        return (self.whitened(values).T * self.sigma).T
+
+    def _turned(self, values: Array, power: float) -> Array:
+        if not self._over:
+            return values
+        turned = values.astype(float)
+        for some in self._over:
+            change = (1 + some.sizes**2) ** power - 1
+            part = turned[some.rows]
+            turned[some.rows] = part + (some.directions * change) @ (some.directions.T @ part)
+        return turned
+
+    @property
+    def size(self) -> float:
+        """Standard deviation of a usual reading's own error, in its unit."""
+        return float(np.median(self.sigma))
+
+    @property
+    def limits(self) -> Array:
+        """Those of the 95 % interval of its size, shape (2,).
+
+        For normal, independent errors: readings that drift between their repeats widen the scatter.
+        """
+        freedom = self.freedom.sum()
+        return np.asarray(self.size * np.sqrt(freedom / chi2.ppf([0.975, 0.025], freedom)))
+
+    @property
+    def quantile(self) -> float:
+        """For 95 % intervals in units of it: Student's, the normal one where it was given."""
+        freedom = float(self.freedom.sum())
+        return float(norm.ppf(0.975) if np.isinf(freedom) else t.ppf(0.975, freedom))
+
+    @property
+    def total(self) -> Array:
+        """Standard deviation of each reading [its unit], with what it has in common with others."""
+        squares = self.sigma**2
+        for some in self.shared:
+            squares[some.rows] += np.sum(some.columns**2, axis=1)
+        return np.sqrt(squares)
+
+    @property
+    def log_volume(self) -> float:
+        """Logarithm of the volume over which errors spread, over that of independent ones alone."""
+        return sum(0.5 * float(np.log1p(some.sizes**2).sum()) for some in self._over)
+
+    def drawn(self, generator: np.random.Generator) -> Array:
+        """A set of errors."""
+        return self.coloured(generator.standard_normal(len(self)))
+
+    def variances(self, generator: np.random.Generator, count: int) -> Array:
+        """Variances of the parts as they may be found where they are 1, shape (parts, count)."""
+        freedom = self.freedom[:, None]
+        return np.asarray(generator.chisquare(freedom, (len(freedom), count)) / freedom)
+
+    def shares(self, columns: Array) -> Array:
+        """What each part has of the squares of columns, shape (parts,)."""
+        squares = np.bincount(self.part, np.sum(columns**2, axis=1), len(self.freedom))
+        return np.asarray(squares / squares.sum())
+
+    def freedom_of(self, shares: Array) -> float:
+        """Degrees of freedom of a variance that is a sum of the parts' by their shares.
+
+        By Satterthwaite (Biometrics Bulletin 2, 110, 1946): those of one variance that scatters as
+        much. What few readings tell is not better known for the others.
+        """
+        return float(1 / np.sum(shares**2 / self.freedom))
+
+
+def root_of(covariance: Array) -> Array:
+    """Columns C, shape (n, k), of a covariance C Cᵀ, (n, n)."""
+    values, vectors = np.linalg.eigh(covariance)
+    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))

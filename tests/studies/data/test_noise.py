@@ -1,0 +1,103 @@
+"""The one noise of readings, against the covariance that it stands for, written out."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tympan.studies.estimation.noise import Noise, root_of
+
+RANDOM = np.random.default_rng(3)
+COUNT = 12
+#: Standard deviations that differ, and such as are alike.
+SIGMAS = (np.exp(RANDOM.normal(size=COUNT)), np.full(COUNT, 0.3))
+#: A run whose errors last, as those of first order do: half of one is left in the next.
+RUN = np.arange(2, 9)
+LASTING = 4.0 * 0.5 ** np.abs(RUN[:, None] - RUN)
+#: Two readings that share a gain.
+GAIN = np.array([0, 10])
+
+
+def noise_of(sigma: np.ndarray) -> Noise:
+    """Independent errors, a run whose errors last, and two readings with a gain in common."""
+    return Noise(sigma).with_shared(RUN, root_of(LASTING)).with_shared(
+        GAIN, np.array([[2.0], [3.0]]))
+
+
+def covariance(sigma: np.ndarray) -> np.ndarray:
+    """The same, written out."""
+    matrix = np.diag(sigma**2)
+    matrix[np.ix_(RUN, RUN)] += LASTING
+    matrix[np.ix_(GAIN, GAIN)] += np.outer([2.0, 3.0], [2.0, 3.0])
+    return matrix
+
+
+@pytest.mark.parametrize("sigma", SIGMAS, ids=["unlike", "alike"])
+def test_whitened_errors_weigh_as_by_cholesky(sigma: np.ndarray) -> None:
+    """χ² and volume, for residuals and for the columns of a Jacobian; and back again."""
+    noise, matrix = noise_of(sigma), covariance(sigma)
+    root = np.linalg.cholesky(matrix)
+    errors = RANDOM.normal(size=(COUNT, 5))
+    white, by_root = noise.whitened(errors), np.linalg.solve(root, errors)
+    assert white.T @ white == pytest.approx(by_root.T @ by_root, rel=1e-12)
+    assert noise.whitened(errors[:, 0]) == pytest.approx(white[:, 0])
+    assert noise.coloured(white) == pytest.approx(errors, rel=1e-12)
+    every = noise.whitened(np.eye(COUNT))
+    assert every @ matrix @ every.T == pytest.approx(np.eye(COUNT), abs=1e-12)
+    assert noise.log_volume + np.log(sigma).sum() == pytest.approx(
+        np.log(np.diag(root)).sum(), rel=1e-12)
+    assert noise.total == pytest.approx(np.sqrt(np.diag(matrix)))
+
+
+@pytest.mark.parametrize("rows", [np.arange(COUNT) < 5, np.array([11, 4, 0, 10])])
+def test_some_readings_have_the_covariance_of_these(rows: np.ndarray) -> None:
+    white = noise_of(SIGMAS[0])[rows].whitened(np.eye(len(np.arange(COUNT)[rows])))
+    some = np.arange(COUNT)[rows]
+    assert white @ covariance(SIGMAS[0])[np.ix_(some, some)] @ white.T == pytest.approx(
+        np.eye(len(some)), abs=1e-12)
+
+
+def test_errors_in_common_add_up_and_stay_as_large() -> None:
+    """Of readings that others join, where more is in common, and with a louder noise of each."""
+    first, second = map(noise_of, SIGMAS)
+    column = RANDOM.normal(size=(2 * COUNT, 1))
+    both = first.joined(second).with_shared(np.arange(2 * COUNT), column)
+    louder = both.with_sigma(3 * both.sigma)
+    matrix = np.zeros((2 * COUNT, 2 * COUNT))
+    for number, sigma in enumerate(SIGMAS):
+        place = slice(number * COUNT, (number + 1) * COUNT)
+        matrix[place, place] = covariance(3 * sigma)
+    white = louder.whitened(np.eye(2 * COUNT))
+    assert white @ (matrix + column @ column.T) @ white.T == pytest.approx(
+        np.eye(2 * COUNT), abs=1e-11)
+    half = replace(both, sigma=np.ones(2 * COUNT)).scaled(0.5)
+    assert half.total**2 - 1 == pytest.approx((both.total**2 - both.sigma**2) / 4)
+
+
+def test_a_zero_in_common_leaves_of_a_mean_what_its_size_says() -> None:
+    """Of n readings 1/√(1 + n z²/σ²), and nothing of what they differ by."""
+    noise = Noise(np.full(COUNT, 2.0)).with_zero(30.0)
+    values = RANDOM.normal(size=COUNT)
+    left = noise.apart(values + 7.0)
+    assert left - left.mean() == pytest.approx(values - values.mean())
+    assert left.mean() == pytest.approx((values.mean() + 7.0) / (1 + COUNT * 15.0**2) ** 0.5)
+
+
+def test_errors_are_drawn_as_they_are_weighed() -> None:
+    random, noise = np.random.default_rng(1), noise_of(SIGMAS[0])
+    sets = np.array([noise.drawn(random) for _ in range(40_000)])
+    scale = np.sqrt(np.diag(covariance(SIGMAS[0])))
+    assert np.cov(sets.T) / np.outer(scale, scale) == pytest.approx(
+        covariance(SIGMAS[0]) / np.outer(scale, scale), abs=0.03)
+
+
+def test_parts_stay_parts_only_where_their_noise_was_found() -> None:
+    stated = Noise.of(np.ones(2), "stated")
+    assert stated.joined(stated).freedom.tolist() == [8.0]
+    assert Noise.of(np.ones(2), "from repeats").freedom.tolist() == [0.0]
+    found = stated.known(5.0).joined(stated.known(30.0))
+    assert found.freedom.tolist() == [5.0, 30.0]
+    assert found.part.tolist() == [0, 0, 1, 1]
+    assert found[np.array([False, True, True, False])].part.tolist() == [0, 1]
