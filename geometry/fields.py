@@ -62,7 +62,7 @@ class Key:
     dataclass finds that out itself, in ``completed``. ``also``: what people write instead of the
     key. ``repeats``: one number stands for all of a list. Of results: ``in_unit``: the key ends in
     the unit that the whole result has, such as ``noise_um``; ``may_miss``: there is no key where
-    there is nothing to say.
+    a result of its kind has no such thing, None; nan is null, where there happens to be none.
     """
 
     meaning: str

@@ -33,7 +33,6 @@ from tympan.studies.files import write_atomically
 from tympan.studies.film_surface import FilmSurface
 from tympan.studies.limits import CurveResult
 from tympan.studies.lumped.build import BuildResult
-from tympan.studies.lumped.simulate import SimulationResult
 from tympan.studies.modes import ModesResult
 from tympan.studies.optimise.optimise import OptimiseResult
 from tympan.studies.path import PathResult
@@ -41,7 +40,7 @@ from tympan.studies.sensitivity import SensitivityResult
 from tympan.studies.study import StudyResult
 from tympan.studies.sweep.run import SweepResult
 from tympan.studies.sweep.table import column_name, frame
-from tympan.studies.transient import TransientResult
+from tympan.studies.trace import Responses
 
 #: Height of a picture in a file [mm].
 _HEIGHT = 75.0
@@ -76,7 +75,7 @@ def plot(result: object, target: Axes | str | os.PathLike[str] | None = None, **
     file = Path(target)
     with look.figure_style():
         figure = look.new_figure(_HEIGHT, _WIDTH)
-        moves = file.suffix == ".gif" and isinstance(result, ModesResult | TransientResult)
+        moves = file.suffix == ".gif" and isinstance(result, ModesResult | Responses)
         if not moves and file.suffix[1:] not in figure.canvas.get_supported_filetypes():
             raise InputError("must end in .png, .svg or .pdf, or, of modes and of films in time, "
                              "in .gif", key="file", given=str(file))
@@ -96,8 +95,8 @@ def _animate(result: object, file: Path) -> None:
 
     if isinstance(result, ModesResult):
         modes.animate_modes(result, file)
-    elif isinstance(result, TransientResult):
-        if not result.films or not result.films[0]:
+    elif isinstance(result, Responses):
+        if not result.films[0]:
             raise InputError("there is no film to draw: ask for it at some times, films=[...]")
         animation.animate(result.responses[0], result.films[0], file)
 
@@ -155,13 +154,13 @@ def _(result: PathResult, axes: Axes) -> None:
 
 
 @draw.register
-def _(result: SimulationResult, axes: Axes) -> None:
+def _(result: Responses, axes: Axes) -> None:
     for number, response in enumerate(result.responses):
-        numbers, samples = response.numbers, response.samples
+        samples = response.samples
         axes.plot(samples["t"], 1e3 * samples["displacement"], color=look.colour_of(number),
-                  label=f"{numbers['specimen']}, {1e3 * numbers['mass_kg']:.4g} g")
+                  label=f"{response.specimen}, {1e3 * response.mass_kg:.4g} g")
     first = result.responses[0]  # all have one signal
-    voltages = 1e-3 * np.append(first.samples["voltage"], first.numbers["first_voltage_V"])
+    voltages = 1e-3 * np.append(first.samples["voltage"], first.first_voltage_V)
     axes.set(xlabel="time (s)", ylabel="displacement read (mm)",
              title=f"voltage between {voltages.min():.4g} and {voltages.max():.4g} kV")
     axes.legend()

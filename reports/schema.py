@@ -2,7 +2,7 @@
 
 Results that are dataclasses say it themselves, by the type and the ``Key`` of each field; that of
 others is in schema.toml. There ``[part.NAME]`` is what several objects hold: a kind "object: NAME,
-NAME" has their keys, too.
+NAME" has their keys, too, and so has what is ``below`` a path.
 """
 
 from __future__ import annotations
@@ -108,6 +108,8 @@ def _declared(entry: Mapping[str, Any], declared: Mapping[str, Any], at: str = "
     if "class" in entry:
         cls = resolve_name(f"tympan.{entry['class']}")
         yield from class_keys(cls, f"{at}{entry.get('at', '')}")
+    for path, part in entry.get("below", {}).items():
+        yield from _declared(declared["part"][part], declared, f"{at}{path}.")
 
 
 def class_keys(cls: type, at: str = "") -> Iterator[JsonKey]:
@@ -117,7 +119,10 @@ def class_keys(cls: type, at: str = "") -> Iterator[JsonKey]:
         if item.compare:
             hint, key = get_args(hints[item.name])
             first, *below = _keys(f"{at}{key.spelled(item.name, _UNIT)}", hint, key.meaning)
-            yield replace(first, kind=first.kind + _MISSING * key.may_miss)
+            if key.may_miss:
+                none = not first.kind.startswith("number")
+                first = replace(first, kind=first.kind.removesuffix(" or none" * none) + _MISSING)
+            yield first
             yield from below
 
 

@@ -14,7 +14,6 @@ from tympan.studies.case import CaseResult
 from tympan.studies.diagnosis.result import Diagnosis
 from tympan.studies.limits import CurveResult
 from tympan.studies.lumped.build import BuildResult
-from tympan.studies.lumped.simulate import SimulationResult
 from tympan.studies.modes import ModesResult
 from tympan.studies.optimise.optimise import OptimiseResult
 from tympan.studies.path import PathResult
@@ -22,6 +21,7 @@ from tympan.studies.sensitivity import SensitivityResult
 from tympan.studies.study import StudyResult
 from tympan.studies.sweep.run import SweepResult
 from tympan.studies.sweep.table import frame
+from tympan.studies.trace import Responses
 
 
 @singledispatch
@@ -49,7 +49,7 @@ def _(result: ModesResult) -> Any:
 
 
 @table.register
-def _(result: SimulationResult) -> Any:
+def _(result: Responses) -> Any:
     return pd.concat([response.samples for response in result.responses], ignore_index=True).rename(
         columns={"mass": "mass_kg", "t": "t_s", "voltage": "voltage_V",
                  "displacement": "displacement_m"})

@@ -146,8 +146,8 @@ class Case:
 
 
 @dataclass(frozen=True, kw_only=True)
-class CaseRecord:
-    """Numbers of one case, SI, in a file named after the specimen and the record's ``ending``.
+class SpecimenRecord:
+    """Numbers of one specimen, SI, in a file named after it and the record's ``ending``.
 
     ``film`` is the deformed film, where there is one and it was asked for; it has a VTU file beside
     the numbers. ``writer`` is the command that writes both.
@@ -160,10 +160,6 @@ class CaseRecord:
     drawn: ClassVar[tuple[str, ...]] = ()
 
     specimen: Annotated[str, Key("name of the specimen")]
-    mass_kg: Annotated[float, Key("nominal load on the plate")]
-    voltage_V: Annotated[float, Key("nominal voltage")]
-    pressure_Pa: Annotated[float | None, Key("pressure of the gas below the film; positive lifts "
-                                             "it, none where there is no gas")] = None
     film: FilmSurface | None = field(default=None, repr=False, compare=False)
 
     def json(self) -> dict[str, Any]:
@@ -191,6 +187,16 @@ class CaseRecord:
         result = from_json(cls, read_json(file), file)
         surface = file.with_suffix(".vtu")
         return replace(result, film=FilmSurface.load(surface)) if surface.exists() else result
+
+
+@dataclass(frozen=True, kw_only=True)
+class CaseRecord(SpecimenRecord):
+    """Numbers of one case."""
+
+    mass_kg: Annotated[float, Key("nominal load on the plate")]
+    voltage_V: Annotated[float, Key("nominal voltage")]
+    pressure_Pa: Annotated[float | None, Key("pressure of the gas below the film; positive lifts "
+                                             "it, none where there is no gas")] = None
 
 
 #: The kinds of :data:`LIMIT_STATES`.

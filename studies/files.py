@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import MISSING, fields, is_dataclass
 from functools import cache
-from math import isinf
+from math import isinf, nan
 from pathlib import Path
 from typing import Any, Literal, TypeVar, Union, cast, get_args, get_origin, get_type_hints
 
@@ -154,7 +154,8 @@ def to_json(value: Any, unit: str = "") -> Any:
         return value
     if is_dataclass(value):
         kind: Any = type(value)
-        return {key: to_json(part, unit) for name, key, may_miss in _stored(kind, unit)
+        return {key: None if may_miss and part != part else to_json(part, unit)
+                for name, key, may_miss in _stored(kind, unit)
                 if (part := getattr(value, name)) is not None or not may_miss}
     if isinstance(value, Mapping):
         return {str(name): to_json(entry, unit) for name, entry in value.items()}
@@ -193,11 +194,13 @@ def _converted(kind: Any, value: Any, file: Path | str | None, key: str, unit: s
         if not isinstance(value, dict):
             raise fail("must be an object")
         hints, arguments = get_type_hints(kind), {}
-        stored = {name: own for name, own, _ in _stored(cast(Any, kind), unit)}
+        stored = {name: (own, may_miss) for name, own, may_miss in _stored(cast(Any, kind), unit)}
         for item in fields(kind):
-            own = stored.get(item.name)
+            own, may_miss = stored.get(item.name, (None, False))
             path = f"{key}.{own}".lstrip(".")
-            if own in value:
+            if may_miss and value.get(own, 0) is None:
+                arguments[item.name] = nan
+            elif own in value:
                 arguments[item.name] = _converted(hints[item.name], value[own], file, path, unit)
             elif item.default is MISSING and item.default_factory is MISSING:
                 raise InputError("is missing", file=file, key=path)

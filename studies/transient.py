@@ -8,7 +8,6 @@ from collections.abc import Callable
 from dataclasses import KW_ONLY, astuple, dataclass, field, replace
 from itertools import islice
 from math import inf
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
@@ -36,23 +35,16 @@ from tympan.studies.case import (
     Case,
     CaseResult,
     Settings,
+    WallTime,
     build_model,
     failure_reason,
     summaries,
 )
-from tympan.studies.files import to_json
-from tympan.studies.film_surface import FilmSurface, film_surface, save_series
+from tympan.studies.film_surface import FilmSurface, film_surface
 from tympan.studies.limits.voltages import first_limit
-from tympan.studies.lumped.remarks import remark
-from tympan.studies.lumped.simulate import (
-    SampledResponse,
-    SimulationResult,
-    settling_time,
-    with_rest,
-)
 from tympan.studies.modes import carried
-from tympan.studies.reduced_film.sampling import extremes, in_time, last_loop, rates
 from tympan.studies.signals import Pieces, Signal, Supplied, lagging, nominal, ramp
+from tympan.studies.trace import Response, Responses, Trace, unclosed, with_rest
 
 Array = NDArray[np.float64]
 
@@ -125,10 +117,10 @@ class TransientCase:
 
 
 @dataclass(frozen=True, eq=False)
-class History:
+class History(Trace):
     """What a film did, moment by moment; after a jump of the voltage the same time twice.
 
-    ``time`` [s], ``deflection`` [m], ``voltage`` across the film [V], ``capacitance`` [F],
+    ``deflection`` [m], ``voltage`` across the film [V], ``capacitance`` [F],
     ``tilt`` [rad], ``current`` into the electrodes [A], all of shape (moments,). ``before``: the
     deflection when the signal began [m], 0 where the film hung under nothing until then.
     ``stopped``: where it went no further. ``slack``: when the film first lost tension [s], None
@@ -136,7 +128,6 @@ class History:
     ``failures``: what its law fails there.
     """
 
-    time: Array
     deflection: Array
     voltage: Array
     capacitance: Array
@@ -149,15 +140,6 @@ class History:
     farthest: float
     failures: list[str]
     films: dict[float, FilmSurface] = field(default_factory=dict)
-
-    @property
-    def end(self) -> float:
-        """When it is over [s]."""
-        return float(self.time[-1])
-
-    def at(self, values: Array, when: Array) -> Array:
-        """One of its values at times [s]; at a jump what comes after it."""
-        return in_time(self.time, values, when)
 
 
 def history(case: TransientCase, settings: Settings, films: tuple[float, ...] = (),
@@ -202,7 +184,7 @@ def history(case: TransientCase, settings: Settings, films: tuple[float, ...] = 
     balance = EnergyBalance.of(np.frombuffer(energies).reshape(len(moments), -1), before)
     times, deflection, voltage, capacitance, tilt, current = moments.T.copy()
     if not transient.circuit.resistance:  # the source charges the film at once
-        current = rates(times, capacitance * voltage)
+        current = Trace(times).rates(capacitance * voltage)
     return History(times, deflection, voltage, capacitance, tilt, current, state.plate.deflection,
                    stopped, slack, balance, farthest.time,
                    _failures(transient, farthest), pictures)
@@ -247,7 +229,8 @@ def solve_after(case: Case, after: float, settings: Settings, film: bool = False
 
 def _left_out(rig: Rig) -> list[str]:
     """What a motion does not have of a rig, in words."""
-    return [remark("at_rest_only", keys=key) for key in _AT_REST if getattr(rig, key)]
+    return [f"{key} of the rig changes readings at rest and is left out in time"
+            for key in _AT_REST if getattr(rig, key)]
 
 
 def _remarks(case: TransientCase) -> list[str]:
@@ -300,32 +283,33 @@ def _numbers(model: Model, moment: Moment) -> tuple[float, ...]:
             float(model.capacitance(state)), state.plate.tilt, moment.current)
 
 
-@dataclass(frozen=True, eq=False)
-class TransientResult(SimulationResult):
-    """Films in time, all to the same signal; ``films``: surfaces of each by time [s]."""
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FieldResponse(Response):
+    """What finite elements say of a film in time."""
 
     file = "transient.json"
     writer = "tympan transient -o"
+    drawn = ("gif", "mp4")
 
-    films: tuple[dict[float, FilmSurface], ...] = ()
-
-    @property
-    def pictures(self) -> tuple[str, ...]:
-        """Files of moving films that are drawn of it."""
-        return tuple(f"{response.numbers['specimen']}.{kind}" for response in self.responses
-                     for kind in ("gif", "mp4"))
-
-    def save(self, folder: Path) -> None:
-        """Write numbers and samples, and the films as a VTK series NAME.pvd."""
-        for response, films in zip(self.responses, self.films, strict=False):
-            save_series(folder, response.numbers["specimen"], list(films.items()))
-        super().save(folder)
+    lowest_s: Annotated[float, Key("when the deflection is smallest")]
+    highest_s: Annotated[float, Key("when it is largest")]
+    hysteresis_area_error_V_m: Annotated[float | None, Key(
+        "how far off that may be, of `path --rate`: twice what two runs differ by")] = None
+    highest_film_voltage_V: Annotated[float, Key("largest voltage across the film")]
+    highest_current_A: Annotated[float, Key(
+        "largest current into its electrodes, either way; without a series resistance not that of "
+        "a jump")]
+    energy: Annotated[EnergyBalance, Key("where the work has gone")]
+    stopped_s: Annotated[float | None, Key("when it stopped before the end")]
+    slack_s: Annotated[float | None, Key("when the film first lost tension")]
+    steps: Annotated[int, Key("steps in time")]
+    wall_s: WallTime
 
 
 def respond(case: TransientCase, settings: Settings, interval: float, period: float | None = None,
             step: bool = False, films: tuple[float, ...] = (),
             progress: Callable[[float], None] = lambda share: None
-            ) -> tuple[SampledResponse, History]:
+            ) -> tuple[FieldResponse, History]:
     """What a film does, sampled with an interval [s].
 
     ``period`` is its signal's [s] if it has one; ``step`` says that the signal is a step.
@@ -335,7 +319,7 @@ def respond(case: TransientCase, settings: Settings, interval: float, period: fl
     done = history(case, settings, films, progress)
     when = np.linspace(0.0, done.end, max(2, round(done.end / interval) + 1))
     deflection = done.at(done.deflection, when)
-    (low_s, low), (high_s, high) = extremes(done.time, done.deflection)
+    (low_s, low), (high_s, high) = done.extremes(done.deflection)
     warnings = _remarks(case)
     warnings += [f"at {done.farthest:.4g} s, where it deflects most, {words}"
                  for words in done.failures]
@@ -346,35 +330,18 @@ def respond(case: TransientCase, settings: Settings, interval: float, period: fl
                         "branches then resist compression")
     loop = area = None
     if period is not None and done.stopped is None:
-        loop, area, open_loop = last_loop(case.specimen.name, case.signal, period, done.time,
-                                          done.deflection)
-        warnings += open_loop
-    settled = settling_time(when, deflection) if step and case.inertia else np.nan
-    numbers = {
-        "specimen": case.specimen.name,
-        "mass_kg": case.mass,
-        "status": "done" if done.stopped is None else done.stopped.kind,
-        "first_voltage_V": case.signal.first,
-        "first_m": float(deflection[0]),
-        "last_m": float(deflection[-1]),
-        "lowest_m": low,
-        "lowest_s": low_s,
-        "highest_m": high,
-        "highest_s": high_s,
-        "range_m": high - low,
-        "settling_time_s": settled if np.isfinite(settled) else None,
-        "hysteresis_area_V_m": area,
-        "hysteresis_area_error_V_m": None,
-        "highest_film_voltage_V": float(done.voltage.max()),
-        "highest_current_A": float(np.abs(done.current).max()),
-        "energy": to_json(done.balance),
-        "stopped_s": None if done.stopped is None else done.stopped.time,
-        "slack_s": done.slack,
-        "steps": len(done.time),
-        "wall_s": time.perf_counter() - began,
-        "warnings": warnings,
-    }
-    return SampledResponse(numbers, _samples(case, done, when), loop), done
+        loop, area = done.last_loop(case.signal, period, done.deflection)
+        warnings += unclosed(loop)
+    return FieldResponse.of(
+        case.signal, when, deflection, low, high, step and case.inertia,
+        specimen=case.specimen.name, mass_kg=case.mass,
+        status="done" if done.stopped is None else done.stopped.kind,
+        lowest_s=low_s, highest_s=high_s, hysteresis_area_V_m=area,
+        highest_film_voltage_V=float(done.voltage.max()),
+        highest_current_A=float(np.abs(done.current).max()), energy=done.balance,
+        stopped_s=None if done.stopped is None else done.stopped.time, slack_s=done.slack,
+        steps=len(done.time), wall_s=time.perf_counter() - began, warnings=tuple(warnings),
+        samples=_samples(case, done, when), loop=loop, films=done.films), done
 
 
 def _samples(case: TransientCase, done: History, when: Array) -> pd.DataFrame:
@@ -397,7 +364,7 @@ def _samples(case: TransientCase, done: History, when: Array) -> pd.DataFrame:
 
 
 def loop(case: Case, rate: float, turn: float | None, settings: Settings, films: int = 0
-         ) -> TransientResult:
+         ) -> Responses:
     """Up from the case's voltage at a rate [V/s] to where it turns [V], and down again.
 
     Left out, it turns at 95 % of the film's first limit at rest. With so many ``films`` on the way,
@@ -419,13 +386,13 @@ def loop(case: Case, rate: float, turn: float | None, settings: Settings, films:
     before, began = np.nan, time.perf_counter()
     for error in _LOOP_ERRORS:
         shorter = replace(ramped, steps=replace(ramped.steps, error=error))
-        response, done = respond(shorter, settings, duration / _SAMPLES, duration, films=moments)
-        area = response.numbers["hysteresis_area_V_m"]
+        response, _ = respond(shorter, settings, duration / _SAMPLES, duration, films=moments)
+        area = response.hysteresis_area_V_m
         if area is None:  # it pulls in: there is no loop
             break
         apart, before = _DOUBT * abs(area - before), area
-        response.numbers["hysteresis_area_error_V_m"] = apart if np.isfinite(apart) else None
+        if np.isfinite(apart):
+            response = replace(response, hysteresis_area_error_V_m=apart)
         if apart <= _AREA * abs(area):
             break
-    response.numbers["wall_s"] = time.perf_counter() - began
-    return TransientResult((response,), films=(done.films,))
+    return Responses((replace(response, wall_s=time.perf_counter() - began),))

@@ -249,12 +249,12 @@ def test_a_film_in_time_is_that_of_the_command(tmp_path: Path, capsys: pytest.Ca
     printed, = json.loads(capsys.readouterr().out)["responses"]
     result = tympan.transient(specimen, "sine", mass="17.9 g", high="3 kV", duration="1 s", count=2,
                               interval="10 ms", films=[0.0, 0.25, 0.5])
-    numbers = result.responses[0].numbers
+    response, = result.responses
     for name in ("first_m", "last_m", "lowest_m", "highest_m", "hysteresis_area_V_m"):
-        assert numbers[name] == pytest.approx(printed[name], rel=1e-12)
+        assert getattr(response, name) == pytest.approx(printed[name], rel=1e-12)
     rows = result.to_pandas()
     assert rows["t_s"].tolist() == pytest.approx(np.linspace(0, 2, 201))
-    assert rows["displacement_m"].max() == pytest.approx(numbers["highest_m"], rel=1e-3)
+    assert rows["displacement_m"].max() == pytest.approx(response.highest_m, rel=1e-3)
     axes = result.plot(Figure().add_subplot())
     assert axes.get_title() == "voltage between 0 and 3 kV"
     line, = axes.lines

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from tympan.studies.sensitivity import SensitivityResult
     from tympan.studies.study import StudyResult
     from tympan.studies.sweep.run import SweepResult
-    from tympan.studies.transient import TransientResult
+    from tympan.studies.trace import Responses
 
 File = str | os.PathLike[str]
 
@@ -139,29 +139,29 @@ def path(specimen: Specimen, along: Literal["voltage", "charge", "mass", "pressu
 def transient(specimen: Specimen, signal: str = "step", *, mass: float | str | None = None,
               rest: float | str | None = None, swing: bool = False, films: Sequence[float] = (),
               rig: Rig = Rig(), settings: Settings = Settings(), **wave: Unpack[Waves]
-              ) -> Result[TransientResult]:
+              ) -> Result[Responses]:
     """What a film does in time under a step, ramp, sine, random voltages, or those of a CSV file.
 
     Before the signal it has rested under mass and first voltage for ``rest``: for ever unless the
     film says when it was mounted. ``swing``: the plate has inertia; else it follows the film at
-    once. The mass suits the film where none is given. ``result.responses[0].numbers`` has the
-    numbers, ``to_pandas()`` the samples, an ``interval`` apart; ``result.films[0]`` the film at
-    each of the times ``films`` [s]. Of the signal: ``low`` and ``high`` voltage, ``duration`` of
-    step, ramp, a random level or a period, ``count`` of levels or periods, and a ``seed``.
+    once. The mass suits the film where none is given. ``result.responses[0]`` has the numbers,
+    ``to_pandas()`` the samples, an ``interval`` apart; ``result.films[0]`` the film at each of the
+    times ``films`` [s]. Of the signal: ``low`` and ``high`` voltage, ``duration`` of step, ramp, a
+    random level or a period, ``count`` of levels or periods, and a ``seed``.
     """
     from tympan.studies.limits.loads import usual_masses
-    from tympan.studies.lumped.simulate import sample_count
     from tympan.studies.signals import Wave
-    from tympan.studies.transient import TransientCase, TransientResult, respond
+    from tympan.studies.trace import Responses, sample_count
+    from tympan.studies.transient import TransientCase, respond
 
     form = Wave(signal, **wave)
     voltages = form.signal()
     sample_count(voltages.end, form.interval)
     carried = usual_masses(specimen, settings, rig)[0] if mass is None else mass
     case = TransientCase(specimen, voltages, mass=carried, rig=rig, rest=rest, inertia=swing)
-    response, done = respond(case, settings, form.interval, form.period, signal == "step",
-                             tuple(films))
-    return Result(TransientResult((response,), (specimen,), rig, (done.films,)))
+    response, _ = respond(case, settings, form.interval, form.period, signal == "step",
+                          tuple(films))
+    return Result(Responses((response,), (specimen,), rig))
 
 
 @names_arguments(*Loads.__annotations__)

@@ -25,9 +25,9 @@ from tympan.studies.lumped.film_response import film_deflections, film_motion
 from tympan.studies.paper import published
 from tympan.studies.reduced_film.film import FilmLoads, NoBalance, ReducedFilm
 from tympan.studies.reduced_film.reduction import reduced_film
-from tympan.studies.reduced_film.sampling import in_time
 from tympan.studies.replica.figures import Criterion, Decay, settling_times
 from tympan.studies.signals import Pieces, Signal, step
+from tympan.studies.trace import Trace
 
 Array = NDArray[np.float64]
 
@@ -146,8 +146,8 @@ def swing(film: ReducedFilm, mass: float, damper: float, signal: Signal) -> tupl
     motion = film_motion(film, signal, mass, rig, inertia=True, error=_CLOSE)
     moments = list(motion.moments())
     time = np.arange(0.0, signal.end, _INTERVAL)
-    return time, in_time(np.array([moment.time for moment in moments]),
-                         np.array([moment.heave for moment in moments]), time)
+    return time, Trace(np.array([moment.time for moment in moments])).at(
+        np.array([moment.heave for moment in moments]), time)
 
 
 def settling(films: Sequence[ReducedFilm]) -> tuple[float, Criterion]:

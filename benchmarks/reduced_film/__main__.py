@@ -29,8 +29,8 @@ from tympan.studies.lumped.film_response import film_deflections, film_motion
 from tympan.studies.paper.published import MASSES
 from tympan.studies.reduced_film.film import ReducedFilm
 from tympan.studies.reduced_film.reduction import reduced_film
-from tympan.studies.reduced_film.sampling import in_time
 from tympan.studies.signals import Sine, nominal, ramp, random_steps, step
+from tympan.studies.trace import Trace
 from tympan.studies.transient import TransientCase, history
 
 Array = NDArray[np.float64]
@@ -129,8 +129,8 @@ def _swing(film: ReducedFilm) -> None:
         (lambda: history(case, Settings()), 1), (lambda: list(motion.moments()), 3))
     when = np.linspace(0.0, signal.end, 1001)
     exact = field.at(field.deflection, when)
-    near = in_time(np.array([moment.time for moment in moments]),
-                   np.array([moment.heave for moment in moments]), when)
+    near = Trace(np.array([moment.time for moment in moments])).at(
+        np.array([moment.heave for moment in moments]), when)
     error = np.abs(near - exact).max() / np.ptp(exact)
     print(f"{'':32s}{'swing':7s}{1e3 * exact_time:8.0f}{1e3 * alone:12.2f}"
           f"{exact_time / alone:13.0f}{'':10s}{100 * error:14.3f} %", flush=True)

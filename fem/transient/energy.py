@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import chain
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,7 @@ from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import HEAVE, State
 from tympan.fem.transient.dense_output import spline
 from tympan.fem.transient.integrate import Moment, Transient
+from tympan.geometry.fields import Key
 
 Array = NDArray[np.float64]
 
@@ -62,21 +64,19 @@ class Energy:
 
 @dataclass(frozen=True, kw_only=True)
 class EnergyBalance:
-    """Of a film over some time [J].
+    """Where the energy of a film went over some time [J].
 
-    Work of the load on the plate, and of what charges the film; how much more is stored, and moves;
-    what branches and damper turned into heat; what is lost at once where the voltage or the load
-    jumps; and what is left unexplained, by errors of the steps or because a film without mass snaps
-    where it wrinkles.
+    What is left unexplained is by errors of the steps or because a film without mass snaps where it
+    wrinkles.
     """
 
-    load_work_J: float
-    electrical_work_J: float
-    stored_J: float
-    kinetic_J: float
-    heat_J: float
-    jumps_J: float
-    unexplained_J: float
+    load_work_J: Annotated[float, Key("work of the load on the plate")]
+    electrical_work_J: Annotated[float, Key("work of what charges the film")]
+    stored_J: Annotated[float, Key("how much more is stored in the film")]
+    kinetic_J: Annotated[float, Key("how much more plate and film have by their motion")]
+    heat_J: Annotated[float, Key("heat of branches, dampers and resistances")]
+    jumps_J: Annotated[float, Key("what is lost at once where the voltage or the load jumps")]
+    unexplained_J: Annotated[float, Key("what errors of the steps in time leave")]
 
     @classmethod
     def of(cls, every: Array, before: Energy) -> EnergyBalance:

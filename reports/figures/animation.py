@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import shutil
 import subprocess
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 
@@ -22,7 +22,7 @@ from tympan.reports.scales import AxisScale, bar_length, round_scale
 from tympan.reports.scene import View, film_picture
 from tympan.studies.files import write_atomically
 from tympan.studies.film_surface import FilmSurface
-from tympan.studies.lumped.simulate import SampledResponse
+from tympan.studies.trace import Response
 
 #: Width of the picture [mm].
 _WIDTH = 120.0
@@ -57,7 +57,7 @@ _COLOURS = "viridis"
 _INK = "white"
 
 
-def animate(response: SampledResponse, films: dict[float, FilmSurface], file: Path) -> None:
+def animate(response: Response, films: Mapping[float, FilmSurface], file: Path) -> None:
     """Write a GIF with a picture for each film, by time [s].
 
     An MP4 is beside it where FFmpeg is on the path.
@@ -121,7 +121,7 @@ def common_extent(pictures: Iterable[style.Picture]) -> tuple[float, float, floa
     return min(west), max(east), min(bottom), max(top)
 
 
-def _compose(picture: style.Picture, response: SampledResponse, time: float, scale: AxisScale,
+def _compose(picture: style.Picture, response: Response, time: float, scale: AxisScale,
              extent: tuple[float, float, float, float]) -> Figure:
     west, east, bottom, top = extent
     height = _FILM * (top - bottom) / (east - west)
@@ -136,7 +136,7 @@ def _compose(picture: style.Picture, response: SampledResponse, time: float, sca
     return figure
 
 
-def _add_traces(figure: Figure, response: SampledResponse, time: float, top: float) -> None:
+def _add_traces(figure: Figure, response: Response, time: float, top: float) -> None:
     """Voltage and displacement so far in colour, what is to come in grey."""
     when, voltage, reading = response.samples[["t", "voltage", "displacement"]].to_numpy().T
     pair = style.place_pair(figure, _LEFT, top, _WIDTH - _LEFT - _RIGHT,

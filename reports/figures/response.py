@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from tympan.reports import look as style
-from tympan.studies.lumped.simulate import SampledResponse, SimulationResult
+from tympan.studies.trace import Response, Responses
 
 #: Room on the left of an axis for its numbers and words [mm].
 _LEFT = 14.0
@@ -36,7 +36,7 @@ _BEFORE = 0.03  # of the time shown: how much is seen before a signal
 _ARROWS = (0.125, 0.625)  # where along a loop its direction is shown
 
 
-def draw_simulated(result: SimulationResult, folder: Path) -> list[Path]:
+def draw_simulated(result: Responses, folder: Path) -> list[Path]:
     """Draw folder/response and, for periodic signals, folder/hysteresis; answers the files."""
     responses = result.responses
     files = style.save_figure(folder, "response", lambda: _responses(responses))
@@ -45,7 +45,7 @@ def draw_simulated(result: SimulationResult, folder: Path) -> list[Path]:
     return files
 
 
-def _responses(responses: Sequence[SampledResponse]) -> Figure:
+def _responses(responses: Sequence[Response]) -> Figure:
     figure = style.new_figure(_TITLE + _VOLTAGE + _GAP + _RESPONSE + _AXIS)
     above, below = style.place_pair(figure, _LEFT, _TITLE, style.WIDTH - _LEFT - _RIGHT,
                                     (_VOLTAGE, _GAP, _RESPONSE))
@@ -58,7 +58,7 @@ def _responses(responses: Sequence[SampledResponse]) -> Figure:
         below.plot(time, 1e3 * reading, color=style.colour_of(number), linewidth=0.8,
                    label=_label(item))
         if number == 0:
-            first = item.numbers["first_voltage_V"]
+            first = item.first_voltage_V
             above.plot([-end, time[0], *time], 1e-3 * np.array([first, first, *voltage]),
                        color="black", linewidth=0.8)
     above.legend(*below.get_legend_handles_labels(), loc="lower right", bbox_to_anchor=(1, 1),
@@ -70,7 +70,7 @@ def _responses(responses: Sequence[SampledResponse]) -> Figure:
     return figure
 
 
-def _loops(responses: Sequence[SampledResponse]) -> Figure:
+def _loops(responses: Sequence[Response]) -> Figure:
     """The last period of each, every one to its own scale."""
     loops = [(item, item.loop) for item in responses if item.loop is not None]
     columns = min(len(loops), _COLUMNS)
@@ -94,5 +94,5 @@ def _loops(responses: Sequence[SampledResponse]) -> Figure:
     return figure
 
 
-def _label(item: SampledResponse) -> str:
-    return f"{item.numbers['specimen']}, {1e3 * item.numbers['mass_kg']:g} g"
+def _label(item: Response) -> str:
+    return f"{item.specimen}, {1e3 * item.mass_kg:g} g"

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import groupby
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,7 @@ from tympan.studies.case import (
     CaseResult,
     Limits,
     Settings,
+    SpecimenRecord,
     Unknowns,
     WallTime,
     Warnings,
@@ -29,7 +30,6 @@ from tympan.studies.case import (
     voltage_ramp,
 )
 from tympan.studies.columns import Column, read_own_sheet, write_sheet
-from tympan.studies.files import from_json, read_json, remove, stored_file, to_json, write_json
 from tympan.studies.limits.voltages import Rise, rise
 
 #: The columns of a curve's CSV. ``asked`` is 1 at voltages that were asked for, 0 on the way to the
@@ -56,42 +56,33 @@ class MassCurve:
 
 
 @dataclass(frozen=True, kw_only=True)
-class CurveResult:
+class CurveResult(SpecimenRecord):
     """Curves of one specimen; ``table`` has the columns of :data:`CURVES`, in SI.
 
     Rows of a mass follow the film to its limit; then come those at voltages that were asked for.
     """
 
-    specimen: Annotated[str, Key("name of the specimen")]
+    ending = "-curve"
+    writer = "tympan curve"
+    kinds = ("csv", "json")
+    drawn = ("png", "svg")
+
     curves: Annotated[tuple[MassCurve, ...], Key("one curve for each mass")]
     dofs: Unknowns
     wall_s: WallTime
     warnings: Warnings = ()
     table: Mapping[str, NDArray[Any]] = field(default_factory=dict, repr=False, compare=False)
 
-    def json(self) -> dict[str, Any]:
-        """As a JSON object, without the table."""
-        record: dict[str, Any] = to_json(self)
-        return record
-
-    @property
-    def pictures(self) -> tuple[str, ...]:
-        """Files that are drawn of it."""
-        return tuple(f"{self.specimen}-curve.{kind}" for kind in ("png", "svg"))
-
     def save(self, folder: Path) -> None:
         """Write ``NAME-curve.csv`` and ``.json``."""
-        name = f"{self.specimen}-curve"
-        remove(folder, *(f"{name}.{kind}" for kind in ("csv", "json")))
-        write_sheet(folder / f"{name}.csv", CURVES, self.table)
-        write_json(folder / f"{name}.json", self.json())
+        super().save(folder)
+        write_sheet(folder / f"{self.specimen}-curve.csv", CURVES, self.table)
 
     @classmethod
-    def load(cls, folder: Path, name: str | None = None) -> CurveResult:
-        """What was saved, of the specimen of a ``name`` or of the only one."""
-        file = stored_file(folder, "*-curve.json", name, "tympan curve")
-        result = from_json(cls, read_json(file), file)
-        return replace(result, table=read_own_sheet(file.with_suffix(".csv"), CURVES))
+    def load(cls, folder: Path, name: str | None = None) -> Self:
+        result = super().load(folder, name)
+        table = read_own_sheet(folder / f"{result.specimen}-curve.csv", CURVES)
+        return replace(result, table=table)
 
 
 def curve(specimen: Specimen, masses: Sequence[float], settings: Settings, rig: Rig = Rig(),

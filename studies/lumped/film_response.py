@@ -14,12 +14,12 @@ from tympan.fem.rig import Rig, checked_load
 from tympan.geometry.errors import InputError
 from tympan.studies.case import Case
 from tympan.studies.lumped.model_file import LumpedModel
-from tympan.studies.lumped.simulate import SampledResponse, settling_time
+from tympan.studies.lumped.simulate import ModelResponse
 from tympan.studies.reduced_film.driven_film import ERROR, ReducedMoment
 from tympan.studies.reduced_film.film import NoBalance, ReducedFilm
 from tympan.studies.reduced_film.motion import PulledIn, ReducedMotion
-from tympan.studies.reduced_film.sampling import extremes, in_time, last_loop
 from tympan.studies.signals import Signal, Supplied, Together, lagging, nominal
+from tympan.studies.trace import Trace, unclosed
 
 Array = NDArray[np.float64]
 
@@ -53,7 +53,7 @@ def _deflections(motions: Sequence[ReducedMotion], when: Array) -> Array:
         return np.full((1, len(when)), np.nan)
     time = np.array([moment.time for moment in moments])
     heaves = np.array([moment.heave for moment in moments]).reshape(len(time), -1)
-    return in_time(time, heaves, when).T
+    return Trace(time).at(heaves, when).T
 
 
 def _followed(motion: ReducedMotion, progress: Callable[[float], None] = lambda share: None
@@ -94,7 +94,7 @@ def film_motion(film: ReducedFilm, signal: Signal, mass: float, rig: Rig = Rig()
 
 def film_response(model: LumpedModel, signal: Signal, mass: float, rig: Rig, interval: float,
                   period: float | None = None, step: bool = False, inertia: bool = False,
-                  progress: Callable[[float], None] = lambda share: None) -> SampledResponse:
+                  progress: Callable[[float], None] = lambda share: None) -> ModelResponse:
     """The response of a model with a film in time, sampled with an interval [s].
 
     ``period`` is its signal's [s] if it has one; ``step`` says that the signal is a step.
@@ -115,35 +115,20 @@ def film_response(model: LumpedModel, signal: Signal, mass: float, rig: Rig, int
         raise InputError(case.doubted(reason), key="mass", given=f"{mass:g} kg")
     if stopped is not None:
         warnings.append(f"the film pulls in after {stopped:.4g} s; lower the voltage")
-    time = np.array([moment.time for moment in moments])
+    trace = Trace(np.array([moment.time for moment in moments]))
     deflection = np.array([moment.heave for moment in moments])
-    (_, low), (_, high) = extremes(time, deflection)
-    when = np.linspace(time[0], time[-1], max(2, round(time[-1] / interval) + 1))
-    sampled = in_time(time, deflection, when)
+    (_, low), (_, high) = trace.extremes(deflection)
+    when = np.linspace(trace.time[0], trace.end, max(2, round(trace.end / interval) + 1))
+    sampled = trace.at(deflection, when)
     loop = area = None
     if period is not None and stopped is None:
-        loop, area, open_loop = last_loop(name, signal, period, time, deflection)
-        warnings += open_loop
-    settled = settling_time(when, sampled) if step and inertia else np.nan
-    numbers = {
-        "specimen": name,
-        "mass_kg": mass,
-        "status": "done" if stopped is None else "pull_in",
-        "first_voltage_V": signal.first,
-        "first_m": float(sampled[0]),
-        "last_m": float(sampled[-1]),
-        "lowest_m": low,
-        "highest_m": high,
-        "range_m": high - low,
-        "settling_time_s": settled if np.isfinite(settled) else None,
-        "hysteresis_area_V_m": area,
-        "stopped_s": stopped,
-        "film_error": dict(model.film.errors),
-        "steps": len(moments),
-        "warnings": warnings,
-    }
-    shown = lagging(when, rig.reading(sampled, when), rig.sensor_lag)
-    samples = pd.DataFrame({
-        "specimen": name, "mass": mass, "run": "simulated", "t": when,
-        "voltage": nominal(signal, when), "displacement": shown})
-    return SampledResponse(numbers, samples, loop)
+        loop, area = trace.last_loop(signal, period, deflection)
+        warnings += unclosed(loop)
+    return ModelResponse.of(
+        signal, when, sampled, low, high, step and inertia, specimen=name, mass_kg=mass,
+        status="done" if stopped is None else "pull_in", hysteresis_area_V_m=area,
+        stopped_s=np.nan if stopped is None else stopped, film_error=dict(model.film.errors),
+        steps=len(moments), warnings=tuple(warnings), loop=loop, samples=pd.DataFrame({
+            "specimen": name, "mass": mass, "run": "simulated", "t": when,
+            "voltage": nominal(signal, when),
+            "displacement": lagging(when, rig.reading(sampled, when), rig.sensor_lag)}))

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Iterable
-from functools import cache
-from importlib import resources
 
 import numpy as np
 
@@ -13,18 +10,15 @@ from tympan.fem.rig import Rig
 from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Case
 from tympan.studies.circles import MembraneCircle
+from tympan.studies.files import words_beside
 from tympan.studies.lumped.actuator import Actuator
 
-
-@cache
-def _texts() -> dict[str, str]:
-    file = resources.files("tympan.studies.lumped").joinpath("remarks.toml")
-    return tomllib.loads(file.read_text(encoding="utf-8"))
+_WORDS = words_beside(__file__)
 
 
 def remark(key: str, **values: object) -> str:
     """A sentence of remarks.toml with its numbers."""
-    return _texts()[key].format(**values)
+    return _WORDS[key].format(**values)
 
 
 def origin(actuator: Actuator) -> list[str]:

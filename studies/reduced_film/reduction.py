@@ -25,8 +25,8 @@ from tympan.fem.transient.integrate import Moment, StepSettings, Stopped, Transi
 from tympan.geometry.errors import InputError
 from tympan.studies.reduced_film.film import NoBalance, ReducedFilm
 from tympan.studies.reduced_film.motion import PulledIn, ReducedMotion
-from tympan.studies.reduced_film.sampling import in_time
 from tympan.studies.signals import Pieces, Signal, Sine, ramp, random_steps, step
+from tympan.studies.trace import Trace
 
 Array = NDArray[np.float64]
 
@@ -187,10 +187,10 @@ def error_of(film: ReducedFilm, model: Model, force: float, signal: Signal, spri
         moments = list(motion.moments())
     except (NoBalance, PulledIn, Stopped):
         return float("inf")
-    exact = in_time(np.array([moment.time for moment in field]),
-                    np.array([moment.state.plate.deflection for moment in field]), when)
-    near = in_time(np.array([moment.time for moment in moments]),
-                   np.array([moment.heave for moment in moments]), when)
+    exact = Trace(np.array([moment.time for moment in field])).at(
+        np.array([moment.state.plate.deflection for moment in field]), when)
+    near = Trace(np.array([moment.time for moment in moments])).at(
+        np.array([moment.heave for moment in moments]), when)
     before = motion.begin.heave
     return float(np.abs(near - exact).max() / np.ptp(np.append(exact, before)))
 

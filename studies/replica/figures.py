@@ -216,7 +216,7 @@ def run(choices: Choices = Choices(), progress: Progress = lambda _: None) -> Re
         for model in models[0]:
             progress(f"figure 13: {model.specimen.name} about {1e-3 * sine[0]:g} kV")
             response = simulate(model, Sine(*sine, period), precision=_PRECISION)
-            row.append(response.last_period(period))
+            row.append(tuple(response.last_loop(period).to_numpy().T))
     progress("figure 14")
     time, random = _responses(models, signal)
     ends = np.searchsorted(time, signal.breaks - INTERVAL / 2)

@@ -18,6 +18,7 @@ from tympan.studies.case import Settings
 from tympan.studies.columns import Column, read_own_sheet, read_sheet, write_sheet
 from tympan.studies.lumped import simulate as lumped
 from tympan.studies.signals import Pieces, step
+from tympan.studies.trace import sample_count
 from tympan.studies.transient import TransientCase, respond
 
 COLUMNS = (Column("t", "s"), Column("voltage", "kV"))
@@ -72,9 +73,9 @@ def test_what_is_wrong_in_a_long_table_is_named_wherever_it_stands(written: Path
 
 def test_samples_of_all_specimens_count_together() -> None:
     """They are written into one file, which has to be read again."""
-    assert lumped.sample_count(0.5, 1e-6) == 500_001
+    assert sample_count(0.5, 1e-6) == 500_001
     with pytest.raises(InputError, match="1000000 samples"):
-        lumped.sample_count(0.5, 1e-6, runs=3)
+        sample_count(0.5, 1e-6, runs=3)
 
 
 def test_too_many_bends_are_refused_before_anything_is_computed(monkeypatch: pytest.MonkeyPatch

@@ -15,8 +15,8 @@ from tympan.fem.transient.integrate import StepSettings
 from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Specimen, ViscousBranch
 from tympan.studies.case import Case, Settings, solve
-from tympan.studies.reduced_film.sampling import extremes, last_loop
 from tympan.studies.signals import Pieces, Sine, ramp
+from tympan.studies.trace import Trace
 from tympan.studies.transient import TransientCase, history, loop, respond
 
 MASS, TURN, TIME = 17.9e-3, 5e3, 10.0
@@ -52,8 +52,8 @@ def test_a_loop_s_area_is_that_of_far_shorter_steps_within_its_error(duration: f
                                                                       ) -> None:
     """Of a wide loop and of one that is a twentieth of a thousandth of its box."""
     case = Case(CREEPS, mass=MASS)
-    numbers = loop(case, 2 * TURN / duration, TURN, Settings()).responses[0].numbers
-    area, error = numbers["hysteresis_area_V_m"], numbers["hysteresis_area_error_V_m"]
+    looped, = loop(case, 2 * TURN / duration, TURN, Settings()).responses
+    area, error = looped.hysteresis_area_V_m, looped.hysteresis_area_error_V_m
     done = history(TransientCase(CREEPS, ramp(0.0, TURN, duration), mass=MASS,
                                  steps=StepSettings(error=1e-9)), Settings())
     rising = np.flatnonzero(np.diff(done.time) == 0).item()
@@ -66,10 +66,10 @@ def test_a_loop_s_area_is_that_of_far_shorter_steps_within_its_error(duration: f
 
 
 def test_a_film_without_branches_encloses_nothing_within_the_error() -> None:
-    numbers = loop(Case(film(), mass=MASS), TURN, TURN, Settings()).responses[0].numbers
-    box = TURN * numbers["range_m"]
-    assert abs(numbers["hysteresis_area_V_m"]) < 1e-6 * box
-    assert numbers["hysteresis_area_error_V_m"] < 1e-6 * box
+    looped, = loop(Case(film(), mass=MASS), TURN, TURN, Settings()).responses
+    box = TURN * looped.range_m
+    assert abs(looped.hysteresis_area_V_m) < 1e-6 * box
+    assert looped.hysteresis_area_error_V_m < 1e-6 * box
 
 
 def test_the_area_counts_jumps_and_sines_exactly() -> None:
@@ -77,12 +77,12 @@ def test_the_area_counts_jumps_and_sines_exactly() -> None:
     corners = np.array([0.0, 1.0, 1.0, 2.0])
     square = Pieces(corners, np.array([0.0, 0.0, 3.0, 3.0]))
     time = np.array([0.0, 0.3, 1.0, 1.0, 1.5, 2.0])
-    _, area, _ = last_loop("", square, 2.0, time, np.array([1.0, 2.0, 2.0, 4.0, 4.0, 1.0]))
+    _, area = Trace(time).last_loop(square, 2.0, np.array([1.0, 2.0, 2.0, 4.0, 4.0, 1.0]))
     # At the jump of u from 0 to 3 the mean of y is 3: −∮ y du without the way back, at y = 1.
     assert area == pytest.approx(-9.0)
     period, lag = 2 * np.pi, 0.3
     time = np.linspace(0, period, 400)
-    _, area, _ = last_loop("", Sine(0.0, 1.0, period, 1.0), period, time, np.sin(time - lag))
+    _, area = Trace(time).last_loop(Sine(0.0, 1.0, period, 1.0), period, np.sin(time - lag))
     assert area == pytest.approx(np.pi * np.sin(lag), rel=1e-7)
 
 
@@ -112,11 +112,10 @@ def test_the_highest_deflection_is_the_motions_not_that_of_a_step() -> None:
         case = TransientCase(CREEPS, Sine(2e3, 2e3, TIME, 1.0), mass=MASS,
                              steps=StepSettings(error=error))
         response, done = respond(case, Settings(), 0.1)
-        numbers = response.numbers
-        peaks.append((numbers["highest_s"], numbers["highest_m"]))
+        peaks.append((response.highest_s, response.highest_m))
         solved.append(done.deflection.max())
-        assert numbers["range_m"] == numbers["highest_m"] - numbers["lowest_m"]
-        assert numbers["lowest_m"] <= done.deflection.min()
+        assert response.range_m == response.highest_m - response.lowest_m
+        assert response.lowest_m <= done.deflection.min()
     usual, fine = np.array(peaks)
     assert usual[0] == pytest.approx(fine[0], abs=2e-3)
     assert usual[1] == pytest.approx(fine[1], rel=1e-5)
@@ -126,11 +125,11 @@ def test_the_highest_deflection_is_the_motions_not_that_of_a_step() -> None:
 def test_extremes_between_times_and_at_jumps() -> None:
     time = np.array([0.0, 0.8, 1.7, 3.0, 3.0, 4.0, 4.0, 5.0])
     values = np.array([(moment - 1.2) * (moment - 3.1) for moment in time[:4]] + [0, -7, 2, 2])
-    (low_s, low), (high_s, high) = extremes(time, values)
+    (low_s, low), (high_s, high) = Trace(time).extremes(values)
     assert (low_s, low) == (4.0, -7.0)
     assert (high_s, high) == pytest.approx((0.0, 3.72))
-    assert extremes(time[:4], values[:4])[0] == pytest.approx((2.15, -(0.95**2)))
-    assert extremes(time, 0 * time) == ((0.0, 0.0), (0.0, 0.0))
+    assert Trace(time[:4]).extremes(values[:4])[0] == pytest.approx((2.15, -(0.95**2)))
+    assert Trace(time).extremes(0 * time) == ((0.0, 0.0), (0.0, 0.0))
 
 
 def test_the_turn_must_be_known() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -46,8 +47,8 @@ def transient(options: argparse.Namespace) -> None:
     """What films with viscous branches do under a step, ramp, sine, random steps or a CSV file."""
     from tympan.progress import bar
     from tympan.studies.limits.loads import usual_masses
-    from tympan.studies.lumped.simulate import sample_count
-    from tympan.studies.transient import TransientCase, TransientResult, respond
+    from tympan.studies.trace import Responses, sample_count
+    from tympan.studies.transient import TransientCase, respond
 
     mass = None if options.mass is None else parse_quantity(options.mass, "mass", "--mass")
     interval = duration(options.interval, "--interval")
@@ -72,20 +73,21 @@ def transient(options: argparse.Namespace) -> None:
             progress(specimen.name)
             case = TransientCase(specimen, signal, mass=mass, rig=rig, rest=rest,
                                  inertia=options.swing)
-            responses.append(respond(case, settings, interval, period, options.signal == "step",
-                                     (*films, *shown), over))
-    stored = tuple({time: film for time, film in done.films.items() if time in films}
-                   for _, done in responses)
+            response, _ = respond(case, settings, interval, period, options.signal == "step",
+                                  (*films, *shown), over)
+            responses.append(response)
     moving: list[Moving] = []
     if options.animate:
         from tympan.reports.figures.animation import animate
 
-        for response, done in responses:
-            frames = {time: film for time, film in done.films.items() if time in shown}
-            file = options.output / f"{response.numbers['specimen']}.gif"
+        for response in responses:
+            frames = {time: film for time, film in response.films.items() if time in shown}
+            file = options.output / f"{response.specimen}.gif"
             moving.append((file, partial(animate, response, frames)))
-    finish(options, TransientResult(tuple(response for response, _ in responses),
-                                    tuple(specimens), rig, stored), moving)
+    finish(options, Responses(tuple(
+        replace(response, films={time: film for time, film in response.films.items()
+                                 if time in films}) for response in responses), specimens, rig),
+        moving)
 
 
 @command("response",

@@ -34,8 +34,8 @@ from tympan.studies.effects import Setup
 from tympan.studies.reduced_film.film import FilmLoads, NoBalance, ReducedFilm
 from tympan.studies.reduced_film.motion import PulledIn, ReducedMotion
 from tympan.studies.reduced_film.reduction import film_of_runs
-from tympan.studies.reduced_film.sampling import in_time
 from tympan.studies.signals import Supplied, Together
+from tympan.studies.trace import Trace
 
 Array = NDArray[np.float64]
 
@@ -207,7 +207,7 @@ class RememberingFilm:
         lines = np.array([numbers.index(self.asked[place][0]) for place in asked])
         times = np.array([self.asked[place][1].times for place in asked]) + histories[0].begins
         times = np.clip(times, time[0], time[-1])
-        path = in_time(time, heave, times.ravel()).reshape(*times.shape, *heave.shape[1:])
+        path = Trace(time).at(heave, times.ravel()).reshape(*times.shape, *heave.shape[1:])
         values = WEIGHTS @ path[np.arange(len(asked)), :, :, lines]
         squared = np.multiply.outer(self._squares[asked], [1.0, 1.0, 1 + _CHANGE])
         etas = self._eta(values.ravel(), motion.force.reshape(3, -1)[:, lines].T.ravel(),

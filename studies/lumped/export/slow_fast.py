@@ -23,7 +23,7 @@ from tympan.studies.lumped.actuator import Actuator
 from tympan.studies.lumped.equilibria import rest
 from tympan.studies.lumped.linear import linearise
 from tympan.studies.lumped.model_file import LumpedModel
-from tympan.studies.lumped.simulate import Response, simulate
+from tympan.studies.lumped.simulate import LumpedMotion, simulate
 from tympan.studies.signals import Pieces, random_steps
 
 Array = NDArray[np.float64]
@@ -129,7 +129,7 @@ def _judged(fitted: SlowFast, actuator: Actuator, pause: float, span: float) -> 
     resting = np.array([rest(actuator, voltage) for voltage in between.tolist()])
     signal = random_steps(0.0, highest, pause / 3, 8, seed=1)
     time = _looked_at(signal, 1 / fitted.omega)
-    response: Response = simulate(actuator, signal)
+    response: LumpedMotion = simulate(actuator, signal)
     missed = (fitted.deflection(signal, time) - response.deflection(time)) / span
     return SlowFast(**{**asdict(fitted), **{
         "rest_error": float(np.abs(fitted.at_rest(between) - resting).max() / span),

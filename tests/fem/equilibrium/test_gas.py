@@ -96,8 +96,8 @@ def test_every_study_has_the_same_sign_and_says_so() -> None:
         assert result.deflection_m == up
         assert result.warnings[-1] == GAS_SIGN
     still = Pieces(np.array([0.0, 1.0]), np.full(2, 2.7e3))
-    numbers = respond(TransientCase(FILM, still, mass=MASS, rig=rig), Settings(), 1.0)[0].numbers
-    assert (numbers["first_m"], numbers["warnings"]) == (up, [GAS_SIGN])
+    moved, _ = respond(TransientCase(FILM, still, mass=MASS, rig=rig), Settings(), 1.0)
+    assert (moved.first_m, moved.warnings) == (up, (GAS_SIGN,))
     followed = curve(FILM, [MASS], Settings(), rig, [2.7e3])
     asked = followed.table["asked"] == 1
     assert followed.table["deflection"][asked] == up

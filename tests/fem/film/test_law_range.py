@@ -120,7 +120,7 @@ def test_a_film_in_time_is_asked_where_it_deflects_most() -> None:
         case = TransientCase(ranged, signal, mass=0.1)
         response, done = respond(case, Settings(), 0.1)
         assert done.farthest <= 1.0
-        warned.append([words for words in response.numbers["warnings"] if "range" in words])
+        warned.append([words for words in response.warnings if "range" in words])
     said, = warned[0]
     assert said.startswith("at 0 s, where it deflects most, the film's law is used outside its ")
     assert f"a stretch in its plane of {most.max_stretch:.3g} at" in said

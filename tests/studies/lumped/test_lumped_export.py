@@ -25,7 +25,7 @@ from tympan.geometry.errors import InputError
 from tympan.studies.lumped.export.c_source import export_c
 from tympan.studies.lumped.export.fmu import export_fmu
 from tympan.studies.lumped.model_file import LumpedModel, write_model
-from tympan.studies.lumped.simulate import Response, simulate
+from tympan.studies.lumped.simulate import LumpedMotion, simulate
 from tympan.studies.reduced_film.film import ReducedFilm
 from tympan.studies.signals import Pieces
 
@@ -125,7 +125,7 @@ def fmu(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return export_fmu(MODELS["ogden, two circles"], tmp_path_factory.mktemp("fmu"), 17.9e-3)
 
 
-def initial_states(response: Response) -> dict[str, float]:
+def initial_states(response: LumpedMotion) -> dict[str, float]:
     """The states of a response at its beginning, by their names in an FMU."""
     state = response.state(np.array([0.0]))[0]
     return dict(zip(("y", "speed", "strain[1]", "strain[2]"), state.tolist(), strict=True))

@@ -19,9 +19,10 @@ from tympan.studies.data.dataset import read_dataset
 from tympan.studies.lumped.actuator import Actuator, Viscous
 from tympan.studies.lumped.equilibria import pull_in, roots
 from tympan.studies.lumped.linear import linearise
-from tympan.studies.lumped.simulate import SimulationResult, sample, settling_time, simulate
+from tympan.studies.lumped.simulate import ModelResponse, sample, simulate
 from tympan.studies.paper.table1 import paper_actuators
 from tympan.studies.signals import Pieces, Sine, ramp, random_steps, read_signal, step
+from tympan.studies.trace import settling_time
 
 PAPER = MODELS["paper"]
 ACTUATORS = Path(__file__).parents[3] / "studies" / "paper" / "actuators"
@@ -85,7 +86,8 @@ def test_energy_never_grows_at_a_constant_voltage(name: str) -> None:
 def test_hysteresis_goes_as_the_signal_slows_and_has_the_sign_of_loss() -> None:
     widths = []
     for period in (20.0, 4000.0):
-        u, y = simulate(PAPER, Sine(3.5e3, 3.5e3, period, 2.0)).last_period(period)
+        u, y = simulate(PAPER, Sine(3.5e3, 3.5e3, period, 2.0)).last_loop(
+            period).to_numpy().T
         area = -np.sum((y[1:] + y[:-1]) / 2 * np.diff(u))
         widths.append(area / (np.ptp(u) * np.ptp(y)))
     assert widths[0] > 5 * widths[1] > 0
@@ -100,7 +102,7 @@ def test_a_loop_closes_once_the_film_has_crept_far_enough() -> None:
     drifts = [last - first for first, last in ends]
     slow = [np.linalg.eigvals(linearise(PAPER, volts).a).real.max() for volts in (3.5e3, 5e3)]
     assert np.exp(4.0 * slow[0]) < drifts[1] / drifts[0] < np.exp(4.0 * slow[1])
-    creeping = [any("more periods" in words for words in run.numbers["warnings"])
+    creeping = [any("more periods" in words for words in run.warnings)
                 for run in simulated]
     assert creeping == [True, True, False]
 
@@ -134,7 +136,7 @@ def test_a_film_thrown_beyond_the_models_reach_is_followed_until_there() -> None
     assert response.drawn_in == pytest.approx(other.t[-1], rel=1e-7)
     half = np.array([response.end / 2])
     assert response.deflection(half) == pytest.approx(other.sol(half)[0], rel=1e-7)
-    assert "drawn in after" in sample(response, 1e-4).numbers["warnings"][0]
+    assert "drawn in after" in sample(response, 1e-4).warnings[0]
 
 
 def test_settling_time_ignores_slow_creep() -> None:
@@ -201,7 +203,7 @@ def test_simulate_command_writes_what_a_dataset_reads(tmp_path: Path,
     assert [response["alpha"] for response in printed["responses"]] == [[1.0], [0.6, 0.4]]
     assert printed == json.loads((out / "simulate.json").read_text())
     assert (out / "response.png").stat().st_size > 10_000
-    assert SimulationResult.load(out).json() == printed
+    assert ModelResponse.load(out).json() == printed
     drawn = (out / "response.svg").read_bytes()
     assert main(["report", str(out)]) == 0
     assert (out / "response.svg").read_bytes() == drawn

@@ -37,8 +37,8 @@ from tympan.studies.reduced_film.driven_film import ReducedMoment
 from tympan.studies.reduced_film.film import FilmLoads, NoBalance, ReducedFilm
 from tympan.studies.reduced_film.motion import PulledIn
 from tympan.studies.reduced_film.reduction import error_of, held_out, reduced_film
-from tympan.studies.reduced_film.sampling import in_time
 from tympan.studies.signals import Pieces, Sine, ramp, random_steps, step
+from tympan.studies.trace import Trace
 from tympan.studies.transient import TransientCase, history
 
 ACTUATORS = Path(__file__).parents[3] / "studies" / "paper" / "actuators"
@@ -66,8 +66,8 @@ def of(specimen: Specimen, voltage: float = HIGH) -> ReducedFilm:
 def moved(film: ReducedFilm, signal: Any, times: np.ndarray, mass: float = MASS, **more: Any
           ) -> np.ndarray:
     moments = list(film_motion(film, signal, mass, **more).moments())
-    return in_time(np.array([moment.time for moment in moments]),
-                   np.array([moment.heave for moment in moments]), times)
+    return Trace(np.array([moment.time for moment in moments])).at(
+        np.array([moment.heave for moment in moments]), times)
 
 
 def stepped(low: float, high: float, end: float) -> Pieces:
@@ -180,7 +180,7 @@ def test_it_never_gains_energy(specimen: Specimen) -> None:
 
     # The moments are far apart: between, all is a cubic spline.
     often = np.linspace(0.0, signal.end, 2001)
-    charge, squared, heat = (in_time(time, values, often) for values in (charge, squared, heat))
+    charge, squared, heat = (Trace(time).at(values, often) for values in (charge, squared, heat))
 
     def total(values: np.ndarray, by: np.ndarray) -> float:
         return float(((values[1:] + values[:-1]) / 2 * np.diff(by)).sum())
@@ -363,8 +363,8 @@ def test_a_film_that_pulls_in_says_when() -> None:
         list(film_motion(film, stepped(0.0, 9.5e3, 1e3), MASS).moments())
     assert 0 <= ending.value.time < 1e3
     response = film_response(lumped(film), stepped(0.0, 9.5e3, 1e3), MASS, Rig(), 1.0)
-    assert response.numbers["status"] == "pull_in"
-    assert response.numbers["stopped_s"] == ending.value.time
+    assert response.status == "pull_in"
+    assert response.stopped_s == ending.value.time
     with pytest.raises(InputError, match="weight beside the centre"):
         film_motion(film, stepped(0.0, 1e3, 1.0), MASS, Rig(weight_offset=(1e-3, 0.0)))
 
@@ -387,9 +387,9 @@ def test_a_swing_of_an_hour_ends_with_its_work(monkeypatch: pytest.MonkeyPatch) 
     with pytest.raises(InputError, match=r"signal.*given up at .* s of 3600 s; make it shorter"):
         film_response(model, levels, MASS, Rig(), 1.0, inertia=True)
     short = random_steps(0.0, 3e3, 1.0, 2, 1)
-    assert film_response(model, short, MASS, Rig(), 1.0, inertia=True).numbers["stopped_s"] is None
+    assert film_response(model, short, MASS, Rig(), 1.0, inertia=True).status == "done"
     monkeypatch.setattr("tympan.studies.lumped.film_response.WORK", 1e5)
-    assert film_response(model, levels, MASS, Rig(), 1.0).numbers["stopped_s"] is None
+    assert film_response(model, levels, MASS, Rig(), 1.0).status == "done"
 
 
 def test_a_film_that_no_reduced_one_follows_is_refused() -> None:

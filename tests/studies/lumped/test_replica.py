@@ -18,13 +18,14 @@ from tympan.geometry.errors import InputError
 from tympan.reports.paper import page
 from tympan.studies.lumped.actuator import Actuator
 from tympan.studies.lumped.equilibria import pull_in, rest
-from tympan.studies.lumped.simulate import settling_time, simulate, slow_ends
+from tympan.studies.lumped.simulate import simulate, slow_ends
 from tympan.studies.paper import published
 from tympan.studies.paper.table1 import paper_actuators
 from tympan.studies.replica import missing_parameters as lost
 from tympan.studies.replica.figures import Choices, Decay, period_of, thinned
 from tympan.studies.replica.output import loop_gap
 from tympan.studies.signals import random_steps, step
+from tympan.studies.trace import settling_time
 
 FIGURES = ("fig7", "fig8", "fig9", "fig10", "fig11", "fig12", "fig13", "fig14", "misfit")
 

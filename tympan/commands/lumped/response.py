@@ -130,13 +130,8 @@ def lumped_simulate(options: argparse.Namespace) -> None:
     from tympan.progress import bar
     from tympan.studies.lumped.film_response import film_response
     from tympan.studies.lumped.model_file import read_model
-    from tympan.studies.lumped.simulate import (
-        SampledResponse,
-        SimulationResult,
-        sample,
-        sample_count,
-        simulate,
-    )
+    from tympan.studies.lumped.simulate import ModelResponse, sample, simulate
+    from tympan.studies.trace import Responses, sample_count
 
     interval = duration(options.interval, "--interval")
     signal, period = signal_of(options)
@@ -144,7 +139,7 @@ def lumped_simulate(options: argparse.Namespace) -> None:
     rig = read_rig(options.rig)
     actuators, remarks = _actuators(options, signal.peak, rig)
     films = {model.specimen.name: model for model in map(read_model, options.model) if model.film}
-    responses: list[SampledResponse] = []
+    responses: list[ModelResponse] = []
     stepped = options.signal == "step"
     with bar(len(actuators)) as progress:
         def over(share: float) -> None:
@@ -160,7 +155,7 @@ def lumped_simulate(options: argparse.Namespace) -> None:
                                     stepped, remarks))
     # Eq. (8) with Table 1's constants can be the film of no specimen file.
     specimens = tuple(actuator.specimen for actuator in actuators if options.permittivity is None)
-    finish(options, SimulationResult(tuple(responses), specimens, rig))
+    finish(options, Responses(tuple(responses), specimens, rig))
 
 
 @command("lumped linearise", *_ACTUATORS,

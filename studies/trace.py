@@ -1,0 +1,309 @@
+"""What a film does along time, by any model: moments, what they tell, saved and loaded."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Annotated, Any, ClassVar, Literal, Self
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from tympan.fem.rig import Rig
+from tympan.fem.toml_writer import specimen_content, toml
+from tympan.fem.transient.dense_output import spline
+from tympan.geometry.errors import InputError
+from tympan.geometry.fields import Key, write
+from tympan.geometry.specimen import Specimen
+from tympan.studies.case import Warnings
+from tympan.studies.columns import Column, read_own_sheet, write_sheet
+from tympan.studies.files import from_json, read_json, remove, to_json, write_json, write_text
+from tympan.studies.film_surface import FilmSurface, save_series
+from tympan.studies.signals import Signal, nominal
+
+Array = NDArray[np.float64]
+
+#: A loop that drifts by less than this share of its range counts as closed: less cannot be seen in
+#: a figure.
+_CLOSED = 0.01
+#: Points of a loop, enough for a smooth line.
+_POINTS = 401
+#: Points of Gauss's rule between two times of a motion: exact where the voltage is straight, to
+#: 1e-9 where a step is a quarter of a sine.
+_GAUSS = 6
+#: Share of its largest swing below which an oscillation is gone.
+_SETTLED = 0.05
+#: Samples of one file: with its nine columns it stays within what a table may have.
+_MOST = 1_000_000
+#: How long before a jump at once the rest is sampled, over the interval of samples.
+_EARLY = 1e-3
+
+_COLUMNS = (Column.labels("specimen"), Column("mass", "g"), Column.labels("run"),
+            Column("t", "s"), Column("voltage", "kV"), Column("displacement", "mm"),
+            Column("rest", "s", required=False), Column("film_voltage", "kV", required=False),
+            Column("current", "uA", required=False))
+_LOOP_COLUMNS = (Column.labels("specimen"), Column("voltage", "kV"), Column("deflection", "mm"))
+
+
+@dataclass(frozen=True, eq=False)
+class Trace:
+    """The moments of a motion [s], ascending; one that stands twice is a jump.
+
+    Values at them are arrays whose first axis is that of time. Between jumps they follow cubic
+    splines.
+    """
+
+    time: Array
+
+    @property
+    def end(self) -> float:
+        """When it is over [s]."""
+        return float(self.time[-1])
+
+    @cached_property
+    def _parts(self) -> list[slice]:
+        """Moments between jumps."""
+        starts = (np.flatnonzero(np.diff(self.time) == 0) + 1).tolist()
+        return [slice(*ends) for ends in zip([0, *starts], [*starts, len(self.time)], strict=True)]
+
+    def at(self, values: Array, when: Array) -> Array:
+        """Values at some times [s]; at a jump what comes after it. Nan beyond the last moment."""
+        result = np.full((len(when), *values.shape[1:]), np.nan)
+        starts = self.time[[part.start for part in self._parts]]
+        of = np.where(when <= self.time[-1], np.searchsorted(starts, when, "right") - 1, -1)
+        order = np.argsort(of, kind="stable")
+        ends = np.searchsorted(of[order], np.arange(len(self._parts) + 1))
+        for number in np.flatnonzero(np.diff(ends)).tolist():
+            within = order[ends[number]:ends[number + 1]]
+            part = self._parts[number]
+            result[within] = spline(self.time[part], values[part])(when[within])
+        return result
+
+    def rates(self, values: Array) -> Array:
+        """How fast values change at the moments [1/s].
+
+        At a jump before and after it; the jump itself has no rate.
+        """
+        return np.concatenate([spline(self.time[part], values[part])(self.time[part], 1)
+                               for part in self._parts])
+
+    def extremes(self, values: Array) -> tuple[tuple[float, float], tuple[float, float]]:
+        """When [s] values are smallest and how small, when largest and how large.
+
+        Between moments too, of values of shape (moments,); the first time of several.
+        """
+        when, what = [self.time], [values]
+        for part in self._parts:
+            curve = spline(self.time[part], values[part])
+            turns = curve.derivative().roots(extrapolate=False)
+            # Where it is constant any time is a root, which is told by one that is no number.
+            turns = turns[np.isfinite(turns)]
+            when.append(turns)
+            what.append(curve(turns))
+        times, heights = np.concatenate(when), np.concatenate(what)
+        low, high = (int(np.lexsort((times, sign * heights))[0]) for sign in (1, -1))
+        return (float(times[low]), float(heights[low])), (float(times[high]), float(heights[high]))
+
+    def last_loop(self, signal: Signal, period: float, deflection: Array
+                  ) -> tuple[pd.DataFrame, float]:
+        """The last period [s] of a signal, and ∮ y du [V m].
+
+        The area is positive where the deflection lags behind.
+        """
+        when = np.linspace(self.end - period, self.end, _POINTS)
+        u, y = nominal(signal, when), self.at(deflection, when)
+        area = self._enclosed(signal, float(when[0]), deflection)
+        return (pd.DataFrame({"voltage": u, "deflection": y}),
+                area - float(u[-1] * y[-1] - u[0] * y[0]))
+
+    def _enclosed(self, signal: Signal, begin: float, deflection: Array) -> float:
+        """∫ u dy [V m] from a time [s] on; at jumps of mean voltage."""
+        nodes, weights = np.polynomial.legendre.leggauss(_GAUSS)
+        time, total = self.time, 0.0
+        for part, following in zip(self._parts, [*self._parts[1:], None], strict=True):
+            times = np.unique(np.maximum(time[part], begin))
+            if len(times) > 1:
+                half = np.diff(times)[:, None] / 2
+                at = times[:-1, None] + half + half * nodes
+                rates = spline(time[part], deflection[part])(at, 1)
+                total += float((half * weights * nominal(signal, at) * rates).sum())
+            if following is not None and time[following.start] > begin:
+                jump = deflection[following.start] - deflection[part.stop - 1]
+                piece = int(np.searchsorted(signal.breaks, time[following.start])) - 1
+                ends = [signal.within(number, time[following.start])
+                        for number in (piece, piece + 1)]
+                total += float(jump * np.mean(ends))
+        return total
+
+
+def unclosed(loop: pd.DataFrame) -> list[str]:
+    """A warning where a loop does not close."""
+    y = loop["deflection"].to_numpy()
+    if abs(y[-1] - y[0]) <= _CLOSED * np.ptp(y):
+        return []
+    return [f"the last period ends {1e6 * (y[-1] - y[0]):+.3g} um from where it began: the film "
+            "still creeps; more periods (--count) close the loop"]
+
+
+def settling_time(time: Array, deflection: Array) -> float:
+    """When the oscillation about the slow motion last exceeds 5 % of its largest swing [s].
+
+    Counted from time[0]; nan where there is no oscillation, or it is not over yet. The slow motion
+    is that through the midpoints of neighbouring extremes, as one draws it by eye: the membrane
+    goes on creeping long after the oscillation has died away.
+    """
+    turning = np.flatnonzero(np.diff(np.sign(np.diff(deflection))) != 0) + 1
+    if len(turning) < 3:
+        return float("nan")
+    heights, times = deflection[turning], time[turning]
+    swing = np.abs(np.diff(heights)) / 2
+    if swing.max() < 1e-9 * np.abs(deflection).max():
+        return float("nan")
+    large = np.flatnonzero(swing > _SETTLED * swing.max())
+    if large[-1] == len(swing) - 1 and time[-1] - times[-1] < 2 * (times[-1] - times[-2]):
+        return float("nan")
+    return float((times[large[-1]] + times[large[-1] + 1]) / 2 - time[0])
+
+
+def sample_count(end: float, interval: float, runs: int = 1) -> int:
+    """How many samples a response up to ``end`` gives with an interval [s].
+
+    An :class:`InputError` where so many ``runs`` give more than a million.
+    """
+    if runs * end / interval > _MOST:
+        raise InputError(f"would give more than {_MOST} samples", key="--interval",
+                         given=f"{interval:g} s")
+    return max(2, round(end / interval) + 1)
+
+
+def with_rest(signal: Signal, time: Array, voltage: Array, deflection: Array, before: float
+              ) -> tuple[Array, Array, Array]:
+    """Times [s], voltages [V] and deflections [m] of samples, begun at rest if they are not.
+
+    A run of a dataset begins at rest under its first voltage. Where the signal jumps at once, its
+    first sample is after the jump already, and another comes in front: ``before`` [m], at rest.
+    """
+    if voltage[0] == signal.first:
+        return time, voltage, deflection
+    early = time[0] - _EARLY * (time[1] - time[0])
+    return (np.append(early, time), np.append(signal.first, voltage),
+            np.append(before, deflection))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Response:
+    """What a film does under a signal, as any model says it.
+
+    ``samples`` have the columns of transient.csv, SI, as the rig's sensor shows them; ``loop``, the
+    last period of a signal that has one, those of hysteresis.csv; ``films`` are surfaces by time.
+    """
+
+    file: ClassVar[str]
+    writer: ClassVar[str]
+    #: Of pictures of it that move.
+    drawn: ClassVar[tuple[str, ...]] = ()
+
+    specimen: Annotated[str, Key("name of the specimen")]
+    mass_kg: Annotated[float, Key("nominal load on the plate")]
+    status: Annotated[Literal["done", "drawn_in", "pull_in", "thinning"], Key(
+        "why it ended: the signal did, or what the film did before")]
+    first_voltage_V: Annotated[float, Key("voltage with which the signal begins")]
+    first_m: Annotated[float, Key("deflection at its beginning")]
+    last_m: Annotated[float, Key("deflection at its end")]
+    lowest_m: Annotated[float, Key("smallest deflection, between steps too")]
+    highest_m: Annotated[float, Key("largest deflection, between steps too")]
+    range_m: Annotated[float, Key("difference of the largest and the smallest")]
+    settling_time_s: Annotated[float | None, Key("of a step: until the oscillation is gone")]
+    hysteresis_area_V_m: Annotated[float | None, Key("area of the last loop, of a signal that "
+                                                     "repeats")]
+    warnings: Warnings
+    samples: pd.DataFrame = field(default_factory=pd.DataFrame, repr=False, compare=False)
+    loop: pd.DataFrame | None = field(default=None, repr=False, compare=False)
+    films: Mapping[float, FilmSurface] = field(default_factory=dict, repr=False, compare=False)
+
+    @classmethod
+    def of(cls, signal: Signal, when: Array, deflection: Array, low: float, high: float,
+           settles: bool, **others: Any) -> Self:
+        """The response whose deflections at times [s] these are, with its extremes [m].
+
+        ``settles``: after the signal an oscillation dies away; ``others``: all other fields.
+        """
+        settled = settling_time(when, deflection) if settles else np.nan
+        return cls(first_voltage_V=signal.first, first_m=float(deflection[0]),
+                   last_m=float(deflection[-1]), lowest_m=low, highest_m=high, range_m=high - low,
+                   settling_time_s=settled if np.isfinite(settled) else None, **others)
+
+    @classmethod
+    def load(cls, folder: Path) -> Responses:
+        """What was saved; what is missing, damaged or of another kind is an InputError."""
+        file = folder / cls.file
+        content = read_json(file)
+        if not isinstance(content, dict) or not content.get("responses"):
+            raise InputError(f"is not of {cls.writer}: run it again", file=file)
+        samples = pd.DataFrame(read_own_sheet(folder / "transient.csv", _COLUMNS)).dropna(
+            axis="columns", how="all")
+        loops: dict[Any, pd.DataFrame] = {}
+        if (folder / "hysteresis.csv").exists():
+            periods = pd.DataFrame(read_own_sheet(folder / "hysteresis.csv", _LOOP_COLUMNS))
+            loops = dict(iter(periods.groupby("specimen")))
+        numbers = (from_json(cls, item, file, f"responses[{place}]")
+                   for place, item in enumerate(content["responses"]))
+        return Responses(tuple(
+            replace(response, samples=samples[samples["specimen"] == response.specimen],
+                    loop=loops.get(response.specimen)) for response in numbers))
+
+
+@dataclass(frozen=True, eq=False)
+class Responses:
+    """Responses of one actuator each, all to the same signal and by the same command.
+
+    With ``specimens``, on a ``rig``, what is saved is a dataset.
+    """
+
+    responses: tuple[Response, ...]
+    specimens: Sequence[Specimen] = ()
+    rig: Rig = Rig()
+
+    @property
+    def films(self) -> tuple[Mapping[float, FilmSurface], ...]:
+        """Surfaces of each film by time [s]."""
+        return tuple(response.films for response in self.responses)
+
+    @property
+    def pictures(self) -> tuple[str, ...]:
+        """Files of moving films that are drawn of it."""
+        return tuple(f"{response.specimen}.{kind}" for response in self.responses
+                     for kind in response.drawn)
+
+    def json(self) -> dict[str, Any]:
+        """As a JSON object, without samples."""
+        return {"responses": to_json(self.responses)}
+
+    def save(self, folder: Path) -> None:
+        """Write the numbers, transient.csv, dataset.toml beside it, and of loops hysteresis.csv.
+
+        Films as a VTK series NAME.pvd. The numbers come last, so their presence means the rest is
+        complete.
+        """
+        first = self.responses[0]
+        for response in self.responses:
+            if response.drawn:
+                save_series(folder, response.specimen, list(response.films.items()))
+        remove(folder, first.file, "hysteresis.csv")
+        samples = pd.concat([response.samples for response in self.responses])
+        write_sheet(folder / "transient.csv",
+                    [column for column in _COLUMNS if column.name in samples], samples)
+        loops = [response.loop.assign(specimen=response.specimen) for response in self.responses
+                 if response.loop is not None]
+        if loops:
+            write_sheet(folder / "hysteresis.csv", _LOOP_COLUMNS, pd.concat(loops))
+        if self.specimens:
+            with suppress(InputError):  # a dataset that is there already stays as it is
+                write_text(folder / "dataset.toml", toml({
+                    "name": "simulated", "source": first.writer, "rig": write(self.rig),
+                    "specimen": [specimen_content(specimen) for specimen in self.specimens]}))
+        write_json(folder / first.file, self.json())
