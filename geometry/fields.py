@@ -60,9 +60,10 @@ class Key:
     ``needs`` names another key, without which (or where that is 0) this one has no place. A
     ``discrete`` field has no derivatives. ``default`` says what a missing key means, where the
     dataclass finds that out itself, in ``completed``. ``also``: what people write instead of the
-    key. ``repeats``: one number stands for all of a list. Of results: ``in_unit``: the key ends in
-    the unit that the whole result has, such as ``noise_um``; ``may_miss``: there is no key where
-    a result of its kind has no such thing, None; nan is null, where there happens to be none.
+    key. ``repeats``: one number stands for all of a list. Of results: ``printed`` is the key where
+    it is not the field's name; ``in_unit``: it ends in the unit that the whole result has, such as
+    ``noise_um``; ``may_miss``: there is no key where a result of its kind has no such thing, None;
+    nan is null, where there happens to be none.
     """
 
     meaning: str
@@ -77,12 +78,13 @@ class Key:
     default: str = ""
     also: tuple[str, ...] = ()
     repeats: bool = False
+    printed: str = ""
     in_unit: bool = False
     may_miss: bool = False
 
     def spelled(self, name: str, unit: str = "") -> str:
         """The key of a field of a ``name`` in a result whose unit is that."""
-        return (self.name or name) + f"_{unit}" * self.in_unit
+        return (self.printed or name) + f"_{unit}" * self.in_unit
 
 
 @dataclass(frozen=True, eq=False)

@@ -87,7 +87,7 @@ class FoundCause:
     surprise: Annotated[float | None, Key("its size over the usual one")] = None
     only_its_size: Annotated[bool, Key("whether only its size speaks against it")] = False
     others: Annotated[tuple[str, ...], Key("other effects of the same hypothesis",
-                                           name="with")] = ()
+                                           printed="with")] = ()
     named: Annotated[bool, Key("whether it stands out")] = False
     parameters: Annotated[dict[str, ShownSize], Key("sizes by the parameter's name")] = field(
         default_factory=dict)
@@ -273,7 +273,7 @@ class LoadedFilm:
     film: FilmSurface | None = field(default=None, repr=False, compare=False)
 
     def loaded(self, folder: Path) -> LoadedFilm:
-        """With the film that was stored in a folder."""
+        """The entry with the film that was stored in a folder."""
         file = folder / f"{self.specimen}.vtu"
         film = FilmSurface.load(file)
         if "nominal_deflection" not in film.values:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import argparse
 import json
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import pytest
@@ -15,10 +16,13 @@ from tests.support.datasets import write_dataset
 from tests.support.specimens import specimen_toml
 from tympan.cli import main
 from tympan.commands import COMMANDS
+from tympan.geometry.fields import Key
 from tympan.options import Command
 from tympan.reports import schema
 from tympan.reports.schema import JsonKey, json_records
 from tympan.studies.alpha.table import OutlineRow, OutlineTable
+from tympan.studies.files import from_json, to_json
+from tympan.studies.limits.loads import LoadGrid
 
 RECORDS = {record.name: record for record in json_records()}
 LOADS = ("--mass", "17.9 g", "--voltage", "2 kV")
@@ -182,6 +186,23 @@ def test_every_key_has_a_meaning_and_every_path_a_parent(name: str) -> None:
         assert key.meaning or path.endswith(("[]", "{}")), path
         head = path.removesuffix("[]") if path.endswith("[]") else path.rpartition(".")[0]
         assert not head or head in keys or head.removesuffix("{}").removesuffix("[]") in keys, path
+
+
+@dataclass(frozen=True)
+class Told:
+    noise: Annotated[float, Key("noise", in_unit=True)]
+    others: Annotated[tuple[str, ...], Key("others", printed="with")]
+    limit: Annotated[float | None, Key("limit", may_miss=True)] = None
+
+
+@pytest.mark.parametrize(("value", "unit", "written"), [
+    (Told(2.0, ("a",)), "kPa", {"noise_kPa": 2.0, "with": ["a"]}),
+    (Told(2.0, (), np.nan), "um", {"noise_um": 2.0, "with": [], "limit": None}),
+    (LoadGrid((0.01,), (0.0, 1e3)), "", {"masses": [0.01], "voltages": [0.0, 1000.0]}),
+], ids=["missing", "none", "the keys of its input files are others"])
+def test_keys_are_as_declared_and_read_back(value: Any, unit: str, written: dict[str, Any]) -> None:
+    assert to_json(value, unit) == written
+    assert to_json(from_json(type(value), written, unit=unit), unit) == written
 
 
 def test_units_are_those_of_the_names() -> None:
