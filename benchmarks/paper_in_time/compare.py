@@ -19,10 +19,10 @@ from benchmarks.paper_in_time.fit import (
 from benchmarks.paper_in_time.step_responses import StepResponses, step_responses
 from tympan.fem.rig import Rig
 from tympan.geometry.specimen import ViscousBranch
+from tympan.studies.films.film import ReducedFilm
+from tympan.studies.films.reduction import error_of
 from tympan.studies.lumped.film_response import film_deflections
 from tympan.studies.paper import published
-from tympan.studies.reduced_film.film import ReducedFilm
-from tympan.studies.reduced_film.reduction import error_of
 from tympan.studies.replica.figures import Choices, Criterion
 from tympan.studies.replica.missing_parameters import MissingParameters, fit_levels
 from tympan.studies.signals import Pieces, Sine

@@ -1,6 +1,6 @@
 """A neo-Hookean film with viscous branches fitted to the six ranges of the paper's Table 2.
 
-Constants are changed in films reduced once (:mod:`tympan.studies.reduced_film.film`): what a film
+Constants are changed in films reduced once (:mod:`tympan.studies.films.film`): what a film
 is made of is in their points as it is in the field model's. Ranges are read at the ends of the
 levels of figure 14, whose levels are lost: any seed's may stand for them.
 """
@@ -21,10 +21,10 @@ from tympan.fem.membrane.model import Model
 from tympan.fem.rig import Rig
 from tympan.geometry.specimen import Specimen, ViscousBranch
 from tympan.studies.case import Settings, build_model
+from tympan.studies.films.film import FilmLoads, NoBalance, ReducedFilm
+from tympan.studies.films.reduction import reduced_film
 from tympan.studies.lumped.film_response import film_deflections, film_motion
 from tympan.studies.paper import published
-from tympan.studies.reduced_film.film import FilmLoads, NoBalance, ReducedFilm
-from tympan.studies.reduced_film.reduction import reduced_film
 from tympan.studies.replica.figures import Criterion, Decay, settling_times
 from tympan.studies.signals import Pieces, Signal, step
 from tympan.studies.trace import Trace

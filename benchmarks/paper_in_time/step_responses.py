@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from benchmarks.paper_in_time.fit import Fit, swing, with_constants
 from tympan.fem.rig import Rig
 from tympan.studies.case import Settings
+from tympan.studies.films.film import FilmLoads, ReducedFilm
 from tympan.studies.lumped.simulate import simulate
 from tympan.studies.paper import published
-from tympan.studies.reduced_film.film import FilmLoads, ReducedFilm
 from tympan.studies.replica.figures import Decay
 from tympan.studies.replica.missing_parameters import MissingParameters
 from tympan.studies.signals import step

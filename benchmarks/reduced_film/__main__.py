@@ -25,10 +25,10 @@ from tympan.fem.film.library import load_specimen
 from tympan.geometry.specimen import Specimen, ViscousBranch
 from tympan.reports import look
 from tympan.studies.case import Settings, build_model
+from tympan.studies.films.film import ReducedFilm
+from tympan.studies.films.reduction import reduced_film
 from tympan.studies.lumped.film_response import film_deflections, film_motion
 from tympan.studies.paper.published import MASSES
-from tympan.studies.reduced_film.film import ReducedFilm
-from tympan.studies.reduced_film.reduction import reduced_film
 from tympan.studies.signals import Sine, nominal, ramp, random_steps, step
 from tympan.studies.trace import Trace
 from tympan.studies.transient import TransientCase, history

@@ -22,13 +22,13 @@ from tympan.studies.case import Case, Settings, build_model, failure_reason, vol
 from tympan.studies.circles import ConeCircle
 from tympan.studies.columns import Column, read_own_sheet, write_sheet
 from tympan.studies.files import read_json, remove, write_json
+from tympan.studies.films.reduction import IN_TIME, reduced_film
 from tympan.studies.limits.loads import usual_masses, usual_voltages
 from tympan.studies.lumped.actuator import Actuator, Viscous
 from tympan.studies.lumped.equilibria import pull_in, rest, rest_curve
 from tympan.studies.lumped.model_file import STILL, LumpedModel, read_model, write_model
 from tympan.studies.lumped.remarks import origin
 from tympan.studies.modes import modes
-from tympan.studies.reduced_film.reduction import IN_TIME, reduced_film
 
 Array = NDArray[np.float64]
 Progress = Callable[[str], None]
@@ -251,7 +251,7 @@ def build(specimen: Specimen, settings: Settings, chosen: BuildSettings | None =
     The circles and α are those of :func:`tympan.studies.alpha.alpha` on membrane circles. Against
     the forces of the fit's loads two factors are found, one on the film's and one on the voltage's
     energy: least squares of relative force. A film with viscous branches also gets its reduced film
-    in time (:mod:`tympan.studies.reduced_film.reduction`), unless it is not asked for.
+    in time (:mod:`tympan.studies.films.reduction`), unless it is not asked for.
     """
     specimen.needed_plate()
     Actuator.of(specimen, 1.0, rig=rig)  # refuses a rig that the model does not have

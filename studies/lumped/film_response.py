@@ -13,11 +13,11 @@ from tympan.fem.equilibrium.newton import WORK, Budget
 from tympan.fem.rig import Rig, checked_load
 from tympan.geometry.errors import InputError
 from tympan.studies.case import Case
+from tympan.studies.films.driven_film import ERROR, ReducedMoment
+from tympan.studies.films.film import NoBalance, ReducedFilm
+from tympan.studies.films.motion import PulledIn, ReducedMotion
 from tympan.studies.lumped.model_file import LumpedModel
 from tympan.studies.lumped.simulate import ModelResponse
-from tympan.studies.reduced_film.driven_film import ERROR, ReducedMoment
-from tympan.studies.reduced_film.film import NoBalance, ReducedFilm
-from tympan.studies.reduced_film.motion import PulledIn, ReducedMotion
 from tympan.studies.signals import Signal, Supplied, Together, lagging, nominal
 from tympan.studies.trace import Trace, unclosed
 

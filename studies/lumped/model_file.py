@@ -21,8 +21,8 @@ from tympan.geometry.specimen import Specimen
 from tympan.geometry.toml_reader import NON_NEGATIVE, POSITIVE, Rule, Table
 from tympan.studies.circles import MembraneCircle
 from tympan.studies.files import write_text
+from tympan.studies.films.film import ReducedFilm
 from tympan.studies.lumped.actuator import Actuator, Viscous
-from tympan.studies.reduced_film.film import ReducedFilm
 
 _WEIGHT: Rule = (lambda x: 0 <= x <= 1, "must be from 0 to 1")
 

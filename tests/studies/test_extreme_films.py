@@ -24,9 +24,9 @@ from tympan.geometry.outlines import Circle, Ellipse
 from tympan.geometry.specimen import Electrode, Film, Plate, Specimen, ViscousBranch
 from tympan.studies.alpha import AlphaSettings, LoadGrid, alpha
 from tympan.studies.case import Case, Settings, build_model, equilibrate, solve
+from tympan.studies.films.reduction import reduced_film
 from tympan.studies.limits import curve, limits
 from tympan.studies.lumped.build import BuildSettings, build
-from tympan.studies.reduced_film.reduction import reduced_film
 
 #: The films that did not end: twenty times as long as wide, or with a plate beside its frame.
 ENDLESS = {

@@ -2,7 +2,7 @@
 
 A film with viscous branches that goes through a voltage's history stands, at any time, where a film
 at rest would that is 1 + η times as stiff. That η comes from the film reduced to a few points
-(:mod:`tympan.studies.reduced_film.film`) with its own law, branches and voltages in time; the place
+(:mod:`tympan.studies.films.film`) with its own law, branches and voltages in time; the place
 of rest from the force law with all that a hypothesis changes. So a hypothesis that leaves branches
 as they are costs no run, and where nothing is remembered readings in time are those at rest.
 
@@ -31,9 +31,9 @@ from tympan.studies.diagnosis.history import WEIGHTS, Passage, Passages, Voltage
 from tympan.studies.diagnosis.hypothesis import with_factors
 from tympan.studies.diagnosis.reading_table import ReadingTable, States
 from tympan.studies.effects import Setup
-from tympan.studies.reduced_film.film import FilmLoads, NoBalance, ReducedFilm
-from tympan.studies.reduced_film.motion import PulledIn, ReducedMotion
-from tympan.studies.reduced_film.reduction import film_of_runs
+from tympan.studies.films.film import FilmLoads, NoBalance, ReducedFilm
+from tympan.studies.films.motion import PulledIn, ReducedMotion
+from tympan.studies.films.reduction import film_of_runs
 from tympan.studies.signals import Supplied, Together
 from tympan.studies.trace import Trace
 

@@ -22,11 +22,11 @@ from tests.support.specimens import circular
 from tympan.cli import main
 from tympan.fem.film.laws import Gent
 from tympan.geometry.errors import InputError
+from tympan.studies.films.film import ReducedFilm
 from tympan.studies.lumped.export.c_source import export_c
 from tympan.studies.lumped.export.fmu import export_fmu
 from tympan.studies.lumped.model_file import LumpedModel, write_model
 from tympan.studies.lumped.simulate import LumpedMotion, simulate
-from tympan.studies.reduced_film.film import ReducedFilm
 from tympan.studies.signals import Pieces
 
 COMPILER = shutil.which("cc")

@@ -29,14 +29,14 @@ from tympan.geometry.mesher import MeshSettings
 from tympan.geometry.outlines import Ellipse, RoundedRectangle
 from tympan.geometry.specimen import Electrode, Film, Plate, Specimen, ViscousBranch
 from tympan.studies.case import Case, Settings, build_model, solve
+from tympan.studies.films.driven_film import ReducedMoment
+from tympan.studies.films.film import FilmLoads, NoBalance, ReducedFilm
+from tympan.studies.films.motion import PulledIn
+from tympan.studies.films.reduction import error_of, held_out, reduced_film
 from tympan.studies.limits import limits
 from tympan.studies.lumped.build import BuildSettings, build
 from tympan.studies.lumped.film_response import film_deflections, film_motion, film_response
 from tympan.studies.lumped.model_file import STILL, LumpedModel, read_model, write_model
-from tympan.studies.reduced_film.driven_film import ReducedMoment
-from tympan.studies.reduced_film.film import FilmLoads, NoBalance, ReducedFilm
-from tympan.studies.reduced_film.motion import PulledIn
-from tympan.studies.reduced_film.reduction import error_of, held_out, reduced_film
 from tympan.studies.signals import Pieces, Sine, ramp, random_steps, step
 from tympan.studies.trace import Trace
 from tympan.studies.transient import TransientCase, history

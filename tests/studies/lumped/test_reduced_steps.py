@@ -14,11 +14,11 @@ from tympan.fem.film.staged_memory import StagedFlow
 from tympan.fem.transient.collocation import radau
 from tympan.geometry.specimen import ViscousBranch
 from tympan.studies.case import Settings, build_model
-from tympan.studies.reduced_film.corrections import Corrections, factorised
-from tympan.studies.reduced_film.film import FilmLoads, NoBalance, ReducedFilm
-from tympan.studies.reduced_film.heave_path import HeavePath, HeaveSamples
-from tympan.studies.reduced_film.reduction import film_of_runs
-from tympan.studies.reduced_film.sampling import by_voltages
+from tympan.studies.films.corrections import Corrections, factorised
+from tympan.studies.films.film import FilmLoads, NoBalance, ReducedFilm
+from tympan.studies.films.heave_path import HeavePath, HeaveSamples
+from tympan.studies.films.reduction import film_of_runs
+from tympan.studies.films.sampling import by_voltages
 
 FORCES = 0.17554, 0.22016
 PLAIN = circular(NeoHooke(20e3))

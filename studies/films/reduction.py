@@ -23,8 +23,8 @@ from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import State
 from tympan.fem.transient.integrate import Moment, StepSettings, Stopped, Transient
 from tympan.geometry.errors import InputError
-from tympan.studies.reduced_film.film import NoBalance, ReducedFilm
-from tympan.studies.reduced_film.motion import PulledIn, ReducedMotion
+from tympan.studies.films.film import NoBalance, ReducedFilm
+from tympan.studies.films.motion import PulledIn, ReducedMotion
 from tympan.studies.signals import Pieces, Signal, Sine, ramp, random_steps, step
 from tympan.studies.trace import Trace
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg.lapack import dgetrf, dgetrs
 
-from tympan.studies.reduced_film.film import NoBalance
+from tympan.studies.films.film import NoBalance
 
 Array = NDArray[np.float64]
 

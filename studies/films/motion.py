@@ -1,6 +1,6 @@
 """Motion of a reduced film in time, in steps as long as an error estimate allows.
 
-A step (:mod:`tympan.studies.reduced_film.collocated_step`) begins where the one before leads to, or
+A step (:mod:`tympan.studies.films.collocated_step`) begins where the one before leads to, or
 after a jump of the voltage where the film's heave by itself would go at once.
 """
 
@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tympan.geometry.errors import InputError
-from tympan.studies.reduced_film.collocated_step import CollocatedStep, StepSolution
-from tympan.studies.reduced_film.driven_film import DrivenFilm, ReducedMoment
-from tympan.studies.reduced_film.film import FilmLoads, NoBalance
+from tympan.studies.films.collocated_step import CollocatedStep, StepSolution
+from tympan.studies.films.driven_film import DrivenFilm, ReducedMoment
+from tympan.studies.films.film import FilmLoads, NoBalance
 
 Array = NDArray[np.float64]
 

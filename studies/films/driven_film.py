@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from tympan.fem.equilibrium.newton import Budget
 from tympan.fem.film.memory import Memory
 from tympan.fem.transient.collocation import CollocationRule, radau
-from tympan.studies.reduced_film.film import FilmLoads, ReducedFilm
+from tympan.studies.films.film import FilmLoads, ReducedFilm
 from tympan.studies.signals import Signal, Supplied, Together
 
 Array = NDArray[np.float64]

@@ -35,7 +35,7 @@ from tympan.fem.film.memory import (
 )
 from tympan.fem.film.staged_memory import StagedFlow
 from tympan.geometry.specimen import Specimen
-from tympan.studies.reduced_film.heave_path import DEGREE, HeavePath, HeaveSamples
+from tympan.studies.films.heave_path import DEGREE, HeavePath, HeaveSamples
 
 Array = NDArray[np.float64]
 

@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 
 from tympan.fem.film.memory import Memory
 from tympan.fem.film.staged_memory import StagedFlow
-from tympan.studies.reduced_film.corrections import Corrections, factorised
-from tympan.studies.reduced_film.driven_film import PHASES, DrivenFilm, ReducedMoment
-from tympan.studies.reduced_film.film import ITERATIONS, FilmLoads, NoBalance, require_stable
-from tympan.studies.reduced_film.sampling import by_voltages
+from tympan.studies.films.corrections import Corrections, factorised
+from tympan.studies.films.driven_film import PHASES, DrivenFilm, ReducedMoment
+from tympan.studies.films.film import ITERATIONS, FilmLoads, NoBalance, require_stable
+from tympan.studies.films.sampling import by_voltages
 
 Array = NDArray[np.float64]
 

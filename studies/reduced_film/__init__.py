@@ -1,1 +1,0 @@
-"""A film in time at a few points: as exact as its field model on what it was made from."""
