@@ -10,7 +10,6 @@ branches are the film's own at these points (:mod:`tympan.fem.film`): nothing of
 from __future__ import annotations
 
 from collections.abc import Mapping
-from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -35,7 +34,6 @@ from tympan.fem.film.memory import (
 )
 from tympan.fem.film.staged_memory import StagedFlow
 from tympan.geometry.specimen import Specimen
-from tympan.studies.films.heave_path import DEGREE, HeavePath, HeaveSamples
 
 Array = NDArray[np.float64]
 
@@ -53,10 +51,6 @@ _MARGIN = 0.2
 
 #: Shortest part of a change of loads that is tried.
 _PART = 1e-3
-
-
-#: By which square of a voltage [V²] its pull is told.
-_CHARGED = 1e6
 
 
 class NoBalance(ArithmeticError):
@@ -344,63 +338,14 @@ class ReducedFilm:
         return q
 
     def at_rest(self, loads: FilmLoads, last: float = _LAST) -> Array:
-        """q at rest for ever under loads."""
-        if not np.any(loads.voltage_squared):
-            return self._weighed(loads, last)
+        """q at rest for ever under loads: weighed first, then charged."""
+        runs, nothing = np.shape(loads.force), FilmLoads(0.0, 0.0)
         weight = replace(loads, voltage_squared=0.0)
-        return self.carried(self._weighed(weight, last), weight, loads, last=last)
-
-    def _weighed(self, weight: FilmLoads, last: float) -> Array:
-        """q at rest without voltage."""
-        if self.path is not None:
-            q = self.path.at_rest(weight.force, weight.spring)
-            if q is not None:
-                return q
-        runs = np.shape(weight.force)
         flat = np.broadcast_to(self.flat, (*runs, self.count))
-        return self.carried(flat, FilmLoads(0.0, 0.0), weight, last=last)
-
-    def led(self, q: Array, before: FilmLoads, after: FilmLoads, flow: StagedFlow) -> Array:
-        """Nearly where a voltage that jumps leads to from q at the stages of a step."""
-        q = q[..., None, :]
-        moduli = flow.memory.moduli
-        if self.path is None or not len(moduli):
-            return np.repeat(q, flow.weights.shape[-1], -2)
-        flown = (moduli[:, None, None] * flow.weights).sum(0) / moduli.sum()
-        squares = before.voltage_squared, after.voltage_squared
-        return q + self.path.jump(q[..., 0, 0], *squares, after.spring, flown)
-
-    @cached_property
-    def path(self) -> HeavePath | None:
-        """By heave at rest without voltage, up to a good deal of the gap; None where there is none.
-
-        As of a film that is slack.
-        """
-        nodes = -np.cos(np.pi * np.arange(DEGREE + 1) / DEGREE)
-        places = nodes, (nodes[1:] + nodes[:-1]) / 2
-        highest = _TABULATED * self.specimen.gap
-        with suppress(NoBalance, np.linalg.LinAlgError):
-            return HeavePath.of(*(self._held(highest * (1 + each) / 2) for each in places))
-        return None
-
-    def _held(self, heaves: Array) -> HeaveSamples:
-        """At rest without voltage, held at ascending heaves [m]."""
-        q = np.multiply.outer(heaves, np.eye(self.count)[0])
-        q = self.balanced(q, FilmLoads(0.0, 0.0), clamped=True)
-        flow = self.relaxed(q).step(self.strain(q), 0.0)
-        (force, relaxed), (_, at_once) = self.pull(q, 0.0), self.pull(q, 0.0, flow)
-        moved = self._moved(q, 0.0, flow)
-        bent = (self._moved(q + _CHARGED * moved, _CHARGED, flow) - moved) / (2 * _CHARGED)
-        stiff, softer = (1 / np.linalg.inv(each)[:, 0, 0] for each in (at_once, relaxed))
-        return HeaveSamples(heaves, force[:, 0], stiff - softer, stiff * moved[:, 0], q, moved,
-                            bent)
-
-    def _moved(self, q: Array, voltage_squared: float, flow: Flow) -> Array:
-        """q by U² [m/V²] in a step of no time, shape (..., shapes)."""
-        before, stiffness = self.pull(q, voltage_squared, flow)
-        after, _ = self.pull(q, voltage_squared + _CHARGED, flow)
-        pull = (before - after)[..., None] / _CHARGED
-        return np.asarray(np.linalg.solve(stiffness, pull)[..., 0])
+        q = self.carried(flat, nothing, weight, last=last)
+        if not np.any(loads.voltage_squared):
+            return q
+        return self.carried(q, weight, loads, last=last)
 
 
 def _solved(stiffness: Array, pull: Array) -> Array:

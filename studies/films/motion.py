@@ -1,7 +1,7 @@
 """Motion of a reduced film in time, in steps as long as an error estimate allows.
 
-A step (:mod:`tympan.studies.films.collocated_step`) begins where the one before leads to, or
-after a jump of the voltage where the film's heave by itself would go at once.
+A step (:mod:`tympan.studies.films.collocated_step`) begins where the one before leads to, or after
+a jump of the voltage where the film was.
 """
 
 from __future__ import annotations
@@ -153,10 +153,7 @@ class ReducedMotion(DrivenFilm):
             return past.at_voltages(step)
         if past is not None and step.duration <= _FAR * past.step.duration:
             return past.beyond(step.times)
-        q = step.moment.q
-        if step.jump is not None:
-            return self.tabulated.led(q, step.moment.loads, step.jump, step.flow)
-        return np.repeat(q[..., None, :], len(step.stages), -2)
+        return np.repeat(step.moment.q[..., None, :], len(step.stages), -2)
 
     def _straight(self, piece: int, start: float, end: float) -> float:
         """The longest first step in a piece of the signal [s]: a part of one that is no line."""
