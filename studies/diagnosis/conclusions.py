@@ -15,7 +15,7 @@ from tympan.geometry.specimen import Specimen
 from tympan.studies.data.checks import dataset_warnings
 from tympan.studies.data.dataset import Dataset
 from tympan.studies.diagnosis import result
-from tympan.studies.diagnosis.coupons.coupon_record import at_temperature, strips
+from tympan.studies.diagnosis.evidence.kind import PreparedReadings
 from tympan.studies.diagnosis.fits.evidence import interval
 from tympan.studies.diagnosis.fits.fit import Fit
 from tympan.studies.diagnosis.gain import GainReport, gain_of
@@ -28,7 +28,6 @@ from tympan.studies.diagnosis.next_experiment.experiments import MENU
 from tympan.studies.diagnosis.next_experiment.proposals import AnyExperiment, Proposal, propose
 from tympan.studies.diagnosis.next_experiment.solved_experiments import SOLVED
 from tympan.studies.diagnosis.reading_table import ReadingTable
-from tympan.studies.diagnosis.readings import PreparedReadings
 from tympan.studies.diagnosis.reduced.simulation import Simulation
 from tympan.studies.diagnosis.result import Columns, Diagnosis, Json, Verdict
 from tympan.studies.diagnosis.self_check import Bench
@@ -93,7 +92,7 @@ class Conclusions:
     def of(cls, dataset: Dataset, readings: PreparedReadings, judgement: Judgement,
            model_error: float = 0.0, seed: int = 0) -> Conclusions:
         """With all that follows from a judgement of the dataset's readings."""
-        causes, films = readings.causes, judgement.of_actuators()
+        causes, films = readings.causes, judgement.of_first()
         simulation = films.simulation
         # Nothing more is proposed beside coupons than the checks of what is found.
         # What is to be solved takes its time, and is for causes that cannot be told apart.
@@ -102,7 +101,7 @@ class Conclusions:
                 isinstance(specimen, Specimen) for specimen in simulation.setup.specimens):
             menu = (*MENU, *SOLVED)
         proposals: tuple[tuple[Proposal, ...], str] = ((), "")
-        if simulation.coupons_alone is None:
+        if simulation.loaded:
             proposals = propose(simulation, films, causes, menu, dataset.effort)
         return cls(dataset, readings, judgement, model_error,
                    gain_of(simulation, films.table, causes, films, seed), *proposals)
@@ -125,7 +124,7 @@ class Conclusions:
     @cached_property
     def films(self) -> Judgement:
         """The judgement's part on readings of actuators, where there are some."""
-        return self.judgement.of_actuators()
+        return self.judgement.of_first()
 
     @property
     def simulation(self) -> Simulation:
@@ -153,7 +152,7 @@ class Conclusions:
         ``self_check``: what is concluded from synthetic readings, None where that was not asked.
         """
         judged, posterior, chosen = self.judgement, self.judgement.posterior, self.chosen
-        unit, tests = judged.table.unit, self.simulation.coupons_alone
+        unit = judged.table.unit
         causes = () if posterior is None else tuple(self._causes(posterior))
         place = "nowhere: what is left is noise" if self.verdict == "nothing" else where(judged)
         suspects = [] if self.verdict != "ambiguous" else suspects_among(causes)
@@ -190,10 +189,9 @@ class Conclusions:
             warnings=tuple(self._limitations()),
             films=self._plans() if judged.table.scans else {},
             loaded_films=tuple(loaded_films(self.films, self.extended)) if films else (),
-            coupon_reading=None if tests is None else self.dataset.coupon_reading,
+            coupon_reading=None if self.simulation.loaded else self.dataset.coupon_reading,
             unit=unit.name,
-            tables=(dict(self._tables()) if tests is None
-                    else {result.STRIPS: strips(tests, judged, chosen)}),
+            tables=dict(self._tables()),
             extended=self._extended_files(),
             coupons=None if self.coupons is None else self.coupons.diagnosis())
 
@@ -225,11 +223,11 @@ class Conclusions:
 
     def _extended_files(self) -> dict[str, str]:
         """The extended model's rig and specimens as files by name, or why there is none."""
-        setup, tests = self.extended, self.simulation.coupons_alone
+        setup = self.extended
         if setup is None:
             return {}
         files = {"rig.toml": rig_to_toml(setup.rig)}
-        for specimen in setup.specimens if tests is None else self._at_temperatures():
+        for specimen in self.simulation.evidence[0].specimens(setup):
             try:
                 files[f"{specimen.name}.toml"] = specimen_to_toml(specimen)
             except InputError as error:
@@ -237,29 +235,24 @@ class Conclusions:
         return files
 
     def _tables(self) -> Iterator[tuple[str, Columns]]:
-        """What was read of actuators, and what both models say there and between."""
+        """What was read, and what both models say there and, of actuators, between."""
         table, nominal, chosen = self.films.table, self.films.nominal, self.films.chosen
         specimens = np.array([specimen.name for specimen in self.simulation.setup.specimens])
+        models = {"baseline": nominal.predicted(table),
+                  "extended": (chosen or nominal).predicted(table)}
+        own = self.simulation.evidence[0].written(table, specimens.tolist(), models)
+        if own is not None:
+            yield result.STRIPS, own
+            return
         yield result.READINGS, {
             "file": table.file, "line": table.line, "kind": table.kind,
             "specimen": specimens[table.specimen], "mass": table.mass, "voltage": table.voltage,
             "elapsed": table.states.elapsed[table.state], "run": table.run, "order": table.order,
             "sigma": table.sigma,
-            **{name: table.noise.apart(values) for name, values in (
-                ("read", table.value), ("baseline", nominal.predicted(table)),
-                ("extended", (chosen or nominal).predicted(table)))},
+            **{name: table.noise.apart(values)
+               for name, values in {"read": table.value, **models}.items()},
             **dict(zip("xy", table.places.T, strict=True))}
         yield result.CURVES, curves(self.simulation, self.films, chosen)
-
-    def _at_temperatures(self) -> tuple[Specimen, ...]:
-        """The extended specimens of coupons, and as they are at the temperatures of the tests."""
-        setup, tests = self.extended, self.simulation.coupons_alone
-        if setup is None or tests is None:
-            return ()
-        warm = [at_temperature(specimen, celsius) for specimen in setup.specimens
-                if specimen.membrane.temperature_power
-                for celsius in np.unique(tests.coupons.degrees).tolist()]
-        return (*setup.specimens, *warm)
 
     def _causes(self, posterior: Posterior) -> Iterator[result.FoundCause]:
         judged, probabilities = self.judgement, posterior.of_causes()

@@ -21,12 +21,9 @@ from tympan.studies.diagnosis.calibration import (
     with_masses,
 )
 from tympan.studies.diagnosis.conclusions import Conclusions
-from tympan.studies.diagnosis.coupons.beside_actuators import (
-    BATCH,
-    of_one_film,
-    weighed_together,
-)
-from tympan.studies.diagnosis.coupons.coupon_readings import WORDS, CouponReadings, coupon_readings
+from tympan.studies.diagnosis.evidence.coupon_readings import WORDS, coupon_readings
+from tympan.studies.diagnosis.evidence.coupons import BATCH, CouponTests
+from tympan.studies.diagnosis.evidence.kind import PreparedReadings
 from tympan.studies.diagnosis.frame_check import check_frame
 from tympan.studies.diagnosis.inference.identifiability import (
     classes_of,
@@ -35,8 +32,8 @@ from tympan.studies.diagnosis.inference.identifiability import (
 )
 from tympan.studies.diagnosis.inference.nominal import with_noise_found
 from tympan.studies.diagnosis.inference.verdict import Judgement, judge
-from tympan.studies.diagnosis.reading_table import ReadingTable
-from tympan.studies.diagnosis.readings import PreparedReadings, prepared_readings
+from tympan.studies.diagnosis.reading_table import ReadingTable, States
+from tympan.studies.diagnosis.readings import prepared_readings
 from tympan.studies.diagnosis.reduced.simulation import Simulation
 from tympan.studies.diagnosis.result import Diagnosis
 from tympan.studies.diagnosis.self_check import Bench
@@ -99,7 +96,7 @@ def judge_dataset(dataset: Dataset, workers: int = 1, seed: int = 0,
     return _judge_actuators(dataset, of_coupons, workers, seed, progress)
 
 
-def _judge_actuators(dataset: Dataset, of_coupons: tuple[CouponReadings, Judgement] | None,
+def _judge_actuators(dataset: Dataset, of_coupons: tuple[PreparedReadings, Judgement] | None,
                      workers: int, seed: int, progress: Callable[[int, int], None]
                      ) -> tuple[PreparedReadings, Judgement, float]:
     """As :func:`judge_dataset`, ``of_coupons`` being what coupons say by themselves."""
@@ -131,30 +128,49 @@ def _judge_actuators(dataset: Dataset, of_coupons: tuple[CouponReadings, Judgeme
 
 
 def _with_coupons(readings: PreparedReadings, simulation: Simulation,
-                  of_coupons: tuple[CouponReadings, Judgement] | None
+                  of_coupons: tuple[PreparedReadings, Judgement] | None
                   ) -> tuple[PreparedReadings, Simulation, ReadingTable]:
     """With coupons of the same film beside them, if there are some, each with its noise found."""
-    tests = None if of_coupons is None else of_coupons[1].simulation.coupons
-    if of_coupons is None or tests is None:
+    if of_coupons is None:
         return readings, simulation, readings.table
     coupons, judged = of_coupons
-    if not of_one_film(readings.setup, tests):
+    assert isinstance(coupons.evidence, CouponTests)
+    if not coupons.evidence.of_one_film(readings.setup):
         remark = WORDS["other_film"]
         readings = replace(readings, remarks=(*readings.remarks, remark))
         return readings, simulation, readings.table
     table = with_noise_found(simulation, readings.table, readings.causes)
     remark = WORDS["together"].format(count=len(judged.table), share=BATCH)
     together = replace(readings, coupons=coupons, remarks=(*readings.remarks, remark))
-    return together, *weighed_together(simulation, table, judged)
+    return together, *weighed_together(simulation, table, coupons.evidence, judged)
+
+
+def weighed_together(simulation: Simulation, table: ReadingTable, tests: CouponTests,
+                     coupons: Judgement) -> tuple[Simulation, ReadingTable]:
+    """A simulation of actuators with coupons beside them, and their table with the coupons' rows.
+
+    ``coupons`` are judged by themselves before, and so is their noise. Their stiffness and
+    permittivity are the actuators' but for a share, :data:`BATCH`, that is integrated over: as an
+    error that all strips have in common.
+    """
+    best = coupons.chosen or coupons.nominal
+    batch = tests.batch(coupons.simulation.extended(best.hypothesis, best.unknowns))
+    noise = coupons.table.noise.known(coupons.test.freedom).with_shared(
+        np.arange(len(coupons.table)), batch)
+    # All of one state: of a plate, under some mass, that is held where the film is flat.
+    mass = float(table.states.mass.max(initial=0.0))
+    flat = replace(States.of([0], [mass], [0.0]), heave=np.zeros(1))
+    strips = replace(coupons.table, states=flat, state=0 * coupons.table.state, noise=noise)
+    return (replace(simulation, evidence=(*simulation.evidence, tests)), table.joined(strips))
 
 
 def _of_coupons_alone(dataset: Dataset) -> bool:
     return set(dataset.tables) == {"coupon.csv"}
 
 
-def _judge_coupons(dataset: Dataset, seed: int) -> tuple[CouponReadings, Judgement]:
+def _judge_coupons(dataset: Dataset, seed: int) -> tuple[PreparedReadings, Judgement]:
     readings = coupon_readings(dataset)
-    simulation = Simulation(readings.setup, (), coupons=readings.tests)
+    simulation = Simulation(readings.setup, (), evidence=(readings.evidence,))
     try:
         return readings, judge(simulation, readings.table, readings.causes, seed=seed)
     except ArithmeticError as failure:

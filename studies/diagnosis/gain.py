@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logsumexp
 
-from tympan.studies.diagnosis.coupons.coupon_splits import coupon_splits
+from tympan.studies.diagnosis.evidence.kind import Rows, Split
 from tympan.studies.diagnosis.fits.fit import Fit, best_of
 from tympan.studies.diagnosis.fits.fitting import fit, nominal_fit
 from tympan.studies.diagnosis.hypothesis import Cause, Hypothesis, hypotheses_of
@@ -31,13 +31,6 @@ from tympan.studies.diagnosis.reduced.simulation import Simulation
 from tympan.studies.diagnosis.result import Coverage, Gain, HeldOut
 
 Array = NDArray[np.float64]
-Rows = NDArray[np.bool_]
-
-#: Share of the largest voltage up to which the extended model is fitted when it is tested above.
-LOW_VOLTAGES = 0.7
-
-#: What is held out: its kind, such as "shape" or "mass", its name, and the rows.
-Split = tuple[str, str, Rows]
 
 #: Kinds that are held out at once.
 _AT_ONCE = ("voltage", "stretch")
@@ -155,27 +148,7 @@ def gain_of(simulation: Simulation, table: ReadingTable, causes: Sequence[Cause]
 def splits_of(simulation: Simulation,
               table: ReadingTable) -> tuple[tuple[Split, ...], tuple[str, ...]]:
     """The splits that leave enough to train on and to test, and in words those that do not."""
-    if simulation.coupons_alone is not None:
-        return _told_apart(table, *coupon_splits(simulation.coupons_alone, table))
-    specimens = simulation.setup.specimens
-    frames = [(specimen.frame, specimen.plate) for specimen in specimens]
-    shape = np.array([frames.index(frame) for frame in frames])[table.specimen]
-    masses, mass = np.unique(table.mass, return_inverse=True)
-    edge = LOW_VOLTAGES * float(np.abs(table.voltage).max(initial=0.0))
-    splits: list[Split] = []
-    for number in np.unique(shape):
-        names = [specimen.name for specimen, frame in zip(specimens, frames, strict=True)
-                 if frame == frames[number]]
-        splits.append(("shape", " and ".join(names), shape == number))
-    if len(np.unique(shape)) < len(np.unique(table.specimen)):
-        splits += [("specimen", specimens[number].name, table.specimen == number)
-                   for number in np.unique(table.specimen)]
-    splits += [("mass", f"{1e3 * value:.5g} g", mass.ravel() == number)
-               for number, value in enumerate(masses)]
-    splits.append(("voltage", f"above {edge / 1e3:.3g} kV", np.abs(table.voltage) > edge))
-    levels = {"shape": shape, "specimen": table.specimen, "mass": table.ramp,
-              "voltage": np.abs(table.voltage)}
-    return _told_apart(table, splits, levels)
+    return _told_apart(table, *simulation.evidence[0].splits(simulation.setup, table))
 
 
 def _told_apart(table: ReadingTable, splits: Sequence[Split], levels: dict[str, NDArray[Any]]
@@ -217,7 +190,7 @@ def _tested(simulation: Simulation, table: ReadingTable, causes: Sequence[Cause]
         test.value - simulation.predict(model.hypothesis, model.unknowns, test) if model
         else np.full(len(test), np.nan) for model in (nominal, chosen, wrong))
     smooth = np.full(len(test), np.nan)
-    if simulation.coupons_alone is None:
+    if simulation.loaded:
         missed = train.value - nominal.predicted(train)
         process = GaussianProcess.trained(train, train.noise.apart(missed))
         smooth = before - process.predicted(test)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import reduce
 
 import numpy as np
@@ -19,75 +19,26 @@ from tympan.studies.data.checks import (
 )
 from tympan.studies.data.dataset import Dataset
 from tympan.studies.data.noise import coarse_step, range_sigma, reading_sigma, repeat_noise
+from tympan.studies.diagnosis.evidence.actuators import ACTUATORS
+from tympan.studies.diagnosis.evidence.kind import ASSUMED, FEWEST, PreparedReadings
 from tympan.studies.diagnosis.film_readings import film_rows
 from tympan.studies.diagnosis.history import staircase
-from tympan.studies.diagnosis.hypothesis import Cause
 from tympan.studies.diagnosis.reading_table import Kind, ReadingTable, States, rows
 from tympan.studies.diagnosis.transients.block_means import transient_rows
-from tympan.studies.effects import EFFECTS, Setup
-from tympan.studies.effects.effect import IN_TIME
+from tympan.studies.effects import Setup
 from tympan.studies.estimation.noise import SCATTER, Noise
 
 Array = NDArray[np.float64]
 
-#: Noise of a displacement that nobody states and nothing measures, as a share of the readings. No
-#: source.
-ASSUMED = 0.02
 #: Noise of other channels, which no file states, as a share of the largest. No source.
 CHANNEL = 0.01
 #: Least noise of a tilt [rad]. No source.
 TILT = 1e-4
 
-#: Readings below which nothing is concluded: stiffness, permittivity and noise take three.
-FEWEST = 5
 #: Readings above which those of nearly the same state are averaged. A bound of the cost.
 MANY = 2000
 
 _BINS = 200
-
-
-@dataclass(frozen=True, eq=False)
-class PreparedReadings:
-    """The setup with the specimens that were read, and the table.
-
-    ``remarks`` say what was done to the readings. ``coupons``: those that are weighed with them, of
-    the same film.
-    """
-
-    setup: Setup
-    table: ReadingTable
-    remarks: tuple[str, ...] = ()
-    coupons: PreparedReadings | None = None
-
-    @property
-    def assumed(self) -> bool:
-        """Whether nothing says how large the noise is."""
-        return self.table.noise.source == "assumed"
-
-    @property
-    def causes(self) -> tuple[Cause, ...]:
-        """Effects that these readings could show."""
-        states = self.table.states
-        there = {"elapsed_s": bool(np.ptp(states.elapsed) > 0),
-                 "direction": bool(np.any(states.direction != 0)),
-                 "frequency_Hz": "frequency" in self.table.kind,
-                 "x_mm": bool(self.table.scans),
-                 IN_TIME: bool(len(states.passages.rows))}
-        others = () if self.coupons is None else self.coupons.causes
-
-        def shown(cause: Cause, columns: tuple[str, ...]) -> bool:
-            anywhere = cause.which is None or "x_mm" not in columns or cause.which in self._scanned
-            return anywhere and all(there.get(column, False) for column in columns)
-
-        return tuple(cause for name, effect in EFFECTS.items()
-                     for cause in (Cause(name, which) for which in effect.choices(self.setup))
-                     if cause in others or shown(cause, effect.columns))
-
-    @property
-    def _scanned(self) -> frozenset[str]:
-        """Names of the specimens over whose films lines or fields were read."""
-        scanned = self.table.states.specimen[self.table.state[self.table.scan >= 0]]
-        return frozenset(self.setup.specimens[number].name for number in scanned.tolist())
 
 
 def prepared_readings(dataset: Dataset) -> PreparedReadings:
@@ -112,7 +63,7 @@ def prepared_readings(dataset: Dataset) -> PreparedReadings:
     scans, seen = film_rows(replace(dataset, specimens=setup.specimens)) or (None, [])
     if scans is not None:
         table = table.joined(scans)
-    return PreparedReadings(setup, table, (*remarks, *fewer, *seen))
+    return PreparedReadings(setup, table, ACTUATORS, (*remarks, *fewer, *seen))
 
 
 def _sheets(dataset: Dataset) -> list[Sheet]:

@@ -46,9 +46,11 @@ from tympan.geometry.outlines import Circle, Ellipse
 from tympan.geometry.specimen import Film, Plate, Specimen
 from tympan.studies.data.dataset import Dataset, read_dataset
 from tympan.studies.diagnosis.diagnose import judge_dataset
+from tympan.studies.diagnosis.evidence.coupons import CouponTests
+from tympan.studies.diagnosis.evidence.kind import PreparedReadings
 from tympan.studies.diagnosis.hypothesis import Cause, Hypothesis
 from tympan.studies.diagnosis.inference.verdict import Judgement
-from tympan.studies.diagnosis.readings import PreparedReadings, prepared_readings
+from tympan.studies.diagnosis.readings import prepared_readings
 from tympan.studies.effects import EFFECTS
 
 #: A part of a dataset that is judged.
@@ -337,10 +339,6 @@ def _judged(record: Record, truth: Truth, dataset: Dataset, exact: Dataset | Non
 
 def _without_noise(judgement: Judgement, exact: Dataset) -> Array:
     """Values of a part without noise, as those that were judged are."""
-    tests, values = judgement.simulation.coupons, np.zeros(0)
-    if judgement.simulation.coupons_alone is None:
-        values = prepared_readings(exact).table.value
-    if tests is None:
-        return values
-    assert exact.coupons is not None
-    return np.concatenate([values, exact.coupons.stress[tests.rows]])
+    values = [exact.coupons.stress[kind.rows] if isinstance(kind, CouponTests)
+              else prepared_readings(exact).table.value for kind in judgement.simulation.evidence]
+    return np.concatenate(values)

@@ -116,7 +116,7 @@ def nominal_fits(simulation: Simulation, table: ReadingTable) -> Iterator[Fit]:
         count = max(int(share * len(order)), FACTORS.stop)
         lowest = table[np.sort(order[:count])].compact() if count < len(order) else table
         nominal = fit(simulation, (), lowest, unknowns)
-        if simulation.coupons is not None and not nominal.possible:
+        if not (simulation.loaded or nominal.possible):
             # Factors that others liked may leave a charged strip without width.
             nominal = best_of([nominal, fit(simulation, (), lowest)])
         unknowns = nominal.unknowns

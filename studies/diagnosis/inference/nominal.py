@@ -15,8 +15,7 @@ from tympan.studies.diagnosis.hypothesis import Cause
 from tympan.studies.diagnosis.inference.exploration import reached_further
 from tympan.studies.diagnosis.inference.identifiability import Signatures, signatures
 from tympan.studies.diagnosis.inference.residual_tests import ResidualTests
-from tympan.studies.diagnosis.patterns.coupon_patterns import coupon_patterns
-from tympan.studies.diagnosis.patterns.reading_patterns import among, over, patterns
+from tympan.studies.diagnosis.patterns.reading_patterns import among, over
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.reduced.simulation import Simulation
 
@@ -133,12 +132,11 @@ def with_noise_found(simulation: Simulation, table: ReadingTable, causes: Sequen
 def _patterns(simulation: Simulation, table: ReadingTable, nominal: Fit) -> dict[str, Array]:
     """What a misfit may be a combination of, in units of the readings."""
     names = [specimen.name for specimen in simulation.setup.specimens]
-    predicted = nominal.predicted(table)
-    columns = patterns(table, names, predicted)
-    if (tests := simulation.coupons) is not None:
-        stress = table.kind == "stress"
-        columns |= {name: among(stress, values) for name, values in coupon_patterns(
-            tests, table.sigma[stress], predicted[stress]).items()}
+    predicted, columns = nominal.predicted(table), dict[str, Array]()
+    for kind in simulation.evidence:
+        rows = kind.among(table)
+        columns |= {name: among(rows, values) for name, values in kind.patterns(
+            table[rows], names, predicted[rows]).items()}
     return columns
 
 

@@ -129,16 +129,17 @@ class Judgement:
 
         Weighed with coupons they have had their noise found before.
         """
-        films, lengths = self.of_actuators().table, stated.lengths
+        films, lengths = self.of_first().table, stated.lengths
         if not lengths.any():
             return self.test.noise
         return float(np.median(films.sigma[lengths] / stated.sigma[lengths]))
 
-    def of_actuators(self) -> Judgement:
-        """What of it concerns readings of actuators, where coupons were weighed with them."""
-        if self.simulation.coupons is None or self.simulation.coupons_alone is not None:
+    def of_first(self) -> Judgement:
+        """What of it concerns the first kind of evidence, where others were weighed with it."""
+        first, *others = self.simulation.evidence
+        if not others:
             return self
-        films = self.table.kind != "stress"
+        films = first.among(self.table)
 
         def part(fit: Fit) -> Fit:
             return replace(fit, residual=fit.residual[films], jacobian=fit.jacobian[films],
@@ -147,7 +148,7 @@ class Judgement:
         posterior = self.posterior and replace(
             self.posterior, fits=tuple(map(part, self.posterior.fits)))
         return replace(
-            self, simulation=replace(self.simulation, coupons=None), table=self.table[films
+            self, simulation=replace(self.simulation, evidence=(first,)), table=self.table[films
             ].compact(), nominal=part(self.nominal), posterior=posterior,
             patterns={name: values[films] for name, values in self.patterns.items()
                       if values[films].any()},
@@ -186,7 +187,7 @@ def judge(simulation: Simulation, table: ReadingTable, causes: Sequence[Cause],
 
 def _with_exchange(base: Judgement, misfit: NominalMisfit) -> Judgement:
     """With labels whose exchange explains as much as any effects do, if there are such."""
-    if misfit.simulation.coupons is not None:
+    if not misfit.simulation.loaded:
         return base
     exchange = exchange_of(misfit.simulation, misfit.table, misfit.fit)
     fits = base.posterior.fits if base.posterior else ()
@@ -222,7 +223,7 @@ class _Adequacy:
         """That of three or more without which the nominal model leaves noise; "" if not one is."""
         table, simulation = self.base.table, self.base.simulation
         numbers = np.unique(table.specimen)
-        if simulation.coupons is not None or len(numbers) < _OTHERS + 1:
+        if not simulation.loaded or len(numbers) < _OTHERS + 1:
             return ""
         odd = [number for number in numbers.tolist() if self._noise_alone(table.specimen != number)]
         return simulation.setup.specimens[odd[0]].name if len(odd) == 1 else ""

@@ -19,12 +19,12 @@ from tympan.geometry.specimen import Specimen
 from tympan.studies.case import build_model, voltage_ramp
 from tympan.studies.data.coupon import Coupons
 from tympan.studies.data.effort import Effort
+from tympan.studies.diagnosis.evidence.coupons import CouponTests
 from tympan.studies.diagnosis.film_readings import ZERO
 from tympan.studies.diagnosis.fits.fit import Fit
 from tympan.studies.diagnosis.hypothesis import FACTORS, parameters_of
 from tympan.studies.diagnosis.next_experiment.experiments import WORDS, Outlook, Readout
 from tympan.studies.diagnosis.reading_table import Scan
-from tympan.studies.diagnosis.reduced.coupon_tests import CouponTests
 from tympan.studies.diagnosis.reduced.sampling import COARSE
 from tympan.studies.diagnosis.reduced.scans import scanned_exactly
 from tympan.studies.effects import Setup

@@ -76,7 +76,7 @@ def patterns(table: ReadingTable, names: Sequence[str], predicted: Array) -> dic
         if kind in COMPONENTS:
             columns[f"channel {kind}"] = among(table.kind == kind,
                                                 film_patterns(table[rows], predicted[rows]))
-        elif not lengths[rows[0]] and kind != "stress":
+        elif not lengths[rows[0]]:
             channel, typical = table[rows], float(np.sqrt(np.mean(predicted[rows] ** 2)))
             size = np.full(len(rows), typical or float(channel.sigma.max()))
             voltage = _legendre(channel.voltage**2)

@@ -1,4 +1,4 @@
-"""What readings show under hypotheses: of films by their force laws, or of coupons."""
+"""What readings show under hypotheses: each kind of evidence asks the films, or itself."""
 
 from __future__ import annotations
 
@@ -8,97 +8,91 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from tympan.studies.diagnosis.hypothesis import FACTORS, Hypothesis, uses_of, with_factors
+from tympan.studies.diagnosis.evidence.actuators import ACTUATORS
+from tympan.studies.diagnosis.evidence.kind import Evidence, Shown
+from tympan.studies.diagnosis.hypothesis import Hypothesis, uses_of
 from tympan.studies.diagnosis.reading_table import ReadingTable
-from tympan.studies.diagnosis.reduced.coupon_tests import (
-    CouponPrediction,
-    CouponTests,
-    coupon_setup,
-)
 from tympan.studies.diagnosis.reduced.prediction import Prediction
 from tympan.studies.diagnosis.reduced.reduced_films import ReducedFilms, bounds_of
-from tympan.studies.effects import Setup, extended
+from tympan.studies.effects import Setup
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 
-class WithCoupons:
-    """Rows of films and, where ``of_coupons``, of coupons; named as in a film's prediction."""
+class Together:
+    """What rows of several kinds show, with the states of the first."""
 
-    def __init__(self, films: Prediction, coupons: CouponPrediction, of_coupons: Mask) -> None:
-        self.films, self.coupons, self.of_coupons = films, coupons, of_coupons
-        self.possible, self.short, self.heave = films.possible, films.short, films.heave
+    def __init__(self, parts: list[Shown], rows: list[Mask]) -> None:
+        self.parts, self.rows = parts, rows
+        self.possible, self.short, self.heave = parts[0].possible, parts[0].short, parts[0].heave
 
     @property
     def complete(self) -> bool:
         """Whether all that was read is possible."""
-        return self.films.complete and self.coupons.complete
+        return all(part.complete for part in self.parts)
 
-    def beyond(self, before: WithCoupons) -> bool:
-        """Whether a search must not go here: where a strip has no equilibrium."""
-        return self.coupons.beyond(before.coupons)
+    def beyond(self, before: Together) -> bool:
+        """Whether a search must not go here."""
+        return any(part.beyond(other) for part, other in zip(self.parts, before.parts, strict=True))
 
     @cached_property
     def extended(self) -> Array:
-        """What each row shows, films at the extended heaves."""
-        return self._joined(self.films.extended, self.coupons.extended)
+        """What each row shows, going on where there is no equilibrium."""
+        return self._joined([part.extended for part in self.parts])
 
     @cached_property
     def values(self) -> Array:
         """What each row shows, nan where it has no equilibrium."""
-        return self._joined(self.films.values, self.coupons.values)
+        return self._joined([part.values for part in self.parts])
 
     @cached_property
     def jacobian(self) -> Array:
         """Derivatives of the extended rows by the unknowns, shape (rows, unknowns)."""
-        return self._joined(self.films.jacobian, self.coupons.jacobian)
+        return self._joined([part.jacobian for part in self.parts])
 
-    def _joined(self, films: Array, coupons: Array) -> Array:
-        values = np.empty((len(self.of_coupons), *films.shape[1:]))
-        values[~self.of_coupons], values[self.of_coupons] = films, coupons
+    def _joined(self, parts: list[Array]) -> Array:
+        values = np.empty((len(self.rows[0]), *parts[0].shape[1:]))
+        for rows, part in zip(self.rows, parts, strict=True):
+            values[rows] = part
         return values
 
 
 @dataclass(frozen=True, eq=False)
 class Simulation(ReducedFilms):
-    """The films of a setup, and what is read of them.
+    """The films of a setup, and the kinds of ``evidence`` that are read.
 
-    ``coupons`` are read beside actuators, or alone: then there are no force laws.
+    Without plates under loads there are no force laws. The first kind is what a result is of.
     """
 
-    coupons: CouponTests | None = None
+    evidence: tuple[Evidence, ...] = (ACTUATORS,)
 
     @property
-    def coupons_alone(self) -> CouponTests | None:
-        """Coupons, where no actuators are read."""
-        return None if self.laws else self.coupons
+    def loaded(self) -> bool:
+        """Whether all that is read is of plates under loads."""
+        return all(kind.loaded for kind in self.evidence)
 
     def predict(self, hypothesis: Hypothesis, unknowns: Array, table: ReadingTable) -> Array:
         """What each row of a table shows."""
         return self.prediction(hypothesis, unknowns, table).values
 
-    def prediction(self, hypothesis: Hypothesis, unknowns: Array,
-                   table: ReadingTable) -> Prediction | CouponPrediction | WithCoupons:
+    def prediction(self, hypothesis: Hypothesis, unknowns: Array, table: ReadingTable) -> Shown:
         """What a table's readings show, with derivatives."""
-        if self.coupons_alone is not None:
-            return self._of_coupons(self.coupons_alone, hypothesis, unknowns, table)
-        stress = table.kind == "stress"
-        if self.coupons is None or not stress.any():
-            return Prediction(self, hypothesis, unknowns, table)
-        return WithCoupons(Prediction(self, hypothesis, unknowns, table[~stress]), self._of_coupons(
-            self.coupons, hypothesis, unknowns, table[stress]), stress)
+        parts = [(kind, rows) for kind in self.evidence if (rows := kind.among(table)).any()]
+        if len(parts) < 2:
+            kind = parts[0][0] if parts else self.evidence[0]
+            return kind.predict(self, hypothesis, unknowns, table)
+        return Together([kind.predict(self, hypothesis, unknowns, table[rows])
+                         for kind, rows in parts], [rows for _, rows in parts])
 
-    def _of_coupons(self, tests: CouponTests, hypothesis: Hypothesis, unknowns: Array,
-                    table: ReadingTable) -> CouponPrediction:
-        return CouponPrediction(tests, hypothesis, unknowns, table.coupon,
-                               bounds_of(self, hypothesis))
+    def shown(self, hypothesis: Hypothesis, unknowns: Array, table: ReadingTable) -> Prediction:
+        """What rows of plates under loads show."""
+        return Prediction(self, hypothesis, unknowns, table)
+
+    def bounds(self, hypothesis: Hypothesis) -> Array:
+        """Smallest and largest unknowns, shape (2, unknowns)."""
+        return bounds_of(self, hypothesis)
 
     def extended(self, hypothesis: Hypothesis, unknowns: Array) -> Setup:
         """The setup with stiffness, permittivity and effects."""
-        uses = uses_of(hypothesis, unknowns)
-        if self.coupons_alone is not None:
-            return coupon_setup(self.setup, unknowns, uses)
-        stiffness, permittivity = np.exp(unknowns[FACTORS]).tolist()
-        films = self.setup.with_films(lambda film: with_factors(film, stiffness, permittivity))
-        return extended(films, uses)
+        return self.evidence[0].extended(self.setup, unknowns, uses_of(hypothesis, unknowns))

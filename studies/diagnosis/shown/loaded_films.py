@@ -28,7 +28,7 @@ _TRIED = 4
 
 def loaded_films(judged: Judgement, extended: Setup | None) -> Iterator[LoadedFilm]:
     """The film of each specimen under the largest load read at which both models have one."""
-    if judged.simulation.coupons_alone is not None:  # coupons are no films
+    if not judged.simulation.loaded:
         return
     nominal = judged.simulation.extended((), judged.nominal.unknowns)
     setups = nominal, extended or nominal

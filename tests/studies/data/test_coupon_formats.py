@@ -79,7 +79,7 @@ def test_modes_in_the_names_of_files_are_one_set_of_tests(
 
 
 def test_published_files_are_diagnosed_as_coupon_csv_is(tmp_path: Path) -> None:
-    from tympan.studies.diagnosis.coupons.coupon_readings import coupon_readings
+    from tympan.studies.diagnosis.evidence.coupon_readings import coupon_readings
 
     stretch = np.linspace(1.05, 2.5, 12)
     stress = 20e3 * (stretch - stretch**-2)

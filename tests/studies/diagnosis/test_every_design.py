@@ -20,9 +20,10 @@ from tympan.studies.case import Case, solve
 from tympan.studies.data.dataset import read_dataset
 from tympan.studies.diagnosis.calibration import Calibration, calibrated, law_error
 from tympan.studies.diagnosis.diagnose import conclude, diagnose
+from tympan.studies.diagnosis.evidence.kind import PreparedReadings
 from tympan.studies.diagnosis.hypothesis import Cause
 from tympan.studies.diagnosis.reading_table import ReadingTable, States, rows
-from tympan.studies.diagnosis.readings import PreparedReadings, prepared_readings
+from tympan.studies.diagnosis.readings import prepared_readings
 from tympan.studies.diagnosis.reduced.sampling import FINE
 from tympan.studies.effects import Setup
 

@@ -23,7 +23,7 @@ from tympan.geometry.mesher import MeshSettings
 from tympan.geometry.specimen import Specimen, ViscousBranch
 from tympan.studies.case import Case, Settings, equilibrate, solve
 from tympan.studies.data.coupon import Coupons
-from tympan.studies.diagnosis.reduced.coupon_tests import CouponTests
+from tympan.studies.diagnosis.evidence.coupons import CouponTests
 from tympan.studies.effects import EFFECTS, Effect, Setup, Use, extended
 from tympan.studies.effects.effect import IN_TIME, OF_STRIPS, WARMTH
 from tympan.studies.effects.findings import FoundSize, finding, limits_told

@@ -21,16 +21,13 @@ from benchmarks.trials.trial import Lab
 from benchmarks.trials.verdict_cases.made import FOLDER
 from tests.support.datasets import write_dataset
 from tympan.studies.data.dataset import read_dataset
-from tympan.studies.diagnosis.coupons.beside_actuators import (
-    BATCH,
-    of_one_film,
-    weighed_together,
-)
-from tympan.studies.diagnosis.coupons.coupon_readings import coupon_readings
-from tympan.studies.diagnosis.diagnose import judge_dataset
+from tympan.studies.diagnosis.diagnose import judge_dataset, weighed_together
+from tympan.studies.diagnosis.evidence.actuators import ACTUATORS
+from tympan.studies.diagnosis.evidence.coupon_readings import coupon_readings
+from tympan.studies.diagnosis.evidence.coupons import BATCH
+from tympan.studies.diagnosis.evidence.kind import PreparedReadings
 from tympan.studies.diagnosis.hypothesis import Cause
 from tympan.studies.diagnosis.inference.verdict import Judgement, judge
-from tympan.studies.diagnosis.readings import PreparedReadings
 from tympan.studies.diagnosis.reduced.simulation import Simulation
 
 CASE = FOLDER / "softer-film"
@@ -84,8 +81,8 @@ def test_rows_are_what_each_simulation_predicts(together: tuple[PreparedReadings
     simulation, table = judgement.simulation, judgement.table
     hypothesis, unknowns = (STIFFENING,), np.array([0.05, -0.04, -0.25])
     joint = simulation.prediction(hypothesis, unknowns, table)
-    alone = judgement.of_actuators()
-    assert alone.simulation.coupons is None
+    alone = judgement.of_first()
+    assert alone.simulation.evidence == (ACTUATORS,)
     assert len(alone.table) == 160
     assert joint.values[:160] == pytest.approx(
         alone.simulation.predict(hypothesis, unknowns, alone.table), rel=1e-12)
@@ -129,11 +126,11 @@ def written(tmp_path: Path) -> Written:
 def test_films_that_differ_by_a_tenth_are_one_standard_deviation_apart(written: Written) -> None:
     """In stiffness, or in what voltage does; by another law they are still far apart."""
     readings = coupon_readings(read_dataset(written(Film())))
-    simulation = Simulation(readings.setup, (), coupons=readings.tests)
+    simulation = Simulation(readings.setup, (), evidence=(readings.evidence,))
     judgement = judge(simulation, readings.table, readings.causes)
-    films = replace(simulation, coupons=None)
-    joint, table = weighed_together(films, readings.table[:0], judgement)
-    assert joint.coupons is not None
+    films, tests = replace(simulation, evidence=(ACTUATORS,)), readings.evidence
+    joint, table = weighed_together(films, readings.table[:0], tests, judgement)
+    assert joint.evidence == (ACTUATORS, tests)
     assert len(table) == len(DESIGN) * len(STRETCH)
 
     def apart(film: Film) -> float:
@@ -141,7 +138,7 @@ def test_films_that_differ_by_a_tenth_are_one_standard_deviation_apart(written: 
         change = np.concatenate([film.stress(mode, STRETCH, voltage, celsius)
                                  - Film().stress(mode, STRETCH, voltage, celsius)
                                  for mode, voltage, celsius in DESIGN])
-        return float(np.linalg.norm(table.noise.whitened(change[joint.coupons.rows])))
+        return float(np.linalg.norm(table.noise.whitened(change[tests.rows])))
 
     assert apart(Film(stiffer=Film.stiffer * (1 + BATCH))) == pytest.approx(1.0, abs=0.1)
     assert apart(Film(less=Film.less * (1 + BATCH))) == pytest.approx(1.0, abs=0.1)
@@ -151,12 +148,11 @@ def test_films_that_differ_by_a_tenth_are_one_standard_deviation_apart(written: 
 
 def test_coupons_of_another_film_are_not_weighed_with_it(written: Written) -> None:
     readings = coupon_readings(read_dataset(written(Film())))
-    tests = readings.tests
-    assert tests is not None
-    assert of_one_film(readings.setup, tests)
+    tests = readings.evidence
+    assert tests.of_one_film(readings.setup)
     for change in ({"thickness": 2e-3}, {"prestretch": (2.0, 2.0)}):
         other = readings.setup.with_films(lambda film, to=change: replace(film, **to))
-        assert not of_one_film(other, tests)
+        assert not tests.of_one_film(other)
 
 
 @pytest.mark.study

@@ -1,10 +1,10 @@
-"""Readings of coupons as a table to predict: which film each is of, its noise, what is judged."""
+"""coupon.csv as a table to predict: which film each reading is of, its noise, what is judged."""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.polynomial import legendre
@@ -15,12 +15,10 @@ from tympan.geometry.specimen import Specimen
 from tympan.studies.data.checks import slips_of_unit
 from tympan.studies.data.coupon import Coupons
 from tympan.studies.data.dataset import Dataset
-from tympan.studies.diagnosis.hypothesis import Cause
+from tympan.studies.diagnosis.evidence.coupons import CouponTests
+from tympan.studies.diagnosis.evidence.kind import ASSUMED, FEWEST, PreparedReadings
 from tympan.studies.diagnosis.reading_table import ReadingTable, States, evenly, rows
-from tympan.studies.diagnosis.readings import ASSUMED, FEWEST, PreparedReadings
-from tympan.studies.diagnosis.reduced.coupon_tests import CouponTests
-from tympan.studies.effects import EFFECTS, Setup
-from tympan.studies.effects.effect import IN_TIME, OF_STRIPS, WARMTH
+from tympan.studies.effects import Setup
 from tympan.studies.estimation.noise import SCATTER, Noise, root_of
 from tympan.studies.files import words_beside
 
@@ -58,27 +56,7 @@ _SLIP = 100.0
 _BEYOND = 1e-3
 
 
-@dataclass(frozen=True, eq=False)
-class CouponReadings(PreparedReadings):
-    """The films of a dataset's coupons with the readings that are judged."""
-
-    tests: CouponTests | None = None
-
-    @property
-    def causes(self) -> tuple[Cause, ...]:
-        """Effects that these readings could show: such as change anything they depend on."""
-        tests = self.tests
-        assert tests is not None
-        coupons = tests.coupons
-        there = {OF_STRIPS: True, IN_TIME: coupons.in_time,
-                 WARMTH: bool(np.ptp(coupons.degrees) > 0)}
-        possible = (Cause(name, which) for name, effect in EFFECTS.items()
-                    if all(there.get(column, False) for column in effect.columns)
-                    for which in effect.choices(self.setup))
-        return tuple(cause for cause in possible if tests.feel(cause))
-
-
-def coupon_readings(dataset: Dataset) -> CouponReadings:
+def coupon_readings(dataset: Dataset) -> PreparedReadings:
     """The readings of coupon.csv; an :class:`InputError` if nothing can be concluded from them."""
     coupons = dataset.coupons
     if coupons is None or len(coupons) < FEWEST:
@@ -108,7 +86,7 @@ def coupon_readings(dataset: Dataset) -> CouponReadings:
         remarks.append(WORDS["scatter"].format(share=dataset.strip_scatter))
         noise = _with_lasting(noise, tests, keys, dataset.strip_scatter)
     table = _table(coupons, tests).with_values(values[chosen]).with_noise(noise)
-    return CouponReadings(setup, table, tuple(remarks), tests=tests)
+    return PreparedReadings(setup, table, tests, tuple(remarks))
 
 
 def _refuse_slip_of_stress(tests: CouponTests) -> None:

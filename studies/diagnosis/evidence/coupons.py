@@ -1,4 +1,4 @@
-"""What coupon tests show under a hypothesis: the nominal stress of strips and sheets of a film.
+"""Coupon tests as evidence: the nominal stress of strips and sheets of a film.
 
 A test's stretch is known, so nothing is solved but the width of a strip that is free to narrow
 under voltage. Its film is the law and the branches of a specimen, from the virgin state.
@@ -6,19 +6,22 @@ under voltage. Its film is the law and the branches of a specimen, from the virg
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
+from numpy.polynomial import legendre
 from numpy.typing import NDArray
 
 from tympan.fem.film.density import maxwell
+from tympan.fem.film.laws.stiffened import scaled
 from tympan.fem.rig import Rig
 from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import ConstantFlow, Film, Specimen
-from tympan.studies.data.coupon import Coupons
+from tympan.studies.data.coupon import MODES, Coupons
+from tympan.studies.diagnosis.evidence.kind import Evidence, Films, Shown, Split
 from tympan.studies.diagnosis.hypothesis import (
     FACTORS,
     Cause,
@@ -27,7 +30,10 @@ from tympan.studies.diagnosis.hypothesis import (
     uses_of,
     with_factors,
 )
+from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.effects import Setup, Use, extended
+from tympan.studies.effects.effect import IN_TIME, OF_STRIPS, WARMTH
+from tympan.studies.material.branches import held_out_groups
 from tympan.studies.material.relaxation import BranchStress
 
 Array = NDArray[np.float64]
@@ -50,10 +56,23 @@ _WIDEST = 3.0
 #: Share of the usual size by which derivatives are taken.
 _STEP = 1e-5
 
+#: By what share the stiffness of strips, and what voltage takes from their stress, usually differ
+#: from the actuators' film: makers of cast films and tapes state their thickness to 5 to 10 %, and
+#: what an actuator's grease stiffens and a load's label is off is in its factors alone.
+BATCH = 0.1
+#: Of a permittivity that is as good as none, over the stated one.
+_NONE = 1e-9
+
+#: Degree of the polynomials in the stretch, as which misfits are looked for.
+_DEGREE = 4
+
+#: Share of the largest logarithm of a stretch from which readings are held out.
+_FAR = 0.7
+
 
 @dataclass(frozen=True, eq=False)
-class CouponTests:
-    """Coupon tests of the films of a setup's specimens.
+class CouponTests(Evidence):
+    """Coupon tests of the films of a setup's specimens, as a kind of evidence.
 
     ``film``: number of the specimen whose film each of the ``coupons`` is, shape (readings,);
     ``references``: of each reading the shares, shape (readings, readings), of those it is counted
@@ -67,6 +86,107 @@ class CouponTests:
     rows: Numbers
     leg: Numbers
     references: Array | None = None
+
+    kinds = ("stress",)
+    loaded = False
+
+    def predict(self, films: Films, hypothesis: Hypothesis, unknowns: Array, table: ReadingTable
+                ) -> Shown:
+        return CouponPrediction(self, hypothesis, unknowns, table.coupon, films.bounds(hypothesis))
+
+    def extended(self, setup: Setup, unknowns: Array, uses: Iterable[Use]) -> Setup:
+        """With the factor on stiffness on branches, too.
+
+        Readings of stress do not tell a thickness from a modulus, so one factor is on both.
+        """
+        stiffness, permittivity = np.exp(unknowns[FACTORS]).tolist()
+
+        def change(film: Film) -> Film:
+            return replace(with_factors(film, stiffness, permittivity), branches=tuple(
+                replace(branch, modulus=stiffness * branch.modulus) for branch in film.branches))
+
+        return extended(setup.with_films(change), uses)
+
+    def patterns(self, table: ReadingTable, names: Sequence[str], predicted: Array
+                 ) -> dict[str, Array]:
+        coupons, reading = self.coupons, self.rows
+        size = float(np.sqrt(np.mean(predicted**2))) or float(table.sigma.max())
+        stretch = _legendre(coupons.stretch[reading])
+        few = stretch[:, :3]
+        columns = {"level": stretch[:, :1], "stretch": stretch[:, 1:]}
+        modes = coupons.mode[reading]
+        present = [mode for mode in MODES if mode in modes]
+        for mode in present if len(present) > 1 else ():
+            columns[f"mode {mode.replace('_', '-')}"] = _times(modes == mode, few)
+        columns["voltage"] = _times(coupons.volts[reading] ** 2, few)
+        columns["temperature"] = _times(coupons.degrees[reading], few)
+        time = np.nan_to_num(coupons.time[reading])
+        if np.ptp(time) > 0:
+            columns["time"] = _legendre(np.log(time + np.ptp(time) / 1e3))[:, 1:]
+        columns["rate"] = _times(_log_rate(coupons)[reading], few)
+        columns["way"] = _times(_way(self.leg, coupons.stretch[reading]), few)
+        columns["runs"] = _runs_apart(self.leg, coupons.stretch[reading])
+        return {f"coupon_{name}": size * values for name, values in columns.items()
+                if np.abs(values).max(initial=0.0) > 0}
+
+    def splits(self, setup: Setup, table: ReadingTable
+               ) -> tuple[list[Split], dict[str, NDArray[Any]]]:
+        coupons, reading = self.coupons, self.rows[table.point]
+        mode, warmth = coupons.mode[reading], coupons.degrees[reading]
+        voltage = coupons.volts[reading]
+        splits: list[Split] = [("mode", str(name).replace("_", " "), mode == name)
+                               for name in np.unique(mode)]
+        splits += [("temperature", f"{value:.4g} °C", warmth == value)
+                   for value in np.unique(warmth)]
+        splits += [("field", f"{value / 1e3:.4g} kV", voltage == value)
+                   for value in np.unique(voltage)]
+        groups = held_out_groups(coupons) if coupons.in_time else {}
+        splits += [("run", name, rows[reading]) for name, rows in groups.items()]
+        extent = np.abs(np.log(coupons.stretch[reading]))
+        edge = _FAR * float(extent.max(initial=0.0))
+        splits.append(("stretch", f"beyond a stretch of {np.exp(edge):.3g}", extent > edge))
+        levels = {"mode": mode, "temperature": warmth, "field": voltage,
+                  "run": table.states.run[table.state], "stretch": extent.round(3)}
+        return splits, levels
+
+    def shows(self, cause: Cause, setup: Setup, table: ReadingTable) -> bool:
+        there = {OF_STRIPS: True, IN_TIME: self.coupons.in_time,
+                 WARMTH: bool(np.ptp(self.coupons.degrees) > 0)}
+        return (all(there.get(column, False) for column in cause.effect.columns)
+                and self.feel(cause))
+
+    def written(self, table: ReadingTable, names: Sequence[str], models: Mapping[str, Array]
+                ) -> Mapping[str, NDArray[Any]]:
+        """By the columns of strips.csv."""
+        coupons, row = self.coupons, self.rows
+        return {"line": table.line, "specimen": np.array(names, str)[self.film[row]],
+                "run": table.run, "leg": table.states.run[table.state], "mode": coupons.mode[row],
+                "t": coupons.time[row], "stretch": coupons.stretch[row],
+                "voltage": coupons.volts[row], "temperature_C": coupons.degrees[row],
+                "sigma": table.noise.total, "read": table.value, **models}
+
+    def specimens(self, setup: Setup) -> tuple[Specimen, ...]:
+        """Those with the films that were tested, and as they are at the tests' temperatures."""
+        warm = [at_temperature(specimen, celsius) for specimen in setup.specimens
+                if specimen.membrane.temperature_power
+                for celsius in np.unique(self.coupons.degrees).tolist()]
+        return (*setup.specimens, *warm)
+
+    def of_one_film(self, setup: Setup) -> bool:
+        """Whether every strip is of a film that an actuator of a setup has."""
+        films = [specimen.membrane for specimen in setup.specimens]
+        return all(specimen.membrane in films for specimen in self.setup.specimens)
+
+    def batch(self, best: Setup) -> Array:
+        """What rows show whose films differ from the actuators' [Pa], shape (rows, 2).
+
+        By what the best model of the coupons says: by what was read, what films differ by would be
+        along the readings' own noise.
+        """
+        uncharged = best.with_films(lambda film: replace(
+            film, relative_permittivity=_NONE * film.relative_permittivity))
+        whole, law = (self.shown(setup)[0] for setup in (best, uncharged))
+        return np.asarray(BATCH * np.stack([law, law - whole], axis=1)[self.rows])
 
     def shown(self, setup: Setup) -> tuple[Array, NDArray[np.bool_]]:
         """What each reading shows [Pa] and whether such a strip has an equilibrium, (readings,)."""
@@ -193,21 +313,6 @@ def _width(film: Film, field: Any, stiffer: Array, along: Array) -> tuple[Array,
     return across, done
 
 
-def coupon_setup(setup: Setup, unknowns: Array, uses: Iterable[Use]) -> Setup:
-    """The setup with the factors on stiffness, branches' too, and permittivity; then with effects.
-
-    Readings of stress do not tell a thickness from a modulus, so one factor is on both.
-    """
-    stiffness, permittivity = np.exp(unknowns[FACTORS]).tolist()
-
-    def change(film: Film) -> Film:
-        return replace(
-            with_factors(film, stiffness, permittivity), branches=tuple(
-                replace(branch, modulus=stiffness * branch.modulus) for branch in film.branches))
-
-    return extended(setup.with_films(change), uses)
-
-
 class CouponPrediction:
     """What rows of coupons show at some unknowns; with the readings' names of a film's prediction.
 
@@ -246,7 +351,7 @@ class CouponPrediction:
         """What each row shows, and which readings have an equilibrium."""
         tests, uses = self.tests, uses_of(self.hypothesis, unknowns)
         felt = [use for cause, use in zip(self.hypothesis, uses, strict=True) if tests.feel(cause)]
-        shown, possible = tests.shown(coupon_setup(tests.setup, unknowns, felt))
+        shown, possible = tests.shown(tests.extended(tests.setup, unknowns, felt))
         return shown[tests.rows[self.rows]], possible
 
     @cached_property
@@ -264,3 +369,65 @@ class CouponPrediction:
             (low, before), (high, after) = sides
             columns.append((after - before) / (high - low))
         return np.stack(columns, axis=1)
+
+
+def at_temperature(specimen: Specimen, celsius: float) -> Specimen:
+    """The specimen as its film is at a temperature [°C], under a name of its own."""
+    film = specimen.membrane
+    factor = ((celsius + ICE) / USUAL_KELVIN) ** film.temperature_power
+    warm = replace(film, material=scaled(film.material, factor), temperature_power=0.0,
+                   branches=tuple(replace(branch, modulus=factor * branch.modulus)
+                                  for branch in film.branches))
+    return replace(specimen, name=f"{specimen.name} at {celsius:.4g} C", membrane=warm)
+
+
+def _legendre(values: Array) -> Array:
+    """Legendre polynomials over the range of values, no more than they tell."""
+    span = float(np.ptp(values))
+    degree = max(0, min(_DEGREE, len(np.unique(values.round(6))) - 2))
+    share = 2 * (values - values.min()) / span - 1 if span > 0 else np.zeros_like(values)
+    return np.asarray(legendre.legvander(share, degree if span > 0 else 0), float)
+
+
+def _times(values: Array | NDArray[np.bool_], columns: Array) -> Array:
+    """Columns times a contrast, of mean 0 and spread 1; none where values are alike."""
+    contrast = np.asarray(values, float) - np.mean(values)
+    spread = float(contrast.std())
+    contrast = contrast / spread if spread > 1e-12 else 0 * contrast
+    return np.asarray(contrast[:, None] * columns, float)
+
+
+def _log_rate(coupons: Coupons) -> Array:
+    """Logarithm of the mean rate of each reading's run, 0 of runs without times or that rest."""
+    rate = np.zeros(len(coupons))
+    for run in coupons.timed_runs.values():
+        duration = float(np.ptp(coupons.time[run]))
+        path = float(np.abs(np.diff(coupons.stretch[run])).sum())
+        if duration > 0 and path > 1e-3:
+            rate[run] = np.log(path / duration)
+    return rate
+
+
+def _way(run: Numbers, stretch: Array) -> Array:
+    """1 on legs that come back to the virgin stretch, else 0."""
+    back = np.zeros(len(run))
+    for number in np.unique(run):
+        rows = np.flatnonzero(run == number)
+        away = np.abs(stretch[rows] - 1)
+        back[rows] = away[-1] < away[0]
+    return back
+
+
+def _runs_apart(run: Numbers, stretch: Array) -> Array:
+    """A polynomial for each leg of a run that leaves some scatter."""
+    columns = []
+    for number in np.unique(run):
+        rows = np.flatnonzero(run == number)
+        along = stretch[rows]
+        place = along if np.ptp(along) > 1e-3 else np.arange(len(rows), dtype=float)
+        within = _legendre(place)
+        within = within[:, : max(1, len(rows) // 3)]
+        part = np.zeros((len(run), within.shape[1]))
+        part[rows] = within
+        columns.append(part)
+    return np.hstack(columns)

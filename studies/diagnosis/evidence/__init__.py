@@ -1,0 +1,6 @@
+"""Evidence: what readings of one kind show, look like when they are missed, and are held out by.
+
+One file a kind, each an :class:`~tympan.studies.diagnosis.evidence.kind.Evidence`: a new kind is a
+new file here, and nobody else asks a row for its kind. It knows readings, setups and effects, not
+how a film is simulated: that is asked of the films it is given.
+"""

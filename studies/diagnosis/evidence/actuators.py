@@ -1,0 +1,74 @@
+"""Readings of plates under loads: at rest, of ranges, in time, of frequencies and over films."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tympan.studies.diagnosis.evidence.kind import Evidence, Films, Shown, Split
+from tympan.studies.diagnosis.hypothesis import Cause, Hypothesis
+from tympan.studies.diagnosis.patterns.reading_patterns import patterns
+from tympan.studies.diagnosis.reading_table import ReadingTable
+from tympan.studies.effects import Setup
+from tympan.studies.effects.effect import IN_TIME
+
+Array = NDArray[np.float64]
+
+#: Share of the largest voltage up to which the extended model is fitted when it is tested above.
+LOW_VOLTAGES = 0.7
+
+
+class Actuators(Evidence):
+    """Whatever is read of plates under loads."""
+
+    kinds = ("displacement", "range", "capacitance", "film_voltage", "tilt", "frequency", "decay",
+             "force", "film", "film_x", "film_y")
+
+    def predict(self, films: Films, hypothesis: Hypothesis, unknowns: Array, table: ReadingTable
+                ) -> Shown:
+        return films.shown(hypothesis, unknowns, table)
+
+    def patterns(self, table: ReadingTable, names: Sequence[str], predicted: Array
+                 ) -> dict[str, Array]:
+        return patterns(table, names, predicted)
+
+    def splits(self, setup: Setup, table: ReadingTable
+               ) -> tuple[list[Split], dict[str, NDArray[Any]]]:
+        specimens = setup.specimens
+        frames = [(specimen.frame, specimen.plate) for specimen in specimens]
+        shape = np.array([frames.index(frame) for frame in frames])[table.specimen]
+        masses, mass = np.unique(table.mass, return_inverse=True)
+        edge = LOW_VOLTAGES * float(np.abs(table.voltage).max(initial=0.0))
+        splits: list[Split] = []
+        for number in np.unique(shape):
+            names = [specimen.name for specimen, frame in zip(specimens, frames, strict=True)
+                     if frame == frames[number]]
+            splits.append(("shape", " and ".join(names), shape == number))
+        if len(np.unique(shape)) < len(np.unique(table.specimen)):
+            splits += [("specimen", specimens[number].name, table.specimen == number)
+                       for number in np.unique(table.specimen)]
+        splits += [("mass", f"{1e3 * value:.5g} g", mass.ravel() == number)
+                   for number, value in enumerate(masses)]
+        splits.append(("voltage", f"above {edge / 1e3:.3g} kV", np.abs(table.voltage) > edge))
+        levels = {"shape": shape, "specimen": table.specimen, "mass": table.ramp,
+                  "voltage": np.abs(table.voltage)}
+        return splits, levels
+
+    def shows(self, cause: Cause, setup: Setup, table: ReadingTable) -> bool:
+        states, columns = table.states, cause.effect.columns
+        there = {"elapsed_s": bool(np.ptp(states.elapsed) > 0),
+                 "direction": bool(np.any(states.direction != 0)),
+                 "frequency_Hz": "frequency" in table.kind,
+                 "x_mm": bool(table.scans),
+                 IN_TIME: bool(len(states.passages.rows))}
+        scanned = {setup.specimens[number].name for number in np.unique(
+            states.specimen[table.state[table.scan >= 0]])}
+        anywhere = cause.which is None or "x_mm" not in columns or cause.which in scanned
+        return anywhere and all(there.get(column, False) for column in columns)
+
+
+#: They are told apart by their rows alone.
+ACTUATORS = Actuators()

@@ -1,0 +1,134 @@
+"""What everybody asks a kind of evidence, and the readings of a dataset that it makes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tympan.geometry.specimen import Specimen
+from tympan.studies.diagnosis.hypothesis import FACTORS, Cause, Hypothesis, with_factors
+from tympan.studies.diagnosis.reading_table import ReadingTable
+from tympan.studies.effects import EFFECTS, Setup, Use, extended
+
+Array = NDArray[np.float64]
+Rows = NDArray[np.bool_]
+
+#: Noise of a displacement that nobody states and nothing measures, as a share of the readings. No
+#: source.
+ASSUMED = 0.02
+#: Readings below which nothing is concluded: stiffness, permittivity and noise take three.
+FEWEST = 5
+
+#: What is held out: its kind, such as "shape" or "mode", its name, and the rows.
+Split = tuple[str, str, Rows]
+
+
+class Shown(Protocol):
+    """What rows show at some unknowns, with derivatives.
+
+    ``possible``: of each state whether it is one of equilibrium, ``short``: it might be by laws of
+    further reach; ``heave``: of each [m]. ``values``, (rows,), are nan without an equilibrium,
+    ``extended`` goes on there; ``jacobian`` is of these by the unknowns, (rows, unknowns).
+    """
+
+    @property
+    def possible(self) -> Rows: ...
+    @property
+    def short(self) -> Rows: ...
+    @property
+    def heave(self) -> Array: ...
+    @property
+    def complete(self) -> bool: ...
+    @property
+    def extended(self) -> Array: ...
+    @property
+    def values(self) -> Array: ...
+    @property
+    def jacobian(self) -> Array: ...
+    def beyond(self, before: Any) -> bool: ...
+
+
+class Films(Protocol):
+    """What simulates the films of actuators."""
+
+    def shown(self, hypothesis: Hypothesis, unknowns: Array, table: ReadingTable) -> Shown:
+        """What rows of plates under loads show."""
+
+    def bounds(self, hypothesis: Hypothesis) -> Array:
+        """Smallest and largest unknowns, shape (2, unknowns)."""
+
+
+class Evidence(Protocol):
+    """Readings of one kind.
+
+    ``kinds`` are those of their rows. ``loaded``: they are of plates under loads, whose labels may
+    be exchanged, which other loads may tell more of, and whose films can be shown.
+    """
+
+    kinds: ClassVar[tuple[str, ...]]
+    loaded: ClassVar[bool] = True
+
+    def among(self, table: ReadingTable) -> Rows:
+        """Which rows of a table are of this kind."""
+        return np.isin(table.kind, self.kinds)
+
+    def predict(self, films: Films, hypothesis: Hypothesis, unknowns: Array, table: ReadingTable
+                ) -> Shown:
+        """What the rows of a table, all of this kind, show."""
+
+    def patterns(self, table: ReadingTable, names: Sequence[str], predicted: Array
+                 ) -> dict[str, Array]:
+        """By name, columns a misfit of rows, all of this kind, may be a combination of."""
+
+    def splits(self, setup: Setup, table: ReadingTable
+               ) -> tuple[list[Split], dict[str, NDArray[Any]]]:
+        """How to hold out rows; and by kind of split what level each row is of, shape (rows,)."""
+
+    def shows(self, cause: Cause, setup: Setup, table: ReadingTable) -> bool:
+        """Whether rows could show an effect."""
+
+    def extended(self, setup: Setup, unknowns: Array, uses: Iterable[Use]) -> Setup:
+        """The setup with the factors on stiffness and permittivity, then with effects."""
+        factors = np.exp(unknowns[FACTORS]).tolist()
+        return extended(setup.with_films(lambda film: with_factors(film, *factors)), uses)
+
+    def written(self, table: ReadingTable, names: Sequence[str], models: Mapping[str, Array]
+                ) -> Mapping[str, NDArray[Any]] | None:
+        """Columns of a file of its own, with what models say of each row; None without one."""
+        return None
+
+    def specimens(self, setup: Setup) -> tuple[Specimen, ...]:
+        """The specimens that are worth a file."""
+        return setup.specimens
+
+
+@dataclass(frozen=True, eq=False)
+class PreparedReadings:
+    """The setup with the specimens that were read, and the table of one kind of evidence.
+
+    ``remarks`` say what was done to the readings. ``coupons``: those that are weighed with them, of
+    the same film.
+    """
+
+    setup: Setup
+    table: ReadingTable
+    evidence: Evidence
+    remarks: tuple[str, ...] = ()
+    coupons: PreparedReadings | None = None
+
+    @property
+    def assumed(self) -> bool:
+        """Whether nothing says how large the noise is."""
+        return self.table.noise.source == "assumed"
+
+    @property
+    def causes(self) -> tuple[Cause, ...]:
+        """Effects that these readings could show."""
+        others = () if self.coupons is None else self.coupons.causes
+        return tuple(cause for name, effect in EFFECTS.items()
+                     for cause in (Cause(name, which) for which in effect.choices(self.setup))
+                     if cause in others or self.evidence.shows(cause, self.setup, self.table))
