@@ -119,8 +119,9 @@ class Branch:
         Where that is the rate, the point is a limit and its direction the critical mode. A function
         ``of_state`` looks at no tangent. Where Newton's method goes astray from both of them, it
         starts from others between them. A film without plate may lose its stability in many motions
-        at once, and with it the way to that point: then the nearest one that is found. None, too,
-        where the sign changes since the two are on different branches.
+        at once, and with it the way to that point: then the nearest one that is found. Where the
+        sign changes since the two are on different branches, the last point before that is given,
+        at which the function does not vanish.
         """
         search = _Between(self, before, value, of_state)
         end = product(self.model, before.direction, self._motion(before, after))
@@ -134,7 +135,7 @@ class Branch:
             root = search.root(*around)
         if root is None:
             return None if self.model.specimen.plate else self._renewed(search.least())
-        return self._renewed(search.points[root]) if search.on_one_branch() else None
+        return self._renewed(search.points[search.on_branch(root)])
 
     def _renewed(self, point: PathPoint) -> PathPoint:
         """The point with its own tangent, if it has one: Newton's is too far off for limits."""
@@ -239,11 +240,15 @@ class _Between:
         """The point of the smallest value."""
         return self.points[min(self.values, key=lambda step: abs(self.values[step]))]
 
-    def on_one_branch(self) -> bool:
-        """Whether the points around the place are no further apart than their steps are."""
+    def on_branch(self, root: float) -> float:
+        """The step of the place; the last before it if those around it are on different branches.
+
+        Points of one branch are no further apart than their steps are.
+        """
         ends = self.around()
         if ends is None:
-            return True
+            return root
         low, high = ends
-        motion = self.branch._motion(self.points[low], self.points[high])
-        return length(self.branch.model, motion) <= _APART * (high - low + _SHARP)
+        apart = length(self.branch.model,
+                       self.branch._motion(self.points[low], self.points[high]))
+        return root if apart <= _APART * (high - low + _SHARP) else low

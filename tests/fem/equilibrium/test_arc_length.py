@@ -248,7 +248,7 @@ def test_a_magnet_snaps_the_plate_through_and_back() -> None:
     assert sum(point.rate < 0 for point in points) >= 2
 
 
-def test_no_place_is_found_between_two_branches() -> None:
+def test_between_two_branches_the_last_point_of_the_first_is_given() -> None:
     """Under another weight the film is on another branch: it is never under a weight between."""
     film = pressed_model(circular(VHB))
     branch, other = (list(islice(Branch(film, "voltage").points(
@@ -258,7 +258,10 @@ def test_no_place_is_found_between_two_branches() -> None:
         return point.state.force - 1.1 * LIGHT
 
     assert heavier(branch[1]) < 0 < heavier(other[2])
-    assert Branch(film, "voltage").where(branch[1], other[2], heavier, of_state=True) is None
+    last = Branch(film, "voltage").where(branch[1], other[2], heavier, of_state=True)
+    assert last is not None
+    assert last.state.force == LIGHT
+    assert last.state.plate.deflection > branch[1].state.plate.deflection
 
     def deeper(point: PathPoint) -> float:
         deep = (branch[1].state.plate.deflection + branch[2].state.plate.deflection) / 2
