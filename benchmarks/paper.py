@@ -10,10 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from tympan.reports.paper.page import caption, number_text, read_paper
+from tympan.reports.paper.page import caption, number_text
 from tympan.studies.paper.published import HIGHEST, MASSES, NAMES, SETTLING
 from tympan.studies.replica.figures import Choices
 from tympan.studies.replica.missing_parameters import fit_levels
+from tympan.studies.replica.output import PaperResult
 
 _DOCS = Path(__file__).parent.parent / "docs"
 _SEEDS = 6
@@ -27,7 +28,8 @@ def main() -> None:
     folder = parser.parse_args().folder
     for figure, file in _FIGURES.items():
         shutil.copy(folder / f"{figure}.png", _DOCS / file)
-    (_DOCS / "paper.md").write_text(page(read_paper(folder), other_seeds()), encoding="utf-8")
+    text = page(PaperResult.load(folder).numbers, other_seeds())
+    (_DOCS / "paper.md").write_text(text, encoding="utf-8")
 
 
 def other_seeds() -> list[str]:

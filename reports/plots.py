@@ -102,7 +102,7 @@ def _animate(result: object, file: Path) -> None:
 
 
 def _shown(result: object, choices: dict[str, Any]) -> Axes:
-    """On pyplot's axes, which notebooks and ``pyplot.show()`` show."""
+    """Draw on pyplot's axes, which notebooks and ``pyplot.show()`` show."""
     from matplotlib import pyplot
 
     # Before the style, with which what a notebook sets as it starts to draw would be taken back.

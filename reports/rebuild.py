@@ -8,25 +8,26 @@ from pkgutil import resolve_name
 from tympan.geometry.command_line import command_line
 from tympan.geometry.errors import InputError
 
-#: What commands leave behind: a pattern of the file that is written last; what draws the folder, a
-#: page where there is one; and the result stored in it, where it is drawn from that.
+#: What commands leave behind: a pattern of the file that is written last; what draws the result
+#: into a folder, a page where there is one; and the result.
 KINDS = {
-    "study": ("study.json", "study.page:build_study_page", ""),
+    "study": ("study.json", "study.page:build_study_page", "study:StudyResult"),
     "solve": ("*.vtu", "figures.film:draw_film", "case:CaseResult"),
     "modes": ("*-modes.json", "figures.modes:draw_modes", "modes:ModesResult"),
     "path": ("*-path.json", "figures.path:draw_path", "path:PathResult"),
     "curve": ("*-curve.json", "figures.curve:draw_curves", "limits.curve:CurveResult"),
     "outlines": ("outlines.json", "figures.alpha:draw_outlines", "alpha.table:OutlineTable"),
     "map": ("alpha-map.json", "figures.alpha:draw_map", "alpha.map:AlphaMap"),
-    "sweep": ("sweep.json", "sweep.page:build_sweep_page", ""),
+    "sweep": ("sweep.json", "sweep.page:build_sweep_page", "sweep.run:SweepResult"),
     "optimise": ("optimum.json", "figures.optimum:draw_optimum",
                  "optimise.optimise:OptimiseResult"),
     "material fit": ("fit.json", "figures.coupon:draw_fit", "material.result:MaterialFitResult"),
     "diagnose": ("diagnosis.json", "diagnosis.page:build_diagnosis_page",
                  "diagnosis.result:Diagnosis"),
     "diagnose --self-check": ("self-check.json",
-                              "diagnosis.self_check:build_self_check_page", ""),
-    "lumped paper": ("paper.json", "paper.page:build_paper_page", ""),
+                              "diagnosis.self_check:build_self_check_page",
+                              "diagnosis.self_check:SelfCheck"),
+    "lumped paper": ("paper.json", "paper.page:build_paper_page", "replica.output:PaperResult"),
     "lumped simulate": ("simulate.json", "figures.response:draw_simulated",
                         "lumped.simulate:ModelResponse"),
     "transient": ("transient.json", "figures.response:draw_simulated",
@@ -47,12 +48,9 @@ def draw_stored(command: str, folder: Path, specimen: str) -> list[Path]:
     if command not in KINDS:
         return []
     marker, draw, stored = KINDS[command]
-    draw_folder = resolve_name(f"tympan.reports.{draw}")
-    if not stored:
-        return [draw_folder(folder)]
     names = [specimen] if "*" in marker else []
     result = resolve_name(f"tympan.studies.{stored}").load(folder, *names)
-    return list(draw_folder(result, folder))
+    return list(resolve_name(f"tympan.reports.{draw}")(result, folder))
 
 
 def _is_solved(film: Path) -> bool:

@@ -51,7 +51,7 @@ class JsonKey:
 
     @property
     def unit(self) -> str:
-        """As the key's name says."""
+        """The unit that the key's name says."""
         name = re.sub(r"(\[\]|\{\})+$", "", self.path.rpartition(".")[2])
         if self.kind.split(" or ")[0] not in ("number", "list"):
             return ""
@@ -82,7 +82,7 @@ class JsonRecord:
 
     @property
     def schema(self) -> dict[str, Any]:
-        """As a JSON Schema (draft 2020-12)."""
+        """The record as a JSON Schema (draft 2020-12)."""
         return {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": self.commands,
                 **_object([(_steps(key.path), key) for key in self.keys])}
 

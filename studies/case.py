@@ -77,7 +77,7 @@ class Settings:
     symmetry: bool = True
 
     def bounded(self, model: Model, loads: int = 1) -> Settings:
-        """With one budget of work for all that is searched for over many loads of a model."""
+        """Settings with one budget of work for all searches over many loads of a model."""
         return replace(self, path=self.path.bounded(model, followed=True, loads=loads))
 
 

@@ -79,7 +79,7 @@ class Column:
 
     @property
     def dimension(self) -> str:
-        """Of :data:`tympan.geometry.units.DIMENSIONS`, "" for plain numbers and texts."""
+        """One of :data:`tympan.geometry.units.DIMENSIONS`, "" for plain numbers and texts."""
         return _dimension(self.unit) if self.unit else ""
 
     @property

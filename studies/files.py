@@ -128,7 +128,7 @@ def stored_file(folder: Path, pattern: str, name: str | None, writer: str) -> Pa
 
 @cache
 def _stored(cls: Any, unit: str) -> tuple[tuple[str, str, bool], ...]:
-    """Of each field of a dataclass that is stored: its name, its key, and whether that may miss.
+    """Each field of a dataclass that is stored: its name, its key, and whether that may miss.
 
     Fields that take no part in comparisons stand in files of their own and are left out.
     """

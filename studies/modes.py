@@ -157,7 +157,7 @@ def heave_frequency(case: Case, settings: Settings) -> float | None:
 
 def heaving_frequency(model: Model, state: State, plate: RigidPlate, air: float = 0.0
                       ) -> float | None:
-    """That of a state, whose plate has its mass and what moves with it, in ``air`` [kg/m³]."""
+    """The heave's frequency [Hz] of a plate with its mass, in ``air`` [kg/m³]; None if unstable."""
     computed = swinging(model, state, plate, air, _LOWEST)
     heaving = int(np.argmax(computed.shares[:, HEAVE]))
     stable = not computed.growth[heaving] and computed.shares[heaving, HEAVE] > 0.5

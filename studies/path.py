@@ -498,7 +498,7 @@ def _passed(case: Case, branch: Branch, first: Stop, before: Stop, after: Stop) 
 
 
 def _to_thinning(passed: list[Stop]) -> Iterator[Stop]:
-    """Of what happens before a point that a wrinkled film does not reach what it meets."""
+    """What a wrinkled film meets before a point that it does not reach."""
     for stop in passed:
         gone = stop.event is not None and stop.event.what == INSTABILITY.event
         yield replace(stop, ended=_THINS if gone and stop.thins else UNFOLLOWED)

@@ -76,7 +76,7 @@ class ResponseResult(CaseRecord):
 
 def response(case: Case, settings: Settings, frequencies: tuple[float, ...] = (),
              progress: Callable[[str], None] = lambda words: None) -> ResponseResult:
-    """Of a film about its rest under the case's mass and voltage, at frequencies [Hz].
+    """Response of a film about its equilibrium under mass and voltage, at frequencies [Hz].
 
     Left out, they reach from the slowest branch to far above the plate's own frequency.
     ``progress`` is called before each.

@@ -186,7 +186,7 @@ class Wave:
 
     @property
     def period(self) -> float | None:
-        """Of a sine [s]."""
+        """Period of a sine [s]; None for any other."""
         return self.duration if self.kind == "sine" else None
 
     def signal(self, key: str = "signal") -> Signal:

@@ -162,7 +162,7 @@ def times(factor: float) -> str:
 
 
 def capitalised(words: str) -> str:
-    """With a capital at the beginning."""
+    """Words with a capital at the beginning."""
     return words[:1].upper() + words[1:]
 
 

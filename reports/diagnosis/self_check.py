@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,8 +11,8 @@ from matplotlib.figure import Figure
 
 from tympan.reports import look as style
 from tympan.reports.template import embedded_picture, template
-from tympan.studies.diagnosis.self_check import OUTCOMES
-from tympan.studies.files import read_json, write_text
+from tympan.studies.diagnosis.self_check import OUTCOMES, SelfCheck
+from tympan.studies.files import write_text
 
 #: Room on the left for the names of effects [mm].
 _LEFT = 44.0
@@ -34,22 +34,17 @@ SAID = {"named": ("named rightly", "#117733"), "listed": ("listed among others",
         "other_named": ("another one named", "#c23b22")}
 
 
-def build_self_check_page(folder: Path) -> Path:
+def build_self_check_page(check: SelfCheck, folder: Path) -> list[Path]:
     """Draw folder/self-check.svg and write folder/self-check.html; answers the page."""
-    record = read_json(folder / "self-check.json")
-    picture, = draw_self_check(record, folder)
+    picture, = style.save_figure(folder, "self-check", lambda: _compose(check.rows), ("svg",))
     page = folder / "self-check.html"
     write_text(page, template("reports/diagnosis/self_check.html").render(
-        check=record, outcomes=OUTCOMES, said=SAID, figure=embedded_picture(picture)))
-    return page
+        check=check, outcomes=OUTCOMES, said=SAID, figure=embedded_picture(picture)))
+    return [page]
 
 
-def draw_self_check(record: Mapping[str, Any], folder: Path) -> list[Path]:
-    """Draw folder/self-check.svg: for each hidden effect the shares of what was said."""
-    return style.save_figure(folder, "self-check", lambda: _compose(record["rows"]), ("svg",))
-
-
-def _compose(rows: list[Mapping[str, Any]]) -> Figure:
+def _compose(rows: Sequence[Mapping[str, Any]]) -> Figure:
+    """For each hidden effect the shares of what was said."""
     height = _ROW * len(rows)
     figure = style.new_figure(_TOP + height + _AXIS + _LEGEND)
     axes = style.place_axes(figure, _LEFT, _TOP, style.WIDTH - _LEFT - _RIGHT, height)

@@ -91,7 +91,7 @@ def draw_correlations(judgement: Identifiability, folder: Path,
 
 
 def _symbol(name: str) -> str:
-    """As the paper writes it; of an α with the shape it belongs to."""
+    """A constant as the paper writes it; of an α with the shape it belongs to."""
     plain, _, shape = name.partition("[")
     return _SYMBOLS.get(plain, plain) + (f" ({shape[:-1]})" if shape else "")
 

@@ -85,7 +85,7 @@ def _view(result: ModesResult, dots: float, line: float = 0.5) -> View:
 
 
 def _width() -> float:
-    """Of one picture [mm]."""
+    """Width of one picture [mm]."""
     return (style.WIDTH - 2 * _MARGIN - 2 * _GAP) / 3
 
 

@@ -8,22 +8,20 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from tympan.geometry.errors import InputError
 from tympan.reports import look as style
 from tympan.reports.template import embedded_picture, sentence, template
-from tympan.studies.columns import Column, read_own_sheet
-from tympan.studies.files import from_json, read_json, write_text
+from tympan.studies.files import write_text
 from tympan.studies.paper.published import MASSES, NAMES, SETTLING, SINES, STEP
 from tympan.studies.replica.figures import ZOOM
+from tympan.studies.replica.output import PaperResult
 
 Content = dict[str, Any]
 #: Abscissa and ordinate of the curves of each file, by the cells of its first columns.
-Curves = dict[str, dict[tuple[str, ...], NDArray[np.float64]]]
+Curves = Mapping[str, Mapping[tuple[str, ...], NDArray[np.float64]]]
 
 #: Room on the left of an axis for its numbers and words [mm].
 _LEFT = 14.0
@@ -37,25 +35,15 @@ _AXIS = 12.0
 _HEIGHT = 70.0
 
 _LETTERS = "abcdef"
-#: The columns of the curves' files: what a curve is of, then its abscissa and ordinate.
-_COLUMNS = {
-    "static": ("mass_g", "specimen", "voltage_kV", "distance_mm"),
-    "step": ("mass_g", "specimen", "t_s", "distance_mm"),
-    "hysteresis": ("offset_kV", "amplitude_kV", "specimen", "voltage_kV", "distance_mm"),
-    "random": ("mass_g", "specimen", "t_s", "distance_mm"),
-    "signal": ("t_s", "voltage_kV"),
-    "misfit": ("relative_permittivity", "alpha_1", "worst_mm"),
-}
 
 
-def build_paper_page(folder: Path) -> Path:
-    """Draw the figures of the folder and write folder/paper.html; answers that file."""
-    content = read_paper(folder)
-    draw_paper(folder)
+def build_paper_page(result: PaperResult, folder: Path) -> list[Path]:
+    """Draw the figures and write folder/paper.html; answers that file."""
+    draw_paper(result, folder)
     file = folder / "paper.html"
     pictures = {name: embedded_picture(folder / f"{name}.svg") for name in FIGURES}
-    write_text(file, render_paper(content, pictures))
-    return file
+    write_text(file, render_paper(result.numbers, pictures))
+    return [file]
 
 
 def render_paper(content: Content, pictures: Mapping[str, str]) -> str:
@@ -91,29 +79,10 @@ def number_text(number: Content) -> str:
     return f"{factor * number['value']:.4g} {unit}".strip()
 
 
-def read_paper(folder: Path) -> Content:
-    """What paper.json holds."""
-    file = folder / "paper.json"
-    content = from_json(dict[str, Any], read_json(file), file)
-    if not {"lost", "chosen", "table_2", "settling", "hysteresis", "findings"} <= set(content):
-        raise InputError("cannot be read: something is missing; run tympan lumped paper again",
-                         file=file)
-    return content
-
-
-def draw_paper(folder: Path) -> list[Path]:
+def draw_paper(result: PaperResult, folder: Path) -> list[Path]:
     """Draw folder/fig7 … fig14 and folder/misfit; answers the files."""
-    content, curves = read_paper(folder), {name: _curves(folder, name) for name in _COLUMNS}
-    return [file for name, compose in FIGURES.items()
-            for file in style.save_figure(folder, name, partial(compose, content, curves))]
-
-
-def _curves(folder: Path, name: str) -> dict[tuple[str, ...], NDArray[np.float64]]:
-    *labels, across, up = _COLUMNS[name]
-    columns = [*map(Column.labels, labels), Column(across), Column(up, required=False)]
-    rows = pd.DataFrame(read_own_sheet(folder / f"{name}.csv", columns))
-    parts = rows.groupby(labels, sort=False) if labels else [((), rows)]
-    return {key: part[[across, up]].to_numpy().T for key, part in parts}
+    return [file for name, compose in FIGURES.items() for file in style.save_figure(
+        folder, name, partial(compose, result.numbers, result.curves))]
 
 
 def _static(content: Content, curves: Curves, mass: float) -> Figure:
@@ -238,7 +207,7 @@ def _ranges(content: Content, mass: float, name: str) -> dict[str, Any]:
     return row
 
 
-def _three(curves: dict[tuple[str, ...], NDArray[np.float64]], mass: float
+def _three(curves: Mapping[tuple[str, ...], NDArray[np.float64]], mass: float
            ) -> list[tuple[str, str, NDArray[np.float64]]]:
     return [(style.PALETTE[number], name, curves[f"{1e3 * mass:g}", name])
             for number, name in enumerate(NAMES)]

@@ -32,20 +32,20 @@ _UNITS = {field.name: DIMENSIONS[field.says.dimension].symbol
           if field.says.dimension}
 
 
-def build_study_page(folder: Path) -> Path:
-    """Draw the figures of a stored study and write folder/report.html; answers that file.
+def build_study_page(stored: StudyResult, folder: Path) -> list[Path]:
+    """Draw the figures of a study and write folder/report.html; answers that file.
 
     A :class:`~tympan.geometry.system.MissingLibrary` says that this computer cannot draw in three
     dimensions.
     """
-    run = view_study(StudyResult.load(folder), folder)
+    run = view_study(stored, folder)
     figure4.draw_figure4(run, folder)
     curves.draw_study_curves(run, folder)
     file = folder / "report.html"
     films = {item.name: item.film for item in run.specimens}
     write_text(file, render_study(run, embedded_picture(folder / "fig4.png"),
                                   embedded_picture(folder / "curves.svg"), viewer(films)))
-    return file
+    return [file]
 
 
 def render_study(run: StudyView, fig4: str, curves_: str, viewer: str = "") -> str:
@@ -110,7 +110,7 @@ def reference(specimens: Sequence[SpecimenView]) -> SpecimenView:
 
 
 def stress_at_plate(specimens: Sequence[SpecimenView], least: float) -> str:
-    """On which axis the stress at the plate is larger, and by how much.
+    """Axis on which the stress at the plate is larger, and by how much.
 
     ``least`` is the smallest stress of all films [kPa].
     """

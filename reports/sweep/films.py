@@ -66,7 +66,7 @@ def _sheets(films: list[Film], folder: Path) -> list[Path]:
 
 
 def _films(result: SweepResult, folder: Path) -> list[Film]:
-    """Of all specimens with an equilibrium under the first mass and voltage."""
+    """Films of all specimens with an equilibrium under the first mass and voltage."""
     first = result.table.isel({load: 0 for load in ("mass", "voltage") if load in
                                result.table.dims})
     grid = [Measure.of(first[axis]) for axis in first["status"].dims if axis != "specimen"]

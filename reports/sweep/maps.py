@@ -100,7 +100,7 @@ class Maps:
 
 
 def sweep_maps(view: SweepView) -> list[Maps]:
-    """Of every pair of keys over which something varies."""
+    """Maps of every pair of keys over which something varies."""
     pairs = list(combinations(view.keys, 2))[:_MOST_PAIRS]
     over_pairs = (Maps(across, up, [drawn for drawn, _ in _maps(view, across, up, view.columns)])
              for across, up in pairs)

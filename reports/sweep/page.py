@@ -46,10 +46,9 @@ class FailedCases:
     specimens: str
 
 
-def build_sweep_page(folder: Path) -> Path:
+def build_sweep_page(result: SweepResult, folder: Path) -> list[Path]:
     """Draw the films of a finished sweep and write folder/sweep.html; answers that file."""
-    result = SweepResult.load(folder)
-    return _write(result, folder, draw_films(result, folder) if result.figures else [])
+    return [_write(result, folder, draw_films(result, folder) if result.figures else [])]
 
 
 def keep_page(folder: Path) -> Watch:

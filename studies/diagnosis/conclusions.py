@@ -91,7 +91,7 @@ class Conclusions:
     @classmethod
     def of(cls, dataset: Dataset, readings: PreparedReadings, judgement: Judgement,
            model_error: float = 0.0, seed: int = 0) -> Conclusions:
-        """With all that follows from a judgement of the dataset's readings."""
+        """All that follows from a judgement of the dataset's readings."""
         causes, films = readings.causes, judgement.of_first()
         simulation = films.simulation
         # Nothing more is proposed beside coupons than the checks of what is found.
@@ -273,7 +273,7 @@ class Conclusions:
                 named=cause in judged.named, parameters=_parameters(fit, cause))
 
     def _with_more_noise(self) -> float | None:
-        """About how probable what is named would be with a larger noise; None without any.
+        """Probability of what is named with a larger noise, roughly; None where nothing is named.
 
         Nor where small errors have been added to it already.
         """

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -21,7 +22,7 @@ from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.reduced.growth import grown
 from tympan.studies.diagnosis.reduced.reduced_films import bounds_of
 from tympan.studies.diagnosis.reduced.simulation import Simulation
-from tympan.studies.files import words_beside
+from tympan.studies.files import from_json, read_json, to_json, words_beside, write_json
 from tympan.studies.parallel import mapped
 
 Array = NDArray[np.float64]
@@ -168,10 +169,43 @@ def grown_to(simulation: Simulation, hypothesis: Hypothesis, unknowns: Array
     return simulation, unknowns
 
 
+@dataclass(frozen=True)
+class SelfCheck:
+    """What was said of all synthetic sets.
+
+    ``rows``: for each hidden effect how often each of :data:`OUTCOMES` was said, and "taken_for",
+    the share of its sets seen in which another effect is listed; ``usual_or_more``: the shares over
+    all that were hidden with at least their usual size.
+    """
+
+    sets: int
+    seed: int
+    sizes: tuple[float, ...]
+    rows: tuple[dict[str, Any], ...]
+    usual_or_more: dict[str, float]
+    not_told_apart: tuple[tuple[str, ...], ...]
+    sentence: str
+
+    def json(self) -> dict[str, Any]:
+        """As a JSON object."""
+        record: dict[str, Any] = to_json(self)
+        return record
+
+    def save(self, folder: Path) -> None:
+        """Write ``self-check.json``."""
+        write_json(folder / "self-check.json", self.json())
+
+    @classmethod
+    def load(cls, folder: Path) -> SelfCheck:
+        """What was saved."""
+        file = folder / "self-check.json"
+        return from_json(cls, read_json(file), file)
+
+
 def self_checked(bench: Bench, count: int, workers: int = 1,
                  progress: Callable[[int, int], None] = lambda done, all_of_them: None
-                 ) -> dict[str, Any]:
-    """So many synthetic sets judged, as a JSON object."""
+                 ) -> SelfCheck:
+    """So many synthetic sets judged."""
     sets = []
     for made in mapped(_judged, [(bench, number) for number in range(count)], workers):
         sets.append(made)
@@ -187,24 +221,19 @@ def _judged(task: tuple[Bench, int]) -> SyntheticSet:
         raise InputError(str(failure), key="--self-check", given=f"set {number}") from None
 
 
-def summary_of(sets: Sequence[SyntheticSet], seed: int = 0) -> dict[str, Any]:
-    """Rows of the confusion table, and what follows from it in a sentence.
-
-    "taken_for": the share of its sets seen in which another effect is listed.
-    """
+def summary_of(sets: Sequence[SyntheticSet], seed: int = 0) -> SelfCheck:
+    """Rows of the confusion table, and what follows from it in a sentence."""
     of_name: dict[str, list[SyntheticSet]] = {}
     for made in sets:
         if made.hidden is None or made.size:
             of_name.setdefault(made.name, []).append(made)
-    rows = [_row(name, of_name[name]) for name in of_name]
+    rows = tuple(_row(name, of_name[name]) for name in of_name)
     usual = [made for made in sets if made.hidden is not None and made.size >= 1.0]
     shares = {outcome: sum(made.outcome == outcome for made in usual) / max(len(usual), 1)
               for outcome in OUTCOMES}
     alike = _alike({row["cause"]: row["taken_for"] for row in rows})
-    return {"sets": sum(map(len, of_name.values())), "seed": seed, "sizes": [SMALLEST, LARGEST],
-            "rows": rows, "usual_or_more": {"sets": len(usual), **shares},
-            "not_told_apart": [list(pair) for pair in alike],
-            "sentence": _sentence(shares, alike)}
+    return SelfCheck(sum(map(len, of_name.values())), seed, (SMALLEST, LARGEST), rows,
+                     {"sets": len(usual), **shares}, tuple(alike), _sentence(shares, alike))
 
 
 def _row(name: str, sets: Sequence[SyntheticSet]) -> dict[str, Any]:

@@ -13,7 +13,7 @@ _CHANCE = 3.0  # deviations: an inflation within so many of 1 is none
 
 
 def variance_inflation(parts: Sequence[tuple[Array, Array]], count: int, sigma: float) -> float:
-    """By how much alike residuals widen a constant's variance; 1 where they are independent.
+    """Factor by which alike residuals widen a constant's variance; 1 where they are independent.
 
     ``parts`` are of every run the residuals, shape (n,), evenly sampled, and their derivatives,
     (n, p), of which the first ``count`` are by the constants; independent ones have the standard
@@ -44,7 +44,7 @@ def variance_inflation(parts: Sequence[tuple[Array, Array]], count: int, sigma: 
 
 
 def _circular_mean(values: Array, half: int) -> Array:
-    """Of each value and so many on either side, the ends joined."""
+    """Mean of each value and so many on either side, the ends joined."""
     summed = np.cumsum(np.concatenate([[0.0], values[len(values) - half:], values, values[:half]]))
     width = 2 * half + 1
     return np.asarray((summed[width:] - summed[:-width]) / width)

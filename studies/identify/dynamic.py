@@ -142,7 +142,7 @@ class DynamicProblem:
 
     @cached_property
     def _solvers(self) -> tuple[CollocationSolver, ...]:
-        """Under each run's voltage, its last value held until the longest delay is over."""
+        """Solvers under each run's voltage, its last value held until the longest delay is over."""
         solvers = []
         for record in self.records:
             at, volts = record.drive.time, record.drive.voltage
@@ -202,7 +202,7 @@ class DynamicProblem:
         return {}
 
     def parts(self, z: Array, derivatives: bool = True) -> list[tuple[Array, Array]]:
-        """Of every run model less reading [m], and its derivative by z; the last is kept."""
+        """Model less reading of every run [m], and its derivative by z; the last is kept."""
         key = z.tobytes()
         if derivatives and key in self._latest:
             return self._latest[key]
@@ -227,7 +227,7 @@ class DynamicProblem:
         return parts
 
     def misfit(self, sigma: float) -> LeastSquares:
-        """Of z, in units of a reading's noise [m].
+        """Misfit as a function of z, in units of a reading's noise [m].
 
         Each run's rows are replaced by the triangular factor of (derivative, residual), which has
         the same χ², gradient and curvature: a step of the search over 30,000 readings is cheap.
@@ -375,7 +375,7 @@ def identify_dynamic(problem: DynamicProblem, profiles: bool = True,
 
 
 def _calm(problem: DynamicProblem) -> tuple[DynamicProblem, float]:
-    """Without readings of an oscillation that no run follows, and how long it lasts [s].
+    """The problem without an oscillation that no run follows, and how long that lasts [s].
 
     Out of step with it by whole periods a fit has other minima. It is given twice the time in which
     it falls from the whole range to the noise.

@@ -49,7 +49,7 @@ CURVES: tuple[Column, ...] = (
 
 @dataclass(frozen=True, kw_only=True)
 class MassCurve:
-    """Under one mass: where the curve ends, and what the film meets on the way."""
+    """The curve under one mass: where it ends, and what the film meets on the way."""
 
     mass_kg: Annotated[float, Key("nominal load on the plate")]
     limits: Annotated[Limits, Key("limits of the film under this mass")]

@@ -36,7 +36,7 @@ class LoadGrid:
 
     @property
     def count(self) -> int:
-        """Of its combinations."""
+        """Number of its combinations."""
         return len(self.masses) * len(self.voltages)
 
 
@@ -79,5 +79,5 @@ def usual_voltages(specimen: Specimen, mass: float, settings: Settings, rig: Rig
 
 
 def _rounded(value: float) -> float:
-    """To two digits."""
+    """The value to two digits."""
     return float(f"{value:.2g}")

@@ -222,7 +222,7 @@ def _highest(case: Case, film_voltage: float) -> bool:
 
 
 def _unmoved(case: Case, model: Model, start: Outcome, settings: Settings) -> Limits | None:
-    """Of a film that the voltage only presses, flat in its frame and covered everywhere.
+    """Limits of a film that the voltage only presses, flat in its frame and covered everywhere.
 
     It stays where it is: the Maxwell stress goes with U², the field with U. None of any other.
     """

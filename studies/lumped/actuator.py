@@ -126,7 +126,7 @@ class Actuator:
         return self.rig.force(self.mass)
 
     def case(self, voltage: float) -> Case:
-        """That of the field model at a nominal voltage [V]; of several masses the largest."""
+        """The field model's case at a nominal voltage [V]; of several masses the largest."""
         return Case(self.specimen, mass=float(np.max(self.mass)), voltage=voltage, rig=self.rig)
 
     @property

@@ -80,7 +80,7 @@ class BuildSettings:
     @classmethod
     def suited(cls, specimens: Sequence[Specimen], settings: Settings, rig: Rig = Rig(),
                count: int = 11, **given: Any) -> BuildSettings:
-        """With loads that suit all specimens where none are given, ``count`` voltages."""
+        """Settings whose loads suit all specimens where none are given, ``count`` voltages."""
         for specimen in specimens:  # refuses a rig that the model does not have
             Actuator.of(specimen, (given.get("masses") or (1.0,))[0], rig=rig)
         if given.get("masses") is None:
@@ -147,7 +147,7 @@ class Built:
 
     @cached_property
     def deflection(self) -> dict[str, Array]:
-        """Of each kinematics at rest [m], shape (masses, voltages); nan where it has pulled in."""
+        """Deflections at rest of each kinematics [m], (masses, voltages); nan beyond pull-in."""
         voltages = np.array(self.settings.voltages)
         return {kind: np.array([rest_curve(self.actuator(kind, mass), voltages)
                                 for mass in self.settings.masses]) for kind in KINEMATICS}

@@ -38,7 +38,7 @@ class Pole:
 
     @property
     def frequency(self) -> float:
-        """Of an oscillation [Hz]; 0 without any."""
+        """Frequency of an oscillation [Hz]; 0 without any."""
         return float(self.value.imag / (2 * np.pi))
 
     @property
@@ -47,7 +47,7 @@ class Pole:
 
     @property
     def time(self) -> float | None:
-        """In which it falls, or grows, by a factor e [s]; None of what does neither."""
+        """Time in which it falls, or grows, by a factor e [s]; None of what does neither."""
         return float(1 / abs(self.value.real)) if self.value.real else None
 
     def json(self) -> dict[str, Any]:
@@ -141,7 +141,7 @@ def _name(pole: complex, plate: float) -> str:
 
 def linearise(actuator: Actuator, voltage: float, deflection: float | None = None,
               by: Input = "U") -> Linear:
-    """About rest at a voltage [V], by default the stable one; derivatives are exact.
+    """Small motions about rest at a voltage [V], by default the stable one; exact derivatives.
 
     The film's pull goes with the square of the voltage, so at 0 kV a small voltage does nothing:
     there ``by="U2"`` tells what the voltage does.

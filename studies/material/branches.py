@@ -285,13 +285,13 @@ class TimedTests:
         return len(self.family.constants)
 
     def names(self, count: int) -> list[str]:
-        """Of the unknowns with a number of branches."""
+        """Names of the unknowns with a number of branches."""
         numbers = range(1, count + 1)
         return [*self.family.constants, *(f"branch {number} modulus" for number in numbers),
                 *(f"branch {number} time" for number in numbers)]
 
     def units(self, count: int) -> list[str]:
-        """Of the unknowns, times themselves instead of their logarithms."""
+        """Units of the unknowns, times themselves instead of their logarithms."""
         return (["Pa"] * len(self.family.linear) + ["1"] * len(self.family.shape)
                 + ["Pa"] * count + ["s"] * count)
 
@@ -374,7 +374,7 @@ class TimedTests:
 
 
 def _chosen(tests: TimedTests, noise: float | None, branches: int | None) -> BranchFit:
-    """With the fewest branches that foretell held-out runs as well as any number tried.
+    """Fit with the fewest branches that foretell held-out runs as well as any number tried.
 
     That is within one standard error of the least mean square (Breiman, Friedman, Olshen and Stone,
     *Classification and Regression Trees*, 1984, §3.4.3).

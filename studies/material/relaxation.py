@@ -66,7 +66,7 @@ class BranchStress:
     @classmethod
     def of(cls, coupons: Coupons, shortest: float | None = None, longest: float | None = None
            ) -> BranchStress:
-        """From times ``shortest`` to ``longest`` [s], by default those the tests may see."""
+        """Branches of ``shortest`` to ``longest`` times [s], by default those the tests may see."""
         fast, slow = time_range(coupons)
         low, high = np.log(shortest or fast), np.log(longest or slow)
         count = max(int(_DENSITY * (high - low)) + 2, _DEGREE + 2)
@@ -124,7 +124,7 @@ def integrate_branches(coupons: Coupons, times: Array) -> tuple[Array, float]:
 
 
 def _marched(coupons: Coupons, runs: list[Array], times: Array, fineness: int) -> Array:
-    """By so many parts of every step, all tests side by side, the shorter ones waiting."""
+    """Stresses by so many parts of every step, all tests side by side, the shorter ones waiting."""
     marches = [_march(coupons, run, float(times.min()), fineness) for run in runs]
     durations, along = (np.stack(padded, axis=1) for padded in _side_by_side(marches))
     powers = np.array([MODES[str(coupons.mode[run[0]])] for run in runs])
@@ -178,7 +178,7 @@ def _turns(before: float, after: float) -> bool:
 
 
 def _shares(change: float, slowness: float, fineness: int) -> Array:
-    """From 0 to 1, the shares of an interval at which its steps end.
+    """Shares of an interval at which its steps end, from 0 to 1.
 
     After a change of rate, steps double from the shortest time of a branch on.
     """

@@ -81,7 +81,7 @@ class DesignEvaluator:
     between: bool = False
 
     def at(self, x: Array, renew: bool = False) -> Linearisation | None:
-        """At a design, by shares of the variables' bounds.
+        """Values at a design, by shares of the variables' bounds.
 
         The kept mesh is moved, so that designs compare without the noise of new meshes; renewed, it
         is a mesh of the design's own, kept from there on.

@@ -126,7 +126,7 @@ def _squares(state: DesignState, end: End, sectors: NDArray[np.int64]) -> _Squar
 
 
 def _sectors(state: DesignState) -> NDArray[np.int64]:
-    """In which sector the nodes of every element are, element-major, numbered from 0."""
+    """Sectors in which the nodes of every element are, element-major, numbered from 0."""
     if state.memory.sectors is None:
         mesh = state.model.discretisation
         arms = mesh.reference[mesh.connectivity] - state.model.centre

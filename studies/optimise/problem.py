@@ -60,7 +60,7 @@ class Variable:
 
     @property
     def name(self) -> str:
-        """As parameter of a model."""
+        """Name of the variable as parameter of a model."""
         return ".".join(self.path)
 
 

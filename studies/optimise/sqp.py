@@ -83,7 +83,7 @@ class DescentSettings:
 
 @dataclass(frozen=True, eq=False)
 class Multipliers:
-    """Of limits (m,), of what is held, of bounds (n,; upper positive), per unit of c, e and x.
+    """Multipliers of limits (m,), of what is held, of bounds (n,; upper positive), by c, e and x.
 
     ``residual``: what of ∇f they leave, relative.
     """

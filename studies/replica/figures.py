@@ -111,7 +111,7 @@ class Decay:
 
     @classmethod
     def of(cls, time: Array, deflection: Array) -> Decay:
-        """Of a sampled response to a step, the extremes refined by parabolas of three samples."""
+        """Decay of a sampled response to a step, extremes refined by parabolas of three samples."""
         turning = np.flatnonzero(np.diff(np.sign(np.diff(deflection))) != 0) + 1
         before, at, after = (deflection[turning + shift] for shift in (-1, 0, 1))
         bend = before - 2 * at + after
@@ -175,12 +175,12 @@ class Replica:
 
     @property
     def rest_ranges(self) -> Array:
-        """Between the paper's voltages at rest [m], shape (masses, actuators)."""
+        """Ranges between the paper's voltages at rest [m], shape (masses, actuators)."""
         return np.asarray(self.static[:, :, -1] - self.static[:, :, 0])
 
     @property
     def random_ranges(self) -> Array:
-        """Over figure 14's signal [m], shape (masses, actuators)."""
+        """Ranges over figure 14's signal [m], shape (masses, actuators)."""
         return np.array([[np.ptp(deflection) for _, deflection in row] for row in self.random])
 
 

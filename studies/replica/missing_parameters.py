@@ -151,7 +151,7 @@ def fit_rests(shared: bool = True, rows: Sequence[int] = (0, 1)) -> MissingParam
 
 
 def other_fits() -> dict[str, MissingParameters]:
-    """By words: the ellipses each with an α₁ of its own, and each mass alone."""
+    """Other fits by words: the ellipses each with an α₁ of its own, and each mass alone."""
     return {"one alpha for each ellipse": fit_rests(shared=False),
             **{f"{1e3 * mass:g} g alone": fit_rests(rows=(row,))
                for row, mass in enumerate(MASSES)}}

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
-from tympan.studies.files import remove, write_csv, write_json
+from tympan.geometry.errors import InputError
+from tympan.studies.columns import Column, read_own_sheet
+from tympan.studies.files import from_json, read_json, remove, write_csv, write_json
 from tympan.studies.lumped.linear import linearise
 from tympan.studies.paper import published
 from tympan.studies.paper.published import MASSES, NAMES, ranges
@@ -23,53 +28,91 @@ from tympan.studies.replica.missing_parameters import (
 )
 
 Array = NDArray[np.float64]
+#: The columns of the curves' files: what a curve is of, then its abscissa and ordinate.
+CURVES = {
+    "static": ("mass_g", "specimen", "voltage_kV", "distance_mm"),
+    "step": ("mass_g", "specimen", "t_s", "distance_mm"),
+    "random": ("mass_g", "specimen", "t_s", "distance_mm"),
+    "hysteresis": ("offset_kV", "amplitude_kV", "specimen", "voltage_kV", "distance_mm"),
+    "signal": ("t_s", "voltage_kV"),
+    "misfit": ("relative_permittivity", "alpha_1", "worst_mm"),
+}
 _READINGS = {"rest": "from 0 to 7 kV at rest", "levels": "at the ends of figure 14's levels"}
 _UNITS = {"largest swing": ("%", 100.0), "whole change": ("%", 100.0), "length": ("um", 1e6)}
 
 
-def store(replica: Replica, seconds: float, folder: Path) -> dict[str, Any]:
-    """Write folder/paper.json, the tables and the curves; answers what paper.json holds.
+@dataclass(frozen=True, eq=False)
+class PaperResult:
+    """What paper.json holds, and ``curves``: of each file by the cells of its first columns.
 
-    paper.json comes last, so its presence means the rest is complete.
+    A curve has its abscissa and ordinate, shape (2, points).
     """
-    remove(folder, "paper.json", "paper.html")
-    content = paper_numbers(replica, seconds)
-    write_curves(replica, folder)
-    for name in ("table_2", "settling"):
-        rows = content[name]["rows"]
-        write_csv(folder / f"{name}.csv", rows[0], (row.values() for row in rows))
-    write_json(folder / "paper.json", content)
-    return content
+
+    numbers: dict[str, Any]
+    curves: Mapping[str, Mapping[tuple[str, ...], Array]]
+
+    @classmethod
+    def of(cls, replica: Replica, seconds: float) -> PaperResult:
+        """The numbers and curves of a replica that took so long [s]."""
+        curves: dict[str, dict[tuple[str, ...], Array]] = {name: {} for name in CURVES}
+        for name, cells, across, up in _curves(replica):
+            key = tuple(cell if isinstance(cell, str) else f"{cell:.12g}" for cell in cells)
+            curves[name][key] = np.stack((across, up))
+        return cls(paper_numbers(replica, seconds), curves)
+
+    def json(self) -> dict[str, Any]:
+        """As a JSON object, without curves."""
+        return self.numbers
+
+    def save(self, folder: Path) -> None:
+        """Write the tables, the curves and, last, paper.json to a folder."""
+        remove(folder, "paper.json", "paper.html")
+        for name, curves in self.curves.items():
+            write_csv(folder / f"{name}.csv", CURVES[name], (
+                (*cells, x, "" if np.isnan(y) else y)
+                for cells, curve in curves.items() for x, y in curve.T.tolist()))
+        for name in ("table_2", "settling"):
+            rows = self.numbers[name]["rows"]
+            write_csv(folder / f"{name}.csv", rows[0], (row.values() for row in rows))
+        write_json(folder / "paper.json", self.numbers)
+
+    @classmethod
+    def load(cls, folder: Path) -> PaperResult:
+        """What was saved; what is missing or damaged is an InputError."""
+        file = folder / "paper.json"
+        content = from_json(dict[str, Any], read_json(file), file)
+        if not {"lost", "chosen", "table_2", "settling", "hysteresis", "findings"} <= set(content):
+            raise InputError("cannot be read: something is missing; run tympan lumped paper again",
+                             file=file)
+        return cls(content, {name: _read_curves(folder / f"{name}.csv", columns)
+                             for name, columns in CURVES.items()})
 
 
-def write_curves(replica: Replica, folder: Path) -> None:
-    """The curves as CSV files, from which the figures are drawn."""
+def _read_curves(file: Path, columns: Sequence[str]) -> dict[tuple[str, ...], Array]:
+    *labels, across, up = columns
+    rows = pd.DataFrame(read_own_sheet(file, [
+        *map(Column.labels, labels), Column(across), Column(up, required=False)]))
+    parts = rows.groupby(labels, sort=False) if labels else [((), rows)]
+    return {key: part[[across, up]].to_numpy().T for key, part in parts}
+
+
+def _curves(replica: Replica) -> Iterator[tuple[str, tuple[Any, ...], Array, Array]]:
+    """All curves: the file, what the curve is of, its abscissa and ordinate."""
     names = [(f"{1e3 * mass:g}", name) for mass in MASSES for name in NAMES]
-    shapes, distance = ("mass_g", "specimen"), "distance_mm"
-    rests = replica.static.reshape(len(names), -1)
-    _write_curves(folder / "static.csv", (*shapes, "voltage_kV", distance), names,
-                  [(1e-3 * VOLTAGES, 1e3 * y) for y in rests])
+    for cells, y in zip(names, replica.static.reshape(len(names), -1), strict=True):
+        yield "static", cells, 1e-3 * VOLTAGES, 1e3 * y
     for stem, traces in (("step", replica.steps), ("random", replica.random)):
-        _write_curves(folder / f"{stem}.csv", (*shapes, "t_s", distance), names,
-                      [(time, 1e3 * y) for row in traces for time, y in row])
-    _write_curves(folder / "hysteresis.csv",
-                  ("offset_kV", "amplitude_kV", "specimen", "voltage_kV", distance),
-                  [(1e-3 * offset, 1e-3 * amplitude, name)
-                   for offset, amplitude in published.SINES for name in NAMES],
-                  [(1e-3 * volts, 1e3 * y) for row in replica.loops for volts, y in row])
-    _write_curves(folder / "signal.csv", ("t_s", "voltage_kV"), [()],
-                  [(replica.signal.time, 1e-3 * replica.signal.voltage)])
+        for cells, (time, y) in zip(names, chain(*traces), strict=True):
+            yield stem, cells, time, 1e3 * y
+    sines = [(1e-3 * offset, 1e-3 * amplitude, name)
+             for offset, amplitude in published.SINES for name in NAMES]
+    for sine, (volts, y) in zip(sines, chain(*replica.loops), strict=True):
+        yield "hysteresis", sine, 1e-3 * volts, 1e3 * y
+    yield "signal", (), replica.signal.time, 1e-3 * replica.signal.voltage
     permittivities, alphas = np.linspace(7.0, 10.0, 61), np.linspace(0.0, 1.0, 41)
-    _write_curves(folder / "misfit.csv", ("relative_permittivity", "alpha_1", "worst_mm"),
-                  [(value,) for value in permittivities.tolist()],
-                  [(alphas, 1e3 * row) for row in worst_misfit(permittivities, alphas)])
-
-
-def _write_curves(file: Path, header: Sequence[str], names: Sequence[tuple[Any, ...]],
-                  curves: Sequence[tuple[Array, Array]]) -> None:
-    write_csv(file, header, ((*name, x, "" if np.isnan(y) else y)
-                             for name, curve in zip(names, curves, strict=True)
-                             for x, y in zip(*(axis.tolist() for axis in curve), strict=True)))
+    worst = worst_misfit(permittivities, alphas)
+    for value, row in zip(permittivities.tolist(), worst, strict=True):
+        yield "misfit", (value,), alphas, 1e3 * row
 
 
 def paper_numbers(replica: Replica, seconds: float) -> dict[str, Any]:

@@ -68,7 +68,7 @@ class AskedQuantity:
                 for number in range(1, circles + 1 if "{n}" in name else 2)]
 
     def every(self, loads: Mapping[str, int]) -> int:
-        """Of so many loads, each number of cases to which one answer belongs."""
+        """Numbers of cases to which one answer belongs, of so many loads."""
         return prod(count for load, count in loads.items() if load not in self.loads)
 
     def record(self, asked: SolvedCase) -> Record:

@@ -94,7 +94,7 @@ class Sweep:
     at: float | None = None
 
     def compared_at(self, at: float | str) -> Sweep:
-        """With one of its voltages at which maps and best cases compare films."""
+        """The sweep with one of its voltages at which maps and best cases compare films."""
         first = self.entries[0]
         if "voltage" in first.choice:
             raise InputError("the sweep's voltages differ from specimen to specimen: each is "

@@ -91,7 +91,7 @@ def dataset(sweep: Sweep, results: Mapping[str, TaskResult]) -> xr.Dataset:
 
 
 def _with_stroke(table: xr.Dataset) -> xr.Dataset:
-    """With ``stroke_m``: each deflection less that at the lowest voltage; nan where either is none.
+    """A table with ``stroke_m``: deflection less that at the lowest voltage; nan where one is none.
 
     Nan, too, where all cases have one voltage, or each specimen its own.
     """
@@ -106,7 +106,7 @@ def _with_stroke(table: xr.Dataset) -> xr.Dataset:
 
 
 def _result(sweep: Sweep, entry: Entry, results: Mapping[str, TaskResult]) -> TaskResult:
-    """That of an entry's task, or why there is none."""
+    """Result of an entry's task, or why there is none."""
     if entry.task is not None and entry.task.id in results:
         return results[entry.task.id]
     loads = dict(zip(LOADS, (len(entry.masses), len(entry.voltages)), strict=True))
@@ -116,7 +116,7 @@ def _result(sweep: Sweep, entry: Entry, results: Mapping[str, TaskResult]) -> Ta
 
 
 def _coordinates(sweep: Sweep) -> dict[str, Coordinate]:
-    """Of the specimens, and of each key of the grid, with its parts where its values have any."""
+    """Coordinates: specimens, and each key of the grid, in parts where its values have any."""
     specimens = sweep.entries[::prod(map(len, sweep.grid.values()))]
     coordinates: dict[str, Coordinate] = {
         "specimen": ("specimen", _column([entry.name for entry in specimens]), {}),
@@ -163,7 +163,7 @@ def frame(table: xr.Dataset) -> pd.DataFrame:
 
 
 def column_name(table: xr.Dataset, name: str) -> str:
-    """Of a table's coordinate where tables are flat: its unit ends the name."""
+    """Name of a table's coordinate where tables are flat: its unit ends the name."""
     unit = table[name].attrs.get("units")
     return name + next((item.suffix for item in DIMENSIONS.values() if item.si == unit), "")
 

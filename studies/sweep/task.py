@@ -99,7 +99,7 @@ class SweepTask:
 
     @cached_property
     def ids(self) -> tuple[str, ...]:
-        """Of every case, masses first: the hash of its inputs and of the solver.
+        """Hash of the inputs of every case and of the solver, masses first.
 
         The specimen's name is none of them. Equal inputs have equal ids on any machine.
         """

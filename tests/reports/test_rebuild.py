@@ -18,7 +18,6 @@ from tympan.studies.alpha import LoadGrid
 from tympan.studies.alpha.map import AlphaMap, MapSettings, alpha_map
 from tympan.studies.diagnosis.hypothesis import Cause
 from tympan.studies.diagnosis.self_check import SyntheticSet, summary_of
-from tympan.studies.files import write_json
 
 SPECIMEN = specimen_toml(frame='shape = "ellipse"\nsemi_axes = ["6 cm", "4 cm"]', film=SOFT)
 PROBLEM = """
@@ -110,8 +109,9 @@ def diagnose(folder: Path) -> None:
 def self_check(folder: Path) -> None:
     sets = [SyntheticSet(cause, 2.0, "named", (Cause("drift"),))
             for cause in (None, Cause("drift"), Cause("sensor_zero"))]
-    write_json(folder / "self-check.json", summary_of(sets))
-    build_self_check_page(folder)
+    check = summary_of(sets)
+    check.save(folder)
+    build_self_check_page(check, folder)
 
 
 def material_fit(folder: Path) -> None:

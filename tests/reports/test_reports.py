@@ -63,7 +63,8 @@ def stored(study_folder: Path) -> StudyView:
 @pytest.fixture(scope="module")
 def report(study_folder: Path) -> Path:
     """The study's report, with its figures beside it."""
-    return html.build_study_page(study_folder)
+    file, = html.build_study_page(StudyResult.load(study_folder), study_folder)
+    return file
 
 
 @pytest.fixture
@@ -539,7 +540,7 @@ def test_columns_fit_the_page(films: list[float]) -> None:
 def test_missing_file_is_named(copy: Path, name: str) -> None:
     copy.joinpath(name).unlink()
     with pytest.raises(InputError, match="is missing") as caught:
-        html.build_study_page(copy)
+        StudyResult.load(copy)
     assert caught.value.file == copy / name
     assert not copy.joinpath("report.html").exists()
 

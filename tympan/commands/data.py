@@ -78,17 +78,16 @@ def _self_check(options: argparse.Namespace, bench: Bench) -> dict[str, Any] | N
     """What comes of synthetic readings, with its page; None where that is not asked."""
     from tympan.reports.rebuild import draw_stored
     from tympan.studies.diagnosis.self_check import self_checked
-    from tympan.studies.files import write_json
 
     if not options.self_check:
         return None
     with shares("synthetic sets") as progress:
-        record = self_checked(replace(bench, seed=options.seed), options.self_check,
-                              options.workers, progress)
+        check = self_checked(replace(bench, seed=options.seed), options.self_check,
+                             options.workers, progress)
     if options.output is not None:
-        write_json(options.output / "self-check.json", record)
+        check.save(options.output)
         draw_stored("diagnose --self-check", options.output, "")
-    return record
+    return check.json()
 
 
 @command("effects",

@@ -123,7 +123,7 @@ def slow_fast(actuator: Actuator, highest: float) -> SlowFast:
 
 
 def _judged(fitted: SlowFast, actuator: Actuator, pause: float, span: float) -> SlowFast:
-    """With its errors, on voltages between and on steps of other heights and lengths."""
+    """The model with its errors, at voltages between and on steps of other heights and lengths."""
     highest = fitted.highest_voltage
     between = np.linspace(0.0, highest, 4 * _RESTS)
     resting = np.array([rest(actuator, voltage) for voltage in between.tolist()])
@@ -138,7 +138,7 @@ def _judged(fitted: SlowFast, actuator: Actuator, pause: float, span: float) -> 
 
 
 def _polynomial(actuator: Actuator, highest: float) -> tuple[float, ...]:
-    """Of as low a degree as follows the deflections at rest."""
+    """Polynomial of as low a degree as follows the deflections at rest."""
     voltage = np.linspace(0.0, highest, _RESTS)
     y = np.array([rest(actuator, float(each)) for each in voltage])
     for degree in range(2, _HIGHEST + 1):

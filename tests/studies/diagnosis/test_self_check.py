@@ -45,14 +45,14 @@ def test_what_is_said_is_counted() -> None:
             *[SyntheticSet(MASS, 2.0, "ambiguous", (MASS, ZERO))] * 3,
             SyntheticSet(MASS, 0.0, "nothing", ()), SyntheticSet(None, 0.0, "nothing", ())]
     record = summary_of(sets)
-    rows = {row["cause"]: row for row in record["rows"]}
-    assert record["sets"] == 11
+    rows = {row["cause"]: row for row in record.rows}
+    assert record.sets == 11
     assert (rows["voltage_sag"]["sets"], rows["voltage_sag"]["named"]) == (4, 2)
     assert (rows["sensor_zero"]["listed"], rows["nothing"]["nothing"]) == (3, 1)
-    assert record["usual_or_more"]["named"] == pytest.approx(2 / 9)
-    assert record["not_told_apart"] == [["sensor_zero", "unaccounted_mass"]]
-    assert "22 %" in record["sentence"]
-    assert "sensor_zero from unaccounted_mass" in record["sentence"]
+    assert record.usual_or_more["named"] == pytest.approx(2 / 9)
+    assert record.not_told_apart == (("sensor_zero", "unaccounted_mass"),)
+    assert "22 %" in record.sentence
+    assert "sensor_zero from unaccounted_mass" in record.sentence
 
 
 def stated(table: ReadingTable) -> ReadingTable:
@@ -66,7 +66,7 @@ def test_a_good_design_names_more_than_a_poor_one(three_shapes: Simulation) -> N
     good = Bench(three_shapes, np.zeros(2), stated(design(10e-6)), causes, seed=3)
     poor = Bench(three_shapes, np.zeros(2), stated(design(150e-6, voltages=3)), causes, seed=3)
     records = [self_checked(bench, 7) for bench in (good, poor)]
-    named = [record["usual_or_more"]["named"] for record in records]
+    named = [record.usual_or_more["named"] for record in records]
     assert named[0] >= 0.5 > named[1]
     assert good.judged_set(4) == good.judged_set(4)
 
@@ -91,8 +91,8 @@ def test_a_design_of_few_readings_is_told_so(tmp_path: Path,
     assert main(["diagnose", str(folder), "--plan", "--self-check", "40", "--json",
                  "-o", str(tmp_path / "out"), "--workers", "1"]) == 0
     record = json.loads(capsys.readouterr().out)["self_check"]
-    assert "can name hardly anything" in record["sentence"]
-    assert record["usual_or_more"]["named"] < 0.1
+    assert "can name hardly anything" in record.sentence
+    assert record.usual_or_more["named"] < 0.1
     page = (tmp_path / "out" / "self-check.html").read_text(encoding="utf-8")
     assert "hardly anything" in page
     assert unlawful(page) == []

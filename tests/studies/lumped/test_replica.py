@@ -244,7 +244,7 @@ def test_paper_command(tmp_path: Path, capsys: pytest.CaptureFixture[str],
                for words in finding["words"])
     assert text.count("data:image/svg+xml") == len(FIGURES)
     (out / "paper.html").unlink()
-    monkeypatch.setattr(page, "draw_paper", lambda folder: [])  # they are there
+    monkeypatch.setattr(page, "draw_paper", lambda result, folder: [])  # they are there
     assert main(["report", str(out)]) == 0
     assert (out / "paper.html").read_text(encoding="utf-8") == text
     monkeypatch.undo()

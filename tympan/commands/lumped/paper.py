@@ -4,7 +4,15 @@ from __future__ import annotations
 
 import argparse
 
-from tympan.options import SEEDS, argument, command, output, parse_quantity, print_record
+from tympan.options import (
+    SEEDS,
+    argument,
+    command,
+    output,
+    parse_quantity,
+    print_record,
+    save_and_draw,
+)
 
 
 @command("lumped paper",
@@ -29,9 +37,8 @@ def lumped_paper(options: argparse.Namespace) -> None:
     import time
 
     from tympan.progress import bar
-    from tympan.reports.paper.page import build_paper_page
     from tympan.studies.replica.figures import STEPS_OF_RUN, Choices, run
-    from tympan.studies.replica.output import store
+    from tympan.studies.replica.output import PaperResult
 
     period = None if options.period is None else parse_quantity(options.period, "time", "--period")
     choices = Choices(options.levels, options.seed, period, reading=options.reading)
@@ -39,7 +46,7 @@ def lumped_paper(options: argparse.Namespace) -> None:
     with bar(STEPS_OF_RUN + 2) as progress:
         replica = run(choices, progress)
         progress("findings")
-        content = store(replica, time.perf_counter() - began, options.output)
+        result = PaperResult.of(replica, time.perf_counter() - began)
         progress("figures")
-        page = build_paper_page(options.output)
-    print_record(options, content, page=page)
+        drawn = save_and_draw(options, result)
+    print_record(options, result.json(), drawn)
