@@ -250,8 +250,9 @@ class Response:
         if (folder / "hysteresis.csv").exists():
             periods = pd.DataFrame(read_own_sheet(folder / "hysteresis.csv", _LOOP_COLUMNS))
             loops = dict(iter(periods.groupby("specimen")))
+        listed = from_json(tuple[Any, ...], content["responses"], file, "responses")
         numbers = (from_json(cls, item, file, f"responses[{place}]")
-                   for place, item in enumerate(content["responses"]))
+                   for place, item in enumerate(listed))
         return Responses(tuple(
             replace(response, samples=samples[samples["specimen"] == response.specimen],
                     loop=loops.get(response.specimen)) for response in numbers))

@@ -360,7 +360,8 @@ class Diagnosis:
         content = from_json(Json, read_json(file), file)
         if "headline" not in content:
             raise InputError("is of an older version: run tympan diagnose again", file=file)
-        unit = "kPa" if "noise_kPa" in content.get("misfit", ()) else "um"
+        misfit = from_json(Json, content.get("misfit"), file, "misfit")
+        unit = "kPa" if "noise_kPa" in misfit else "um"
         stored = from_json(cls, content, file, unit=unit)
         names = (STRIPS,) if (folder / STRIPS).exists() else (READINGS, CURVES)
         return replace(
