@@ -63,9 +63,9 @@ class Budget:
         return self.left <= 0
 
 
-def tangent_work(model: Model) -> float:
-    """Work of a tangent of a film, its factors included."""
-    return model.unknowns + _FIXED
+def tangent_work(model: Model, subspace: Subspace = FULL) -> float:
+    """Work of a tangent of a film, its factors included; within a subspace that of its products."""
+    return (model.unknowns + _FIXED) * subspace.work
 
 
 @dataclass(frozen=True)
@@ -161,7 +161,7 @@ def newton(model: Model, guess: State, free: tuple[Load, ...] = (),
     damping = 1.0
     tangent: Tangent | None = None
     for iteration in range(1, settings.iterations + 1):
-        if not settings.spend(tangent_work(model)):
+        if not settings.spend(tangent_work(model, subspace)):
             return Solution(state, False, iteration, None, EXHAUSTED)
         with np.errstate(all="ignore"):  # a prediction may overshoot; what comes of it is looked at
             part = model.linearised(state)
