@@ -92,11 +92,18 @@ UPGRADE = {"Connection": "Upgrade", "Upgrade": "websocket", "Sec_WebSocket_Versi
            "Sec_WebSocket_Key": base64.b64encode(bytes(16)).decode()}
 
 
+#: Length of whatever a pattern waits for, at most.
+_SHORT = 1000
+
+
 def received(connection: socket.socket, enough: bytes = rb"\r\n\r\n") -> bytes:
-    """What comes until a pattern is there, the end, or the connection's timeout."""
-    data = b""
+    """What comes until a short pattern is there, the end, or the connection's timeout."""
+    data, pattern = b"", re.compile(enough, re.DOTALL)
+    searched = 0
     try:
-        while not re.search(enough, data, re.DOTALL):
+        while not pattern.search(data, searched):
+            # An answer of megabytes is not searched again with each part of it.
+            searched = max(0, len(data) - _SHORT)
             part = connection.recv(65536)
             if not part:
                 break

@@ -45,8 +45,15 @@ _REQUESTS = (
     2 * b"GET /PAGE/page.css HTTP/1.1\r\nHost: HOST\r\nCookie: COOKIE\r\n\r\n")
 
 
-@cache
 def _server() -> tuple[Serving, str]:
+    """The server and its page; what other inputs of this process logged is no trouble of it."""
+    running, page = _begun()
+    running.troubles.clear()
+    return running, page
+
+
+@cache
+def _begun() -> tuple[Serving, str]:
     """A server that lasts as long as this process, and a page of it."""
     from tympan.explore import server
 
@@ -58,9 +65,7 @@ def _server() -> tuple[Serving, str]:
 
 
 def _nothing_wrong(running: Serving) -> None:
-    troubles = list(running.troubles)
-    running.troubles.clear()
-    assert not troubles, troubles
+    assert not running.troubles, running.troubles
     # The owner is answered, whatever came before.
     assert running.answer(running.request("/nobody/index.html"))[0] == 302
 
