@@ -30,6 +30,9 @@ BREACHES = {
          "tympan.studies.case -> tympan.studies.modes"),
     "no circle between folders or files":
         ("geometry/errors.py", "import tympan.geometry.units", "tympan.geometry."),
+    "inference knows no film":
+        ("studies/diagnosis/fits/fit.py", "import tympan.studies.diagnosis.reduced.axes",
+         "tympan.studies.diagnosis.fits.fit -> tympan.studies.diagnosis.reduced.axes"),
     "fem knows no CAD, gmsh or drawing":
         ("fem/film/density.py", "import tympan.geometry.mesher",
          "tympan.fem.film.density -> tympan.geometry.mesher"),

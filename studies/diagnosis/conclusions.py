@@ -15,7 +15,7 @@ from tympan.geometry.specimen import Specimen
 from tympan.studies.data.checks import dataset_warnings
 from tympan.studies.data.dataset import Dataset
 from tympan.studies.diagnosis import result
-from tympan.studies.diagnosis.evidence.kind import PreparedReadings
+from tympan.studies.diagnosis.evidence.kind import Model, PreparedReadings
 from tympan.studies.diagnosis.fits.evidence import interval
 from tympan.studies.diagnosis.fits.fit import Fit
 from tympan.studies.diagnosis.gain import GainReport, gain_of
@@ -102,6 +102,7 @@ class Conclusions:
             menu = (*MENU, *SOLVED)
         proposals: tuple[tuple[Proposal, ...], str] = ((), "")
         if simulation.loaded:
+            assert isinstance(simulation, Simulation)
             proposals = propose(simulation, films, causes, menu, dataset.effort)
         return cls(dataset, readings, judgement, model_error,
                    gain_of(simulation, films.table, causes, films, seed), *proposals)
@@ -127,7 +128,7 @@ class Conclusions:
         return self.judgement.of_first()
 
     @property
-    def simulation(self) -> Simulation:
+    def simulation(self) -> Model:
         """The dataset's simulation, as far as effects were explored."""
         return self.films.simulation
 

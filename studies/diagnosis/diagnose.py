@@ -123,6 +123,7 @@ def _judge_actuators(dataset: Dataset, of_coupons: tuple[PreparedReadings, Judge
         raise InputError(str(failure), key="readings", given=f"{len(table)} readings") from None
     progress(films + 1, films + _LATER)
     if judged.chosen is not None:
+        assert isinstance(judged.simulation, Simulation)
         error = max(error, law_error(judged.simulation, judged.chosen, table))
     return readings, judged, error
 

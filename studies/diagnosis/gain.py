@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logsumexp
 
-from tympan.studies.diagnosis.evidence.kind import Rows, Split
+from tympan.studies.diagnosis.evidence.kind import Model, Rows, Split
 from tympan.studies.diagnosis.fits.fit import Fit, best_of
 from tympan.studies.diagnosis.fits.fitting import fit, nominal_fit
 from tympan.studies.diagnosis.hypothesis import Cause, Hypothesis, hypotheses_of
@@ -27,7 +27,6 @@ from tympan.studies.diagnosis.inference.posterior import NOTHING, priors
 from tympan.studies.diagnosis.inference.predictive import SHARE, Predictive
 from tympan.studies.diagnosis.inference.verdict import Judgement
 from tympan.studies.diagnosis.reading_table import MICROMETRES, ReadingTable, Unit
-from tympan.studies.diagnosis.reduced.simulation import Simulation
 from tympan.studies.diagnosis.result import Coverage, Gain, HeldOut
 
 Array = NDArray[np.float64]
@@ -127,7 +126,7 @@ class GainReport:
                         pit=tuple(np.histogram(below, 10, (0.0, 1.0))[0].tolist()))
 
 
-def gain_of(simulation: Simulation, table: ReadingTable, causes: Sequence[Cause],
+def gain_of(simulation: Model, table: ReadingTable, causes: Sequence[Cause],
             judgement: Judgement, seed: int = 0) -> GainReport:
     """The gain of extending the model by causes chosen anew on each training part.
 
@@ -145,7 +144,7 @@ def gain_of(simulation: Simulation, table: ReadingTable, causes: Sequence[Cause]
         tested, impossible)
 
 
-def splits_of(simulation: Simulation,
+def splits_of(simulation: Model,
               table: ReadingTable) -> tuple[tuple[Split, ...], tuple[str, ...]]:
     """The splits that leave enough to train on and to test, and in words those that do not."""
     return _told_apart(table, *simulation.evidence[0].splits(simulation.setup, table))
@@ -171,7 +170,7 @@ def _unfit(kind: str, test: Rows, table: ReadingTable, levels: NDArray[Any]) -> 
     return ""
 
 
-def _tested(simulation: Simulation, table: ReadingTable, causes: Sequence[Cause], split: Split,
+def _tested(simulation: Model, table: ReadingTable, causes: Sequence[Cause], split: Split,
             judgement: Judgement) -> SplitGain:
     kind, held_out, rows = split
     train = table[~rows].compact()
@@ -213,7 +212,7 @@ def _tested(simulation: Simulation, table: ReadingTable, causes: Sequence[Cause]
                      np.empty(0) if hidden else expected.below(test.value, test.noise.total))
 
 
-def _alternatives(simulation: Simulation, table: ReadingTable, causes: Sequence[Cause],
+def _alternatives(simulation: Model, table: ReadingTable, causes: Sequence[Cause],
                   nominal: Fit, alone: Sequence[Fit]) -> tuple[list[Fit], list[float]]:
     """Hypotheses with an effect, the most probable first, and logarithms of their odds.
 

@@ -16,12 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tympan.geometry.errors import InputError
+from tympan.studies.diagnosis.evidence.kind import Model
 from tympan.studies.diagnosis.hypothesis import FACTORS, SIZES, Cause, Hypothesis, parameter_at
 from tympan.studies.diagnosis.inference.verdict import judge
 from tympan.studies.diagnosis.reading_table import ReadingTable
-from tympan.studies.diagnosis.reduced.growth import grown
-from tympan.studies.diagnosis.reduced.reduced_films import bounds_of
-from tympan.studies.diagnosis.reduced.simulation import Simulation
 from tympan.studies.files import from_json, read_json, to_json, words_beside, write_json
 from tympan.studies.parallel import mapped
 
@@ -60,7 +58,7 @@ class Bench:
     noise.
     """
 
-    simulation: Simulation
+    simulation: Model
     unknowns: Array
     table: ReadingTable
     causes: tuple[Cause, ...]
@@ -104,7 +102,7 @@ class Bench:
     def _exact(self, hypothesis: Hypothesis, unknowns: Array) -> Array:
         """Readings without noise; nan where they are beyond limits or equilibria."""
         simulation, unknowns = grown_to(self.simulation, hypothesis, unknowns)
-        low, high = bounds_of(simulation, hypothesis)
+        low, high = simulation.bounds(hypothesis)
         if not np.all((low <= unknowns) & (unknowns <= high)):
             return np.full(len(self.table), np.nan)
         return simulation.predict(hypothesis, unknowns, self.table)
@@ -148,21 +146,21 @@ def sizes_at(generator: np.random.Generator, cause: Cause, share: float) -> Arra
                      for parameter, x in zip(parameters, way.tolist(), strict=True)])
 
 
-def grown_to(simulation: Simulation, hypothesis: Hypothesis, unknowns: Array
-             ) -> tuple[Simulation, Array]:
+def grown_to(simulation: Model, hypothesis: Hypothesis, unknowns: Array
+             ) -> tuple[Model, Array]:
     """The simulation with films sampled as far as these sizes, or as they bear; and the unknowns.
 
     Without a sign where that changes nothing.
     """
     for number in range(SIZES.start, len(unknowns)):
         cause, index = parameter_at(hypothesis, number)
-        low, high = bounds_of(simulation, hypothesis)[:, number]
+        low, high = simulation.bounds(hypothesis)[:, number]
         if low == 0:
             unknowns = np.r_[unknowns[:number], abs(unknowns[number]), unknowns[number + 1 :]]
         size, end = float(unknowns[number]), high if unknowns[number] > 0 else low
         while abs(end) < abs(size):
-            simulation = grown(simulation, cause, index, 1 if size > 0 else -1)
-            further = bounds_of(simulation, hypothesis)[int(size > 0), number]
+            simulation = simulation.grown(cause, index, 1 if size > 0 else -1)
+            further = simulation.bounds(hypothesis)[int(size > 0), number]
             if abs(further) <= abs(end):
                 break
             end = further

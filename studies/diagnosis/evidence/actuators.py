@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tympan.studies.diagnosis.evidence.kind import Evidence, Films, Shown, Split
+from tympan.studies.diagnosis.evidence.kind import Evidence, Model, Shown, Split
 from tympan.studies.diagnosis.hypothesis import Cause, Hypothesis
 from tympan.studies.diagnosis.patterns.reading_patterns import patterns
 from tympan.studies.diagnosis.reading_table import ReadingTable
@@ -27,9 +27,9 @@ class Actuators(Evidence):
     kinds = ("displacement", "range", "capacitance", "film_voltage", "tilt", "frequency", "decay",
              "force", "film", "film_x", "film_y")
 
-    def predict(self, films: Films, hypothesis: Hypothesis, unknowns: Array, table: ReadingTable
+    def predict(self, model: Model, hypothesis: Hypothesis, unknowns: Array, table: ReadingTable
                 ) -> Shown:
-        return films.shown(hypothesis, unknowns, table)
+        return model.shown(hypothesis, unknowns, table)
 
     def patterns(self, table: ReadingTable, names: Sequence[str], predicted: Array
                  ) -> dict[str, Array]:

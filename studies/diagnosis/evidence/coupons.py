@@ -21,7 +21,7 @@ from tympan.fem.rig import Rig
 from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import ConstantFlow, Film, Specimen
 from tympan.studies.data.coupon import MODES, Coupons
-from tympan.studies.diagnosis.evidence.kind import Evidence, Films, Shown, Split
+from tympan.studies.diagnosis.evidence.kind import Evidence, Model, Shown, Split
 from tympan.studies.diagnosis.hypothesis import (
     FACTORS,
     Cause,
@@ -90,9 +90,9 @@ class CouponTests(Evidence):
     kinds = ("stress",)
     loaded = False
 
-    def predict(self, films: Films, hypothesis: Hypothesis, unknowns: Array, table: ReadingTable
+    def predict(self, model: Model, hypothesis: Hypothesis, unknowns: Array, table: ReadingTable
                 ) -> Shown:
-        return CouponPrediction(self, hypothesis, unknowns, table.coupon, films.bounds(hypothesis))
+        return CouponPrediction(self, hypothesis, unknowns, table.coupon, model.bounds(hypothesis))
 
     def extended(self, setup: Setup, unknowns: Array, uses: Iterable[Use]) -> Setup:
         """With the factor on stiffness on branches, too.

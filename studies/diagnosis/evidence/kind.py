@@ -52,14 +52,53 @@ class Shown(Protocol):
     def beyond(self, before: Any) -> bool: ...
 
 
-class Films(Protocol):
-    """What simulates the films of actuators."""
+class Model(Protocol):
+    """Whatever says what readings show under hypotheses: the films of a ``setup``, or strips.
+
+    ``loaded``: all that is read is of plates under loads. A model that is grown is the same object
+    where nothing changes.
+    """
+
+    @property
+    def setup(self) -> Setup: ...
+    @property
+    def evidence(self) -> tuple[Evidence, ...]: ...
+    @property
+    def loaded(self) -> bool: ...
 
     def shown(self, hypothesis: Hypothesis, unknowns: Array, table: ReadingTable) -> Shown:
         """What rows of plates under loads show."""
 
+    def prediction(self, hypothesis: Hypothesis, unknowns: Array, table: ReadingTable) -> Shown:
+        """What the rows of a table show, with derivatives."""
+
+    def predict(self, hypothesis: Hypothesis, unknowns: Array, table: ReadingTable) -> Array:
+        """What each row of a table shows."""
+
+    def extended(self, hypothesis: Hypothesis, unknowns: Array) -> Setup:
+        """The setup with stiffness, permittivity and effects."""
+
     def bounds(self, hypothesis: Hypothesis) -> Array:
-        """Smallest and largest unknowns, shape (2, unknowns)."""
+        """Smallest and largest unknowns, shape (2, unknowns), for which films are sampled."""
+
+    def limits(self, hypothesis: Hypothesis) -> Array:
+        """The same for which they could be, as far as known."""
+
+    def of_first(self) -> Model:
+        """What shows the first kind of evidence alone."""
+
+    def grown(self, cause: Cause, index: int, side: int, workers: int = 1) -> Model:
+        """Of a larger size of an effect's parameter, on side +1 or -1."""
+
+    def refined(self, hypothesis: Hypothesis, unknowns: Array, workers: int = 1) -> Model:
+        """Exact at the sizes of a hypothesis' unknowns."""
+
+    def coupled(self, hypotheses: Sequence[Hypothesis], unknowns: Sequence[Array],
+                workers: int = 1) -> Model:
+        """With what every two parameters add to each other."""
+
+    def further(self, workers: int = 1) -> Model:
+        """Of larger heaves and voltages, where the films have them."""
 
 
 class Evidence(Protocol):
@@ -76,7 +115,7 @@ class Evidence(Protocol):
         """Which rows of a table are of this kind."""
         return np.isin(table.kind, self.kinds)
 
-    def predict(self, films: Films, hypothesis: Hypothesis, unknowns: Array, table: ReadingTable
+    def predict(self, model: Model, hypothesis: Hypothesis, unknowns: Array, table: ReadingTable
                 ) -> Shown:
         """What the rows of a table, all of this kind, show."""
 

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from tympan.studies.diagnosis.evidence.kind import Model
 from tympan.studies.diagnosis.fits.evidence import evidence
 from tympan.studies.diagnosis.fits.fit import NUISANCE, Fit, best_of
 from tympan.studies.diagnosis.hypothesis import (
@@ -19,8 +20,6 @@ from tympan.studies.diagnosis.hypothesis import (
     unknown_count,
 )
 from tympan.studies.diagnosis.reading_table import ReadingTable
-from tympan.studies.diagnosis.reduced.reduced_films import bounds_of, limits_of
-from tympan.studies.diagnosis.reduced.simulation import Simulation
 from tympan.studies.effects.prior import as_residuals
 from tympan.studies.estimation.least_squares import Evaluation, LeastSquares, minimise
 from tympan.studies.estimation.noise import Noise
@@ -36,7 +35,7 @@ _SMALL = 1e-4
 _SHARES = (0.25, 0.5, 0.75, 1.0)
 
 
-def fit(simulation: Simulation, hypothesis: Hypothesis, table: ReadingTable,
+def fit(simulation: Model, hypothesis: Hypothesis, table: ReadingTable,
         start: Array | None = None, widen: float = 1.0, beside: Noise | None = None) -> Fit:
     """The best fit of a hypothesis to readings, usual sizes taken ``widen`` times as large.
 
@@ -48,9 +47,9 @@ def fit(simulation: Simulation, hypothesis: Hypothesis, table: ReadingTable,
                     for first in _starts(hypothesis, start)])
 
 
-def _fit_from(simulation: Simulation, hypothesis: Hypothesis, table: ReadingTable, start: Array,
+def _fit_from(simulation: Model, hypothesis: Hypothesis, table: ReadingTable, start: Array,
               widen: float, beside: Noise | None) -> Fit:
-    bounds, limits = bounds_of(simulation, hypothesis), limits_of(simulation, hypothesis)
+    bounds, limits = simulation.bounds(hypothesis), simulation.limits(hypothesis)
     scales = np.array([parameter.prior.widened(widen).scale
                        for parameter in parameters_of(hypothesis)])
 
@@ -101,7 +100,7 @@ def _starts(hypothesis: Hypothesis, start: Array | None) -> list[Array]:
     return [first + share * moved for share in (0.5, 2.0)]
 
 
-def nominal_fit(simulation: Simulation, table: ReadingTable) -> Fit:
+def nominal_fit(simulation: Model, table: ReadingTable) -> Fit:
     """The nominal model fitted: to the readings of low voltages first, and from there to more.
 
     So films find their stiffness before their limits matter.
@@ -109,7 +108,7 @@ def nominal_fit(simulation: Simulation, table: ReadingTable) -> Fit:
     return list(nominal_fits(simulation, table))[-1]
 
 
-def nominal_fits(simulation: Simulation, table: ReadingTable) -> Iterator[Fit]:
+def nominal_fits(simulation: Model, table: ReadingTable) -> Iterator[Fit]:
     """The nominal model fitted to more and more readings, in the end to all."""
     order, unknowns = np.argsort(table.voltage, kind="stable"), np.zeros(FACTORS.stop)
     for share in _SHARES:

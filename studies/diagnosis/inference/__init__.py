@@ -1,1 +1,5 @@
-"""From readings to probabilities: fits, tests of what is left, evidence, verdict."""
+"""From readings to probabilities: tests of what is left, posterior, verdict.
+
+It asks a :class:`~tympan.studies.diagnosis.evidence.kind.Model` what readings show and how far it
+reaches, and knows no film: a contract keeps that. A new test or search is a new file here.
+"""

@@ -9,10 +9,10 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
+from tympan.studies.diagnosis.evidence.kind import Model
 from tympan.studies.diagnosis.fits.fit import Fit
 from tympan.studies.diagnosis.fits.fitting import fit
 from tympan.studies.diagnosis.reading_table import ReadingTable
-from tympan.studies.diagnosis.reduced.simulation import Simulation
 
 #: The share of χ² that an exchange must leave at most: a third of what is missed.
 _LEFT = 0.1
@@ -28,7 +28,7 @@ class Exchange:
     chi_squared: float
 
 
-def exchange_of(simulation: Simulation, table: ReadingTable, nominal: Fit) -> Exchange | None:
+def exchange_of(simulation: Model, table: ReadingTable, nominal: Fit) -> Exchange | None:
     """The exchange that leaves least of what the nominal model misses; None if none leaves little.
 
     ``nominal`` is that model's fit, to which each exchange adds one with the factors anew.
@@ -40,7 +40,7 @@ def exchange_of(simulation: Simulation, table: ReadingTable, nominal: Fit) -> Ex
     return best if best and best.chi_squared < _LEFT * nominal.chi_squared else None
 
 
-def _exchanges(simulation: Simulation, table: ReadingTable
+def _exchanges(simulation: Model, table: ReadingTable
                ) -> Iterator[tuple[Exchange, ReadingTable]]:
     """Exchanges of two labels where both were read, everywhere and then in part."""
     states = table.states

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tympan.studies.diagnosis.evidence.kind import Model
 from tympan.studies.diagnosis.fits.fit import Fit, best_of
 from tympan.studies.diagnosis.fits.fitting import fit, with_sizes
 from tympan.studies.diagnosis.hypothesis import (
@@ -23,9 +24,6 @@ from tympan.studies.diagnosis.hypothesis import (
 )
 from tympan.studies.diagnosis.inference.projection import beside, taken_by
 from tympan.studies.diagnosis.reading_table import ReadingTable
-from tympan.studies.diagnosis.reduced.growth import coupled, grown, refined, regridded
-from tympan.studies.diagnosis.reduced.reduced_films import bounds_of, limits_of
-from tympan.studies.diagnosis.reduced.simulation import Simulation
 
 Array = NDArray[np.float64]
 
@@ -71,8 +69,6 @@ _RIVAL = 30.0
 #: Logarithm of how much less probable a hypothesis is beforehand for each of its effects.
 _COUNT = 3.0
 
-#: By what factor heaves and U² reach further at once.
-_FURTHER = 1.4
 
 #: The size at which effects are tried together, over the usual one.
 _FIRST = 1.3
@@ -91,7 +87,7 @@ class Exploration:
     ``workers`` the processes for new films.
     """
 
-    simulation: Simulation
+    simulation: Model
     table: ReadingTable
     nominal: Fit
     causes: Sequence[Cause]
@@ -151,7 +147,7 @@ class Exploration:
         Where a sign changes nothing there is no way from 0; sizes of which the readings are no sum
         also begin together.
         """
-        bounds = bounds_of(self.simulation, hypothesis)
+        bounds = self.simulation.bounds(hypothesis)
         none = np.zeros(bounds.shape[1])
         none[: len(self.nominal.unknowns)] = self.nominal.unknowns
         parameters = parameters_of(hypothesis)
@@ -176,10 +172,10 @@ class Exploration:
     def _join(self, pairs: Sequence[Hypothesis]) -> None:
         """Fit pairs of which each effect hides or turns what the other does."""
         usual = [_usual(self.nominal, pair) for pair in pairs]
-        self.simulation = coupled(self.simulation, pairs, usual, self.workers)
+        self.simulation = self.simulation.coupled(pairs, usual, self.workers)
         taken, promises = taken_by(self.nominal.free_jacobian), []
         for pair, corner in zip(pairs, usual, strict=True):
-            bounds = bounds_of(self.simulation, pair)
+            bounds = self.simulation.bounds(pair)
             corners = [np.clip(corner * np.r_[1, 1, signs], *bounds)
                        for signs in product((1, -1), repeat=len(corner) - SIZES.start)]
             shown = np.array([self._shown(pair, unknowns) for unknowns in corners])
@@ -202,7 +198,7 @@ class Exploration:
         short = [fit.hypothesis for fit in self.fits.values()
                  if not fit.possible and fit.short < self._least + _BEHIND]
         if short:
-            self.simulation = reached_further(self.simulation, self.workers)
+            self.simulation = self.simulation.further(self.workers)
             for hypothesis in short:
                 self._fit(hypothesis, [self.fits[hypothesis].unknowns, *self._starts(hypothesis)])
 
@@ -223,11 +219,11 @@ class Exploration:
                 side = 1 if before.unknowns[number] > 0 else -1
                 cause, index = parameter_at(before.hypothesis, number)
                 for _ in range(_STEPS):
-                    simulation = grown(self.simulation, cause, index, side, self.workers)
+                    simulation = self.simulation.grown(cause, index, side, self.workers)
                     if simulation is self.simulation:
                         break
                     self.simulation = simulation
-                    bounds = bounds_of(simulation, before.hypothesis)
+                    bounds = simulation.bounds(before.hypothesis)
                     further = self.fits[before.hypothesis].unknowns.copy()
                     further[number] = _SHARE * bounds[0 if side < 0 else 1, number]
                     self._fit(before.hypothesis, [self.fits[before.hypothesis].unknowns, further])
@@ -254,10 +250,10 @@ class Exploration:
             before = self.fits[hypothesis]
             side = 1 if before.unknowns[number] > 0 else -1
             end = (0 if side < 0 else 1), number
-            if abs(bounds_of(self.simulation, hypothesis)[end]) <= abs(before.bounds[end]):
+            if abs(self.simulation.bounds(hypothesis)[end]) <= abs(before.bounds[end]):
                 cause, index = parameter_at(hypothesis, number)
-                self.simulation = grown(self.simulation, cause, index, side, self.workers)
-            bound = bounds_of(self.simulation, hypothesis)[end]
+                self.simulation = self.simulation.grown(cause, index, side, self.workers)
+            bound = self.simulation.bounds(hypothesis)[end]
             if abs(bound) <= abs(before.bounds[end]):
                 ended.add((hypothesis, number))
                 continue
@@ -269,7 +265,7 @@ class Exploration:
         """Sizes at the end of what is sampled, and the cost they promise beyond it."""
         if not fit.possible:
             return
-        limits, variance = limits_of(self.simulation, fit.hypothesis), np.diag(fit.covariance)
+        limits, variance = self.simulation.limits(fit.hypothesis), np.diag(fit.covariance)
         for number in range(SIZES.start, len(fit.unknowns)):
             size, slope = fit.unknowns[number], fit.slope[number]
             for bound, limit in zip(fit.bounds[:, number], limits[:, number], strict=True):
@@ -291,7 +287,7 @@ class Exploration:
         usual = np.array([item.deviation for item in parameters_of(hypothesis)])
         active = unknowns.copy()
         active[SIZES] *= np.abs(unknowns[SIZES]) >= _ACTIVE * usual
-        simulation = refined(self.simulation, hypothesis, active, self.workers)
+        simulation = self.simulation.refined(hypothesis, active, self.workers)
         if simulation is not self.simulation:
             self.simulation = simulation
             self._fit(hypothesis, [unknowns])
@@ -324,14 +320,3 @@ def _usual(nominal: Fit, hypothesis: Hypothesis) -> Array:
     """Unknowns with effects of about their usual sizes."""
     sizes = [_FIRST * parameter.deviation for parameter in parameters_of(hypothesis)]
     return np.concatenate([nominal.unknowns, sizes])
-
-
-def reached_further(simulation: Simulation, workers: int) -> Simulation:
-    """With force laws of larger heaves and voltages, where the films have them."""
-    grids = [replace(law.grid, heave=_FURTHER * law.grid.heave,
-                     voltage_squared=_FURTHER * law.grid.voltage_squared)
-             for law in simulation.laws]
-    try:
-        return regridded(simulation, grids, workers)
-    except ArithmeticError:  # the films go no further
-        return simulation

@@ -7,13 +7,12 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from tympan.studies.diagnosis.evidence.kind import Model
 from tympan.studies.diagnosis.fits.fit import Fit
 from tympan.studies.diagnosis.fits.fitting import fit
 from tympan.studies.diagnosis.hypothesis import FACTORS, SIZES, Cause
 from tympan.studies.diagnosis.inference.projection import orthonormal, taken_by, without
 from tympan.studies.diagnosis.reading_table import ReadingTable
-from tympan.studies.diagnosis.reduced.reduced_films import bounds_of
-from tympan.studies.diagnosis.reduced.simulation import Simulation
 from tympan.studies.diagnosis.result import Knowable
 from tympan.studies.effects import EffectParameter
 
@@ -34,10 +33,10 @@ SAME = 0.5
 TYPICAL = 2.0
 
 
-def signatures(simulation: Simulation, table: ReadingTable, unknowns: Array,
+def signatures(simulation: Model, table: ReadingTable, unknowns: Array,
                causes: Sequence[Cause]) -> Signatures:
     """The signatures of causes about a nominal fit, each at its typical size."""
-    low, high = bounds_of(simulation, ())
+    low, high = simulation.bounds(())
     jacobian = simulation.prediction((), unknowns, table).jacobian[:, (low < unknowns)
                                                                    & (unknowns < high)]
     taken = taken_by(table.noise.whitened(jacobian))
@@ -46,13 +45,13 @@ def signatures(simulation: Simulation, table: ReadingTable, unknowns: Array,
             for cause in causes}
 
 
-def _shown(simulation: Simulation, cause: Cause, index: int, unknowns: Array,
+def _shown(simulation: Model, cause: Cause, index: int, unknowns: Array,
            table: ReadingTable, typical: float = TYPICAL) -> Array:
     """Residuals of the nominal model fitted to readings with one parameter at its typical size.
 
     At a smaller size, in proportion, where the typical one has no equilibria.
     """
-    bounds = bounds_of(simulation, (cause,))
+    bounds = simulation.bounds((cause,))
     share = typical
     while True:
         moved = np.zeros(bounds.shape[1])
@@ -66,7 +65,7 @@ def _shown(simulation: Simulation, cause: Cause, index: int, unknowns: Array,
         share /= 2
 
 
-def shows_when_large(simulation: Simulation, cause: Cause, nominal: Fit,
+def shows_when_large(simulation: Model, cause: Cause, nominal: Fit,
                      table: ReadingTable) -> bool:
     """Whether an effect that nobody sees at its typical size is seen at ten times that.
 

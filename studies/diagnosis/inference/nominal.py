@@ -9,15 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtri
 
+from tympan.studies.diagnosis.evidence.kind import Model
 from tympan.studies.diagnosis.fits.fit import Fit
 from tympan.studies.diagnosis.fits.fitting import fit, nominal_fit
 from tympan.studies.diagnosis.hypothesis import Cause
-from tympan.studies.diagnosis.inference.exploration import reached_further
 from tympan.studies.diagnosis.inference.identifiability import Signatures, signatures
 from tympan.studies.diagnosis.inference.residual_tests import ResidualTests
 from tympan.studies.diagnosis.patterns.reading_patterns import among, over
 from tympan.studies.diagnosis.reading_table import ReadingTable
-from tympan.studies.diagnosis.reduced.simulation import Simulation
 
 Array = NDArray[np.float64]
 
@@ -44,13 +43,13 @@ class NominalMisfit:
     ``patterns``: what its misfit may be a combination of, in units of the readings, by name.
     """
 
-    simulation: Simulation
+    simulation: Model
     table: ReadingTable
     fit: Fit
     patterns: dict[str, Array]
 
     @classmethod
-    def of(cls, simulation: Simulation, table: ReadingTable, causes: Sequence[Cause],
+    def of(cls, simulation: Model, table: ReadingTable, causes: Sequence[Cause],
            workers: int = 1) -> tuple[NominalMisfit, ResidualTests]:
         """By a simulation that reaches as far as it needs; and the tests of what it misses.
 
@@ -60,7 +59,7 @@ class NominalMisfit:
         for _ in range(_REACHES):
             if nominal.possible or nominal.short == np.inf:
                 break
-            simulation = reached_further(simulation, workers)
+            simulation = simulation.further(workers)
             nominal = nominal_fit(simulation, table)
         if not nominal.possible:
             raise ArithmeticError("the nominal model has no equilibrium at the states that were "
@@ -119,7 +118,7 @@ class NominalMisfit:
                        fit=fit(self.simulation, (), table, self.fit.unknowns))
 
 
-def with_noise_found(simulation: Simulation, table: ReadingTable, causes: Sequence[Cause]
+def with_noise_found(simulation: Model, table: ReadingTable, causes: Sequence[Cause]
                      ) -> ReadingTable:
     """A table with its noise as the nominal model's misfit tells it."""
     misfit, tests = NominalMisfit.of(simulation, table, causes)
@@ -129,7 +128,7 @@ def with_noise_found(simulation: Simulation, table: ReadingTable, causes: Sequen
     return table.with_noise(table.noise.known(tests.freedom + tests.stated))
 
 
-def _patterns(simulation: Simulation, table: ReadingTable, nominal: Fit) -> dict[str, Array]:
+def _patterns(simulation: Model, table: ReadingTable, nominal: Fit) -> dict[str, Array]:
     """What a misfit may be a combination of, in units of the readings."""
     names = [specimen.name for specimen in simulation.setup.specimens]
     predicted, columns = nominal.predicted(table), dict[str, Array]()

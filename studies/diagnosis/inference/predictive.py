@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr
 
+from tympan.studies.diagnosis.evidence.kind import Model
 from tympan.studies.diagnosis.fits.fit import Fit
 from tympan.studies.diagnosis.reading_table import ReadingTable
-from tympan.studies.diagnosis.reduced.simulation import Simulation
 
 Array = NDArray[np.float64]
 
@@ -39,7 +39,7 @@ class Predictive:
     deviation: Array
 
     @classmethod
-    def of(cls, simulation: Simulation, fits: Sequence[Fit], weights: Array,
+    def of(cls, simulation: Model, fits: Sequence[Fit], weights: Array,
            table: ReadingTable) -> Predictive:
         """Fits by their weights, shape (fits,), each linear in its unknowns about the best.
 

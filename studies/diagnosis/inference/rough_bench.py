@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logsumexp
 
+from tympan.studies.diagnosis.evidence.kind import Model
 from tympan.studies.diagnosis.fits.evidence import evidence
 from tympan.studies.diagnosis.fits.fit import Fit
 from tympan.studies.diagnosis.fits.fitting import fit
@@ -24,7 +25,6 @@ from tympan.studies.diagnosis.inference.identifiability import TYPICAL, Signatur
 from tympan.studies.diagnosis.inference.posterior import Posterior, priors
 from tympan.studies.diagnosis.inference.projection import taken_by, without
 from tympan.studies.diagnosis.reading_table import ReadingTable
-from tympan.studies.diagnosis.reduced.simulation import Simulation
 from tympan.studies.estimation.noise import Noise
 
 Array = NDArray[np.float64]
@@ -100,7 +100,7 @@ class RoughBench:
                 shares[cause] = shares.get(cause, 0.0) + chance
         return tuple(cause for cause, chance in shares.items() if chance >= least)
 
-    def again(self, simulation: Simulation, table: ReadingTable, widen: float
+    def again(self, simulation: Model, table: ReadingTable, widen: float
               ) -> tuple[Posterior, Fit]:
         """Those near fitted again, each beside small errors as is most probable; and the best.
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from tympan.studies.diagnosis.evidence.kind import Model
 from tympan.studies.diagnosis.fits.evidence import evidence
 from tympan.studies.diagnosis.fits.fit import Fit
 from tympan.studies.diagnosis.fits.fitting import fit
@@ -25,7 +26,6 @@ from tympan.studies.diagnosis.inference.residual_tests import ResidualTests, Tes
 from tympan.studies.diagnosis.inference.rough_bench import SMALL, RoughBench, near_rivals
 from tympan.studies.diagnosis.patterns.reading_patterns import over
 from tympan.studies.diagnosis.reading_table import ReadingTable
-from tympan.studies.diagnosis.reduced.simulation import Simulation
 from tympan.studies.diagnosis.result import Verdict
 from tympan.studies.estimation.noise import Noise
 
@@ -89,7 +89,7 @@ class Judgement:
     """
 
     verdict: Verdict
-    simulation: Simulation
+    simulation: Model
     table: ReadingTable
     nominal: Fit
     test: TestResult
@@ -148,7 +148,7 @@ class Judgement:
         posterior = self.posterior and replace(
             self.posterior, fits=tuple(map(part, self.posterior.fits)))
         return replace(
-            self, simulation=replace(self.simulation, evidence=(first,)), table=self.table[films
+            self, simulation=self.simulation.of_first(), table=self.table[films
             ].compact(), nominal=part(self.nominal), posterior=posterior,
             patterns={name: values[films] for name, values in self.patterns.items()
                       if values[films].any()},
@@ -156,7 +156,7 @@ class Judgement:
             alone=tuple(map(part, self.alone)))
 
 
-def judge(simulation: Simulation, table: ReadingTable, causes: Sequence[Cause],
+def judge(simulation: Model, table: ReadingTable, causes: Sequence[Cause],
           widen: float = 1.0, seed: int = 0, workers: int = 1) -> Judgement:
     """Judge a table's readings by what may be wrong, usual sizes taken ``widen`` times as large.
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,12 +22,12 @@ from tympan.studies.diagnosis.reduced.axes import (
     sampled_film,
 )
 from tympan.studies.diagnosis.reduced.force_law import FORCE, ForceLaw, Grid, Sampled, Solver
-from tympan.studies.diagnosis.reduced.reduced_films import affected
-from tympan.studies.diagnosis.reduced.simulation import Simulation
+from tympan.studies.diagnosis.reduced.reduced_films import ReducedFilms, affected
 from tympan.studies.effects import Setup
 from tympan.studies.parallel import mapped
 
 Array = NDArray[np.float64]
+AnyFilms = TypeVar("AnyFilms", bound=ReducedFilms)
 Progress = Callable[[int, int], None]
 Solve = Callable[[HeldFilm, Grid, Sequence[HeldFilm]], Array]
 
@@ -211,7 +212,7 @@ def first_laws(solver: Solver, setup: Setup, grids: Sequence[Grid], workers: int
     return _sampled(setup, laws, [acting_together(law.axes) for law in laws], workers, progress)
 
 
-def regridded(simulation: Simulation, grids: Sequence[Grid], workers: int = 1) -> Simulation:
+def regridded(simulation: AnyFilms, grids: Sequence[Grid], workers: int = 1) -> AnyFilms:
     """The same samples on other grids, as far as the films can be solved there."""
     laws = [replace(law, grid=grid) for law, grid in zip(simulation.laws, grids, strict=True)]
     joint = [[(sample,) for sample in law.samples if len(sample) > 1] for law in laws]
@@ -247,8 +248,8 @@ def _base(setup: Setup, name: str, law: ForceLaw) -> Chain:
     return Chain(law.solver, setup, name, law.grid, law.axes, ())
 
 
-def grown(simulation: Simulation, cause: Cause, index: int, side: int,
-          workers: int = 1) -> Simulation:
+def grown(simulation: AnyFilms, cause: Cause, index: int, side: int,
+          workers: int = 1) -> AnyFilms:
     """With films sampled at a larger size of a parameter of an effect, on side +1 or -1.
 
     The same object where nothing changes: the parameter changes no film, or no film bears more.
@@ -273,8 +274,8 @@ def grown(simulation: Simulation, cause: Cause, index: int, side: int,
     return _with_answers(simulation, solve_chains(chains, workers))
 
 
-def refined(simulation: Simulation, hypothesis: Hypothesis, unknowns: Array,
-            workers: int = 1) -> Simulation:
+def refined(simulation: AnyFilms, hypothesis: Hypothesis, unknowns: Array,
+            workers: int = 1) -> AnyFilms:
     """With the films solved at the sizes of a hypothesis' unknowns, and their pairs.
 
     The same object where they are, or cannot be.
@@ -295,8 +296,8 @@ def refined(simulation: Simulation, hypothesis: Hypothesis, unknowns: Array,
     return _with_answers(simulation, solve_chains(chains, workers))
 
 
-def coupled(simulation: Simulation, hypotheses: Sequence[Hypothesis],
-            unknowns: Sequence[Array], workers: int = 1) -> Simulation:
+def coupled(simulation: AnyFilms, hypotheses: Sequence[Hypothesis],
+            unknowns: Sequence[Array], workers: int = 1) -> AnyFilms:
     """With a film of every two parameters at once, where none tells what they add to each other.
 
     At the sizes of the hypotheses' unknowns. The same object where there are, or can be, none.
@@ -341,11 +342,11 @@ def _near_another(law: ForceLaw, sample: Sample) -> bool:
             for (_, size), (_, there) in zip(sample, other, strict=True)) for other in others)
 
 
-def _chain_of(simulation: Simulation, law: int) -> Chain:
+def _chain_of(simulation: ReducedFilms, law: int) -> Chain:
     return _base(simulation.setup, simulation.setup.specimens[law].name, simulation.laws[law])
 
 
-def _with_answers(simulation: Simulation, solved: Sequence[Solved]) -> Simulation:
+def _with_answers(simulation: AnyFilms, solved: Sequence[Solved]) -> AnyFilms:
     names = [specimen.name for specimen in simulation.setup.specimens]
     changed = {answer.chain.name for answer in solved if answer.answers or answer.chain.patient}
     if not changed:

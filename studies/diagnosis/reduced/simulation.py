@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -10,14 +11,18 @@ from numpy.typing import NDArray
 
 from tympan.studies.diagnosis.evidence.actuators import ACTUATORS
 from tympan.studies.diagnosis.evidence.kind import Evidence, Shown
-from tympan.studies.diagnosis.hypothesis import Hypothesis, uses_of
+from tympan.studies.diagnosis.hypothesis import Cause, Hypothesis, uses_of
 from tympan.studies.diagnosis.reading_table import ReadingTable
+from tympan.studies.diagnosis.reduced.growth import coupled, grown, refined, regridded
 from tympan.studies.diagnosis.reduced.prediction import Prediction
-from tympan.studies.diagnosis.reduced.reduced_films import ReducedFilms, bounds_of
+from tympan.studies.diagnosis.reduced.reduced_films import ReducedFilms, bounds_of, limits_of
 from tympan.studies.effects import Setup
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
+
+#: By what factor heaves and U² reach further at once.
+_FURTHER = 1.4
 
 
 class Together:
@@ -60,7 +65,7 @@ class Together:
 
 @dataclass(frozen=True, eq=False)
 class Simulation(ReducedFilms):
-    """The films of a setup, and the kinds of ``evidence`` that are read.
+    """The films of a setup by their force laws, as the model that inference asks.
 
     Without plates under loads there are no force laws. The first kind is what a result is of.
     """
@@ -73,11 +78,9 @@ class Simulation(ReducedFilms):
         return all(kind.loaded for kind in self.evidence)
 
     def predict(self, hypothesis: Hypothesis, unknowns: Array, table: ReadingTable) -> Array:
-        """What each row of a table shows."""
         return self.prediction(hypothesis, unknowns, table).values
 
     def prediction(self, hypothesis: Hypothesis, unknowns: Array, table: ReadingTable) -> Shown:
-        """What a table's readings show, with derivatives."""
         parts = [(kind, rows) for kind in self.evidence if (rows := kind.among(table)).any()]
         if len(parts) < 2:
             kind = parts[0][0] if parts else self.evidence[0]
@@ -86,13 +89,35 @@ class Simulation(ReducedFilms):
                          for kind, rows in parts], [rows for _, rows in parts])
 
     def shown(self, hypothesis: Hypothesis, unknowns: Array, table: ReadingTable) -> Prediction:
-        """What rows of plates under loads show."""
         return Prediction(self, hypothesis, unknowns, table)
 
     def bounds(self, hypothesis: Hypothesis) -> Array:
-        """Smallest and largest unknowns, shape (2, unknowns)."""
         return bounds_of(self, hypothesis)
 
+    def limits(self, hypothesis: Hypothesis) -> Array:
+        return limits_of(self, hypothesis)
+
+    def of_first(self) -> Simulation:
+        return replace(self, evidence=self.evidence[:1])
+
+    def grown(self, cause: Cause, index: int, side: int, workers: int = 1) -> Simulation:
+        return grown(self, cause, index, side, workers)
+
+    def refined(self, hypothesis: Hypothesis, unknowns: Array, workers: int = 1) -> Simulation:
+        return refined(self, hypothesis, unknowns, workers)
+
+    def coupled(self, hypotheses: Sequence[Hypothesis], unknowns: Sequence[Array],
+                workers: int = 1) -> Simulation:
+        return coupled(self, hypotheses, unknowns, workers)
+
+    def further(self, workers: int = 1) -> Simulation:
+        grids = [replace(law.grid, heave=_FURTHER * law.grid.heave,
+                         voltage_squared=_FURTHER * law.grid.voltage_squared)
+                 for law in self.laws]
+        try:
+            return regridded(self, grids, workers)
+        except ArithmeticError:  # the films go no further
+            return self
+
     def extended(self, hypothesis: Hypothesis, unknowns: Array) -> Setup:
-        """The setup with stiffness, permittivity and effects."""
         return self.evidence[0].extended(self.setup, unknowns, uses_of(hypothesis, unknowns))

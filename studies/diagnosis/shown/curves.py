@@ -9,18 +9,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tympan.studies.diagnosis.evidence.kind import Model
 from tympan.studies.diagnosis.fits.fit import Fit
 from tympan.studies.diagnosis.inference.predictive import Predictive
 from tympan.studies.diagnosis.inference.verdict import Judgement
 from tympan.studies.diagnosis.reading_table import LENGTHS, ReadingTable
-from tympan.studies.diagnosis.reduced.simulation import Simulation
 
 Array = NDArray[np.float64]
 
 _POINTS = 41
 
 
-def curves(simulation: Simulation, judged: Judgement, chosen: Fit | None) -> dict[str, Array | Any]:
+def curves(simulation: Model, judged: Judgement, chosen: Fit | None) -> dict[str, Array | Any]:
     """The columns of curves.csv, from no voltage to the highest one that was read.
 
     Hypotheses are mixed by their probabilities; the noise is the ramp's usual one.
