@@ -87,6 +87,12 @@ def test_what_is_malformed_is_a_bad_request(server: Serving, data: str) -> None:
     assert content.count(b"\n") == 1
 
 
+@pytest.mark.parametrize("key", ["1 µm==", "no key", "AAAA"])
+def test_a_bad_key_of_a_websocket_is_a_bad_request(server: Serving, page: str, key: str) -> None:
+    asked = server.request(f"/{page}/ws", **{**UPGRADE, "Sec_WebSocket_Key": key})
+    assert server.answer(asked)[0] == 400
+
+
 def test_a_body_in_bad_chunks_ends_the_connection(server: Serving) -> None:
     head = server.request("/x", Transfer_Encoding="chunked")
     with server.connection() as connection:

@@ -183,6 +183,8 @@ def check(request: web.BaseRequest, host: str) -> None:
     origins = request.headers.getall("Origin", [])
     if origins and origins not in ([f"http://{names[0]}"], [f"https://{names[0]}"]):
         raise web.HTTPForbidden(text="asked by a page from elsewhere\n")
+    if not request.headers.get("Sec-WebSocket-Key", "").isascii():
+        raise web.HTTPBadRequest(text="the websocket's key is not ASCII\n")
     if request.method != "GET":
         raise web.HTTPMethodNotAllowed(request.method, ["GET"], text="only GET is answered\n")
 
