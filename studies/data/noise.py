@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -19,12 +21,17 @@ _ROUNDED = 1e-6
 _COARSE = 2.0
 
 
+def groups(*columns: NDArray[Any]) -> NDArray[np.int64]:
+    """Number of each row's group: of those that have all columns alike, as they come."""
+    numbers: dict[tuple[object, ...], int] = {}
+    keys = zip(*(column.tolist() for column in columns), strict=True)
+    return np.array([numbers.setdefault(key, len(numbers)) for key in keys], dtype=np.int64)
+
+
 def repeat_groups(readings: Sheet) -> NDArray[np.int64]:
     """Each reading's group: those of the same specimen, mass, voltage, direction and run."""
-    shared = (readings.specimen, readings.mass, readings.voltage, readings.direction, readings.run)
-    numbers: dict[tuple[object, ...], int] = {}
-    keys = zip(*(column.tolist() for column in shared), strict=True)
-    return np.array([numbers.setdefault(key, len(numbers)) for key in keys], dtype=np.int64)
+    return groups(readings.specimen, readings.mass, readings.voltage, readings.direction,
+                  readings.run)
 
 
 def repeat_noise(dataset: Dataset) -> Noise | None:

@@ -135,15 +135,16 @@ def _with_coupons(readings: PreparedReadings, simulation: Simulation,
     if of_coupons is None:
         return readings, simulation, readings.table
     coupons, judged = of_coupons
-    assert isinstance(coupons.evidence, CouponTests)
-    if not coupons.evidence.of_one_film(readings.setup):
+    (tests,) = coupons.evidence
+    assert isinstance(tests, CouponTests)
+    if not tests.of_one_film(readings.setup):
         remark = WORDS["other_film"]
         readings = replace(readings, remarks=(*readings.remarks, remark))
         return readings, simulation, readings.table
     table = with_noise_found(simulation, readings.table, readings.causes)
     remark = WORDS["together"].format(count=len(judged.table), share=BATCH)
     together = replace(readings, coupons=coupons, remarks=(*readings.remarks, remark))
-    return together, *weighed_together(simulation, table, coupons.evidence, judged)
+    return together, *weighed_together(simulation, table, tests, judged)
 
 
 def weighed_together(simulation: Simulation, table: ReadingTable, tests: CouponTests,
@@ -171,7 +172,7 @@ def _of_coupons_alone(dataset: Dataset) -> bool:
 
 def _judge_coupons(dataset: Dataset, seed: int) -> tuple[PreparedReadings, Judgement]:
     readings = coupon_readings(dataset)
-    simulation = Simulation(readings.setup, (), evidence=(readings.evidence,))
+    simulation = Simulation(readings.setup, (), evidence=readings.evidence)
     try:
         return readings, judge(simulation, readings.table, readings.causes, seed=seed)
     except ArithmeticError as failure:

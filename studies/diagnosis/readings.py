@@ -21,7 +21,7 @@ from tympan.studies.data.dataset import Dataset
 from tympan.studies.data.noise import coarse_step, range_sigma, reading_sigma, repeat_noise
 from tympan.studies.diagnosis.evidence.actuators import ACTUATORS
 from tympan.studies.diagnosis.evidence.kind import ASSUMED, FEWEST, PreparedReadings
-from tympan.studies.diagnosis.film_readings import film_rows
+from tympan.studies.diagnosis.evidence.scans import SCANS, film_rows
 from tympan.studies.diagnosis.history import staircase
 from tympan.studies.diagnosis.reading_table import Kind, ReadingTable, States, rows
 from tympan.studies.diagnosis.transients.block_means import transient_rows
@@ -63,7 +63,7 @@ def prepared_readings(dataset: Dataset) -> PreparedReadings:
     scans, seen = film_rows(replace(dataset, specimens=setup.specimens)) or (None, [])
     if scans is not None:
         table = table.joined(scans)
-    return PreparedReadings(setup, table, ACTUATORS, (*remarks, *fewer, *seen))
+    return PreparedReadings(setup, table, (ACTUATORS, SCANS), (*remarks, *fewer, *seen))
 
 
 def _sheets(dataset: Dataset) -> list[Sheet]:

@@ -339,6 +339,7 @@ def _judged(record: Record, truth: Truth, dataset: Dataset, exact: Dataset | Non
 
 def _without_noise(judgement: Judgement, exact: Dataset) -> Array:
     """Values of a part without noise, as those that were judged are."""
-    values = [exact.coupons.stress[kind.rows] if isinstance(kind, CouponTests)
-              else prepared_readings(exact).table.value for kind in judgement.simulation.evidence]
+    kinds = judgement.simulation.evidence
+    values = [prepared_readings(exact).table.value] if kinds[0].loaded else []
+    values += [exact.coupons.stress[kind.rows] for kind in kinds if isinstance(kind, CouponTests)]
     return np.concatenate(values)

@@ -1,4 +1,4 @@
-"""Readings of plates under loads: at rest, of ranges, in time, of frequencies and over films."""
+"""Readings of plates under loads: at rest, of ranges, in time, of frequencies."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tympan.studies.diagnosis.evidence.kind import Evidence, Model, Shown, Split
-from tympan.studies.diagnosis.hypothesis import Cause, Hypothesis
+from tympan.studies.diagnosis.evidence.kind import Evidence, Split
+from tympan.studies.diagnosis.hypothesis import Cause
 from tympan.studies.diagnosis.patterns.reading_patterns import patterns
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.effects import Setup
@@ -22,14 +22,10 @@ LOW_VOLTAGES = 0.7
 
 
 class Actuators(Evidence):
-    """Whatever is read of plates under loads."""
+    """Whatever is read of a plate."""
 
     kinds = ("displacement", "range", "capacitance", "film_voltage", "tilt", "frequency", "decay",
-             "force", "film", "film_x", "film_y")
-
-    def predict(self, model: Model, hypothesis: Hypothesis, unknowns: Array, table: ReadingTable
-                ) -> Shown:
-        return model.shown(hypothesis, unknowns, table)
+             "force")
 
     def patterns(self, table: ReadingTable, names: Sequence[str], predicted: Array
                  ) -> dict[str, Array]:
@@ -62,12 +58,8 @@ class Actuators(Evidence):
         there = {"elapsed_s": bool(np.ptp(states.elapsed) > 0),
                  "direction": bool(np.any(states.direction != 0)),
                  "frequency_Hz": "frequency" in table.kind,
-                 "x_mm": bool(table.scans),
                  IN_TIME: bool(len(states.passages.rows))}
-        scanned = {setup.specimens[number].name for number in np.unique(
-            states.specimen[table.state[table.scan >= 0]])}
-        anywhere = cause.which is None or "x_mm" not in columns or cause.which in scanned
-        return anywhere and all(there.get(column, False) for column in columns)
+        return all(there.get(column, False) for column in columns)
 
 
 #: They are told apart by their rows alone.

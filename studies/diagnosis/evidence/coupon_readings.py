@@ -86,7 +86,7 @@ def coupon_readings(dataset: Dataset) -> PreparedReadings:
         remarks.append(WORDS["scatter"].format(share=dataset.strip_scatter))
         noise = _with_lasting(noise, tests, keys, dataset.strip_scatter)
     table = _table(coupons, tests).with_values(values[chosen]).with_noise(noise)
-    return PreparedReadings(setup, table, tests, tuple(remarks))
+    return PreparedReadings(setup, table, (tests,), tuple(remarks))
 
 
 def _refuse_slip_of_stress(tests: CouponTests) -> None:

@@ -85,7 +85,7 @@ class Model(Protocol):
         """The same for which they could be, as far as known."""
 
     def of_first(self) -> Model:
-        """What shows the first kind of evidence alone."""
+        """What shows the first kind of evidence, and those that are loaded as it is."""
 
     def grown(self, cause: Cause, index: int, side: int, workers: int = 1) -> Model:
         """Of a larger size of an effect's parameter, on side +1 or -1."""
@@ -111,13 +111,10 @@ class Evidence(Protocol):
     kinds: ClassVar[tuple[str, ...]]
     loaded: ClassVar[bool] = True
 
-    def among(self, table: ReadingTable) -> Rows:
-        """Which rows of a table are of this kind."""
-        return np.isin(table.kind, self.kinds)
-
     def predict(self, model: Model, hypothesis: Hypothesis, unknowns: Array, table: ReadingTable
                 ) -> Shown:
-        """What the rows of a table, all of this kind, show."""
+        """What the rows of a table show, all of this kind; if ``loaded``, of all such kinds."""
+        return model.shown(hypothesis, unknowns, table)
 
     def patterns(self, table: ReadingTable, names: Sequence[str], predicted: Array
                  ) -> dict[str, Array]:
@@ -126,6 +123,7 @@ class Evidence(Protocol):
     def splits(self, setup: Setup, table: ReadingTable
                ) -> tuple[list[Split], dict[str, NDArray[Any]]]:
         """How to hold out rows; and by kind of split what level each row is of, shape (rows,)."""
+        return [], {}
 
     def shows(self, cause: Cause, setup: Setup, table: ReadingTable) -> bool:
         """Whether rows could show an effect."""
@@ -145,9 +143,14 @@ class Evidence(Protocol):
         return setup.specimens
 
 
+def rows_of(evidence: Sequence[Evidence], table: ReadingTable) -> Rows:
+    """Which rows of a table are of some kinds of evidence."""
+    return np.isin(table.kind, [name for kind in evidence for name in kind.kinds])
+
+
 @dataclass(frozen=True, eq=False)
 class PreparedReadings:
-    """The setup with the specimens that were read, and the table of one kind of evidence.
+    """The setup with the specimens that were read, the table, and its kinds of evidence.
 
     ``remarks`` say what was done to the readings. ``coupons``: those that are weighed with them, of
     the same film.
@@ -155,7 +158,7 @@ class PreparedReadings:
 
     setup: Setup
     table: ReadingTable
-    evidence: Evidence
+    evidence: tuple[Evidence, ...]
     remarks: tuple[str, ...] = ()
     coupons: PreparedReadings | None = None
 
@@ -170,4 +173,5 @@ class PreparedReadings:
         others = () if self.coupons is None else self.coupons.causes
         return tuple(cause for name, effect in EFFECTS.items()
                      for cause in (Cause(name, which) for which in effect.choices(self.setup))
-                     if cause in others or self.evidence.shows(cause, self.setup, self.table))
+                     if cause in others or any(kind.shows(cause, self.setup, self.table)
+                                               for kind in self.evidence))

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtri
 
-from tympan.studies.diagnosis.evidence.kind import Model
+from tympan.studies.diagnosis.evidence.kind import Model, rows_of
 from tympan.studies.diagnosis.fits.fit import Fit
 from tympan.studies.diagnosis.fits.fitting import fit, nominal_fit
 from tympan.studies.diagnosis.hypothesis import Cause
@@ -133,7 +133,7 @@ def _patterns(simulation: Model, table: ReadingTable, nominal: Fit) -> dict[str,
     names = [specimen.name for specimen in simulation.setup.specimens]
     predicted, columns = nominal.predicted(table), dict[str, Array]()
     for kind in simulation.evidence:
-        rows = kind.among(table)
+        rows = rows_of([kind], table)
         columns |= {name: among(rows, values) for name, values in kind.patterns(
             table[rows], names, predicted[rows]).items()}
     return columns

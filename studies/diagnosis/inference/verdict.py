@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tympan.studies.diagnosis.evidence.kind import Model
+from tympan.studies.diagnosis.evidence.kind import Model, rows_of
 from tympan.studies.diagnosis.fits.evidence import evidence
 from tympan.studies.diagnosis.fits.fit import Fit
 from tympan.studies.diagnosis.fits.fitting import fit
@@ -136,10 +136,10 @@ class Judgement:
 
     def of_first(self) -> Judgement:
         """What of it concerns the first kind of evidence, where others were weighed with it."""
-        first, *others = self.simulation.evidence
-        if not others:
+        first = self.simulation.of_first()
+        if first.evidence == self.simulation.evidence:
             return self
-        films = first.among(self.table)
+        films = rows_of(first.evidence, self.table)
 
         def part(fit: Fit) -> Fit:
             return replace(fit, residual=fit.residual[films], jacobian=fit.jacobian[films],
@@ -148,7 +148,7 @@ class Judgement:
         posterior = self.posterior and replace(
             self.posterior, fits=tuple(map(part, self.posterior.fits)))
         return replace(
-            self, simulation=self.simulation.of_first(), table=self.table[films
+            self, simulation=first, table=self.table[films
             ].compact(), nominal=part(self.nominal), posterior=posterior,
             patterns={name: values[films] for name, values in self.patterns.items()
                       if values[films].any()},

@@ -20,7 +20,7 @@ from tympan.studies.case import build_model, voltage_ramp
 from tympan.studies.data.coupon import Coupons
 from tympan.studies.data.effort import Effort
 from tympan.studies.diagnosis.evidence.coupons import CouponTests
-from tympan.studies.diagnosis.film_readings import ZERO
+from tympan.studies.diagnosis.evidence.scans import ZERO
 from tympan.studies.diagnosis.fits.fit import Fit
 from tympan.studies.diagnosis.hypothesis import FACTORS, parameters_of
 from tympan.studies.diagnosis.next_experiment.experiments import WORDS, Outlook, Readout

@@ -8,8 +8,7 @@ import numpy as np
 from numpy.polynomial import legendre
 from numpy.typing import NDArray
 
-from tympan.studies.diagnosis.patterns.film_patterns import film_patterns
-from tympan.studies.diagnosis.reading_table import COMPONENTS, ReadingTable
+from tympan.studies.diagnosis.reading_table import ReadingTable
 
 Array = NDArray[np.float64]
 
@@ -73,10 +72,7 @@ def patterns(table: ReadingTable, names: Sequence[str], predicted: Array) -> dic
         columns = {name: among(lengths, values) for name, values in _patterns_of_lengths(
             table[lengths], names, predicted[lengths]).items()}
     for kind, rows in table.rows_of.items():
-        if kind in COMPONENTS:
-            columns[f"channel {kind}"] = among(table.kind == kind,
-                                                film_patterns(table[rows], predicted[rows]))
-        elif not lengths[rows[0]]:
+        if not lengths[rows[0]]:
             channel, typical = table[rows], float(np.sqrt(np.mean(predicted[rows] ** 2)))
             size = np.full(len(rows), typical or float(channel.sigma.max()))
             voltage = _legendre(channel.voltage**2)

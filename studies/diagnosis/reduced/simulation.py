@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tympan.studies.diagnosis.evidence.actuators import ACTUATORS
-from tympan.studies.diagnosis.evidence.kind import Evidence, Shown
+from tympan.studies.diagnosis.evidence.kind import Evidence, Shown, rows_of
+from tympan.studies.diagnosis.evidence.scans import SCANS
 from tympan.studies.diagnosis.hypothesis import Cause, Hypothesis, uses_of
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.reduced.growth import coupled, grown, refined, regridded
@@ -67,10 +68,11 @@ class Together:
 class Simulation(ReducedFilms):
     """The films of a setup by their force laws, as the model that inference asks.
 
-    Without plates under loads there are no force laws. The first kind is what a result is of.
+    Without plates under loads there are no force laws. A result is of the first kind, and of those
+    that are loaded as it is.
     """
 
-    evidence: tuple[Evidence, ...] = (ACTUATORS,)
+    evidence: tuple[Evidence, ...] = (ACTUATORS, SCANS)
 
     @property
     def loaded(self) -> bool:
@@ -81,7 +83,10 @@ class Simulation(ReducedFilms):
         return self.prediction(hypothesis, unknowns, table).values
 
     def prediction(self, hypothesis: Hypothesis, unknowns: Array, table: ReadingTable) -> Shown:
-        parts = [(kind, rows) for kind in self.evidence if (rows := kind.among(table)).any()]
+        # The films are asked once for all that is read of plates under loads.
+        kinds = [[kind for kind in self.evidence if kind.loaded],
+                 *([kind] for kind in self.evidence if not kind.loaded)]
+        parts = [(some[0], rows) for some in kinds if (rows := rows_of(some, table)).any()]
         if len(parts) < 2:
             kind = parts[0][0] if parts else self.evidence[0]
             return kind.predict(self, hypothesis, unknowns, table)
@@ -98,7 +103,8 @@ class Simulation(ReducedFilms):
         return limits_of(self, hypothesis)
 
     def of_first(self) -> Simulation:
-        return replace(self, evidence=self.evidence[:1])
+        return replace(self, evidence=tuple(kind for kind in self.evidence
+                                            if kind.loaded == self.evidence[0].loaded))
 
     def grown(self, cause: Cause, index: int, side: int, workers: int = 1) -> Simulation:
         return grown(self, cause, index, side, workers)

@@ -51,7 +51,7 @@ def test_closed_forms_are_what_the_engine_shows(tmp_path: Path, name: str, sizes
     truth = Truth(1.08, 0.95, (Cause(name),), sizes, "equations")
     folder = written(tmp_path / "data", plan_of(strips.AT_REST), truth, exact=True)
     readings = coupon_readings(read_dataset(folder))
-    simulation = Simulation(readings.setup, (), evidence=(readings.evidence,))
+    simulation = Simulation(readings.setup, (), evidence=readings.evidence)
     shown = simulation.predict(truth.hypothesis, truth.unknowns, readings.table)
     assert shown == pytest.approx(readings.table.value, rel=1e-7, abs=1e-2)
     bare = simulation.predict((), truth.unknowns[:2], readings.table)
@@ -65,7 +65,7 @@ def test_branches_by_another_integrator_are_what_the_engine_shows(
     truth = Truth(1.08, 0.95, (Cause("creep"),), (modulus, float(np.log(time / 10))), "equations")
     folder = written(tmp_path / "data", plan_of(strips.IN_TIME, count=24), truth, exact=True)
     readings = coupon_readings(read_dataset(folder))
-    simulation = Simulation(readings.setup, (), evidence=(readings.evidence,))
+    simulation = Simulation(readings.setup, (), evidence=readings.evidence)
     shown = simulation.predict(truth.hypothesis, truth.unknowns, readings.table)
     assert shown == pytest.approx(readings.table.value, abs=3.0)
 
@@ -104,7 +104,7 @@ def test_a_law_far_off_is_no_reason_to_refuse(
     truth = Truth(stiffness, permittivity, (Cause("temperature"),), (power,), "equations")
     folder = written(tmp_path / "data", plan_of(strips.AT_REST), truth, exact=True)
     readings = coupon_readings(read_dataset(folder))
-    simulation = Simulation(readings.setup, (), evidence=(readings.evidence,))
+    simulation = Simulation(readings.setup, (), evidence=readings.evidence)
     nominal = nominal_fit(simulation, readings.table)
     assert nominal.possible
     assert nominal.chi_squared > 1e3

@@ -52,7 +52,7 @@ def written_in_time(folder: Path, film: Film, noise: float, seed: int) -> Path:
 def judged(folder: Path) -> tuple[str, list[str]]:
     """The verdict, and the causes that are named, or of which one is suspected."""
     readings = coupon_readings(read_dataset(folder))
-    simulation = Simulation(readings.setup, (), evidence=(readings.evidence,))
+    simulation = Simulation(readings.setup, (), evidence=readings.evidence)
     judgement = judge(simulation, readings.table, readings.causes)
     return judgement.verdict, [cause.name for cause in judgement.named or judgement.suspects]
 
@@ -136,7 +136,7 @@ def test_stresses_are_those_of_closed_forms(tmp_path: Path, film: Film, effect: 
                                             values: tuple[float, ...]) -> None:
     """Of every effect in every mode, at both voltages and temperatures, to rounding."""
     readings = coupon_readings(read_dataset(written(tmp_path / "data", film, 0.01, 0)))
-    tests = readings.evidence
+    (tests,) = readings.evidence
     factors = np.log([STIFFER, LESS])
     setup = Simulation(readings.setup, (), evidence=(tests,)).extended((), factors)
     shown, possible = tests.shown(EFFECTS[effect].apply(setup, values))
@@ -150,9 +150,9 @@ def test_branches_are_those_of_their_differential_equation(tmp_path: Path) -> No
     branch = (15e3, 20.0)
     data = read_dataset(written_in_time(tmp_path / "data", Film(branch=branch), 1e-5, 0))
     readings = coupon_readings(data)
-    setup = Simulation(readings.setup, (), evidence=(readings.evidence,)).extended(
+    setup = Simulation(readings.setup, (), evidence=readings.evidence).extended(
         (), np.log([STIFFER, 1.0]))
-    shown, _ = readings.evidence.shown(EFFECTS["creep"].apply(setup, branch))
+    shown, _ = readings.evidence[0].shown(EFFECTS["creep"].apply(setup, branch))
     assert data.coupons is not None
     assert shown == pytest.approx(data.coupons.stress, abs=4.0)
 
@@ -169,7 +169,7 @@ def test_a_free_strip_widens_under_voltage_as_its_balance_says(tmp_path: Path) -
     folder = write_dataset(tmp_path / "data", FILM, specimens=(),
                            coupon="mode,stretch,nominal_stress_kPa,voltage_kV\n" + lines)
     readings = coupon_readings(read_dataset(folder))
-    shown, possible = readings.evidence.shown(readings.setup)
+    shown, possible = readings.evidence[0].shown(readings.setup)
     across = (stretch**2 * (1 - field * stretch**2 / MODULUS)) ** -0.25
     expected = MODULUS * (stretch - 1 / (stretch**3 * across**2)) - field * stretch * across**2
     assert possible[:4].all()

@@ -26,6 +26,7 @@ from tympan.studies.diagnosis.evidence.actuators import ACTUATORS
 from tympan.studies.diagnosis.evidence.coupon_readings import coupon_readings
 from tympan.studies.diagnosis.evidence.coupons import BATCH
 from tympan.studies.diagnosis.evidence.kind import PreparedReadings
+from tympan.studies.diagnosis.evidence.scans import SCANS
 from tympan.studies.diagnosis.hypothesis import Cause
 from tympan.studies.diagnosis.inference.verdict import Judgement, judge
 from tympan.studies.diagnosis.reduced.simulation import Simulation
@@ -82,7 +83,7 @@ def test_rows_are_what_each_simulation_predicts(together: tuple[PreparedReadings
     hypothesis, unknowns = (STIFFENING,), np.array([0.05, -0.04, -0.25])
     joint = simulation.prediction(hypothesis, unknowns, table)
     alone = judgement.of_first()
-    assert alone.simulation.evidence == (ACTUATORS,)
+    assert alone.simulation.evidence == (ACTUATORS, SCANS)
     assert len(alone.table) == 160
     assert joint.values[:160] == pytest.approx(
         alone.simulation.predict(hypothesis, unknowns, alone.table), rel=1e-12)
@@ -126,9 +127,9 @@ def written(tmp_path: Path) -> Written:
 def test_films_that_differ_by_a_tenth_are_one_standard_deviation_apart(written: Written) -> None:
     """In stiffness, or in what voltage does; by another law they are still far apart."""
     readings = coupon_readings(read_dataset(written(Film())))
-    simulation = Simulation(readings.setup, (), evidence=(readings.evidence,))
+    simulation = Simulation(readings.setup, (), evidence=readings.evidence)
     judgement = judge(simulation, readings.table, readings.causes)
-    films, tests = replace(simulation, evidence=(ACTUATORS,)), readings.evidence
+    (tests,), films = readings.evidence, replace(simulation, evidence=(ACTUATORS,))
     joint, table = weighed_together(films, readings.table[:0], tests, judgement)
     assert joint.evidence == (ACTUATORS, tests)
     assert len(table) == len(DESIGN) * len(STRETCH)
@@ -148,7 +149,7 @@ def test_films_that_differ_by_a_tenth_are_one_standard_deviation_apart(written: 
 
 def test_coupons_of_another_film_are_not_weighed_with_it(written: Written) -> None:
     readings = coupon_readings(read_dataset(written(Film())))
-    tests = readings.evidence
+    (tests,) = readings.evidence
     assert tests.of_one_film(readings.setup)
     for change in ({"thickness": 2e-3}, {"prestretch": (2.0, 2.0)}):
         other = readings.setup.with_films(lambda film, to=change: replace(film, **to))

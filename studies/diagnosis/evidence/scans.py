@@ -1,16 +1,21 @@
-"""Readings over the film, from a laser line or image correlation, as rows of the table."""
+"""Scans as evidence: displacements over the film, from a laser line or image correlation."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import reduce
 
 import numpy as np
+from numpy.polynomial import legendre
 from numpy.typing import NDArray
 
 from tympan.studies.columns import Sheet
 from tympan.studies.data.dataset import Dataset
+from tympan.studies.data.noise import groups
+from tympan.studies.diagnosis.evidence.kind import Evidence
+from tympan.studies.diagnosis.hypothesis import Cause
+from tympan.studies.diagnosis.patterns.reading_patterns import among
 from tympan.studies.diagnosis.reading_table import (
     COMPONENTS,
     ReadingTable,
@@ -19,6 +24,7 @@ from tympan.studies.diagnosis.reading_table import (
     evenly,
     rows,
 )
+from tympan.studies.effects import Setup
 from tympan.studies.estimation.noise import Noise
 
 Array = NDArray[np.float64]
@@ -33,6 +39,55 @@ MOST = 250
 
 #: Noise that nobody states and no repeat shows, as a share of the largest reading of a scan.
 _ASSUMED = 0.01
+
+#: Degree of the polynomials in the place. Set by trial.
+_DEGREE = 5
+#: Share of a scan's readings that columns may take: the others must tell the noise.
+_COLUMNS = 0.34
+
+
+class Scans(Evidence):
+    """Displacements at places of films, of plates under loads like any other."""
+
+    kinds = COMPONENTS
+
+    def patterns(self, table: ReadingTable, names: Sequence[str], predicted: Array
+                 ) -> dict[str, Array]:
+        return {f"channel {kind}": among(table.kind == kind,
+                                         film_patterns(table[rows], predicted[rows]))
+                for kind, rows in table.rows_of.items()}
+
+    def shows(self, cause: Cause, setup: Setup, table: ReadingTable) -> bool:
+        scanned = table.states.specimen[table.state[table.scan >= 0]]
+        names = {setup.specimens[number].name for number in np.unique(scanned)}
+        return cause.effect.columns == ("x_mm",) and bool(names) and cause.which in (None, *names)
+
+
+#: They are told apart by their rows alone.
+SCANS = Scans()
+
+
+def film_patterns(table: ReadingTable, predicted: Array) -> Array:
+    """Columns of all the scans of a table that has nothing else, shape (rows, columns).
+
+    Of each scan polynomials in the place, of their own on the plate, and what is ``predicted`` [m]
+    times the place: films that are off have a kink at the plate's edge, too.
+    """
+    predicted = table.noise.apart(predicted)
+    typical = float(np.sqrt(np.mean(predicted**2))) or float(table.sigma.max())
+    parts = []
+    for number in np.unique(table.scan):
+        rows = np.flatnonzero(table.scan == number)
+        scan, noise = table.scans[number], table.noise[rows]
+        point = table.point[rows] - table.first_points[number]
+        columns, sizes, _ = np.linalg.svd(noise.apart(_columns(scan, point, predicted[rows])),
+                                          full_matrices=False)
+        most = min(int(np.sum(sizes > 1e-3 * sizes[0])), max(int(_COLUMNS * len(rows)), 1))
+        size = typical * len(rows) ** 0.5 / table.sigma[rows, None]
+        within = np.zeros((len(table), most))
+        within[rows] = noise.coloured(size * columns[:, :most])
+        parts.append(within)
+    return np.hstack(parts)
 
 
 def film_rows(dataset: Dataset) -> tuple[ReadingTable, list[str]] | None:
@@ -56,12 +111,9 @@ def film_rows(dataset: Dataset) -> tuple[ReadingTable, list[str]] | None:
 
 def _scans(sheet: Sheet) -> Iterator[Numbers]:
     """The rows of each scan: of one specimen, mass and voltage, in one repeat, read alike."""
-    alike = [sheet[name].tolist() for name in ("specimen", "mass", "voltage", "repeat")]
-    alike += [np.isfinite(sheet[name]).tolist() for name in ("u", "v")]
-    scans: dict[tuple[object, ...], list[int]] = {}
-    for row, key in enumerate(zip(*alike, strict=True)):
-        scans.setdefault(key, []).append(row)
-    yield from map(np.array, scans.values())
+    scan = groups(*(sheet[name] for name in ("specimen", "mass", "voltage", "repeat")),
+                  *(np.isfinite(sheet[name]) for name in ("u", "v")))
+    yield from (np.flatnonzero(scan == number) for number in range(1 + scan.max(initial=-1)))
 
 
 def _rows(dataset: Dataset, sheet: Sheet, scan: Numbers, sigma: Array) -> ReadingTable:
@@ -94,12 +146,19 @@ def _sigma(dataset: Dataset, sheet: Sheet) -> Array:
         values = sheet.displacement[scan]
         level[scan] = values - values.mean()
         assumed[scan] = _ASSUMED * max(float(np.abs(values).max()), 1e-6)
-    keys = zip(*(sheet[name].tolist() for name in ("specimen", "mass", "voltage", "x", "y")),
-               strict=True)
-    group: dict[tuple[object, ...], int] = {}
-    place = np.array([group.setdefault(key, len(group)) for key in keys])
-    repeated = Noise.pooled(level, place)
+    places = groups(*(sheet[name] for name in ("specimen", "mass", "voltage", "x", "y")))
+    repeated = Noise.pooled(level, places)
     rest = assumed if dataset.noise is None else np.full(len(sheet), dataset.noise)
     if repeated is not None and repeated.size > 0:
         rest = np.full(len(sheet), repeated.size)
     return np.where(np.isnan(sheet.sigma), rest, sheet.sigma)
+
+
+def _columns(scan: Scan, point: NDArray[np.int64], predicted: Array) -> Array:
+    """Columns of some places of one scan."""
+    place = scan.place[point] / np.abs(scan.place).max()
+    basis = legendre.legvander2d(place[:, 0], place[:, 1], (_DEGREE, _DEGREE))
+    degree = np.add.outer(np.arange(_DEGREE + 1), np.arange(_DEGREE + 1)).ravel()
+    slopes = np.column_stack([np.ones(len(place)), place])
+    return np.hstack([basis[:, degree <= _DEGREE], scan.on_plate[point, None] * slopes,
+                      predicted[:, None] * slopes / max(np.abs(predicted).max(), 1e-300)])
