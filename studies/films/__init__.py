@@ -1,1 +1,6 @@
-"""A film at a few points: as exact as its field model on what it was made from."""
+"""Films reduced to a few shapes and points, as exact as their field model on what made them.
+
+``reduction``: shapes and points from states of finite elements, for one film or a family of edits.
+``film``: the film at these points. ``motion`` and what it imports: that in time, step by step.
+``sampling``: motions as samples. Law, voltage and branches come from ``fem``, never from a fit.
+"""

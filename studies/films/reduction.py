@@ -1,7 +1,9 @@
-"""A reduced film from a field model: from which states, with what shapes and points, how near.
+"""Reduced films from field models: from which states, with what shapes and points, how near.
 
-It is made from a few runs of the field model: the film at rest under some loads, and one motion
-there and back. How near it comes is measured on other runs, under other masses and signals.
+A film in time is made from a few runs of its field model: at rest under some loads, and one motion
+there and back. How near it comes is measured on other runs, under other masses and signals. Films
+that differ by edits of their specimen, their outlines included, share a :class:`Reduction`: states
+of some of them on one mesh, which moves with the outlines, make the others.
 """
 
 from __future__ import annotations
@@ -20,9 +22,10 @@ from tympan.fem.equilibrium.solve import equilibrium
 from tympan.fem.film.density import from_virgin, principal_stretches
 from tympan.fem.film.memory import Memory
 from tympan.fem.membrane.model import Model
-from tympan.fem.membrane.state import State
+from tympan.fem.membrane.state import PlateMotion, State
 from tympan.fem.transient.integrate import Moment, StepSettings, Stopped, Transient
 from tympan.geometry.errors import InputError
+from tympan.geometry.specimen import Specimen
 from tympan.studies.films.film import NoBalance, ReducedFilm
 from tympan.studies.films.motion import PulledIn, ReducedMotion
 from tympan.studies.signals import Pieces, Signal, Sine, ramp, random_steps, step
@@ -60,6 +63,10 @@ _SEED = 7
 #: Times at which deflections are compared. Set by trial.
 _SAMPLES = 401
 
+#: The error of the deflection, over its range, from which on a film does not follow its field
+#: model: a third of a motion is no answer.
+_ASTRAY = 0.3
+
 #: How many loads at rest the making of a film takes as much work as, motions included: a few
 #: hundred tangents, and ten times as many are left to it.
 IN_TIME = 100
@@ -67,8 +74,9 @@ IN_TIME = 100
 
 @dataclass(frozen=True, eq=False)
 class Snapshot:
-    """A state of a film, and what its branches remember, None of one without."""
+    """A state of a model, and what its branches remember, None of one without."""
 
+    model: Model
     state: State
     memory: Memory | None = None
 
@@ -90,7 +98,7 @@ def reduced_film(model: Model, forces: Sequence[float], voltage: float, spring: 
     film = film_of_runs(model, forces, voltage, path)
     errors = {name: error_of(film, model, forces[-1], signal, spring, path)
               for name, signal in held_out(model, voltage).items()}
-    astray = [name for name, error in errors.items() if not np.isfinite(error)]
+    astray = [name for name, error in errors.items() if not error < _ASTRAY]
     if astray:
         raise InputError("has no reduced film that follows it in time under such loads: take lower "
                          "voltages, or `tympan transient`", key=model.specimen.name,
@@ -101,18 +109,22 @@ def reduced_film(model: Model, forces: Sequence[float], voltage: float, spring: 
 def film_of_runs(model: Model, forces: Sequence[float], voltage: float,
                  path: PathSettings = PathSettings()) -> ReducedFilm:
     """As :func:`reduced_film`, and not held against the model."""
-    gradient, patches = (model.specimen.membrane.thickness_gradient,
-                         model.specimen.electrode.patches)
+    _require_even(model.specimen)
+    path = path.bounded(model, followed=True, loads=IN_TIME)
+    run = _there_and_back(model, voltage)
+    snapshots = [*_at_rest(model, forces, voltage, path), *_in_motion(model, forces[0], run, path)]
+    return Reduction.of(snapshots).film(model)
+
+
+def _require_even(specimen: Specimen) -> None:
+    """That the film is alike everywhere: else few points do not stand for all."""
+    gradient, patches = specimen.membrane.thickness_gradient, specimen.electrode.patches
     if gradient != (0.0, 0.0):
         raise InputError("must be 0, 0 for a reduced film", key="membrane.thickness_gradient",
                          given=gradient)
     if patches:
         raise InputError("must not be there for a reduced film", key="electrode.patch",
                          given=str(patches[0]))
-    path = path.bounded(model, followed=True, loads=IN_TIME)
-    run = _there_and_back(model, voltage)
-    snapshots = [*_at_rest(model, forces, voltage, path), *_in_motion(model, forces[0], run, path)]
-    return reduced(model, snapshots)
 
 
 def _there_and_back(model: Model, voltage: float) -> Pieces:
@@ -128,12 +140,13 @@ def _at_rest(model: Model, forces: Sequence[float], voltage: float, path: PathSe
              *((force, share * voltage) for force in forces for share in (*_BETWEEN, 1.0))]
     outcomes = [equilibrium(model, *load, settings=path) for load in loads]
     path.require_work(model.specimen.name)
-    return [Snapshot(outcome.state) for outcome in outcomes if outcome.status == "equilibrium"]
+    return [Snapshot(model, outcome.state) for outcome in outcomes
+            if outcome.status == "equilibrium"]
 
 
 def _in_motion(model: Model, force: float, signal: Signal, path: PathSettings) -> list[Snapshot]:
     try:
-        return [Snapshot(moment.state, moment.memory)
+        return [Snapshot(model, moment.state, moment.memory)
                 for moment in _field_motion(model, force, signal, path)]
     except Stopped as ending:
         raise InputError(f"the film pulls in after {ending.time:.4g} s at the highest voltage: "
@@ -195,55 +208,104 @@ def error_of(film: ReducedFilm, model: Model, force: float, signal: Signal, spri
     return float(np.abs(near - exact).max() / np.ptp(np.append(exact, before)))
 
 
-def reduced(model: Model, snapshots: Sequence[Snapshot]) -> ReducedFilm:
-    """The film of a model, reduced to what its snapshots do."""
+@dataclass(frozen=True, eq=False)
+class Reduction:
+    """Shapes and points of films on one mesh, which may move with their outlines.
+
+    ``shapes``: of the nodes, that of the heave first, shape (shapes, nodes, 3); ``points``: numbers
+    of quadrature points that stand for all, each for ``shares`` times its own volume.
+    """
+
+    shapes: Array
+    points: NDArray[np.int64]
+    shares: Array
+
+    @classmethod
+    def of(cls, snapshots: Sequence[Snapshot], motion_left_out: float = _MOTION_LEFT_OUT,
+           work_left_out: float = _WORK_LEFT_OUT, most: int = _MOST_SHAPES) -> Reduction:
+        """What snapshots of some films make: all move so that it leaves out little of these."""
+        moved = np.array([_moved(shot) for shot in snapshots])
+        heave = np.array([shot.state.plate.deflection for shot in snapshots])
+        shares = _shapes(snapshots, moved, heave, motion_left_out, most)
+        shapes = np.tensordot(shares, moved, 1)
+        squared = max(shot.state.voltage_squared for shot in snapshots)
+        works = np.concatenate([_works(shapes, shot, squared) for shot in snapshots])
+        return cls(shapes, *_cubature(works, work_left_out))
+
+    def film(self, model: Model) -> ReducedFilm:
+        """A film on the mesh, or on that moved; an :class:`InputError` if it is uneven."""
+        _require_even(model.specimen)
+        mesh = model.discretisation
+        volumes = model.volumes.ravel()[self.points] * mesh.mirrored
+        covered = np.broadcast_to(mesh.covered, model.volumes.shape).ravel()[self.points]
+        return ReducedFilm(model.specimen, self.shares * volumes, covered,
+                           _gradients(model, self.shapes)[:, self.points])
+
+
+def _gradients(model: Model, shapes: Array) -> Array:
+    """∂φ/∂X of shapes at all points, shape (shapes, points, 3, 2)."""
     mesh = model.discretisation
-    volumes = model.volumes.ravel() * mesh.mirrored
-    covered = np.broadcast_to(mesh.covered, model.volumes.shape).ravel()
     flat = mesh.deformation(mesh.reference)
-    moved = np.array([(mesh.deformation(snapshot.state.positions) - flat).reshape(-1, 3, 2)
-                      for snapshot in snapshots])
-    heave = np.array([snapshot.state.plate.deflection for snapshot in snapshots])
-    gradients = _shapes(moved, heave, volumes)
-    whole = ReducedFilm(model.specimen, volumes, covered, gradients)
-    squared = max(snapshot.state.voltage_squared for snapshot in snapshots)
-    works = np.concatenate([_works(whole, model, snapshot, squared) for snapshot in snapshots])
-    weights = _cubature(works, volumes, _WORK_LEFT_OUT)
-    kept = np.flatnonzero(weights)
-    return ReducedFilm(model.specimen, weights[kept], covered[kept], gradients[:, kept])
+    return np.array([(mesh.deformation(mesh.reference + shape) - flat).reshape(-1, 3, 2)
+                     for shape in shapes])
 
 
-def _shapes(moved: Array, heave: Array, volumes: Array) -> Array:
-    """∂φ/∂X of the heave's shape and of those that the snapshots deviate by from it."""
-    first = np.tensordot(heave, moved, 1) / (heave @ heave)
-    root = np.sqrt(volumes)[:, None, None]
-    apart = (moved - np.multiply.outer(heave, first)) * root
-    _, sizes, rows = np.linalg.svd(apart.reshape(len(moved), -1), full_matrices=False)
-    largest = np.sqrt(((moved * root) ** 2).sum((1, 2, 3)).max())
-    count = min(int((sizes > _MOTION_LEFT_OUT * largest).sum()), _MOST_SHAPES - 1)
-    # As large as the heave's shape, so that all q are alike.
-    unit = np.linalg.norm(first * root)
-    others = unit * rows[:count].reshape(count, *first.shape) / root
+def _moved(snapshot: Snapshot) -> Array:
+    """Displacements of the nodes [m]; those of the plate's edge as it moves to first order.
+
+    What is left of a tilt, its square, would be a shape of its own, in which the plate stretches.
+    """
+    model = snapshot.model
+    edge = model.discretisation.plate_nodes
+    moved = snapshot.state.positions - model.discretisation.reference
+    rigid = PlateMotion.rest().gradient(model.arms).reshape(-1, 6)
+    freedoms = np.linalg.lstsq(rigid, moved[edge].ravel(), rcond=None)[0]
+    moved[edge] = (rigid @ freedoms).reshape(-1, 3)
+    return np.asarray(moved)
+
+
+def _shapes(snapshots: Sequence[Snapshot], displaced: Array, heave: Array, precision: float,
+            most: int) -> Array:
+    """The heave's shape and those that snapshots deviate by from it, as sums of the snapshots'.
+
+    Shape (shapes, snapshots), by what deforms the first of the films. The others are as large as
+    the heave's, so that all q are alike.
+    """
+    root = np.sqrt(snapshots[0].model.volumes)[..., None, None]
+    mesh = snapshots[0].model.discretisation
+    flat = mesh.deformation(mesh.reference)
+    deformed = np.array([(root * (mesh.deformation(mesh.reference + moved) - flat)).ravel()
+                         for moved in displaced])
+    first = heave / (heave @ heave)
+    apart = np.eye(len(heave)) - np.multiply.outer(heave, first)
+    ways, sizes, _ = np.linalg.svd(apart @ deformed, full_matrices=False)
+    largest = np.linalg.norm(deformed, axis=1).max()
+    count = min(int((sizes > precision * largest).sum()), most - 1)
+    unit = np.linalg.norm(first @ deformed)
+    others = (ways[:, :count] * (unit / sizes[:count])).T @ apart
     return np.concatenate([first[None], others])
 
 
-def _works(film: ReducedFilm, model: Model, snapshot: Snapshot, voltage_squared: float) -> Array:
-    """What each point of the model adds to what those kept are to reproduce, shape (rows, points).
+def _works(shapes: Array, snapshot: Snapshot, voltage_squared: float) -> Array:
+    """What each point of a model adds to what those kept are to reproduce, shape (rows, points).
 
     The virtual work of law, voltage and branches in each shape apart, the capacitance, the volume.
     Rows are relative to what they would be if nothing in them cancelled.
     """
+    model = snapshot.model
     c = model.cauchy_green(snapshot.state.positions)
     at_rest = _stress(model, c)
     stresses = [at_rest, _stress(model, c, voltage_squared) - at_rest]
     if snapshot.memory is not None:
         flow = snapshot.memory.step(from_virgin(c, model.specimen.membrane.prestretch), 0.0)
         stresses.append(_stress(replace(model, flow=flow), c) - at_rest)
-    slope = _slopes(film, model.discretisation.deformation(snapshot.state.positions))
+    slope = _slopes(_gradients(model, shapes),
+                    model.discretisation.deformation(snapshot.state.positions))
     rows = [np.einsum("kip,pi->kp", slope, stress) for stress in stresses]
     stretches = principal_stretches(c, model.specimen.membrane.prestretch)
     charged = model.density(1.0).maxwell.derivatives(*stretches)[0].ravel()
-    works = np.concatenate([*rows, charged[None], np.ones((1, len(charged)))]) * film.volumes
+    works = np.concatenate([*rows, charged[None], np.ones((1, len(charged)))])
+    works *= model.volumes.ravel() * model.discretisation.mirrored
     sizes = np.abs(works).sum(1)
     return np.asarray(works[sizes > 0] / sizes[sizes > 0, None])
 
@@ -253,16 +315,16 @@ def _stress(model: Model, c: Any, voltage_squared: float = 0.0) -> Array:
     return np.asarray(model.density(voltage_squared)(c, tangent=False).stress).reshape(-1, 3)
 
 
-def _slopes(film: ReducedFilm, f: Array) -> Array:
+def _slopes(gradients: Array, f: Array) -> Array:
     """∂E/∂q in Voigt form at F, shape (shapes, 3, points)."""
     along, across = f.reshape(-1, 3, 2).transpose(2, 0, 1)
-    first, second = film.gradients[..., 0], film.gradients[..., 1]
+    first, second = gradients[..., 0], gradients[..., 1]
     return np.stack([(first * along).sum(-1), (second * across).sum(-1),
                      (first * across + second * along).sum(-1)], 1)
 
 
-def _cubature(works: Array, volumes: Array, precision: float) -> Array:
-    """Volumes of few points that give the sums of all rows, 0 at the others, shape (points,).
+def _cubature(works: Array, precision: float) -> tuple[NDArray[np.int64], Array]:
+    """Few points, and what each of them counts, that give the sums of all rows.
 
     Non-negative least squares on the rows' principal directions: as many points, at most, as there
     are of these.
@@ -271,4 +333,5 @@ def _cubature(works: Array, volumes: Array, precision: float) -> Array:
     count = int((sizes > precision * sizes[0]).sum())
     matrix = sizes[:count, None] * rows[:count]
     shares, _ = nnls(matrix, matrix.sum(1), maxiter=50 * count)
-    return np.asarray(shares * volumes)
+    points = np.flatnonzero(shares)
+    return points, shares[points]
