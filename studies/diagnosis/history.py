@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tympan.fem.rig import Rig
-from tympan.studies.signals import Pieces
+from tympan.studies.signals import Pieces, nominal
 
 Array = NDArray[np.float64]
 
@@ -48,8 +48,7 @@ class VoltageHistory:
     def voltage(self, when: Array) -> Array:
         """The signal at times [V]; at a jump what comes after it, beyond its ends as there."""
         breaks = self.signal.breaks
-        piece = np.clip(np.searchsorted(breaks, when, "right") - 1, 0, len(breaks) - 2)
-        return np.asarray(self.signal.within(piece, np.clip(when, breaks[0], breaks[-1])))
+        return nominal(self.signal, np.clip(when, breaks[0], breaks[-1]))
 
     @property
     def begins(self) -> float:
@@ -109,16 +108,16 @@ class Passages:
         rows = np.array([row for row, passage in enumerate(passages) if passage is not None],
                         dtype=np.int64)
         some = [passages[row] for row in rows]
-        groups: dict[int, tuple[VoltageHistory, list[int]]] = {}
+        groups: dict[VoltageHistory, list[int]] = {}
         for place, passage in enumerate(some):
-            groups.setdefault(id(passage.history), (passage.history, []))[1].append(place)
+            groups.setdefault(passage.history, []).append(place)
         times = np.array([passage.times for passage in some]).reshape(-1, len(WEIGHTS))
         edges = np.array([(passage.begin, passage.end, passage.switched) for passage in some])
         begin, end, switched = edges.reshape(-1, 3).T
         begin, end = (np.where(np.isnan(switched), inf, edge - switched) for edge in (begin, end))
         jump = np.array([passage.jump for passage in some]).reshape(-1, 2).T
         return cls(rows, times, begin, end, jump,
-                   tuple((history, np.array(places)) for history, places in groups.values()))
+                   tuple((history, np.array(places)) for history, places in groups.items()))
 
     def squared(self, rig: Rig, lag: Array | None = None) -> Array:
         """Means of the squared voltage a rig gives the film [V²], behind by lags [s], (n,)."""

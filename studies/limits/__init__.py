@@ -1,4 +1,9 @@
-"""How far a film can go: the voltages of its limits, and the curve to them."""
+"""How far a film can go: the voltages of its limits, and the curve to them.
+
+``voltages.py`` follows a film as its voltage rises and finds where it passes each limit;
+``curve.py`` makes curves of that, ``loads.py`` chooses loads that suit a film. A new limit is not
+registered here but in ``fem/results/limit_states.py``.
+"""
 
 from tympan.studies.case import Limit as Limit
 from tympan.studies.case import Limits as Limits

@@ -190,7 +190,7 @@ def _longest(states: States) -> float:
 
 def _held(states: States) -> float:
     """How long the runs last in which states are held [s]."""
-    runs = {(float(mass), id(history)): float(history.signal.end)
+    runs = {(float(mass), history): float(history.signal.end)
             for history, places in states.passages.histories
             for mass in states.mass[states.passages.rows[places]]}
     return sum(runs.values())
