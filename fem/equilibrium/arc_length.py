@@ -21,8 +21,8 @@ _SHARP = 1e-7
 #: The same, relative to that place's distance from the point before: loads are told to 1e-3.
 _SHARP_SHARE = 1e-6
 
-#: Neighbours on one branch are apart about as far as their steps, which a turn of the branch makes
-#: little longer; on two branches they stay apart, however short the step.
+#: How many times as far apart as their steps two neighbours on one branch may be. A turn of the
+#: branch makes it little more than 1; on two branches it grows without bound as steps get shorter.
 _APART = 30.0
 
 #: Where between two points, in turn, others are tried that are nearer to what is looked for.
