@@ -62,6 +62,10 @@ class Budget:
         """Whether none is left."""
         return self.left <= 0
 
+    def part(self, work: float) -> Budget:
+        """Of its own, as far as this has so much left."""
+        return Budget(min(work, self.left))
+
 
 def tangent_work(model: Model, subspace: Subspace = FULL) -> float:
     """Work of a tangent of a film, its factors included; within a subspace that of its products."""

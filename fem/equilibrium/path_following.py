@@ -24,7 +24,6 @@ from tympan.geometry.errors import InputError
 #: Shortest step, relative to the frame, of a charged film: its wrinkles may end in one spot.
 _LOCAL = 1e-6
 
-
 #: Tangents that the search for an equilibrium of a large film has at least.
 _TANGENTS = 40
 
@@ -34,6 +33,10 @@ _FOLLOWED = 2.0
 #: How many times those tangents a large film may take in it, if not more loads ask for more: limits
 #: of 13 random films took 45 to 142 tangents.
 _FOLLOWED_FAR = 6.0
+
+#: How many times the work of a search for an equilibrium it may take to follow a film beyond its
+#: end: no film gets there, so it is worth less than the way to the end.
+_BEYOND = 1.5
 
 
 @dataclass(frozen=True)
@@ -69,6 +72,14 @@ class PathSettings:
         work, tangents = (WORK * _FOLLOWED, _TANGENTS * max(_FOLLOWED_FAR, loads)) if followed \
             else (WORK, _TANGENTS)
         budget = Budget(max(work, tangents * tangent_work(model)))
+        return replace(self, newton=replace(self.newton, budget=budget))
+
+    def beyond_end(self, model: Model) -> PathSettings:
+        """With less work, for what a film would do beyond its end, kept from wrinkling."""
+        budget = self.newton.budget
+        if budget is None:
+            return self
+        budget = budget.part(_BEYOND * max(WORK, _TANGENTS * tangent_work(model)))
         return replace(self, newton=replace(self.newton, budget=budget))
 
     @property
@@ -126,9 +137,11 @@ def follow_branch(model: Model, start: State, load: Load, settings: PathSettings
         last, sense = point.state, sense if point.rate * sense >= 0 else -sense
     if model.wrinkles and not model.in_tension(last) and model.thinning_margin(last) >= 0:
         return
-    model = replace(model, wrinkles=False)
     if settings.exhausted:
         return
+    if model.wrinkles:
+        settings, model = settings.beyond_end(model), replace(model, wrinkles=False)
+        branch = replace(branch, newton=settings.newton)
     for subspace in settings.subspaces(model):
         smooth = replace(branch, model=model, subspace=subspace, arc=settings.arc)
         points = smooth.points(last, sense)

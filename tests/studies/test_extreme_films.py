@@ -183,3 +183,17 @@ def test_a_study_goes_on_from_its_records_and_is_one_section_of_a_page(tmp_path)
     write_section(page, "## Extreme films\n\ntwo\n")
     assert page.read_text() == "# Random specimens\n\nnew\n\n## Extreme films\n\ntwo\n"
     assert MESH.around_plate == 6
+
+
+def test_what_lies_beyond_a_films_end_takes_a_share_of_its_work(monkeypatch: pytest.MonkeyPatch
+                                                                 ) -> None:
+    """The film ends without tension; kept from wrinkling it would pull in later."""
+    case = Case(elliptical(60e-3), mass=20e-3)
+    settings = Settings(MeshSettings(order=2))
+    whole = limits(case, settings)
+    monkeypatch.setattr(path_following, "_BEYOND", 0.0)
+    ended = limits(case, settings)
+    assert whole.pull_in is not None
+    assert ended.pull_in is None
+    assert (ended.tension, ended.instability) == (whole.tension, whole.instability)
+    assert whole.limit == ended.limit
