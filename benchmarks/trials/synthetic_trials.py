@@ -41,6 +41,7 @@ from tympan.studies.diagnosis.reduced.sampling import force_laws
 from tympan.studies.diagnosis.reduced.simulation import Simulation
 from tympan.studies.diagnosis.self_check import sizes_at
 from tympan.studies.effects import EFFECTS, Setup, extended
+from tympan.studies.effects.effect import Quantity
 
 Array = NDArray[np.float64]
 #: The least and the most.
@@ -132,9 +133,9 @@ def design(name: str, specimens: Sequence[Specimen], effects: Sequence[str] = tu
 def design_of(name: str, setup: Setup, states: States, effects: Sequence[str] = tuple(EFFECTS)
               ) -> Design:
     """Displacements of states, and the effects that ramps like theirs can show."""
-    shown = {"elapsed_s", "direction"} if states.direction.min() < 0 else {"elapsed_s"}
+    told = {Quantity.ELAPSED, *([Quantity.DIRECTION] if states.direction.min() < 0 else [])}
     causes = tuple(Cause(name, which) for name in effects for which in EFFECTS[name].choices(setup)
-                   if shown.issuperset(EFFECTS[name].columns))
+                   if told.issuperset(EFFECTS[name].shows_in))
     return Design(name, setup, _read(states), causes)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from enum import Enum
 from functools import cached_property
 from math import exp, inf, isclose, log
 from string import Formatter
@@ -16,6 +17,21 @@ from tympan.geometry.fields import Registry
 from tympan.geometry.specimen import Film, Specimen
 from tympan.geometry.units import any_quantity
 from tympan.studies.effects.prior import HeavyTail
+
+
+class Quantity(Enum):
+    """What some effects show in alone, by the column of a file that tells it.
+
+    ``TIME``: how readings go on, by a transient's times or by how long states were held.
+    """
+
+    ELAPSED = "elapsed_s"
+    DIRECTION = "direction"
+    TIME = "t_s or dwell_s"
+    FREQUENCY = "frequency_Hz"
+    SHAPE = "x_mm"
+    STRESS = "nominal_stress_kPa"
+    TEMPERATURE = "temperature_C"
 
 
 @dataclass(frozen=True)
@@ -136,8 +152,8 @@ class Effect:
     which=name)``, rather than to all or to the rig. ``explanation`` is one sentence for someone in
     the laboratory; ``finding`` what is said where it is found, as
     :func:`tympan.studies.effects.findings.finding` fills it in, and ``check`` what to do there
-    to see it directly, both of them with the specimen as ``{which}``. ``columns`` are those of
-    static.csv without which it cannot be seen.
+    to see it directly, both of them with the specimen as ``{which}``. It shows in the quantities
+    ``shows_in`` alone, and, if there are none, wherever it changes something.
     """
 
     name: str
@@ -147,7 +163,12 @@ class Effect:
     parameters: tuple[EffectParameter, ...]
     edit: Callable[..., Setup]
     on_one: bool = False
-    columns: tuple[str, ...] = ()
+    shows_in: tuple[Quantity, ...] = ()
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Columns of files without which it cannot be seen."""
+        return tuple(quantity.value for quantity in self.shows_in)
 
     def choices(self, setup: Setup) -> tuple[str | None, ...]:
         """What ``which`` may be."""
@@ -174,14 +195,6 @@ class Effect:
         return self.apply(setup, values, which)
 
 
-#: What tells how readings go on in time: a transient's times, or how long states were held.
-IN_TIME = "t_s or dwell_s"
-
-#: The column of a stress, which only coupon tests have.
-OF_STRIPS = "nominal_stress_kPa"
-#: The column of their temperature.
-WARMTH = "temperature_C"
-
 #: An effect by name, its values in SI, and the specimen it happens to, if it is on one.
 Use = tuple[str, tuple[float, ...], str | None]
 
@@ -189,7 +202,7 @@ Use = tuple[str, tuple[float, ...], str | None]
 EFFECTS: Registry[Effect] = Registry("name")
 
 
-def effect(explanation: str, *, finding: str, check: str, columns: tuple[str, ...] = ()
+def effect(explanation: str, *, finding: str, check: str, shows_in: tuple[Quantity, ...] = ()
            ) -> Callable[[Callable[..., Setup]], Effect]:
     """Register an edit as the effect of its name: its annotated arguments are the parameters.
 
@@ -209,7 +222,7 @@ def effect(explanation: str, *, finding: str, check: str, columns: tuple[str, ..
             raise TypeError(f"the finding of {edit.__name__} speaks of {', '.join(unknown)}, which "
                             "is no argument of it")
         made = Effect(edit.__name__, explanation, finding, check, parameters, edit,
-                      on_one="which" in hints, columns=columns)
+                      on_one="which" in hints, shows_in=shows_in)
         EFFECTS.register(made)
         return made
 

@@ -9,6 +9,7 @@ from tympan.studies.diagnosis.hypothesis import Cause, Hypothesis
 from tympan.studies.diagnosis.reading_table import ReadingTable, States, rows
 from tympan.studies.diagnosis.reduced.simulation import Simulation
 from tympan.studies.effects import EFFECTS
+from tympan.studies.effects.effect import Quantity
 
 MASSES = (17.9e-3, 22.45e-3)
 
@@ -16,7 +17,7 @@ MASSES = (17.9e-3, 22.45e-3)
 def every_cause(simulation: Simulation) -> list[Cause]:
     """All but those that only a way up and down, a frequency or a line over the film shows."""
     return [Cause(name, which) for name, effect in EFFECTS.items()
-            if not {"direction", "frequency_Hz", "x_mm"} & set(effect.columns)
+            if not {Quantity.DIRECTION, Quantity.FREQUENCY, Quantity.SHAPE} & set(effect.shows_in)
             for which in effect.choices(simulation.setup)]
 
 

@@ -9,11 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tympan.studies.diagnosis.evidence.kind import Evidence, Split
-from tympan.studies.diagnosis.hypothesis import Cause
 from tympan.studies.diagnosis.patterns.reading_patterns import patterns
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.effects import Setup
-from tympan.studies.effects.effect import IN_TIME
+from tympan.studies.effects.effect import Quantity
 
 Array = NDArray[np.float64]
 
@@ -53,13 +52,13 @@ class Actuators(Evidence):
                   "voltage": np.abs(table.voltage)}
         return splits, levels
 
-    def shows(self, cause: Cause, setup: Setup, table: ReadingTable) -> bool:
-        states, columns = table.states, cause.effect.columns
-        there = {"elapsed_s": bool(np.ptp(states.elapsed) > 0),
-                 "direction": bool(np.any(states.direction != 0)),
-                 "frequency_Hz": "frequency" in table.kind,
-                 IN_TIME: bool(len(states.passages.rows))}
-        return all(there.get(column, False) for column in columns)
+    def tells(self, table: ReadingTable) -> set[Quantity]:
+        states = table.states
+        there = {Quantity.ELAPSED: np.ptp(states.elapsed) > 0,
+                 Quantity.DIRECTION: np.any(states.direction != 0),
+                 Quantity.FREQUENCY: "frequency" in table.kind,
+                 Quantity.TIME: len(states.passages.rows)}
+        return {quantity for quantity, told in there.items() if told}
 
 
 #: They are told apart by their rows alone.

@@ -32,7 +32,7 @@ from tympan.studies.diagnosis.hypothesis import (
 )
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.effects import Setup, Use, extended
-from tympan.studies.effects.effect import IN_TIME, OF_STRIPS, WARMTH
+from tympan.studies.effects.effect import Quantity
 from tympan.studies.material.branches import held_out_groups
 from tympan.studies.material.relaxation import BranchStress
 
@@ -149,11 +149,13 @@ class CouponTests(Evidence):
                   "run": table.states.run[table.state], "stretch": extent.round(3)}
         return splits, levels
 
-    def shows(self, cause: Cause, setup: Setup, table: ReadingTable) -> bool:
-        there = {OF_STRIPS: True, IN_TIME: self.coupons.in_time,
-                 WARMTH: bool(np.ptp(self.coupons.degrees) > 0)}
-        return (all(there.get(column, False) for column in cause.effect.columns)
-                and self.feel(cause))
+    def tells(self, table: ReadingTable) -> set[Quantity]:
+        warm, timed = np.ptp(self.coupons.degrees) > 0, self.coupons.in_time
+        return {Quantity.STRESS, *([Quantity.TEMPERATURE] if warm else []),
+                *([Quantity.TIME] if timed else [])}
+
+    def feels(self, cause: Cause, setup: Setup, table: ReadingTable) -> bool:
+        return self.feel(cause)
 
     def written(self, table: ReadingTable, names: Sequence[str], models: Mapping[str, Array]
                 ) -> Mapping[str, NDArray[Any]]:

@@ -13,6 +13,7 @@ from tympan.geometry.specimen import Specimen
 from tympan.studies.diagnosis.hypothesis import FACTORS, Cause, Hypothesis, with_factors
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.effects import EFFECTS, Setup, Use, extended
+from tympan.studies.effects.effect import Quantity
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.bool_]
@@ -125,8 +126,13 @@ class Evidence(Protocol):
         """How to hold out rows; and by kind of split what level each row is of, shape (rows,)."""
         return [], {}
 
-    def shows(self, cause: Cause, setup: Setup, table: ReadingTable) -> bool:
-        """Whether rows could show an effect."""
+    def tells(self, table: ReadingTable) -> set[Quantity]:
+        """The quantities, of those that some effects show in alone, which its rows tell."""
+        return set()
+
+    def feels(self, cause: Cause, setup: Setup, table: ReadingTable) -> bool:
+        """Whether an effect can change anything that its rows depend on."""
+        return True
 
     def extended(self, setup: Setup, unknowns: Array, uses: Iterable[Use]) -> Setup:
         """The setup with the factors on stiffness and permittivity, then with effects."""
@@ -171,7 +177,8 @@ class PreparedReadings:
     def causes(self) -> tuple[Cause, ...]:
         """Effects that these readings could show."""
         others = () if self.coupons is None else self.coupons.causes
+        told = set().union(*(kind.tells(self.table) for kind in self.evidence))
         return tuple(cause for name, effect in EFFECTS.items()
                      for cause in (Cause(name, which) for which in effect.choices(self.setup))
-                     if cause in others or any(kind.shows(cause, self.setup, self.table)
-                                               for kind in self.evidence))
+                     if cause in others or (told.issuperset(effect.shows_in) and all(
+                         kind.feels(cause, self.setup, self.table) for kind in self.evidence)))

@@ -25,6 +25,7 @@ from tympan.studies.diagnosis.reading_table import (
     rows,
 )
 from tympan.studies.effects import Setup
+from tympan.studies.effects.effect import Quantity
 from tympan.studies.estimation.noise import Noise
 
 Array = NDArray[np.float64]
@@ -57,10 +58,13 @@ class Scans(Evidence):
                                          film_patterns(table[rows], predicted[rows]))
                 for kind, rows in table.rows_of.items()}
 
-    def shows(self, cause: Cause, setup: Setup, table: ReadingTable) -> bool:
-        scanned = table.states.specimen[table.state[table.scan >= 0]]
-        names = {setup.specimens[number].name for number in np.unique(scanned)}
-        return cause.effect.columns == ("x_mm",) and bool(names) and cause.which in (None, *names)
+    def tells(self, table: ReadingTable) -> set[Quantity]:
+        return {Quantity.SHAPE} if table.scans else set()
+
+    def feels(self, cause: Cause, setup: Setup, table: ReadingTable) -> bool:
+        scanned = np.unique(table.specimen[table.scan >= 0])
+        names = {setup.specimens[number].name for number in scanned}
+        return Quantity.SHAPE not in cause.effect.shows_in or cause.which in (None, *names)
 
 
 #: They are told apart by their rows alone.

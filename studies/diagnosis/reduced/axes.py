@@ -11,12 +11,10 @@ from tympan.fem.membrane.loading import Loading
 from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Specimen
 from tympan.studies.effects import EFFECTS, Effect, EffectParameter, Setup
+from tympan.studies.effects.effect import Quantity
 
 #: Where a film is solved: numbers of some axes and the sizes there, the others 0.
 Sample = tuple[tuple[int, float], ...]
-
-#: The column of effects that only the film's shape shows.
-SHAPES_ALONE = "x_mm"
 
 #: The largest size at which a film is sampled first, in standard deviations of the prior. Set by
 #: trial.
@@ -165,7 +163,7 @@ def film_axes(setup: Setup, name: str, shapes: bool = False) -> tuple[Axis, ...]
     """
     nominal = HeldFilm.of(setup, name)
     axes = [axis for effect in EFFECTS.values()
-            if shapes or SHAPES_ALONE not in effect.columns
+            if shapes or Quantity.SHAPE not in effect.shows_in
             for index in range(len(effect.parameters))
             if (axis := _axis(setup, name, effect, index, shapes)).places]
     acting = {axis.effect for axis in axes

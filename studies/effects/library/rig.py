@@ -7,7 +7,7 @@ from math import inf, isinf, sqrt
 from typing import Annotated
 
 from tympan.geometry.specimen import Specimen
-from tympan.studies.effects.effect import EffectParameter, Setup, effect
+from tympan.studies.effects.effect import EffectParameter, Quantity, Setup, effect
 
 
 def _offset(axis: str) -> EffectParameter:
@@ -87,7 +87,7 @@ def voltage_sag(setup: Setup, U_s: Annotated[float, EffectParameter(
         finding="The film follows the voltage late, by {H} on the way up and on the way down",
         check="stop at one voltage on the way up for ten minutes and see whether the reading "
               "still moves",
-        columns=("direction",))
+        shows_in=(Quantity.DIRECTION,))
 def hysteresis(setup: Setup, H: Annotated[float, EffectParameter(
         "the film responds as to U - H (at least 0) on the way up, to U + H on the way down", "kV",
         width=0.1e3, low=0.0, high=1e6, reason=(
@@ -134,7 +134,7 @@ def sensor_zero(setup: Setup, y_0: Annotated[float, EffectParameter(
 @effect("Readings wander in proportion to the time since the run began: sensor and stand warm up.",
         finding="Readings {rate:rise/fall} by {rate} as time goes by",
         check="read the first state once more at the end of the run",
-        columns=("elapsed_s",))
+        shows_in=(Quantity.ELAPSED,))
 def drift(setup: Setup, rate: Annotated[float, EffectParameter(
         "readings are y + rate · elapsed time", "um/min", width=1e-7 / 60, low=-1e-2 / 60,
         high=1e-2 / 60, reason=(
