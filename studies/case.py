@@ -539,7 +539,7 @@ def field_warnings(fields: Fields, loss: LostTension, film: Film | None,
     if firm is not None and firm.min() <= 0:
         place = place_text(*fields.position[np.argmin(firm), :2].tolist())
         warnings.append(f"the film gives way in itself at {place}: this equilibrium is unstable, "
-                        "since with the voltage's part its energy is not strongly elliptic there")
+                        "since short waves of the film grow there at this voltage")
     if len(loose.tension):
         x, y, _ = loose.position[np.argmin(loose.stress_2)]
         area_cm2, slack_cm2 = (loss.wrinkled + loss.slack) * 1e4, loss.slack * 1e4

@@ -98,11 +98,12 @@ _SHORT = 1000
 
 def received(connection: socket.socket, enough: bytes = rb"\r\n\r\n") -> bytes:
     """What comes until a short pattern is there, the end, or the connection's timeout."""
-    data, pattern = b"", re.compile(enough, re.DOTALL)
+    # Bytes that grow in place: an answer of megabytes is not copied with each part of it.
+    data, pattern = bytearray(), re.compile(enough, re.DOTALL)
     searched = 0
     try:
         while not pattern.search(data, searched):
-            # An answer of megabytes is not searched again with each part of it.
+            # Nor is it searched again.
             searched = max(0, len(data) - _SHORT)
             part = connection.recv(65536)
             if not part:
@@ -110,7 +111,7 @@ def received(connection: socket.socket, enough: bytes = rb"\r\n\r\n") -> bytes:
             data += part
     except (TimeoutError, ConnectionError):
         pass
-    return data
+    return bytes(data)
 
 
 def parsed(data: bytes) -> tuple[int, dict[str, str], bytes]:

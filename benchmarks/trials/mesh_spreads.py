@@ -36,7 +36,7 @@ FINER = 2.0
 HELD = 0.95
 
 #: The limits of a film that are compared.
-KINDS: tuple[LimitKind, ...] = ("tension", "pull_in")
+KINDS: tuple[LimitKind, ...] = ("tension", "instability", "pull_in")
 
 _MESH = MeshSettings()
 

@@ -20,7 +20,7 @@ from tympan.fem.discretisation.isoparametric import deformation
 from tympan.fem.film.density import principal_stretches
 from tympan.fem.membrane.model import Model, Parts, cauchy_green
 from tympan.fem.membrane.state import State
-from tympan.fem.results.firmness import Spot
+from tympan.fem.results.firmness import EdgeSpot, Source, Spot
 from tympan.geometry.errors import InputError
 
 Array = NDArray[Any]
@@ -126,36 +126,42 @@ def largest(field: Field, power: int = 64) -> Quantity:
     return Quantity(value, slope)
 
 
-def firmness_at(spot: Spot) -> Quantity:
+def firmness_at(spot: Spot | EdgeSpot) -> Quantity:
     """The film's firmness at a spot [Pa], which is used up where the film gives way there."""
     def value(model: Model, state: State) -> Any:
-        _, weights, c = strains(model, state)
-        return spot.value(model, state.voltage_squared, combined(weights, c))
+        sources = spot.sources(model.discretisation)
+        strains = [combined(source, cauchy_green(deformed(source, model, state)))
+                   for source in sources]
+        return spot.value(model, state.voltage_squared, strains)
 
-    def strains(model: Model, state: State) -> tuple[Array, Array, tuple[Any, Any, Any]]:
-        mesh = model.discretisation
-        elements, gradients, weights = spot.sources(mesh)
-        f = deformation(gradients, state.positions[mesh.connectivity[elements]])
-        return f, weights, cauchy_green(f)
+    def deformed(source: Source, model: Model, state: State) -> Array:
+        nodes = model.discretisation.connectivity[source.elements]
+        return deformation(source.gradients, state.positions[nodes])
 
-    def combined(weights: Array, c: tuple[Any, Any, Any]) -> tuple[Any, Any, Any]:
-        first, second, shear = ((weights * part).sum() for part in c)
+    def combined(source: Source, c: tuple[Any, Any, Any]) -> tuple[Any, Any, Any]:
+        first, second, shear = ((source.weights * part).sum() for part in c)
         return first, second, shear
 
     def slope(model: Model, state: State) -> Parts:
         mesh = model.discretisation
-        elements, gradients, _ = spot.sources(mesh)
-        f, weights, c = strains(model, state)
-        there = combined(weights, c)
+        sources = spot.sources(mesh)
+        deformations = [deformed(source, model, state) for source in sources]
+        strains = [combined(source, cauchy_green(f))
+                   for source, f in zip(sources, deformations, strict=True)]
 
-        def by(component: int) -> float:
-            stepped = [part + (1j * STEP if number == component else 0)
-                       for number, part in enumerate(there)]
-            changed = spot.value(model, state.voltage_squared, (stepped[0], stepped[1], stepped[2]))
+        def by(number: int, component: int) -> float:
+            stepped = [list(strain) for strain in strains]
+            stepped[number][component] += 1j * STEP
+            changed = spot.value(model, state.voltage_squared,
+                                 [(first, second, shear) for first, second, shear in stepped])
             return float(np.imag(changed)) / STEP
 
-        stress = weights[..., None] * np.array([2 * by(0), 2 * by(1), by(2)])
-        forces = mesh.scatter(element_forces(gradients, f, stress), mesh.connectivity[elements])
+        forces: Any = 0.0
+        for number, (source, f) in enumerate(zip(sources, deformations, strict=True)):
+            stress = source.weights[..., None] * np.array(
+                [2 * by(number, 0), 2 * by(number, 1), by(number, 2)])
+            forces = forces + mesh.scatter(element_forces(source.gradients, f, stress),
+                                           mesh.connectivity[source.elements])
         return model.on_freedoms(forces, state.plate)
 
     return Quantity(value, slope)

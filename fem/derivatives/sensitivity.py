@@ -36,7 +36,7 @@ from tympan.fem.equilibrium.tangent import Tangent
 from tympan.fem.membrane.loading import Loading
 from tympan.fem.membrane.model import Model, Parts
 from tympan.fem.membrane.state import Load, State
-from tympan.fem.results.firmness import Spot, firmness, spots_at
+from tympan.fem.results.firmness import EdgeSpot, Spot, firmness, spots_at
 from tympan.geometry.errors import InputError
 from tympan.geometry.paths import at, numbers, with_change
 from tympan.geometry.specimen import Specimen
@@ -258,7 +258,7 @@ class Remaining:
 
 
 def firmness_left(model: Model, critical: PathPoint, load: Load, by: Mapping[str, ModelParameter],
-                  spots: Sequence[Spot]) -> list[Remaining]:
+                  spots: Sequence[Spot | EdgeSpot]) -> list[Remaining]:
     """What is left at spots at a point of a branch, at constant other loads.
 
     Arguments are those of :func:`limit_gradient`.

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_matrix
 
 from tympan.fem.discretisation.assembly import SparsityPattern
+from tympan.fem.discretisation.electrode_edge import ElectrodeEdge
 from tympan.fem.discretisation.isoparametric import (
     deformation,
     isoparametric,
@@ -246,6 +247,12 @@ class Discretisation:
         rows = row[self.connectivity]
         touching = np.flatnonzero((rows < len(self.plate_nodes)).any(axis=1))
         return touching, rows[touching]
+
+    @cached_property
+    def electrode_edge(self) -> ElectrodeEdge:
+        """The corners of elements between what is covered and what is bare."""
+        return ElectrodeEdge.of(self.connectivity, self.covered[:, 0] > 0, self.nodal_gradients,
+                                self.mesh.order)
 
     @cached_property
     def electrode_edge_nodes(self) -> Array:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -10,8 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tympan.fem.discretisation.discretisation import Discretisation
+from tympan.fem.discretisation.electrode_edge import CORNERS
 from tympan.fem.discretisation.isoparametric import deformation
-from tympan.fem.film.density import principal_stretches
+from tympan.fem.discretisation.recovery import recovered, recovery_at
+from tympan.fem.film.density import FilmDensity, principal_stretches
+from tympan.fem.film.interface import Side, interface_margin
 from tympan.fem.membrane.model import Model, cauchy_green
 from tympan.fem.membrane.state import State
 
@@ -21,27 +24,55 @@ Array = NDArray[Any]
 #: enough, since they are off by some 1 % of the mean on a coarse mesh.
 _NEAR = 0.3
 
-#: Corners of a triangle: the first of its nodes.
-_CORNERS = 3
+#: Strain of a film as the triple (C₁₁, C₂₂, C₁₂).
+Strain = tuple[Any, Any, Any]
 
 
 def firmness(model: Model, state: State) -> Array:
     """Least stiffness of the film within its plane at the nodes of every element [Pa], (n,).
 
     Element-major, as of :func:`~tympan.fem.results.fields.node_fields`; that is
-    :meth:`FilmDensity.firmness` and, where the film wrinkles, its margin to thinning without bound.
-    Not positive where the film gives way in itself. In elements near to that, strong ellipticity is
-    that of the strain recovered at their corners, and the nodes between have none (∞): an element's
-    own strain at the plate's edge waves about the true one. ∞ of a film with memory, whose branches
-    hold for a while what gives way at rest.
+    :meth:`FilmDensity.firmness`, where the film wrinkles its margin to thinning without bound, and
+    on an electrode's edge that of the line between covered and bare film
+    (:func:`~tympan.fem.film.interface.interface_margin`). Not positive where the film gives way in
+    itself. In elements near to that, strong ellipticity is that of the strain recovered at their
+    corners, and the nodes between have none (∞): an element's own strain at the plate's edge waves
+    about the true one. ∞ of a film with memory, whose branches hold for a while what gives way at
+    rest.
     """
     elliptic, thinning, _ = _margins(model, state)
-    return np.asarray(np.minimum(elliptic, thinning).ravel())
+    return np.asarray(np.minimum(np.minimum(elliptic, thinning), edge_firmness(model, state)).ravel())
 
 
 def rough_firmness(model: Model, state: State) -> Array:
     """The same by each element's own strain; its jumps show the discretisation error."""
-    return np.asarray(np.minimum(*_by_element(model, state)).ravel())
+    least = np.minimum(*_by_element(model, state))
+    return np.asarray(np.minimum(least, edge_firmness(model, state, rough=True)).ravel())
+
+
+@dataclass(frozen=True)
+class Source:
+    """Points whose strains, times weights, add up to one: ``elements``, (elements, points).
+
+    ``gradients``: ∂φ/∂X at the points, (elements, points, local, 2).
+    """
+
+    elements: Array
+    gradients: Array
+    weights: Array
+
+    @classmethod
+    def recovered(cls, mesh: Discretisation, element: int, corner: int) -> Source:
+        """Of the strain recovered at a corner."""
+        around, weights = recovery_at(mesh, element, corner)
+        return cls(around, mesh.gradients[around], weights)
+
+    @classmethod
+    def averaged(cls, mesh: Discretisation, elements: Array, locals_: Array) -> Source:
+        """Of the mean of elements' own strains at nodes of theirs."""
+        count = len(elements)
+        return cls(elements, mesh.nodal_gradients[elements, locals_][:, None],
+                   np.full((count, 1), 1 / count))
 
 
 @dataclass(frozen=True)
@@ -56,39 +87,55 @@ class Spot:
     thinning: bool
     recovered: bool
 
-    def sources(self, mesh: Discretisation) -> tuple[Array, Array, Array]:
-        """Elements, ∂φ/∂X at their points (elements, points, local, 2), weights of the strains.
-
-        Those of shape (elements, points) add up to the strain here.
-        """
+    def sources(self, mesh: Discretisation) -> list[Source]:
+        """What the strains are made of that the firmness here is a function of."""
         if self.recovered:
-            around, weights = _corner(mesh, self.element, self.local)
-            return around, mesh.gradients[around], weights
-        alone = np.array([self.element])
-        return alone, mesh.nodal_gradients[alone, self.local : self.local + 1], np.ones((1, 1))
+            return [Source.recovered(mesh, self.element, self.local)]
+        return [Source.averaged(mesh, np.array([self.element]), np.array([self.local]))]
 
-    def value(self, model: Model, voltage_squared: Any, c: tuple[Any, Any, Any]) -> Any:
+    def value(self, model: Model, voltage_squared: Any, strains: Sequence[Strain]) -> Any:
         """The firmness where the strain is C, a number or an array of one; it may be complex."""
-        shape = model.discretisation.connectivity.shape
-        density = model.density(voltage_squared, nodal=True)
-        covered, thickness = (np.broadcast_to(values, shape)[self.element, self.local]
-                              for values in (density.covered, density.thickness))
-        there = replace(density, covered=covered, thickness=thickness)
-        seen = (np.atleast_1d(c[0]), np.atleast_1d(c[1]), np.atleast_1d(c[2]))
+        places = np.array([[self.element, self.local]])
+        there, seen = _density_at(model, voltage_squared, places), _arrays(strains[0])
         if not self.thinning:
             return there.firmness(seen)[0]
         stretches = principal_stretches(seen, model.specimen.membrane.prestretch)
         return there.material.thinning_margin(*stretches)[0]
 
 
-def spots_at(model: Model, state: State, places: Iterable[int]) -> list[Spot]:
+@dataclass(frozen=True)
+class EdgeSpot:
+    """A node on an electrode's edge, by its number there; of the strains on both sides."""
+
+    number: int
+
+    def sources(self, mesh: Discretisation) -> list[Source]:
+        """What the strains are made of that the firmness here is a function of."""
+        edge = mesh.electrode_edge
+        return [Source.averaged(mesh, *places[rows == self.number].T)
+                for places, rows in zip(edge.places, edge.rows, strict=True)]
+
+    def value(self, model: Model, voltage_squared: Any, strains: Sequence[Strain]) -> Any:
+        """The firmness where the strains are C on each side; they may be complex."""
+        edge = model.discretisation.electrode_edge
+        sides = [_side(_density_at(model, voltage_squared, places[[self.number]]), _arrays(strain))
+                 for places, strain in zip(edge.firsts, strains, strict=True)]
+        return interface_margin(sides, edge.along[[self.number]])[0]
+
+
+def spots_at(model: Model, state: State, places: Iterable[int]) -> list[Spot | EdgeSpot]:
     """Where :func:`firmness` has its values at places, element-major."""
-    elliptic, thinning, near = _margins(model, state)
-    spots = []
+    (elliptic, thinning, near), edge = _margins(model, state), edge_firmness(model, state)
+    mesh = model.discretisation
+    spots: list[Spot | EdgeSpot] = []
     for place in places:
         element, local = divmod(place, elliptic.shape[1])
         thins = bool(thinning[element, local] <= elliptic[element, local])
-        spots.append(Spot(element, local, thins, not thins and bool(near[element])))
+        if edge[element, local] < min(elliptic[element, local], thinning[element, local]):
+            node = mesh.connectivity[element, local]
+            spots.append(EdgeSpot(int(np.searchsorted(mesh.electrode_edge.nodes, node))))
+        else:
+            spots.append(Spot(element, local, thins, not thins and bool(near[element])))
     return spots
 
 
@@ -123,65 +170,65 @@ def _by_element(model: Model, state: State) -> tuple[Array, Array]:
 
 def _recover(model: Model, state: State, elliptic: Array, elements: Array) -> None:
     """Put margins by recovered strains at the corners of some elements, ∞ at their other nodes."""
-    mesh = model.discretisation
-    density = model.density(state.voltage_squared, nodal=True)
-    covered, thickness = (np.broadcast_to(values, elliptic.shape)[elements, :_CORNERS]
-                          for values in (density.covered, density.thickness))
-    there = replace(density, covered=covered, thickness=thickness)
-    strains = recovered(mesh, np.stack(model.cauchy_green(state.positions)), elements)
+    places = np.stack(np.broadcast_arrays(elements[:, None], np.arange(CORNERS)), axis=-1)
+    strains = recovered(model.discretisation, np.stack(model.cauchy_green(state.positions)),
+                        elements)
     elliptic[elements] = np.inf
-    elliptic[elements, :_CORNERS] = there.firmness((strains[0], strains[1], strains[2]))
+    there = _density_at(model, state.voltage_squared, places)
+    elliptic[elements, :CORNERS] = there.firmness((strains[0], strains[1], strains[2]))
 
 
-def recovered(mesh: Discretisation, values: Array, elements: Array) -> Array:
-    """Values at the corners of some elements from those at the quadrature points around.
+def edge_firmness(model: Model, state: State, rough: bool = False) -> Array:
+    """Firmness of electrodes' edges at the corners of elements there [Pa], (elements, local).
 
-    ``values`` (k, elements, points), the result (k, elements, 3). By the polynomial, a degree below
-    the elements' own, that is nearest to the values in all elements that meet in the corner on the
-    same side of an electrode's edge (Zienkiewicz and Zhu, Int. J. Numer. Methods Eng. 33, 1331,
-    1992).
+    By the mean strains of the elements on both sides, which beside a narrow band are nearer than
+    those recovered; or, ``rough``, by an element's own and the mean on the other side. ∞ elsewhere,
+    where either side gives way by itself or bears no tension, and of a film with memory.
     """
-    sides = _sides(mesh)
-    result = np.empty((len(values), len(elements), _CORNERS))
-    done: dict[int, Array] = {}
-    for row, element in enumerate(elements.tolist()):
-        for corner in range(_CORNERS):
-            side = int(sides[element, corner])
-            if side not in done:
-                around, weights = _corner(mesh, element, corner)
-                done[side] = np.tensordot(values[:, around], weights, axes=2)
-            result[:, row, corner] = done[side]
-    return result
+    mesh = model.discretisation
+    edge, margins = mesh.electrode_edge, np.full(mesh.connectivity.shape, np.inf)
+    if not len(edge.nodes) or model.flow is not None:
+        return margins
+    own = np.stack(cauchy_green(deformation(mesh.nodal_gradients,
+                                            state.positions[mesh.connectivity])))
+    means = edge.averaged(own)
+    for side, other in ((0, 1), (1, 0)):
+        places, rows = edge.places[side], edge.rows[side]
+        at = places[:, 0], places[:, 1]
+        here = own[:, *at] if rough else means[side][:, rows]
+        margins[at] = _held(model, state.voltage_squared, edge.along[rows], (places, here),
+                            (edge.firsts[other][rows], means[other][:, rows]))
+    return margins
 
 
-def _sides(mesh: Discretisation) -> Array:
-    """A number for each corner of each element, the same on one side of an electrode's edge."""
-    return np.asarray(2 * mesh.connectivity[:, :_CORNERS] + (mesh.covered[:, :1] > 0))
+def _held(model: Model, voltage_squared: Any, along: Array, *sides: tuple[Array, Array]) -> Array:
+    """Margins of lines between films at places with strains (3, n); ∞ where one gives way."""
+    firm = np.ones(len(along), dtype=bool)
+    films = []
+    for places, (c11, c22, c12) in sides:
+        density = _density_at(model, voltage_squared, places)
+        margin = density.firmness((c11, c22, c12))
+        firm &= (margin > 0) & np.isfinite(margin)
+        films.append(_side(density, (c11, c22, c12)))
+    with np.errstate(all="ignore"):
+        margins = interface_margin(films, along)
+    return np.where(firm & ~np.isnan(margins), margins, np.inf)
 
 
-def _corner(mesh: Discretisation, element: int, corner: int) -> tuple[Array, Array]:
-    """Elements around a corner of one, and the weights of their points, (elements, points).
-
-    The value recovered there is the sum of weights times values. It has derivatives by complex
-    steps of the nodes' places.
-    """
-    sides = _sides(mesh)
-    around = np.flatnonzero((sides == sides[element, corner]).any(axis=1))
-    places = np.matmul(mesh.shapes, mesh.reference[mesh.connectivity[around]])[..., :2]
-    away = places - mesh.reference[mesh.connectivity[element, corner], :2]
-    powers = _powers(away.reshape(-1, 2) / np.abs(away).max(), mesh.mesh.order - 1)
-    inverse = np.linalg.pinv(powers.real)
-    weights = inverse[0]
-    if np.iscomplexobj(powers):
-        # d(A⁺) = −A⁺ dA A⁺ + (AᵀA)⁻¹ dAᵀ (1 − A A⁺), the first row of it.
-        change, residual = powers.imag, np.eye(len(powers)) - powers.real @ inverse
-        slope = -inverse @ change @ inverse + inverse @ inverse.T @ change.T @ residual
-        weights = weights + 1j * slope[0]
-    return around, weights.reshape(places.shape[:2])
+def _density_at(model: Model, voltage_squared: Any, places: Array) -> FilmDensity:
+    """The film's density at nodes of elements, (…, 2)."""
+    shape = model.discretisation.connectivity.shape
+    density = model.density(voltage_squared, nodal=True)
+    covered, thickness = (np.broadcast_to(values, shape)[places[..., 0], places[..., 1]]
+                          for values in (density.covered, density.thickness))
+    return replace(density, covered=covered, thickness=thickness)
 
 
-def _powers(places: Array, degree: int) -> Array:
-    """All products of powers of x and y up to a degree, (n, products); the first is 1."""
-    x, y = places.T
-    return np.column_stack([x**a * y**(total - a) for total in range(degree + 1)
-                            for a in range(total + 1)])
+def _side(density: FilmDensity, c: Strain) -> Side:
+    """A film beside a line, taut."""
+    taut = replace(density, wrinkles=False, flow=None)(c)
+    return Side(c, taut.stress, taut.tangent)
+
+
+def _arrays(c: Strain) -> Strain:
+    return np.atleast_1d(c[0]), np.atleast_1d(c[1]), np.atleast_1d(c[2])

@@ -1,0 +1,69 @@
+"""Values at the corners of elements, recovered from those at the quadrature points around.
+
+By the polynomial, a degree below the elements' own, that is nearest to the values in all elements
+that meet in the corner on the same side of an electrode's edge (Zienkiewicz and Zhu, Int. J. Numer.
+Methods Eng. 33, 1331, 1992).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tympan.fem.discretisation.discretisation import Discretisation
+from tympan.fem.discretisation.electrode_edge import CORNERS
+
+Array = NDArray[Any]
+
+
+def recovered(mesh: Discretisation, values: Array, elements: Array) -> Array:
+    """Values at the corners of some elements from those at the quadrature points around.
+
+    ``values`` (k, elements, points), the result (k, elements, 3).
+    """
+    sides = sides_at_corners(mesh)
+    result = np.empty((len(values), len(elements), CORNERS))
+    done: dict[int, Array] = {}
+    for row, element in enumerate(elements.tolist()):
+        for corner in range(CORNERS):
+            side = int(sides[element, corner])
+            if side not in done:
+                around, weights = recovery_at(mesh, element, corner)
+                done[side] = np.tensordot(values[:, around], weights, axes=2)
+            result[:, row, corner] = done[side]
+    return result
+
+
+def sides_at_corners(mesh: Discretisation) -> Array:
+    """A number for each corner of each element, the same on one side of an electrode's edge."""
+    return np.asarray(2 * mesh.connectivity[:, :CORNERS] + (mesh.covered[:, :1] > 0))
+
+
+def recovery_at(mesh: Discretisation, element: int, corner: int) -> tuple[Array, Array]:
+    """Elements around a corner of one, and the weights of their points, (elements, points).
+
+    The value recovered there is the sum of weights times values. It has derivatives by complex
+    steps of the nodes' places.
+    """
+    sides = sides_at_corners(mesh)
+    around = np.flatnonzero((sides == sides[element, corner]).any(axis=1))
+    places = np.matmul(mesh.shapes, mesh.reference[mesh.connectivity[around]])[..., :2]
+    away = places - mesh.reference[mesh.connectivity[element, corner], :2]
+    powers = _powers(away.reshape(-1, 2) / np.abs(away).max(), mesh.mesh.order - 1)
+    inverse = np.linalg.pinv(powers.real)
+    weights = inverse[0]
+    if np.iscomplexobj(powers):
+        # d(A⁺) = −A⁺ dA A⁺ + (AᵀA)⁻¹ dAᵀ (1 − A A⁺), the first row of it.
+        change, residual = powers.imag, np.eye(len(powers)) - powers.real @ inverse
+        slope = -inverse @ change @ inverse + inverse @ inverse.T @ change.T @ residual
+        weights = weights + 1j * slope[0]
+    return around, weights.reshape(places.shape[:2])
+
+
+def _powers(places: Array, degree: int) -> Array:
+    """All products of powers of x and y up to a degree, (n, products); the first is 1."""
+    x, y = places.T
+    return np.column_stack([x**a * y**(total - a) for total in range(degree + 1)
+                            for a in range(total + 1)])
