@@ -41,7 +41,8 @@ def firmness(model: Model, state: State) -> Array:
     rest.
     """
     elliptic, thinning, _ = _margins(model, state)
-    return np.asarray(np.minimum(np.minimum(elliptic, thinning), edge_firmness(model, state)).ravel())
+    edge = edge_firmness(model, state)
+    return np.asarray(np.minimum(np.minimum(elliptic, thinning), edge).ravel())
 
 
 def rough_firmness(model: Model, state: State) -> Array:
