@@ -174,7 +174,10 @@ def test_a_voltage_takes_tension_off_a_flat_film() -> None:
 
 
 def test_an_electrode_of_a_third_of_the_radius_pulls_in() -> None:
-    """Flat: homogeneous within, beside it what the equations say; to where the voltage is most."""
+    """Flat: homogeneous within, beside it what the equations say; to where the voltage is most.
+
+    There short waves of the edge grow, too: one of the two is the limit, at one voltage.
+    """
     spot = film(density=0.0, electrode=Electrode(outline=Region(Circle(B / 3))))
     flat = EPS * np.pi * (B / 3) ** 2 / MOUNTED
     for growth in (1.1, 1.3):
@@ -184,8 +187,9 @@ def test_an_electrode_of_a_third_of_the_radius_pulls_in() -> None:
         assert result.capacitance_F == pytest.approx(flat * growth**4, rel=2e-4)
         assert result.deflection_m == 0.0
     most = pull_in(oracle(), B / 3, 5.0)[0]
-    reached = limits(Case(spot, rig=STILL), Settings()).pull_in
+    reached = limits(Case(spot, rig=STILL), Settings()).limit
     assert reached is not None
+    assert reached.kind in ("instability", "pull_in")
     assert reached.voltage_V == pytest.approx(most, rel=2e-4)
     assert solve(Case(spot, voltage=1.001 * most, rig=STILL), Settings()).status != "equilibrium"
 
