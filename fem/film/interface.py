@@ -63,10 +63,26 @@ def impedance(stiffness: Array) -> tuple[Array, Array]:
     angles = np.pi * np.arange(_DIRECTIONS) / _DIRECTIONS
     m = np.stack([np.cos(angles), np.sin(angles)], axis=1)
     n = np.stack([-np.sin(angles), np.cos(angles)], axis=1)
-    across = np.linalg.inv(np.einsum("...iJkL,aJ,aL->...aik", stiffness, n, n))
-    mixed = np.einsum("...iJkL,aJ,aL->...aki", stiffness, m, n)
-    real = np.linalg.inv(across.mean(axis=-3))
-    return real, -(real @ (across @ mixed).mean(axis=-3))[..., 0, 1]
+    across = _inverse(_along(stiffness, n, n))
+    # Transposed, since the moduli are symmetric in their pairs.
+    mixed = _along(stiffness, n, m)
+    real = _inverse(across.mean(axis=-1))
+    turned = np.einsum("...ija,...jka->...ik", across, mixed) / _DIRECTIONS
+    return real, -(real[..., 0, 0] * turned[..., 0, 1] + real[..., 0, 1] * turned[..., 1, 1])
+
+
+def _along(stiffness: Array, first: Array, second: Array) -> Array:
+    """Moduli in pairs of directions (directions, 2), shape (n, 2, 2, directions)."""
+    pairs = np.einsum("aJ,aL->JLa", first, second)
+    return np.tensordot(np.swapaxes(stiffness, -3, -2), pairs, axes=2)
+
+
+def _inverse(matrices: Array) -> Array:
+    """Inverses of matrices (n, 2, 2, …)."""
+    a, b = matrices[:, 0, 0], matrices[:, 0, 1]
+    c, d = matrices[:, 1, 0], matrices[:, 1, 1]
+    rows = [np.stack([d, -b], axis=1), np.stack([-c, a], axis=1)]
+    return np.asarray(np.stack(rows, axis=1) / (a * d - b * c)[:, None, None])
 
 
 def moduli(side: Side, along: Array) -> Array:

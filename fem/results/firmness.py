@@ -192,12 +192,16 @@ def edge_firmness(model: Model, state: State, rough: bool = False) -> Array:
         return margins
     own = np.stack(cauchy_green(deformation(mesh.nodal_gradients,
                                             state.positions[mesh.connectivity])))
-    means = edge.averaged(own)
+    means, square = edge.averaged(own), state.voltage_squared
+    if not rough:
+        held = _held(model, square, edge.along, *zip(edge.firsts, means, strict=True))
+        for places, rows in zip(edge.places, edge.rows, strict=True):
+            margins[places[:, 0], places[:, 1]] = held[rows]
+        return margins
     for side, other in ((0, 1), (1, 0)):
         places, rows = edge.places[side], edge.rows[side]
         at = places[:, 0], places[:, 1]
-        here = own[:, *at] if rough else means[side][:, rows]
-        margins[at] = _held(model, state.voltage_squared, edge.along[rows], (places, here),
+        margins[at] = _held(model, square, edge.along[rows], (places, own[:, *at]),
                             (edge.firsts[other][rows], means[other][:, rows]))
     return margins
 
