@@ -18,7 +18,7 @@ check: .venv/ready
 	OPENBLAS_NUM_THREADS=1 .venv/bin/python -m pytest -n 2 -q -m smoke tests/commands/test_smoke.py
 
 test: .venv/ready
-	OPENBLAS_NUM_THREADS=1 .venv/bin/python -m pytest -n 2 --durations=50
+	OPENBLAS_NUM_THREADS=1 .venv/bin/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder --durations=50
 
 benchmarks: .venv/ready
 	.venv/bin/python -m benchmarks.reference_problem
