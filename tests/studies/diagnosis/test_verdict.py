@@ -22,7 +22,7 @@ from tympan.studies.diagnosis.inference.identifiability import (
     signatures,
 )
 from tympan.studies.diagnosis.inference.ratios import ratios
-from tympan.studies.diagnosis.inference.verdict import judge
+from tympan.studies.diagnosis.inference.verdict import Judgement, judge
 from tympan.studies.diagnosis.patterns import reading_patterns
 from tympan.studies.diagnosis.reading_table import ReadingTable, rows
 from tympan.studies.diagnosis.reduced.growth import refined
@@ -30,6 +30,14 @@ from tympan.studies.diagnosis.reduced.simulation import Simulation
 
 NAMES = ("circular", "elliptical-small", "elliptical-large")
 SIGMA = 20e-6
+MASS = Cause("unaccounted_mass")
+
+
+@pytest.fixture(scope="module")
+def overweight(three_shapes: Simulation) -> tuple[ReadingTable, Judgement]:
+    """Readings of loads that are 3 g heavier than stated, and what is said of them."""
+    table = read(three_shapes, design(SIGMA), (MASS,), [3e-3], seed=1)
+    return table, judge(three_shapes, table, every_cause(three_shapes))
 
 
 def _sampled(simulation: Simulation, cause: Cause, table: ReadingTable
@@ -103,15 +111,15 @@ def test_a_factor_at_its_bound_takes_up_nothing(three_shapes: Simulation) -> Non
 
 
 def test_the_noise_is_found_though_misstated_and_not_what_is_smooth(
-        three_shapes: Simulation) -> None:
-    table = read(three_shapes, design(SIGMA), (Cause("unaccounted_mass"),), [3e-3], seed=1)
+        three_shapes: Simulation, overweight: tuple[ReadingTable, Judgement]) -> None:
+    table, as_stated = overweight
     nominal = fit(three_shapes, (), table)
     assert np.sqrt(nominal.chi_squared / len(table)) > 2
-    for stated in (1.0, 1 / 1.5, 1.5):
-        wrong = table.with_sigma(stated * table.sigma)
-        judged = judge(three_shapes, wrong, every_cause(three_shapes))
+    misstated = [judge(three_shapes, table.with_sigma(share * table.sigma),
+                       every_cause(three_shapes)) for share in (1 / 1.5, 1.5)]
+    for judged in (as_stated, *misstated):
         assert judged.table.sigma.mean() == pytest.approx(SIGMA, rel=0.2)
-        assert judged.named == (Cause("unaccounted_mass"),)
+        assert judged.named == (MASS,)
 
 
 def test_exact_aliases_are_known_before_any_data(three_shapes: Simulation) -> None:
@@ -211,9 +219,9 @@ def test_order_of_rows_and_causes_changes_no_verdict(three_shapes: Simulation) -
     assert replace(first.posterior).wrong == pytest.approx(second.posterior.wrong, abs=1e-5)
 
 
-def test_without_any_effect_to_think_of_a_misfit_is_unexplained(three_shapes: Simulation) -> None:
-    table = read(three_shapes, design(SIGMA), (Cause("unaccounted_mass"),), [3e-3], seed=1)
-    judged = judge(three_shapes, table, ())
+def test_without_any_effect_to_think_of_a_misfit_is_unexplained(
+        three_shapes: Simulation, overweight: tuple[ReadingTable, Judgement]) -> None:
+    judged = judge(three_shapes, overweight[0], ())
     assert judged.verdict == "unexplained"
     assert judged.posterior is not None
     assert judged.posterior.discrepancy > 0.99
@@ -256,13 +264,12 @@ def test_a_cause_that_only_its_size_speaks_against_is_suspected(three_shapes: Si
     assert judged.simulation is not three_shapes
 
 
-def test_what_is_named_is_so_for_every_scale_of_the_priors(three_shapes: Simulation) -> None:
-    mass = Cause("unaccounted_mass")
-    table = read(three_shapes, design(SIGMA), (mass,), [3e-3], seed=1)
-    judged = judge(three_shapes, table, every_cause(three_shapes))
-    assert judged.named == (mass,)
-    assert set(judged.robust.values()) == {(mass,)}
+def test_what_is_named_is_so_for_every_scale_of_the_priors(
+        three_shapes: Simulation, overweight: tuple[ReadingTable, Judgement]) -> None:
+    table, judged = overweight
+    assert judged.named == (MASS,)
+    assert set(judged.robust.values()) == {(MASS,)}
     assert min(judged.robust) <= 1 / 3
     assert max(judged.robust) >= 10
     for scale in (0.2, 5.0):
-        assert judge(three_shapes, table, every_cause(three_shapes), widen=scale).named == (mass,)
+        assert judge(three_shapes, table, every_cause(three_shapes), widen=scale).named == (MASS,)
