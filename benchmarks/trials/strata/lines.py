@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.trials.strata.evidence import (
+    Evidence,
     ReadingPlan,
     by_elements,
     cross,
@@ -44,22 +45,33 @@ def plan_of(shapes: Sequence[str] = tuple(SHAPES), offset: tuple[float, float] =
     return ReadingPlan(design, scanned=scanned, places=places or cross)
 
 
+def seen(uses: Sequence[Use] = (), shapes: Sequence[str] = tuple(SHAPES),
+         offset: tuple[float, float] = (0.0, 0.0),
+         places: Callable[[Specimen], Array] | None = cross) -> Evidence:
+    """What is read without noise of films 5 % stiffer and 3 % less permittive than stated, with
+    effects hidden in them."""
+    causes = tuple(Cause(name, which) for name, _, which in uses)
+    sizes = tuple(item.size(value) for cause, (_, values, _) in zip(causes, uses, strict=True)
+                  for item, value in zip(cause.effect.parameters, values, strict=True))
+    read = by_elements(plan_of(shapes, offset, places),
+                       Truth(1.05, 0.97, causes, sizes, mesh=FINEST))
+    assert read is not None
+    return read
+
+
 def write(folder: Path, uses: Sequence[Use] = (), seed: int = 0, *, noise: float = 10e-6,
           zero: float = 0.2e-3, places: Callable[[Specimen], Array] | None = cross,
           head: Mapping[str, Any] = {}, offset: tuple[float, float] = (0.0, 0.0),
           shapes: Sequence[str] = tuple(SHAPES), scale: float = 1.0,
-          change: Callable[[Array], Array] = lambda places: places) -> Path:
-    """A dataset with effects hidden in films 5 % stiffer and 3 % less permittive than stated.
+          change: Callable[[Array], Array] = lambda places: places,
+          read: Evidence | None = None) -> Path:
+    """A dataset of what is :func:`seen`, or has been before (``read``), with noise.
 
     Without ``places`` nothing is read over the films; ``change`` is what a wrong frame makes of
     the places, ``scale`` what a wrong unit makes of lines; ``head``: more keys of dataset.toml.
     """
     plan = plan_of(shapes, offset, places)
-    causes = tuple(Cause(name, which) for name, _, which in uses)
-    sizes = tuple(item.size(value) for cause, (_, values, _) in zip(causes, uses, strict=True)
-                  for item, value in zip(cause.effect.parameters, values, strict=True))
-    read = by_elements(plan, Truth(1.05, 0.97, causes, sizes, mesh=FINEST))
-    assert read is not None
+    read = read or seen(uses, shapes, offset, places)
     files = sheets(plan, read, noise, np.random.default_rng(seed), zero)
     if line := files.get("field.csv"):
         line["x"], line["y"] = change(np.stack([line["x"], line["y"]], axis=1)).T

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from benchmarks.trials.strata import lines as film_lines
-from benchmarks.trials.strata.evidence import cross, seen_heights
+from benchmarks.trials.strata.evidence import Evidence, cross, seen_heights
 from benchmarks.trials.synthetic_trials import FINEST, MESHES
 from tests.oracles.axisymmetric import solve_deflection
 from tests.support.datasets import HEAD, write_dataset
@@ -89,9 +89,15 @@ def test_a_plate_that_slides_bares_film() -> None:
     assert seen == pytest.approx(seen_heights(films[1], states[1], places), abs=10e-6)
 
 
-def test_shapes_of_the_reduced_model_and_their_derivatives(tmp_path: Path) -> None:
+@pytest.fixture(scope="module")
+def plain() -> Evidence:
+    """What is read of the round film in which nothing is hidden."""
+    return film_lines.seen(shapes=["round"])
+
+
+def test_shapes_of_the_reduced_model_and_their_derivatives(tmp_path: Path, plain: Evidence) -> None:
     """Against finite elements on a fine mesh within 3 µm, and differences of themselves."""
-    data = film_lines.write(tmp_path / "d", seed=3, shapes=["round"])
+    data = film_lines.write(tmp_path / "d", seed=3, shapes=["round"], read=plain)
     readings = prepared_readings(read_dataset(data))
     nominal = calibrated(readings.setup, readings.table)
     assert 0 < film_error(nominal.simulation, nominal.fit, nominal.table)["film"] < 3e-6
@@ -108,10 +114,10 @@ def test_shapes_of_the_reduced_model_and_their_derivatives(tmp_path: Path) -> No
     assert not jacobian[rows, 3].any(), "the sensor of the plate does not read the line"
 
 
-def test_lines_have_a_zero_of_their_own(tmp_path: Path) -> None:
+def test_lines_have_a_zero_of_their_own(tmp_path: Path, plain: Evidence) -> None:
     """A length added to all of a line, here some 0.2 mm, moves what is judged by its 500th."""
     tables = [prepared_readings(read_dataset(film_lines.write(
-        tmp_path / name, seed=3, shapes=["round"], zero=zero))).table
+        tmp_path / name, seed=3, shapes=["round"], zero=zero, read=plain))).table
         for name, zero in (("none", 0.0), ("some", 0.2e-3))]
     rows = tables[0].rows_of["film"]
     apart = tables[1].value[rows] - tables[0].value[rows]
@@ -128,10 +134,10 @@ def test_lines_have_a_zero_of_their_own(tmp_path: Path) -> None:
     ("prestretch_anisotropy", (0.03,))])
 def test_what_heaves_do_not_tell_a_line_names(tmp_path: Path, effect: str,
                                               sizes: tuple[float, ...]) -> None:
-    hidden = [(effect, sizes, None)]
+    read = film_lines.seen([(effect, sizes, None)], ["round"])
     verdicts = {}
     for name, places in (("heaves", None), ("line", cross)):
-        data = film_lines.write(tmp_path / name, hidden, 1, shapes=["round"], places=places)
+        data = film_lines.write(tmp_path / name, seed=1, shapes=["round"], places=places, read=read)
         diagnosis = diagnose(read_dataset(data))
         verdicts[name] = diagnosis.json()
         if places is not None:
@@ -150,8 +156,9 @@ def test_what_heaves_do_not_tell_a_line_names(tmp_path: Path, effect: str,
 def test_a_spot_without_electrode_is_named_by_a_line(tmp_path: Path) -> None:
     """By films of other meshes and order; without a line nothing is said of spots."""
     sizes = (20e-3, -12e-3, 0.5)
-    hidden = [("electrode_patch", sizes, "round")]
-    heaves, line = (film_lines.write(tmp_path / name, hidden, 1, shapes=["round"], places=places)
+    read = film_lines.seen([("electrode_patch", sizes, "round")], ["round"])
+    heaves, line = (film_lines.write(tmp_path / name, seed=1, shapes=["round"], places=places,
+                                     read=read)
                     for name, places in (("heaves", None), ("line", cross)))
     spot = Cause("electrode_patch", "round")
     assert spot not in prepared_readings(read_dataset(heaves)).causes
@@ -178,8 +185,8 @@ def test_what_lies_over_a_film_otherwise_is_no_spot(tmp_path: Path, effect: str,
     assert listed.get("electrode_patch", 0.0) < 0.1
 
 
-def test_nothing_hidden_in_lines_is_nothing_found(tmp_path: Path) -> None:
-    data = film_lines.write(tmp_path / "d", seed=2, shapes=["round"])
+def test_nothing_hidden_in_lines_is_nothing_found(tmp_path: Path, plain: Evidence) -> None:
+    data = film_lines.write(tmp_path / "d", seed=2, shapes=["round"], read=plain)
     assert diagnose(read_dataset(data)).json()["verdict"] == "nothing"
 
 
@@ -205,11 +212,11 @@ def test_places_may_be_counted_from_the_plate(tmp_path: Path) -> None:
     def inside(specimen: object) -> np.ndarray:
         return cross(circular())[5:-5] * 0.8
 
-    fits = []
+    read, fits = film_lines.seen([], ["round"], offset, inside), []
     for name, head, change in (("table", {}, lambda places: places),
                                ("plate", {"field_frame": "plate"}, moved)):
         data = film_lines.write(tmp_path / name, seed=3, shapes=["round"], offset=offset, head=head,
-                                places=inside, change=change)
+                                places=inside, change=change, read=read)
         readings = prepared_readings(read_dataset(data))
         fits.append(calibrated(readings.setup, readings.table).fit)
     assert fits[0].residual == pytest.approx(fits[1].residual, abs=1e-3)
@@ -223,11 +230,21 @@ WRITTEN = {
     "in cm": [[0.1, 0], [0, 0.1]]}
 
 
+OFFSET = (4e-3, -2.5e-3)
+
+
+@pytest.fixture(scope="module")
+def off_centre() -> Evidence:
+    """What is read of a film whose plate is known to sit off centre."""
+    return film_lines.seen([], ["round"], OFFSET)
+
+
 @pytest.mark.parametrize("frame", WRITTEN)
-def test_another_frame_is_told_before_it_gets_a_cause(tmp_path: Path, frame: str) -> None:
+def test_another_frame_is_told_before_it_gets_a_cause(tmp_path: Path, off_centre: Evidence,
+                                                      frame: str) -> None:
     """A plate known to sit off centre makes every one of them another film."""
     data = film_lines.write(tmp_path / "d", seed=3, shapes=["round"],
-                            offset=(4e-3, -2.5e-3),
+                            offset=OFFSET, read=off_centre,
                             change=lambda places: places @ np.array(WRITTEN[frame]).T)
     with pytest.raises(InputError, match=r"fits better with .* \(p below 1e-") as answer:
         diagnose(read_dataset(data))
@@ -235,8 +252,8 @@ def test_another_frame_is_told_before_it_gets_a_cause(tmp_path: Path, frame: str
 
 
 @pytest.mark.parametrize(("factor", "words"), [(-1.0, "opposite sign"), (0.1, "ten times")])
-def test_wrong_displacements_of_lines_are_told_as_such(tmp_path: Path, factor: float,
-                                                       words: str) -> None:
-    data = film_lines.write(tmp_path / "d", seed=3, shapes=["round"], scale=factor)
+def test_wrong_displacements_of_lines_are_told_as_such(tmp_path: Path, plain: Evidence,
+                                                       factor: float, words: str) -> None:
+    data = film_lines.write(tmp_path / "d", seed=3, shapes=["round"], scale=factor, read=plain)
     with pytest.raises(InputError, match=words):
         diagnose(read_dataset(data))
