@@ -45,9 +45,11 @@ def test_air_is_that_of_plate_and_film_together(refine: float, near: float) -> N
 
 @pytest.mark.parametrize(("hidden", "effect", "size"), [
     (Hidden(electrode=0.12), "electrode_mass", 0.12), (Hidden(added=1e-3), "added_mass", 1e-3),
-    (Hidden(unaccounted=5e-4), "unaccounted_mass", 5e-4), (Hidden(air=6.0), "air_mass", 6.0)])
+    pytest.param(Hidden(unaccounted=5e-4), "unaccounted_mass", 5e-4, marks=pytest.mark.study),
+    (Hidden(air=6.0), "air_mass", 6.0)])
 def test_a_mass_is_named_by_frequencies(tmp_path: Path, hidden: Hidden, effect: str,
                                         size: float) -> None:
+    """An unaccounted mass is named by taps in every run of the suite, in a trial of the study."""
     diagnosis = diagnose(read_dataset(swinging.write(tmp_path / "d", hidden, seed=1))).json()
     assert diagnosis["verdict"] == "named"
     cause = diagnosis["causes"][0]
@@ -69,10 +71,13 @@ def test_heavy_grease_is_named_by_readings_at_rest_alone(tmp_path: Path, electro
     assert cause["parameters"]["rho"]["value"] == pytest.approx(1e3 * electrode, rel=0.05)
 
 
-@pytest.mark.parametrize("hidden", [Hidden(added=1e-3), Hidden(air=6.0)], ids=["added", "air"])
-def test_at_rest_alone_it_is_not_there(tmp_path: Path, hidden: Hidden) -> None:
-    data = swinging.write(tmp_path / "d", hidden, seed=1, swings=False)
-    assert diagnose(read_dataset(data)).json()["verdict"] == "nothing"
+def test_at_rest_alone_it_is_not_there(tmp_path: Path) -> None:
+    """Whatever swings along with the plate, readings at rest are the same to the last digit."""
+    added, air = (swinging.write(tmp_path / name, hidden, seed=1, swings=False)
+                  for name, hidden in (("added", Hidden(added=1e-3)), ("air", Hidden(air=6.0))))
+    assert (added / "static.csv").read_bytes() == (air / "static.csv").read_bytes()
+    assert (added / "dataset.toml").read_bytes() == (air / "dataset.toml").read_bytes()
+    assert diagnose(read_dataset(added)).json()["verdict"] == "nothing"
 
 
 def test_nothing_hidden_is_nothing_found(tmp_path: Path) -> None:
