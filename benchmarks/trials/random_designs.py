@@ -41,8 +41,9 @@ from tympan.geometry.outlines import (
 )
 from tympan.geometry.specimen import Film, Plate, Specimen
 from tympan.studies.case import Settings, build_model
+from tympan.studies.diagnosis.evidence.kind import CHANNEL
+from tympan.studies.diagnosis.evidence.rest import TILT
 from tympan.studies.diagnosis.reading_table import States
-from tympan.studies.diagnosis.readings import CHANNEL, TILT
 from tympan.studies.effects import Setup
 
 Array = NDArray[np.float64]

@@ -21,6 +21,7 @@ from tympan.reports.diagnosis.film_maps import (
 from tympan.reports.diagnosis.strip_figure import compose_strips
 from tympan.reports.template import embedded_picture, sentence, template
 from tympan.reports.viewer import viewer
+from tympan.studies.diagnosis.evidence.registry import TRANSIENTS
 from tympan.studies.diagnosis.reading_table import LENGTHS
 from tympan.studies.diagnosis.result import (
     COUPONS,
@@ -59,7 +60,7 @@ def build_diagnosis_page(diagnosis: Diagnosis, folder: Path) -> list[Path]:
     columns, curves = tables[READINGS], tables[CURVES]
     lengths = np.isin(columns["kind"], LENGTHS)
     film = {name: values[columns["kind"] == "film"] for name, values in columns.items()}
-    in_time = lengths & np.char.startswith(columns["file"].astype(str), "transient.")
+    in_time = lengths & TRANSIENTS.wrote(columns["file"])
     runs, columns = ({name: values[rows] for name, values in columns.items()}
                      for rows in (in_time, lengths & ~in_time))
     pictures: dict[str, Callable[[], Figure]] = {}

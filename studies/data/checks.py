@@ -55,10 +55,8 @@ _FEWEST = 4
 def summary(dataset: Dataset) -> dict[str, Any]:
     """What a dataset holds, as plain values for JSON, SI; voltages of transients are left out."""
     static, ranges, transients = dataset.static, dataset.ranges, dataset.transients
-    frequencies, fields = dataset.frequencies, dataset.fields
-    loads = [table for table in (static, ranges, transients, frequencies, fields)
-             if table is not None]
-    voltages = [table.voltage for table in (static, frequencies, fields) if table is not None]
+    voltages = [table.voltage for table in (static, dataset.frequencies, dataset.fields)
+                if table is not None]
     voltages += [ranges.voltage_min, ranges.voltage_max] if ranges is not None else []
     runs = [] if transients is None else zip(*(
         transients[name].tolist() for name in ("specimen", "mass", "run")), strict=True)
@@ -73,7 +71,7 @@ def summary(dataset: Dataset) -> dict[str, Any]:
                    "readings": published.get(name, readings.get(Path(name).stem))}
                   for name, sha256 in dataset.files.items()],
         "specimens": [specimen.name for specimen in dataset.specimens],
-        "masses_kg": _distinct([table.mass for table in loads]),
+        "masses_kg": _distinct([table.mass for table in dataset.sheets]),
         "voltages_V": _distinct(voltages),
         "channels": [] if static is None else ["displacement", *channels(static)],
         "runs": len({*runs}),
@@ -103,9 +101,7 @@ def _distinct(values: list[NDArray[np.float64]]) -> list[float]:
 
 def _too_little(dataset: Dataset) -> Iterator[str]:
     tables = [table for table in (dataset.static, dataset.ranges) if table is not None]
-    others = dataset.transients, dataset.frequencies, dataset.fields
-    read = {name for table in (*tables, *others) if table is not None
-            for name in table.specimen.tolist()}
+    read = {name for table in dataset.sheets for name in table.specimen.tolist()}
     idle = [specimen.name for specimen in dataset.specimens if specimen.name not in read]
     if read and idle:
         yield WORDS["no_readings"].format(names=", ".join(idle))

@@ -120,7 +120,7 @@ FILES = {"static.csv": STATIC, "range.csv": RANGE, "transient.csv": TRANSIENT,
 _OUTSIDE = {"table": 5e-3, "plate": 0.1}
 
 #: Columns of static.csv with what else may be measured besides the displacement.
-_CHANNELS = ("capacitance", "film_voltage", "tilt")
+CHANNELS = ("capacitance", "film_voltage", "tilt")
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,6 +165,11 @@ class Dataset:
         every = zip(FILES, (self.static, self.ranges, self.transients, self.coupons,
                             self.frequencies, self.fields), strict=True)
         return {name: table for name, table in every if table is not None}
+
+    @property
+    def sheets(self) -> tuple[Sheet, ...]:
+        """The files there are of readings of actuators."""
+        return tuple(table for table in self.tables.values() if isinstance(table, Sheet))
 
 
 def read_dataset(folder: Path | str, planned: bool = False) -> Dataset:
@@ -252,7 +257,7 @@ def _publications() -> str:
 
 def channels(static: Sheet) -> tuple[str, ...]:
     """What was measured besides the displacement."""
-    return tuple(name for name in _CHANNELS if np.isfinite(static[name]).any())
+    return tuple(name for name in CHANNELS if np.isfinite(static[name]).any())
 
 
 def _specimen_files(about: Path) -> list[str]:

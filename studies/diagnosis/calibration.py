@@ -13,10 +13,11 @@ from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Case, build_model
 from tympan.studies.diagnosis.evidence.kind import FEWEST
+from tympan.studies.diagnosis.evidence.scans import COMPONENTS
 from tympan.studies.diagnosis.fits.fit import Fit
 from tympan.studies.diagnosis.fits.fitting import nominal_fit, nominal_fits
 from tympan.studies.diagnosis.hypothesis import FACTORS
-from tympan.studies.diagnosis.reading_table import COMPONENTS, ReadingTable, evenly
+from tympan.studies.diagnosis.reading_table import ReadingTable, evenly
 from tympan.studies.diagnosis.reduced.film_memory import FilmMemory
 from tympan.studies.diagnosis.reduced.films_at_rest import FilmsAtRest
 from tympan.studies.diagnosis.reduced.force_law import ForceLaw

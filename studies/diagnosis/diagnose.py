@@ -167,7 +167,7 @@ def weighed_together(simulation: Simulation, table: ReadingTable, tests: CouponT
 
 
 def _of_coupons_alone(dataset: Dataset) -> bool:
-    return set(dataset.tables) == {"coupon.csv"}
+    return set(dataset.tables) <= set(CouponTests.files)
 
 
 def _judge_coupons(dataset: Dataset, seed: int) -> tuple[PreparedReadings, Judgement]:

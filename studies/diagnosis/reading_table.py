@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,19 +15,8 @@ from tympan.studies.estimation.noise import Noise
 Array = NDArray[np.float64]
 Numbers = NDArray[np.int64]
 
-#: What a row is a reading of: displacement [m], difference of two displacements [m], capacitance
-#: [F], voltage on the film [V], tilt of the plate, whichever way [rad], frequency of small heaves
-#: [Hz] and the rate at which they fade [1/s], force that holds the plate at a heave [N], deflection
-#: at a place of a scan of the film, and displacements within its plane there [m]; nominal stress of
-#: a coupon, or its drop under voltage [Pa].
-Kind = Literal["displacement", "range", "capacitance", "film_voltage", "tilt", "frequency", "decay",
-               "force", "film", "film_x", "film_y", "stress"]
-
 #: Kinds of rows that are lengths, on which errors are counted.
 LENGTHS = ("displacement", "range")
-
-#: Kinds of rows of scans: the components of displacements at places, deflections last.
-COMPONENTS: tuple[Kind, ...] = ("film_x", "film_y", "film")
 
 
 def evenly(items: Numbers, count: int) -> Numbers:
@@ -212,11 +200,6 @@ class ReadingTable:
         """The unit in which errors are told."""
         return MICROMETRES if self.lengths.any() else KILOPASCALS
 
-    @property
-    def transient(self) -> NDArray[np.bool_]:
-        """Rows of transients."""
-        return np.char.startswith(self.file.astype(str), "transient.")
-
     @cached_property
     def ramp(self) -> Numbers:
         """Number of the specimen and mass of each row, and of the run of coupons."""
@@ -290,7 +273,7 @@ class ReadingTable:
                           for name in self._columns})
 
 
-def rows(states: States, kind: Kind, sigma: float | Array, value: float | Array = 0.0,
+def rows(states: States, kind: str, sigma: float | Array, value: float | Array = 0.0,
          order: float | Array = np.nan, run: str | NDArray[np.str_] = "",
          file: str | NDArray[np.str_] = "", line: int | Numbers = 0) -> ReadingTable:
     """One row of a kind for each state."""

@@ -2,38 +2,27 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import reduce
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tympan.geometry.errors import InputError
-from tympan.studies.columns import Sheet
-from tympan.studies.data.checks import (
-    at_sensor_end,
-    bad_readings,
-    clock_runs_back,
-    slips_of_sign,
-    slips_of_unit,
-)
+from tympan.studies.data.checks import slips_of_sign, slips_of_unit
 from tympan.studies.data.dataset import Dataset
-from tympan.studies.data.noise import coarse_step, range_sigma, reading_sigma, repeat_noise
-from tympan.studies.diagnosis.evidence.actuators import ACTUATORS
-from tympan.studies.diagnosis.evidence.kind import ASSUMED, FEWEST, PreparedReadings
-from tympan.studies.diagnosis.evidence.scans import SCANS, film_rows
-from tympan.studies.diagnosis.history import staircase
-from tympan.studies.diagnosis.reading_table import Kind, ReadingTable, States, rows
-from tympan.studies.diagnosis.transients.block_means import transient_rows
+from tympan.studies.data.noise import coarse_step, repeat_noise
+from tympan.studies.diagnosis.evidence.kind import (
+    ASSUMED,
+    FEWEST,
+    PlateEvidence,
+    PreparedReadings,
+)
+from tympan.studies.diagnosis.evidence.registry import PLATES
+from tympan.studies.diagnosis.reading_table import ReadingTable, States
 from tympan.studies.effects import Setup
 from tympan.studies.estimation.noise import SCATTER, Noise
 
 Array = NDArray[np.float64]
-
-#: Noise of other channels, which no file states, as a share of the largest. No source.
-CHANNEL = 0.01
-#: Least noise of a tilt [rad]. No source.
-TILT = 1e-4
 
 #: Readings above which those of nearly the same state are averaged. A bound of the cost.
 MANY = 2000
@@ -42,71 +31,52 @@ _BINS = 200
 
 
 def prepared_readings(dataset: Dataset) -> PreparedReadings:
-    """The static readings, ranges, frequencies, transients and scans of films of a dataset.
+    """The readings of plates under loads, of every kind in a dataset.
 
     An :class:`InputError` when they are too few to conclude anything, nothing loads the film, or a
     column is off by a unit.
     """
-    sheets = _sheets(dataset)
-    used = {name for sheet in sheets for name in sheet.specimen.tolist()}
+    used = {name for sheet in dataset.sheets for name in sheet.specimen.tolist()}
     setup = Setup(tuple(specimen for specimen in dataset.specimens if specimen.name in used),
                   dataset.rig)
-    _refuse(dataset, sheets)
-    parts, remarks = _parts(dataset, setup)
+    _refuse(dataset)
+    parts, remarks = _read([kind for kind in PLATES if not kind.noisy], dataset, setup)
     if sum(map(len, parts)) < FEWEST:
         raise InputError(f"less than {FEWEST} can be used", key="readings",
-                         given="; ".join(remarks) or sum(map(len, sheets)))
+                         given="; ".join(remarks) or sum(map(len, dataset.sheets)))
     table = _with_noise(reduce(ReadingTable.joined, parts), dataset)
     if step := coarse_step(dataset):
         table = _rounded(table, step)
     table, fewer = _not_too_many(table)
-    scans, seen = film_rows(replace(dataset, specimens=setup.specimens)) or (None, [])
-    if scans is not None:
-        table = table.joined(scans)
-    return PreparedReadings(setup, table, (ACTUATORS, SCANS), (*remarks, *fewer, *seen))
+    noisy, seen = _read([kind for kind in PLATES if kind.noisy], dataset, setup)
+    table = reduce(ReadingTable.joined, noisy, table)
+    return PreparedReadings(setup, table, PLATES, (*remarks, *fewer, *seen))
 
 
-def _sheets(dataset: Dataset) -> list[Sheet]:
-    """The files whose readings are judged."""
-    return [sheet for sheet in (dataset.static, dataset.ranges, dataset.frequencies,
-                                dataset.transients, dataset.fields) if sheet is not None]
+def _read(kinds: list[PlateEvidence], dataset: Dataset, setup: Setup
+          ) -> tuple[list[ReadingTable], list[str]]:
+    """The rows of some kinds, and what was done to the readings."""
+    read = [kind.read(dataset, setup) for kind in kinds]
+    return ([table for tables, _ in read for table in tables],
+            [remark for _, remarks in read for remark in remarks])
 
 
-def _refuse(dataset: Dataset, sheets: list[Sheet]) -> None:
+def _refuse(dataset: Dataset) -> None:
     """An :class:`InputError` of readings by which nothing can be concluded."""
-    count = sum(map(len, sheets))
+    count = sum(map(len, dataset.sheets))
     if count < FEWEST:
         raise InputError(f"needs at least {FEWEST} readings in static.csv and range.csv: stiffness "
                          "and permittivity alone take two of them", key="readings", given=count)
-    if dataset.static is None and dataset.ranges is None and dataset.transients is None:
-        other = "field.csv" if dataset.frequencies is None else "frequency.csv"
-        raise InputError(f"must have static.csv or range.csv beside {other}: by that alone no mass "
-                         "is told from a stiffness", key=dataset.name)
-    masses, rig = np.concatenate([sheet.mass for sheet in sheets]), dataset.rig
+    there = [kind for kind in PLATES if not dataset.tables.keys().isdisjoint(kind.files)]
+    if not any(kind.alone for kind in there):
+        raise InputError(f"must have static.csv or range.csv beside {there[0].files[0]}: by that "
+                         "alone no mass is told from a stiffness", key=dataset.name)
+    masses, rig = np.concatenate([sheet.mass for sheet in dataset.sheets]), dataset.rig
     if not (rig.force(masses, 1.0).any() or rig.gas_pressure or rig.biases):
         raise InputError("must be above 0 in some reading: a film that nothing loads stays flat "
                          "under any voltage", key="mass", given="0 g everywhere")
     for slip in (*slips_of_unit(dataset), *slips_of_sign(dataset)):
         raise InputError(slip, key=dataset.name)
-
-
-def _parts(dataset: Dataset, setup: Setup) -> tuple[list[ReadingTable], list[str]]:
-    """The rows of each file but of scans, and what was done to the readings."""
-    numbers = {specimen.name: number for number, specimen in enumerate(setup.specimens)}
-    parts: list[ReadingTable] = []
-    remarks: list[str] = []
-    if dataset.static is not None:
-        parts += _static(dataset.static, numbers, reading_sigma(dataset))
-        remarks += bad_readings(dataset.static)
-    if dataset.ranges is not None:
-        parts.append(_ranges(dataset.ranges, numbers, range_sigma(dataset)))
-    if dataset.frequencies is not None:
-        parts.append(_frequencies(dataset.frequencies, numbers))
-    if dataset.transients is not None:
-        tables, said = transient_rows(dataset.transients, numbers, dataset.noise, dataset.rig)
-        parts += tables
-        remarks += said
-    return parts, remarks
 
 
 def _with_noise(table: ReadingTable, dataset: Dataset) -> ReadingTable:
@@ -151,64 +121,6 @@ def _beside_passages(few: ReadingTable, table: ReadingTable, resting: NDArray[np
                      ) -> ReadingTable:
     """What was made of the rows at rest, with the others of the table as they are."""
     return few if resting.all() else few.joined(table[~resting].compact())
-
-
-def _static(readings: Sheet, numbers: dict[str, int], sigma: Array) -> list[ReadingTable]:
-    direction = (readings.direction == "up") * 1.0 - (readings.direction == "down")
-    elapsed = np.nan_to_num(readings.elapsed) * (clock_runs_back(readings) is None)
-    states = States.of([numbers[name] for name in readings.specimen.tolist()], readings.mass,
-                       readings.voltage, elapsed, direction,
-                       np.unique(readings.run, return_inverse=True)[1])
-    ordered = np.isfinite(readings.order).all()
-    turn = np.argsort(readings.order, kind="stable") if ordered else np.arange(len(readings))
-    states = _held(states, readings.dwell, turn)
-    origin = readings.order, readings.run, readings.file.name, readings.line
-    seen = ~at_sensor_end(readings)
-    tables = [rows(states, "displacement", sigma, readings.displacement, *origin)[seen]]
-    kinds: tuple[Kind, ...] = ("capacitance", "film_voltage", "tilt")
-    for kind in kinds:
-        values = readings[kind]
-        if (seen := np.isfinite(values)).any():
-            noise = CHANNEL * float(np.abs(values).max(where=seen, initial=0.0))
-            if kind == "tilt":
-                noise = max(noise, TILT)
-                # Whichever way; but noise about 0 keeps its sign, or it would look like a tilt.
-                values = np.where(np.abs(values) > 3 * noise, np.abs(values), values)
-            tables.append(rows(states, kind, noise, values, *origin)[seen])
-    if ordered:
-        tables = [table.reached(turn) for table in tables]
-    return tables
-
-
-def _held(states: States, dwell: Array, turn: NDArray[np.int64]) -> States:
-    """With what each state's run went through before it, where all say how long they were held."""
-    passage = states.passage.copy()
-    for run in states[turn].of_run:
-        reached = turn[run]
-        if np.isfinite(dwell[reached]).all():
-            passage[reached] = staircase(states.voltage[reached], dwell[reached])
-    return replace(states, passage=passage)
-
-
-def _ranges(ranges: Sheet, numbers: dict[str, int], sigma: Array) -> ReadingTable:
-    # From the lowest voltage to the highest one.
-    specimen = np.array([numbers[name] for name in ranges.specimen.tolist()] * 2)
-    mass, voltage = np.tile(ranges.mass, 2), np.r_[ranges.voltage_min, ranges.voltage_max]
-    states = States.of(specimen, mass, voltage, run=np.tile(np.arange(len(ranges)), 2))
-    states = _held(states, np.tile(ranges.dwell, 2), np.arange(len(states)))
-    table = rows(states[len(ranges) + np.arange(len(ranges))], "range", sigma, ranges.range,
-                 file=ranges.file.name, line=ranges.line)
-    return replace(table, states=states, state=len(ranges) + table.state, since=table.state)
-
-
-def _frequencies(read: Sheet, numbers: dict[str, int]) -> ReadingTable:
-    # Damping of quality Q moves a peak by 1/(4 Q²) of its frequency.
-    quality = np.nan_to_num(read.quality, nan=np.inf)
-    share = np.maximum(CHANNEL, 0.25 / quality**2)
-    sigma = np.where(np.isnan(read.sigma), share * read.frequency, read.sigma)
-    states = States.of([numbers[name] for name in read.specimen.tolist()], read.mass, read.voltage,
-                       run=np.arange(len(read)))
-    return rows(states, "frequency", sigma, read.frequency, file=read.file.name, line=read.line)
 
 
 def averaged(table: ReadingTable) -> ReadingTable:

@@ -87,8 +87,8 @@ class CouponTests(Evidence):
     leg: Numbers
     references: Array | None = None
 
+    files = ("coupon.csv",)
     kinds = ("stress",)
-    loaded = False
 
     def predict(self, model: Model, hypothesis: Hypothesis, unknowns: Array, table: ReadingTable
                 ) -> Shown:

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, ClassVar, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tympan.fem.rig import Rig
 from tympan.geometry.specimen import Specimen
+from tympan.studies.data.dataset import Dataset
 from tympan.studies.diagnosis.hypothesis import FACTORS, Cause, Hypothesis, with_factors
+from tympan.studies.diagnosis.patterns.reading_patterns import patterns
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.effects import EFFECTS, Setup, Use, extended
 from tympan.studies.effects.effect import Quantity
@@ -21,6 +25,8 @@ Rows = NDArray[np.bool_]
 #: Noise of a displacement that nobody states and nothing measures, as a share of the readings. No
 #: source.
 ASSUMED = 0.02
+#: Noise of what no file states the noise of, as a share of the readings. No source.
+CHANNEL = 0.01
 #: Readings below which nothing is concluded: stiffness, permittivity and noise take three.
 FEWEST = 5
 
@@ -105,17 +111,18 @@ class Model(Protocol):
 class Evidence(Protocol):
     """Readings of one kind.
 
-    ``kinds`` are those of their rows. ``loaded``: they are of plates under loads, whose labels may
-    be exchanged, which other loads may tell more of, and whose films can be shown.
+    ``files`` are those they are written in, ``kinds`` those of the rows whose prediction is theirs.
+    ``loaded``: they are of plates under loads, whose labels may be exchanged, which other loads may
+    tell more of, and whose films can be shown.
     """
 
+    files: ClassVar[tuple[str, ...]]
     kinds: ClassVar[tuple[str, ...]]
-    loaded: ClassVar[bool] = True
+    loaded: ClassVar[bool] = False
 
     def predict(self, model: Model, hypothesis: Hypothesis, unknowns: Array, table: ReadingTable
                 ) -> Shown:
         """What the rows of a table show, all of this kind; if ``loaded``, of all such kinds."""
-        return model.shown(hypothesis, unknowns, table)
 
     def patterns(self, table: ReadingTable, names: Sequence[str], predicted: Array
                  ) -> dict[str, Array]:
@@ -147,6 +154,73 @@ class Evidence(Protocol):
     def specimens(self, setup: Setup) -> tuple[Specimen, ...]:
         """The specimens that are worth a file."""
         return setup.specimens
+
+    def wrote(self, files: NDArray[np.str_]) -> Rows:
+        """Which names of files, whatever their formats, are of this kind's."""
+        stems = [name.partition(".")[0] for name in files.tolist()]
+        return np.isin(np.array(stems, str), [Path(name).stem for name in self.files])
+
+
+class Films(Protocol):
+    """Films under loads as kinds of evidence ask them, of every state, shape (states,).
+
+    ``behind``: share of the last jump by which it is read late; ``moving``: what swings with the
+    plate [kg]. At heaves [m]: ``capacitance`` [F]; ``tilt``, whichever way [rad]; ``force`` that
+    holds the plate [N]; ``stiffness`` of film and rig [N/m], and ``swing``, that of a swinging
+    plate over it, complex; ``scanned``: displacements at the places of a scan, by its number, in
+    one state [m], shape (3, places).
+    """
+
+    @property
+    def table(self) -> ReadingTable: ...
+    @property
+    def rig(self) -> Rig: ...
+    @property
+    def behind(self) -> Array: ...
+    @property
+    def moving(self) -> Array: ...
+    def capacitance(self, heave: Array) -> Array: ...
+    def tilt(self, heave: Array) -> Array: ...
+    def force(self, heave: Array) -> Array: ...
+    def stiffness(self, heave: Array) -> Array: ...
+    def swing(self, stiffness: Array) -> NDArray[Any]: ...
+    def scanned(self, number: int, state: int, heave: Array) -> Array: ...
+
+
+class PlateEvidence(Evidence, Protocol):
+    """Readings of plates under loads.
+
+    ``alone``: without others they tell a mass from a stiffness. ``noisy``: their rows come with
+    their noise, and are neither averaged nor rounded.
+    """
+
+    loaded: ClassVar[bool] = True
+    alone: ClassVar[bool] = False
+    noisy: ClassVar[bool] = False
+
+    def read(self, dataset: Dataset, setup: Setup) -> tuple[list[ReadingTable], list[str]]:
+        """The rows of its files, of a setup's specimens, and what was done to the readings.
+
+        A standard deviation that nobody states is nan.
+        """
+        return [], []
+
+    def shown(self, films: Films, kind: str, rows: NDArray[np.int64], heave: Array) -> Array:
+        """What rows of one of its kinds show, when states have these heaves [m]."""
+
+    def predict(self, model: Model, hypothesis: Hypothesis, unknowns: Array, table: ReadingTable
+                ) -> Shown:
+        return model.shown(hypothesis, unknowns, table)
+
+    def patterns(self, table: ReadingTable, names: Sequence[str], predicted: Array
+                 ) -> dict[str, Array]:
+        return patterns(table, names, predicted)
+
+
+def numbers_of(setup: Setup, names: NDArray[np.str_]) -> list[int]:
+    """The numbers of specimens with these names."""
+    numbers = {specimen.name: number for number, specimen in enumerate(setup.specimens)}
+    return [numbers[name] for name in names.tolist()]
 
 
 def rows_of(evidence: Sequence[Evidence], table: ReadingTable) -> Rows:

@@ -13,11 +13,10 @@ from numpy.typing import NDArray
 from tympan.studies.columns import Sheet
 from tympan.studies.data.dataset import Dataset
 from tympan.studies.data.noise import groups
-from tympan.studies.diagnosis.evidence.kind import Evidence
+from tympan.studies.diagnosis.evidence.kind import Films, PlateEvidence, numbers_of
 from tympan.studies.diagnosis.hypothesis import Cause
 from tympan.studies.diagnosis.patterns.reading_patterns import among
 from tympan.studies.diagnosis.reading_table import (
-    COMPONENTS,
     ReadingTable,
     Scan,
     States,
@@ -30,6 +29,9 @@ from tympan.studies.estimation.noise import Noise
 
 Array = NDArray[np.float64]
 Numbers = NDArray[np.int64]
+
+#: Kinds of rows: the components of displacements at places, deflections last.
+COMPONENTS = ("film_x", "film_y", "film")
 
 #: What a scan as a whole may be off by, as a standard deviation [m]: nobody sets the zero of a
 #: line to that of the displacement sensor.
@@ -47,10 +49,36 @@ _DEGREE = 5
 _COLUMNS = 0.34
 
 
-class Scans(Evidence):
+class Scans(PlateEvidence):
     """Displacements at places of films, of plates under loads like any other."""
 
+    files = ("field.csv",)
     kinds = COMPONENTS
+    noisy = True
+
+    def read(self, dataset: Dataset, setup: Setup) -> tuple[list[ReadingTable], list[str]]:
+        """A row for each component read at a place."""
+        sheet = dataset.fields
+        if sheet is None:
+            return [], []
+        sigma, remarks = _sigma(dataset, sheet), []
+        tables = []
+        for scan in _scans(sheet):
+            kept = evenly(scan, MOST)
+            if len(kept) < len(scan):
+                remarks.append(f"field.csv line {sheet.line[scan[0]]} and on: {len(kept)} of "
+                               f"{len(scan)} places of the scan are used")
+            tables.append(_rows(dataset, setup, sheet, kept, sigma))
+        return tables, remarks
+
+    def shown(self, films: Films, kind: str, rows: Numbers, heave: Array) -> Array:
+        table, shown = films.table, np.empty(len(rows))
+        for number in np.unique(table.scan[rows]):
+            mine = table.scan[rows] == number
+            values = films.scanned(int(number), int(table.state[rows[mine][0]]), heave)
+            point = table.point[rows[mine]] - table.first_points[number]
+            shown[mine] = values[COMPONENTS.index(kind), point]
+        return shown
 
     def patterns(self, table: ReadingTable, names: Sequence[str], predicted: Array
                  ) -> dict[str, Array]:
@@ -65,10 +93,6 @@ class Scans(Evidence):
         scanned = np.unique(table.specimen[table.scan >= 0])
         names = {setup.specimens[number].name for number in scanned}
         return Quantity.SHAPE not in cause.effect.shows_in or cause.which in (None, *names)
-
-
-#: They are told apart by their rows alone.
-SCANS = Scans()
 
 
 def film_patterns(table: ReadingTable, predicted: Array) -> Array:
@@ -94,25 +118,6 @@ def film_patterns(table: ReadingTable, predicted: Array) -> Array:
     return np.hstack(parts)
 
 
-def film_rows(dataset: Dataset) -> tuple[ReadingTable, list[str]] | None:
-    """Rows of field.csv, one for each component read at a place, and what was done to them.
-
-    None without such a file. States have the numbers of the dataset's specimens.
-    """
-    sheet = dataset.fields
-    if sheet is None:
-        return None
-    sigma, remarks = _sigma(dataset, sheet), []
-    tables = []
-    for scan in _scans(sheet):
-        kept = evenly(scan, MOST)
-        if len(kept) < len(scan):
-            remarks.append(f"field.csv line {sheet.line[scan[0]]} and on: {len(kept)} of "
-                           f"{len(scan)} places of the scan are used")
-        tables.append(_rows(dataset, sheet, kept, sigma))
-    return reduce(ReadingTable.joined, tables), remarks
-
-
 def _scans(sheet: Sheet) -> Iterator[Numbers]:
     """The rows of each scan: of one specimen, mass and voltage, in one repeat, read alike."""
     scan = groups(*(sheet[name] for name in ("specimen", "mass", "voltage", "repeat")),
@@ -120,11 +125,12 @@ def _scans(sheet: Sheet) -> Iterator[Numbers]:
     yield from (np.flatnonzero(scan == number) for number in range(1 + scan.max(initial=-1)))
 
 
-def _rows(dataset: Dataset, sheet: Sheet, scan: Numbers, sigma: Array) -> ReadingTable:
+def _rows(dataset: Dataset, setup: Setup, sheet: Sheet, scan: Numbers, sigma: Array
+          ) -> ReadingTable:
     """The rows of one scan."""
-    number = [specimen.name for specimen in dataset.specimens].index(str(sheet.specimen[scan[0]]))
+    number, = numbers_of(setup, sheet.specimen[scan[:1]])
     place = np.stack([sheet.x[scan], sheet.y[scan]], axis=1)
-    plate = dataset.specimens[number].needed_plate()
+    plate = setup.specimens[number].needed_plate()
     centred = dataset.field_frame == "plate"
     on_plate = (plate.outline if centred else plate).level(*place.T) <= 0
     kinds = [(kind, column) for kind, column in zip(COMPONENTS, ("u", "v", "displacement"),

@@ -92,11 +92,3 @@ def _mean(pole: NDArray[Any], begin: Array, end: Array) -> Array:
     mean = np.where(length > 0, -fallen / (pole * np.where(length > 0, length, 1.0)),
                     np.exp(real * begin))
     return np.where(there, mean, 0.0)
-
-
-def decay(rig: Rig, mass: Array, loss: Array, stiffness: Array) -> Array:
-    """Rate at which small swings of masses [kg] fade [1/s].
-
-    ``loss``: the imaginary part of the stiffness [N/m], by which branches take energy.
-    """
-    return np.asarray((rig.plate_damping + loss / np.sqrt(stiffness / mass)) / (2 * mass))

@@ -4,23 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tympan.studies.diagnosis.evidence.registry import BY_ROWS, REST
 from tympan.studies.diagnosis.hypothesis import Hypothesis, parameters_of
-from tympan.studies.diagnosis.reading_table import COMPONENTS, ReadingTable
+from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.reduced.film_shape import Lattice
 from tympan.studies.diagnosis.reduced.films_at_rest import FilmsAtRest
 from tympan.studies.diagnosis.reduced.force_law import ForceSurface
-from tympan.studies.diagnosis.reduced.in_time import behind, decay
+from tympan.studies.diagnosis.reduced.in_time import behind
 from tympan.studies.diagnosis.reduced.reduced_films import ReducedFilms, bounds_of
-from tympan.studies.diagnosis.reduced.scans import shown_by_scans
+from tympan.studies.diagnosis.reduced.scans import scanned
 from tympan.studies.diagnosis.reduced.swinging import Sag
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-Numbers = NDArray[np.int64]
 
 #: Of a film by its heaves [m] and U² [V²].
 Quantity = Callable[[ForceSurface, Array, Array], Array]
@@ -103,11 +104,10 @@ class Prediction:
         table, shift = self.table, self.rest.shift(there.rest)
         change = self._by_heave * shift[table.state]
         # What is counted from another state, or read late, is between two.
-        ranges = table.since >= 0
-        late = np.where(table.kind == "range", 0.0, self.behind[table.state])
-        here, origin = 1 - late, np.where(table.kind == "range", -1.0, late)[ranges]
-        change[ranges] = (1 + self.rig.sensor_gain) * (
-            here[ranges] * shift[table.state[ranges]] + origin * shift[table.since[ranges]])
+        both = table.since >= 0
+        here, origin = REST.shares(self, both)
+        change[both] = (1 + self.rig.sensor_gain) * (
+            here * shift[table.state[both]] + origin * shift[table.since[both]])
         return there.shown(self.rest.extended_heave) - self.extended + change
 
     @cached_property
@@ -120,42 +120,26 @@ class Prediction:
         """What the rows show when the states have these heaves [m]."""
         shown = np.empty(len(self.table))
         for kind, rows in self.table.rows_of.items():
-            if kind in ("displacement", "range"):
-                shown[rows] = self._displacement(heave, rows, kind == "range")
-            elif kind in COMPONENTS:
-                shown[rows] = shown_by_scans(self.table, kind, rows, self._scanned_films,
-                                             *self._within(heave), self._pressure)
-            else:
-                shown[rows] = self._of_states(kind, heave)[self.table.state[rows]]
+            shown[rows] = BY_ROWS[kind].shown(self, kind, rows, heave)
         return shown
 
-    def _displacement(self, heave: Array, rows: Numbers, ranges: bool) -> Array:
-        table, rig = self.table, self.rig
-        at, since = table.state[rows], table.since[rows]
-        if ranges:
-            return np.asarray(rig.reading(heave[at]) - rig.reading(heave[since]))
-        shown = np.array(rig.reading(heave[at], table.states.elapsed[at]))
-        late = since >= 0
-        jump = heave[at[late]] - heave[since[late]]
-        shown[late] -= (1 + rig.sensor_gain) * self.behind[at[late]] * jump
-        return shown
+    def capacitance(self, heave: Array) -> Array:
+        return self.rest.permittivity * self._of_films(ForceSurface.capacitance, heave)
 
-    def _of_states(self, kind: str, heave: Array) -> Array:
-        """What readings of a kind show of the states, whichever is read, shape (states,)."""
-        if kind == "capacitance":
-            return self.rest.permittivity * self._of_films(ForceSurface.capacitance, heave)
-        if kind == "tilt":
-            return np.sqrt(np.maximum(self._of_films(ForceSurface.tilt_squared, heave), 0.0))
-        if kind == "film_voltage":
-            # A probe shows what the supply gives, without the film's lag.
-            return np.asarray(self.rig.film_voltage(self.table.states.voltage))
-        if kind == "force":
-            return self.rest.balance(heave, 0.0)[0] + self.rest.load
-        stiffness = self.rest.stiffness_at(heave)
-        swing = self._swing(stiffness)
-        if kind == "decay":
-            return decay(self.rig, self.moving, stiffness * swing.imag, stiffness)
-        return np.asarray(np.sqrt(stiffness * swing.real / self.moving) / (2 * np.pi))
+    def tilt(self, heave: Array) -> Array:
+        return np.sqrt(np.maximum(self._of_films(ForceSurface.tilt_squared, heave), 0.0))
+
+    def force(self, heave: Array) -> Array:
+        return self.rest.balance(heave, 0.0)[0] + self.rest.load
+
+    def stiffness(self, heave: Array) -> Array:
+        return self.rest.stiffness_at(heave)
+
+    def scanned(self, number: int, state: int, heave: Array) -> Array:
+        heave, voltage_squared = self._within(heave)
+        film = self._scanned_films[int(self.table.states.specimen[state])]
+        return scanned(*film, self.table.scans[number], float(heave[state]),
+                       float(voltage_squared[state]), float(self._pressure[state]))
 
     def _of_films(self, quantity: Quantity, heave: Array) -> Array:
         heave, voltage_squared = self._within(heave)
@@ -187,15 +171,14 @@ class Prediction:
         stiffness = self.rest.stiffness_at(self.rest.extended_heave)
         return behind(states, rig, self.moving, stiffness, self.rest.capacitance)
 
-    def _swing(self, stiffness: Array) -> Array:
-        """Complex stiffness of each state's heave over that at rest, as its plate swings."""
+    def swing(self, stiffness: Array) -> NDArray[Any]:
         memory = self.films.memory
         if memory is None:
             return np.ones(len(stiffness), complex)
         return memory.swing(self.rest.setup, self.table.states, self.rest.stiffness,
                             np.sqrt(stiffness / self.moving))
 
-    @property
+    @cached_property
     def _pressure(self) -> Array:
         """The electrodes' weight [Pa] over the flat films' tension, shape (states,)."""
         mass = np.array([specimen.electrode.mass for specimen in self.rest.setup.specimens])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
@@ -15,7 +14,7 @@ from tympan.fem.rig import Rig
 from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Settings, build_model
-from tympan.studies.diagnosis.reading_table import COMPONENTS, ReadingTable, Scan
+from tympan.studies.diagnosis.reading_table import Scan
 from tympan.studies.diagnosis.reduced.axes import Axis, Sample, sampled_film
 from tympan.studies.diagnosis.reduced.film_shape import (
     ALONG,
@@ -68,26 +67,6 @@ def _lattice(lattices: FlatLattices, sample: Sample) -> Lattice:
         except InputError:
             sample = tuple((number, size / 2) for number, size in sample)
     return _lattice(lattices, ())
-
-
-def shown_by_scans(table: ReadingTable, kind: str, rows: NDArray[np.int64],
-                   films: Mapping[int, tuple[ForceSurface, Lattice, Sag | None]], heave: Array,
-                   voltage_squared: Array, pressure: Array) -> Array:
-    """What rows of one of the :data:`COMPONENTS` show, of states at heaves [m] and U² [V²].
-
-    ``pressure`` of each state [Pa]: of the electrodes' weight, over the film's tension as a share
-    of the nominal one's without voltage.
-    """
-    shown = np.empty(len(rows))
-    for number in np.unique(table.scan[rows]):
-        mine = table.scan[rows] == number
-        state = table.state[rows[mine][0]]
-        values = scanned(*films[int(table.states.specimen[state])], table.scans[number],
-                         float(heave[state]), float(voltage_squared[state]),
-                         float(pressure[state]))
-        point = table.point[rows[mine]] - table.first_points[number]
-        shown[mine] = values[COMPONENTS.index(kind), point]
-    return shown
 
 
 @lru_cache(maxsize=1024)

@@ -9,9 +9,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from tympan.studies.diagnosis.evidence.actuators import ACTUATORS
 from tympan.studies.diagnosis.evidence.kind import Evidence, Shown, rows_of
-from tympan.studies.diagnosis.evidence.scans import SCANS
+from tympan.studies.diagnosis.evidence.registry import PLATES
 from tympan.studies.diagnosis.hypothesis import Cause, Hypothesis, uses_of
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.reduced.growth import coupled, grown, refined, regridded
@@ -72,7 +71,7 @@ class Simulation(ReducedFilms):
     that are loaded as it is.
     """
 
-    evidence: tuple[Evidence, ...] = (ACTUATORS, SCANS)
+    evidence: tuple[Evidence, ...] = PLATES
 
     @property
     def loaded(self) -> bool:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tympan.studies.diagnosis.evidence.kind import Model
+from tympan.studies.diagnosis.evidence.registry import TRANSIENTS
 from tympan.studies.diagnosis.fits.fit import Fit
 from tympan.studies.diagnosis.inference.predictive import Predictive
 from tympan.studies.diagnosis.inference.verdict import Judgement
@@ -43,7 +44,7 @@ def dense(table: ReadingTable) -> ReadingTable:
 
     Ranges are from the smallest voltage of their ramp. The rows' noise is the ramp's median.
     """
-    table = table[table.lengths & ~table.transient]
+    table = table[table.lengths & ~TRANSIENTS.wrote(table.file)]
     if not len(table):
         return table
     table = replace(table, states=table.states.at_rest)

@@ -10,20 +10,17 @@ The noise of a mean is by the samples' own spectrum (:mod:`~.noise_density`), wh
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 from math import nan
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tympan.fem.rig import Rig
-from tympan.studies.columns import Sheet
 from tympan.studies.diagnosis.history import Passage, VoltageHistory
-from tympan.studies.diagnosis.reading_table import Kind, ReadingTable, States, rows
 from tympan.studies.diagnosis.transients.noise_density import noise_density
 from tympan.studies.diagnosis.transients.ringing import Ringing, ringing
-from tympan.studies.diagnosis.transients.sampled_run import WORDS, SampledRun, faults, run_of
+from tympan.studies.diagnosis.transients.sampled_run import SampledRun
 
 Array = NDArray[np.float64]
 
@@ -39,9 +36,6 @@ _FEW = 60
 _APART = 8.0
 #: Samples that a block needs, for a line and something left of it.
 _LEAST = 3
-
-#: Factor beyond which a frequency is none of a weight on a spring that gives way so far.
-_APART_FROM_USUAL = 4.0
 
 #: Share of the shift of a swing's mean by the film's curvature that is not known. Set by trial.
 _UNSURE = 0.1
@@ -157,87 +151,3 @@ def _blocks(time: Array, period: float, shortest: float) -> Iterator[tuple[int, 
         if edges[1] - edges[0] >= _LEAST:
             yield int(edges[0]), int(edges[1])
         begin = end
-
-
-def transient_rows(transients: Sheet, numbers: dict[str, int], noise: float | None, rig: Rig
-                   ) -> tuple[list[ReadingTable], list[str]]:
-    """The rows of every run that can be used, and remarks on what was done and left out.
-
-    ``noise`` of a sample [m], where it is stated.
-    """
-    keys = np.unique(np.stack([np.unique(transients[name], return_inverse=True)[1].ravel()
-                               for name in ("specimen", "mass", "run")]), axis=1,
-                     return_inverse=True)[1].ravel()
-    tables, remarks, counts = list[ReadingTable](), list[str](), [0, 0]
-    for number in range(int(keys.max()) + 1):
-        rows_ = np.flatnonzero(keys == number)
-        record = run_of(transients, rows_)
-        words = {"file": transients.file.name, "name": f"{transients.specimen[rows_[0]]}, "
-                 f"{1e3 * transients.mass[rows_[0]]:.4g} g, {transients.run[rows_[0]]}"}
-        wrong = faults(record)
-        if wrong.words:
-            remarks.append(WORDS["left_out" if wrong.fatal else "beware"].format(
-                **words, reason=wrong.words))
-        if wrong.fatal:
-            continue
-        few = block_means(record, noise)
-        off = _out_of_time(few, rig)
-        if off is not None:
-            remarks.append(WORDS["left_out"].format(**words, reason=off))
-            continue
-        counts = [counts[0] + len(rows_), counts[1] + len(few.blocks)]
-        tables += _rows(record, few, numbers[str(transients.specimen[rows_[0]])],
-                        float(transients.mass[rows_[0]]), str(transients.run[rows_[0]]),
-                        transients.file.name)
-    if counts[0] > counts[1]:
-        remarks.append(WORDS["thinned"].format(samples=counts[0], blocks=counts[1]))
-    return tables, remarks
-
-
-def _out_of_time(few: ThinnedRecord, rig: Rig) -> str | None:
-    """What is wrong with times by which the plate swings as no weight on this film can.
-
-    A weight on a spring that gives way by y has 2πf = √(g/y).
-    """
-    if rig.gas_pressure or rig.biases or not few.blocks:
-        return None
-    usual = float(np.sqrt(rig.gravity / max(abs(few.blocks[0].mean), 1e-9))) / (2 * np.pi)
-    for swing in few.swings.values():
-        if not usual / _APART_FROM_USUAL < swing.frequency < usual * _APART_FROM_USUAL:
-            return WORDS["out_of_time"].format(frequency=swing.frequency, usual=usual)
-    return None
-
-
-def _rows(record: SampledRun, few: ThinnedRecord, specimen: int, mass: float, run: str, file: str
-          ) -> list[ReadingTable]:
-    """Displacements of blocks, counted from the state before the last jump; what swings say."""
-    blocks = few.blocks
-    history = record.history
-    passages = [Passage(history, 0.0, 0.0), *(block.passage for block in blocks)]
-    times = [0.0, *(float(record.time[block.first:block.last].mean()) for block in blocks)]
-    voltage = [float(record.voltage[0]), *(block.voltage for block in blocks)]
-    jump = np.array([-1, *(block.jump for block in blocks)])
-    states = replace(States.of([specimen] * len(jump), np.full(len(jump), mass),
-                               np.array(voltage), np.array(times)), passage=_objects(passages))
-    # The first state is not read: there the run begins.
-    before = np.array([np.flatnonzero(jump < max(number, 0))[-1] for number in jump.tolist()])
-    table = rows(states, "displacement", np.array([1.0, *(block.sigma for block in blocks)]),
-                 np.array([0.0, *(block.mean for block in blocks)]), run=run, file=file,
-                 line=np.array([0, *(record.line[block.first] for block in blocks)]))
-    tables = [replace(table, since=np.where(jump >= 0, before, -1))[np.arange(1, len(jump))]]
-    swings = {number: swing for number, swing in few.swings.items() if (jump == number).any()}
-    last = np.array([np.flatnonzero(jump == number)[-1] for number in swings], dtype=np.int64)
-    kinds: tuple[Kind, ...] = ("frequency", "decay")
-    for kind in kinds if swings else ():
-        value, sigma = (np.array([getattr(swing, name) for swing in swings.values()])
-                        for name in (kind, f"{kind}_sigma"))
-        tables.append(rows(states[last], kind, sigma, value, run=run, file=file,
-                           line=table.line[last]))
-    return tables
-
-
-def _objects(items: list[Passage]) -> NDArray[np.object_]:
-    """An array of these, each as it is."""
-    result = np.empty(len(items), dtype=object)
-    result[:] = items
-    return result

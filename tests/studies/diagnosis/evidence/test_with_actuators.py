@@ -22,11 +22,10 @@ from benchmarks.trials.verdict_cases.made import FOLDER
 from tests.support.datasets import write_dataset
 from tympan.studies.data.dataset import read_dataset
 from tympan.studies.diagnosis.diagnose import judge_dataset, weighed_together
-from tympan.studies.diagnosis.evidence.actuators import ACTUATORS
 from tympan.studies.diagnosis.evidence.coupon_readings import coupon_readings
 from tympan.studies.diagnosis.evidence.coupons import BATCH
 from tympan.studies.diagnosis.evidence.kind import PreparedReadings
-from tympan.studies.diagnosis.evidence.scans import SCANS
+from tympan.studies.diagnosis.evidence.registry import PLATES, REST
 from tympan.studies.diagnosis.hypothesis import Cause
 from tympan.studies.diagnosis.inference.verdict import Judgement, judge
 from tympan.studies.diagnosis.reduced.simulation import Simulation
@@ -83,7 +82,7 @@ def test_rows_are_what_each_simulation_predicts(together: tuple[PreparedReadings
     hypothesis, unknowns = (STIFFENING,), np.array([0.05, -0.04, -0.25])
     joint = simulation.prediction(hypothesis, unknowns, table)
     alone = judgement.of_first()
-    assert alone.simulation.evidence == (ACTUATORS, SCANS)
+    assert alone.simulation.evidence == PLATES
     assert len(alone.table) == 160
     assert joint.values[:160] == pytest.approx(
         alone.simulation.predict(hypothesis, unknowns, alone.table), rel=1e-12)
@@ -129,9 +128,9 @@ def test_films_that_differ_by_a_tenth_are_one_standard_deviation_apart(written: 
     readings = coupon_readings(read_dataset(written(Film())))
     simulation = Simulation(readings.setup, (), evidence=readings.evidence)
     judgement = judge(simulation, readings.table, readings.causes)
-    (tests,), films = readings.evidence, replace(simulation, evidence=(ACTUATORS,))
+    (tests,), films = readings.evidence, replace(simulation, evidence=(REST,))
     joint, table = weighed_together(films, readings.table[:0], tests, judgement)
-    assert joint.evidence == (ACTUATORS, tests)
+    assert joint.evidence == (REST, tests)
     assert len(table) == len(DESIGN) * len(STRETCH)
 
     def apart(film: Film) -> float:

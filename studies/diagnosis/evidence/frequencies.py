@@ -1,0 +1,42 @@
+"""Small swings of plates: frequency.csv, and what runs in time tell of them."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tympan.studies.data.dataset import Dataset
+from tympan.studies.diagnosis.evidence.kind import CHANNEL, Films, PlateEvidence, numbers_of
+from tympan.studies.diagnosis.reading_table import ReadingTable, States, rows
+from tympan.studies.effects import Setup
+from tympan.studies.effects.effect import Quantity
+
+Array = NDArray[np.float64]
+
+
+class Frequencies(PlateEvidence):
+    """Frequencies of small heaves [Hz]."""
+
+    files = ("frequency.csv",)
+    kinds = ("frequency",)
+
+    def read(self, dataset: Dataset, setup: Setup) -> tuple[list[ReadingTable], list[str]]:
+        read = dataset.frequencies
+        if read is None:
+            return [], []
+        # Damping of quality Q moves a peak by 1/(4 Q²) of its frequency.
+        quality = np.nan_to_num(read.quality, nan=np.inf)
+        share = np.maximum(CHANNEL, 0.25 / quality**2)
+        sigma = np.where(np.isnan(read.sigma), share * read.frequency, read.sigma)
+        states = States.of(numbers_of(setup, read.specimen), read.mass, read.voltage,
+                           run=np.arange(len(read)))
+        return [rows(states, "frequency", sigma, read.frequency, file=read.file.name,
+                     line=read.line)], []
+
+    def shown(self, films: Films, kind: str, rows: NDArray[np.int64], heave: Array) -> Array:
+        stiffness = films.stiffness(heave)
+        squared = stiffness * films.swing(stiffness).real / films.moving
+        return np.asarray(np.sqrt(squared) / (2 * np.pi))[films.table.state[rows]]
+
+    def tells(self, table: ReadingTable) -> set[Quantity]:
+        return {Quantity.FREQUENCY} if "frequency" in table.kind else set()

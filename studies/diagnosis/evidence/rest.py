@@ -1,0 +1,153 @@
+"""Plates at rest: static.csv and range.csv, with what is read besides displacements."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tympan.studies.columns import Sheet
+from tympan.studies.data.checks import at_sensor_end, bad_readings, clock_runs_back
+from tympan.studies.data.dataset import CHANNELS, Dataset
+from tympan.studies.data.noise import range_sigma, reading_sigma
+from tympan.studies.diagnosis.evidence.kind import (
+    CHANNEL,
+    Films,
+    PlateEvidence,
+    Split,
+    numbers_of,
+)
+from tympan.studies.diagnosis.history import staircase
+from tympan.studies.diagnosis.reading_table import LENGTHS, ReadingTable, States, rows
+from tympan.studies.effects import Setup
+from tympan.studies.effects.effect import Quantity
+
+Array = NDArray[np.float64]
+Numbers = NDArray[np.int64]
+
+#: Least noise of a tilt [rad]. No source.
+TILT = 1e-4
+
+#: Share of the largest voltage up to which the extended model is fitted when it is tested above.
+LOW_VOLTAGES = 0.7
+
+
+class Rest(PlateEvidence):
+    """Displacements of plates at rest, differences of two of them, and channels read with them.
+
+    Displacements that other files hold, of plates in time, are shown here, too.
+    """
+
+    files = ("static.csv", "range.csv")
+    kinds = (*LENGTHS, *CHANNELS)
+    alone = True
+
+    def read(self, dataset: Dataset, setup: Setup) -> tuple[list[ReadingTable], list[str]]:
+        tables, remarks = list[ReadingTable](), list[str]()
+        if dataset.static is not None:
+            tables += _static(dataset.static, setup, reading_sigma(dataset))
+            remarks += bad_readings(dataset.static)
+        if dataset.ranges is not None:
+            tables.append(_ranges(dataset.ranges, setup, range_sigma(dataset)))
+        return tables, remarks
+
+    def shown(self, films: Films, kind: str, rows: Numbers, heave: Array) -> Array:
+        table, rig = films.table, films.rig
+        at, since = table.state[rows], table.since[rows]
+        if kind == "range":
+            return np.asarray(rig.reading(heave[at]) - rig.reading(heave[since]))
+        if kind == "capacitance":
+            return films.capacitance(heave)[at]
+        if kind == "tilt":
+            return films.tilt(heave)[at]
+        if kind == "film_voltage":
+            # A probe shows what the supply gives, without the film's lag.
+            return np.asarray(rig.film_voltage(table.states.voltage))[at]
+        shown = np.array(rig.reading(heave[at], table.states.elapsed[at]))
+        late = since >= 0
+        jump = heave[at[late]] - heave[since[late]]
+        shown[late] -= (1 + rig.sensor_gain) * films.behind[at[late]] * jump
+        return shown
+
+    def shares(self, films: Films, rows: NDArray[np.bool_]) -> tuple[Array, Array]:
+        """Shares of the heaves of both states that rows of two show, by the sensor's gain."""
+        table = films.table
+        ranges, late = table.kind[rows] == "range", films.behind[table.state[rows]]
+        return np.where(ranges, 1.0, 1 - late), np.where(ranges, -1.0, late)
+
+    def splits(self, setup: Setup, table: ReadingTable
+               ) -> tuple[list[Split], dict[str, NDArray[Any]]]:
+        specimens = setup.specimens
+        frames = [(specimen.frame, specimen.plate) for specimen in specimens]
+        shape = np.array([frames.index(frame) for frame in frames])[table.specimen]
+        masses, mass = np.unique(table.mass, return_inverse=True)
+        edge = LOW_VOLTAGES * float(np.abs(table.voltage).max(initial=0.0))
+        splits: list[Split] = []
+        for number in np.unique(shape):
+            names = [specimen.name for specimen, frame in zip(specimens, frames, strict=True)
+                     if frame == frames[number]]
+            splits.append(("shape", " and ".join(names), shape == number))
+        if len(np.unique(shape)) < len(np.unique(table.specimen)):
+            splits += [("specimen", specimens[number].name, table.specimen == number)
+                       for number in np.unique(table.specimen)]
+        splits += [("mass", f"{1e3 * value:.5g} g", mass.ravel() == number)
+                   for number, value in enumerate(masses)]
+        splits.append(("voltage", f"above {edge / 1e3:.3g} kV", np.abs(table.voltage) > edge))
+        levels = {"shape": shape, "specimen": table.specimen, "mass": table.ramp,
+                  "voltage": np.abs(table.voltage)}
+        return splits, levels
+
+    def tells(self, table: ReadingTable) -> set[Quantity]:
+        states = table.states
+        there = {Quantity.ELAPSED: np.ptp(states.elapsed) > 0,
+                 Quantity.DIRECTION: np.any(states.direction != 0),
+                 Quantity.TIME: len(states.passages.rows)}
+        return {quantity for quantity, told in there.items() if told}
+
+
+def _static(readings: Sheet, setup: Setup, sigma: Array) -> list[ReadingTable]:
+    direction = (readings.direction == "up") * 1.0 - (readings.direction == "down")
+    elapsed = np.nan_to_num(readings.elapsed) * (clock_runs_back(readings) is None)
+    states = States.of(numbers_of(setup, readings.specimen), readings.mass, readings.voltage,
+                       elapsed, direction, np.unique(readings.run, return_inverse=True)[1])
+    ordered = np.isfinite(readings.order).all()
+    turn = np.argsort(readings.order, kind="stable") if ordered else np.arange(len(readings))
+    states = _held(states, readings.dwell, turn)
+    origin = readings.order, readings.run, readings.file.name, readings.line
+    seen = ~at_sensor_end(readings)
+    tables = [rows(states, "displacement", sigma, readings.displacement, *origin)[seen]]
+    for kind in CHANNELS:
+        values = readings[kind]
+        if (seen := np.isfinite(values)).any():
+            noise = CHANNEL * float(np.abs(values).max(where=seen, initial=0.0))
+            if kind == "tilt":
+                noise = max(noise, TILT)
+                # Whichever way; but noise about 0 keeps its sign, or it would look like a tilt.
+                values = np.where(np.abs(values) > 3 * noise, np.abs(values), values)
+            tables.append(rows(states, kind, noise, values, *origin)[seen])
+    if ordered:
+        tables = [table.reached(turn) for table in tables]
+    return tables
+
+
+def _held(states: States, dwell: Array, turn: NDArray[np.int64]) -> States:
+    """With what each state's run went through before it, where all say how long they were held."""
+    passage = states.passage.copy()
+    for run in states[turn].of_run:
+        reached = turn[run]
+        if np.isfinite(dwell[reached]).all():
+            passage[reached] = staircase(states.voltage[reached], dwell[reached])
+    return replace(states, passage=passage)
+
+
+def _ranges(ranges: Sheet, setup: Setup, sigma: Array) -> ReadingTable:
+    # From the lowest voltage to the highest one.
+    specimen = np.array(2 * numbers_of(setup, ranges.specimen))
+    mass, voltage = np.tile(ranges.mass, 2), np.r_[ranges.voltage_min, ranges.voltage_max]
+    states = States.of(specimen, mass, voltage, run=np.tile(np.arange(len(ranges)), 2))
+    states = _held(states, np.tile(ranges.dwell, 2), np.arange(len(states)))
+    table = rows(states[len(ranges) + np.arange(len(ranges))], "range", sigma, ranges.range,
+                 file=ranges.file.name, line=ranges.line)
+    return replace(table, states=states, state=len(ranges) + table.state, since=table.state)

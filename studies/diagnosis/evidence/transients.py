@@ -1,0 +1,119 @@
+"""Plates in time: transient.csv as displacements of blocks of samples, and what swings say."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tympan.fem.rig import Rig
+from tympan.studies.data.dataset import Dataset
+from tympan.studies.diagnosis.evidence.kind import Films, PlateEvidence, numbers_of
+from tympan.studies.diagnosis.history import Passage
+from tympan.studies.diagnosis.reading_table import ReadingTable, States, rows
+from tympan.studies.diagnosis.transients.block_means import ThinnedRecord, block_means
+from tympan.studies.diagnosis.transients.sampled_run import WORDS, SampledRun, faults, run_of
+from tympan.studies.effects import Setup
+
+Array = NDArray[np.float64]
+
+#: Factor beyond which a frequency is none of a weight on a spring that gives way so far.
+_APART_FROM_USUAL = 4.0
+
+
+class Transients(PlateEvidence):
+    """Runs in time: displacements and frequencies as any others, and rates of fading [1/s]."""
+
+    files = ("transient.csv",)
+    kinds = ("decay",)
+    alone = True
+
+    def read(self, dataset: Dataset, setup: Setup) -> tuple[list[ReadingTable], list[str]]:
+        """The rows of every run that can be used."""
+        transients = dataset.transients
+        if transients is None:
+            return [], []
+        keys = np.unique(np.stack([np.unique(transients[name], return_inverse=True)[1].ravel()
+                                   for name in ("specimen", "mass", "run")]), axis=1,
+                         return_inverse=True)[1].ravel()
+        tables, remarks, counts = list[ReadingTable](), list[str](), [0, 0]
+        specimens = numbers_of(setup, transients.specimen)
+        for number in range(int(keys.max()) + 1):
+            rows_ = np.flatnonzero(keys == number)
+            record = run_of(transients, rows_)
+            words = {"file": transients.file.name, "name": f"{transients.specimen[rows_[0]]}, "
+                     f"{1e3 * transients.mass[rows_[0]]:.4g} g, {transients.run[rows_[0]]}"}
+            wrong = faults(record)
+            if wrong.words:
+                remarks.append(WORDS["left_out" if wrong.fatal else "beware"].format(
+                    **words, reason=wrong.words))
+            if wrong.fatal:
+                continue
+            few = block_means(record, dataset.noise)
+            off = _out_of_time(few, dataset.rig)
+            if off is not None:
+                remarks.append(WORDS["left_out"].format(**words, reason=off))
+                continue
+            counts = [counts[0] + len(rows_), counts[1] + len(few.blocks)]
+            tables += _rows(record, few, specimens[rows_[0]],
+                            float(transients.mass[rows_[0]]), str(transients.run[rows_[0]]),
+                            transients.file.name)
+        if counts[0] > counts[1]:
+            remarks.append(WORDS["thinned"].format(samples=counts[0], blocks=counts[1]))
+        return tables, remarks
+
+    def shown(self, films: Films, kind: str, rows: NDArray[np.int64], heave: Array) -> Array:
+        stiffness, mass = films.stiffness(heave), films.moving
+        # Branches take energy by the imaginary part of the stiffness.
+        loss = stiffness * films.swing(stiffness).imag
+        rate = (films.rig.plate_damping + loss / np.sqrt(stiffness / mass)) / (2 * mass)
+        return np.asarray(rate[films.table.state[rows]])
+
+
+def _out_of_time(few: ThinnedRecord, rig: Rig) -> str | None:
+    """What is wrong with times by which the plate swings as no weight on this film can.
+
+    A weight on a spring that gives way by y has 2πf = √(g/y).
+    """
+    if rig.gas_pressure or rig.biases or not few.blocks:
+        return None
+    usual = float(np.sqrt(rig.gravity / max(abs(few.blocks[0].mean), 1e-9))) / (2 * np.pi)
+    for swing in few.swings.values():
+        if not usual / _APART_FROM_USUAL < swing.frequency < usual * _APART_FROM_USUAL:
+            return WORDS["out_of_time"].format(frequency=swing.frequency, usual=usual)
+    return None
+
+
+def _rows(record: SampledRun, few: ThinnedRecord, specimen: int, mass: float, run: str, file: str
+          ) -> list[ReadingTable]:
+    """Displacements of blocks, counted from the state before the last jump; what swings say."""
+    blocks = few.blocks
+    history = record.history
+    passages = [Passage(history, 0.0, 0.0), *(block.passage for block in blocks)]
+    times = [0.0, *(float(record.time[block.first:block.last].mean()) for block in blocks)]
+    voltage = [float(record.voltage[0]), *(block.voltage for block in blocks)]
+    jump = np.array([-1, *(block.jump for block in blocks)])
+    states = replace(States.of([specimen] * len(jump), np.full(len(jump), mass),
+                               np.array(voltage), np.array(times)), passage=_objects(passages))
+    # The first state is not read: there the run begins.
+    before = np.array([np.flatnonzero(jump < max(number, 0))[-1] for number in jump.tolist()])
+    table = rows(states, "displacement", np.array([1.0, *(block.sigma for block in blocks)]),
+                 np.array([0.0, *(block.mean for block in blocks)]), run=run, file=file,
+                 line=np.array([0, *(record.line[block.first] for block in blocks)]))
+    tables = [replace(table, since=np.where(jump >= 0, before, -1))[np.arange(1, len(jump))]]
+    swings = {number: swing for number, swing in few.swings.items() if (jump == number).any()}
+    last = np.array([np.flatnonzero(jump == number)[-1] for number in swings], dtype=np.int64)
+    for kind in ("frequency", "decay") if swings else ():
+        value, sigma = (np.array([getattr(swing, name) for swing in swings.values()])
+                        for name in (kind, f"{kind}_sigma"))
+        tables.append(rows(states[last], kind, sigma, value, run=run, file=file,
+                           line=table.line[last]))
+    return tables
+
+
+def _objects(items: list[Passage]) -> NDArray[np.object_]:
+    """An array of these, each as it is."""
+    result = np.empty(len(items), dtype=object)
+    result[:] = items
+    return result
