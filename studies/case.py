@@ -222,6 +222,7 @@ class Limit:
                               "thins fastest")]
     y_m: Annotated[float, Key("y of the same place")]
     spread: Annotated[float, Key("how far the voltage may be off, relative")] = 0.0
+    at_edge: Annotated[bool, Key("whether it begins at the edge of an electrode")] = False
 
     @property
     def state(self) -> LimitState:
@@ -232,7 +233,7 @@ class Limit:
     @property
     def place(self) -> str:
         """Where it begins, in millimetres."""
-        return place_text(self.x_m, self.y_m)
+        return place_text(self.x_m, self.y_m) + ", the electrode's edge" * self.at_edge
 
     @property
     def text(self) -> str:

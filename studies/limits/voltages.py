@@ -298,7 +298,8 @@ def _limits(case: Case, passed: list[Stop]) -> Limits:
         kind = _KINDS[stop.event.what]
         if kind not in reached:
             reached[kind] = Limit(kind=kind, voltage_V=_nominal(case, stop.station.voltage_V),
-                                  x_m=stop.event.x_m, y_m=stop.event.y_m, spread=stop.event.spread)
+                                  x_m=stop.event.x_m, y_m=stop.event.y_m, spread=stop.event.spread,
+                                  at_edge=stop.on_electrode_edge(LIMIT_STATES[kind]))
             thins |= kind == INSTABILITY.kind and stop.thins
     ended = passed[-1].ended if passed else UNFOLLOWED
     if passed and ended == UNFOLLOWED:
@@ -330,7 +331,8 @@ def _told(limits: Limits) -> str:
         return (f"the film loses tension at {tension.text} and, wrinkled, thins without bound"
                 f"{begins}")
     if gone is not None:
-        return f"the film gives way in itself at {gone.text}, before the plate pulls in"
+        edge = ", at the electrode's edge" * gone.at_edge
+        return f"the film gives way in itself at {gone.text}{edge}, before the plate pulls in"
     return limits.ended if pull_in is None else f"the film pulls in at {pull_in.text}"
 
 
