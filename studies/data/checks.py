@@ -71,7 +71,7 @@ def summary(dataset: Dataset) -> dict[str, Any]:
                    "readings": published.get(name, readings.get(Path(name).stem))}
                   for name, sha256 in dataset.files.items()],
         "specimens": [specimen.name for specimen in dataset.specimens],
-        "masses_kg": _distinct([table.mass for table in dataset.sheets]),
+        "masses_kg": _distinct([dataset.masses]),
         "voltages_V": _distinct(voltages),
         "channels": [] if static is None else ["displacement", *channels(static)],
         "runs": len({*runs}),
@@ -234,11 +234,11 @@ def _slips_of_column(table: Sheet, file: str, column: str, specimen: str,
     What is read under a small mass may be as much smaller than the least that can be.
     """
     low, high, unit, factor = limits
-    here = table.specimen == specimen
-    heaviest = float(table.mass[here].max()) or 1.0
+    here, masses = table.specimen == specimen, table.values.get("mass", np.zeros(len(table)))
+    heaviest = float(masses[here].max()) or 1.0
     groups = [(here, 1.0, "")] + [
-        (here & (table.mass == mass), mass / heaviest, f" under {1e3 * mass:.4g} g")
-        for mass in np.unique(table.mass[here]).tolist()]
+        (here & (masses == mass), mass / heaviest, f" under {1e3 * mass:.4g} g")
+        for mass in np.unique(masses[here]).tolist()]
     for rows, share, under in groups:
         largest = float(np.abs(np.nan_to_num(table[column][rows])).max())
         if largest and not low * share <= largest <= high:

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tympan.fem.film.library import load_specimen
 from tympan.fem.rig import Rig
@@ -170,6 +171,12 @@ class Dataset:
     def sheets(self) -> tuple[Sheet, ...]:
         """The files there are of readings of actuators."""
         return tuple(table for table in self.tables.values() if isinstance(table, Sheet))
+
+    @property
+    def masses(self) -> NDArray[np.float64]:
+        """Those under which anything was read [kg], row by row."""
+        masses = (sheet.mass for sheet in self.sheets if "mass" in sheet.values)
+        return np.concatenate([np.empty(0), *masses])
 
 
 def read_dataset(folder: Path | str, planned: bool = False) -> Dataset:

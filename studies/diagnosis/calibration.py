@@ -231,6 +231,7 @@ def _needed(setup: Setup, table: ReadingTable, rest: FilmsAtRest | None = None) 
     for number, specimen in enumerate(setup.specimens):
         read = table.value[(table.specimen == number) & (table.kind == "displacement")]
         there = states.specimen == number
+        read = np.r_[read, states.heave[there]]
         if rest is not None:
             # Where U² is beyond reach the heave tells nothing.
             sought = there & (rest.possible | rest.short) & (rest.voltage_squared <= rest.top)

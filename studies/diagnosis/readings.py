@@ -71,8 +71,8 @@ def _refuse(dataset: Dataset) -> None:
     if not any(kind.alone for kind in there):
         raise InputError(f"must have static.csv or range.csv beside {there[0].files[0]}: by that "
                          "alone no mass is told from a stiffness", key=dataset.name)
-    masses, rig = np.concatenate([sheet.mass for sheet in dataset.sheets]), dataset.rig
-    if not (rig.force(masses, 1.0).any() or rig.gas_pressure or rig.biases):
+    rig = dataset.rig
+    if not (rig.force(dataset.masses, 1.0).any() or rig.gas_pressure or rig.biases):
         raise InputError("must be above 0 in some reading: a film that nothing loads stays flat "
                          "under any voltage", key="mass", given="0 g everywhere")
     for slip in (*slips_of_unit(dataset), *slips_of_sign(dataset)):

@@ -82,7 +82,8 @@ class Rest(PlateEvidence):
         specimens = setup.specimens
         frames = [(specimen.frame, specimen.plate) for specimen in specimens]
         shape = np.array([frames.index(frame) for frame in frames])[table.specimen]
-        masses, mass = np.unique(table.mass, return_inverse=True)
+        # Plates that are held carry no mass that could be held out.
+        mass = np.where(np.isnan(table.states.heave[table.state]), table.mass, np.nan)
         edge = LOW_VOLTAGES * float(np.abs(table.voltage).max(initial=0.0))
         splits: list[Split] = []
         for number in np.unique(shape):
@@ -92,8 +93,8 @@ class Rest(PlateEvidence):
         if len(np.unique(shape)) < len(np.unique(table.specimen)):
             splits += [("specimen", specimens[number].name, table.specimen == number)
                        for number in np.unique(table.specimen)]
-        splits += [("mass", f"{1e3 * value:.5g} g", mass.ravel() == number)
-                   for number, value in enumerate(masses)]
+        splits += [("mass", f"{1e3 * value:.5g} g", mass == value)
+                   for value in np.unique(mass[np.isfinite(mass)]).tolist()]
         splits.append(("voltage", f"above {edge / 1e3:.3g} kV", np.abs(table.voltage) > edge))
         levels = {"shape": shape, "specimen": table.specimen, "mass": table.ramp,
                   "voltage": np.abs(table.voltage)}
