@@ -112,9 +112,25 @@ FIELD: tuple[Column, ...] = (
     _SIGMA,
 )
 
+#: The columns of force.csv: the plate held by a tester, with the force on the film, positive along
+#: the deflection; ``sigma``: standard deviation of the force. ``direction``, ``t`` and ``tilt`` are
+#: kept and not judged.
+FORCE: tuple[Column, ...] = (
+    SPECIMEN,
+    Column("voltage", "kV", _VOLTAGE),
+    Column("displacement", "mm", _DISPLACEMENT),
+    Column("force", "mN"),
+    Column.labels("run", required=False),
+    Column.labels("direction", ("out", "back"), required=False),
+    Column("t", "s", _TIME, required=False),
+    Column("tilt", "mrad", FINITE, required=False),
+    Column("sigma", "mN", POSITIVE, required=False),
+)
+
 #: The files of readings a dataset may hold, and their columns.
 FILES = {"static.csv": STATIC, "range.csv": RANGE, "transient.csv": TRANSIENT,
-         "coupon.csv": coupon.COLUMNS, "frequency.csv": FREQUENCY, "field.csv": FIELD}
+         "coupon.csv": coupon.COLUMNS, "frequency.csv": FREQUENCY, "field.csv": FIELD,
+         "force.csv": FORCE}
 
 #: How far outside the frame places may lie that are read on the film's edge, and where the plate
 #: may sit elsewhere, as shares of the frame's larger half extent.
@@ -128,8 +144,9 @@ CHANNELS = ("capacitance", "film_voltage", "tilt")
 class Dataset:
     """Measured readings with the specimens and the rig they came from.
 
-    ``static``, ``ranges``, ``transients``, ``frequencies`` and ``fields`` have the columns of
-    :data:`STATIC`, :data:`RANGE`, :data:`TRANSIENT`, :data:`FREQUENCY` and :data:`FIELD`.
+    ``static``, ``ranges``, ``transients``, ``frequencies``, ``fields`` and ``forces`` have the
+    columns of :data:`STATIC`, :data:`RANGE`, :data:`TRANSIENT`, :data:`FREQUENCY`, :data:`FIELD`
+    and :data:`FORCE`.
     ``files`` are those read, with the SHA-256 of their bytes; ``remarks`` what reading found odd.
     """
 
@@ -157,6 +174,7 @@ class Dataset:
     coupons: Coupons | None = None
     frequencies: Sheet | None = None
     fields: Sheet | None = None
+    forces: Sheet | None = None
     files: Mapping[str, str] = field(default_factory=dict)
     remarks: tuple[str, ...] = ()
 
@@ -164,7 +182,7 @@ class Dataset:
     def tables(self) -> dict[str, Sheet | Coupons]:
         """What there is, by file name."""
         every = zip(FILES, (self.static, self.ranges, self.transients, self.coupons,
-                            self.frequencies, self.fields), strict=True)
+                            self.frequencies, self.fields, self.forces), strict=True)
         return {name: table for name, table in every if table is not None}
 
     @property
@@ -218,7 +236,7 @@ def read_dataset(folder: Path | str, planned: bool = False) -> Dataset:
         if SPECIMEN in columns:
             _check_specimens(sheet, [specimen.name for specimen in dataset.specimens])
             remarks += _identical(sheet)
-    static, ranges, transients, coupons, frequencies, fields = map(sheets.get, FILES)
+    static, ranges, transients, coupons, frequencies, fields, forces = map(sheets.get, FILES)
     if ranges is not None:
         for row in np.flatnonzero(ranges.voltage_max <= ranges.voltage_min):
             raise ranges.error(int(row), "voltage_max", "must be above voltage_min")
@@ -236,7 +254,7 @@ def read_dataset(folder: Path | str, planned: bool = False) -> Dataset:
         raise InputError(f"must hold at least one of {', '.join(FILES)}{words}", file=folder)
     return replace(dataset, static=static, ranges=ranges, transients=transients, files=files,
                    coupons=Coupons.joined(tests) if tests else None,
-                   frequencies=frequencies, fields=fields,
+                   frequencies=frequencies, fields=fields, forces=forces,
                    remarks=tuple(remarks))
 
 

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 @command("data",
          argument("dataset", type=Path, metavar="DATASET",
                   help="folder with dataset.toml and static.csv, range.csv, transient.csv, "
-                       "coupon.csv, frequency.csv or field.csv"), JSON,
+                       "coupon.csv, frequency.csv, field.csv or force.csv"), JSON,
          example="readings")
 def data(options: argparse.Namespace) -> None:
     """Check a dataset of measurements and say what is in it."""

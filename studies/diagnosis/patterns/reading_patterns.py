@@ -75,7 +75,7 @@ def patterns(table: ReadingTable, names: Sequence[str], predicted: Array) -> dic
         if not lengths[rows[0]]:
             channel, typical = table[rows], float(np.sqrt(np.mean(predicted[rows] ** 2)))
             size = np.full(len(rows), typical or float(channel.sigma.max()))
-            voltage = _legendre(channel.voltage**2)
+            voltage = smooth(channel.voltage**2)
             columns[f"channel {kind}"] = among(table.kind == kind, np.hstack(
                 [size[:, None] * voltage, _ramps(channel, size, voltage)]))
     return columns
@@ -91,7 +91,7 @@ def among(rows: NDArray[np.bool_], columns: Array) -> Array:
 def _patterns_of_lengths(table: ReadingTable, names: Sequence[str],
                          predicted: Array) -> dict[str, Array]:
     size = np.full(len(table), float(np.sqrt(np.mean(predicted**2))))
-    voltage, numbers = _legendre(table.voltage**2), np.unique(table.specimen)
+    voltage, numbers = smooth(table.voltage**2), np.unique(table.specimen)
     few = voltage[:, :3]
     columns = {"level": size[:, None] * voltage[:, :1], "voltage": size[:, None] * voltage[:, 1:]}
     for number in numbers if len(numbers) > 1 else ():
@@ -118,7 +118,8 @@ def over(columns: dict[str, Array], table: ReadingTable) -> dict[str, Array]:
     return {name: table.noise.whitened(values) for name, values in columns.items()}
 
 
-def _legendre(squared: Array) -> Array:
+def smooth(squared: Array) -> Array:
+    """Polynomials in what is squared or has no sign, no more than its values tell."""
     share = 2 * squared / max(float(squared.max(initial=0.0)), 1.0) - 1
     degree = max(0, min(_DEGREE, len(np.unique(squared)) - 2))
     return np.asarray(legendre.legvander(share, degree), float)

@@ -43,6 +43,7 @@ UNITS = {
     "stress": {"kPa": 1e3, "Pa": 1, "MPa": 1e6},
     "frequency": {"Hz": 1, "kHz": 1e3, "mHz": 1e-3},
     "current": {"uA": 1e-6, "mA": 1e-3, "A": 1},
+    "force": {"mN": 1e-3, "N": 1, "kN": 1e3},
 }
 #: Between which numbers are drawn, where columns have limits of their own.
 LIMITS = {"quality": (0.51, 1e3), "displacement": (1e-9, 10), "stretch": (0.05, 20),

@@ -1,0 +1,81 @@
+"""Forces on plates that a tester holds, by the axisymmetric membrane, beside readings at rest."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.oracles.axisymmetric import solve_deflection, solve_load
+from tests.support.datasets import HEAD, write_dataset
+from tests.support.specimens import circular, reference_film
+from tympan.fem.toml_writer import specimen_to_toml
+from tympan.studies.data.dataset import read_dataset
+from tympan.studies.diagnosis.calibration import calibrated
+from tympan.studies.diagnosis.diagnose import diagnose
+from tympan.studies.diagnosis.hypothesis import Cause
+from tympan.studies.diagnosis.readings import prepared_readings
+
+FILM = reference_film(circular().membrane.material)
+HEAVES = np.arange(1, 7) * 1e-3
+VOLTAGES = (0.0, 3e3)
+
+
+def written(folder: Path, seed: int | None = None) -> Path:
+    """Deflections to 20 µm and forces to 2 mN of the specimen as it is stated."""
+    random = np.random.default_rng(seed)
+    scatter = 0.0 if seed is None else 1.0
+    static = "specimen,mass_g,voltage_kV,displacement_mm\n"
+    for mass in (17.9, 22.45):
+        for kilovolts in (0, 1, 2, 3, 4, 5):
+            read = solve_load(FILM, 9.80665e-3 * mass, 1e3 * kilovolts).deflection
+            read += 20e-6 * scatter * random.standard_normal()
+            static += f"circle,{mass},{kilovolts},{1e3 * read:.5f}\n"
+    force = "specimen,voltage_kV,displacement_mm,force_mN,run,direction,sigma_mN\n"
+    for voltage in VOLTAGES:
+        for heave in HEAVES.tolist():
+            read = solve_deflection(FILM, heave, voltage).force
+            read += 2e-3 * scatter * random.standard_normal()
+            force += f"circle,{voltage / 1e3},{1e3 * heave},{1e3 * read:.5f},1,out,2\n"
+    folder = write_dataset(folder, 'noise = "20 um"\n' + HEAD, (), static=static, force=force)
+    (folder / "circle.toml").write_text(specimen_to_toml(circular()), encoding="utf-8")
+    with (folder / "dataset.toml").open("a", encoding="utf-8") as about:
+        about.write('[[specimen]]\nfile = "circle.toml"\n')
+    return folder
+
+
+def test_forces_are_those_of_the_membrane(tmp_path: Path) -> None:
+    """Within 1e-4 of the largest, at heaves beyond all that hang; a spring adds k times the heave.
+    """
+    readings = prepared_readings(read_dataset(written(tmp_path / "d")))
+    nominal = calibrated(readings.setup, readings.table)
+    rows = nominal.table.rows_of["force"]
+    assert len(rows) == len(HEAVES) * len(VOLTAGES)
+    heave = nominal.table.states.heave[nominal.table.state[rows]]
+    assert heave == pytest.approx(np.tile(HEAVES, len(VOLTAGES)))
+    exact = nominal.table.value[rows]
+    shown = nominal.simulation.predict((), np.zeros(2), nominal.table)[rows]
+    assert shown == pytest.approx(exact, abs=1e-4 * exact.max())
+    spring = (Cause("parallel_spring"),)
+    stiffer = nominal.simulation.predict(spring, np.array([0.0, 0.0, 4.0]), nominal.table)[rows]
+    assert stiffer - shown == pytest.approx(4.0 * heave)
+
+
+def test_noise_is_stated_or_a_share(tmp_path: Path) -> None:
+    folder = written(tmp_path / "d")
+    table = prepared_readings(read_dataset(folder)).table
+    assert table.sigma[table.kind == "force"] == pytest.approx(2e-3)
+    file = folder / "force.csv"
+    file.write_text(file.read_text(encoding="utf-8").replace(",1,out,2\n", ",1,out,\n"),
+                    encoding="utf-8")
+    table = prepared_readings(read_dataset(folder)).table
+    force = table.kind == "force"
+    assert table.sigma[force] == pytest.approx(0.01 * table.value[force].max())
+
+
+def test_nothing_hidden_is_nothing_found(tmp_path: Path) -> None:
+    found = diagnose(read_dataset(written(tmp_path / "d", seed=1)))
+    assert found.verdict == "nothing"
+    assert (found.tables["readings.csv"]["kind"] == "force").sum() == len(HEAVES) * len(VOLTAGES)
+    assert found.gain is None or "0 g" not in " ".join(found.gain.impossible)
