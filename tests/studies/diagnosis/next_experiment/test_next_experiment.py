@@ -12,7 +12,7 @@ from tympan.studies.data.effort import Effort
 from tympan.studies.diagnosis.calibration import with_masses
 from tympan.studies.diagnosis.fits.fit import Fit
 from tympan.studies.diagnosis.fits.fitting import fit
-from tympan.studies.diagnosis.hypothesis import Cause, Hypothesis
+from tympan.studies.diagnosis.hypothesis import Cause
 from tympan.studies.diagnosis.inference.identifiability import SEEN, TOLD
 from tympan.studies.diagnosis.inference.posterior import Posterior
 from tympan.studies.diagnosis.inference.verdict import Judgement, judge
@@ -199,18 +199,17 @@ class Trial:
     useful: bool
 
 
-def worth(simulation: Simulation, judgement: Judgement, truth: Hypothesis, unknowns: np.ndarray,
-          new: ReadingTable,
-          others: list[tuple[Fit, float]]) -> float:
+def worth(simulation: Simulation, old: ReadingTable, truth: Fit, unknowns: np.ndarray,
+          new: ReadingTable, others: list[tuple[Fit, float]]) -> float:
     """Mean true Δχ² of the rivals refitted to old and new readings over the truth refitted to them,
     up to SEEN."""
-    values = simulation.predict(truth, unknowns, new)
+    values = simulation.predict(truth.hypothesis, unknowns, new)
     finite = np.isfinite(values)
     new = new[finite].with_values(values[finite])
-    of_truth = refitted(simulation, fit(simulation, truth, judgement.table), judgement.table, new)
-    differences = [min(refitted(simulation, rival, judgement.table, new) - of_truth, SEEN)
+    of_truth = refitted(simulation, truth, old, new)
+    differences = [min(refitted(simulation, rival, old, new) - of_truth, SEEN)
                    for rival, _ in others]
-    return float(np.average(differences, weights=[1e-9 + share for _, share in others]))
+    return float(np.average(differences, weights=[share for _, share in others]))
 
 
 def tried(simulation: Simulation, seed: int) -> Trial | None:
@@ -232,18 +231,21 @@ def tried(simulation: Simulation, seed: int) -> Trial | None:
     if judgement.posterior is None:
         return None
     fits, shares = rivals(judgement.posterior, causes)
-    others = [(rival, share) for rival, share in zip(fits, shares.tolist(), strict=True)
+    others = [(rival, 1e-9 + share) for rival, share in zip(fits, shares.tolist(), strict=True)
               if cause not in rival.hypothesis]
     if len(others) == len(fits) or not others:
         return None
+    # Of a mean, those of a thousandth of the largest weight are no part that counts.
+    largest = max(share for _, share in others)
+    others = [(rival, share) for rival, share in others if share > 1e-3 * largest]
     readout = Readout(with_masses(simulation), judgement.table, judgement.nominal)
-    worths = {}
+    of_truth, worths = fit(readout.simulation, (cause,), judgement.table), {}
     for experiment in MENU:
         possible = experiment.possible(readout, fits)
         if possible is not None:
             new = possible[1]
             worths[experiment.words(new, simulation.setup)] = worth(
-                readout.simulation, judgement, (cause,), unknowns, new, others)
+                readout.simulation, judgement.table, of_truth, unknowns, new, others)
     proposals, _ = propose(simulation, judgement, causes)
     per_minute = {proposal.what: worths[proposal.what] / proposal.minutes for proposal in proposals}
     return Trial(per_minute[proposals[0].what] / max(*per_minute.values(), 1e-9),
