@@ -133,7 +133,8 @@ def _patterns(simulation: Model, table: ReadingTable, nominal: Fit) -> dict[str,
     names = [specimen.name for specimen in simulation.setup.specimens]
     predicted, columns = nominal.predicted(table), dict[str, Array]()
     for kind in simulation.evidence:
-        rows = rows_of([kind], table)
+        if not (rows := rows_of([kind], table)).any():
+            continue
         columns |= {name: among(rows, values) for name, values in kind.patterns(
             table[rows], names, predicted[rows]).items()}
     return columns
