@@ -15,7 +15,7 @@ REST = Rest()
 TRANSIENTS = Transients()
 
 #: In the order in which their rows stand in a table; the first says how rows are held out.
-PLATES: tuple[PlateEvidence, ...] = (REST, Frequencies(), TRANSIENTS, Held(), Scans())
+PLATES: tuple[PlateEvidence, ...] = (REST, TRANSIENTS, Frequencies(), Held(), Scans())
 
 #: That which says what rows of a kind show.
 BY_ROWS = {name: kind for kind in PLATES for name in kind.kinds}
