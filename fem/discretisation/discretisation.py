@@ -20,6 +20,7 @@ from tympan.fem.discretisation.isoparametric import (
     quadrature,
     tabulated,
 )
+from tympan.fem.discretisation.recovery import Recovery
 from tympan.fem.linear_solver.direct import Analysis, analyse
 from tympan.fem.linear_solver.dissection import elimination_order
 from tympan.geometry.mesh import ELEMENTS, CurvedTriangles, curved_mesh
@@ -253,6 +254,13 @@ class Discretisation:
         """The corners of elements between what is covered and what is bare."""
         return ElectrodeEdge.of(self.connectivity, self.covered[:, 0] > 0, self.nodal_gradients,
                                 self.mesh.order)
+
+    @cached_property
+    def recovery(self) -> Recovery:
+        """Values at the corners of elements from those at the quadrature points around."""
+        places = np.matmul(self.shapes, self.reference[self.connectivity])[..., :2]
+        return Recovery(self.connectivity, self.covered[:, 0] > 0, self.reference[:, :2], places,
+                        self.mesh.order)
 
     @cached_property
     def electrode_edge_nodes(self) -> Array:

@@ -7,59 +7,79 @@ Methods Eng. 33, 1331, 1992).
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tympan.fem.discretisation.discretisation import Discretisation
 from tympan.fem.discretisation.electrode_edge import CORNERS
 
 Array = NDArray[Any]
 
 
-def recovered(mesh: Discretisation, values: Array, elements: Array) -> Array:
-    """Values at the corners of some elements from those at the quadrature points around.
+@dataclass(frozen=True, eq=False)
+class Recovery:
+    """Weights of the values around each corner, worked out once, where they are asked for.
 
-    ``values`` (k, elements, points), the result (k, elements, 3).
+    ``connectivity`` (elements, local); ``covered`` (elements,); ``nodes`` and ``places``: where the
+    nodes (nodes, 2) and the quadrature points (elements, points, 2) are, complex where the mesh is;
+    ``order`` of the elements.
     """
-    sides = sides_at_corners(mesh)
-    result = np.empty((len(values), len(elements), CORNERS))
-    done: dict[int, Array] = {}
-    for row, element in enumerate(elements.tolist()):
-        for corner in range(CORNERS):
-            side = int(sides[element, corner])
-            if side not in done:
-                around, weights = recovery_at(mesh, element, corner)
-                done[side] = np.tensordot(values[:, around], weights, axes=2)
-            result[:, row, corner] = done[side]
-    return result
 
+    connectivity: Array
+    covered: NDArray[np.bool_]
+    nodes: Array
+    places: Array
+    order: int
+    _known: dict[int, tuple[Array, Array]] = field(default_factory=dict, init=False, repr=False)
 
-def sides_at_corners(mesh: Discretisation) -> Array:
-    """A number for each corner of each element, the same on one side of an electrode's edge."""
-    return np.asarray(2 * mesh.connectivity[:, :CORNERS] + (mesh.covered[:, :1] > 0))
+    def recovered(self, values: Array, elements: Array) -> Array:
+        """Values at the corners of some elements from those at the quadrature points around.
 
+        ``values`` (k, elements, points), the result (k, elements, 3).
+        """
+        result = np.empty((len(values), len(elements), CORNERS))
+        done: dict[int, Array] = {}
+        for row, element in enumerate(elements.tolist()):
+            for corner in range(CORNERS):
+                side = int(self._sides[element, corner])
+                if side not in done:
+                    around, weights = self.at(element, corner)
+                    done[side] = np.tensordot(values[:, around], weights, axes=2)
+                result[:, row, corner] = done[side]
+        return result
 
-def recovery_at(mesh: Discretisation, element: int, corner: int) -> tuple[Array, Array]:
-    """Elements around a corner of one, and the weights of their points, (elements, points).
+    def at(self, element: int, corner: int) -> tuple[Array, Array]:
+        """Elements around a corner of one, and the weights of their points, (elements, points).
 
-    The value recovered there is the sum of weights times values. It has derivatives by complex
-    steps of the nodes' places.
-    """
-    sides = sides_at_corners(mesh)
-    around = np.flatnonzero((sides == sides[element, corner]).any(axis=1))
-    places = np.matmul(mesh.shapes, mesh.reference[mesh.connectivity[around]])[..., :2]
-    away = places - mesh.reference[mesh.connectivity[element, corner], :2]
-    powers = _powers(away.reshape(-1, 2) / np.abs(away).max(), mesh.mesh.order - 1)
-    inverse = np.linalg.pinv(powers.real)
-    weights = inverse[0]
-    if np.iscomplexobj(powers):
-        # d(A⁺) = −A⁺ dA A⁺ + (AᵀA)⁻¹ dAᵀ (1 − A A⁺), the first row of it.
-        change, residual = powers.imag, np.eye(len(powers)) - powers.real @ inverse
-        slope = -inverse @ change @ inverse + inverse @ inverse.T @ change.T @ residual
-        weights = weights + 1j * slope[0]
-    return around, weights.reshape(places.shape[:2])
+        The value recovered there is the sum of weights times values. It has derivatives by complex
+        steps of the nodes' places.
+        """
+        side = int(self._sides[element, corner])
+        if side not in self._known:
+            self._known[side] = self._fitted(side, self.connectivity[element, corner])
+        return self._known[side]
+
+    @cached_property
+    def _sides(self) -> Array:
+        """A number for each corner of each element, the same on one side of an electrode's edge."""
+        return np.asarray(2 * self.connectivity[:, :CORNERS] + self.covered[:, None])
+
+    def _fitted(self, side: int, node: int) -> tuple[Array, Array]:
+        around = np.flatnonzero((self._sides == side).any(axis=1))
+        places = self.places[around]
+        away = places - self.nodes[node]
+        powers = _powers(away.reshape(-1, 2) / np.abs(away).max(), self.order - 1)
+        inverse = np.linalg.pinv(powers.real)
+        weights = inverse[0]
+        if np.iscomplexobj(powers):
+            # d(A⁺) = −A⁺ dA A⁺ + (AᵀA)⁻¹ dAᵀ (1 − A A⁺), the first row of it.
+            change, residual = powers.imag, np.eye(len(powers)) - powers.real @ inverse
+            slope = -inverse @ change @ inverse + inverse @ inverse.T @ change.T @ residual
+            weights = weights + 1j * slope[0]
+        return around, weights.reshape(places.shape[:2])
 
 
 def _powers(places: Array, degree: int) -> Array:

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from tympan.fem.discretisation.discretisation import Discretisation
 from tympan.fem.discretisation.electrode_edge import CORNERS
 from tympan.fem.discretisation.isoparametric import deformation
-from tympan.fem.discretisation.recovery import recovered, recovery_at
 from tympan.fem.film.density import FilmDensity, principal_stretches
 from tympan.fem.film.interface import Side, interface_margin
 from tympan.fem.membrane.model import Model, cauchy_green
@@ -65,7 +64,7 @@ class Source:
     @classmethod
     def recovered(cls, mesh: Discretisation, element: int, corner: int) -> Source:
         """Of the strain recovered at a corner."""
-        around, weights = recovery_at(mesh, element, corner)
+        around, weights = mesh.recovery.at(element, corner)
         return cls(around, mesh.gradients[around], weights)
 
     @classmethod
@@ -172,8 +171,8 @@ def _by_element(model: Model, state: State) -> tuple[Array, Array]:
 def _recover(model: Model, state: State, elliptic: Array, elements: Array) -> None:
     """Put margins by recovered strains at the corners of some elements, ∞ at their other nodes."""
     places = np.stack(np.broadcast_arrays(elements[:, None], np.arange(CORNERS)), axis=-1)
-    strains = recovered(model.discretisation, np.stack(model.cauchy_green(state.positions)),
-                        elements)
+    own = np.stack(model.cauchy_green(state.positions))
+    strains = model.discretisation.recovery.recovered(own, elements)
     elliptic[elements] = np.inf
     there = _density_at(model, state.voltage_squared, places)
     elliptic[elements, :CORNERS] = there.firmness((strains[0], strains[1], strains[2]))

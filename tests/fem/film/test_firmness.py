@@ -10,7 +10,6 @@ import pytest
 from tests.support.specimens import circular
 from tympan.fem.derivatives.quantities import firmness_at
 from tympan.fem.derivatives.sensitivity import gradient_many, parameters
-from tympan.fem.discretisation.recovery import recovered
 from tympan.fem.equilibrium.newton import moved, newton
 from tympan.fem.equilibrium.solve import equilibrium
 from tympan.fem.film.density import FilmDensity
@@ -159,5 +158,5 @@ def test_recovered_values_are_exact_up_to_a_degree_below_the_elements(order: int
         x, y = 1e2 * at[..., 0], 1e2 * at[..., 1]
         return np.asarray(x ** (order - 1) - 2 * x * y + 1 + 50 * bare)
 
-    values = recovered(mesh, field(places)[None], np.arange(len(corners)))[0]
+    values = mesh.recovery.recovered(field(places)[None], np.arange(len(corners)))[0]
     assert values == pytest.approx(field(corners), rel=1e-8, abs=1e-8)
