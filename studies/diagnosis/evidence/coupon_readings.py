@@ -163,14 +163,14 @@ def _references(coupons: Coupons, film: Numbers, legs: list[Numbers]
                 ) -> tuple[Array, list[Numbers]]:
     """Shares of the readings that each is counted from, and the legs that are judged."""
     keys, shares = _keys(coupons, film)[:, :3], np.zeros((len(coupons), len(coupons)))
-    outward = {id(leg): _outward(coupons, leg) for leg in legs}
+    outward = [_outward(coupons, leg) for leg in legs]
     judged = []
-    for leg in legs:
+    for leg, out in zip(legs, outward, strict=True):
         if not coupons.volts[leg[0]]:
             continue
-        plain = [other for other in legs if not coupons.volts[other[0]]
-                 and np.array_equal(keys[other[0]], keys[leg[0]])
-                 and outward[id(other)] == outward[id(leg)]]
+        plain = [other for other, away in zip(legs, outward, strict=True)
+                 if not coupons.volts[other[0]] and away == out
+                 and np.array_equal(keys[other[0]], keys[leg[0]])]
         if not plain:
             continue
         order = plain[0][np.argsort(coupons.stretch[plain[0]], kind="stable")]

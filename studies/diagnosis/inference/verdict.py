@@ -203,14 +203,13 @@ class _Adequacy:
     base: Judgement
     noise: Noise
     generator: np.random.Generator
-    results: dict[int, tuple[Fit, TestResult]] = field(default_factory=dict)
+    results: dict[Fit, TestResult] = field(default_factory=dict)
 
     def of(self, fit: Fit) -> TestResult:
         """The test of a fit, done once."""
-        if id(fit) not in self.results:
-            # The fit is kept, too, so that no other one gets its identity.
-            self.results[id(fit)] = fit, self._test(fit, np.full(len(self.base.table), True))
-        return self.results[id(fit)][1]
+        if fit not in self.results:
+            self.results[fit] = self._test(fit, np.full(len(self.base.table), True))
+        return self.results[fit]
 
     def _test(self, fit: Fit, rows: NDArray[np.bool_]) -> TestResult:
         """The test of a fit to some of the readings."""
