@@ -70,7 +70,7 @@ def browsing(executable: str) -> Iterator[Any]:
             browser.close()
 
 
-def pixels(page: Any, selector: str = ".canvas") -> NDArray[np.uint8]:
+def pixels(page: Any, selector: str = "canvas") -> NDArray[np.uint8]:
     """A part of a page as it is seen, shape (rows, columns, 3)."""
     import io
 

@@ -6,7 +6,6 @@ import asyncio
 import base64
 import json
 import logging
-import os
 import re
 import socket
 import struct
@@ -124,7 +123,7 @@ def parsed(data: bytes) -> tuple[int, dict[str, str], bytes]:
             {name.lower(): text for name, text in pairs}, content)
 
 
-def frame(content: bytes, kind: int = 2, mask: bytes = b"\x01\x02\x03\x04") -> bytes:
+def frame(content: bytes, kind: int = 1, mask: bytes = b"\x01\x02\x03\x04") -> bytes:
     """A websocket frame as a browser sends it (RFC 6455, section 5.2)."""
     size = (bytes([128 + len(content)]) if len(content) < 126 else
             bytes([128 + 126]) + struct.pack(">H", len(content)) if len(content) < 65536 else
@@ -133,32 +132,15 @@ def frame(content: bytes, kind: int = 2, mask: bytes = b"\x01\x02\x03\x04") -> b
     return bytes([128 + kind]) + size + mask + masked
 
 
-def part(message: Any, identity: int = 1) -> bytes:
-    """A message as wslink sends it: its identity, place and size, then msgpack."""
-    import msgpack
-
-    packed = msgpack.packb(message)
-    return struct.pack("<III", identity, 0, len(packed)) + packed
+def said(*message: Any) -> bytes:
+    """The frame of what a page says."""
+    return frame(json.dumps(message).encode())
 
 
-def call(method: str, *args: Any, system: bool = False) -> dict[str, Any]:
-    """A message that calls a method."""
-    return {"wslink": "1.0", "id": "system:c0:0" if system else "rpc:c:1", "method": method,
-            "args": list(args), "kwargs": {}}
-
-
-#: What a browser says first.
-HELLO = call("wslink.hello", {"secret": "wslink-secret"}, system=True)
 #: What a page says: sliders, fields, buttons; nothing that writes a file.
 CALLS = tuple(json.dumps(message) for message in (
-    HELLO, call("trame.state.get"), call("trame.lifecycle.update", "client_connected"),
-    call("trame.state.update", [{"key": "depth", "value": 10},
-                                {"key": "colouring", "value": "thickness"}]),
-    call("trame.state.update", [{"key": "sliders", "value": {"voltage": "2.02", "mass": 17.9}}]),
-    call("trame.trigger", "typed", ["voltage", "2.5 kV"], {}),
-    call("trame.trigger", "slid", ["stiffness", "1.02"], {}),
-    call("trame.trigger", "look", ["side"], {}), call("trame.trigger", "choose", [0], {}),
-    call("trame.trigger", "reset", [], {})))
+    ["typed", "voltage", "2.5 kV"], ["slid", "stiffness", "1.02"], ["slid", "mass", "17.5"],
+    ["typed", "plate.offset.0", "1"], ["choose", 0], ["reset"]))
 
 
 class _Kept(logging.Handler):
@@ -183,7 +165,7 @@ def serving() -> Iterator[Serving]:
 
     specimen = load_specimen(Table("oval.toml", tomllib.loads(OVAL)))
     subject = Subject("oval", (specimen,), Rig())
-    loop, begun, before = asyncio.new_event_loop(), threading.Event(), os.environ.get("TRAME_ARGS")
+    loop, begun = asyncio.new_event_loop(), threading.Event()
     troubles: list[str] = []
     explorer = Explorer(subject, subject.view(0, 17.9e-3), report=troubles.append)
     loop.set_exception_handler(lambda _, context: troubles.append(str(context)))
@@ -206,6 +188,3 @@ def serving() -> Iterator[Serving]:
         thread.join(30)
         loop.close()
         logging.getLogger().removeHandler(kept)
-        os.environ.pop("TRAME_ARGS", None)
-        if before is not None:
-            os.environ["TRAME_ARGS"] = before

@@ -42,17 +42,24 @@ _SAME = 0.9137e-6
 
 def payload(films: Mapping[str, FilmSurface],
             colourings: Mapping[str, Colouring] = COLOURINGS) -> str:
-    """JSON of films by what they are called, to be put into a script element.
+    """The record of films as JSON, to be put into a script element."""
+    # A "<" could end the element.
+    return json.dumps(record_of(films, colourings), allow_nan=False).replace("<", r"\u003c")
 
-    All are on one scale of each quantity; what is the same everywhere is left out.
+
+def record_of(films: Mapping[str, FilmSurface], colourings: Mapping[str, Colouring] = COLOURINGS,
+              even: bool = False) -> dict[str, Any]:
+    """Films by what they are called, all on one scale of each quantity.
+
+    What is the same everywhere is left out, unless ``even`` that is to be shown.
     """
     thin = coarsened(list(films.values()), _MOST_POINTS)
     values = {key: [quantity.of(film) for film in thin] for key, quantity in colourings.items()}
     shown = {key: of_films for key, of_films in values.items()
-             if min(map(np.min, of_films)) < max(map(np.max, of_films))}
+             if even or min(map(np.min, of_films)) < max(map(np.max, of_films))}
     extent = 1e3 * max(float(np.abs(film.mounted[:, :2]).max()) for film in thin)
     sag = 1e3 * max(float(np.abs(film.values["displacement"][:, 2]).max()) for film in thin)
-    record = {
+    return {
         "net": bar_length(2 * extent) / 2, "depths": (0, *DEPTHS),
         "depth": usual_depth(sag, extent), "lines": (look.SHORT, look.LONG),
         "quantities": {key: _quantity(colourings[key], of_films)
@@ -61,8 +68,6 @@ def payload(films: Mapping[str, FilmSurface],
             key: _scaled(of_films[number], "uint16", colourings[key])
             for key, of_films in shown.items()}}
             for number, (name, film) in enumerate(zip(films, thin, strict=True))]}
-    # A "<" could end the element.
-    return json.dumps(record, allow_nan=False).replace("<", r"\u003c")
 
 
 def coarsened(films: Sequence[FilmSurface], most: int) -> list[FilmSurface]:
@@ -140,13 +145,13 @@ def rim_edges(film: FilmSurface) -> list[Array]:
     """Edges that belong to one triangle only, (n, 2) each: the frame's, then those of holes."""
     mounted = film.mounted[:, :2]
     tolerance = _SAME * float(np.abs(mounted).max())
-    _, first, number = np.unique(np.round(mounted / tolerance), axis=0, return_index=True,
-                                 return_inverse=True)
-    edges = first[number.ravel()][film.triangles][:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
-    _, first_edge, count = np.unique(np.sort(edges, axis=1), axis=0, return_index=True,
+    places, size = np.round(mounted / tolerance), len(mounted)
+    # A pair as one number: rows are compared far more slowly.
+    _, first, number = np.unique(places @ [1, 1j], return_index=True, return_inverse=True)
+    edges = first[number][film.triangles][:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
+    _, first_edge, count = np.unique(np.sort(edges, axis=1) @ [size, 1], return_index=True,
                                      return_counts=True)
     rim = edges[first_edge[count == 1]]
-    size = len(mounted)
     links = coo_array((np.ones(len(rim)), (rim[:, 0], rim[:, 1])), shape=(size, size))
     loop = connected_components(links, directed=False)[1][rim[:, 0]]
     loops = [rim[loop == label] for label in np.unique(loop)]

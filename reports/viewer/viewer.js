@@ -1,11 +1,11 @@
 // Films drawn in WebGL as the stills are: parallel projection, unlit colours of values, the net of
-// the flat film, its two axes, hatches where tension is lost. Data: the JSON element before.
+// the flat film, its two axes, hatches where tension is lost.
 "use strict";
-(() => {
-const root = document.currentScript.closest(".viewer"), part = (name) => root.querySelector(name);
-const data = JSON.parse(part(".films").textContent), canvas = part("canvas");
+// Answers what shows a record of films in a viewer's element; of no record it forgets what was shown.
+function filmViewer(root) {
+const part = (name) => root.querySelector(name), canvas = part("canvas");
 const gl = canvas.getContext("webgl2", {antialias: true, alpha: true});
-if (!gl) return;  // the still says everything
+if (!gl) return () => {};  // the still says everything
 root.hidden = false;
 
 const VERTEX = `#version 300 es
@@ -74,8 +74,8 @@ gl.enable(gl.DEPTH_TEST); gl.clearColor(0, 0, 0, 0);
 
 const choices = Object.fromEntries(["film", "quantity", "depth"].map(
   (name) => [name, part(`[name=${name}]`)]));
-const START = {azimuth: 0, elevation: 66 * Math.PI / 180, zoom: 1};
-let eye = {...START}, film, indices, reach = 0, waiting = false;
+const looks = [...root.querySelectorAll("[data-elevation]")];
+let data, eye, film, indices, reach = 0, waiting = false;
 
 function loadFilm() {
   film = data.films[choices.film.value];
@@ -123,6 +123,7 @@ function draw() {
     Math.max(1, Math.round(size * pixel)));
   if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, {width, height});
   gl.viewport(0, 0, width, height); gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
+  if (!film) return;
   const depth = Number(choices.depth.value);
   const angle = eye.azimuth - (film.turned ? Math.PI / 2 : 0);
   const [c, s, up, back] = [Math.cos(angle), Math.sin(angle), Math.cos(eye.elevation),
@@ -156,12 +157,15 @@ function turn(azimuth, elevation, zoom = 1) {
   eye.zoom = Math.max(0.5, Math.min(12, eye.zoom * zoom));
   show();
 }
-const reset = () => { eye = {...START}; show(); };
+function lookFrom(button) {
+  eye = {azimuth: 0, elevation: button.dataset.elevation * Math.PI / 180, zoom: 1};
+  show();
+}
 const KEYS = {ArrowLeft: [-0.1, 0], ArrowRight: [0.1, 0], ArrowUp: [0, 0.1], ArrowDown: [0, -0.1],
               "+": [0, 0, 1.2], "=": [0, 0, 1.2], "-": [0, 0, 1 / 1.2]};
 canvas.addEventListener("keydown", (event) => {
   if (event.ctrlKey || event.metaKey || event.altKey) return;
-  if (event.key === "0") reset(); else if (KEYS[event.key]) turn(...KEYS[event.key]); else return;
+  if (event.key === "0") lookFrom(looks[0]); else if (KEYS[event.key]) turn(...KEYS[event.key]); else return;
   event.preventDefault();
 });
 const fingers = new Map();
@@ -184,24 +188,38 @@ canvas.addEventListener("wheel", (event) => {  // else the page scrolls
   event.preventDefault(); turn(0, 0, Math.exp(-event.deltaY * 0.001));
 }, {passive: false});
 canvas.addEventListener("webglcontextlost", () => { root.hidden = true; });
-part("button").addEventListener("click", reset);
-
-for (const item of data.films) {
-  const flat = decoded(item.mounted);
-  for (let point = 0; point < flat.length; point += 2)
-    reach = Math.max(reach, item.mounted.step * Math.hypot(flat[point], flat[point + 1]));
-}
-const option = (value, text) => new Option(text, value);
-choices.film.append(...data.films.map((item, number) => option(number, item.name)));
-choices.quantity.append(...Object.entries(data.quantities).map(
-  ([key, item]) => option(key, item.label)));
-choices.depth.append(...data.depths.map((factor) => option(factor, {0: "flat, as mounted",
-  1: "true to scale"}[factor] ?? `depth drawn ${factor} times`)));
-choices.depth.value = data.depth;
-choices.film.closest("label").hidden = data.films.length < 2;
+for (const button of looks) button.addEventListener("click", () => lookFrom(button));
 choices.film.addEventListener("change", loadFilm);
 choices.quantity.addEventListener("change", loadQuantity);
 choices.depth.addEventListener("change", show);
 new ResizeObserver(show).observe(canvas);
-loadFilm();
-})();
+lookFrom(looks[0]);
+
+function offer(select, texts, values) {  // a list that is open stays so
+  if (select.length !== texts.length)
+    select.replaceChildren(...texts.map((text, number) => new Option(text, values[number])));
+}
+
+function begin() {  // what does not follow a film that changes
+  lookFrom(looks[0]);
+  choices.depth.value = data.depth;
+  for (const item of data.films) {
+    const flat = decoded(item.mounted);
+    for (let point = 0; point < flat.length; point += 2)
+      reach = Math.max(reach, item.mounted.step * Math.hypot(flat[point], flat[point + 1]));
+  }
+}
+
+return (record) => {
+  if (!record) { film = null; reach = 0; show(); return; }
+  data = record;
+  offer(choices.film, data.films.map((item) => item.name), Object.keys(data.films));
+  offer(choices.quantity, Object.values(data.quantities).map((item) => item.label),
+        Object.keys(data.quantities));
+  offer(choices.depth, data.depths.map((factor) => ({0: "flat, as mounted", 1: "true to scale"}[
+    factor] ?? `depth drawn ${factor} times`)), data.depths);
+  choices.film.closest("label").hidden = data.films.length < 2;
+  if (!reach) begin();
+  loadFilm();
+};
+}

@@ -35,7 +35,7 @@ def test_what_is_changed_can_be_read(name: str, tmp_path) -> None:
 @given(inputs("explorer"))
 @settings(max_examples=30, derandomize=True, database=None, deadline=None,
           suppress_health_check=list(HealthCheck))
-@pytest.mark.skipif("explorer frames" not in KINDS, reason="trame is not installed")
+@pytest.mark.skipif("explorer frames" not in KINDS, reason="aiohttp is not installed")
 def test_nothing_breaks_the_explorers_server(item: tuple[str, bytes]) -> None:
     """An answer that does not come is waited for, so that there are few."""
     survive(*item)

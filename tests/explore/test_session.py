@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import asyncio
+import json
 import os
 import resource
 import subprocess
 import time
 import tomllib
 from collections.abc import Callable, Iterator
+from contextlib import aclosing
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -19,10 +21,11 @@ import pytest
 from tests.support.datasets import write_dataset
 from tests.support.moves import random_views
 from tests.support.specimens import circular, elliptical, skewed, specimen_toml
-from tympan.explore import latest, picture
+from tympan.explore import latest
 from tympan.explore.curve import drawn_curve
 from tympan.explore.latest import Latest, Trouble
 from tympan.explore.numbers import limit_rows, result_rows
+from tympan.explore.page import Page, scene_answers
 from tympan.explore.session import (
     CircleWeights,
     FollowedCurve,
@@ -30,7 +33,6 @@ from tympan.explore.session import (
     Scene,
     Session,
     followed,
-    hatched,
 )
 from tympan.explore.subject import read_subject
 from tympan.explore.view import (
@@ -50,7 +52,6 @@ from tympan.geometry.specimen import Electrode, Plate, Specimen
 from tympan.geometry.toml_reader import Table
 from tympan.reports.colouring import COLOURINGS, MOST_MARGIN
 from tympan.studies.case import Settings, solve
-from tympan.studies.film_surface import FilmSurface
 
 SETTINGS = Settings()
 
@@ -197,7 +198,6 @@ def test_an_outline_of_many_numbers_has_no_sliders() -> None:
 def test_the_written_file_the_command_and_the_script_give_the_same_film(
         tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
         ) -> None:
-    import json
     import shlex
 
     from tympan.cli import main
@@ -240,26 +240,12 @@ def test_copied_python_holds_names_as_texts() -> None:
     assert names["specimen"] == odd.specimen
 
 
-def test_hatches_cross_the_film_that_lost_tension_and_no_other() -> None:
-    points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 5.0]])
-    values = {"displacement": points * [0, 0, 1], "tension": np.array([1, 1, 1, 0.0])}
-    film = FilmSurface(points, np.array([[0, 1, 2], [1, 3, 2]]), values)
-    lines = hatched(film, 0.1)
-    assert len(lines) == 7  # multiples of 0.1 √2 between 0 and 1 in x + y
-    across = lines[..., 0] + lines[..., 1]
-    assert np.allclose(across, across[:, :1])
-    assert np.allclose(across[:, 0], 0.1 * np.sqrt(2) * np.arange(1, 8))
-    assert (lines[..., 2] == 0).all()
-    assert np.allclose(lines.min(axis=1)[:, :2], 0)  # from edge to edge
-    assert len(hatched(replace(film, values=values | {"tension": np.zeros(4)}), 0.1)) == 0
-
-
 def test_a_wrinkled_film_is_hatched_where_solve_says_so() -> None:
     view = FilmView(elliptical(75e-3), mass=17.9e-3, voltage=7e3)
     scene = Session().scene(view)
     assert scene.film is not None
     assert scene.result.slack_area_m2 is not None
-    assert (scene.result.slack_area_m2 > 0) == (len(scene.hatches) > 0)
+    assert (scene.result.slack_area_m2 > 0) == bool(scene.film.values["tension"].any())
 
 
 def test_colours_are_those_numbers() -> None:
@@ -279,31 +265,32 @@ def test_colours_are_those_numbers() -> None:
     assert (COLOURINGS["margin"].of(none.film) == MOST_MARGIN).all()
 
 
-def test_what_is_drawn_lies_where_the_film_does() -> None:
-    scene = Session().scene(START)
+@pytest.mark.parametrize("voltage", [0.0, 2000.0])
+def test_what_is_drawn_lies_where_the_film_does(voltage: float) -> None:
+    scene = Session().scene(replace(START, voltage=voltage))
+    drawn, = scene_answers()(scene.view)
     assert scene.film is not None
+    assert drawn.film is not None
+    assert drawn.scene.result == scene.result
+    assert json.dumps(drawn.film, allow_nan=False)
+    item, = drawn.film["films"]
     deflection = scene.result.deflection_m or 0.0
-    assert scene.plate[:, 2].mean() == pytest.approx(-deflection, rel=1e-3)  # downwards
-    assert (scene.frame[:, 2] == 0).all()
-    assert scene.film.points[:, 2].min() >= scene.plate[:, 2].min() - 1e-6
-    state = picture.film_state(scene) | picture.colour_state(scene, "stress")
-    points = decoded(state["film_points"]).reshape(-1, 3)
-    assert np.allclose(points, 1e3 * scene.film.points, atol=1e-4)
-    cells = decoded(state["film_polys"]).reshape(-1, 4)
-    assert (cells[:, 0] == 3).all()
-    assert (cells[:, 1:] == scene.film.triangles).all()
-    lines = decoded(state["edge_lines"])
-    assert lines[0] == 241
-    assert lines[1] == lines[241] == 0
-    low, high = state["colour_range"]
-    values = decoded(state["film_field"]["values"])
-    assert low <= values.min() < values.max() <= high
+    assert f"sunk by {1e3 * deflection:.3f} mm" in item["name"]
+    displaced = item["displaced"]["step"] * decoded(item["displaced"]).reshape(-1, 3)
+    assert displaced == pytest.approx(1e3 * scene.film.values["displacement"], abs=1e-4)
+    plate = np.unique(decoded(item["plate"]))
+    assert displaced[plate, 2].mean() == pytest.approx(1e3 * deflection, rel=1e-3)  # downwards
+    assert (decoded(item["triangles"]).reshape(-1, 3) == scene.film.triangles).all()
+    # Every quantity is offered of every film, so that a choice lasts.
+    assert list(drawn.film["quantities"]) == list(COLOURINGS)
+    for quantity in drawn.film["quantities"].values():
+        assert quantity["low"] < quantity["high"]
 
 
 def decoded(array: dict[str, Any]) -> Any:
     from base64 import b64decode
 
-    return np.frombuffer(b64decode(array["bvals"]), array["dtype"])
+    return np.frombuffer(b64decode(array["data"]), array["type"])
 
 
 def test_the_curve_ends_where_limits_says_and_meets_the_readings(tmp_path: Path) -> None:
@@ -420,10 +407,6 @@ def test_what_nobody_waits_for_is_given_up_and_a_process_that_dies_is_replaced()
 
 def test_each_specimen_begins_as_it_was_read_and_its_sliders_stay_where_they_are_moved(
         tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    pytest.importorskip("trame_vtk", reason="trame is not installed")
-    from tympan.explore.server import _Served
-
-    monkeypatch.setenv("TRAME_ARGS", "--server")
     monkeypatch.setattr(latest, "_PRELOADED", [])
     for name, radius in (("a", "4 cm"), ("b", "5 cm")):
         frame = f'shape = "circle"\nradius = "{radius}"'
@@ -432,23 +415,30 @@ def test_each_specimen_begins_as_it_was_read_and_its_sliders_stay_where_they_are
 
     async def run() -> None:
         start = changed(subject.view(0, 0.0179), "voltage", 1500.0)
-        served = _Served.of("page", subject, start, print)
-        page, state = served.page, served.server.state
-        page._typed("stiffness", "1.5")
+        page = Page(subject, start)
+        page.hear("typed", "stiffness", "1.5")
         for number, view in ((1, subject.view(1, 0.0179)), (0, start)):
-            page._choose(number)
+            page.hear("choose", number)
             assert page.view == view
-            assert state.texts["frame.radius"] == ("40", "50")[number]
-            assert state.sliders["voltage"] == view.voltage / 1e3
-        page._typed("frame.radius", "1 mm")
+            assert page.state["texts"]["frame.radius"] == ("40", "50")[number]
+            assert page.state["sliders"]["voltage"] == view.voltage / 1e3
+        page.hear("typed", "frame.radius", "1 mm")
         assert page.view == start
-        assert "must lie inside the frame" in state.errors["frame.radius"]
-        page._reset()
-        assert state.errors == {}
-        state.sliders |= {"voltage": 2.5}  # moved further, which the server is yet to be told
-        page._reached()
-        assert state.sliders["voltage"] == 2.5
-        await asyncio.sleep(0)  # so that the server begins
-        await served.close()
+        assert "must lie inside the frame" in page.state["errors"]["frame.radius"]
+        page.hear("reset")
+        assert page.state["errors"] == {}
+        async with aclosing(page.news()) as news:
+            whole = json.loads(await anext(news))
+            assert whole == page.state
+            page.hear("slid", "voltage", "2.5")
+            page._reached()
+            told = json.loads(await anext(news))
+            assert "controls" in told
+            assert told["texts"]["voltage"] == "2.5"
+            assert "sliders" not in told  # a hand may be on one
+            page.hear("typed", "voltage", "2")
+            assert json.loads(await anext(news))["sliders"]["voltage"] == 2.0
+        assert not page._browsers
+        page.close()
 
     asyncio.run(run())

@@ -59,10 +59,9 @@ def explore(options: argparse.Namespace) -> None:
 
 def _explorer(options: argparse.Namespace) -> Explorer:
     try:
-        import trame_client  # noqa: F401
-        import trame_vtk  # noqa: F401
+        import aiohttp  # noqa: F401
     except ImportError:
-        raise Failure("explore needs the package trame: pip install 'tympan[explore]'") from None
+        raise Failure("explore needs the package aiohttp: pip install 'tympan[explore]'") from None
     from tympan.explore.latest import prepared
     from tympan.progress import say
 

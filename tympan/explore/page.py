@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 import asyncio
+import json
 import os
-from collections.abc import Iterator
-from dataclasses import replace
+from collections.abc import AsyncGenerator, Iterator
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from tympan.explore import picture
 from tympan.explore.curve import drawn_curve
 from tympan.explore.latest import Answer, Latest, Trouble
-from tympan.explore.messages import TRIGGERS
 from tympan.explore.numbers import limit_rows, loads_of, result_rows
 from tympan.explore.session import (
     CircleWeights,
@@ -37,7 +34,7 @@ from tympan.fem.rig import Rig
 from tympan.fem.toml_writer import rig_to_toml, specimen_to_toml
 from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Specimen
-from tympan.reports.colouring import COLOURINGS, css_gradient, usual_depth
+from tympan.reports.viewer.payload import record_of
 from tympan.studies.case import Limit
 from tympan.studies.files import write_text
 
@@ -54,10 +51,24 @@ _USUAL = 10e3
 _BEYOND = 1.15
 
 
+@dataclass(frozen=True, eq=False)
+class Picture:
+    """A scene whose film is as the page's viewer takes it."""
+
+    scene: Scene
+    film: dict[str, Any] | None
+
+
 def scene_answers() -> Answer:
-    """What solves views, in its own process."""
+    """What solves views and draws them, in its own process."""
     session = Session()
-    return lambda view: iter([session.scene(view)])
+
+    def answer(view: FilmView) -> Iterator[Picture]:
+        scene = session.scene(view)
+        film = None if scene.film is None else record_of({_described(scene): scene.film}, even=True)
+        yield Picture(replace(scene, film=None), film)
+
+    return answer
 
 
 def curve_answers() -> Answer:
@@ -67,12 +78,15 @@ def curve_answers() -> Answer:
 
 
 class Page:
-    """The state of one browser's page; ``server`` is its own trame server."""
+    """What is shown on one page, its ``state`` as the browser's script knows it."""
 
-    def __init__(self, server: Any, subject: Subject, start: FilmView) -> None:
-        self.server, self.subject, self._first = server, subject, start
+    def __init__(self, subject: Subject, start: FilmView) -> None:
+        self.subject, self._first = subject, start
         self.start = start
         self.view = start
+        self.state: dict[str, Any] = {}
+        #: The parts of the state that each browser has not been told, and a sign that some are.
+        self._browsers: list[tuple[set[str], asyncio.Event]] = []
         self.controls: tuple[Control, ...] = controls(start)
         self._number = 0
         self.scene: Scene | None = None
@@ -83,7 +97,6 @@ class Page:
         self._asked: FilmView | None = None
         self._scenes = Latest(scene_answers, self._solved, _PATIENCE)
         self._curves = Latest(curve_answers, self._followed, 0.0)
-        self._listen()
         self._begin(0)
 
     def close(self) -> None:
@@ -93,12 +106,31 @@ class Page:
         self._scenes.close()
         self._curves.close()
 
-    def _listen(self) -> None:
-        state, server = self.server.state, self.server
-        for name in TRIGGERS:
-            server.trigger(name)(getattr(self, f"_{name}"))
-        state.change("colouring")(lambda **_: self._colour())
-        state.change("depth")(lambda depth, **_: self._deepen(depth))
+    def tell(self, **parts: Any) -> None:
+        """Change parts of the state."""
+        self.state |= parts
+        for untold, news in self._browsers:
+            untold.update(parts)
+            news.set()
+
+    async def news(self) -> AsyncGenerator[str, None]:
+        """The state as JSON, and then whatever of it has changed, for one browser."""
+        untold, news = set(self.state), asyncio.Event()
+        news.set()
+        self._browsers.append((untold, news))
+        try:
+            while True:
+                await news.wait()
+                news.clear()
+                parts = {name: self.state[name] for name in untold}
+                untold.clear()
+                yield json.dumps(parts, allow_nan=False)
+        finally:
+            self._browsers.remove((untold, news))
+
+    def hear(self, name: str, *words: Any) -> None:
+        """A browser says one of :data:`tympan.explore.talk.SAID`."""
+        getattr(self, f"_{name}")(*words)
 
     def _begin(self, number: int) -> None:
         """Show a specimen as it was read."""
@@ -106,39 +138,25 @@ class Page:
         masses = self.subject.masses(number)
         mass = None if masses else self._first.mass
         self.start = self.subject.view(number, mass) if number else self._first
-        with self.server.state as state:
-            state.update({
-                "title": self.subject.name, "chosen": number,
-                "errors": {}, "typing": {}, "written": "",
-                "names": [specimen.name for specimen in self.subject.specimens],
-                "masses": [f"{mass * 1e3:.6g} g" for mass in masses],
-                "colourings": [{"key": key, "label": quantity.label}
-                               for key, quantity in COLOURINGS.items()],
-                "colouring": "stress", "gradient": css_gradient(), "busy": False,
-                "message": "", "trouble": False, "following": False, "limits": [], "numbers": [],
-                "loads": "", "curve": "", "depth": 1, "actor": {"scale": [1, 1, 1]},
-                "scale": {"words": "", "ticks": []}, "colour_range": [0, 1], "film_field": None,
-                "described": "", "python": "", "command": "", "target": "", **picture.LOOK_OF,
-                **dict.fromkeys(("film_points", "film_polys", "plate_points", "plate_polys",
-                                 "edge_points", "edge_lines", "hatch_points", "hatch_lines"))})
+        self.tell(title=self.subject.name, chosen=number, written="", film=None, curve="", loads="",
+                  numbers=[], limits=[], following=False,
+                  names=[specimen.name for specimen in self.subject.specimens],
+                  masses=[f"{mass * 1e3:.6g} g" for mass in masses])
+        self._say("")
         self.scene = self.curve = self.weights = self._asked = None
         self._show(self.start)
 
     def _show(self, view: FilmView) -> None:
         """Put a view on the controls and have it solved."""
         self.view = view
-        with self.server.state as state:
-            state.errors = {}
-            state.drawn = _drawn_outlines(view)
-            self._list_controls(state)
-            state.sliders = {control.key: control.position(view) for control in self.controls}
+        self._list_controls()
+        self.tell(errors={}, drawn=_drawn_outlines(view),
+                  sliders={control.key: control.position(view) for control in self.controls})
         self._change()
 
-    def _list_controls(self, state: Any) -> None:
+    def _list_controls(self) -> None:
         self.controls = controls(self.start, self._reach())
-        state.controls = [{"key": control.key, "label": control.label, "unit": control.unit,
-                           "low": control.low, "high": control.high, "step": control.step}
-                          for control in self.controls]
+        self.tell(controls=[asdict(control) | {"unit": control.unit} for control in self.controls])
 
     def _reach(self) -> float:
         """Where the slider of the voltage ends [V]."""
@@ -154,41 +172,37 @@ class Page:
 
     def _slid(self, key: str, text: str) -> None:
         """A slider was moved; it is where it is."""
-        self._take(key, text)
+        if control := self._taken(key, text):
+            self.state["sliders"][key] = control.position(self.view)
 
     def _typed(self, key: str, text: str) -> None:
         """A number was typed; the slider follows."""
-        control = self._control(key)
-        if control is not None and self._take(key, text):
-            with self.server.state as state:
-                state.sliders = {**state.sliders, key: control.position(self.view)}
+        if control := self._taken(key, text):
+            self.tell(sliders=self.state["sliders"] | {key: control.position(self.view)})
 
-    def _control(self, key: str) -> Control | None:
-        return next((control for control in self.controls if control.key == key), None)
+    def _taken(self, key: str, text: str) -> Control | None:
+        """The control that was given a value, None where something is wrong with that.
 
-    def _take(self, key: str, text: str) -> bool:
-        """A value that a control was given, or what is wrong with it beside the control.
-
-        A control of the specimen that was shown before is none any more.
+        What is wrong is said beside the control. One of the specimen that was shown before is none
+        any more.
         """
-        control = self._control(key)
+        control = next((control for control in self.controls if control.key == key), None)
         if control is None:
-            return False
-        with self.server.state as state:
-            try:
-                self.view = changed(self.view, key, control.parsed(text))
-            except InputError as error:
-                other = "" if error.key in (key, f"--{key}", None) else f"{error.key}: "
-                state.errors = {**state.errors, key: f"{other}{error.allowed}"}
-                return False
-            state.errors = {name: words for name, words in state.errors.items() if name != key}
+            return None
+        errors = {name: words for name, words in self.state["errors"].items() if name != key}
+        try:
+            self.view = changed(self.view, key, control.parsed(text))
+        except InputError as error:
+            other = "" if error.key in (key, f"--{key}", None) else f"{error.key}: "
+            self.tell(errors=errors | {key: f"{other}{error.allowed}"})
+            return None
+        self.tell(errors=errors)
         self._change()
-        return True
+        return control
 
     def _change(self) -> None:
         """Solve the view; what is not of the picture can wait until the controls rest."""
-        with self.server.state as state:
-            state.texts = {control.key: control.text(self.view) for control in self.controls}
+        self.tell(texts={control.key: control.text(self.view) for control in self.controls})
         self._solve()
         if self._resting is not None:
             self._resting.cancel()
@@ -212,67 +226,49 @@ class Page:
         return "" if self.scene is None else f"Shown is the last film, {loads_of(self.scene)}."
 
     def _say(self, words: str, trouble: bool = False) -> None:
-        with self.server.state as state:
-            state.message, state.trouble, state.busy = words, trouble, self._scenes.busy
+        self.tell(message=words, trouble=trouble, busy=self._scenes.busy)
 
-    def _solved(self, scene: Scene | Trouble, newest: bool) -> None:
-        if isinstance(scene, Trouble):
+    def _solved(self, part: Picture | Trouble, newest: bool) -> None:
+        if isinstance(part, Trouble):
             if newest:
-                self._say(f"{scene.words}. {self._kept}", trouble=True)
+                self._say(f"{part.words}. {self._kept}", trouble=True)
             return
-        if scene.film is None:
+        scene = part.scene
+        if part.film is None:
             if newest:
                 words = ", ".join(scene.result.warnings[:1])
                 self._say(f"At {loads_of(scene).removeprefix('at ')} there is no equilibrium: "
                           f"{words}. {self._kept}", trouble=True)
             return
-        first = self.scene is None
         self.scene = scene
-        self._draw(scene, first)
+        self.tell(film=part.film, loads=loads_of(scene), numbers=result_rows(scene), busy=False,
+                  message="; ".join(scene.result.warnings), trouble=False)
+        self._draw_curve()
 
-    def _draw(self, scene: Scene, first: bool) -> None:
-        with self.server.state as state:
-            if first:
-                state.depth = depth = usual_depth(float(np.abs(scene.plate[:, 2]).max()),
-                                                  float(np.abs(scene.frame[:, :2]).max()))
-                state.actor = {"scale": [1, 1, depth]}
-            state.update(picture.film_state(scene))
-            state.update(picture.colour_state(scene, state.colouring))
-            state.loads, state.numbers = loads_of(scene), result_rows(scene)
-            state.described = _described(scene)
-            state.message, state.trouble = "; ".join(scene.result.warnings), False
-            state.busy = False
-            self._draw_curve(state)
-        if first:
-            self._look("oblique")
-
-    def _draw_curve(self, state: Any) -> None:
+    def _draw_curve(self) -> None:
         if self.curve is None:
             return
         here = None
         if self.scene is not None and _same_film(self.curve.view, self.scene.view):
             here = (self.scene.view.voltage / 1e3, 1e3 * (self.scene.result.deflection_m or 0.0))
-        state.curve = drawn_curve(self.curve, here)
-        state.limits = limit_rows(self.curve, self.weights)
+        self.tell(curve=drawn_curve(self.curve, here), limits=limit_rows(self.curve, self.weights))
 
     def _rest(self) -> None:
         """The controls rest: say how the view is written, and follow its curve."""
         self._resting = None
-        follow = self._asked is None or not _same_film(self._asked, self.view)
-        with self.server.state as state:
-            state.busy, state.python = self._scenes.busy, python_of(self.view)
-            state.following = state.following or follow
-            self._name(state)
-        if follow:
+        self.tell(busy=self._scenes.busy, python=python_of(self.view))
+        self._name()
+        if self._asked is None or not _same_film(self._asked, self.view):
+            self.tell(following=True)
             self._asked = self.view
             self._curves.ask(Question(self.view, self.subject.static))
 
     def _followed(self, part: FollowedCurve | CircleWeights | Trouble, newest: bool) -> None:
         if not newest:
             return
+        self.tell(following=False)
         if isinstance(part, Trouble):
-            with self.server.state as state:
-                state.following, state.limits = False, []
+            self.tell(limits=[])
             if self.scene is None:
                 self._say(part.words, trouble=True)
             return
@@ -281,32 +277,18 @@ class Page:
         else:
             self.curve, self.weights = part, None
             self._reached()
-        with self.server.state as state:
-            state.following = False
-            self._draw_curve(state)
+        self._draw_curve()
 
     def _reached(self) -> None:
         """The film's end is known: its slider goes there, and what is beyond is not searched.
 
         Where the sliders stand is the page's to say: one may be moving.
         """
-        with self.server.state as state:
-            self._list_controls(state)
+        self._list_controls()
         end = self._end
         if end is not None and self.view.voltage > end.voltage_V:
             self._scenes.drop()
             self._beyond(end)
-
-    def _colour(self) -> None:
-        if self.scene is not None:
-            self.server.state.update(picture.colour_state(self.scene, self.server.state.colouring))
-
-    def _deepen(self, depth: Any) -> None:
-        self.server.state.actor = {"scale": [1, 1, float(depth)]}
-
-    def _look(self, name: str) -> None:
-        if self.scene is not None:
-            self.server.js_call("view", "setCamera", picture.camera(self.scene, name))
 
     def _choose(self, number: int) -> None:
         if 0 <= number < len(self.subject.specimens):
@@ -315,12 +297,12 @@ class Page:
     def _reset(self) -> None:
         self._show(self.start)
 
-    def _name(self, state: Any) -> None:
+    def _name(self) -> None:
         """What the file of the view is, or would be; and the command with it."""
-        state.target = _free(self.view.specimen.name)
-        file = self._file or state.target
+        target = _free(self.view.specimen.name)
+        file = self._file or target
         rig = self.subject.rig_file or ("" if self.view.rig == Rig() else f"rig-of-{file}")
-        state.command = command_of(self.view, file, rig)
+        self.tell(target=target, command=command_of(self.view, file, rig))
 
     @property
     def _file(self) -> str:
@@ -335,19 +317,18 @@ class Page:
     def _write(self) -> None:
         """Write the actuator, and the rig where it is in no file, to the current folder."""
         file = _free(self.view.specimen.name)
-        with self.server.state as state:
-            try:
-                write_text(Path(file), specimen_to_toml(self.view.actuator))
-                words = file
-                if self.view.rig != Rig() and not self.subject.rig_file:
-                    write_text(Path(f"rig-of-{file}"), rig_to_toml(self.view.rig))
-                    words += f", rig-of-{file}"
-            except (InputError, OSError) as error:
-                state.written = str(error)
-                return
-            self._written = self.view.actuator, file
-            state.written = f"written to {Path.cwd()}: {words}"
-            self._name(state)
+        try:
+            write_text(Path(file), specimen_to_toml(self.view.actuator))
+            words = file
+            if self.view.rig != Rig() and not self.subject.rig_file:
+                write_text(Path(f"rig-of-{file}"), rig_to_toml(self.view.rig))
+                words += f", rig-of-{file}"
+        except (InputError, OSError) as error:
+            self.tell(written=str(error))
+            return
+        self._written = self.view.actuator, file
+        self.tell(written=f"written to {Path.cwd()}: {words}")
+        self._name()
 
     def _named(self) -> None:
         """The command is copied: its file must be there."""
@@ -377,6 +358,7 @@ def _drawn_outlines(view: FilmView) -> str:
 
 
 def _described(scene: Scene) -> str:
+    """What a film is called that nobody sees."""
     result = scene.result
-    return (f"The film of {result.specimen} {loads_of(scene)}, in three dimensions: its plate has "
-            f"sunk by {1e3 * (result.deflection_m or 0.0):.3f} mm")
+    return (f"{result.specimen} {loads_of(scene)}, its plate sunk by "
+            f"{1e3 * (result.deflection_m or 0.0):.3f} mm")

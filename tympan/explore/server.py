@@ -5,36 +5,46 @@ from __future__ import annotations
 import asyncio
 import hmac
 import logging
-import os
-import re
 import secrets
 from collections.abc import Callable
-from contextlib import suppress
 from dataclasses import dataclass, field
-from pathlib import Path
-from typing import Any
 
 from aiohttp import web
 
-from tympan.explore.door import Door, check
+from tympan.explore.door import Door, check, safe
 from tympan.explore.latest import prepared
 from tympan.explore.page import Page
 from tympan.explore.subject import Subject
-from tympan.explore.talk import Talk
+from tympan.explore.talk import talk
 from tympan.explore.view import FilmView
-from tympan.reports.template import template, text_of
+from tympan.reports.template import text_of
 
 #: How long a page whose browser went away is kept for it to come back [s].
 _KEPT = 10.0
 #: Pages at once; each has two processes.
 _MOST = 8
-#: How long connections may take to end with the server [s].
-_GOODBYE = 2.0
-#: Libraries that print what others send, with tracebacks; what is ours is reported in a line.
-_CHATTY = ("aiohttp", "wslink", "trame_server")
-#: Scripts that stand in trame's page itself: its picture of waiting, which its policy forbids.
-_INLINE = re.compile(r"<script>.*?</script>", re.DOTALL)
-_WAITING = "<p>The page is being prepared.</p>"
+#: How long a connection may take to end [s].
+_GOODBYE = 1.0
+#: Websockets of one page; a browser has one, and two while it comes back.
+MOST_SOCKETS = 4
+#: Bytes of a message. The page's longest are numbers that are typed, some 100 bytes.
+_MOST_BYTES = 65_536
+#: Seconds between signs of life.
+_HEART_BEAT = 30.0
+
+#: What the page is made of, by the names that it asks for, and the types of these.
+_FILES = {"index.html": ("explore/page.html", "text/html"),
+          "page.css": ("explore/page.css", "text/css"),
+          "page.js": ("explore/page.js", "text/javascript"),
+          "viewer.js": ("reports/viewer/viewer.js", "text/javascript")}
+
+
+@dataclass
+class _Served:
+    """A page with the websockets of the browsers that show it."""
+
+    page: Page
+    sockets: set[web.WebSocketResponse] = field(default_factory=set)
 
 
 @dataclass
@@ -64,11 +74,10 @@ class Explorer:
 
     async def begin(self) -> None:
         """Listen."""
-        # trame would read the command line of whoever it is in.
-        os.environ["TRAME_ARGS"] = "--server"
         prepared()
-        for name in _CHATTY:
-            _silence(name)
+        # It prints what others send, with tracebacks; what is ours is reported in a line.
+        logging.getLogger("aiohttp").addHandler(logging.NullHandler())
+        logging.getLogger("aiohttp").propagate = False
         self._door = Door(self._answer, self.report)
         self._runner = web.ServerRunner(self._door, shutdown_timeout=_GOODBYE)
         await self._runner.setup()
@@ -105,10 +114,8 @@ class Explorer:
         if len(self.pages) >= _MOST:
             raise web.HTTPServiceUnavailable(text=f"{_MOST} pages are open: close one\n")
         name = secrets.token_hex(4)
-        self.pages[name] = _Served.of(name, self.subject, self.start, self.report)
-        socket = f"ws://{request.host}/{name}/ws"
-        response = web.Response(status=302, headers={
-            "Location": f"/{name}/index.html?sessionURL={socket}"})
+        self.pages[name] = _Served(Page(self.subject, self.start))
+        response = web.Response(status=302, headers={"Location": f"/{name}/index.html"})
         response.set_cookie(self._cookie, self.token, httponly=True, samesite="Strict")
         self._drop_later(name)
         return response
@@ -117,30 +124,32 @@ class Explorer:
         if name not in self.pages:
             raise web.HTTPNotFound(text="this page was closed: open the address anew\n")
         served = self.pages[name]
-        served.browsers += 1
+        if len(served.sockets) >= MOST_SOCKETS:
+            raise web.HTTPServiceUnavailable(text="this page is open too often\n")
+        socket = web.WebSocketResponse(timeout=_GOODBYE, max_msg_size=_MOST_BYTES,
+                                       heartbeat=_HEART_BEAT)
+        served.sockets.add(socket)
         try:
-            return await served.connected(request)
+            safe(socket, request.headers["Host"])
+            await socket.prepare(request)
+            await talk(served.page, socket)
         finally:
-            served.browsers -= 1
+            served.sockets.discard(socket)
             self._drop_later(name)
+        return socket
 
     def _asset(self, name: str, path: str) -> web.StreamResponse:
         if name not in self.pages:
             raise web.HTTPFound("/")
-        page = self.pages[name]
-        if path == "index.html":
-            return web.Response(text=page.index(), content_type="text/html")
-        if path == "page.css":
-            return web.Response(text=text_of("explore/page.css"), content_type="text/css")
-        file = page.file(path)
-        if file is None:
+        if path not in _FILES:
             raise web.HTTPNotFound(text="there is no such file\n")
-        return web.FileResponse(file)
+        file, kind = _FILES[path]
+        return web.Response(text=text_of(file), content_type=kind)
 
     def _drop_later(self, name: str) -> None:
         async def drop() -> None:
             await asyncio.sleep(_KEPT)
-            if name in self.pages and self.pages[name].browsers == 0:
+            if name in self.pages and not self.pages[name].sockets:
                 await self._drop(name)
 
         task = asyncio.get_running_loop().create_task(drop())
@@ -148,78 +157,7 @@ class Explorer:
         task.add_done_callback(self._dropping.discard)
 
     async def _drop(self, name: str) -> None:
-        await self.pages.pop(name).close()
-
-
-@dataclass
-class _Served:
-    """A page with the trame server that it is the state of, and what connects browsers to it."""
-
-    page: Page
-    server: Any
-    handler: Any
-    running: Any
-    browsers: int = 0
-
-    @classmethod
-    def of(cls, name: str, subject: Subject, start: FilmView,
-           report: Callable[[str], object]) -> _Served:
-        from trame_client import module
-        from trame_client.ui.core import AbstractLayout
-        from trame_client.widgets import html
-        from trame_server import Server
-        from trame_vtk.modules import common
-
-        server = Server(name=name)
-        server.client_type = "vue3"
-        server.enable_module(module)
-        server.enable_module(common)
-        server.state.trame__title = f"tympan: {subject.name}"
-        page = Page(server, subject, start)
-        with AbstractLayout(server, html.Div(trame_server=server)) as layout:
-            layout.root.add_child(template("explore/page.html").render())
-        running = server.start(backend="generic", exec_mode="task", open_browser=False,
-                               show_connection_info=False, disable_logging=True, timeout=0)
-        server.controller.on_exception.add(
-            lambda error: report(f"the explorer's page: {type(error).__name__}: {error}"))
-        return cls(page, server, Talk(server.protocol, server._server), running)
-
-    async def connected(self, request: web.BaseRequest) -> web.StreamResponse:
-        """Talk to a browser until it goes away."""
-        answer: web.StreamResponse = await self.handler.handleWsRequest(request)
-        return answer
-
-    def file(self, path: str) -> Path | None:
-        """A file of trame's, None where there is none of that name."""
-        head, _, tail = path.partition("/")
-        folder = self.server.serve.get(head)
-        if folder is None:
-            folder, tail = self.server._www, path
-        folder = Path(folder[0] if isinstance(folder, list | tuple) else folder).resolve()
-        try:
-            file = (folder / tail).resolve()
-            return file if file.is_relative_to(folder) and file.is_file() else None
-        except (OSError, ValueError):  # too long for a file's name, or with NUL
-            return None
-
-    def index(self) -> str:
-        """The page itself: trame's, with its style in a file and without scripts within."""
-        html = (Path(self.server._www) / "index.html").read_text(encoding="utf-8")
-        html = _INLINE.sub("", html)
-        html = html.replace("</head>", '<link rel="stylesheet" href="page.css"></head>', 1)
-        return html.replace('<div id="app"></div>', f'<div id="app">{_WAITING}</div>', 1)
-
-    async def close(self) -> None:
-        """End its processes and its server."""
-        self.page.close()
-        await self.handler.disconnectClients()
-        self.running.cancel()
-        with suppress(asyncio.CancelledError):
-            await self.running
-
-
-def _silence(name: str) -> None:
-    """Let a library print nothing."""
-    logger = logging.getLogger(name)
-    logger.addHandler(logging.NullHandler())
-    logger.propagate = False
+        served = self.pages.pop(name)
+        served.page.close()
+        for socket in list(served.sockets):
+            await socket.close()

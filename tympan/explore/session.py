@@ -5,7 +5,7 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -16,7 +16,6 @@ from tympan.fem.equilibrium.newton import Solution
 from tympan.fem.equilibrium.ramp import Outcome
 from tympan.fem.equilibrium.solve import equilibrium
 from tympan.fem.membrane.model import Model
-from tympan.fem.membrane.state import State
 from tympan.fem.rig import DIRECTIONS, Rig
 from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Specimen
@@ -38,27 +37,18 @@ Array = NDArray[Any]
 
 #: Every element of a film is drawn as so many triangles, squared.
 _PARTS = 3
-#: Points on the edges of frame and plate.
-_EDGE = 240
-#: Hatched lines across a film.
-_HATCHES = 60
 
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """A film as it is drawn, [m], z upwards, and its numbers.
+    """The numbers of a view and its film.
 
-    ``film`` is None where there is no equilibrium: ``result.warnings`` say why. ``frame`` and
-    ``plate`` are closed edges, shape (n, 3); ``hatches`` lines on film without tension, shape (n,
-    2, 3).
+    ``film`` is None where there is no equilibrium: ``result.warnings`` say why.
     """
 
     view: FilmView
     result: CaseResult
     film: FilmSurface | None = None
-    frame: Array = field(default_factory=lambda: np.empty((0, 3)))
-    plate: Array = field(default_factory=lambda: np.empty((0, 3)))
-    hatches: Array = field(default_factory=lambda: np.empty((0, 2, 3)))
 
 
 class Session:
@@ -88,7 +78,7 @@ class Session:
         (result, _), = summaries(model, [(case, outcome)], 0.0)
         if outcome.status != "equilibrium":
             return Scene(view, result)
-        return drawn(view, result, model, outcome.state)
+        return Scene(view, result, film_surface(model, outcome.state, _PARTS))
 
     def _meshed(self, case: Case) -> Model:
         specimen, loading = case.specimen, case.rig.loading
@@ -119,45 +109,6 @@ def _forget_films() -> None:
     meshed.cache_clear()
     with suppress(OSError, AttributeError):  # of C libraries that have no such function
         ctypes.CDLL(None).malloc_trim(0)
-
-
-def drawn(view: FilmView, result: CaseResult, model: Model, state: State) -> Scene:
-    """The scene of an equilibrium."""
-    film = film_surface(model, state, _PARTS)
-    specimen = view.specimen
-    flat = specimen.needed_plate().points(_EDGE)
-    arms = np.vstack([flat, np.zeros(_EDGE)]).T - model.centre
-    frame = np.vstack([specimen.frame.points(_EDGE), np.zeros(_EDGE)]).T
-    plate = state.plate.positions(model.centre, arms)
-    hatches = hatched(film, 2 * max(specimen.frame.semi_axes) / _HATCHES)
-    upwards = np.array([1.0, 1.0, -1.0])
-    return Scene(view, result, replace(film, points=film.points * upwards), frame * upwards,
-                 plate * upwards, hatches * upwards)
-
-
-def hatched(film: FilmSurface, spacing: float) -> Array:
-    """Parallel lines ``spacing`` [m] apart on triangles without tension, shape (n, 2, 3) [m]."""
-    loose = (film.values["tension"] > 0)[film.triangles].all(axis=1)
-    corners = film.triangles[loose]
-    along = film.mounted[corners][..., :2].sum(axis=-1) / (np.sqrt(2) * spacing)
-    count = np.floor(along.max(axis=1)).astype(int) - np.floor(along.min(axis=1)).astype(int)
-    triangle = np.repeat(np.arange(len(corners)), count)
-    first = np.repeat(np.cumsum(count) - count, count)
-    level = np.floor(along.min(axis=1))[triangle] + 1 + np.arange(len(triangle)) - first
-    return _cuts(film.points[corners[triangle]], along[triangle], level)
-
-
-def _cuts(corners: Array, values: Array, level: Array) -> Array:
-    """Where a level crosses triangles, corners (n, 3, 3), values (n, 3): shape (n, 2, 3)."""
-    ends = np.full((len(level), 3, 3), np.nan)
-    for side, (start, end) in enumerate(((0, 1), (1, 2), (2, 0))):
-        low, high = values[:, start], values[:, end]
-        crossed = (low < level) != (high < level)
-        share = np.divide(level - low, high - low, where=crossed, out=np.zeros_like(level))
-        cut = corners[:, start] + share[:, None] * (corners[:, end] - corners[:, start])
-        ends[crossed, side] = cut[crossed]
-    order = np.argsort(np.isnan(ends[:, :, 0]), axis=1, kind="stable")[:, :2]
-    return np.asarray(np.take_along_axis(ends, order[:, :, None], axis=1))
 
 
 @dataclass(frozen=True, eq=False)

@@ -22,7 +22,7 @@ print(command_of(FilmView(load_specimen(Path(name)), mass=1e-3), name))
 """
 
 _SENT = """
-from benchmarks.explore.serving import CALLS, HELLO, UPGRADE, frame, part, received, serving
+from benchmarks.explore.serving import frame, received, said, serving
 
 def main():
     with serving() as server:
@@ -34,12 +34,12 @@ def main():
         print("foreign", {server.answer(data)[0] for data in (
             server.request(Host="evil.example"), server.request(Origin="http://evil.example"),
             server.request(token=False))})
-        frames = (frame(b"x", kind=1), frame(b""), frame(12 * b"\\xff"), frame(part([1])),
-                  frame(part({"id": 1})), b"\\xff\\xff")
+        frames = (frame(b"x", kind=2), frame(b""), frame(12 * b"\\xff"), said(1),
+                  said("close"), b"\\xff\\xff")
         closed = 0
         for sent in frames:
             with server.websocket(page) as connection:
-                connection.sendall(frame(part(HELLO)) + sent)
+                connection.sendall(said("reset") + sent)
                 end = rb"\\x88[\\x02-\\x7d]\\x03[\\xe8-\\xf7]"
                 closed += bool(received(connection, enough=end))
         print("closed", closed, "of", len(frames))
@@ -60,7 +60,7 @@ def _no_other_file(folder: Path) -> str:
 
 @group("explorer")
 def explorer() -> Cases:
-    if find_spec("trame_vtk") is None:
+    if find_spec("aiohttp") is None:
         return
     explore = "explore specimen.toml --no-browser"
     yield Case("port 70000", f"{explore} --port 70000", GOOD, "--port: given 70000")
