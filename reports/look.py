@@ -24,6 +24,17 @@ MM = 1 / 25.4  #: inches
 WIDTH = 180.0  #: of a journal's two columns [mm]
 DPI = 400  #: of pictures in print
 
+#: Room on the left of an axis for its numbers and words [mm].
+LEFT = 14.0
+#: Room on the right, for half of the last number [mm].
+RIGHT = 4.0
+#: Room above an axis for its title [mm].
+TITLE = 6.0
+#: Room below an axis for its numbers and words [mm].
+AXIS = 12.0
+#: Room between two axes, one below the other [mm].
+GAP = 5.0
+
 #: Colour of the short axis on the film and on paper, told from the other by all eyes.
 SHORT = "#f0642d"
 #: Colour of the long axis.
@@ -33,6 +44,11 @@ LONG = "#3aa3e3"
 SHORT_TEXT = "#b5400f"
 #: Colour of words about the long axis.
 LONG_TEXT = "#1b6fa8"
+
+#: Colour of lines that stand for no measurement: zero, and models in a legend.
+GREY = "#5a6475"
+#: Colour of the band of the noise, and of a grid, light behind the readings.
+FAINT = "#e4e6ea"
 
 COLOURS = "viridis"  #: of the stress, perceptually uniform
 PALETTE = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#000000")
@@ -72,6 +88,25 @@ def place_axes(figure: Figure, left_edge: float, top: float, width: float, heigh
     across, down = figure.get_size_inches() / MM
     return figure.add_axes((left_edge / across, 1 - (top + height) / down, width / across,
                             height / down))
+
+
+def panels(count: int, columns: int, height: float, title: float = TITLE, axis: float = AXIS
+           ) -> tuple[Figure, list[Axes]]:
+    """A figure of axes of a height in rows of so many; room above and below each [mm]."""
+    cell, tall = WIDTH / columns, title + height + axis
+    figure = new_figure(max(1, -(-count // columns)) * tall)
+    return figure, [place_axes(figure, LEFT + number % columns * cell,
+                               title + number // columns * tall, cell - LEFT - RIGHT, height)
+                    for number in range(count)]
+
+
+def pairs(count: int, above: float, below: float, left_edge: float = LEFT
+          ) -> tuple[Figure, list[tuple[Axes, Axes]]]:
+    """A figure of columns, each of axes above others of one abscissa, of these heights [mm]."""
+    figure = new_figure(TITLE + above + GAP + below + AXIS)
+    width = (WIDTH - RIGHT) / count - left_edge
+    return figure, [place_pair(figure, left_edge + column * (width + left_edge), TITLE, width,
+                               (above, GAP, below)) for column in range(count)]
 
 
 def place_pair(figure: Figure, left_edge: float, top: float, width: float,
@@ -134,7 +169,7 @@ def describe(axes: Axes, across: str = "", up: str = "", title: str = "", bold: 
     """What goes across and up, a title on the left, and faint lines behind the curves."""
     axes.set(xlabel=across, ylabel=up)
     axes.set_title(title, loc="left", weight="bold" if bold else "normal")
-    axes.grid(color="#e4e6ea", linewidth=0.5)
+    axes.grid(color=FAINT, linewidth=0.5)
     axes.set_axisbelow(True)
 
 

@@ -16,6 +16,7 @@ from vtkmodules.vtkCommonCore import vtkLogger
 from vtkmodules.vtkRenderingCore import vtkRenderWindow
 
 from tympan.geometry.system import MissingLibrary
+from tympan.reports import look
 from tympan.reports.look import Picture
 from tympan.reports.scales import AxisScale
 from tympan.studies.film_surface import FilmSurface
@@ -34,17 +35,17 @@ class View:
     """How all films of a figure are looked at.
 
     ``elevation`` [degrees] above the frame's plane, ``resolution`` [pixels per mm of film],
-    ``line`` width of the outlines [pixels], the colours' name and scale [kPa], and the mesh width
-    of the ``net`` on the flat film [mm].
+    ``line`` width of the outlines [pixels], the colours' name and scale [kPa], the mesh width of
+    the ``net`` on the flat film [mm], and the colours of the axes.
     """
 
     resolution: float
     line: float
-    colours: str
     scale: AxisScale
     net: float
-    short: str
-    long: str
+    colours: str = look.COLOURS
+    short: str = look.SHORT
+    long: str = look.LONG
     elevation: float = 66.0
     ink: str = "white"  #: of the net
     samples: int = 1  #: across a pixel, which is their average

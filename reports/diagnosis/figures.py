@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -45,34 +46,33 @@ _BELOW = 14.0
 
 _SHOWN = {"displacement": "deflection (mm)", "range": "range (mm)"}
 
-#: Colour of lines that stand for no measurement: zero, and models in a legend.
-_GREY = "#5a6475"
-#: Colour of the band of the noise, light behind the readings.
-_BAND = "#e4e6ea"
-
 
 def compose_readings(readings: Columns, curves: Columns) -> Figure:
     """Readings of lengths and the curves of both models with their band, a panel a specimen."""
     panels = list(dict.fromkeys(zip(readings["kind"].tolist(), readings["specimen"].tolist(),
                                     strict=True)))
-    across = min(_ACROSS, len(panels))
-    rows = -(-len(panels) // across)
-    figure = style.new_figure(_TITLE + rows * (_TALL + _BELOW) + _LEGEND - _TITLE / 2)
-    width = (style.WIDTH - _RIGHT - across * _LEFT) / across
     masses = np.unique(readings["mass"]).tolist()
-    for number, (kind, name) in enumerate(panels):
-        row, column = divmod(number, across)
-        axes = style.place_axes(figure, _LEFT + column * (width + _LEFT),
-                                _TITLE + row * (_TALL + _BELOW), width, _TALL)
+    figure, places = _panels_of(len(panels))
+    for axes, (kind, name) in zip(places, panels, strict=True):
         for colour, mass in enumerate(masses):
             _ramp(axes, style.colour_of(colour), style.marker_of(colour), *(
                 {key: values[(table["kind"] == kind) & (table["specimen"] == name)
                              & (table["mass"] == mass)] for key, values in table.items()}
                 for table in (readings, curves)))
         style.describe(axes, "voltage (kV)", _SHOWN[kind], name, bold=True)
-    _models_legend(figure, masses, not np.array_equal(curves["baseline"], curves["extended"],
-                                                      equal_nan=True))
+    _models_legend(figure, masses, curves)
     return figure
+
+
+def _panels_of(count: int) -> tuple[Figure, list[Axes]]:
+    """A figure of panels of readings, with room for a legend below."""
+    across = min(_ACROSS, count)
+    rows = -(-count // across)
+    figure = style.new_figure(_TITLE + rows * (_TALL + _BELOW) + _LEGEND - _TITLE / 2)
+    width = (style.WIDTH - _RIGHT - across * _LEFT) / across
+    return figure, [style.place_axes(figure, _LEFT + number % across * (width + _LEFT),
+                                     _TITLE + number // across * (_TALL + _BELOW), width, _TALL)
+                    for number in range(count)]
 
 
 def _ramp(axes: Axes, colour: str, marker: str, readings: Columns, curves: Columns) -> None:
@@ -88,17 +88,29 @@ def _ramp(axes: Axes, colour: str, marker: str, readings: Columns, curves: Colum
               markersize=3, markeredgecolor="white", markeredgewidth=0.3)
 
 
-def _models_legend(figure: Figure, masses: list[float], changed: bool, band: bool = True) -> None:
+def _models_legend(figure: Figure, masses: list[float], models: Columns, band: bool = True
+                   ) -> None:
     """What points, lines and bands are, below the panels."""
-    points = [Line2D([], [], marker=style.marker_of(number), color=style.colour_of(number),
-                     linestyle="", markersize=3.5, label=f"{1e3 * mass:.4g} g")
-              for number, mass in enumerate(masses)]
-    lines = [Line2D([], [], color=_GREY, linestyle="--", linewidth=0.9, label="nominal model")]
-    if changed:
-        lines.append(Line2D([], [], color=_GREY, linewidth=0.9, label="extended model"))
-    patch = Patch(color=_GREY, alpha=0.25, linewidth=0, label="where 95 % of readings are expected")
-    figure.legend(handles=[*points, *lines, *([patch] if band else [])], loc="lower center",
-                  ncols=6)
+    handles: list[Artist] = point_keys([f"{1e3 * mass:.4g} g" for mass in masses])
+    handles.append(line_key("nominal model", "--"))
+    if not np.array_equal(models["baseline"], models["extended"], equal_nan=True):
+        handles.append(line_key("extended model", "-"))
+    if band:
+        handles.append(Patch(color=style.GREY, alpha=0.25, linewidth=0,
+                             label="where 95 % of readings are expected"))
+    figure.legend(handles=handles, loc="lower center", ncols=6)
+
+
+def point_keys(labels: Sequence[str]) -> list[Artist]:
+    """Entries of a legend: the points of these curves, in order."""
+    return [Line2D([], [], marker=style.marker_of(number), color=style.colour_of(number),
+                   linestyle="", markersize=3.5, label=label)
+            for number, label in enumerate(labels)]
+
+
+def line_key(label: str, line: str) -> Artist:
+    """An entry of a legend: a model, whatever the curve's colour."""
+    return Line2D([], [], color=style.GREY, linestyle=line, linewidth=0.9, label=label)
 
 
 def compose_transients(readings: Columns) -> Figure:
@@ -107,15 +119,9 @@ def compose_transients(readings: Columns) -> Figure:
     A panel a specimen, over the time since the run began, on a logarithmic axis.
     """
     names = list(dict.fromkeys(readings["specimen"].tolist()))
-    across = min(_ACROSS, len(names))
-    rows = -(-len(names) // across)
-    figure = style.new_figure(_TITLE + rows * (_TALL + _BELOW) + _LEGEND - _TITLE / 2)
-    width = (style.WIDTH - _RIGHT - across * _LEFT) / across
     masses = np.unique(readings["mass"]).tolist()
-    for number, name in enumerate(names):
-        row, column = divmod(number, across)
-        axes = style.place_axes(figure, _LEFT + column * (width + _LEFT),
-                                _TITLE + row * (_TALL + _BELOW), width, _TALL)
+    figure, places = _panels_of(len(names))
+    for axes, name in zip(places, names, strict=True):
         for colour, mass in enumerate(masses):
             there = (readings["specimen"] == name) & (readings["mass"] == mass)
             for run in np.unique(readings["run"][there]):
@@ -124,8 +130,7 @@ def compose_transients(readings: Columns) -> Figure:
                     for key, values in readings.items()})
         axes.set_xscale("log")
         style.describe(axes, "time (s)", "read − nominal (µm)", name, bold=True)
-    _models_legend(figure, masses, not np.array_equal(readings["baseline"], readings["extended"],
-                                                      equal_nan=True), band=False)
+    _models_legend(figure, masses, readings, band=False)
     return figure
 
 
@@ -136,7 +141,7 @@ def _course(axes: Axes, colour: str, marker: str, readings: Columns) -> None:
     time = np.maximum(time, 0.5 * time[time > 0].min(initial=np.inf))
     read, nominal, extended, sigma = (1e6 * readings[name][turn] for name in
                                       ("read", "baseline", "extended", "sigma"))
-    axes.axhline(0.0, color=_GREY, linestyle="--", linewidth=0.9)
+    axes.axhline(0.0, color=style.GREY, linestyle="--", linewidth=0.9)
     axes.plot(time, extended - nominal, color=colour, linewidth=0.9)
     axes.errorbar(time, read - nominal, 1.96 * sigma, fmt=marker, color=colour, markersize=3,
                   markeredgecolor="white", markeredgewidth=0.3, elinewidth=0.6)
@@ -177,12 +182,12 @@ def _panel(axes: Axes, readings: Columns, name: str,
     band = np.array([noise[voltage == edge].max() for edge in edges])
     if len(edges) == 1:
         edges, band = edges + np.array([-0.5, 0.5]), np.full(2, band[0])
-    axes.fill_between(edges, -2 * band, 2 * band, color=_BAND, linewidth=0,
+    axes.fill_between(edges, -2 * band, 2 * band, color=style.FAINT, linewidth=0,
                       label="95 % of the noise")
-    axes.axhline(0.0, color=_GREY, linewidth=0.6)
+    axes.axhline(0.0, color=style.GREY, linewidth=0.6)
     if values is None:
         axes.text(0.5, 0.8, "nothing to extend", transform=axes.transAxes, ha="center",
-                  color=_GREY)
+                  color=style.GREY)
         return
     for number, mass in enumerate(np.unique(readings["mass"]).tolist()):
         rows = of_specimen & (readings["mass"] == mass)

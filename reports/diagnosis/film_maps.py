@@ -44,8 +44,6 @@ _COLOURS = "RdBu_r"
 #: Share of residuals within the scale, so that a few outliers do not make all others pale.
 _SHARE = 0.98
 
-_GREY = "#5a6475"
-
 #: What films are coloured by: as everywhere, and by what the extended model has more.
 QUANTITIES = {**COLOURINGS, "more": Colouring(
     "deflection, extended − nominal", "deflection, extended − nominal", "µm",
@@ -108,7 +106,7 @@ def compose_film_maps(readings: Columns, outlines: Mapping[str, Any]) -> Figure:
             _plan(axes, outlines[name])
             drawn = axes.scatter(1e3 * readings["x"][rows], 1e3 * readings["y"][rows],
                                  c=values[rows], cmap=_COLOURS, vmin=-reach, vmax=reach, s=11,
-                                 linewidths=0.1, edgecolors=_GREY)
+                                 linewidths=0.1, edgecolors=style.GREY)
             axes.set_title(title if row == 0 else "", loc="left", weight="bold")
             words = f"{name}\n{1e3 * mass:.4g} g, {voltage / 1e3:.3g} kV\ny (mm)"
             axes.set(ylabel=words if column == 0 else "",
@@ -126,6 +124,6 @@ def _plan(axes: Axes, outlines: Mapping[str, Any]) -> None:
     """Frame and plate, to scale."""
     for name in ("frame", "plate"):
         points = np.array([*outlines[name], outlines[name][0]])
-        axes.plot(*points.T, color=_GREY, linewidth=0.8)
+        axes.plot(*points.T, color=style.GREY, linewidth=0.8)
     axes.set_aspect("equal")
     axes.margins(0.04)

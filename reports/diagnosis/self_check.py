@@ -16,8 +16,6 @@ from tympan.studies.files import write_text
 
 #: Room on the left for the names of effects [mm].
 _LEFT = 44.0
-#: Room on the right [mm].
-_RIGHT = 4.0
 #: Room above [mm].
 _TOP = 3.0
 #: Height of an effect's bar with the room around it [mm].
@@ -47,7 +45,7 @@ def _compose(rows: Sequence[Mapping[str, Any]]) -> Figure:
     """For each hidden effect the shares of what was said."""
     height = _ROW * len(rows)
     figure = style.new_figure(_TOP + height + _AXIS + _LEGEND)
-    axes = style.place_axes(figure, _LEFT, _TOP, style.WIDTH - _LEFT - _RIGHT, height)
+    axes = style.place_axes(figure, _LEFT, _TOP, style.WIDTH - _LEFT - style.RIGHT, height)
     at, start = np.arange(len(rows)), np.zeros(len(rows))
     for outcome in OUTCOMES:
         words, colour = SAID[outcome]

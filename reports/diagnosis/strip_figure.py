@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from tympan.reports import look as style
+from tympan.reports.diagnosis.figures import line_key, point_keys
 from tympan.studies.data.coupon import MODES
 
 Columns = Mapping[str, NDArray[Any]]
@@ -37,10 +37,6 @@ _RIGHT = 3.0
 #: Room between two columns, for the second one's numbers [mm].
 _BETWEEN = 14.0
 
-#: Colour of lines that stand for no measurement: zero, and models in a legend.
-_GREY = "#5a6475"
-#: Colour of the band of the noise, light behind the readings.
-_BAND = "#e4e6ea"
 
 _SHOWN = {"stress": "stress (kPa)", "drop": "drop of the stress (kPa)"}
 #: Entries of the legend beside each other.
@@ -64,15 +60,13 @@ def compose_strips(readings: Columns, reading: str = "stress") -> Figure:
     several = len({name for name, _ in panels}) > 1
     for column, (name, mode) in enumerate(panels):
         place = _LEFT + column * (width + _BETWEEN)
-        above = style.place_axes(figure, place, _TITLE, width, _ABOVE)
-        below = style.place_axes(figure, place, _TITLE + _ABOVE + _GAP, width, _BELOW)
+        above, below = style.place_pair(figure, place, _TITLE, width, (_ABOVE, _GAP, _BELOW))
         rows = (readings["specimen"] == name) & (readings["mode"] == mode)
         _column(above, below, {key: values[rows] for key, values in readings.items()},
                 np.array(labels)[rows], conditions)
         title = mode.replace("_", " ") + (f", {name}" if several else "")
         style.describe(above, "", _SHOWN[reading] if column == 0 else "", title, bold=True)
         style.describe(below, "stretch", "read − model (kPa)" if column == 0 else "")
-        above.tick_params(labelbottom=False)
     _legend(figure, conditions)
     return figure
 
@@ -94,8 +88,8 @@ def _column(above: Axes, below: Axes, readings: Columns, labels: NDArray[np.str_
                                         ("read", "sigma", "baseline", "extended")}
     order = np.argsort(along)
     below.fill_between(along[order], -2 * kilo["sigma"][order], 2 * kilo["sigma"][order],
-                       color=_BAND, linewidth=0)
-    below.axhline(0.0, color=_GREY, linewidth=0.6)
+                       color=style.FAINT, linewidth=0)
+    below.axhline(0.0, color=style.GREY, linewidth=0.6)
     for number, condition in enumerate(conditions):
         colour, marker = style.colour_of(number), style.marker_of(number)
         for leg in np.unique(readings["leg"][labels == condition]):
@@ -111,11 +105,7 @@ def _column(above: Axes, below: Axes, readings: Columns, labels: NDArray[np.str_
 
 
 def _legend(figure: Figure, conditions: list[str]) -> None:
-    points = [Line2D([], [], marker=style.marker_of(number), color=style.colour_of(number),
-                     linestyle="", markersize=3.5, label=condition)
-              for number, condition in enumerate(conditions)]
-    lines = [Line2D([], [], color=_GREY, linestyle="--", linewidth=0.9,
-                    label="nominal model (below: hollow)"),
-             Line2D([], [], color=_GREY, linewidth=0.9, label="extended model (below: full)"),
-             Patch(color=_BAND, label="95 % of the noise")]
-    figure.legend(handles=[*points, *lines], loc="lower center", ncols=_ACROSS)
+    handles = [*point_keys(conditions), line_key("nominal model (below: hollow)", "--"),
+               line_key("extended model (below: full)", "-"),
+               Patch(color=style.FAINT, label="95 % of the noise")]
+    figure.legend(handles=handles, loc="lower center", ncols=_ACROSS)

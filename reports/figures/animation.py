@@ -35,10 +35,6 @@ _VOLTAGE = 14.0
 #: Height of the axis of the deflection [mm].
 _RESPONSE = 26.0
 
-#: Room on the left of an axis for its numbers and words [mm].
-_LEFT = 14.0
-#: Room on the right, for half of the last number [mm].
-_RIGHT = 4.0
 #: Room above the film [mm].
 _TOP = 4.0
 #: Room below an axis for its numbers and words [mm].
@@ -50,11 +46,6 @@ _GAP = 4.0
 FRAME_DPI = 110
 #: How long all pictures take [s].
 _LENGTH = 5.0
-
-#: Colours of the stress, perceptually uniform.
-_COLOURS = "viridis"
-#: Colour of the net on the film, seen on dark colours.
-_INK = "white"
 
 
 def animate(response: Response, films: Mapping[float, FilmSurface], file: Path) -> None:
@@ -73,8 +64,8 @@ def animate(response: Response, films: Mapping[float, FilmSurface], file: Path) 
                         max(float(heave.max()) for heave in heaves))
     half = np.abs(surfaces[0].mounted[:, :2]).max(0)
     wide = 2e3 * float(half.max())
-    view = View(1.5 * FRAME_DPI * style.MM * _FILM / wide, 1.0, _COLOURS, scale,
-                bar_length(wide) / 2, style.SHORT, style.LONG, elevation=38.0, ink=_INK)
+    view = View(1.5 * FRAME_DPI * style.MM * _FILM / wide, 1.0, scale,
+                bar_length(wide) / 2, elevation=38.0)
     pictures = [film_picture(film, heave, view, bool(half[1] > half[0]))
                 for film, heave in zip(surfaces, heaves, strict=True)]
     with style.figure_style():
@@ -130,7 +121,7 @@ def _compose(picture: style.Picture, response: Response, time: float, scale: Axi
     axes = style.place_axes(figure, (_WIDTH - _FILM) / 2, _TOP, _FILM, height)
     style.show_picture(axes, picture)
     axes.set(xlim=(west, east), ylim=(bottom, top))
-    style.colour_bar(figure, (_WIDTH - 60) / 2, _TOP + height + 3, (60, 2.4), scale, _COLOURS,
+    style.colour_bar(figure, (_WIDTH - 60) / 2, _TOP + height + 3, (60, 2.4), scale, style.COLOURS,
                      "deflection (mm)")
     _add_traces(figure, response, time, below)
     return figure
@@ -139,7 +130,7 @@ def _compose(picture: style.Picture, response: Response, time: float, scale: Axi
 def _add_traces(figure: Figure, response: Response, time: float, top: float) -> None:
     """Voltage and displacement so far in colour, what is to come in grey."""
     when, voltage, reading = response.samples[["t", "voltage", "displacement"]].to_numpy().T
-    pair = style.place_pair(figure, _LEFT, top, _WIDTH - _LEFT - _RIGHT,
+    pair = style.place_pair(figure, style.LEFT, top, _WIDTH - style.LEFT - style.RIGHT,
                             (_VOLTAGE, _GAP, _RESPONSE))
     for axes, values, words in zip(pair, (1e-3 * voltage, 1e3 * reading),
                                    ("voltage (kV)", "displacement (mm)"), strict=True):

@@ -27,8 +27,6 @@ _AXIS = 11.0
 #: Room below for the legend [mm].
 _LEGEND = 11.0
 
-#: Room on the left of an axis for its numbers and words [mm].
-_LEFT = 14.0
 #: Room on the right, for half of the last number [mm].
 _RIGHT = 3.0
 #: Room between two axes beside each other, for the second one's numbers [mm].
@@ -62,9 +60,9 @@ def _compose(result: MaterialFitResult) -> Figure:
     if result.histories is not None:
         _draw_histories(figure, result.histories, runs)
     entries: dict[str, Artist] = {}
-    width = (style.WIDTH - _LEFT - _RIGHT - 2 * _GAP) / 3
+    width = (style.WIDTH - style.LEFT - _RIGHT - 2 * _GAP) / 3
     for number, mode in enumerate(MODES):
-        axes = style.place_axes(figure, _LEFT + number * (width + _GAP), above + _TITLE, width,
+        axes = style.place_axes(figure, style.LEFT + number * (width + _GAP), above + _TITLE, width,
                                  _PANEL)
         _panel(axes, result, mode, _STRESS if number == 0 else "")
         handles, words = axes.get_legend_handles_labels()
@@ -119,7 +117,7 @@ def _run_names(histories: Mapping[str, NDArray[Any]]) -> list[str]:
 
 def _legend_columns(runs: tuple[str, ...]) -> int:
     widest = _KEY + _LETTER * max(map(len, runs))
-    return max(1, int((style.WIDTH - _LEFT) / widest))
+    return max(1, int((style.WIDTH - style.LEFT) / widest))
 
 
 def _row_height(runs: tuple[str, ...]) -> float:
@@ -129,12 +127,12 @@ def _row_height(runs: tuple[str, ...]) -> float:
 def _draw_histories(figure: Figure, histories: Mapping[str, NDArray[Any]],
                     runs: tuple[str, ...]) -> None:
     """Every run against stretch and against time: readings as points, the fit as a line."""
-    width = (style.WIDTH - _LEFT - _RIGHT - _GAP) / 2
+    width = (style.WIDTH - style.LEFT - _RIGHT - _GAP) / 2
     names, panels = np.array(_run_names(histories)), []
     for number, (column, across, title) in enumerate((
             ("stretch", "stretch", "tests in time: points, and the law with branches: lines"),
             ("t", "time (s)", ""))):
-        axes = style.place_axes(figure, _LEFT + number * (width + _GAP), _TITLE, width,
+        axes = style.place_axes(figure, style.LEFT + number * (width + _GAP), _TITLE, width,
                                 _HISTORY - _TITLE)
         style.describe(axes, across, "" if number else _STRESS, title, bold=True)
         for index, run in enumerate(runs):

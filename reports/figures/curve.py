@@ -27,12 +27,8 @@ Points = NDArray[np.bool_]
 _WIDTH = 110.0
 #: Height of the axis [mm].
 _HEIGHT = 70.0
-#: Room on the left of an axis for its numbers and words [mm].
-_LEFT = 14.0
 #: Room above for the title [mm].
 _TOP = 8.0
-#: Room below for the numbers and words of the axis [mm].
-_BELOW = 12.0
 
 #: Where words are from their mark [points]: at its left, a little above.
 _BESIDE = (-4.0, 2.0)
@@ -158,8 +154,8 @@ def draw_curves(result: CurveResult, folder: Path) -> list[Path]:
 
 
 def _compose(result: CurveResult) -> Figure:
-    figure = style.new_figure(_TOP + _HEIGHT + _BELOW, _LEFT + _WIDTH + 4.0)
-    draw_voltage_curves(style.place_axes(figure, _LEFT, _TOP, _WIDTH, _HEIGHT), result)
+    figure = style.new_figure(_TOP + _HEIGHT + style.AXIS, style.LEFT + _WIDTH + style.RIGHT)
+    draw_voltage_curves(style.place_axes(figure, style.LEFT, _TOP, _WIDTH, _HEIGHT), result)
     return figure
 
 

@@ -32,9 +32,8 @@ def draw_film(result: CaseResult, folder: Path) -> list[Path]:
     wide = float(spans.max())
     stress = film.values["stress_1"] / 1e3
     dots = 2 * style.DPI  # twice the print's: the average of four makes smooth edges
-    view = View(dots * style.MM * (_WIDTH - 2 * _MARGIN) / wide, dots * 0.7 / 72, style.COLOURS,
-                round_scale(float(stress.min()), float(stress.max())), bar_length(wide) / 2,
-                style.SHORT, style.LONG)
+    view = View(dots * style.MM * (_WIDTH - 2 * _MARGIN) / wide, dots * 0.7 / 72,
+                round_scale(float(stress.min()), float(stress.max())), bar_length(wide) / 2)
     picture = film_picture(film, stress, view, bool(spans[1] > spans[0]))
     return style.save_figure(folder, result.specimen,
                              lambda: _compose(result, picture, view.scale))

@@ -11,14 +11,6 @@ from tympan.studies.response import ResponseResult
 
 #: Room on the left of an axis for its numbers and words [mm].
 _LEFT = 16.0
-#: Room on the right, for half of the last number [mm].
-_RIGHT = 4.0
-#: Room above an axis for its title [mm].
-_TITLE = 6.0
-#: Room below an axis for its numbers and words [mm].
-_AXIS = 12.0
-#: Room between two axes, one below the other [mm].
-_GAP = 5.0
 
 #: Height of the axis of the amplitude [mm].
 _AMPLITUDE = 55.0
@@ -34,9 +26,7 @@ def draw_response(result: ResponseResult, folder: Path) -> list[Path]:
 
 
 def _bode(result: ResponseResult) -> Figure:
-    figure = style.new_figure(_TITLE + _AMPLITUDE + _GAP + _PHASE + _AXIS)
-    above, below = style.place_pair(figure, _LEFT, _TITLE, style.WIDTH - _LEFT - _RIGHT,
-                                    (_AMPLITUDE, _GAP, _PHASE))
+    figure, [(above, below)] = style.pairs(1, _AMPLITUDE, _PHASE, _LEFT)
     frequency = result.frequency_Hz
     micrometres = [1e9 * amplitude for amplitude in result.amplitude_m_per_V]
     above.loglog(frequency, micrometres, color=style.colour_of(0), linewidth=1.0)

@@ -14,21 +14,11 @@ from tympan.reports import look as style
 from tympan.studies.estimation.identifiability import Identifiability
 from tympan.studies.identify.result import Fitted, IdentifyResult
 
-#: Room on the left of an axis for its numbers and words [mm].
-_LEFT = 14.0
-#: Room on the right, for half of the last number [mm].
-_RIGHT = 4.0
 #: Room above a profile, and above the correlations, for a title [mm].
 _TOP = 8.0
 #: Room below a profile for its numbers and words [mm].
 _BOTTOM = 13.0
 
-#: Room above an axis for its title [mm].
-_TITLE = 6.0
-#: Room below an axis for its numbers and words [mm].
-_AXIS = 12.0
-#: Room between two axes, one below the other [mm].
-_GAP = 5.0
 #: Height of the axis of residuals below static readings [mm].
 _VOLTAGE = 22.0
 #: Height of the axis of static readings [mm].
@@ -100,11 +90,8 @@ def _static(fit: Fitted) -> Figure:
     """A column for each mass: readings and fit above, residuals below."""
     masses = sorted(fit.readings["mass"].unique())
     names = fit.readings["specimen"].unique().tolist()
-    figure = style.new_figure(_TITLE + _RESPONSE + _GAP + _VOLTAGE + _AXIS)
-    width = (style.WIDTH - _RIGHT) / len(masses) - _LEFT
-    for column, mass in enumerate(masses):
-        above, below = style.place_pair(figure, _LEFT + column * (width + _LEFT), _TITLE, width,
-                                        (_RESPONSE, _GAP, _VOLTAGE))
+    figure, pairs = style.pairs(len(masses), _RESPONSE, _VOLTAGE)
+    for column, (mass, (above, below)) in enumerate(zip(masses, pairs, strict=True)):
         for part in (part for part in fit.runs if part["mass"].iloc[0] == mass):
             name = part["specimen"].iloc[0]
             colour = style.colour_of(names.index(name))
@@ -125,14 +112,14 @@ def _dynamic(fit: Fitted) -> Figure:
     """A row for each mass: readings, fit and residuals, and on the right their beginning."""
     masses = sorted(fit.readings["mass"].unique())
     names = fit.readings["specimen"].unique().tolist()
-    height = _WHOLE + _GAP + _LEFTOVER
-    figure = style.new_figure(len(masses) * (_TITLE + height + _AXIS))
-    width = style.WIDTH / 2 - _LEFT - _RIGHT
+    height = style.TITLE + _WHOLE + style.GAP + _LEFTOVER + style.AXIS
+    figure = style.new_figure(len(masses) * height)
+    width = style.WIDTH / 2 - style.LEFT - style.RIGHT
     for row, mass in enumerate(masses):
         for column, end in enumerate((np.inf, _BEGINNING * (fit.radian or np.inf))):
             above, below = style.place_pair(
-                figure, _LEFT + column * style.WIDTH / 2, _TITLE + row * (_TITLE + height + _AXIS),
-                width, (_WHOLE, _GAP, _LEFTOVER))
+                figure, style.LEFT + column * style.WIDTH / 2, style.TITLE + row * height, width,
+                (_WHOLE, style.GAP, _LEFTOVER))
             for part in (part for part in fit.runs if part["mass"].iloc[0] == mass):
                 _response(above, below, part, end, style.colour_of(
                     names.index(part["specimen"].iloc[0])))
@@ -161,15 +148,10 @@ def _response(above: Axes, below: Axes, part: pd.DataFrame, end: float, colour: 
 def _profiles(judgement: Identifiability) -> Figure:
     drawn = [(constant, profile) for constant, profile
              in zip(judgement.constants, judgement.profiles, strict=True) if profile is not None]
-    rows = max(1, -(-len(drawn) // _COLUMNS))
-    figure = style.new_figure(rows * (_TOP + _PANEL + _BOTTOM))
-    width = style.WIDTH / _COLUMNS - _LEFT - _RIGHT
+    figure, panels = style.panels(len(drawn), _COLUMNS, _PANEL, _TOP, _BOTTOM)
     if not drawn:
         figure.text(0.5, 0.5, "these data determine none of the constants", ha="center")
-    for number, (constant, profile) in enumerate(drawn):
-        row, column = divmod(number, _COLUMNS)
-        axes = style.place_axes(figure, _LEFT + column * (_LEFT + width + _RIGHT),
-                                _TOP + row * (_TOP + _PANEL + _BOTTOM), width, _PANEL)
+    for number, (axes, (constant, profile)) in enumerate(zip(panels, drawn, strict=True)):
         colour = style.PALETTE[0] if constant.low is not None else style.PALETTE[1]
         factor, prefix = _prefix(float(np.abs(profile.values).max()), constant.unit)
         values = profile.values / factor
@@ -186,7 +168,7 @@ def _profiles(judgement: Identifiability) -> Figure:
         axes.set_ylim(0, 1.5 * judgement.quantile)
         axes.set_title(_symbol(constant.name), loc="left", weight="bold")
         axes.set(xlabel="" if constant.unit == "1" else f"({prefix}{constant.unit})",
-                 ylabel="√(χ² − χ²min)" if column == 0 else "")
+                 ylabel="" if number % _COLUMNS else "√(χ² − χ²min)")
         axes.ticklabel_format(axis="x", useOffset=False, scilimits=(-3, 5))
         axes.locator_params(axis="x", nbins=4)
     return figure

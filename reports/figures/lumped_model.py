@@ -13,14 +13,6 @@ from tympan.studies.lumped.build import BuildResult
 
 #: Room on the left of an axis for its numbers and words [mm].
 _LEFT = 16.0
-#: Room on the right, for half of the last number [mm].
-_RIGHT = 4.0
-#: Room above an axis for its title [mm].
-_TITLE = 6.0
-#: Room below an axis for its numbers and words [mm].
-_AXIS = 12.0
-#: Room between two axes, one below the other [mm].
-_GAP = 5.0
 
 #: Height of the axis of deflections [mm].
 _ABOVE = 62.0
@@ -38,16 +30,11 @@ def draw_built(result: BuildResult, folder: Path) -> list[Path]:
 
 def _compose(statics: pd.DataFrame) -> Figure:
     masses, names = (statics[key].unique().tolist() for key in ("mass", "specimen"))
-    columns: list[tuple[Axes, Axes]] = []
-    figure = style.new_figure(_TITLE + _ABOVE + _GAP + _BELOW + _AXIS)
-    width = (style.WIDTH - _RIGHT) / len(masses) - _LEFT
-    for column, mass in enumerate(masses):
-        above, below = style.place_pair(figure, _LEFT + column * (width + _LEFT), _TITLE, width,
-                                        (_ABOVE, _GAP, _BELOW))
+    figure, columns = style.pairs(len(masses), _ABOVE, _BELOW, _LEFT)
+    for column, (mass, (above, below)) in enumerate(zip(masses, columns, strict=True)):
         for number, name in enumerate(names):
             loads = statics[(statics["specimen"] == name) & (statics["mass"] == mass)]
             _draw(loads, name, number, len(names), above, below)
-        columns.append((above, below))
         up, error = ("deflection (mm)", "lumped/field − 1 (%)") if column == 0 else ("", "")
         style.describe(above, "", up, f"{1e3 * mass:g} g", bold=True)
         style.describe(below, "voltage (kV)", error)

@@ -17,8 +17,6 @@ from tympan.studies.path import Along, PathResult, Station
 _WIDTH = 72.0
 #: Height of an axis [mm].
 _HEIGHT = 62.0
-#: Room on the left of an axis for its numbers and words [mm].
-_LEFT = 14.0
 #: Room above for a title [mm].
 _TOP = 8.0
 #: Room between two axes beside each other, for the second one's numbers [mm].
@@ -39,12 +37,13 @@ def draw_path(result: PathResult, folder: Path) -> list[Path]:
 
 def _compose(result: PathResult) -> Figure:
     panels = 2 if result.along in ("voltage", "charge") else 1
-    figure = style.new_figure(_TOP + _HEIGHT + 12.0, _LEFT + panels * (_WIDTH + _GAP) - _GAP + 4.0)
-    first = style.place_axes(figure, _LEFT, _TOP, _WIDTH, _HEIGHT)
+    figure = style.new_figure(_TOP + _HEIGHT + style.AXIS,
+                              style.LEFT + panels * (_WIDTH + _GAP) - _GAP + style.RIGHT)
+    first = style.place_axes(figure, style.LEFT, _TOP, _WIDTH, _HEIGHT)
     draw_stations(first, result)
     first.legend(loc="best")
     if panels == 2:
-        second = style.place_axes(figure, _LEFT + _WIDTH + _GAP, _TOP, _WIDTH, _HEIGHT)
+        second = style.place_axes(figure, style.LEFT + _WIDTH + _GAP, _TOP, _WIDTH, _HEIGHT)
         _panel(second, result, _NAMES["charge"], _NAMES["voltage"])
     return figure
 

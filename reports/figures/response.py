@@ -11,17 +11,6 @@ from matplotlib.figure import Figure
 from tympan.reports import look as style
 from tympan.studies.trace import Response, Responses
 
-#: Room on the left of an axis for its numbers and words [mm].
-_LEFT = 14.0
-#: Room on the right, for half of the last number [mm].
-_RIGHT = 4.0
-#: Room above an axis for its title [mm].
-_TITLE = 6.0
-#: Room below an axis for its numbers and words [mm].
-_AXIS = 12.0
-#: Room between two axes, one below the other [mm].
-_GAP = 5.0
-
 #: Height of the axis of the voltage [mm].
 _VOLTAGE = 22.0
 #: Height of the axis of the deflection, and of a loop [mm].
@@ -46,9 +35,7 @@ def draw_simulated(result: Responses, folder: Path) -> list[Path]:
 
 
 def _responses(responses: Sequence[Response]) -> Figure:
-    figure = style.new_figure(_TITLE + _VOLTAGE + _GAP + _RESPONSE + _AXIS)
-    above, below = style.place_pair(figure, _LEFT, _TITLE, style.WIDTH - _LEFT - _RIGHT,
-                                    (_VOLTAGE, _GAP, _RESPONSE))
+    figure, [(above, below)] = style.pairs(1, _VOLTAGE, _RESPONSE)
     end = max(item.samples["t"].iloc[-1] for item in responses)
     for number, item in enumerate(responses):
         count = len(item.samples)
@@ -74,13 +61,8 @@ def _loops(responses: Sequence[Response]) -> Figure:
     """The last period of each, every one to its own scale."""
     loops = [(item, item.loop) for item in responses if item.loop is not None]
     columns = min(len(loops), _COLUMNS)
-    rows = -(-len(loops) // columns)
-    figure = style.new_figure(rows * (_TITLE + _RESPONSE + _AXIS))
-    width = style.WIDTH / columns - _LEFT - _RIGHT
-    for number, (item, loop) in enumerate(loops):
-        row, column = divmod(number, columns)
-        axes = style.place_axes(figure, _LEFT + column * style.WIDTH / columns,
-                                _TITLE + row * (_TITLE + _RESPONSE + _AXIS), width, _RESPONSE)
+    figure, panels = style.panels(len(loops), columns, _RESPONSE)
+    for number, (axes, (item, loop)) in enumerate(zip(panels, loops, strict=True)):
         axes.plot(1e-3 * loop["voltage"], 1e3 * loop["deflection"],
                   color=style.colour_of(number), linewidth=0.8)
         for share in _ARROWS:
@@ -89,7 +71,7 @@ def _loops(responses: Sequence[Response]) -> Figure:
                               for name in ("voltage", "deflection"))
             axes.annotate("", (1e-3 * v, 1e3 * z), (1e-3 * u, 1e3 * y),
                           arrowprops={"arrowstyle": "-|>", "color": style.colour_of(number)})
-        style.describe(axes, "voltage (kV)", "displacement (mm)" if column == 0 else "",
+        style.describe(axes, "voltage (kV)", "" if number % columns else "displacement (mm)",
                        _label(item))
     return figure
 

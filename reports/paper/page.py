@@ -23,14 +23,6 @@ Content = dict[str, Any]
 #: Abscissa and ordinate of the curves of each file, by the cells of its first columns.
 Curves = Mapping[str, Mapping[tuple[str, ...], NDArray[np.float64]]]
 
-#: Room on the left of an axis for its numbers and words [mm].
-_LEFT = 14.0
-#: Room on the right, for half of the last number [mm].
-_RIGHT = 4.0
-#: Room above for a title [mm].
-_TOP = 6.0
-#: Room below an axis for its numbers and words [mm].
-_AXIS = 12.0
 #: Height of a single axis [mm].
 _HEIGHT = 70.0
 
@@ -121,12 +113,12 @@ def _step(content: Content, curves: Curves, mass: float, end: float = np.inf) ->
 
 def _loops(content: Content, curves: Curves) -> Figure:
     height, gap, margin = 42.0, 11.0, 16.0
-    figure = style.new_figure(_TOP + 3 * (height + gap))
-    width = style.WIDTH / 2 - margin - _RIGHT
+    figure = style.new_figure(style.TITLE + 3 * (height + gap))
+    width = style.WIDTH / 2 - margin - style.RIGHT
     for row, name in enumerate(NAMES):
         for column, (offset, amplitude) in enumerate(SINES):
             axes = style.place_axes(figure, margin + column * style.WIDTH / 2,
-                                    _TOP + row * (height + gap), width, height)
+                                    style.TITLE + row * (height + gap), width, height)
             volts, y = curves["hysteresis"][f"{offset / 1e3:g}", f"{amplitude / 1e3:g}", name]
             axes.plot(np.append(volts, volts[0]), np.append(y, y[0]), color=style.PALETTE[row])
             title = (f"({_LETTERS[2 * row + column]}) {name}, u₀ = {offset / 1e3:g} kV, "
@@ -140,11 +132,11 @@ def _loops(content: Content, curves: Curves) -> Figure:
 def _random(content: Content, curves: Curves) -> Figure:
     (time, volts), = curves["signal"].values()
     heights = (26.0, 48.0, 48.0)
-    figure = style.new_figure(sum(heights) + 3 * (_TOP + 2) + _AXIS - 2)
-    top = _TOP
+    figure = style.new_figure(sum(heights) + 3 * (style.TITLE + 2) + style.AXIS - 2)
+    top, width = style.TITLE, style.WIDTH - style.LEFT - style.RIGHT
     for number, height in enumerate(heights):
-        axes = style.place_axes(figure, _LEFT, top, style.WIDTH - _LEFT - _RIGHT, height)
-        top += height + _TOP + 2
+        axes = style.place_axes(figure, style.LEFT, top, width, height)
+        top += height + style.TITLE + 2
         if number == 0:
             axes.plot(time, volts, color="black", linewidth=0.8)
             style.describe(axes, "", "voltage (kV)", "(a) applied voltage")
@@ -214,6 +206,6 @@ def _three(curves: Mapping[tuple[str, ...], NDArray[np.float64]], mass: float
 
 
 def _single(share: float = 0.75) -> tuple[Figure, Axes]:
-    figure = style.new_figure(_TOP + _HEIGHT + _AXIS, share * style.WIDTH)
-    width = share * style.WIDTH - _LEFT - _RIGHT
-    return figure, style.place_axes(figure, _LEFT, _TOP, width, _HEIGHT)
+    figure = style.new_figure(style.TITLE + _HEIGHT + style.AXIS, share * style.WIDTH)
+    width = share * style.WIDTH - style.LEFT - style.RIGHT
+    return figure, style.place_axes(figure, style.LEFT, style.TITLE, width, _HEIGHT)

@@ -91,9 +91,8 @@ def lay_out(specimens: Sequence[SpecimenView], stress: tuple[float, float]) -> L
                 for item, width in zip(specimens, flat, strict=True)
                 for line in (item.along_x, item.along_y) for side in line.sides)
     # The print's pixels, each the average of four, which makes smooth edges.
-    view = View(style.DPI * style.MM * paper, style.DPI * 0.7 / 72, style.COLOURS,
-                round_scale(*stress), bar_length(max(widths)) / 2, style.SHORT, style.LONG,
-                samples=2)
+    view = View(style.DPI * style.MM * paper, style.DPI * 0.7 / 72, round_scale(*stress),
+                bar_length(max(widths)) / 2, samples=2)
     return Layout(tuple(rows), columns, paper, 1.03 * reach, view)
 
 

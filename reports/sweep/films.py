@@ -54,9 +54,9 @@ def _sheets(films: list[Film], folder: Path) -> list[Path]:
     room = (style.WIDTH - 2 * _MARGIN - (_COLUMNS - 1) * _GAP) / _COLUMNS
     paper = room / (1.02 * max(widths))
     # Small as they are, a line of the net is narrower than a pixel: each is the average of four.
-    view = View(_DPI * style.MM * paper, 0.7 * _DPI / 72, style.COLOURS,
+    view = View(_DPI * style.MM * paper, 0.7 * _DPI / 72,
                 round_scale(min(map(np.min, stresses)), max(map(np.max, stresses))),
-                bar_length(max(widths)) / 2, style.SHORT, style.LONG, samples=2)
+                bar_length(max(widths)) / 2, samples=2)
     files = []
     for number, start in enumerate(range(0, len(films), _COLUMNS * _ROWS), start=1):
         sheet = films[start:start + _COLUMNS * _ROWS]
