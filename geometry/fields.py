@@ -21,7 +21,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import MISSING, dataclass, is_dataclass
 from dataclasses import fields as dataclass_fields
-from functools import cache, wraps
+from functools import cache, cached_property, wraps
 from inspect import signature
 from numbers import Number
 from types import NoneType, UnionType
@@ -102,17 +102,17 @@ class Field:
         """Whether a file must have it."""
         return self.default is MISSING and not self.says.default
 
-    @property
+    @cached_property
     def several(self) -> bool:
         """Whether it is a tuple."""
         return get_origin(self.kind) is tuple
 
-    @property
+    @cached_property
     def item(self) -> Any:
         """The type of its parts, or its own."""
         return get_args(self.kind)[0] if self.several else self.kind
 
-    @property
+    @cached_property
     def count(self) -> int | None:
         """Number of its parts, None for one or any number."""
         parts = get_args(self.kind)
@@ -143,6 +143,13 @@ def _fields_of(cls: Any) -> tuple[Field, ...]:
         declared += [Field(item.name, says.name or item.name, kind, says, default)
                      for says in notes if isinstance(says, Key)]
     return tuple(declared)
+
+
+@cache
+def _by_name(cls: Any) -> tuple[dict[str, Field], tuple[str, ...]]:
+    """The declared fields of a dataclass by name, and the names of those it must have."""
+    declared = {field.name: field for field in fields_of(cls)}
+    return declared, tuple(name for name, field in declared.items() if field.required)
 
 
 def field_at(value: Any, path: tuple[str, ...]) -> Field | None:
@@ -176,10 +183,10 @@ def takes_units(cls: Any) -> Any:
 
     @wraps(of_numbers)
     def of_texts(self: Any, *values: Any, **named: Any) -> None:
-        declared = {field.name: field for field in fields_of(cls)}
+        declared, required = _by_name(cls)
         given = {name: _in_si(declared[name], value) if name in declared else value
                  for name, value in arguments.named(values, named).items()}
-        arguments.require(given, [field.name for field in declared.values() if field.required])
+        arguments.require(given, required)
         given = getattr(cls, "completed", dict)(given)
         arguments.require(given, arguments.needed)
         of_numbers(self, **given)
@@ -263,6 +270,8 @@ def names_arguments(*more: str) -> Callable[[F], F]:
 
 def _in_si(field: Field, value: Any) -> Any:
     """What a constructor is given, as the dataclass keeps it."""
+    if type(value) is float and not field.several:
+        return value  # what nearly all are, in each of a search's many thousand specimens
     try:
         if isinstance(value, str) and field.says.kinds is not None and field.says.kinds.by_name:
             return field.says.kinds.by_name(value)

@@ -49,6 +49,8 @@ def with_change(value: Any, path: Sequence[str], change: Any) -> Any:
 
 def any_complex(value: Any) -> bool:
     """Whether any number within a dataclass or tuple is complex."""
+    if type(value) is float:
+        return False
     if isinstance(value, tuple):
         return any(map(any_complex, value))
     if is_dataclass(value):

@@ -6,7 +6,7 @@ import re
 from dataclasses import dataclass
 from functools import lru_cache
 from math import prod
-from typing import Annotated, Any, ClassVar, Protocol, runtime_checkable
+from typing import Annotated, Any, ClassVar, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,7 +65,6 @@ class Material(Protocol):
         """
 
 
-@runtime_checkable
 class LibraryEntry(Protocol):
     """A material with what is known of its films, ``of_film``, by the names of their fields."""
 
@@ -225,8 +224,9 @@ class Film:
     @classmethod
     def completed(cls, values: dict[str, Any]) -> dict[str, Any]:
         """With what the library knows of its material; that itself becomes the law."""
-        entry = values.get("material")
-        if isinstance(entry, LibraryEntry):
+        entry: Any = values.get("material")
+        # Only a LibraryEntry has it; to ask whether it is one costs more than the film.
+        if hasattr(entry, "of_film"):
             values = entry.of_film | values | {"material": entry.material}
         if "relative_permittivity" not in values:
             raise InputError("is missing: the library lists none for this material",
