@@ -15,10 +15,11 @@ from scipy.constants import epsilon_0
 from tympan.geometry.outlines import area
 from tympan.geometry.specimen import Specimen
 from tympan.studies.columns import Sheet
+from tympan.studies.data.checked_runs import Hum
 from tympan.studies.data.coupon import Coupons
 from tympan.studies.data.dataset import Dataset, channels
 from tympan.studies.data.noise import coarse_step, repeat_groups, repeat_noise, stated_ratio
-from tympan.studies.files import words_beside
+from tympan.studies.files import to_json, words_beside
 
 #: What to beware of, by key.
 WORDS = words_beside(__file__)
@@ -45,6 +46,10 @@ _SEVERAL = 3
 #: stiffen, and mass is missing, by less.
 _APART = 4.0
 
+#: Share of a line's frequency by which it is seen elsewhere from which that is told: clocks are off
+#: by less.
+_FOLDED = 0.02
+
 #: Correlation of readings with the voltage's square below which they fall, so that scatter alone
 #: does not count.
 _FALLS = -0.9
@@ -54,12 +59,10 @@ _FEWEST = 4
 
 def summary(dataset: Dataset) -> dict[str, Any]:
     """What a dataset holds, as plain values for JSON, SI; voltages of transients are left out."""
-    static, ranges, transients = dataset.static, dataset.ranges, dataset.transients
+    static, ranges = dataset.static, dataset.ranges
     voltages = [table.voltage for table in (static, dataset.frequencies, dataset.fields)
                 if table is not None]
     voltages += [ranges.voltage_min, ranges.voltage_max] if ranges is not None else []
-    runs = [] if transients is None else zip(*(
-        transients[name].tolist() for name in ("specimen", "mass", "run")), strict=True)
     scatter = repeat_noise(dataset)
     readings = {Path(name).stem: len(table) for name, table in dataset.tables.items()}
     tests = dataset.coupons
@@ -74,7 +77,9 @@ def summary(dataset: Dataset) -> dict[str, Any]:
         "masses_kg": _distinct([dataset.masses]),
         "voltages_V": _distinct(voltages),
         "channels": [] if static is None else ["displacement", *channels(static)],
-        "runs": len({*runs}),
+        "runs": len(dataset.runs),
+        "hum": to_json([hum for run in dataset.runs for hum in run.hum]),
+        "late_runs": to_json([late for run in dataset.runs for late in run.late]),
         "repeated_states": 0 if static is None
         else int((np.bincount(repeat_groups(static)) > 1).sum()),
         "noise": {
@@ -91,8 +96,8 @@ def summary(dataset: Dataset) -> dict[str, Any]:
 def dataset_warnings(dataset: Dataset) -> list[str]:
     """One sentence for each thing that limits, or may spoil, what the data can tell."""
     return [*dataset.remarks, *_too_little(dataset), *_static_warnings(dataset),
-            *_frequency_warnings(dataset), *slips_of_unit(dataset), *slips_of_sign(dataset),
-            *dataset.rig.remarks]
+            *_frequency_warnings(dataset), *_run_warnings(dataset), *slips_of_unit(dataset),
+            *slips_of_sign(dataset), *dataset.rig.remarks]
 
 
 def _distinct(values: list[NDArray[np.float64]]) -> list[float]:
@@ -198,6 +203,34 @@ def _frequency_warnings(dataset: Dataset) -> Iterator[str]:
              if specimen.name in read.specimen and not specimen.membrane.density]
     if light:
         yield WORDS["massless"].format(names=", ".join(light))
+
+
+def _run_warnings(dataset: Dataset) -> Iterator[str]:
+    """What hums in runs in time, by its frequency, and whose clock is off."""
+    if dataset.transients is None:
+        return
+    file, count = dataset.transients.file.name, len(dataset.runs)
+    lines = [(run.record.name, hum) for run in dataset.runs for hum in run.hum]
+    by_frequency: dict[tuple[bool, float], list[tuple[str, Hum]]] = {}
+    for name, hum in sorted(lines, key=lambda item: -item[1].amplitude_um):
+        by_frequency.setdefault((hum.mains, round(hum.frequency_Hz)), []).append((name, hum))
+    for (mains, _), some in by_frequency.items():
+        names = sorted({name for name, _ in some})
+        where = f"all {count} runs" if len(names) == count > 1 else "; ".join(names)
+        hum = some[0][1]
+        folded = abs(hum.seen_Hz - hum.frequency_Hz) > _FOLDED * hum.frequency_Hz
+        low = min(each.low_um for _, each in some)
+        high = max(each.high_um or np.inf for _, each in some)
+        amplitude = WORDS["between" if high < np.inf else "at_least"].format(low=low, high=high)
+        yield WORDS["mains" if mains else "line"].format(
+            file=file, frequency=hum.frequency_Hz, runs=where, amplitude=amplitude,
+            folded=WORDS["folded"].format(seen=hum.seen_Hz) if folded else "")
+    for run in dataset.runs:
+        for late in run.late:
+            sign = 1 if late.late_s > 0 else -1
+            low, high = sorted((abs(late.low_s), abs(late.high_s)))
+            yield WORDS["late" if sign > 0 else "early"].format(
+                file=file, name=run.record.name, time=abs(late.late_s), low=low, high=high)
 
 
 def _only_up(static: Sheet) -> bool:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -20,6 +21,7 @@ from tympan.geometry.specimen import Specimen
 from tympan.geometry.toml_reader import FINITE, NON_NEGATIVE, POSITIVE, Rule, Table
 from tympan.studies.columns import Column, Sheet, read_sheet
 from tympan.studies.data import coupon
+from tympan.studies.data.checked_runs import CheckedRun, checked_runs
 from tympan.studies.data.coupon import Coupons
 from tympan.studies.data.effort import Effort
 from tympan.studies.formats import FORMATS, Format, format_of, suffixes
@@ -189,6 +191,11 @@ class Dataset:
     def sheets(self) -> tuple[Sheet, ...]:
         """The files there are of readings of actuators."""
         return tuple(table for table in self.tables.values() if isinstance(table, Sheet))
+
+    @cached_property
+    def runs(self) -> tuple[CheckedRun, ...]:
+        """The runs in time as they are judged."""
+        return () if self.transients is None else checked_runs(self.transients)
 
     @property
     def masses(self) -> NDArray[np.float64]:

@@ -187,6 +187,8 @@ class Conclusions:
             model_error=unit.per_si * self.model_error,
             knowable=tuple(detectable_effects(judged.signatures)),
             self_check=self_check,
+            hum=tuple(hum for run in self.dataset.runs for hum in run.hum),
+            late_runs=tuple(late for run in self.dataset.runs for late in run.late),
             warnings=tuple(self._limitations()),
             films=self._plans() if judged.table.scans else {},
             loaded_films=tuple(loaded_films(self.films, self.extended)) if films else (),
@@ -239,6 +241,8 @@ class Conclusions:
         """What was read, and what both models say there and, of actuators, between."""
         table, nominal, chosen = self.films.table, self.films.nominal, self.films.chosen
         specimens = np.array([specimen.name for specimen in self.simulation.setup.specimens])
+        # Lengths as they were read: what several have in common is counted with the models.
+        common = np.where(table.lengths, table.value - table.noise.apart(table.value), 0.0)
         models = {"baseline": nominal.predicted(table),
                   "extended": (chosen or nominal).predicted(table)}
         own = self.simulation.evidence[0].written(table, specimens.tolist(), models)
@@ -250,7 +254,7 @@ class Conclusions:
             "specimen": specimens[table.specimen], "mass": table.mass, "voltage": table.voltage,
             "elapsed": table.states.elapsed[table.state], "run": table.run, "order": table.order,
             "sigma": table.sigma,
-            **{name: table.noise.apart(values)
+            **{name: common + table.noise.apart(values)
                for name, values in {"read": table.value, **models}.items()},
             **dict(zip("xy", table.places.T, strict=True))}
         yield result.CURVES, curves(self.simulation, self.films, chosen)
@@ -303,7 +307,7 @@ class Conclusions:
         p_values = sorted(judged.test.p_values.items(), key=lambda item: item[1])
         return result.Misfit(
             baseline_rmse=self._rmse(None),
-            noise=_root(table.sigma, table),
+            noise=_root(np.where(table.lengths, table.noise.total, table.sigma), table),
             noise_from=self.readings.table.noise.source,
             noise_over_stated=judged.noise_over(self.readings.table),
             p_value=judged.test.p_value,

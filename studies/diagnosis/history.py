@@ -11,9 +11,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tympan.fem.rig import Rig
-from tympan.studies.signals import Pieces, nominal
+from tympan.studies.data.sampled_run import SampledRun
+from tympan.studies.signals import Pieces, nominal, through
 
 Array = NDArray[np.float64]
+
+#: How near lines come to a voltage, over its peak.
+_LINE = 2e-3
+#: How near they come to a noisy voltage, over the usual step between samples, so that they do not
+#: follow its noise.
+_SCATTER = 8.0
 
 #: When a held state is read, before the end of its dwell, over that.
 _BEFORE = 1e-6
@@ -36,6 +43,24 @@ class VoltageHistory:
 
     signal: Pieces
     rest: float = inf
+
+    @classmethod
+    def of(cls, record: SampledRun) -> VoltageHistory:
+        """Of a run's samples, with jumps at once, half a sample before they are seen."""
+        time, voltage = [record.time[:1]], [record.voltage[:1]]
+        for begin, end in record.holds:
+            if begin:
+                time.append(np.full(2, record.switched(begin)))
+                voltage.append(np.array([record.voltage[begin - 1], record.voltage[begin]]))
+            some = record.voltage[begin:end]
+            scatter = float(np.median(np.abs(np.diff(some)))) if end - begin > 2 else 0.0
+            lines = _lines(record.time[begin:end], some, max(
+                _LINE * float(np.abs(record.voltage).max(initial=0.0)), _SCATTER * scatter))
+            time.append(record.time[begin:end][lines])
+            voltage.append(record.voltage[begin:end][lines])
+        times, voltages = np.concatenate(time), np.concatenate(voltage)
+        kept = np.r_[True, (np.diff(times) > 0) | (np.diff(voltages) != 0)]
+        return cls(through(times[kept], voltages[kept]), record.rest)
 
     @cached_property
     def whole(self) -> Pieces:
@@ -146,6 +171,22 @@ def _behind(history: VoltageHistory, rig: Rig, when: Array, lag: float) -> Array
         kept = np.exp(-(end - start) / lag)
         behind = float(behind * kept + slope * lag * (1 - kept))
     return result
+
+
+def _lines(time: Array, value: Array, near: float) -> NDArray[np.int64]:
+    """Numbers of the samples between which lines come so near to all (Douglas and Peucker)."""
+    kept, open_ = {0, len(time) - 1}, [(0, len(time) - 1)]
+    while open_:
+        begin, end = open_.pop()
+        if end - begin < 2:
+            continue
+        line = np.interp(time[begin:end + 1], time[[begin, end]], value[[begin, end]])
+        off = np.abs(value[begin:end + 1] - line)
+        if off.max() > near:
+            middle = begin + int(off.argmax())
+            kept.add(middle)
+            open_ += [(begin, middle), (middle, end)]
+    return np.array(sorted(kept))
 
 
 def staircase(voltage: Array, dwell: Array) -> list[Passage]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import reduce
 
 import numpy as np
@@ -20,7 +21,7 @@ from tympan.studies.diagnosis.evidence.kind import (
 from tympan.studies.diagnosis.evidence.registry import PLATES
 from tympan.studies.diagnosis.reading_table import ReadingTable, States
 from tympan.studies.effects import Setup
-from tympan.studies.estimation.noise import SCATTER, Noise
+from tympan.studies.estimation.noise import SCATTER, Noise, Source
 
 Array = NDArray[np.float64]
 
@@ -88,14 +89,19 @@ def _with_noise(table: ReadingTable, dataset: Dataset) -> ReadingTable:
     unknown = np.isnan(table.sigma)
     if not unknown.any():
         repeated = dataset.noise is None and not planned and repeat_noise(dataset) is not None
-        return table.with_noise(Noise.of(table.sigma, "from repeats" if repeated else "stated"))
+        return table.with_noise(_of(table, table.sigma, "from repeats" if repeated else "stated"))
     if planned:
         raise InputError("is needed to plan: the standard deviation of one reading", key="noise",
                          given=None)
     size = ASSUMED * np.sqrt(np.mean(table.value[unknown] ** 2))
     enough = len(table) > 4 * FEWEST
-    return table.with_noise(Noise.of(np.where(unknown, size, table.sigma),
-                                     SCATTER if enough else "assumed"))
+    return table.with_noise(_of(table, np.where(unknown, size, table.sigma),
+                                SCATTER if enough else "assumed"))
+
+
+def _of(table: ReadingTable, sigma: Array, source: Source) -> Noise:
+    """Noise of so much, with what a table's readings have in common."""
+    return replace(Noise.of(sigma, source), shared=table.noise.shared)
 
 
 def _not_too_many(table: ReadingTable) -> tuple[ReadingTable, list[str]]:

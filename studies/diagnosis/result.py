@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from tympan.geometry.errors import InputError
 from tympan.geometry.fields import Key
 from tympan.studies.columns import Column, read_own_sheet, write_sheet
+from tympan.studies.data.checked_runs import Hum, LateRun
 from tympan.studies.data.coupon import MODES
 from tympan.studies.files import (
     from_json,
@@ -320,6 +321,8 @@ class Diagnosis:
                                       in_unit=True)] = 0.0
     knowable: Annotated[tuple[Knowable, ...], Key("what these readings can tell")] = ()
     self_check: Annotated[Json | None, Key("what comes of synthetic readings like these")] = None
+    hum: Annotated[tuple[Hum, ...], Key("steady lines of runs in time, subtracted")] = ()
+    late_runs: Annotated[tuple[LateRun, ...], Key("runs in time whose clocks are off")] = ()
     warnings: Annotated[tuple[str, ...], Key("what limits the result, in sentences")] = ()
     films: Annotated[Json, Key("plans of the films that were scanned, by specimen")] = field(
         default_factory=dict)

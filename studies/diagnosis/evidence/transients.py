@@ -2,24 +2,31 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
+from functools import reduce
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tympan.fem.rig import Rig
+from tympan.studies.data.checked_runs import CheckedRun
 from tympan.studies.data.dataset import Dataset
+from tympan.studies.data.sampled_run import WORDS, SampledRun
 from tympan.studies.diagnosis.evidence.kind import Films, PlateEvidence, numbers_of
-from tympan.studies.diagnosis.history import Passage
+from tympan.studies.diagnosis.history import Passage, VoltageHistory
 from tympan.studies.diagnosis.reading_table import ReadingTable, States, rows
 from tympan.studies.diagnosis.transients.block_means import ThinnedRecord, block_means
-from tympan.studies.diagnosis.transients.sampled_run import WORDS, SampledRun, faults, run_of
 from tympan.studies.effects import Setup
+from tympan.studies.estimation.noise import Noise
 
 Array = NDArray[np.float64]
 
 #: Factor beyond which a frequency is none of a weight on a spring that gives way so far.
 _APART_FROM_USUAL = 4.0
+#: Share of a reading's own noise from which what its jump's time does to it is counted: less
+#: changes no verdict and takes time.
+_MATTERS = 0.05
 
 
 class Transients(PlateEvidence):
@@ -34,17 +41,11 @@ class Transients(PlateEvidence):
         transients = dataset.transients
         if transients is None:
             return [], []
-        keys = np.unique(np.stack([np.unique(transients[name], return_inverse=True)[1].ravel()
-                                   for name in ("specimen", "mass", "run")]), axis=1,
-                         return_inverse=True)[1].ravel()
         tables, remarks, counts = list[ReadingTable](), list[str](), [0, 0]
-        specimens = numbers_of(setup, transients.specimen)
-        for number in range(int(keys.max()) + 1):
-            rows_ = np.flatnonzero(keys == number)
-            record = run_of(transients, rows_)
-            words = {"file": transients.file.name, "name": f"{transients.specimen[rows_[0]]}, "
-                     f"{1e3 * transients.mass[rows_[0]]:.4g} g, {transients.run[rows_[0]]}"}
-            wrong = faults(record)
+        parts, file = list[tuple[CheckedRun, ThinnedRecord]](), transients.file.name
+        for run in dataset.runs:
+            record, wrong = run.record, run.faults
+            words = {"file": file, "name": record.name}
             if wrong.words:
                 remarks.append(WORDS["left_out" if wrong.fatal else "beware"].format(
                     **words, reason=wrong.words))
@@ -55,13 +56,16 @@ class Transients(PlateEvidence):
             if off is not None:
                 remarks.append(WORDS["left_out"].format(**words, reason=off))
                 continue
-            counts = [counts[0] + len(rows_), counts[1] + len(few.blocks)]
-            tables += _rows(record, few, specimens[rows_[0]],
-                            float(transients.mass[rows_[0]]), str(transients.run[rows_[0]]),
-                            transients.file.name)
+            counts = [counts[0] + len(record.time), counts[1] + len(few.blocks)]
+            parts.append((run, few))
+            (specimen,) = numbers_of(setup, np.array([record.specimen]))
+            tables += _rows(record, few, specimen, file)
         if counts[0] > counts[1]:
             remarks.append(WORDS["thinned"].format(samples=counts[0], blocks=counts[1]))
-        return tables, remarks
+        if not tables:
+            return [], remarks
+        table = reduce(ReadingTable.joined, tables)
+        return [table.with_noise(_with_times_of_jumps(table.noise, table.lengths, parts))], remarks
 
     def shown(self, films: Films, kind: str, rows: NDArray[np.int64], heave: Array) -> Array:
         stiffness, mass = films.stiffness(heave), films.moving
@@ -85,11 +89,37 @@ def _out_of_time(few: ThinnedRecord, rig: Rig) -> str | None:
     return None
 
 
-def _rows(record: SampledRun, few: ThinnedRecord, specimen: int, mass: float, run: str, file: str
-          ) -> list[ReadingTable]:
+def _with_times_of_jumps(noise: Noise, lengths: NDArray[np.bool_],
+                         runs: Sequence[tuple[CheckedRun, ThinnedRecord]]) -> Noise:
+    """With an error in common for the time of each jump, and one for those of all jumps.
+
+    They are known within a sample; a clock that starts with the voltage has them all alike. A run
+    whose clock was off is not known that well.
+    """
+    columns = list[Array]()
+    every = np.zeros(int(lengths.sum()))
+    first = 0
+    for run, few in runs:
+        later = np.array([block.later for block in few.blocks])
+        number = np.array([block.jump for block in few.blocks])
+        for place, jump in enumerate(run.record.jumps.tolist()):
+            rows = first + np.flatnonzero(number == place)
+            unsure, column = run.record.unsure(jump), np.zeros(len(every))
+            off = (run.shift.high - run.shift.low) / 12**0.5 if run.shift else 0.0
+            column[rows] = later[number == place] * np.hypot(unsure, off)
+            every[rows] = later[number == place] * unsure
+            columns.append(column)
+        first += len(few.blocks)
+    shared = np.stack([every, *columns], 1)
+    matters = ~(np.abs(shared) < _MATTERS * noise.sigma[lengths][:, None]).all(axis=1)
+    rows = np.flatnonzero(lengths)[matters]
+    return noise.with_shared(rows, shared[matters]) if len(rows) else noise
+
+
+def _rows(record: SampledRun, few: ThinnedRecord, specimen: int, file: str) -> list[ReadingTable]:
     """Displacements of blocks, counted from the state before the last jump; what swings say."""
-    blocks = few.blocks
-    history = record.history
+    blocks, run, mass = few.blocks, record.run, record.mass
+    history = VoltageHistory.of(record)
     passages = [Passage(history, 0.0, 0.0), *(block.passage for block in blocks)]
     times = [0.0, *(float(record.time[block.first:block.last].mean()) for block in blocks)]
     voltage = [float(record.voltage[0]), *(block.voltage for block in blocks)]

@@ -5,22 +5,24 @@ of the voltage become means of blocks, evenly spaced in the logarithm of time, w
 at least eight times the correlation time, so that neighbours hardly know of each other. What the
 swings say is kept as two readings of their own, their frequency and the rate at which they fade.
 The noise of a mean is by the samples' own spectrum (:mod:`~.noise_density`), whatever is stated.
+
+When a voltage jumped is known within a sample only (:mod:`tympan.studies.data.sampled_run`): by how
+much a mean is another where the jump was later is kept beside it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import pairwise
 from math import nan
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tympan.studies.data.sampled_run import SampledRun
 from tympan.studies.diagnosis.history import Passage, VoltageHistory
 from tympan.studies.diagnosis.transients.noise_density import noise_density
 from tympan.studies.diagnosis.transients.ringing import Ringing, ringing
-from tympan.studies.diagnosis.transients.sampled_run import SampledRun
 
 Array = NDArray[np.float64]
 
@@ -48,7 +50,8 @@ _RAGGED = 0.5
 class BlockMean:
     """Samples ``first`` to before ``last`` of a record, their mean [m] and its deviation [m].
 
-    ``jump``: the number of the jump before it, -1 for none; ``voltage``: root of the mean square.
+    ``jump``: the number of the jump before it, -1 for none; ``voltage``: root of the mean square;
+    ``later``: by how much the mean is more for each second by which the jump was later [m/s].
     """
 
     first: int
@@ -58,6 +61,7 @@ class BlockMean:
     voltage: float
     mean: float
     sigma: float
+    later: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,8 +76,7 @@ def block_means(record: SampledRun, noise: float | None = None) -> ThinnedRecord
     """A record's readings; ``noise``: of a sample [m], where the record is too short to tell it."""
     if len(record.time) <= _FEW:
         return _each(record, noise)
-    history, jumps = record.history, record.jumps
-    holds = list(pairwise([0, *jumps.tolist(), len(record.time)]))
+    history, holds = VoltageHistory.of(record), record.holds
     swings = {number: rung for number, (begin, end) in enumerate(holds[1:])
               if (rung := ringing(record.time[begin:end], record.displacement[begin:end]))}
     period = max((1 / swing.frequency for swing in swings.values()), default=0.0)
@@ -87,27 +90,30 @@ def block_means(record: SampledRun, noise: float | None = None) -> ThinnedRecord
         swing = swings.get(number)
         whole = 1 / swing.frequency if swing else period if number < 0 else 0.0
         for first, last in _blocks(record.time[begin:end], whole, _APART * correlation):
-            blocks.append(_mean(record, history, begin + first, begin + last, number,
-                                begin if number >= 0 else -1, density))
+            blocks.append(_mean(record, history, (begin + first, begin + last), number,
+                                (begin, end), density))
     return ThinnedRecord(tuple(blocks), swings)
 
 
 def _each(record: SampledRun, noise: float | None) -> ThinnedRecord:
     """Every sample of a short record as it is."""
-    history, jumps = record.history, record.jumps
-    blocks = []
-    for row, time in enumerate(record.time.tolist()):
-        number = int(np.searchsorted(jumps, row, "right")) - 1
-        switched = nan if number < 0 else record.switched(jumps[number])
-        blocks.append(BlockMean(row, row + 1, number, Passage(history, time, time, switched),
-                                float(record.voltage[row]), float(record.displacement[row]),
-                                nan if noise is None else noise))
+    history, blocks = VoltageHistory.of(record), []
+    for number, (begin, end) in enumerate(record.holds, -1):
+        time, read = record.time[begin:end], record.displacement[begin:end]
+        slope = np.gradient(read, time) if number >= 0 and end - begin > 1 else np.zeros(len(time))
+        switched = nan if number < 0 else record.switched(begin)
+        blocks += [BlockMean(row, row + 1, number, Passage(history, when, when, switched),
+                             float(record.voltage[row]), mean, nan if noise is None else noise,
+                             -rate)
+                   for row, when, mean, rate in zip(range(begin, end), time.tolist(),
+                                                    read.tolist(), slope.tolist(), strict=True)]
     return ThinnedRecord(tuple(blocks), {})
 
 
-def _mean(record: SampledRun, history: VoltageHistory, first: int, last: int, number: int,
-          jump: int, density: float) -> BlockMean:
-    span = slice(first, last)
+def _mean(record: SampledRun, history: VoltageHistory, block: tuple[int, int], number: int,
+          hold: tuple[int, int], density: float) -> BlockMean:
+    first, last = block
+    span, jump = slice(first, last), hold[0] if number >= 0 else -1
     step = float(record.time[first] - record.time[first - 1]) if first else float(
         record.time[1] - record.time[0])
     begin, end = (float(record.time[row]) + shift for row, shift in (
@@ -125,7 +131,18 @@ def _mean(record: SampledRun, history: VoltageHistory, first: int, last: int, nu
     unsure = np.hypot(_UNSURE * swing / size, ragged)
     return BlockMean(first, last, number, passage, float(np.sqrt(np.mean(
         record.voltage[span] ** 2))), float(values.mean()),
-        float(np.hypot(np.sqrt(density / (end - begin)), unsure)))
+        float(np.hypot(np.sqrt(density / (end - begin)), unsure)),
+        0.0 if jump < 0 else -_rise(record.displacement, block, hold) / (end - begin))
+
+
+def _rise(read: Array, block: tuple[int, int], hold: tuple[int, int]) -> float:
+    """By how much the deflection rises from the begin of a block to its end, within a hold [m].
+
+    A hold begins where its first sample is: a plate that has a mass hardly moves before that, and
+    a film without one has moved.
+    """
+    begin, end = (read[max(edge - 1, hold[0]):min(edge + 1, hold[1])] for edge in block)
+    return float(np.mean(end) - np.mean(begin if block[0] > hold[0] else begin[:1]))
 
 
 def _blocks(time: Array, period: float, shortest: float) -> Iterator[tuple[int, int]]:

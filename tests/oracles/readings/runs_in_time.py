@@ -24,7 +24,12 @@ VOLTAGES = (0.0, 1.5e3, 2.5e3, 3.2e3)
 @dataclass(frozen=True)
 class Run:
     """How runs are made: voltage from 0 on [V], their length [s], samples a second before and after
-    the plate has swung out, and noise of a sample [m]."""
+    the plate has swung out, and noise of a sample [m].
+
+    ``share`` of a sample by which the voltage jumps before the first sample that shows it; ``hum``:
+    amplitude [m] and frequency [Hz] of what hums in all samples; ``late``: samples by which the
+    voltages of the first run of all are written too early.
+    """
 
     voltage: float = 4.2e3
     length: float = 30.0
@@ -34,6 +39,9 @@ class Run:
     shapes: tuple[str, ...] = tuple(SHAPES)
     masses: tuple[float, ...] = MASSES
     swings: bool = False
+    share: float = 0.5
+    hum: tuple[float, float] = (0.0, 50.0)
+    late: int = 0
 
 
 def film_of(shape: str, hidden: Hidden) -> CreepingFilm:
@@ -69,7 +77,7 @@ def write(folder: Path, hidden: Hidden, run: Run = Run(), seed: int = 0) -> Path
     (folder / "dataset.toml").write_text(dataset_file(run.noise, run.shapes), encoding="utf-8")
     static = ["specimen,mass_g,voltage_kV,displacement_mm"]
     transient = ["specimen,mass_g,run,t_s,voltage_kV,displacement_mm"]
-    when = np.arange(1, round(run.length * run.rate) + 1) / run.rate - 0.5 / run.rate
+    when = (np.arange(round(run.length * run.rate)) + run.share) / run.rate
     for name in run.shapes:
         for mass in run.masses:
             film, load = film_of(name, hidden), mass * GRAVITY
@@ -82,8 +90,11 @@ def write(folder: Path, hidden: Hidden, run: Run = Run(), seed: int = 0) -> Path
             start = film.at_rest(load, 0.0, None)[0][-1]
             read = np.r_[np.full(run.before, start), path]
             read = read + run.noise * random.standard_normal(len(read))
-            time = np.r_[(np.arange(run.before) - run.before + 0.5) / run.rate, when]
-            voltage = np.r_[np.zeros(run.before), np.full(len(when), run.voltage)]
+            time = np.r_[(np.arange(run.before) - run.before + run.share) / run.rate, when]
+            size, frequency = run.hum
+            read = read + size * np.sin(2 * np.pi * frequency * time + 2 * np.pi * mass / MASSES[0])
+            early = run.late if len(transient) == 1 else 0
+            voltage = np.where(np.arange(len(time)) < run.before - early, 0.0, run.voltage)
             transient += [f"{name},{1e3 * mass!r},a,{t - time[0]:.6g},{u / 1e3!r},{1e3 * y:.7g}"
                           for t, u, y in zip(time.tolist(), voltage.tolist(), read.tolist(),
                                              strict=True)]

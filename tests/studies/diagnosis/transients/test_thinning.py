@@ -7,9 +7,10 @@ import pytest
 from scipy.stats import chi2, f, kstest
 
 from tests.support.noise import autoregressive
+from tympan.studies.data.sampled_run import SampledRun, faults
+from tympan.studies.diagnosis.history import VoltageHistory
 from tympan.studies.diagnosis.transients.block_means import block_means
 from tympan.studies.diagnosis.transients.ringing import ringing
-from tympan.studies.diagnosis.transients.sampled_run import SampledRun, faults
 from tympan.studies.estimation.noise import STATED
 
 RATE, LENGTH, NOISE = 100.0, 30.0, 10e-6
@@ -114,7 +115,8 @@ def test_voltages_with_noise_are_a_few_lines() -> None:
     random = np.random.default_rng(2)
     data, _ = record(coloured(3000, 0.0, random))
     noisy = data.voltage + 2.0 * random.standard_normal(3000)
-    signal = SampledRun(data.time, noisy, data.displacement, np.inf, data.line).history.signal
+    signal = VoltageHistory.of(SampledRun(data.time, noisy, data.displacement, np.inf, data.line)
+                               ).signal
     assert len(signal.time) < 8
     assert np.abs(signal.breaks - 99.5 / RATE).min() < 1e-9
 

@@ -93,6 +93,59 @@ def test_what_the_swing_after_a_jump_tells(tmp_path: Path, effect: str, size: fl
     assert fits[best].unknowns[-1] == pytest.approx(size, rel=0.1)
 
 
+@pytest.mark.parametrize(("effect", "size", "hidden", "run"), [
+    ("plate_damping", 0.1, Hidden(damping=0.1), replace(FAST, hum=(30e-6, 50.0))),
+    ("sensor_lag", 8e-3, Hidden(damping=0.1, lag=8e-3), replace(FAST, hum=(50e-6, 60.0))),
+    ("sensor_lag", 12e-3, Hidden(damping=0.1, lag=12e-3),
+     replace(FAST, rate=200.0, before=200, share=0.02, hum=(30e-6, 50.0)))])
+def test_hum_hides_no_effect(tmp_path: Path, effect: str, size: float, hidden: Hidden, run: Run
+                             ) -> None:
+    """Beside a damping of the plate; the noise of a block is that of the rest."""
+    nominal = calibration(tmp_path / "d", hidden, run)
+    alone, best = fitted(nominal, "plate_damping"), fitted(nominal, *dict.fromkeys(
+        ("plate_damping", effect)))
+    assert nominal.fit.chi_squared > alone.chi_squared + 25
+    assert alone.chi_squared >= best.chi_squared + 25 * (effect != "plate_damping")
+    assert best.chi_squared < len(nominal.table) + 5 * (2 * len(nominal.table)) ** 0.5
+    assert best.unknowns[-1] == pytest.approx(size, rel=0.15)
+
+
+@pytest.mark.parametrize("share", [0.02, 0.98])
+def test_a_jump_is_at_no_time_within_a_sample(tmp_path: Path, share: float) -> None:
+    """What comes half a sample before or after the middle is no sensor that is late."""
+    nominal = calibration(tmp_path / "d", Hidden(damping=0.1), replace(
+        FAST, rate=200.0, before=200, share=share, hum=(30e-6, 50.0)))
+    alone, late = fitted(nominal, "plate_damping"), fitted(nominal, "plate_damping", "sensor_lag")
+    assert alone.chi_squared < late.chi_squared + 6
+    assert alone.unknowns[-1] == pytest.approx(0.1, rel=0.1)
+
+
+def test_readings_are_those_without_hum(tmp_path: Path) -> None:
+    """30 um at 50 Hz, which samples of 40 Hz show at 10 Hz: means and noise are as without."""
+    run = replace(SLOW, share=0.02, before=100)
+    plain, loud = (prepared_readings(read_dataset(runs_in_time.write(
+        tmp_path / str(size), Hidden(), replace(run, hum=(size, 50.0))))).table
+        for size in (0.0, 30e-6))
+    assert len(plain) == len(loud)
+    assert np.abs(plain.value - loud.value).max() < 2e-6
+    assert np.mean(np.abs(plain.value - loud.value) / plain.sigma) < 0.2
+    assert loud.sigma == pytest.approx(plain.sigma, rel=0.25)
+
+
+def test_hum_is_told_and_a_late_trigger_and_neither_is_an_effect(tmp_path: Path) -> None:
+    """Of four runs that hum the plate of one moves 1 s after the voltage that is written."""
+    run = replace(SLOW, before=200, late=40, hum=(30e-6, 50.0))
+    found = diagnose(read_dataset(runs_in_time.write(tmp_path / "d", Hidden(), run, seed=2)))
+    assert found.verdict == "nothing"
+    assert [hum.frequency_Hz for hum in found.hum] == [50.0] * 4
+    assert all(hum.high_um and hum.low_um - 1 < 30 < hum.high_um + 1 for hum in found.hum)
+    (late,) = found.late_runs
+    assert (late.specimen, late.mass_kg) == ("middle", 0.01)
+    assert late.low_s <= 1.0 <= late.high_s
+    for words in ("mains hum at 50 Hz", "in all 4 runs", "later than the voltage says"):
+        assert any(words in warning for warning in found.warnings)
+
+
 def test_derivatives_of_what_is_read_in_time(tmp_path: Path) -> None:
     """Against differences of predictions."""
     nominal = calibration(tmp_path / "d", Hidden(damping=0.1), FAST)

@@ -1,7 +1,13 @@
-"""A run's samples as they were taken, and what is wrong with them before any physics is asked."""
+"""A run's samples as they were taken, and what is wrong with them before any physics is asked.
+
+A voltage that is one value in a sample and another in the next jumped at any time between the two,
+each as probable. The middle stands for it (:meth:`SampledRun.switched`); what half a sample either
+way does to readings is an error in common (:meth:`SampledRun.unsure`).
+"""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 from math import inf
@@ -10,9 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tympan.studies.columns import Sheet
-from tympan.studies.diagnosis.history import VoltageHistory
 from tympan.studies.files import words_beside
-from tympan.studies.signals import through
 
 Array = NDArray[np.float64]
 
@@ -21,12 +25,6 @@ WORDS = words_beside(__file__)
 
 #: A jump of the voltage between samples, over its peak: smaller ones are a ramp or noise.
 _JUMP = 0.02
-#: How near lines come to a voltage, over its peak.
-_LINE = 2e-3
-#: How near they come to a noisy voltage, over the usual step between samples, so that they do not
-#: follow its noise.
-_SCATTER = 8.0
-
 #: Samples that are enough to say how a record is sampled.
 _MANY = 50
 #: Share of its steps that must be alike for it to be evenly sampled.
@@ -46,7 +44,8 @@ _MORE = 8
 class SampledRun:
     """A run's samples: times since its first [s], nominal voltages [V], displacements [m].
 
-    ``rest`` before the first [s]; ``line`` of each in its file.
+    ``rest`` before the first [s]; ``line`` of each in its file; ``specimen``, ``mass`` [kg] and
+    ``run`` as the file says.
     """
 
     time: Array
@@ -54,6 +53,31 @@ class SampledRun:
     displacement: Array
     rest: float
     line: NDArray[np.int64]
+    specimen: str = ""
+    mass: float = 0.0
+    run: str = ""
+
+    @property
+    def name(self) -> str:
+        """Specimen, mass and run, as people say them."""
+        return f"{self.specimen}, {1e3 * self.mass:.4g} g, {self.run}"
+
+    @property
+    def step(self) -> float:
+        """The usual time between samples [s], 0 of a single one."""
+        return float(np.median(np.diff(self.time))) if len(self.time) > 1 else 0.0
+
+    @property
+    def even(self) -> bool:
+        """Whether the samples are many and nearly all as far apart."""
+        step = np.diff(self.time)
+        return len(step) >= _MANY and self.step > 0 and bool(
+            np.mean(np.abs(step / self.step - 1) < _ALIKE) >= _EVEN)
+
+    @property
+    def holds(self) -> list[tuple[int, int]]:
+        """First samples and those behind the last of what is between jumps."""
+        return list(pairwise([0, *self.jumps.tolist(), len(self.time)]))
 
     @property
     def jumps(self) -> NDArray[np.int64]:
@@ -64,50 +88,27 @@ class SampledRun:
         return np.flatnonzero(large & (slow < 0.1 * change)) + 1
 
     def switched(self, jump: int) -> float:
-        """When the voltage jumped [s], by the number of the first sample after it."""
+        """When the voltage jumped [s], by the number of the first sample after it: the middle."""
         return float(0.5 * (self.time[jump - 1] + self.time[jump]))
 
-    @property
-    def history(self) -> VoltageHistory:
-        """With jumps at once, half a sample before they are seen."""
-        time, voltage = [self.time[:1]], [self.voltage[:1]]
-        for begin, end in pairwise([0, *self.jumps.tolist(), len(self.time)]):
-            if begin:
-                time.append(np.full(2, self.switched(begin)))
-                voltage.append(np.array([self.voltage[begin - 1], self.voltage[begin]]))
-            some = self.voltage[begin:end]
-            scatter = float(np.median(np.abs(np.diff(some)))) if end - begin > 2 else 0.0
-            lines = _lines(self.time[begin:end], some, max(
-                _LINE * float(np.abs(self.voltage).max(initial=0.0)), _SCATTER * scatter))
-            time.append(self.time[begin:end][lines])
-            voltage.append(self.voltage[begin:end][lines])
-        times, voltages = np.concatenate(time), np.concatenate(voltage)
-        kept = np.r_[True, (np.diff(times) > 0) | (np.diff(voltages) != 0)]
-        return VoltageHistory(through(times[kept], voltages[kept]), self.rest)
+    def unsure(self, jump: int) -> float:
+        """Standard deviation of that: of what is anywhere between two samples [s]."""
+        return float(self.time[jump] - self.time[jump - 1]) / 12**0.5
 
 
-def _lines(time: Array, value: Array, near: float) -> NDArray[np.int64]:
-    """Numbers of the samples between which lines come so near to all (Douglas and Peucker)."""
-    kept, open_ = {0, len(time) - 1}, [(0, len(time) - 1)]
-    while open_:
-        begin, end = open_.pop()
-        if end - begin < 2:
-            continue
-        line = np.interp(time[begin:end + 1], time[[begin, end]], value[[begin, end]])
-        off = np.abs(value[begin:end + 1] - line)
-        if off.max() > near:
-            middle = begin + int(off.argmax())
-            kept.add(middle)
-            open_ += [(begin, middle), (middle, end)]
-    return np.array(sorted(kept))
-
-
-def run_of(transients: Sheet, rows: NDArray[np.int64]) -> SampledRun:
-    """Of the rows of a run; a rest that is not said lasted for ever."""
-    time, rest = transients.t[rows], transients.rest[rows]
-    stated = rest[np.isfinite(rest)]
-    return SampledRun(time - time[0], transients.voltage[rows], transients.displacement[rows],
-                  float(stated[0]) if len(stated) else inf, transients.line[rows])
+def runs_of(transients: Sheet) -> Iterator[SampledRun]:
+    """The runs of a file, by specimen, mass and run; a rest that is not said lasted for ever."""
+    keys = np.unique(np.stack([np.unique(transients[name], return_inverse=True)[1].ravel()
+                               for name in ("specimen", "mass", "run")]), axis=1,
+                     return_inverse=True)[1].ravel()
+    for number in range(int(keys.max()) + 1):
+        rows = np.flatnonzero(keys == number)
+        time, rest = transients.t[rows], transients.rest[rows]
+        stated = rest[np.isfinite(rest)]
+        yield SampledRun(time - time[0], transients.voltage[rows], transients.displacement[rows],
+                         float(stated[0]) if len(stated) else inf, transients.line[rows],
+                         str(transients.specimen[rows[0]]), float(transients.mass[rows[0]]),
+                         str(transients.run[rows[0]]))
 
 
 @dataclass(frozen=True)
@@ -130,9 +131,9 @@ def faults(record: SampledRun) -> Faults:
         return Faults(WORDS["saturated"].format(
             first=record.line[first], last=record.line[last],
             value=1e3 * record.displacement[first]), True)
-    usual = float(np.median(step)) if len(step) else 0.0
-    if len(step) < _MANY or np.mean(np.abs(step / usual - 1) < _ALIKE) < _EVEN:
+    if not record.even:
         return Faults()
+    usual = record.step
     gaps = np.flatnonzero(step > 1.5 * usual)
     missing = step[gaps] / usual - 1
     if len(gaps) and missing.max() > _HARMLESS:
