@@ -406,7 +406,7 @@ class Stop:
         """Whether a limit state begins at the edge of an electrode, within the film."""
         mesh = self.model.discretisation
         node = mesh.connectivity.ravel()[np.argmin(state.field(self))]
-        return bool((mesh.electrode_edge_nodes == node).any())
+        return bool((mesh.electrode_edge.every == node).any())
 
     def missed(self, state: LimitState, sign: Sign) -> float:
         """How far a limit state's number may be off for the mesh, in its own unit.
@@ -536,7 +536,7 @@ def _happening(case: Case, stop: Stop, state: LimitState, sign: Sign,
     at_edge &= stop.thins
     spread *= _BENT if bends else 1.0
     kept = first.model.wrinkles and not stop.model.wrinkles
-    if kept and not sign.local and len(stop.model.discretisation.electrode_edge_nodes):
+    if kept and not sign.local and len(stop.model.discretisation.electrode_edge.every):
         spread *= _KEPT
     if after.thinned and before.wrinkled and stop.thins:
         # Beyond its end a wrinkled film's margin jumps, and before it falls ever faster.

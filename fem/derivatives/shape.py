@@ -141,7 +141,7 @@ def edge_nodes(discretisation: Discretisation, specimen: Specimen) -> dict[str, 
     edges, places = _edges(specimen), discretisation.reference[:, :2]
     nodes: dict[str, Array] = {name: discretisation.boundary_nodes(name)
                                for name in ("frame", "plate") if name in edges}
-    inner = discretisation.electrode_edge_nodes
+    inner = discretisation.electrode_edge.every
     if len(inner):
         miss = np.stack([np.linalg.norm(edge.at(edge.foot(places[inner])) - places[inner], axis=1)
                          for edge in edges.values()])

@@ -251,7 +251,7 @@ class Discretisation:
 
     @cached_property
     def electrode_edge(self) -> ElectrodeEdge:
-        """The corners of elements between what is covered and what is bare."""
+        """The line between what is covered and what is bare."""
         return ElectrodeEdge.of(self.connectivity, self.covered[:, 0] > 0, self.nodal_gradients,
                                 self.mesh.order)
 
@@ -261,16 +261,6 @@ class Discretisation:
         places = np.matmul(self.shapes, self.reference[self.connectivity])[..., :2]
         return Recovery(self.connectivity, self.covered[:, 0] > 0, self.reference[:, :2], places,
                         self.mesh.order)
-
-    @cached_property
-    def electrode_edge_nodes(self) -> Array:
-        """Nodes between what is covered and what is bare."""
-        bare = np.flatnonzero(self.covered[:, 0] == 0)
-        if not len(bare):
-            return bare
-        around = self.mesh.facets_around(bare)
-        facets = np.setdiff1d(around, self.mesh.boundary_facets())
-        return np.asarray(self.mesh.dofs.get_facet_dofs(facets).flatten())
 
     def nodal_matrix(self, elements: Array) -> Any:
         """Sparse sum by rows of element matrices (elements, local, local), shape (nodes, nodes)."""

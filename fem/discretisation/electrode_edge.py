@@ -22,14 +22,16 @@ _ENDS = np.array([(0, 1), (1, 2), (0, 2)])
 
 @dataclass(frozen=True, eq=False)
 class ElectrodeEdge:
-    """Nodes at the corners of elements between what is covered and what is bare.
+    """Nodes of elements between what is covered and what is bare.
 
-    ``nodes`` (n,); ``places``: the corners of elements there, first those on the covered side, then
-    on the bare one, each (m, 2) of element and corner; ``rows`` of ``nodes`` that they are, (m,);
-    ``along``: the line's unit direction at the nodes, (n, 2), complex where the mesh is.
+    ``nodes`` (n,) at the elements' corners; ``every`` one, those within their sides too;
+    ``places``: the corners of elements there, first those on the covered side, then on the bare
+    one, each (m, 2) of element and corner; ``rows`` of ``nodes`` that they are, (m,); ``along``:
+    the line's unit direction at the nodes, (n, 2), complex where the mesh is.
     """
 
     nodes: Array
+    every: Array
     places: tuple[Array, Array]
     rows: tuple[Array, Array]
     along: Array
@@ -48,8 +50,9 @@ class ElectrodeEdge:
         between = (count == 2) & (np.bincount(number, weights=there) == 1)
         ends = np.flatnonzero(between[number] & there)
         line = np.column_stack([ends // len(_ENDS), _ENDS[ends % len(_ENDS)]])
-        nodes = np.unique(connectivity[line[:, :1], line[:, 1:]])
         corners = connectivity[:, :CORNERS]
+        every = np.intersect1d(connectivity[covered], connectivity[~covered])
+        nodes = np.intersect1d(every, corners)
         at_line = np.isin(corners, nodes)
         here = [at_line & (covered == side)[:, None] for side in (True, False)]
         covers, bares = (np.argwhere(corner) for corner in here)
@@ -57,7 +60,7 @@ class ElectrodeEdge:
         slopes = nodal_gradients[line[:, :1], line[:, 1:]]
         along = _directions(slopes, line, np.searchsorted(
             nodes, connectivity[line[:, :1], line[:, 1:]]), order)
-        return cls(nodes, (covers, bares), (rows, others), along)
+        return cls(nodes, every, (covers, bares), (rows, others), along)
 
     def averaged(self, values: Array) -> tuple[Array, Array]:
         """Means over the elements on the covered and on the bare side, each (k, n).
