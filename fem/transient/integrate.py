@@ -123,12 +123,8 @@ class Moment:
     stiffness: float = 0.0
 
 
-@dataclass(frozen=True, eq=False)
-class ImplicitStep:
-    """Where a step ends, and a tangent of the film near there."""
-
-    moment: Moment
-    tangent: Tangent | None
+#: Where a step ends, and a tangent of the film near there.
+ImplicitStep = tuple[Moment, Tangent | None]
 
 
 class Stopped(ArithmeticError):
@@ -184,7 +180,7 @@ class Transient:
             duration = rest if step >= rest else min(step, rest / 2)
             ahead, error = self.step(past, piece, duration, tangent)
             if ahead is not None and error <= settings.error:
-                following, tangent = ahead.moment, ahead.tangent
+                following, tangent = ahead
                 if duration == rest:  # halves may add up to a little less
                     following = replace(following, time=end)
                 yield following
@@ -291,7 +287,7 @@ class Transient:
         if self.circuit.resistance:
             ends = np.sqrt([squared, whole.state.voltage_squared])
             squared = max(float(ends[0] + (ends[0] - ends[1]) / 3), 0.0) ** 2
-        return ImplicitStep(replace(
+        return (replace(
             halves, state=state.under(voltage=squared),
             memory=replace(halves.memory, viscous=beyond),
             velocity=halves.velocity + (halves.velocity - whole.velocity) / 3,
@@ -311,14 +307,12 @@ class Transient:
         whole = self.implicit_step(past, piece, duration, tangent=tangent)
         if whole is None:
             return None
-        middle = self.implicit_step(past, piece, duration / 2, [whole.moment], whole.tangent)
+        ahead, tangent = whole
+        middle = self.implicit_step(past, piece, duration / 2, [ahead], tangent)
         if middle is None:
             return None
-        halves = self.implicit_step([*past, middle.moment], piece, duration / 2, [whole.moment],
-                            middle.tangent)
-        if halves is None:
-            return None
-        return whole.moment, middle.moment, halves.moment, halves.tangent
+        halves = self.implicit_step([*past, middle[0]], piece, duration / 2, [ahead], middle[1])
+        return None if halves is None else (ahead, middle[0], *halves)
 
     def _between(self, past: list[Moment], middle: Moment, end: Moment) -> float:
         """How far plate and charge are, in a step's middle, from the curve through what is kept."""
@@ -364,7 +358,7 @@ class Transient:
             voltage = float(np.sqrt(state.voltage_squared))
             following = replace(following, current=self.circuit.current(source, voltage),
                                 charge=float(self.model.capacitance(state)) * voltage)
-        return ImplicitStep(following, solution.tangent)
+        return following, solution.tangent
 
     def _electrodes(self, model: Model, guess: State, moment: Moment, source: float,
                     duration: float) -> tuple[float, tuple[Constraint, ...]]:
