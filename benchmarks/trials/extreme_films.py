@@ -9,7 +9,6 @@ Each film goes through `solve` and `curve`, which finds its limits; every fifth 
 
 from __future__ import annotations
 
-import argparse
 import json
 import math
 import sys
@@ -24,7 +23,7 @@ from typing import Any
 import numpy as np
 from numpy.random import Generator, default_rng
 
-from benchmarks.trials.robustness import SECONDS, Judge, judged_once, write_section
+from benchmarks.trials.robustness import SECONDS, Judge, judged_once, run_study
 from tests.oracles.laws import SAMPLES, shear_modulus
 from tympan.fem.film.admissibility import checked
 from tympan.fem.film.laws.stiffened import scaled
@@ -302,18 +301,8 @@ pressures of 1 Pa to 10 kPa either way.
 
 def main() -> None:
     """Run the study and print its table."""
-    parser = argparse.ArgumentParser(description="Extreme films through limits, solve and curve.")
-    parser.add_argument("--count", type=int, default=300)
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--workers", type=int, default=1)
-    parser.add_argument("--keep", type=Path, help="file of records, to go on from")
-    parser.add_argument("-o", "--output", type=Path, help="Markdown file to put the table in")
-    options = parser.parse_args()
-    records = study(options.count, options.seed, options.workers, options.keep)
-    text = f"seed {options.seed}, mesh {MESH}\n{table(records)}"
-    if options.output:
-        write_section(options.output, f"{PAGE}\n```\n{text}\n```\n")
-    print(text)
+    records = run_study("Extreme films through limits, solve and curve.", 300, study, table, MESH,
+                        PAGE)
     sys.exit(any(record.wrong for record in records))
 
 

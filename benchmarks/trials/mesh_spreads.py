@@ -10,7 +10,6 @@ same film on other meshes. With --keep, films that were judged before are not ju
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -20,7 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.random import Generator, default_rng
 
-from benchmarks.trials.robustness import Judge, judged_once, write_section
+from benchmarks.trials.robustness import Judge, judged_once, run_study
 from tympan.fem.film.laws import NeoHooke, Yeoh
 from tympan.geometry.errors import InputError
 from tympan.geometry.mesher import MeshSettings
@@ -191,18 +190,7 @@ and elliptic, plates off centre, prestretches unequal from 1.2 to 3.2.
 
 def main() -> None:
     """Run the study and print its table."""
-    parser = argparse.ArgumentParser(description="Stated errors of limits against finer meshes.")
-    parser.add_argument("--count", type=int, default=100)
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--workers", type=int, default=1)
-    parser.add_argument("--keep", type=Path, help="file of records, to go on from")
-    parser.add_argument("-o", "--output", type=Path, help="Markdown file to put the table in")
-    options = parser.parse_args()
-    records = study(options.count, options.seed, options.workers, options.keep)
-    text = f"seed {options.seed}, mesh {_MESH}\n{table(records)}"
-    if options.output:
-        write_section(options.output, f"{PAGE}\n```\n{text}\n```\n")
-    print(text)
+    run_study("Stated errors of limits against finer meshes.", 100, study, table, _MESH, PAGE)
 
 
 if __name__ == "__main__":

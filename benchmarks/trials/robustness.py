@@ -356,6 +356,24 @@ def main() -> None:
     print(f"\npeak memory of a process {peak:.0f} MiB")
 
 
+def run_study(words: str, count: int, study: Callable[[int, int, int, Path | None], list[Kept]],
+              table: Callable[[list[Kept]], str], mesh: MeshSettings, page: str) -> list[Kept]:
+    """A study of films by the options of its command, its table printed and put in a page."""
+    parser = argparse.ArgumentParser(description=words)
+    parser.add_argument("--count", type=int, default=count)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--workers", type=int, default=1)
+    parser.add_argument("--keep", type=Path, help="file of records, to go on from")
+    parser.add_argument("-o", "--output", type=Path, help="Markdown file to put the table in")
+    options = parser.parse_args()
+    records = study(options.count, options.seed, options.workers, options.keep)
+    text = f"seed {options.seed}, mesh {mesh}\n{table(records)}"
+    if options.output:
+        write_section(options.output, f"{page}\n```\n{text}\n```\n")
+    print(text)
+    return records
+
+
 def write_section(page: Path, text: str) -> None:
     """Put a text that begins with its heading into a page, in place of what is below such a one.
 
