@@ -8,39 +8,17 @@ place is sought. The search keeps the limit at both ends and at that place.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tympan.studies.case import voltage_ramp
-from tympan.studies.limits.voltages import EndKind
 from tympan.studies.optimise.limits import DesignLimit
-from tympan.studies.optimise.state import DesignState
-
-Array = NDArray[np.float64]
+from tympan.studies.optimise.state import DesignState, Evaluation
 
 #: Voltages at which a limit is looked at, evenly by their squares, both ends among them: what it
 #: measures is a smooth function of the square, and three about the largest find its place.
 _SAMPLES = 5
-
-
-@dataclass(frozen=True, eq=False)
-class KeptLimit:
-    """A limit of a design where it comes nearest to its bound: ``value`` [SI], ``at_V`` volts.
-
-    ``c`` ≤ 0, shape (m,), with ∇c (m, parameters), and the ``voltages`` each c is at. Voltages are
-    None where the limit depends on none. ``between``: it comes nearest between the cycle's ends.
-    ``end``: how the film ends, where the limit is a margin to that.
-    """
-
-    value: float
-    at_V: float | None
-    c: Array
-    slopes: Array
-    voltages: tuple[float | None, ...]
-    between: bool = False
-    end: EndKind | None = None
 
 
 def cycle_voltages(working: float, between: bool) -> list[float]:
@@ -49,7 +27,7 @@ def cycle_voltages(working: float, between: bool) -> list[float]:
             in working * np.sqrt(np.linspace(0, 1, _SAMPLES if between else 2))]
 
 
-def kept_limit(limit: DesignLimit, states: Sequence[DesignState], bound: float) -> KeptLimit:
+def kept_limit(limit: DesignLimit, states: Sequence[DesignState], bound: float) -> Evaluation:
     """A limit of a design in its states from none to the working voltage.
 
     What has a load has three c: without voltage, at the working one, and where it is largest
@@ -57,9 +35,9 @@ def kept_limit(limit: DesignLimit, states: Sequence[DesignState], bound: float) 
     """
     working = states[-1]
     if limit.load is None:
-        value, c, slopes, end = limit.evaluate(working, bound)
+        only = limit.evaluate(working, bound)
         at = working.case.voltage if limit.of_voltage else None
-        return KeptLimit(value, at, c, slopes, (at,) * len(c), end=end)
+        return only._replace(at_V=at, voltages=(at,) * len(only.c))
     loads = [limit.load(state) for state in states]
     ends = [replace(states[0], name="without voltage"),
             replace(working, name="at the working voltage")]
@@ -72,11 +50,12 @@ def kept_limit(limit: DesignLimit, states: Sequence[DesignState], bound: float) 
         between = replace(_highest_between(limit, states, loads, highest), name="in between")
         places[2], worst = between, limit.evaluate(between, bound)
     evaluations.append(worst)
-    return KeptLimit(worst.value, places[2].case.voltage,
-                     np.concatenate([each.c for each in evaluations]),
-                     np.concatenate([each.slopes for each in evaluations]),
-                     tuple(state.case.voltage for state, each in
-                           zip(places, evaluations, strict=True) for _ in each.c), inside)
+    return Evaluation(worst.value, np.concatenate([each.c for each in evaluations]),
+                      np.concatenate([each.slopes for each in evaluations]),
+                      at_V=places[2].case.voltage,
+                      voltages=tuple(state.case.voltage for state, each in
+                                     zip(places, evaluations, strict=True) for _ in each.c),
+                      between=inside)
 
 
 def _highest_between(limit: DesignLimit, states: Sequence[DesignState], loads: Sequence[float],

@@ -21,11 +21,11 @@ from tympan.geometry.paths import at, with_change
 from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Settings, build_model, failure_reason, voltage_ramp
 from tympan.studies.limits.voltages import EndKind
-from tympan.studies.optimise.cycle import KeptLimit, cycle_voltages, kept_limit
+from tympan.studies.optimise.cycle import cycle_voltages, kept_limit
 from tympan.studies.optimise.limits import LIMITS
 from tympan.studies.optimise.problem import OptimiseProblem
 from tympan.studies.optimise.sqp import Linearisation
-from tympan.studies.optimise.state import DesignState, MeshMemory, slopes_of
+from tympan.studies.optimise.state import DesignState, Evaluation, MeshMemory, slopes_of
 from tympan.studies.sensitivity import case_parameters
 
 Array = NDArray[np.float64]
@@ -46,7 +46,7 @@ class Design:
     reason: str = ""
     stroke: float = np.nan
     rest: float = np.nan
-    kept: Mapping[str, KeptLimit] = field(default_factory=dict)
+    kept: Mapping[str, Evaluation] = field(default_factory=dict)
     owners: tuple[tuple[str, float | None], ...] = ()
     accepted: bool = False
 

@@ -26,13 +26,19 @@ Array = NDArray[np.float64]
 class Evaluation(NamedTuple):
     """What a limit measures [its unit], c to be ≤ 0, shape (m,), and ∇c (m, parameters).
 
-    ``end``: how the film ends, where that is what is measured and it does.
+    ``end``: how the film ends, where that is what is measured and it does. Over a cycle of the
+    voltage the value is that nearest to the bound, ``at_V`` volts, and ``voltages`` are those that
+    each c is at, None where the limit depends on none; ``between``: it comes nearest between the
+    cycle's ends.
     """
 
     value: float
     c: Array
     slopes: Array
     end: EndKind | None = None
+    at_V: float | None = None
+    voltages: tuple[float | None, ...] = ()
+    between: bool = False
 
 
 @dataclass(eq=False)
