@@ -217,7 +217,7 @@ def solve_after(case: Case, after: float, settings: Settings, film: bool = False
         for passed in islice(transient.moments(state, memory), None if after else 1):
             moment = passed
     except Stopped as ending:
-        status, advice = "no_equilibrium", _ending(ending)
+        status, advice = "no_equilibrium", str(ending)
     model = transient.remembering(moment)
     outcome = Outcome(status, Solution(moment.state, True, 0, None), advice)
     (result, _), = summaries(model, [(case, outcome)])
@@ -236,11 +236,6 @@ def _left_out(rig: Rig) -> list[str]:
 def _remarks(case: TransientCase) -> list[str]:
     """What belongs to every result of a case in time."""
     return [*_left_out(case.rig), *case.highest.remarks]
-
-
-def _ending(ending: Stopped) -> str:
-    word = "pulls in" if ending.kind == "pull_in" else "thins without bound"
-    return f"the film {word} after {ending.time:.4g} s; lower the voltage"
 
 
 def begun(case: TransientCase, settings: Settings) -> tuple[Transient, State, Memory]:
@@ -324,7 +319,7 @@ def respond(case: TransientCase, settings: Settings, interval: float, period: fl
     warnings += [f"at {done.farthest:.4g} s, where it deflects most, {words}"
                  for words in done.failures]
     if done.stopped is not None:
-        warnings.append(_ending(done.stopped))
+        warnings.append(str(done.stopped))
     if done.slack is not None:
         warnings.append(f"the film loses tension and wrinkles from {done.slack:.4g} s on; its "
                         "branches then resist compression")

@@ -131,7 +131,8 @@ class Stopped(ArithmeticError):
     """The motion goes no further than a ``time`` [s]: the film pulls in or thins without bound."""
 
     def __init__(self, kind: Literal["pull_in", "thinning"], time: float) -> None:
-        super().__init__(f"{kind} at {time:g} s")
+        word = "pulls in" if kind == "pull_in" else "thins without bound"
+        super().__init__(f"the film {word} after {time:.4g} s; lower the voltage")
         self.kind, self.time = kind, time
 
 

@@ -13,6 +13,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from tympan.fem.transient.integrate import Stopped
 from tympan.geometry.errors import InputError
 from tympan.studies.films.collocated_step import CollocatedStep, StepSolution
 from tympan.studies.films.driven_film import DrivenFilm, ReducedMoment
@@ -50,14 +51,6 @@ _BENT = 0.25
 _REACH = 1.5
 
 
-class PulledIn(ArithmeticError):
-    """The film goes no further than a ``time`` [s]."""
-
-    def __init__(self, time: float) -> None:
-        super().__init__(f"pulled in at {time:g} s")
-        self.time = time
-
-
 @dataclass(frozen=True, eq=False)
 class ReducedMotion(DrivenFilm):
     """A driven film in time."""
@@ -69,7 +62,7 @@ class ReducedMotion(DrivenFilm):
 
         Raises
         ------
-        PulledIn
+        Stopped
             Where the film has no equilibrium any more, or the plate is gone.
         InputError
             Where it takes more work than its budget has.
@@ -114,14 +107,14 @@ class ReducedMotion(DrivenFilm):
                 yield from moments if jump is None else [solution.start, *moments]
                 moment, jump = moments[-1], None
                 if np.abs(solution.q[..., 0]).max() > _REACH * self.gap:
-                    raise PulledIn(moment.time)
+                    raise Stopped("pull_in", moment.time)
                 continue
             if jump is not None:
                 moment, jump = self._after_jump(moment, jump), None
                 yield moment
                 continue
             if duration < shortest:
-                raise PulledIn(moment.time)
+                raise Stopped("pull_in", moment.time)
             failures += 1
             if failures == _TWICE:
                 # Where it begins a little out of balance, that is an error no short step lessens.
@@ -184,5 +177,5 @@ class ReducedMotion(DrivenFilm):
         try:
             q = film.carried(moment.q, moment.loads, loads, flow, clamped=clamped, last=self.last)
         except NoBalance:
-            raise PulledIn(moment.time) from None
+            raise Stopped("pull_in", moment.time) from None
         return replace(moment, q=q, loads=loads)

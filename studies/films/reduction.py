@@ -27,7 +27,7 @@ from tympan.fem.transient.integrate import Moment, StepSettings, Stopped, Transi
 from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Specimen
 from tympan.studies.films.film import NoBalance, ReducedFilm
-from tympan.studies.films.motion import PulledIn, ReducedMotion
+from tympan.studies.films.motion import ReducedMotion
 from tympan.studies.signals import Pieces, Signal, Sine, ramp, random_steps, step
 from tympan.studies.trace import Trace
 
@@ -198,7 +198,7 @@ def error_of(film: ReducedFilm, model: Model, force: float, signal: Signal, spri
     try:
         field = _field_motion(model, force, signal, path)
         moments = list(motion.moments())
-    except (NoBalance, PulledIn, Stopped):
+    except (NoBalance, Stopped):
         return float("inf")
     exact = Trace(np.array([moment.time for moment in field])).at(
         np.array([moment.state.plate.deflection for moment in field]), when)

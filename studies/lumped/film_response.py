@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 
 from tympan.fem.equilibrium.newton import WORK, Budget
 from tympan.fem.rig import Rig, checked_load
+from tympan.fem.transient.integrate import Stopped
 from tympan.geometry.errors import InputError
 from tympan.studies.case import Case
 from tympan.studies.films.driven_film import ERROR, ReducedMoment
 from tympan.studies.films.film import NoBalance, ReducedFilm
-from tympan.studies.films.motion import PulledIn, ReducedMotion
+from tympan.studies.films.motion import ReducedMotion
 from tympan.studies.lumped.model_file import LumpedModel
 from tympan.studies.lumped.simulate import ModelResponse
 from tympan.studies.signals import Signal, Supplied, Together, lagging, nominal
@@ -44,7 +45,7 @@ def _deflections(motions: Sequence[ReducedMotion], when: Array) -> Array:
     try:
         moments, stopped = _followed(together)
     except NoBalance:
-        moments, stopped = [], 0.0
+        moments, stopped = [], Stopped("pull_in", 0.0)
     if stopped is not None and others:
         half = len(motions) // 2
         return np.concatenate([_deflections(motions[:half], when),
@@ -57,15 +58,15 @@ def _deflections(motions: Sequence[ReducedMotion], when: Array) -> Array:
 
 
 def _followed(motion: ReducedMotion, progress: Callable[[float], None] = lambda share: None
-              ) -> tuple[list[ReducedMoment], float | None]:
-    """The moments of a motion, and when the film pulled in [s], None where it does not."""
+              ) -> tuple[list[ReducedMoment], Stopped | None]:
+    """The moments of a motion, and what stopped it, None where nothing did."""
     moments, end = list[ReducedMoment](), float(motion.signal.breaks[-1])
     try:
         for moment in motion.moments():
             moments.append(moment)
             progress(moment.time / end)
-    except PulledIn as ending:
-        return moments, ending.time
+    except Stopped as ending:
+        return moments, ending
     return moments, None
 
 
@@ -114,7 +115,7 @@ def film_response(model: LumpedModel, signal: Signal, mass: float, rig: Rig, int
         reason = "the film has no equilibrium at once after the mass is put on"
         raise InputError(case.doubted(reason), key="mass", given=f"{mass:g} kg")
     if stopped is not None:
-        warnings.append(f"the film pulls in after {stopped:.4g} s; lower the voltage")
+        warnings.append(str(stopped))
     trace = Trace(np.array([moment.time for moment in moments]))
     deflection = np.array([moment.heave for moment in moments])
     (_, low), (_, high) = trace.extremes(deflection)
@@ -126,8 +127,8 @@ def film_response(model: LumpedModel, signal: Signal, mass: float, rig: Rig, int
         warnings += unclosed(loop)
     return ModelResponse.of(
         signal, when, sampled, low, high, step and inertia, specimen=name, mass_kg=mass,
-        status="done" if stopped is None else "pull_in", hysteresis_area_V_m=area,
-        stopped_s=np.nan if stopped is None else stopped, film_error=dict(model.film.errors),
+        status="done" if stopped is None else stopped.kind, hysteresis_area_V_m=area,
+        stopped_s=np.nan if stopped is None else stopped.time, film_error=dict(model.film.errors),
         steps=len(moments), warnings=tuple(warnings), loop=loop, samples=pd.DataFrame({
             "specimen": name, "mass": mass, "run": "simulated", "t": when,
             "voltage": nominal(signal, when),

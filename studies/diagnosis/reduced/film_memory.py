@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tympan.fem.rig import Rig
+from tympan.fem.transient.integrate import Stopped
 from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Film, Specimen, ViscousBranch
 from tympan.studies.case import Settings, build_model
@@ -32,7 +33,7 @@ from tympan.studies.diagnosis.hypothesis import with_factors
 from tympan.studies.diagnosis.reading_table import ReadingTable, States
 from tympan.studies.effects import Setup
 from tympan.studies.films.film import FilmLoads, NoBalance, ReducedFilm
-from tympan.studies.films.motion import PulledIn, ReducedMotion
+from tympan.studies.films.motion import ReducedMotion
 from tympan.studies.films.reduction import film_of_runs
 from tympan.studies.signals import Supplied, Together
 from tympan.studies.trace import Trace
@@ -199,7 +200,7 @@ class RememberingFilm:
         begin = None if histories[0].rest == inf else motion.flat
         try:
             moments = list(motion.moments(begin))
-        except (NoBalance, PulledIn):
+        except (NoBalance, Stopped):
             return np.zeros((3, len(asked)))
         time = np.array([moment.time for moment in moments])
         # By variant and run.

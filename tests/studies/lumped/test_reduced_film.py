@@ -24,6 +24,7 @@ from tympan.fem.film.library import load_specimen
 from tympan.fem.film.staged_memory import StagedFlow
 from tympan.fem.rig import Rig
 from tympan.fem.transient.collocation import radau
+from tympan.fem.transient.integrate import Stopped
 from tympan.geometry.errors import InputError
 from tympan.geometry.mesher import MeshSettings
 from tympan.geometry.outlines import Ellipse, RoundedRectangle
@@ -31,7 +32,6 @@ from tympan.geometry.specimen import Electrode, Film, Plate, Specimen, ViscousBr
 from tympan.studies.case import Case, Settings, build_model, solve
 from tympan.studies.films.driven_film import ReducedMoment
 from tympan.studies.films.film import FilmLoads, NoBalance, ReducedFilm
-from tympan.studies.films.motion import PulledIn
 from tympan.studies.films.reduction import error_of, held_out, reduced_film
 from tympan.studies.limits import limits
 from tympan.studies.lumped.build import BuildSettings, build
@@ -359,7 +359,7 @@ def test_a_broken_file_names_its_key(old: str, new: str, words: str, tmp_path: P
 def test_a_film_that_pulls_in_says_when() -> None:
     """And a step that the branches bear for a while is followed until they no longer do."""
     film = of(NEO)
-    with pytest.raises(PulledIn) as ending:
+    with pytest.raises(Stopped) as ending:
         list(film_motion(film, stepped(0.0, 9.5e3, 1e3), MASS).moments())
     assert 0 <= ending.value.time < 1e3
     response = film_response(lumped(film), stepped(0.0, 9.5e3, 1e3), MASS, Rig(), 1.0)
