@@ -319,15 +319,16 @@ class Registry(dict[str, T]):
     """All kinds of one thing by the name that files know them by.
 
     ``tag`` is the attribute of a kind that holds its name, and the key in files that chooses it.
+    The ``usual`` kind, if there is one, needs no name there.
     ``by_name`` answers what a name of a library stands for, in place of a kind. ``broken`` are the
     errors of users' packages whose kinds could not be loaded.
     """
 
     by_name: Callable[[str], Any] | None = None
 
-    def __init__(self, tag: str) -> None:
+    def __init__(self, tag: str, usual: str = "") -> None:
         super().__init__()
-        self.tag = tag
+        self.tag, self.usual = tag, usual
         self.broken: list[InputError] = []
 
     def whole(self, name: str = "") -> Self:
@@ -359,12 +360,13 @@ class Registry(dict[str, T]):
         name = table.data.get(self.tag)
         if isinstance(name, str) and name not in self:
             self.whole(name)
-        cls: Any = table.choice(self.tag, self)
+        cls: Any = table.choice(self.tag, self, self.usual or MISSING)
         return cls.from_table(table) if hasattr(cls, "from_table") else read(cls, table)
 
     def write(self, value: Any, plain: bool = False) -> Content:
         """The table that reads back as the value."""
-        return {self.tag: getattr(value, self.tag), **write(value, plain)}
+        name = getattr(value, self.tag)
+        return ({} if name == self.usual else {self.tag: name}) | write(value, plain)
 
 
 def read(cls: type[T], table: Table, special: Special | None = None) -> T:

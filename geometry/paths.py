@@ -39,12 +39,18 @@ def at(value: Any, path: Sequence[str]) -> Any:
 
 def with_change(value: Any, path: Sequence[str], change: Any) -> Any:
     """A copy with something added to the number at a path."""
+    return with_number(value, path, at(value, path) + change)
+
+
+def with_number(value: Any, path: Sequence[str], number: Any) -> Any:
+    """A copy with another number at a path."""
     if not path:
-        return value + change
+        return number
+    name, rest = path[0], path[1:]
     if isinstance(value, tuple):
-        index = int(path[0])
-        return (*value[:index], with_change(value[index], path[1:], change), *value[index + 1 :])
-    return replace(value, **{path[0]: with_change(getattr(value, path[0]), path[1:], change)})
+        index = int(name)
+        return (*value[:index], with_number(value[index], rest, number), *value[index + 1 :])
+    return replace(value, **{name: with_number(getattr(value, name), rest, number)})
 
 
 def any_complex(value: Any) -> bool:

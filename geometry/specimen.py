@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tympan.geometry.errors import InputError
-from tympan.geometry.fields import Key, Registry, read, takes_units
+from tympan.geometry.fields import Key, Registry, takes_units
 from tympan.geometry.outlines import OUTLINES, Circle, Ellipse, Outline, check_outline
 from tympan.geometry.paths import any_complex
 from tympan.geometry.rays import exits
-from tympan.geometry.toml_reader import NON_NEGATIVE, POSITIVE, Rule, Table
+from tympan.geometry.toml_reader import NON_NEGATIVE, POSITIVE, Rule
 
 Stretch = NDArray[np.float64] | NDArray[np.complex128]
 Pair = tuple[float, float]
@@ -103,19 +103,9 @@ LAWS: Registry[Any] = Registry("law")
 STRENGTHS: Registry[Any] = Registry("law")
 
 
-class FlowRegistry(Registry[Any]):
-    """Flows; a branch whose table does not say has a constant viscosity."""
-
-    def read(self, table: Table) -> Any:
-        cls = table.choice(self.tag, self, ConstantFlow.flow)
-        return read(cls, table)
-
-    def write(self, value: Any, plain: bool = False) -> dict[str, Any]:
-        return {} if value == ConstantFlow() else super().write(value, plain)
-
-
-#: Flows that files may name; :mod:`tympan.fem.film` adds to them.
-FLOWS = FlowRegistry("flow")
+#: Flows that files may name; :mod:`tympan.fem.film` adds to them. A branch whose table does not say
+#: has a constant viscosity.
+FLOWS: Registry[Any] = Registry("flow", usual="constant")
 
 
 @FLOWS.register

@@ -44,6 +44,9 @@ CLEARLY = 3.0
 #: Files of pictures that are not called as what they show.
 _FILES = {"readings": "curves", "loaded": "films"}
 
+#: What the page may have pictures of.
+_PICTURES = ("readings", "residuals", "transients", "film", "loaded", "strips")
+
 #: Of maps of films within the pictures.
 _DPI = 200
 
@@ -87,22 +90,19 @@ def _write(folder: Path, diagnosis: Diagnosis, pictures: Mapping[str, Callable[[
     file = folder / "diagnosis.html"
     embedded = {name: embedded_picture(folder / f"{_FILES.get(name, name)}.svg")
                 for name in pictures}
-    write_text(file, render_diagnosis(diagnosis, viewer=shown, **embedded))
+    write_text(file, render_diagnosis(diagnosis, embedded, shown))
     return [file]
 
 
-def render_diagnosis(diagnosis: Diagnosis, readings: str = "", residuals: str = "",
-                     transients: str = "", film: str = "", loaded: str = "", strips: str = "",
-                     viewer: str = "") -> str:
-    """The page as text; pictures as data URIs and films to turn as HTML, "" where there is none."""
+def render_diagnosis(diagnosis: Diagnosis, pictures: Mapping[str, str], viewer: str = "") -> str:
+    """The page as text; pictures as data URIs by what they show, and films to turn as HTML."""
     tried = diagnosis.attempts[:_TRIED] if diagnosis.verdict == "unexplained" else ()
     unit = _unit(diagnosis)
     return _template("reports/diagnosis/diagnosis.html").render(
-        diagnosis=diagnosis, verdict=verdict_words(diagnosis), readings=readings,
-        residuals=residuals, transients=transients, film=film, loaded=loaded, strips=strips,
-        viewer=viewer, unit=unit, tried=tried, suspects=_suspects(diagnosis),
-        gain=_said("gain", diagnosis, unit), robust=_said("robust", diagnosis),
-        noise=_said("noise", diagnosis.misfit, unit))
+        diagnosis=diagnosis, verdict=verdict_words(diagnosis), viewer=viewer, unit=unit,
+        tried=tried, suspects=_suspects(diagnosis), gain=_said("gain", diagnosis, unit),
+        robust=_said("robust", diagnosis), noise=_said("noise", diagnosis.misfit, unit),
+        **dict.fromkeys(_PICTURES, "") | dict(pictures))
 
 
 def verdict_words(diagnosis: Diagnosis) -> str:

@@ -231,15 +231,11 @@ def _move_up(text: Annotation, placed: list[Bbox], drawn: list[Array], most: flo
     up = start
     while up < start + most:
         text.xyann = across, up
-        if not _covers(text.get_window_extent(), placed, drawn):
+        box = text.get_window_extent()
+        if not (any(map(box.overlaps, placed)) or any(map(box.count_contains, drawn))):
             return True
         up += 1.0
     return False
-
-
-def _covers(box: Bbox, placed: list[Bbox], drawn: list[Array]) -> bool:
-    return (any(box.overlaps(other) for other in placed)
-            or any(box.count_contains(points) for points in drawn))
 
 
 def _drawn(axes: Axes) -> list[Array]:

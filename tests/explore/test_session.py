@@ -27,8 +27,6 @@ from tympan.explore.latest import Latest, Trouble
 from tympan.explore.numbers import limit_rows, result_rows
 from tympan.explore.page import Page, scene_answers
 from tympan.explore.session import (
-    CircleWeights,
-    FollowedCurve,
     Question,
     Scene,
     Session,
@@ -307,9 +305,9 @@ def test_the_curve_ends_where_limits_says_and_meets_the_readings(tmp_path: Path)
     assert subject.masses(1) == []
     view = subject.view(0)
     assert (view.mass, view.specimen.name) == (0.0179, "A")
-    curve, weights = followed(Question(view, subject.static))
-    assert isinstance(curve, FollowedCurve)
-    assert isinstance(weights, CircleWeights)
+    first, curve = followed(Question(view, subject.static))
+    assert first.circles is None
+    assert first.curve is curve.curve
     reached = limits(Case(view.specimen, mass=view.mass), SETTINGS)
     assert curve.curve.curves[0].limits == reached
     readings = curve.readings
@@ -323,7 +321,7 @@ def test_the_curve_ends_where_limits_says_and_meets_the_readings(tmp_path: Path)
     drawn = drawn_curve(curve, (3.0, 1e3 * expected[1]))
     assert drawn.count('class="reading"') == 3 + 2  # and what is left of two
     assert 'class="here"' in drawn
-    rows_shown = {row["key"]: row["text"] for row in limit_rows(curve, weights)}
+    rows_shown = {row["key"]: row["text"] for row in limit_rows(curve)}
     assert rows_shown["rms"].endswith("µm")
     assert float(rows_shown["alpha-1"]) == pytest.approx(1.0, abs=1e-3)  # a circle is itself
 

@@ -35,14 +35,14 @@ def test_small_errors_are_said_where_they_are_the_rest(verdict: Verdict, words: 
     assert words in " ".join(verdict_words(rough).split())
     assert words not in " ".join(verdict_words(usual).split())
     beside = "here small errors of other kinds leave trends beside it"
-    assert [beside in render_diagnosis(each, "<svg/>", "<svg/>") for each in (rough, usual)] == [
-        True, False]
+    shown = {"readings": "<svg/>", "residuals": "<svg/>"}
+    assert [beside in render_diagnosis(each, shown) for each in (rough, usual)] == [True, False]
 
 
 def test_a_rival_that_only_its_size_speaks_against_is_called_so() -> None:
     page = render_diagnosis(diagnosed(
         "ambiguous", cause("sensor_zero", "Every reading is 50 µm too large"), cause(
-            "drift", "Readings rise", probability=0.0, only_its_size=True, surprise=12.3)), "", "")
+            "drift", "Readings rise", probability=0.0, only_its_size=True, surprise=12.3)), {})
     assert unlawful(page) == []
     assert ("Only its size speaks against it: as a cause it would have to be 12 times its usual "
             "size.") in page
@@ -59,7 +59,7 @@ def test_what_the_name_depends_on_is_said(stand_out: tuple[list[str], ...], word
         "named", cause("drift", "Readings rise", named=True),
         robust=tuple(Robust(factor, tuple(names))
                      for factor, names in zip((1 / 3, 10.0), stand_out, strict=True)))
-    page = " ".join(render_diagnosis(diagnosis, "", "").split())
+    page = " ".join(render_diagnosis(diagnosis, {}).split())
     assert words in page
     assert "Were the noise 1.5 times as large, the probability of what is named would be 96 %" in (
         page)

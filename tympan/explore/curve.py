@@ -114,8 +114,7 @@ def _lines(panel: _Panel, line: VoltageCurve) -> Iterator[dict[str, str]]:
 def _limits(panel: _Panel, line: VoltageCurve) -> Iterator[dict[str, Any]]:
     for limit in line.limits.reached:
         if len(line.voltage):
-            nearest = int(np.argmin(np.abs(line.voltage - limit.voltage_V / 1e3)))
-            yield _point(panel, limit.voltage_V / 1e3, float(line.deflection[nearest]), "mark", 4,
+            yield _point(panel, limit.voltage_V / 1e3, line.deflection_at(limit), "mark", 4,
                          limit.state.verb)
 
 

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from tympan.explore.session import CircleWeights, FollowedCurve, Scene
+from tympan.explore.session import FollowedCurve, Scene
 from tympan.fem.results.limit_states import LIMIT_STATES
 from tympan.reports.template import digits
+from tympan.studies.alpha import AlphaResult
 
 #: What of a result is shown: key, words, unit, how many make the SI unit.
 SHOWN = (
@@ -32,9 +33,9 @@ def result_rows(scene: Scene) -> list[dict[str, str]]:
     return rows
 
 
-def limit_rows(curve: FollowedCurve | None, weights: CircleWeights | None) -> list[dict[str, str]]:
+def limit_rows(curve: FollowedCurve) -> list[dict[str, str]]:
     """Limits of the curve, what is left of readings, and α of the circles."""
-    return [*_limits(curve), *_weights(weights)]
+    return [*_limits(curve), *_weights(curve.circles)]
 
 
 def loads_of(scene: Scene) -> str:
@@ -43,9 +44,7 @@ def loads_of(scene: Scene) -> str:
     return f"at {view.voltage / 1e3:.6g} kV under {view.mass * 1e3:.6g} g"
 
 
-def _limits(curve: FollowedCurve | None) -> Iterator[dict[str, str]]:
-    if curve is None:
-        return
+def _limits(curve: FollowedCurve) -> Iterator[dict[str, str]]:
     limits = curve.curve.curves[0].limits
     for limit in limits.reached:
         first = " (the limit)" if limit == limits.limit else ""
@@ -58,17 +57,17 @@ def _limits(curve: FollowedCurve | None) -> Iterator[dict[str, str]]:
                    f"{digits(1e6 * curve.readings.rms)} µm")
 
 
-def _weights(weights: CircleWeights | None) -> Iterator[dict[str, str]]:
-    if weights is None:
+def _weights(circles: AlphaResult | str | None) -> Iterator[dict[str, str]]:
+    if circles is None:
         return
-    if weights.reason:
-        yield _row("alpha", "α of circles", weights.reason)
-    for number, (radius, weight) in enumerate(zip(weights.radii, weights.weights, strict=True)):
+    if isinstance(circles, str):
+        yield _row("alpha", "α of circles", circles)
+        return
+    weights = circles.by_basis["membrane"].alpha
+    for number, (radius, weight) in enumerate(zip(circles.circles, weights, strict=True)):
         yield _row(f"alpha-{number + 1}", f"α{'₁₂₃₄₅₆₇₈₉'[number % 9]}, circle of "
                                           f"{digits(1e3 * radius)} mm", digits(weight))
 
 
 def _row(key: str, name: str, text: str) -> dict[str, str]:
     return {"key": key, "name": name, "text": text.strip()}
-
-

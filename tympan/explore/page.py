@@ -14,7 +14,6 @@ from tympan.explore.curve import drawn_curve
 from tympan.explore.latest import Answer, Latest, Trouble
 from tympan.explore.numbers import limit_rows, loads_of, result_rows
 from tympan.explore.session import (
-    CircleWeights,
     FollowedCurve,
     Question,
     Scene,
@@ -91,7 +90,6 @@ class Page:
         self._number = 0
         self.scene: Scene | None = None
         self.curve: FollowedCurve | None = None
-        self.weights: CircleWeights | None = None
         self._written: tuple[Specimen, str] | None = None
         self._resting: asyncio.TimerHandle | None = None
         self._asked: FilmView | None = None
@@ -143,7 +141,7 @@ class Page:
                   names=[specimen.name for specimen in self.subject.specimens],
                   masses=[f"{mass * 1e3:.6g} g" for mass in masses])
         self._say("")
-        self.scene = self.curve = self.weights = self._asked = None
+        self.scene = self.curve = self._asked = None
         self._show(self.start)
 
     def _show(self, view: FilmView) -> None:
@@ -251,7 +249,7 @@ class Page:
         here = None
         if self.scene is not None and _same_film(self.curve.view, self.scene.view):
             here = (self.scene.view.voltage / 1e3, 1e3 * (self.scene.result.deflection_m or 0.0))
-        self.tell(curve=drawn_curve(self.curve, here), limits=limit_rows(self.curve, self.weights))
+        self.tell(curve=drawn_curve(self.curve, here), limits=limit_rows(self.curve))
 
     def _rest(self) -> None:
         """The controls rest: say how the view is written, and follow its curve."""
@@ -263,7 +261,7 @@ class Page:
             self._asked = self.view
             self._curves.ask(Question(self.view, self.subject.static))
 
-    def _followed(self, part: FollowedCurve | CircleWeights | Trouble, newest: bool) -> None:
+    def _followed(self, part: FollowedCurve | Trouble, newest: bool) -> None:
         if not newest:
             return
         self.tell(following=False)
@@ -272,11 +270,8 @@ class Page:
             if self.scene is None:
                 self._say(part.words, trouble=True)
             return
-        if isinstance(part, CircleWeights):
-            self.weights = part
-        else:
-            self.curve, self.weights = part, None
-            self._reached()
+        self.curve = part
+        self._reached()
         self._draw_curve()
 
     def _reached(self) -> None:

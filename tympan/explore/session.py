@@ -19,7 +19,7 @@ from tympan.fem.membrane.model import Model
 from tympan.fem.rig import DIRECTIONS, Rig
 from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Specimen
-from tympan.studies.alpha import AlphaSettings, alpha
+from tympan.studies.alpha import AlphaResult, AlphaSettings, alpha
 from tympan.studies.case import (
     Case,
     CaseResult,
@@ -144,25 +144,19 @@ class Question:
 
 @dataclass(frozen=True, eq=False)
 class FollowedCurve:
-    """The curve of a view and the readings under its mass, if any."""
+    """The curve of a view, the readings under its mass, if any, and α of its film.
+
+    ``circles`` is a text where there are none, and None where they are still sought.
+    """
 
     view: FilmView
     curve: CurveResult
     readings: Readings | None = None
+    circles: AlphaResult | str | None = None
 
 
-@dataclass(frozen=True)
-class CircleWeights:
-    """The circles that stand for a specimen, or why there are none."""
-
-    radii: tuple[float, ...] = ()
-    weights: tuple[float, ...] = ()
-    reason: str = ""
-
-
-def followed(question: Question, settings: Settings = Settings()
-             ) -> Iterator[FollowedCurve | CircleWeights]:
-    """The curve to the film's limits, with readings; then the weights of its circles."""
+def followed(question: Question, settings: Settings = Settings()) -> Iterator[FollowedCurve]:
+    """The curve to the film's limits, with readings; then also the circles that stand for it."""
     _forget_films()
     view = question.view
     specimen = view.actuator
@@ -172,17 +166,12 @@ def followed(question: Question, settings: Settings = Settings()
         end = along.curves[0].limits.end
         readings = compared(view, question.static, settings,
                             np.inf if end is None else end.voltage_V)
-    yield FollowedCurve(view, along, readings)
-    yield weights_of(specimen, view.rig, settings)
-
-
-def weights_of(specimen: Specimen, rig: Rig, settings: Settings) -> CircleWeights:
-    """α of a specimen."""
+    line = FollowedCurve(view, along, readings)
+    yield line
     try:
-        numbers = alpha(specimen, settings, AlphaSettings(), rig)
+        yield replace(line, circles=alpha(specimen, settings, AlphaSettings(), view.rig))
     except InputError as error:
-        return CircleWeights(reason=error.allowed)
-    return CircleWeights(tuple(numbers.circles), tuple(numbers.by_basis["membrane"].alpha))
+        yield replace(line, circles=error.allowed)
 
 
 def compared(view: FilmView, static: Sheet, settings: Settings, highest: float) -> Readings | None:

@@ -16,7 +16,7 @@ from tympan.fem.toml_writer import specimen_content
 from tympan.geometry.command_line import command_line, file_word
 from tympan.geometry.errors import InputError
 from tympan.geometry.fields import Field, field_at
-from tympan.geometry.paths import at, numbers
+from tympan.geometry.paths import at, numbers, with_number
 from tympan.geometry.specimen import Specimen
 from tympan.geometry.toml_reader import Table
 from tympan.geometry.units import quantity, quantity_text
@@ -155,8 +155,9 @@ def changed(view: FilmView, key: str, value: float) -> FilmView:
         When such a film cannot be: as reading it from a file would say.
     """
     if key not in _LOADS:
-        specimen = _with_number(view.specimen, key.split("."), value)
-        return replace(view, specimen=checked_specimen(specimen))
+        specimen = with_number(view.specimen, key.split("."), value)
+        # As its own file reads, where all limits of its keys are looked at.
+        return replace(view, specimen=load_specimen(Table("", specimen_content(specimen))))
     if key == "stiffness":
         if not 0.01 <= value <= 100:
             raise InputError("must be from 0.01 to 100", key=key, given=f"{value:g}")
@@ -166,22 +167,6 @@ def changed(view: FilmView, key: str, value: float) -> FilmView:
         return replace(view, mass=value)
     checked_load(0.0, value)
     return replace(view, voltage=value)
-
-
-def _with_number(value: Any, path: list[str], number: float) -> Any:
-    """A copy with a number at a path; :func:`with_change` would round it."""
-    if not path:
-        return number
-    name, rest = path[0], path[1:]
-    if isinstance(value, tuple):
-        return tuple(_with_number(item, rest, number) if str(index) == name else item
-                     for index, item in enumerate(value))
-    return replace(value, **{name: _with_number(getattr(value, name), rest, number)})
-
-
-def checked_specimen(specimen: Specimen) -> Specimen:
-    """The specimen as its own file reads, where all limits of its keys are looked at."""
-    return load_specimen(Table("", specimen_content(specimen)))
 
 
 def controls(view: FilmView, most_voltage: float = _VOLTAGE, most_mass: float = 0.0
@@ -267,7 +252,7 @@ def python_of(view: FilmView) -> str:
     """A script that solves a view, with all that it holds."""
     specimen = view.actuator
     kinds = {kind for part in (specimen, view.rig) for kind in _kinds(part)}
-    imports = sorted(_import(kind) for kind in kinds)
+    imports = sorted(f"from {kind.__module__} import {kind.__qualname__}" for kind in kinds)
     rig = "" if view.rig == Rig() else ", rig=rig"
     lines = ["from math import inf", *imports, "", "import tympan", "",
              f"specimen = {pformat(specimen, width=88, indent=4)}"]
@@ -288,8 +273,3 @@ def _kinds(value: Any) -> Iterator[type]:
         yield type(value)
         for item in fields(value):
             yield from _kinds(getattr(value, item.name))
-
-
-def _import(kind: type) -> str:
-    return f"from {kind.__module__} import {kind.__qualname__}"
-
