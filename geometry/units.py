@@ -67,6 +67,11 @@ DIMENSIONS: dict[str, Dimension] = {
     "current": Dimension("A", "5 uA", ("uA",)),
 }
 
+#: Units of results for people, by SI unit, and how many of them make one.
+BENCH = {"m": ("mm", 1e3), "kg": ("g", 1e3), "V": ("kV", 1e-3), "Pa": ("kPa", 1e-3),
+         "V/m": ("MV/m", 1e-6), "F": ("nF", 1e9), "N": ("mN", 1e3), "J": ("mJ", 1e3),
+         "rad": ("mrad", 1e3), "m^2": ("mm²", 1e6)}
+
 METRE = 1e3  #: in cadquery's model unit, the millimetre
 
 #: A distance [m] that is none: a nanometre.

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 from tympan.geometry.errors import InputError
 from tympan.geometry.process.interruption import raise_again
-from tympan.geometry.units import quantity, suffix_of, unit_of
+from tympan.geometry.units import BENCH, quantity, suffix_of, unit_of
 
 if TYPE_CHECKING:
     from tympan.fem.rig import Rig
@@ -292,12 +292,6 @@ def print_record(options: argparse.Namespace, record: dict[str, Any],
         print(file)
 
 
-#: Units of results on a terminal, by SI unit, and how many of them make one.
-_SHOWN = {"m": ("mm", 1e3), "kg": ("g", 1e3), "V": ("kV", 1e-3), "Pa": ("kPa", 1e-3),
-          "V/m": ("MV/m", 1e-6), "F": ("nF", 1e9), "N": ("mN", 1e3), "J": ("mJ", 1e3),
-          "rad": ("mrad", 1e3), "m^2": ("mm²", 1e6)}
-
-
 def _entries(record: dict[str, Any], *without: str) -> str:
     """One line per entry that has a value, in units of the bench; a place has one for both axes."""
     from tympan.geometry.units import place_text
@@ -328,7 +322,7 @@ def _entry(key: str, value: object) -> tuple[str, str]:
     """
     si = unit_of(key)
     name = key if si is None else key.removesuffix(suffix_of(si))
-    unit, factor = _SHOWN.get(si or "", (si or "", 1.0))
+    unit, factor = BENCH.get(si or "", (si or "", 1.0))
     numbers: list[Any] = list(value) if isinstance(value, list | tuple) else [value]
     if numbers and all(isinstance(number, float) for number in numbers):
         value = f"{', '.join(f'{factor * number:.5g}' for number in numbers)} {unit}".rstrip()

@@ -6,19 +6,17 @@ from collections.abc import Iterator
 
 from tympan.explore.session import FollowedCurve, Scene
 from tympan.fem.results.limit_states import LIMIT_STATES
+from tympan.geometry.units import BENCH, unit_of
 from tympan.reports.template import digits
 from tympan.studies.alpha import AlphaResult
 
-#: What of a result is shown: key, words, unit, how many make the SI unit.
-SHOWN = (
-    ("deflection_m", "deflection", "mm", 1e3), ("reading_m", "sensor reads", "mm", 1e3),
-    ("reaction_N", "force of the film", "mN", 1e3), ("tilt_rad", "tilt of the plate", "mrad", 1e3),
-    ("capacitance_F", "capacitance", "nF", 1e9),
-    ("max_true_stress_Pa", "largest stress", "kPa", 1e-3),
-    ("max_stretch", "largest stretch", "", 1),
-    ("max_field_V_per_m", "largest field", "MV/m", 1e-6),
-    ("breakdown_margin", "margin to breakdown", "", 1),
-    ("slack_area_m2", "film without tension", "mm²", 1e6))
+#: What of a result is shown, and what it is called.
+SHOWN = {
+    "deflection_m": "deflection", "reading_m": "sensor reads", "reaction_N": "force of the film",
+    "tilt_rad": "tilt of the plate", "capacitance_F": "capacitance",
+    "max_true_stress_Pa": "largest stress", "max_stretch": "largest stretch",
+    "max_field_V_per_m": "largest field", "breakdown_margin": "margin to breakdown",
+    "slack_area_m2": "film without tension"}
 
 _DIGITS = 5
 
@@ -26,7 +24,8 @@ _DIGITS = 5
 def result_rows(scene: Scene) -> list[dict[str, str]]:
     """Numbers of an equilibrium."""
     rows = []
-    for key, words, unit, factor in SHOWN:
+    for key, words in SHOWN.items():
+        unit, factor = BENCH.get(unit_of(key) or "", ("", 1.0))
         value = getattr(scene.result, key)
         if value is not None and not (key == "reading_m" and value == scene.result.deflection_m):
             rows.append(_row(key, words, f"{digits(factor * value, _DIGITS)} {unit}"))
