@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -18,6 +19,7 @@ from tympan.studies.columns import Sheet
 from tympan.studies.data.checked_runs import Hum
 from tympan.studies.data.coupon import Coupons
 from tympan.studies.data.dataset import Dataset, channels
+from tympan.studies.data.findings import Copies, Finding, at_sensor_end
 from tympan.studies.data.noise import coarse_step, repeat_groups, repeat_noise, stated_ratio
 from tympan.studies.files import to_json, words_beside
 
@@ -39,7 +41,7 @@ _SHORT = 0.95
 #: Temperature above which no film was at all times [°C]. In kelvins rooms are at 290.
 _HOT = 200.0
 
-#: How many readings tell a slip or a sensor's end; how many times as many as any other value has.
+#: How many readings tell a slip.
 _SEVERAL = 3
 
 #: Factor beyond which a frequency is none of a weight on a spring that gives way so far: films
@@ -89,6 +91,7 @@ def summary(dataset: Dataset) -> dict[str, Any]:
             "found_m": None if scatter is None else {
                 **dict(zip(("low", "high"), scatter.limits.tolist(), strict=True)),
                 "value": scatter.size, "degrees_of_freedom": int(scatter.freedom[0])}},
+        "findings": to_json(tuple(findings(dataset))),
         "warnings": dataset_warnings(dataset),
     }
 
@@ -128,7 +131,7 @@ def _static_warnings(dataset: Dataset) -> Iterator[str]:
     static = dataset.static
     if static is None:
         return
-    yield from bad_readings(static)
+    yield from (finding.what for finding in findings(dataset))
     timed = np.isfinite(static.order) | np.isfinite(static.elapsed)
     if not timed.any() and dataset.transients is None:
         yield WORDS["no_times"]
@@ -149,20 +152,6 @@ def _static_warnings(dataset: Dataset) -> Iterator[str]:
         yield WORDS["scatter"].format(ratio=ratio.size, limits=ratio.limits)
 
 
-def at_sensor_end(static: Sheet) -> NDArray[np.bool_]:
-    """Readings at the largest value of all, where far more states have that than any other.
-
-    The smallest tells nothing: low voltages hardly move a plate.
-    """
-    keys = zip(static.specimen.tolist(), static.mass.tolist(), static.voltage.tolist(),
-               static.displacement.tolist(), strict=True)
-    values, states = np.unique([value for *_, value in set(keys)], return_counts=True)
-    most = int(states[-1])
-    if most < max(_SEVERAL, _SEVERAL * int(states[:-1].max(initial=0))):
-        return np.zeros(len(static), bool)
-    return np.asarray(static.displacement == values[-1])
-
-
 def clock_runs_back(static: Sheet) -> int | None:
     """The first reading that a clock says was made before the one that order says was before it.
 
@@ -180,17 +169,56 @@ def clock_runs_back(static: Sheet) -> int | None:
     return None
 
 
-def bad_readings(static: Sheet) -> Iterator[str]:
-    """What is wrong with the sensor or the clock, and left out of what is judged."""
+def findings(dataset: Dataset) -> Iterator[Finding]:
+    """What is wrong with rows, sensor or clock, what is made of it and what to do about it."""
+    for finding in _findings(dataset):
+        yield replace(finding, check=WORDS[f"do_{finding.kind}"])
+
+
+def _findings(dataset: Dataset) -> Iterator[Finding]:
+    static = dataset.static
+    if static is None:
+        return
+    file = static.file.name
+    for rows, of in _blocks(dataset.copies):
+        lines = static.line[rows]
+        yield Finding("copies", WORDS["copies"].format(
+            file=file, lines=lines_of(lines), of=lines_of(static.line[of]),
+            s="" if len(rows) > 1 else "s"), file, tuple(lines.tolist()))
     stuck = at_sensor_end(static)
     if stuck.any():
-        yield WORDS["saturated"].format(
-            count=int(stuck.sum()), value=1e3 * static.displacement[stuck][0],
-            line=int(static.line[stuck][0]))
+        low, high = static.displacement[stuck].min(), static.displacement[stuck].max()
+        key = "saturated" if low == high else "near_end"
+        yield Finding("sensor_end", WORDS[key].format(
+            count=int(stuck.sum()), low=1e3 * low, value=1e3 * high,
+            line=int(static.line[stuck][0])), file, tuple(static.line[stuck].tolist()))
     row = clock_runs_back(static)
     if row is not None:
-        yield WORDS["clock_back"].format(line=int(static.line[row]),
-                                         time=float(static.elapsed[row]))
+        line = int(static.line[row])
+        yield Finding("clock", WORDS["clock_back"].format(
+            line=line, time=float(static.elapsed[row])), file, (line,))
+    if (moved := dataset.run_zeros) is not None:
+        for run, zero in moved.pairs():
+            yield Finding("run_zero", WORDS["run_zero"].format(
+                file=file, run=run or WORDS["no_run"], first=moved.runs[0] or WORDS["no_run"],
+                zero=1e6 * abs(zero), way="more" if zero > 0 else "less", moved=moved,
+                error=2e6 * moved.error, size=1e6 * moved.size), file,
+                tuple(static.line[static.run == run].tolist()))
+
+
+def _blocks(copies: Copies) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64]]]:
+    """Copies one after the other, and what they are copies of."""
+    rows, of = copies.rows, copies.of
+    breaks = np.flatnonzero((np.diff(rows) != 1) | (np.abs(np.diff(of)) > 1)) + 1
+    for part in np.split(np.arange(len(rows)), breaks):
+        if len(part):
+            yield rows[part], of[part]
+
+
+def lines_of(lines: NDArray[np.int64]) -> str:
+    """Lines in words: "line 12", "lines 12 to 21"."""
+    low, high = int(lines.min()), int(lines.max())
+    return f"line {low}" if low == high else f"lines {low} to {high}"
 
 
 def _frequency_warnings(dataset: Dataset) -> Iterator[str]:

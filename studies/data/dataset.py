@@ -24,6 +24,7 @@ from tympan.studies.data import coupon
 from tympan.studies.data.checked_runs import CheckedRun, checked_runs
 from tympan.studies.data.coupon import Coupons
 from tympan.studies.data.effort import Effort
+from tympan.studies.data.findings import Copies, RunZeros, at_sensor_end
 from tympan.studies.formats import FORMATS, Format, format_of, suffixes
 
 _VOLTAGE: Rule = (lambda x: 0 <= x <= 1e6, "must be from 0 to 1000 kV; the film's pull has no sign")
@@ -196,6 +197,26 @@ class Dataset:
     def runs(self) -> tuple[CheckedRun, ...]:
         """The runs in time as they are judged."""
         return () if self.transients is None else checked_runs(self.transients)
+
+    @cached_property
+    def copies(self) -> Copies:
+        """Static readings that are copies of others."""
+        none = np.empty(0, np.int64)
+        return Copies(none, none) if self.static is None else Copies.among(self.static, self.noise)
+
+    @property
+    def unused(self) -> NDArray[np.bool_]:
+        """Which static readings tell nothing: copies, and those of a sensor at its end."""
+        if self.static is None:
+            return np.empty(0, bool)
+        unused = at_sensor_end(self.static)
+        unused[self.copies.rows] = True
+        return unused
+
+    @cached_property
+    def run_zeros(self) -> RunZeros | None:
+        """Zeros that have moved between the runs of static readings."""
+        return None if self.static is None else RunZeros.of(self.static, self.unused)
 
     @property
     def masses(self) -> NDArray[np.float64]:

@@ -2,30 +2,19 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
 from tympan.studies.columns import Sheet
 from tympan.studies.data.dataset import Dataset
+from tympan.studies.data.findings import groups, step_of
 from tympan.studies.estimation.noise import Noise
 
 Array = NDArray[np.float64]
 
-#: How far from a multiple of a step a value may be, over the step: the rounding of a decimal number
-#: in a file.
-_ROUNDED = 1e-6
 #: Steps of a display over the noise from which on rounding counts: a finer step adds less than a
 #: third of the noise's variance.
 _COARSE = 2.0
-
-
-def groups(*columns: NDArray[Any]) -> NDArray[np.int64]:
-    """Number of each row's group: of those that have all columns alike, as they come."""
-    numbers: dict[tuple[object, ...], int] = {}
-    keys = zip(*(column.tolist() for column in columns), strict=True)
-    return np.array([numbers.setdefault(key, len(numbers)) for key in keys], dtype=np.int64)
 
 
 def repeat_groups(readings: Sheet) -> NDArray[np.int64]:
@@ -37,29 +26,19 @@ def repeat_groups(readings: Sheet) -> NDArray[np.int64]:
 def repeat_noise(dataset: Dataset) -> Noise | None:
     """Standard deviation of one reading [m] from the repeats among those without their own sigma.
 
-    None where nothing repeats, and where repeats agree to the last digit, which is rounding and no
-    measure of noise.
+    From those within a run; where there are none, from those of several runs, without the zeros of
+    these if they have moved. None where nothing repeats, and where repeats agree to the last digit,
+    which is rounding and no measure of noise.
     """
     readings = dataset.static
     if readings is None:
         return None
-    plain = np.isnan(readings.sigma)
+    plain = np.isnan(readings.sigma) & ~dataset.unused
     scatter = Noise.pooled(readings.displacement[plain], repeat_groups(readings)[plain])
+    if scatter is None and dataset.run_zeros is not None and plain.all():
+        scatter = dataset.run_zeros.scatter
     rounding = 1e-12 * np.abs(readings.displacement).max()
     return scatter if scatter is not None and scatter.size > rounding else None
-
-
-def step_of(values: Array) -> float:
-    """The largest round step, 1, 2 or 5 times a power of ten, of which all values are multiples.
-
-    0 where there is none, or all are one value.
-    """
-    if not np.ptp(values):
-        return 0.0
-    for step in (digit * 10.0**power for power in range(-1, -10, -1) for digit in (5, 2, 1)):
-        if np.abs(values / step - np.round(values / step)).max() < _ROUNDED:
-            return step
-    return 0.0
 
 
 def coarse_step(dataset: Dataset) -> float:
@@ -78,7 +57,7 @@ def stated_ratio(dataset: Dataset) -> Noise | None:
     if readings is None:
         return None
     sigma = _own_or(readings, dataset.noise or np.nan)
-    stated = np.isfinite(sigma)
+    stated = np.isfinite(sigma) & ~dataset.unused
     values, groups = readings.displacement[stated], repeat_groups(readings)[stated]
     return Noise.pooled(values, groups, sigma[stated])
 

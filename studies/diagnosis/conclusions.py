@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from tympan.fem.toml_writer import rig_to_toml, specimen_to_toml
 from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Specimen
-from tympan.studies.data.checks import dataset_warnings
+from tympan.studies.data.checks import dataset_warnings, findings
 from tympan.studies.data.dataset import Dataset
 from tympan.studies.diagnosis import result
 from tympan.studies.diagnosis.evidence.kind import Model, PreparedReadings
@@ -38,6 +38,7 @@ from tympan.studies.diagnosis.sentences import (
     headline,
     headline_of,
     next_step,
+    of_data,
     slip,
     suspects_among,
     together,
@@ -155,14 +156,17 @@ class Conclusions:
         judged, posterior, chosen = self.judgement, self.judgement.posterior, self.chosen
         unit = judged.table.unit
         causes = () if posterior is None else tuple(self._causes(posterior))
+        found = of_data(judged)
         place = "nowhere: what is left is noise" if self.verdict == "nothing" else where(judged)
         suspects = [] if self.verdict != "ambiguous" else suspects_among(causes)
         named = [cause for cause in causes if self.verdict == "named" and cause.named]
         return Diagnosis(
             dataset=self.dataset.name,
             verdict=self.verdict,
-            headline=headline(self.verdict, named, suspects, place, judged.small_errors),
+            headline=headline(self.verdict, named, suspects, place, judged.small_errors,
+                              found is not None),
             causes=causes,
+            findings=(*findings(self.dataset), *filter(None, [found])),
             together=together(suspects),
             indistinguishable=tuple(tuple(sorted({cause.name for cause in group}))
                                     for group in judged.indistinguishable),
@@ -210,7 +214,9 @@ class Conclusions:
     def _rmse(self, fit: Fit | None) -> float:
         """Root mean square of what a fit of the films misses, as it was read."""
         table = self.films.table
-        return _root(table.value - (fit or self.films.nominal).predicted(table), table)
+        missed = table.value - (fit or self.films.nominal).predicted(table)
+        # A zero that moved between runs is no misfit.
+        return _root(table.noise.apart(missed) if table.lengths.any() else missed, table)
 
     def _plans(self) -> Json:
         """Plans of the films that were scanned, by specimen, in the places' frame [mm]."""
@@ -326,7 +332,7 @@ class Conclusions:
         if self.verdict == "unexplained":
             worth = [fit for fit in self.single_effects
                      if self.judgement.explained(fit) >= _WORTH][:_CHECKS]
-            advice = WORDS["again"]
+            advice = WORDS["again" if of_data(self.judgement) is None else "put_right"]
             checks = [check_of(fit.hypothesis[0]) for fit in worth]
         if words := slip(self.films):
             look_up = WORDS["look_up"].format(slip=words)
@@ -345,7 +351,7 @@ class Conclusions:
 
     def _limitations(self) -> list[str]:
         """What limits the conclusions."""
-        words = [*dataset_warnings(self.dataset), *self.readings.remarks]
+        words = list(dict.fromkeys([*dataset_warnings(self.dataset), *self.readings.remarks]))
         noise = float(np.median(self.films.table.sigma))
         scatter = self.judgement.noise_over(self.readings.table)
         if self.readings.assumed:

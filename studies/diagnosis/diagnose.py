@@ -21,9 +21,11 @@ from tympan.studies.diagnosis.calibration import (
     with_masses,
 )
 from tympan.studies.diagnosis.conclusions import Conclusions
+from tympan.studies.diagnosis.confusions import confusions_of
 from tympan.studies.diagnosis.evidence.coupon_readings import WORDS, coupon_readings
 from tympan.studies.diagnosis.evidence.coupons import BATCH, CouponTests
 from tympan.studies.diagnosis.evidence.kind import PreparedReadings
+from tympan.studies.diagnosis.fits.fitting import fit
 from tympan.studies.diagnosis.frame_check import check_frame
 from tympan.studies.diagnosis.inference.identifiability import (
     classes_of,
@@ -122,6 +124,9 @@ def _judge_actuators(dataset: Dataset, of_coupons: tuple[PreparedReadings, Judge
     except ArithmeticError as failure:
         raise InputError(str(failure), key="readings", given=f"{len(table)} readings") from None
     progress(films + 1, films + _LATER)
+    if judged.unusual:
+        stated = fit(simulation, (), table, judged.nominal.unknowns)
+        judged = replace(judged, confusions=confusions_of(dataset, readings, stated))
     if judged.chosen is not None:
         assert isinstance(judged.simulation, Simulation)
         error = max(error, law_error(judged.simulation, judged.chosen, table))

@@ -46,6 +46,10 @@ def prepared_readings(dataset: Dataset) -> PreparedReadings:
         raise InputError(f"less than {FEWEST} can be used", key="readings",
                          given="; ".join(remarks) or sum(map(len, dataset.sheets)))
     table = _with_noise(reduce(ReadingTable.joined, parts), dataset)
+    if dataset.static is not None and (moved := dataset.run_zeros) is not None:
+        read = np.flatnonzero((table.kind == "displacement") & np.isin(table.run, moved.runs)
+                              & (table.file == dataset.static.file.name))
+        table = table.with_noise(table.noise.with_shared(read, moved.columns(table.run[read])))
     if step := coarse_step(dataset):
         table = _rounded(table, step)
     table, fewer = _not_too_many(table)
@@ -133,13 +137,14 @@ def averaged(table: ReadingTable) -> ReadingTable:
     """Rows of nearly the same state as one, with the mean of what they say and its noise.
 
     States are nearly the same within a two-hundredth of the voltages and a twentieth of the times,
-    reached the same way.
+    reached the same way; and of the same run where runs have zeros of their own.
     """
     states = table.states
     voltage = np.round(states.voltage / max(states.voltage.max(initial=0.0), 1e-9) * _BINS)
     elapsed = np.round(states.elapsed / max(states.elapsed.max(initial=0.0), 1e-9) * _BINS / 10)
     kind = np.unique(table.kind, return_inverse=True)[1]
-    key = np.stack([kind.ravel(), table.specimen, table.mass, voltage[table.state],
+    run = np.unique(table.run, return_inverse=True)[1].ravel() * bool(table.noise.shared)
+    key = np.stack([kind.ravel(), run, table.specimen, table.mass, voltage[table.state],
                     elapsed[table.state], states.way[table.state],
                     np.where(table.since < 0, -1, table.line)], axis=1)
     _, first, group, count = np.unique(key, axis=0, return_index=True, return_inverse=True,

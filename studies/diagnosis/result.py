@@ -14,6 +14,7 @@ from tympan.geometry.fields import Key
 from tympan.studies.columns import Column, read_own_sheet, write_sheet
 from tympan.studies.data.checked_runs import Hum, LateRun
 from tympan.studies.data.coupon import MODES
+from tympan.studies.data.findings import Finding
 from tympan.studies.files import (
     from_json,
     read_json,
@@ -297,6 +298,8 @@ class Diagnosis:
                                     "none in the library mends it")]
     headline: Annotated[str, Key("the verdict in a sentence")]
     causes: Annotated[tuple[FoundCause, ...], Key("causes, the most probable first")] = ()
+    findings: Annotated[tuple[Finding, ...], Key(
+        "what is wrong with the dataset itself: its rows, its labels, its quantities")] = ()
     together: Annotated[bool, Key("whether the causes act together")] = False
     indistinguishable: Annotated[tuple[tuple[str, ...], ...], Key(
         "groups of effects that these readings cannot tell apart")] = ()

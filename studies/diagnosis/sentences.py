@@ -7,10 +7,12 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from tympan.studies.data.findings import Finding
 from tympan.studies.diagnosis.fits.evidence import interval
 from tympan.studies.diagnosis.fits.fit import Fit
-from tympan.studies.diagnosis.hypothesis import Cause, sizes_of
+from tympan.studies.diagnosis.hypothesis import FACTORS, Cause, sizes_of
 from tympan.studies.diagnosis.inference.projection import beside, taken_by
+from tympan.studies.diagnosis.inference.relabelled import Relabelling
 from tympan.studies.diagnosis.inference.verdict import Judgement
 from tympan.studies.diagnosis.patterns.reading_patterns import JUMPS, over
 from tympan.studies.diagnosis.result import FoundCause
@@ -95,8 +97,10 @@ def together(suspects: Sequence[FoundCause]) -> bool:
 
 
 def headline(verdict: str, named: Sequence[FoundCause], suspects: Sequence[FoundCause], where: str,
-             small_errors: float | None = None) -> str:
-    """What a reader is told first."""
+             small_errors: float | None = None, of_data: bool = False) -> str:
+    """What a reader is told first; ``of_data``: ``where`` says what is wrong in the dataset."""
+    if verdict == "unexplained" and of_data:
+        return WORDS["data"].format(where=where)
     if verdict == "unexplained" and small_errors is not None:
         return WORDS["rough"].format(share=100 * small_errors)
     if verdict == "named":
@@ -121,13 +125,8 @@ def next_step(verdict: str, checks: Sequence[str], advice: str) -> str:
 
 def slip(judged: Judgement) -> str:
     """What of a misfit looks like a slip of the pen, if that takes more than any other pattern."""
-    if (exchange := judged.exchange) is not None:
-        before, after = (1e6 * float(np.median(judged.table.sigma[judged.table.lengths]))
-                         * (chi_squared / len(judged.table)) ** 0.5
-                         for chi_squared in (judged.nominal.chi_squared, exchange.chi_squared))
-        inside = WORDS["within"].format(exchange.within) if exchange.within else ""
-        return WORDS["exchanged"].format(exchange=exchange, inside=inside, before=before,
-                                         after=after)
+    if (found := of_data(judged)) is not None:
+        return found.what
     taken = taken_by(judged.nominal.free_jacobian)
     slips = _slips(judged, taken)
     shares = _shares(judged, taken, _singled(judged) | slips)
@@ -136,6 +135,36 @@ def slip(judged: Judgement) -> str:
         return judged.test.words(best)
     odd = judged.odd_specimen
     return WORDS["odd_specimen"].format(specimen=odd) if odd else ""
+
+
+def of_data(judged: Judgement) -> Finding | None:
+    """What looks wrong in the dataset, whatever the simulation is."""
+    if (labels := judged.relabelling) is not None:
+        return Finding("labels", relabelled(judged, labels), labels.file, labels.lines,
+                       WORDS["do_labels"])
+    if not judged.unusual:
+        return None
+    factors = np.exp((judged.chosen or judged.nominal).unknowns[FACTORS])
+    if not judged.confusions:
+        return Finding("film", WORDS["unusual"].format(factors=factors), check=WORDS["do_film"])
+    read = [WORDS["reads"].format(confusion=confusion) for confusion in judged.confusions]
+    return Finding("quantity", WORDS["confused"].format(reads=listed(read, "or"), factors=factors),
+                   check=WORDS["do_quantity"])
+
+
+def relabelled(judged: Judgement, labels: Relabelling) -> str:
+    """What labels look wrong, and what the simulation misses as it is and with them put right."""
+    noise = 1e6 * float(np.median(judged.table.sigma[judged.table.lengths]))
+    before, after = (noise * (chi_squared / len(judged.table)) ** 0.5
+                     for chi_squared in (labels.before, labels.after))
+    part, key = labels.part, "exchanged" if labels.pair else "one_row_off"
+    where = "".join(WORDS[name].format(part=part) for name, there in (
+        ("of", part.specimen), ("under", part.mass), ("lines", part.file)) if there)
+    beside = " and ".join(plain(str(cause)) for cause in labels.hypothesis)
+    where += WORDS["only"] if where else ""
+    return WORDS[key].format(labels=labels, where=where, before=before, after=after,
+                             way="low" if labels.rows > 0 else "high",
+                             simulation=WORDS["beside" if beside else "alone"].format(beside))
 
 
 def where(judged: Judgement) -> str:

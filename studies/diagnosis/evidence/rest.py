@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tympan.studies.columns import Sheet
-from tympan.studies.data.checks import at_sensor_end, bad_readings, clock_runs_back
+from tympan.studies.data.checks import clock_runs_back, findings
 from tympan.studies.data.dataset import CHANNELS, Dataset
 from tympan.studies.data.noise import range_sigma, reading_sigma
 from tympan.studies.diagnosis.evidence.kind import (
@@ -47,8 +47,8 @@ class Rest(PlateEvidence):
     def read(self, dataset: Dataset, setup: Setup) -> tuple[list[ReadingTable], list[str]]:
         tables, remarks = list[ReadingTable](), list[str]()
         if dataset.static is not None:
-            tables += _static(dataset.static, setup, reading_sigma(dataset))
-            remarks += bad_readings(dataset.static)
+            tables += _static(dataset.static, setup, reading_sigma(dataset), ~dataset.unused)
+            remarks += [finding.what for finding in findings(dataset)]
         if dataset.ranges is not None:
             tables.append(_ranges(dataset.ranges, setup, range_sigma(dataset)))
         return tables, remarks
@@ -108,7 +108,8 @@ class Rest(PlateEvidence):
         return {quantity for quantity, told in there.items() if told}
 
 
-def _static(readings: Sheet, setup: Setup, sigma: Array) -> list[ReadingTable]:
+def _static(readings: Sheet, setup: Setup, sigma: Array, used: NDArray[np.bool_]
+            ) -> list[ReadingTable]:
     direction = (readings.direction == "up") * 1.0 - (readings.direction == "down")
     elapsed = np.nan_to_num(readings.elapsed) * (clock_runs_back(readings) is None)
     states = States.of(numbers_of(setup, readings.specimen), readings.mass, readings.voltage,
@@ -117,8 +118,7 @@ def _static(readings: Sheet, setup: Setup, sigma: Array) -> list[ReadingTable]:
     turn = np.argsort(readings.order, kind="stable") if ordered else np.arange(len(readings))
     states = _held(states, readings.dwell, turn)
     origin = readings.order, readings.run, readings.file.name, readings.line
-    seen = ~at_sensor_end(readings)
-    tables = [rows(states, "displacement", sigma, readings.displacement, *origin)[seen]]
+    tables = [rows(states, "displacement", sigma, readings.displacement, *origin)[used]]
     for kind in CHANNELS:
         values = readings[kind]
         if (seen := np.isfinite(values)).any():

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import chdtrc
 
-from tympan.studies.diagnosis.hypothesis import SIZES, Cause, Hypothesis, sizes_of
+from tympan.studies.diagnosis.hypothesis import FACTORS, SIZES, Cause, Hypothesis, sizes_of
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.estimation.noise import Noise
 
@@ -66,6 +67,14 @@ class Fit:
         width = np.maximum(np.abs(np.diag(self.precision)), 1e-300) ** -0.5
         scaled = self.precision * width * width[:, None]
         return np.asarray(np.linalg.pinv(scaled, hermitian=True) * width * width[:, None], float)
+
+    @property
+    def usual(self) -> float:
+        """Probability beforehand that factors are as far from 1 as those found, or further.
+
+        A prior predictive check (Box, J. R. Stat. Soc. A 143, 383, 1980).
+        """
+        return float(chdtrc(FACTORS.stop, np.sum((self.unknowns[FACTORS] / NUISANCE) ** 2)))
 
     @property
     def deviations(self) -> Array:

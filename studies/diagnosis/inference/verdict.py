@@ -13,7 +13,6 @@ from tympan.studies.diagnosis.fits.evidence import evidence
 from tympan.studies.diagnosis.fits.fit import Fit
 from tympan.studies.diagnosis.fits.fitting import fit
 from tympan.studies.diagnosis.hypothesis import Cause, hypotheses_of
-from tympan.studies.diagnosis.inference.exchanged_labels import Exchange, exchange_of
 from tympan.studies.diagnosis.inference.exploration import Exploration
 from tympan.studies.diagnosis.inference.identifiability import (
     Signatures,
@@ -22,6 +21,7 @@ from tympan.studies.diagnosis.inference.identifiability import (
 )
 from tympan.studies.diagnosis.inference.nominal import TOO_FEW, NominalMisfit
 from tympan.studies.diagnosis.inference.posterior import Posterior, log_odds_to_smooth, odds_of_more
+from tympan.studies.diagnosis.inference.relabelled import Relabelling, relabelling_of
 from tympan.studies.diagnosis.inference.residual_tests import ResidualTests, TestResult
 from tympan.studies.diagnosis.inference.rough_bench import SMALL, RoughBench, near_rivals
 from tympan.studies.diagnosis.patterns.reading_patterns import over
@@ -46,6 +46,10 @@ DOUBTED = 1 / 3
 #: probable than not.
 DISCREPANCY = 0.5
 
+#: Probability beforehand below which factors on stiffness and permittivity are none of a film as it
+#: is stated, however well they fit.
+UNUSUAL = 1e-3
+
 #: Factors on the usual sizes for each of which a cause must stand out to be named.
 SCALES = (1 / 3, 1.0, 3.0, 10.0)
 
@@ -55,8 +59,12 @@ SCALES = (1 / 3, 1.0, 3.0, 10.0)
 EXCLUDED = 9.0
 
 #: χ² by which two causes of one class must explain more than one alone, to be weighed as two, and
-#: effects more than an exchange of labels, for that not to be told.
+#: effects more than other labels, for these not to be told.
 MORE = 4.0
+
+#: How many effects are asked whether they explain the readings with other labels: a real one may
+#: be there besides.
+_BESIDE = 2
 
 #: How much more two causes must explain than a smooth misfit of no cause, to be named: logarithm of
 #: the odds.
@@ -72,6 +80,17 @@ _OTHERS = 2
 _ASKED = (8, 6)
 
 
+@dataclass(frozen=True)
+class Confusion:
+    """A quantity that was written as if it were another, in words.
+
+    ``of``: the column and file, or the key of the specimens; ``taken``: how it reads.
+    """
+
+    of: str
+    taken: str
+
+
 @dataclass(frozen=True, eq=False)
 class Judgement:
     """What readings say about the nominal model.
@@ -83,9 +102,11 @@ class Judgement:
     apart, ``invisible`` causes they cannot see; ``alone`` every effect fitted by itself with hardly
     any prior, ``rivals`` those of them that only their size speaks against. ``small_errors``: the
     share of their usual sizes at which all other causes are there, where that is what explains the
-    rest. ``exchange``: labels by whose exchange the nominal model misses readings as little as with
-    any effects; ``odd_specimen``: that without which the nominal model misses nothing, where no one
-    cause explains it, nor two that are not both surprisingly large.
+    rest. ``relabelling``: labels that, put right, let the nominal model or one effect explain the
+    readings as well as any effects do with those stated; ``confusions``: quantities that, read as
+    others they are often taken for, make unusual factors usual; ``odd_specimen``: that without
+    which the nominal model misses nothing, where no one cause explains it, nor two that are not
+    both surprisingly large.
     """
 
     verdict: Verdict
@@ -105,8 +126,14 @@ class Judgement:
     suspects: tuple[Cause, ...] = ()
     alone: tuple[Fit, ...] = ()
     small_errors: float | None = None
-    exchange: Exchange | None = None
+    relabelling: Relabelling | None = None
+    confusions: tuple[Confusion, ...] = ()
     odd_specimen: str = ""
+
+    @property
+    def unusual(self) -> bool:
+        """Whether it takes factors on stiffness and permittivity that hardly any film has."""
+        return (self.chosen or self.nominal).usual < UNUSUAL
 
     @property
     def chosen(self) -> Fit | None:
@@ -175,25 +202,32 @@ def judge(simulation: Model, table: ReadingTable, causes: Sequence[Cause],
     base = Judgement("nothing", simulation, table, nominal, test, misfit.patterns, signs,
                      indistinguishable=classes, invisible=invisible)
     if test.p_value >= ALARM:
-        return base
+        return base if nominal.usual >= UNUSUAL else replace(base, verdict="unexplained")
     adequacy = _Adequacy(base, found or table.noise.known(test.freedom), generator)
     possible = tuple(cause for cause in causes if cause not in invisible
                      or shows_when_large(simulation, cause, nominal, table))
     exploration = Exploration(simulation, table, nominal, possible, adequacy.enough, widen, workers)
     exploration.run()
     weighed = _weighed(replace(base, simulation=exploration.simulation), exploration, adequacy)
-    return _with_exchange(weighed, misfit)
+    return _with_labels(weighed, misfit)
 
 
-def _with_exchange(base: Judgement, misfit: NominalMisfit) -> Judgement:
-    """With labels whose exchange explains as much as any effects do, if there are such."""
+def _with_labels(base: Judgement, misfit: NominalMisfit) -> Judgement:
+    """With other labels that explain as much as any effects do, if there are such."""
     if not misfit.simulation.loaded:
         return base
-    exchange = exchange_of(misfit.simulation, misfit.table, misfit.fit)
-    fits = base.posterior.fits if base.posterior else ()
-    others = min((fit.chi_squared for fit in fits), default=np.inf)
-    return replace(base, exchange=exchange if exchange and exchange.chi_squared < others + MORE
-                   else None)
+    every = (*base.alone, *(base.posterior.fits if base.posterior else ()))
+    others = min((fit.chi_squared for fit in every), default=np.inf)
+    singles = sorted((fit for fit in base.alone if fit.possible), key=lambda fit: fit.chi_squared)
+    found = list[Relabelling]()
+    for fitted in (misfit.fit, *singles[:_BESIDE]):
+        relabelling = relabelling_of(base.simulation, misfit.table, fitted)
+        if relabelling and relabelling.after < others + MORE:
+            found.append(relabelling)
+            if relabelling.plain:
+                break
+    best = min(found, key=lambda one: one.after + EXCLUDED * len(one.hypothesis), default=None)
+    return replace(base, relabelling=best)
 
 
 @dataclass

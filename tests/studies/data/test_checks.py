@@ -11,7 +11,7 @@ from tests.support.datasets import HEAD, write_dataset
 from tympan.geometry.errors import InputError
 from tympan.studies.data.checks import dataset_warnings, slips_of_sign
 from tympan.studies.data.dataset import Dataset, read_dataset
-from tympan.studies.data.noise import step_of
+from tympan.studies.data.findings import step_of
 from tympan.studies.diagnosis.readings import prepared_readings
 
 ROWS = "specimen,mass_g,voltage_kV,displacement_mm\n"

@@ -1,0 +1,292 @@
+"""What people do to rows before any film is asked: copies, a sensor's end, a zero that moved."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import pdtrc
+from scipy.stats import f as f_distribution
+
+from tympan.geometry.fields import Key
+from tympan.studies.columns import Sheet
+from tympan.studies.estimation.noise import Noise
+
+Array = NDArray[np.float64]
+Numbers = NDArray[np.int64]
+Rows = NDArray[np.bool_]
+
+#: Probability by noise alone below which equal readings are copies: a table has many pairs of rows.
+_CHANCE = 1e-6
+#: Share of the noise within which readings are equal, where they are written with more digits.
+_EQUAL = 3e-3
+#: Fewest rows one after the other that are a copy of as many others.
+_BLOCK = 3
+#: Rows up to which blocks are sought: that takes time as their square.
+_MANY = 3000
+#: Highest degree of the smooth curves about which rows scatter, in the voltage's square.
+_DEGREE = 4
+#: The median of what is normal without its sign, over the standard deviation.
+_MEDIAN = 0.6745
+
+#: How many states tell a sensor's end, and how many times as many as any other such interval has.
+_SEVERAL = 3
+#: Share of the largest rise of a ramp within which all states at the sensor's end must lie.
+_NARROW = 0.02
+
+#: Probability by chance below which the zero of a run has moved.
+_MOVED = 1e-4
+#: Zeros over the scatter about them, standard deviations, from which a zero is all that differs.
+_ALL = 2.0
+
+#: How far from a multiple of a step a value may be, over the step: the rounding of a decimal number
+#: in a file.
+_ROUNDED = 1e-6
+
+
+@dataclass(frozen=True)
+class Finding:
+    """Something in a dataset that is none of the film's doing."""
+
+    kind: Annotated[Literal["copies", "sensor_end", "clock", "run_zero", "labels", "quantity",
+                            "film"], Key("what it is: rows pasted, a sensor's end, a clock that "
+                                         "runs back, a zero that moved between runs, wrong labels, "
+                                         "a quantity taken for another, a film that is none")]
+    what: Annotated[str, Key("what was found, in a sentence")]
+    file: Annotated[str, Key("the file it is in, if it is in one")] = ""
+    lines: Annotated[tuple[int, ...], Key("the lines concerned")] = ()
+    check: Annotated[str, Key("what to do about it")] = ""
+
+
+def step_of(values: Array) -> float:
+    """The largest round step, 1, 2 or 5 times a power of ten, of which all values are multiples.
+
+    0 where there is none, or all are one value.
+    """
+    if not np.ptp(values):
+        return 0.0
+    for step in (digit * 10.0**power for power in range(-1, -10, -1) for digit in (5, 2, 1)):
+        if np.abs(values / step - np.round(values / step)).max() < _ROUNDED:
+            return step
+    return 0.0
+
+
+def groups(*columns: NDArray[Any]) -> Numbers:
+    """Number of each row's group: of those that have all columns alike, as they come."""
+    numbers: dict[tuple[object, ...], int] = {}
+    keys = zip(*(column.tolist() for column in columns), strict=True)
+    return np.array([numbers.setdefault(key, len(numbers)) for key in keys], dtype=np.int64)
+
+
+@dataclass(frozen=True, eq=False)
+class Copies:
+    """Rows that are copies, by their numbers, and which rows they are copies of."""
+
+    rows: Numbers
+    of: Numbers
+
+    @classmethod
+    def among(cls, static: Sheet, noise: float | None) -> Copies:
+        """Of a file's readings: later rows that equal earlier ones as no noise lets them.
+
+        Rows of one state, or several rows one after the other, of whatever states, in the same or
+        the opposite order. ``noise``: the one stated [m], if any. A display's steps make readings
+        equal by chance, and so do zeros that are set: neither are copies.
+        """
+        seen = np.isfinite(static.displacement) & (static.displacement != 0)
+        rows = np.flatnonzero(seen & ~at_sensor_end(static))
+        read = static.displacement[rows]
+        if len(rows) < 2:
+            return cls(rows[:0], rows[:0])
+        state = groups(static.specimen[rows], static.mass[rows], static.voltage[rows])
+        step, sigma = step_of(read), _quietest(static, rows, state, noise)
+        copies = dict[int, int]()
+        for near in {0.5 * step, max(0.5 * step, _EQUAL * sigma)} - {0.0}:
+            # Two readings of one state differ by a normal number of √2 times their noise.
+            chance = min(1.0, near / (np.pi**0.5 * max(sigma, 1e-300)))
+            copies |= _repeated(read, state, near, chance)
+            if len(rows) <= _MANY:
+                copies |= _blocks(read, near, chance)
+        pairs = sorted(copies.items())
+        return cls(rows[[row for row, _ in pairs]], rows[[first for _, first in pairs]])
+
+
+def _quietest(static: Sheet, rows: Numbers, state: Numbers, noise: float | None) -> float:
+    """The least of what may be the noise of a reading [m]: quiet readings are equal more often."""
+    read = static.displacement[rows]
+    least = min(_rough(static, rows), np.inf if noise is None else noise)
+    order = np.lexsort((read, state))
+    apart = np.diff(read[order])[np.diff(state[order]) == 0]
+    # What may be copies says nothing of the noise.
+    apart = apart[apart > _EQUAL * (least if np.isfinite(least) else 0.0)]
+    if len(apart) >= _SEVERAL:
+        least = min(least, float(np.median(apart)))
+    return least if np.isfinite(least) else 0.0
+
+
+def _rough(static: Sheet, rows: Numbers) -> float:
+    """Scatter of readings about smooth curves of the voltage, each on one way up or down [m].
+
+    inf where no way is long enough.
+    """
+    left, weights = list[Array](), 0
+    ramps = groups(static.specimen[rows], static.mass[rows], static.run[rows],
+                      static.repeat[rows])
+    for number in range(int(ramps.max()) + 1):
+        ramp = rows[ramps == number]
+        turns = np.sign(np.diff(static.voltage[ramp], prepend=-np.inf))
+        way = np.cumsum(np.r_[True, turns[1:] * turns[:-1] < 0])
+        for one in range(1, int(way[-1]) + 1):
+            some = ramp[way == one]
+            squared = static.voltage[some] ** 2
+            degree = min(_DEGREE, len(np.unique(squared)) - 2)
+            if degree < 1 or len(some) < degree + 2:
+                continue
+            columns = np.vander(squared / squared.max(), degree + 1)
+            fitted = columns @ np.linalg.lstsq(columns, static.displacement[some], rcond=None)[0]
+            spread = (len(some) / (len(some) - degree - 1)) ** 0.5
+            left.append(np.abs(static.displacement[some] - fitted) * spread)
+            weights += len(some)
+    return float(np.median(np.concatenate(left))) / _MEDIAN if weights else np.inf
+
+
+def _repeated(read: Array, state: Numbers, near: float, chance: float) -> dict[int, int]:
+    """Rows that equal another of the same state, by the first of these; none if chance does it."""
+    order = np.lexsort((np.arange(len(read)), read, state))
+    same = (np.diff(state[order]) == 0) & (np.abs(np.diff(read[order])) <= near)
+    sizes = np.bincount(state)
+    expected = chance * float(np.sum(sizes * (sizes - 1) / 2))
+    count = int(same.sum())
+    if not count or pdtrc(count - 1, expected) >= _CHANCE:
+        return {}
+    copies, first = dict[int, int](), 0
+    for place in np.flatnonzero(same).tolist():
+        if not place or not same[place - 1]:
+            first = place
+        cluster = order[first: place + 2]
+        copies |= {int(row): int(cluster.min()) for row in cluster if row != cluster.min()}
+    return copies
+
+
+def _blocks(read: Array, near: float, chance: float) -> dict[int, int]:
+    """Rows one after the other that equal as many others, in the same or the opposite order."""
+    count, copies = len(read), dict[int, int]()
+    numbers = np.arange(count)
+    for later in [numbers + lag for lag in range(1, count)] + [
+            total - numbers for total in range(1, 2 * count - 2)]:
+        there = (later < count) & (later > numbers)
+        equal = np.zeros(count, bool)
+        equal[there] = np.abs(read[later[there]] - read[there]) <= near
+        edges = np.flatnonzero(np.diff(np.r_[False, equal, False]))
+        for begin, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
+            if end - begin < _BLOCK:
+                continue
+            # One value again and again is a sensor that stands still.
+            different = 1 + int(np.sum(np.diff(np.sort(read[begin:end])) > near))
+            if different >= _BLOCK and count**2 * chance**different < _CHANCE:
+                copies |= {int(later[row]): row for row in range(begin, end)}
+    return copies
+
+
+def at_sensor_end(static: Sheet) -> Rows:
+    """Readings in a narrow interval at the largest, which has far more states than any other.
+
+    Of other states those count that have made half of their ramp's rise: low voltages hardly move
+    a plate.
+    """
+    keys = groups(static.specimen, static.mass, static.voltage)
+    ramp = groups(static.specimen, static.mass)
+    if not len(keys) or not np.isfinite(static.displacement).all():
+        return np.zeros(len(static), bool)
+    first = np.unique(keys, return_index=True)[1]
+    read = np.bincount(keys, static.displacement) / np.bincount(keys)
+    ramp = ramp[first]
+    low, high = (np.array([end(read[ramp == number]) for number in range(int(ramp.max()) + 1)])
+                 for end in (np.min, np.max))
+    moved = read > 0.5 * (low + high)[ramp]
+    top, rise = float(static.displacement.max()), float((high - low).max())
+    order = np.argsort(-read)
+    for count in range(len(read), _SEVERAL - 1, -1):
+        width = top - float(read[order[count - 1]])
+        if width > _NARROW * rise:
+            continue
+        others = np.sort(read[moved & (read < top - width)])
+        most = int((np.searchsorted(others, others + width, "right") - np.arange(
+            len(others))).max(initial=0))
+        if count >= _SEVERAL * max(most, 1):
+            return np.asarray((read >= top - width)[keys] | (static.displacement >= top - width))
+    return np.zeros(len(static), bool)
+
+
+@dataclass(frozen=True, eq=False)
+class RunZeros:
+    """Zeros of runs that read the same states, by the runs' names.
+
+    ``zeros`` [m] about their mean; ``error``: standard deviation of their differences [m];
+    ``states``: how many several runs have read; ``scatter`` of readings about states and zeros.
+    """
+
+    runs: tuple[str, ...]
+    zeros: Array
+    error: float
+    states: int
+    scatter: Noise
+
+    @classmethod
+    def of(cls, static: Sheet, skipped: Rows) -> RunZeros | None:
+        """By states that several runs have read; None where zeros have not moved beyond noise.
+
+        Nor where more than a zero differs.
+        """
+        rows = np.flatnonzero(np.isfinite(static.displacement) & ~skipped)
+        state = groups(static.specimen[rows], static.mass[rows], static.voltage[rows],
+                          static.direction[rows])
+        names, run = np.unique(static.run[rows], return_inverse=True)
+        runs_of = np.array([len(np.unique(run[state == number]))
+                            for number in range(int(state.max(initial=-1)) + 1)])
+        if len(names) < 2 or not len(rows) or runs_of.max() < 2:
+            return None
+        both = runs_of[state] > 1
+        read, state, run = static.displacement[rows][both], state[both], run[both]
+        there, run = np.unique(run, return_inverse=True)
+        state = np.unique(state, return_inverse=True)[1]
+        means = np.bincount(state, read) / np.bincount(state)
+
+        def about(values: Array) -> Array:
+            """Without the mean of each state."""
+            return np.asarray(values - (np.bincount(state, values) / np.bincount(state))[state])
+
+        columns = np.stack([about((run == number).astype(float))
+                            for number in range(len(there))], axis=1)
+        zeros = np.asarray(np.linalg.lstsq(columns, about(read), rcond=1e-9)[0], float)
+        zeros -= zeros.mean()
+        before, after = (float(np.sum(left**2))
+                         for left in (about(read), about(read) - columns @ zeros))
+        moves = int(np.linalg.matrix_rank(columns))
+        freedom = len(read) - len(means) - moves
+        if freedom < _SEVERAL or not moves:
+            return None
+        scatter = Noise.left(max(after, 1e-300), freedom)
+        ratio = (before - after) / moves / scatter.size**2
+        spread = float(np.sqrt(np.mean(zeros**2)))
+        if f_distribution.sf(ratio, moves, freedom) >= _MOVED or spread < _ALL / 2 * scatter.size:
+            return None
+        error = scatter.size * (2 * len(there) / len(read)) ** 0.5
+        return cls(tuple(names[there].tolist()), zeros, error, len(means), scatter)
+
+    @property
+    def size(self) -> float:
+        """Standard deviation of such zeros [m]."""
+        count = len(self.zeros)
+        return float(np.sqrt(np.sum(self.zeros**2) / (count - 1)))
+
+    def columns(self, run: NDArray[np.str_]) -> Array:
+        """What each run's zero does to readings of these runs at its standard deviation."""
+        return self.size * np.stack([run == name for name in self.runs], axis=1)
+
+    def pairs(self) -> Iterator[tuple[str, float]]:
+        """Each run but the first, with its zero over that one's [m]."""
+        yield from zip(self.runs[1:], (self.zeros[1:] - self.zeros[0]).tolist(), strict=True)

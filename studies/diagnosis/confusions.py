@@ -1,0 +1,227 @@
+"""What is often written for something else: a unit, a diameter, a stretch, a thickness.
+
+A film that must be ten times as stiff as stated to explain its readings is none; centimetres in a
+column of millimetres are. So where the fitted factors are none of a film as it is stated, readings
+and specimens are tried as if each such quantity had been taken for another.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, replace
+from math import log
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.constants import g
+from scipy.special import chdtrc
+
+from tympan.geometry.errors import InputError
+from tympan.geometry.specimen import Film, Specimen
+from tympan.geometry.units import unit_factor
+from tympan.studies.data.dataset import Dataset
+from tympan.studies.diagnosis.calibration import calibrated
+from tympan.studies.diagnosis.evidence.kind import PreparedReadings
+from tympan.studies.diagnosis.fits.fit import NUISANCE, Fit
+from tympan.studies.diagnosis.hypothesis import FACTORS
+from tympan.studies.diagnosis.inference.verdict import EXCLUDED, MORE, UNUSUAL, Confusion
+from tympan.studies.diagnosis.reading_table import LENGTHS, ReadingTable
+from tympan.studies.effects import Setup
+
+Array = NDArray[np.float64]
+
+#: Probability beforehand from which factors are those of an ordinary film.
+_ORDINARY = 0.05
+
+#: Units that a number may be in, whatever its column says [SI].
+_LENGTHS = {"micrometres": 1e-6, "millimetres": 1e-3, "centimetres": 1e-2, "metres": 1.0,
+            "inches": 25.4e-3}
+#: Those of a load: weights are taken for masses.
+_LOADS = {"grams": 1e-3, "kilograms": 1.0, "ounces": 28.349523e-3, "millinewtons": 1e-3 / g,
+          "newtons": 1 / g}
+#: Those of a force: masses are taken for weights.
+_FORCES = {"millinewtons": 1e-3, "newtons": 1.0, "grams": 1e-3 * g}
+#: Those of a voltage.
+_VOLTAGES = {"volts": 1.0, "kilovolts": 1e3}
+
+#: By column: the dimension of its unit, the units it may be in, and the powers of what it is
+#: multiplied by in the factors on stiffness and permittivity, of small deflections.
+_COLUMNS: dict[str, tuple[str, dict[str, float], tuple[float, float]]] = {
+    "displacement": ("length", _LENGTHS, (-1.0, -1.0)),
+    "range": ("length", _LENGTHS, (-1.0, -1.0)),
+    "mass": ("mass", _LOADS, (1.0, 1.0)),
+    "force": ("force", _FORCES, (1.0, 1.0)),
+    "voltage": ("voltage", _VOLTAGES, (0.0, -2.0)),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class _Other:
+    """Readings and specimens with one quantity taken for another.
+
+    ``shift``: by what the logarithms of both factors change, of small deflections; None where only
+    a fit tells. ``larger``: the logarithm of what the readings are multiplied by, of all together.
+    """
+
+    of: str
+    taken: str
+    setup: Setup
+    table: ReadingTable
+    shift: Array | None = None
+    larger: float = 0.0
+
+    def unlikely(self, found: Fit) -> float:
+        """Minus twice the logarithm of the readings' probability, their noise as they tell it.
+
+        And as it is stated, which counts as few readings: that tells a unit of readings from one of
+        loads, by which films are as stiff.
+        """
+        stated = float(self.table.noise.freedom.sum())
+        count = len(self.table)
+        return float((count + stated) * np.log(stated + found.chi_squared) - 2 * self.larger)
+
+
+def confusions_of(dataset: Dataset, readings: PreparedReadings, nominal: Fit
+                  ) -> tuple[Confusion, ...]:
+    """What makes unusual factors ordinary and misses readings no more; the likeliest first.
+
+    ``nominal``: the nominal model's fit to the readings with their noise as it came. Specimens of
+    other sizes are tried only where no unit and no thickness does it.
+    """
+    setup, table = readings.setup, readings.table
+    as_stated = _Other("", "", setup, table)
+    quick = [*_readings(dataset, setup, table), *_thicknesses(setup, table)]
+    near = [other for other in quick if other.shift is not None and _may_be(nominal, other.shift)]
+    most = as_stated.unlikely(nominal) + EXCLUDED
+    return _ordinary(near, most) or _ordinary(_sizes(setup, table), most)
+
+
+def _may_be(nominal: Fit, shift: Array) -> bool:
+    """Whether factors may be ordinary after a shift; one that was stopped may be further off."""
+    logs = nominal.unknowns[FACTORS] + shift
+    before = nominal.unknowns[FACTORS]
+    short = nominal.stopped[FACTORS] & (np.sign(logs) != np.sign(before))
+    return bool(chdtrc(2, np.sum((np.where(short, 0.0, logs) / NUISANCE) ** 2)) >= UNUSUAL)
+
+
+def _ordinary(others: Iterable[_Other], most: float) -> tuple[Confusion, ...]:
+    """Those that fit with ordinary factors, nearly as probable as the best of them."""
+    fitted = [(other, found) for other in others if (found := _fit(other)) is not None
+              and found.usual >= _ORDINARY and other.unlikely(found) < most]
+
+    def unlikely(one: tuple[_Other, Fit]) -> float:
+        other, found = one
+        return other.unlikely(found) + float(np.sum((found.unknowns[FACTORS] / NUISANCE) ** 2))
+
+    least = min(map(unlikely, fitted), default=np.inf)
+    return tuple(Confusion(other.of, other.taken) for other, found in sorted(fitted, key=unlikely)
+                 if unlikely((other, found)) < least + MORE)
+
+
+def _fit(other: _Other) -> Fit | None:
+    """The nominal model fitted to all of it; None where it cannot be at all that was read."""
+    try:
+        found = calibrated(other.setup, other.table)
+    except (InputError, ArithmeticError):
+        return None
+    return found.fit if len(found.table) == len(other.table) else None
+
+
+def _readings(dataset: Dataset, setup: Setup, table: ReadingTable) -> Iterator[_Other]:
+    """Columns that may be in another unit than their name says."""
+    for sheet in dataset.sheets:
+        rows = table.file == sheet.file.name
+        for column, (dimension, units, powers) in _COLUMNS.items():
+            if column not in sheet.places or not rows.any():
+                continue
+            title = sheet.titles[sheet.places[column]]
+            stated = unit_factor(title.rpartition("_")[2], dimension)
+            for unit, size in units.items():
+                factor = size / stated
+                if abs(log(factor)) > 1e-3 and (changed := _scaled(
+                        setup, table, rows, column, factor)) is not None:
+                    read = float(np.sum(rows & (table.kind == column)))
+                    yield _Other(f"{title} of {sheet.file.name}", f"in {unit}", setup, changed,
+                                 log(factor) * np.array(powers), read * log(factor))
+
+
+def _scaled(setup: Setup, table: ReadingTable, rows: NDArray[np.bool_], column: str,
+            factor: float) -> ReadingTable | None:
+    """Rows of a file with a column times a factor; None where that cannot be."""
+    if column in ("mass", "voltage"):
+        states, of_file = table.states, np.zeros(len(table.states), bool)
+        of_file[table.state[rows]] = True
+        of_file[table.since[rows & (table.since >= 0)]] = True
+        if column == "voltage" and of_file[states.passages.rows].any():
+            return None
+        factors = np.where(of_file, factor, 1.0)
+        changed: dict[str, Any] = {column: factors * getattr(states, column)}
+        return replace(table, states=replace(states, **changed))
+    there = rows & (table.kind == column)
+    values = np.where(there, factor, 1.0) * table.value
+    gaps = np.array([specimen.gap for specimen in setup.specimens])[table.specimen]
+    if not there.any() or (column in LENGTHS and np.any(np.abs(values) > gaps, where=there)):
+        return None
+    return table.with_values(values)
+
+
+def _thicknesses(setup: Setup, table: ReadingTable) -> Iterator[_Other]:
+    """The thickness of the mounted film for that of the virgin one."""
+    share = float(np.mean([specimen.membrane.area_prestretch for specimen in setup.specimens]))
+
+    def virgin(film: Film) -> Film:
+        return replace(film, thickness=film.thickness * film.area_prestretch)
+
+    yield from _edited(setup, table, "membrane.thickness",
+                       "it were that of the stretched film",
+                       lambda specimen: replace(specimen, membrane=virgin(specimen.membrane)),
+                       log(share) * np.array([-1.0, 1.0]))
+
+
+def _sizes(setup: Setup, table: ReadingTable) -> Iterator[_Other]:
+    """Diameters and radii for each other, and area stretches and those along an axis."""
+    for part in ("plate", "frame"):
+        for factor, taken in ((0.5, "it were its diameter"), (2.0, "it were half of it")):
+            yield from _edited(setup, table, f"the radius of the {part}", taken,
+                               _resized(part, factor))
+    for power, taken in ((0.5, "it were the area stretch"), (2.0, "it were its root")):
+        yield from _edited(setup, table, "membrane.prestretch", taken, _stretched(power))
+
+
+def _stretched(power: float) -> Callable[[Specimen], Specimen]:
+    """What raises a specimen's stretches to a power."""
+
+    def edit(specimen: Specimen) -> Specimen:
+        film = specimen.membrane
+        along_x, along_y = film.prestretch
+        stretches = along_x**power, along_y**power
+        return replace(specimen, membrane=replace(film, prestretch=stretches))
+
+    return edit
+
+
+def _edited(setup: Setup, table: ReadingTable, of: str, taken: str,
+            edit: Callable[[Specimen], Specimen], shift: Array | None = None) -> Iterator[_Other]:
+    """With all specimens edited, where such can be built."""
+    try:
+        yield _Other(of, taken, setup.with_specimens(edit), table, shift)
+    except (InputError, TypeError):
+        return
+
+
+def _resized(part: str, factor: float) -> Callable[[Specimen], Specimen]:
+    """What makes a specimen's plate or frame so many times as large."""
+
+    def larger(outline: Any) -> Any:
+        if hasattr(outline, "radius"):
+            return replace(outline, radius=factor * outline.radius)
+        return replace(outline, semi_axes=tuple(factor * x for x in outline.semi_axes))
+
+    def edit(specimen: Specimen) -> Specimen:
+        if part == "frame":
+            return replace(specimen, frame=larger(specimen.frame))
+        plate = specimen.needed_plate()
+        return replace(specimen, plate=replace(plate, outline=larger(plate.outline)))
+
+    return edit

@@ -1,0 +1,100 @@
+"""A film that no such film is: what was taken for something else is named.
+
+Readings are those of exact axisymmetric membranes (design values), none made by this program.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.support.datasets import HEAD, write_dataset
+from tests.support.trials import design, read
+from tympan.geometry.specimen import Specimen
+from tympan.studies.data.dataset import Dataset, read_dataset
+from tympan.studies.diagnosis.calibration import calibrated
+from tympan.studies.diagnosis.confusions import confusions_of
+from tympan.studies.diagnosis.hypothesis import Cause
+from tympan.studies.diagnosis.inference.verdict import UNUSUAL, judge
+from tympan.studies.diagnosis.readings import prepared_readings
+from tympan.studies.diagnosis.reduced.simulation import Simulation
+from tympan.studies.diagnosis.sentences import of_data, where
+
+#: Deflections [mm] of neo-Hookean films of 20 kPa under 17.9 g and 22.45 g at these voltages [kV].
+EXACT = {17.9: (2.1185, 2.4307, 2.8717, 4.3843), 22.45: (2.6569, 3.0484, 3.6018, 5.5194)}
+VOLTAGES = (0.0, 3.5, 5.0, 7.0)
+
+
+def dataset(folder: Path, length: float = 1.0, load: float = 1.0, noise: str = "10 um") -> Dataset:
+    """With deflections and loads written in other units than their columns say."""
+    generator = np.random.default_rng(1)
+    rows = "".join(f"A,{load * mass},{kv},{length * (read + 0.01 * generator.normal()):.6f}\n"
+                   for mass, reads in EXACT.items()
+                   for kv, read in zip(VOLTAGES, reads, strict=True) for _ in range(2))
+    head = HEAD + f'noise = "{noise}"\n' if noise else HEAD
+    written = write_dataset(folder, head, ("A",),
+                            static="specimen,mass_g,voltage_kV,displacement_mm\n" + rows)
+    about = written / "dataset.toml"
+    text = about.read_text().replace(
+        'material = "vhb-4910"', '[specimen.membrane.material]\nlaw = "neo_hooke"\nmu = "20 kPa"')
+    about.write_text(text)
+    return read_dataset(written)
+
+
+def named(made: Dataset) -> tuple[float, list[tuple[str, str]]]:
+    """How usual the fitted factors are, and what is named."""
+    readings = prepared_readings(made)
+    fitted = calibrated(readings.setup, readings.table).fit
+    return fitted.usual, [(one.of, one.taken) for one in confusions_of(made, readings, fitted)]
+
+
+def test_an_exact_film_is_ordinary(tmp_path: Path) -> None:
+    readings = prepared_readings(dataset(tmp_path / "data"))
+    assert calibrated(readings.setup, readings.table).fit.usual > 0.5
+
+
+@pytest.mark.parametrize(("length", "load", "words"), [
+    (0.1, 1.0, ("displacement_mm of static.csv", "in centimetres")),
+    (1.0, 9.80665, ("mass_g of static.csv", "in millinewtons"))])
+def test_units_are_named(tmp_path: Path, length: float, load: float, words: tuple[str, str]
+                         ) -> None:
+    usual, read = named(dataset(tmp_path / "data", length, load))
+    assert usual < UNUSUAL
+    assert read == [words]
+
+
+def test_large_deflections_tell_a_length_from_a_load_where_no_noise_is_stated(tmp_path: Path
+                                                                              ) -> None:
+    _, read = named(dataset(tmp_path / "data", length=0.1, noise=""))
+    assert read[0] == ("displacement_mm of static.csv", "in centimetres")
+
+
+@pytest.mark.parametrize(("edit", "of"), [
+    (lambda one: replace(one, membrane=replace(one.membrane, thickness=0.2e-3)),
+     "membrane.thickness"),
+    pytest.param(lambda one: replace(one, membrane=replace(one.membrane, prestretch=(5.0, 5.0))),
+                 "membrane.prestretch", marks=pytest.mark.study)])
+def test_specimens_written_wrongly_are_named(tmp_path: Path, of: str,
+                                             edit: Callable[[Specimen], Specimen]) -> None:
+    made = dataset(tmp_path / "data")
+    usual, read = named(replace(made, specimens=tuple(map(edit, made.specimens))))
+    assert usual < UNUSUAL
+    assert read[0][0] == of
+
+
+def test_such_factors_are_never_nothing(three_shapes: Simulation) -> None:
+    """However well they fit: a tenth of every deflection."""
+    table = read(three_shapes, design(2e-6), (), [], 1)
+    small = table.with_values(0.1 * table.value)
+    judged = judge(three_shapes, small, [Cause("sensor_zero"), Cause("unaccounted_mass")])
+    assert judged.verdict == "unexplained"
+    assert judged.unusual
+    found = of_data(judged)
+    assert found is not None
+    assert found.kind == "film"
+    assert where(judged) == found.what
+    assert "times as stiff as stated" in found.what
