@@ -23,6 +23,8 @@ Rows = NDArray[np.bool_]
 _CHANCE = 1e-6
 #: Share of the noise within which readings are equal, where they are written with more digits.
 _EQUAL = 3e-3
+#: Chance from which equal readings tell nothing: the noise is hardly more than a display's step.
+_OFTEN = 0.15
 #: Fewest rows one after the other that are a copy of as many others.
 _BLOCK = 3
 #: Rows up to which blocks are sought: that takes time as their square.
@@ -107,6 +109,8 @@ class Copies:
         for near in {0.5 * step, max(0.5 * step, _EQUAL * sigma)} - {0.0}:
             # Two readings of one state differ by a normal number of √2 times their noise.
             chance = min(1.0, near / (np.pi**0.5 * max(sigma, 1e-300)))
+            if chance > _OFTEN:
+                continue
             copies |= _repeated(read, state, near, chance)
             if len(rows) <= _MANY:
                 copies |= _blocks(read, near, chance)

@@ -25,7 +25,7 @@ from tympan.studies.diagnosis.calibration import calibrated
 from tympan.studies.diagnosis.evidence.kind import PreparedReadings
 from tympan.studies.diagnosis.fits.fit import NUISANCE, Fit
 from tympan.studies.diagnosis.hypothesis import FACTORS
-from tympan.studies.diagnosis.inference.verdict import EXCLUDED, MORE, UNUSUAL, Confusion
+from tympan.studies.diagnosis.inference.verdict import EXCLUDED, MORE, UNUSUAL, Confusion, Judgement
 from tympan.studies.diagnosis.reading_table import LENGTHS, ReadingTable
 from tympan.studies.effects import Setup
 
@@ -77,9 +77,12 @@ class _Other:
         And as it is stated, which counts as few readings: that tells a unit of readings from one of
         loads, by which films are as stiff.
         """
+        return self.scatter(found.chi_squared) - 2 * self.larger
+
+    def scatter(self, chi_squared: float) -> float:
+        """The same of χ² alone."""
         stated = float(self.table.noise.freedom.sum())
-        count = len(self.table)
-        return float((count + stated) * np.log(stated + found.chi_squared) - 2 * self.larger)
+        return float((len(self.table) + stated) * np.log(stated + chi_squared))
 
 
 def confusions_of(dataset: Dataset, readings: PreparedReadings, nominal: Fit
@@ -95,6 +98,17 @@ def confusions_of(dataset: Dataset, readings: PreparedReadings, nominal: Fit
     near = [other for other in quick if other.shift is not None and _may_be(nominal, other.shift)]
     most = as_stated.unlikely(nominal) + EXCLUDED
     return _ordinary(near, most) or _ordinary(_sizes(setup, table), most)
+
+
+def mistaken_sizes(setup: Setup, judged: Judgement) -> tuple[Confusion, ...]:
+    """What leaves noise of a misfit that nothing explains, in the specimen that is odd or in all.
+
+    With ordinary factors.
+    """
+    table, which = judged.table, judged.odd_specimen or None
+    most = len(table) + 2 * (2 * len(table)) ** 0.5
+    noise = _Other("", "", setup, table).scatter(most)
+    return _ordinary([*_thicknesses(setup, table, which), *_sizes(setup, table, which)], noise)
 
 
 def _may_be(nominal: Fit, shift: Array) -> bool:
@@ -166,27 +180,28 @@ def _scaled(setup: Setup, table: ReadingTable, rows: NDArray[np.bool_], column: 
     return table.with_values(values)
 
 
-def _thicknesses(setup: Setup, table: ReadingTable) -> Iterator[_Other]:
+def _thicknesses(setup: Setup, table: ReadingTable, which: str | None = None
+                 ) -> Iterator[_Other]:
     """The thickness of the mounted film for that of the virgin one."""
     share = float(np.mean([specimen.membrane.area_prestretch for specimen in setup.specimens]))
 
     def virgin(film: Film) -> Film:
         return replace(film, thickness=film.thickness * film.area_prestretch)
 
-    yield from _edited(setup, table, "membrane.thickness",
-                       "it were that of the stretched film",
+    yield from _edited(setup, table, "membrane.thickness", "it were that of the stretched film",
                        lambda specimen: replace(specimen, membrane=virgin(specimen.membrane)),
-                       log(share) * np.array([-1.0, 1.0]))
+                       which, log(share) * np.array([-1.0, 1.0]))
 
 
-def _sizes(setup: Setup, table: ReadingTable) -> Iterator[_Other]:
+def _sizes(setup: Setup, table: ReadingTable, which: str | None = None) -> Iterator[_Other]:
     """Diameters and radii for each other, and area stretches and those along an axis."""
     for part in ("plate", "frame"):
         for factor, taken in ((0.5, "it were its diameter"), (2.0, "it were half of it")):
             yield from _edited(setup, table, f"the radius of the {part}", taken,
-                               _resized(part, factor))
+                               _resized(part, factor), which)
     for power, taken in ((0.5, "it were the area stretch"), (2.0, "it were its root")):
-        yield from _edited(setup, table, "membrane.prestretch", taken, _stretched(power))
+        yield from _edited(setup, table, "membrane.prestretch", taken, _stretched(power),
+                           which)
 
 
 def _stretched(power: float) -> Callable[[Specimen], Specimen]:
@@ -202,10 +217,12 @@ def _stretched(power: float) -> Callable[[Specimen], Specimen]:
 
 
 def _edited(setup: Setup, table: ReadingTable, of: str, taken: str,
-            edit: Callable[[Specimen], Specimen], shift: Array | None = None) -> Iterator[_Other]:
-    """With all specimens edited, where such can be built."""
+            edit: Callable[[Specimen], Specimen], which: str | None, shift: Array | None = None
+            ) -> Iterator[_Other]:
+    """With one specimen or all edited, where such can be built."""
     try:
-        yield _Other(of, taken, setup.with_specimens(edit), table, shift)
+        yield _Other(f"{of} of {which}" if which else of, taken,
+                     setup.with_specimens(edit, which), table, shift)
     except (InputError, TypeError):
         return
 

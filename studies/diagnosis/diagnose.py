@@ -21,7 +21,7 @@ from tympan.studies.diagnosis.calibration import (
     with_masses,
 )
 from tympan.studies.diagnosis.conclusions import Conclusions
-from tympan.studies.diagnosis.confusions import confusions_of
+from tympan.studies.diagnosis.confusions import confusions_of, mistaken_sizes
 from tympan.studies.diagnosis.evidence.coupon_readings import WORDS, coupon_readings
 from tympan.studies.diagnosis.evidence.coupons import BATCH, CouponTests
 from tympan.studies.diagnosis.evidence.kind import PreparedReadings
@@ -127,6 +127,8 @@ def _judge_actuators(dataset: Dataset, of_coupons: tuple[PreparedReadings, Judge
     if judged.unusual:
         stated = fit(simulation, (), table, judged.nominal.unknowns)
         judged = replace(judged, confusions=confusions_of(dataset, readings, stated))
+    elif judged.verdict == "unexplained" and judged.relabelling is None:
+        judged = replace(judged, confusions=mistaken_sizes(readings.setup, judged.of_first()))
     if judged.chosen is not None:
         assert isinstance(judged.simulation, Simulation)
         error = max(error, law_error(judged.simulation, judged.chosen, table))

@@ -142,13 +142,14 @@ def of_data(judged: Judgement) -> Finding | None:
     if (labels := judged.relabelling) is not None:
         return Finding("labels", relabelled(judged, labels), labels.file, labels.lines,
                        WORDS["do_labels"])
-    if not judged.unusual:
+    if not (judged.unusual or judged.confusions):
         return None
     factors = np.exp((judged.chosen or judged.nominal).unknowns[FACTORS])
     if not judged.confusions:
         return Finding("film", WORDS["unusual"].format(factors=factors), check=WORDS["do_film"])
-    read = [WORDS["reads"].format(confusion=confusion) for confusion in judged.confusions]
-    return Finding("quantity", WORDS["confused"].format(reads=listed(read, "or"), factors=factors),
+    read = listed([WORDS["reads"].format(confusion=one) for one in judged.confusions], "or")
+    key = "confused" if judged.unusual else "mistaken"
+    return Finding("quantity", WORDS[key].format(reads=read, factors=factors),
                    check=WORDS["do_quantity"])
 
 
