@@ -104,7 +104,7 @@ def calibrated(setup: Setup, table: ReadingTable) -> Calibration:
     simulation = reaching(setup, table, lambda simulation: _safest(simulation, table).unknowns)
     simulation = with_masses(simulation)
     fit = nominal_fit(simulation, table)
-    if len(table.states.passages.rows):
+    if len(table.states.in_time):
         # What is remembered is about the films as they are fitted.
         for _ in range(_REMEMBERED):
             factors = np.exp(fit.unknowns[FACTORS]).tolist()

@@ -167,7 +167,7 @@ def _scaled(setup: Setup, table: ReadingTable, rows: NDArray[np.bool_], column: 
         states, of_file = table.states, np.zeros(len(table.states), bool)
         of_file[table.state[rows]] = True
         of_file[table.since[rows & (table.since >= 0)]] = True
-        if column == "voltage" and of_file[states.passages.rows].any():
+        if column == "voltage" and of_file[states.in_time].any():
             return None
         factors = np.where(of_file, factor, 1.0)
         changed: dict[str, Any] = {column: factors * getattr(states, column)}

@@ -80,30 +80,9 @@ class VoltageHistory:
         """When the run begins on the time axis of the whole [s]."""
         return self.rest if self.rest < inf else 0.0
 
-
-@dataclass(frozen=True, eq=False)
-class Passage:
-    """A part of a history [s]; a reading is its mean there, or what is at its end if both are one.
-
-    ``switched``: when the voltage last jumped before it, nan if never; ``swing``: the mean square
-    about the mean [m²] by which the plate swung there.
-    """
-
-    history: VoltageHistory
-    begin: float
-    end: float
-    switched: float = nan
-    swing: float = 0.0
-
-    @property
-    def times(self) -> Array:
-        """Times of the run [s] over which :data:`WEIGHTS` make the mean."""
-        return np.asarray(self.begin + (self.end - self.begin) * _SHARES)
-
-    @property
-    def jump(self) -> tuple[float, float]:
-        """The voltages before and after it jumped [V]; those at the begin if it never did."""
-        signal, when = self.history.signal, self.switched
+    def jump(self, when: float) -> tuple[float, float]:
+        """The voltages before and after a jump [V]; the first one twice if it never was (nan)."""
+        signal = self.signal
         if np.isnan(when):
             return signal.first, signal.first
         piece = int(np.argmin(np.abs(signal.breaks[:-1] - when)))
@@ -113,40 +92,66 @@ class Passage:
 
 @dataclass(frozen=True, eq=False)
 class Passages:
-    """Passages of some states (``rows``, their numbers) together.
+    """Parts of histories, shape (n,) each; without ``history`` and times for a state at rest.
 
-    ``times`` of each, shape (n, places); when they begin and end after the voltage jumped [s],
-    inf where it never did; the voltages of that jump [V], shape (2, n); ``histories`` with the
-    places among the rows of each.
+    A reading is the mean from ``begin`` to ``end`` [s], or what is at the end if both are one;
+    ``switched``: when the voltage last jumped before it, nan if never.
     """
 
-    rows: NDArray[np.int64]
-    times: Array
+    history: NDArray[np.object_]
     begin: Array
     end: Array
-    jump: Array
-    histories: tuple[tuple[VoltageHistory, NDArray[np.int64]], ...]
+    switched: Array
 
     @classmethod
-    def of(cls, passages: NDArray[np.object_]) -> Passages:
-        """Of states' passages, None of those at rest."""
-        rows = np.array([row for row, passage in enumerate(passages) if passage is not None],
-                        dtype=np.int64)
-        some = [passages[row] for row in rows]
+    def of(cls, history: VoltageHistory | None, begin: Array, end: Array | None = None,
+           switched: Array | float = nan) -> Passages:
+        """Parts of one history; without an ``end`` each is one moment."""
+        return cls(np.full(len(begin), history, object), begin, begin if end is None else end,
+                   np.full(len(begin), switched))
+
+    def __len__(self) -> int:
+        return len(self.begin)
+
+    def __getitem__(self, rows: NDArray[np.bool_] | NDArray[np.int64]) -> Passages:
+        return Passages(*(getattr(self, name)[rows] for name in self.__dataclass_fields__))
+
+    def joined(self, other: Passages) -> Passages:
+        return Passages(*(np.concatenate([getattr(self, name), getattr(other, name)])
+                          for name in self.__dataclass_fields__))
+
+    @cached_property
+    def times(self) -> Array:
+        """Times of the run [s] over which :data:`WEIGHTS` make the mean, shape (n, places)."""
+        return np.asarray(self.begin[:, None] + (self.end - self.begin)[:, None] * _SHARES)
+
+    @cached_property
+    def after(self) -> Array:
+        """When they begin and end after the voltage jumped [s], shape (2, n).
+
+        Infinite where it never did.
+        """
+        ends = np.stack([self.begin, self.end]) - self.switched
+        return np.where(np.isnan(self.switched), inf, ends)
+
+    @cached_property
+    def jump(self) -> Array:
+        """Voltages before and after that jump [V], shape (2, n); the first one if it never did."""
+        jumps = [history.jump(when) for history, when in zip(
+            self.history, self.switched.tolist(), strict=True)]
+        return np.array(jumps).reshape(-1, 2).T
+
+    @cached_property
+    def histories(self) -> tuple[tuple[VoltageHistory, NDArray[np.int64]], ...]:
+        """Every history with the places of its parts."""
         groups: dict[VoltageHistory, list[int]] = {}
-        for place, passage in enumerate(some):
-            groups.setdefault(passage.history, []).append(place)
-        times = np.array([passage.times for passage in some]).reshape(-1, len(WEIGHTS))
-        edges = np.array([(passage.begin, passage.end, passage.switched) for passage in some])
-        begin, end, switched = edges.reshape(-1, 3).T
-        begin, end = (np.where(np.isnan(switched), inf, edge - switched) for edge in (begin, end))
-        jump = np.array([passage.jump for passage in some]).reshape(-1, 2).T
-        return cls(rows, times, begin, end, jump,
-                   tuple((history, np.array(places)) for history, places in groups.items()))
+        for place, history in enumerate(self.history):
+            groups.setdefault(history, []).append(place)
+        return tuple((history, np.array(places)) for history, places in groups.items())
 
     def squared(self, rig: Rig, lag: Array | None = None) -> Array:
         """Means of the squared voltage a rig gives the film [V²], behind by lags [s], (n,)."""
-        result = np.empty(len(self.rows))
+        result = np.empty(len(self))
         for history, places in self.histories:
             times = self.times[places]
             voltage = np.asarray(rig.film_voltage(history.voltage(times.ravel())))
@@ -189,13 +194,12 @@ def _lines(time: Array, value: Array, near: float) -> NDArray[np.int64]:
     return np.array(sorted(kept))
 
 
-def staircase(voltage: Array, dwell: Array) -> list[Passage]:
+def staircase(voltage: Array, dwell: Array) -> Passages:
     """States of a run reached one after the other, each held for so long [s] and then read."""
     ends = np.cumsum(np.maximum(dwell, 1e-6))
     signal = Pieces(np.r_[0.0, np.repeat(ends, 2)[:-1]], np.repeat(voltage, 2))
-    history, starts = VoltageHistory(signal, 0.0), np.r_[0.0, ends[:-1]]
-    jumped = np.diff(voltage, prepend=0.0) != 0
+    starts = np.r_[0.0, ends[:-1]]
+    switched = np.where(np.diff(voltage, prepend=0.0) != 0, starts, nan)
     # Just before the next voltage comes.
-    reads = ends - _BEFORE * (ends - starts)
-    return [Passage(history, read, read, start if jump else nan)
-            for start, read, jump in zip(starts.tolist(), reads.tolist(), jumped, strict=True)]
+    return Passages.of(VoltageHistory(signal, 0.0), ends - _BEFORE * (ends - starts),
+                       switched=switched)

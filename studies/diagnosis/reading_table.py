@@ -9,11 +9,14 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from tympan.studies.diagnosis.history import Passages
+from tympan.studies.diagnosis.history import Passages, VoltageHistory
 from tympan.studies.estimation.noise import Noise
 
 Array = NDArray[np.float64]
 Numbers = NDArray[np.int64]
+
+#: What states in time are told apart by: specimen, mass [kg], history, begin and end [s].
+StateKey = tuple[int, float, VoltageHistory, float, float]
 
 #: Kinds of rows that are lengths, on which errors are counted.
 LENGTHS = ("displacement", "range")
@@ -64,8 +67,7 @@ class States:
     Number of the specimen, nominal mass [kg] and voltage [V], time since the run began [s], way the
     voltage got there (1 up, -1 down, 0 not known), the heave at which the plate is held [m], nan
     where it is free, and number of the run: a specimen's states under one mass in one run stand in
-    the order in which they were reached. ``passage``: the part of its history that a state is of,
-    None for one at rest.
+    the order in which they were reached. ``passage``: the part of its history that a state is of.
     """
 
     specimen: Numbers
@@ -75,7 +77,7 @@ class States:
     direction: Array
     heave: Array
     run: Numbers
-    passage: NDArray[np.object_]
+    passage: Passages
 
     @classmethod
     def of(cls, specimen: Sequence[int] | Numbers, mass: Sequence[float] | Array,
@@ -86,7 +88,8 @@ class States:
             np.full(len(specimen), part, float)
             for part in (mass, voltage, elapsed, direction, np.nan))
         return cls(np.asarray(specimen, dtype=np.int64), mass, voltage, elapsed, direction, heave,
-                   np.full(len(specimen), run, np.int64), np.full(len(specimen), None))
+                   np.full(len(specimen), run, np.int64),
+                   Passages.of(None, np.full(len(specimen), np.nan)))
 
     def __len__(self) -> int:
         return len(self.specimen)
@@ -115,21 +118,34 @@ class States:
         return np.where(self.direction != 0, self.direction, way)
 
     @cached_property
+    def in_time(self) -> Numbers:
+        """Numbers of the states that are none of rest."""
+        return np.flatnonzero(np.isfinite(self.passage.begin))
+
+    @cached_property
     def passages(self) -> Passages:
-        """What states went through that are none of rest."""
-        return Passages.of(self.passage)
+        """What these went through."""
+        return self.passage[self.in_time]
+
+    @cached_property
+    def keys_in_time(self) -> list[StateKey]:
+        """What these are told apart by."""
+        rows, passages = self.in_time, self.passages
+        return list(zip(self.specimen[rows].tolist(), self.mass[rows].tolist(), passages.history,
+                        passages.begin.tolist(), passages.end.tolist(), strict=True))
 
     @property
     def at_rest(self) -> States:
         """The same, each held for ever."""
-        return replace(self, passage=np.full(len(self), None))
+        return replace(self, passage=Passages.of(None, np.full(len(self), np.nan)))
 
     def __getitem__(self, rows: NDArray[np.bool_] | Numbers) -> States:
         return States(*(getattr(self, name)[rows] for name in self.__dataclass_fields__))
 
     def joined(self, other: States) -> States:
-        return States(*(np.concatenate([getattr(self, name), getattr(other, name)])
-                        for name in self.__dataclass_fields__))
+        columns = {name: np.concatenate([getattr(self, name), getattr(other, name)])
+                   for name in self.__dataclass_fields__ if name != "passage"}
+        return States(passage=self.passage.joined(other.passage), **columns)
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,7 +19,7 @@ from tympan.studies.diagnosis.evidence.kind import (
     PreparedReadings,
 )
 from tympan.studies.diagnosis.evidence.registry import PLATES
-from tympan.studies.diagnosis.reading_table import ReadingTable, States
+from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.effects import Setup
 from tympan.studies.estimation.noise import SCATTER, Noise, Source
 
@@ -110,7 +110,7 @@ def _of(table: ReadingTable, sigma: Array, source: Source) -> Noise:
 
 def _not_too_many(table: ReadingTable) -> tuple[ReadingTable, list[str]]:
     """With readings at rest averaged where they are more than :data:`MANY`; a remark on that."""
-    resting = ~np.isin(table.state, table.states.passages.rows)
+    resting = ~np.isin(table.state, table.states.in_time)
     if resting.sum() <= MANY:
         return table, []
     few = averaged(table[resting].compact())
@@ -120,7 +120,7 @@ def _not_too_many(table: ReadingTable) -> tuple[ReadingTable, list[str]]:
 
 def _rounded(table: ReadingTable, step: float) -> ReadingTable:
     """With readings of one state, which a display rounds alike, as one, half a step its noise."""
-    resting = ~np.isin(table.state, table.states.passages.rows)
+    resting = ~np.isin(table.state, table.states.in_time)
     few = averaged(table[resting].compact())
     rounding = np.where(few.kind == "displacement", step / 2, 0.0)
     few = few.with_noise(Noise(np.hypot(few.sigma, rounding), source=few.noise.source))
@@ -156,9 +156,8 @@ def averaged(table: ReadingTable) -> ReadingTable:
 
     noise = table.noise[first].with_sigma(np.sqrt(np.bincount(group, table.sigma**2)) / count)
     at = table.state[first]
-    merged = States(states.specimen[at], states.mass[at], mean(states.voltage[table.state]),
-                    mean(states.elapsed[table.state]), states.direction[at], states.heave[at],
-                    states.run[at], states.passage[at])
+    merged = replace(states[at], voltage=mean(states.voltage[table.state]),
+                     elapsed=mean(states.elapsed[table.state]))
     origin = table.since[first] >= 0
     since = np.full(len(first), -1)
     since[origin] = len(first) + np.arange(int(origin.sum()))

@@ -104,7 +104,7 @@ class Rest(PlateEvidence):
         states = table.states
         there = {Quantity.ELAPSED: np.ptp(states.elapsed) > 0,
                  Quantity.DIRECTION: np.any(states.direction != 0),
-                 Quantity.TIME: len(states.passages.rows)}
+                 Quantity.TIME: len(states.in_time)}
         return {quantity for quantity, told in there.items() if told}
 
 
@@ -135,12 +135,13 @@ def _static(readings: Sheet, setup: Setup, sigma: Array, used: NDArray[np.bool_]
 
 def _held(states: States, dwell: Array, turn: NDArray[np.int64]) -> States:
     """With what each state's run went through before it, where all say how long they were held."""
-    passage = states.passage.copy()
+    passages, place = states.passage, np.arange(len(states))
     for run in states[turn].of_run:
         reached = turn[run]
         if np.isfinite(dwell[reached]).all():
-            passage[reached] = staircase(states.voltage[reached], dwell[reached])
-    return replace(states, passage=passage)
+            place[reached] = len(passages) + np.arange(len(reached))
+            passages = passages.joined(staircase(states.voltage[reached], dwell[reached]))
+    return replace(states, passage=passages[place])
 
 
 def _ranges(ranges: Sheet, setup: Setup, sigma: Array) -> ReadingTable:

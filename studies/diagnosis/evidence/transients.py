@@ -14,9 +14,8 @@ from tympan.studies.data.checked_runs import CheckedRun
 from tympan.studies.data.dataset import Dataset
 from tympan.studies.data.sampled_run import WORDS, SampledRun
 from tympan.studies.diagnosis.evidence.kind import Films, PlateEvidence, numbers_of
-from tympan.studies.diagnosis.history import Passage, VoltageHistory
 from tympan.studies.diagnosis.reading_table import ReadingTable, States, rows
-from tympan.studies.diagnosis.transients.block_means import ThinnedRecord, block_means
+from tympan.studies.diagnosis.transients.block_means import BlockMeans, block_means
 from tympan.studies.effects import Setup
 from tympan.studies.estimation.noise import Noise
 
@@ -42,7 +41,7 @@ class Transients(PlateEvidence):
         if transients is None:
             return [], []
         tables, remarks, counts = list[ReadingTable](), list[str](), [0, 0]
-        parts, file = list[tuple[CheckedRun, ThinnedRecord]](), transients.file.name
+        parts, file = list[tuple[CheckedRun, BlockMeans]](), transients.file.name
         for run in dataset.runs:
             record, wrong = run.record, run.faults
             words = {"file": file, "name": record.name}
@@ -56,7 +55,7 @@ class Transients(PlateEvidence):
             if off is not None:
                 remarks.append(WORDS["left_out"].format(**words, reason=off))
                 continue
-            counts = [counts[0] + len(record.time), counts[1] + len(few.blocks)]
+            counts = [counts[0] + len(record.time), counts[1] + len(few.mean)]
             parts.append((run, few))
             (specimen,) = numbers_of(setup, np.array([record.specimen]))
             tables += _rows(record, few, specimen, file)
@@ -75,14 +74,14 @@ class Transients(PlateEvidence):
         return np.asarray(rate[films.table.state[rows]])
 
 
-def _out_of_time(few: ThinnedRecord, rig: Rig) -> str | None:
+def _out_of_time(few: BlockMeans, rig: Rig) -> str | None:
     """What is wrong with times by which the plate swings as no weight on this film can.
 
     A weight on a spring that gives way by y has 2πf = √(g/y).
     """
-    if rig.gas_pressure or rig.biases or not few.blocks:
+    if rig.gas_pressure or rig.biases or not len(few.mean):
         return None
-    usual = float(np.sqrt(rig.gravity / max(abs(few.blocks[0].mean), 1e-9))) / (2 * np.pi)
+    usual = float(np.sqrt(rig.gravity / max(abs(few.mean[0]), 1e-9))) / (2 * np.pi)
     for swing in few.swings.values():
         if not usual / _APART_FROM_USUAL < swing.frequency < usual * _APART_FROM_USUAL:
             return WORDS["out_of_time"].format(frequency=swing.frequency, usual=usual)
@@ -90,7 +89,7 @@ def _out_of_time(few: ThinnedRecord, rig: Rig) -> str | None:
 
 
 def _with_times_of_jumps(noise: Noise, lengths: NDArray[np.bool_],
-                         runs: Sequence[tuple[CheckedRun, ThinnedRecord]]) -> Noise:
+                         runs: Sequence[tuple[CheckedRun, BlockMeans]]) -> Noise:
     """With an error in common for the time of each jump, and one for those of all jumps.
 
     They are known within a sample; a clock that starts with the voltage has them all alike. A run
@@ -100,37 +99,32 @@ def _with_times_of_jumps(noise: Noise, lengths: NDArray[np.bool_],
     every = np.zeros(int(lengths.sum()))
     first = 0
     for run, few in runs:
-        later = np.array([block.later for block in few.blocks])
-        number = np.array([block.jump for block in few.blocks])
         for place, jump in enumerate(run.record.jumps.tolist()):
-            rows = first + np.flatnonzero(number == place)
+            rows = first + np.flatnonzero(few.jump == place)
             unsure, column = run.record.unsure(jump), np.zeros(len(every))
             off = (run.shift.high - run.shift.low) / 12**0.5 if run.shift else 0.0
-            column[rows] = later[number == place] * np.hypot(unsure, off)
-            every[rows] = later[number == place] * unsure
+            column[rows] = few.later[few.jump == place] * np.hypot(unsure, off)
+            every[rows] = few.later[few.jump == place] * unsure
             columns.append(column)
-        first += len(few.blocks)
+        first += len(few.mean)
     shared = np.stack([every, *columns], 1)
     matters = ~(np.abs(shared) < _MATTERS * noise.sigma[lengths][:, None]).all(axis=1)
     rows = np.flatnonzero(lengths)[matters]
     return noise.with_shared(rows, shared[matters]) if len(rows) else noise
 
 
-def _rows(record: SampledRun, few: ThinnedRecord, specimen: int, file: str) -> list[ReadingTable]:
+def _rows(record: SampledRun, few: BlockMeans, specimen: int, file: str) -> list[ReadingTable]:
     """Displacements of blocks, counted from the state before the last jump; what swings say."""
-    blocks, run, mass = few.blocks, record.run, record.mass
-    history = VoltageHistory.of(record)
-    passages = [Passage(history, 0.0, 0.0), *(block.passage for block in blocks)]
-    times = [0.0, *(float(record.time[block.first:block.last].mean()) for block in blocks)]
-    voltage = [float(record.voltage[0]), *(block.voltage for block in blocks)]
-    jump = np.array([-1, *(block.jump for block in blocks)])
-    states = replace(States.of([specimen] * len(jump), np.full(len(jump), mass),
-                               np.array(voltage), np.array(times)), passage=_objects(passages))
+    times = [0.0, *(float(record.time[first:last].mean())
+                    for first, last in zip(few.first, few.last, strict=True))]
+    jump, run = np.r_[-1, few.jump], record.run
+    states = replace(States.of([specimen] * len(jump), np.full(len(jump), record.mass),
+                               np.r_[record.voltage[0], few.voltage], np.array(times)),
+                     passage=few.passages)
     # The first state is not read: there the run begins.
     before = np.array([np.flatnonzero(jump < max(number, 0))[-1] for number in jump.tolist()])
-    table = rows(states, "displacement", np.array([1.0, *(block.sigma for block in blocks)]),
-                 np.array([0.0, *(block.mean for block in blocks)]), run=run, file=file,
-                 line=np.array([0, *(record.line[block.first] for block in blocks)]))
+    table = rows(states, "displacement", np.r_[1.0, few.sigma], np.r_[0.0, few.mean], run=run,
+                 file=file, line=np.r_[0, record.line[few.first]])
     tables = [replace(table, since=np.where(jump >= 0, before, -1))[np.arange(1, len(jump))]]
     swings = {number: swing for number, swing in few.swings.items() if (jump == number).any()}
     last = np.array([np.flatnonzero(jump == number)[-1] for number in swings], dtype=np.int64)
@@ -140,10 +134,3 @@ def _rows(record: SampledRun, few: ThinnedRecord, specimen: int, file: str) -> l
         tables.append(rows(states[last], kind, sigma, value, run=run, file=file,
                            line=table.line[last]))
     return tables
-
-
-def _objects(items: list[Passage]) -> NDArray[np.object_]:
-    """An array of these, each as it is."""
-    result = np.empty(len(items), dtype=object)
-    result[:] = items
-    return result

@@ -260,7 +260,7 @@ def _shifts(table: ReadingTable) -> Iterator[_Way]:
     states = table.states
     # A run in time has its voltages from its own clock, and a scan many places in one state.
     plain = ((table.since < 0) & (table.point < 0)
-             & ~np.isin(table.state, states.passages.rows))
+             & ~np.isin(table.state, states.in_time))
     rows = np.flatnonzero(plain)
     if not len(rows):
         return

@@ -184,7 +184,7 @@ class Experiment:
 
 def _longest(states: States) -> float:
     """For how long states are held before they are read, at most [s]; 0 where that is not known."""
-    ends = states.passages.end
+    ends = states.passages.after[1]
     return float(ends[np.isfinite(ends)].max(initial=0.0))
 
 
@@ -192,7 +192,7 @@ def _held(states: States) -> float:
     """How long the runs last in which states are held [s]."""
     runs = {(float(mass), history): float(history.signal.end)
             for history, places in states.passages.histories
-            for mass in states.mass[states.passages.rows[places]]}
+            for mass in states.mass[states.in_time[places]]}
     return sum(runs.values())
 
 
@@ -280,8 +280,7 @@ def _longer_dwell(readout: Readout, factor: float = 10.0) -> ReadingTable | None
     ramp = (readout.states.specimen == specimen) & (readout.states.mass == mass)
     voltage = np.unique(readout.states.voltage[ramp])
     table = readout.new_run(*np.array([(specimen, mass, level) for level in voltage]).T)
-    passages = np.empty(len(voltage), object)
-    passages[:] = staircase(voltage, np.full(len(voltage), factor * dwell))
+    passages = staircase(voltage, np.full(len(voltage), factor * dwell))
     return replace(table, states=replace(table.states, passage=passages))
 
 

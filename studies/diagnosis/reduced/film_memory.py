@@ -28,9 +28,9 @@ from tympan.fem.transient.integrate import Stopped
 from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Film, Specimen, ViscousBranch
 from tympan.studies.case import Settings, build_model
-from tympan.studies.diagnosis.history import WEIGHTS, Passage, Passages, VoltageHistory
+from tympan.studies.diagnosis.history import WEIGHTS, Passages, VoltageHistory
 from tympan.studies.diagnosis.hypothesis import with_factors
-from tympan.studies.diagnosis.reading_table import ReadingTable, States
+from tympan.studies.diagnosis.reading_table import ReadingTable, StateKey, States
 from tympan.studies.effects import Setup
 from tympan.studies.films.film import FilmLoads, NoBalance, ReducedFilm
 from tympan.studies.films.motion import ReducedMotion
@@ -66,9 +66,6 @@ _HIGHEST = (1.03, 1.0, 0.9, 0.75, 0.5)
 #: How often the η of a heave is corrected.
 _ROUNDS = 4
 
-#: What a state is looked up by: specimen, mass [kg], passage.
-Key = tuple[int, float, int]
-
 _Corner = tuple[int, ...]
 
 
@@ -76,13 +73,14 @@ _Corner = tuple[int, ...]
 class RememberingFilm:
     """A specimen's reduced film and the runs it went through.
 
-    ``runs``: masses [kg] with histories; ``asked``: number of the run and passage of each state;
-    ``rig`` as it is nominally; ``branch``: a modulus of the size of the law's [Pa].
+    ``runs``: masses [kg] with histories; ``asked``: number of the run of each state, and its
+    ``passages``; ``rig`` as it is nominally; ``branch``: a modulus of the size of the law's [Pa].
     """
 
     film: ReducedFilm
     runs: tuple[tuple[float, VoltageHistory], ...]
-    asked: tuple[tuple[int, Passage], ...]
+    asked: NDArray[np.int64]
+    passages: Passages
     rig: Rig
     branch: float
     nodes: dict[tuple[bool, float, _Corner], Array] = field(default_factory=dict)
@@ -96,8 +94,8 @@ class RememberingFilm:
         """The shortest time that matters [s]."""
         signals = [history.whole for _, history in self.runs]
         steps = np.concatenate([np.diff(signal.breaks) for signal in signals])
-        reads = [max(passage.end - passage.begin, passage.begin - passage.switched)
-                 for _, passage in self.asked if passage.end > passage.switched]
+        parts = self.passages[self.passages.end > self.passages.switched]
+        reads = np.maximum(parts.end - parts.begin, parts.begin - parts.switched)
         return float(max(min([*steps, *reads]), 1e-4))
 
     @cached_property
@@ -161,14 +159,14 @@ class RememberingFilm:
         film = self._with(branches, mounted)
         result = np.zeros((4, len(self.asked)))
         for numbers in self._alike():
-            asked = [place for place, (run, _) in enumerate(self.asked) if run in numbers]
+            asked = np.flatnonzero(np.isin(self.asked, numbers))
             result[:3, asked] = self._hardened(film, numbers, asked)
         if self.specimen.membrane.branches:
             stiffer = tuple(replace(branch, modulus=(1 + _CHANGE) * branch.modulus)
                             for branch in branches)
             film = self._with(stiffer, mounted)
             for numbers in self._alike():
-                asked = [place for place, (run, _) in enumerate(self.asked) if run in numbers]
+                asked = np.flatnonzero(np.isin(self.asked, numbers))
                 result[3, asked] = (self._hardened(film, numbers, asked)[0]
                                     - result[0, asked]) / np.log1p(_CHANGE)
         return result
@@ -188,7 +186,7 @@ class RememberingFilm:
             groups.setdefault((history.whole.breaks.tobytes(), history.rest), []).append(number)
         return list(groups.values())
 
-    def _hardened(self, film: ReducedFilm, numbers: list[int], asked: list[int]) -> Array:
+    def _hardened(self, film: ReducedFilm, numbers: list[int], asked: NDArray[np.int64]) -> Array:
         """η of some runs' states, and its slopes by the logarithms of load and U²: (3, asked)."""
         histories = [self.runs[number][1] for number in numbers]
         mounted = film.specimen.membrane.mounted
@@ -205,9 +203,8 @@ class RememberingFilm:
         time = np.array([moment.time for moment in moments])
         # By variant and run.
         heave = np.array([moment.heave for moment in moments]).reshape(len(time), 3, -1)
-        lines = np.array([numbers.index(self.asked[place][0]) for place in asked])
-        times = np.array([self.asked[place][1].times for place in asked]) + histories[0].begins
-        times = np.clip(times, time[0], time[-1])
+        lines = np.array([numbers.index(run) for run in self.asked[asked].tolist()])
+        times = np.clip(self.passages.times[asked] + histories[0].begins, time[0], time[-1])
         path = Trace(time).at(heave, times.ravel()).reshape(*times.shape, *heave.shape[1:])
         values = WEIGHTS @ path[np.arange(len(asked)), :, :, lines]
         squared = np.multiply.outer(self._squares[asked], [1.0, 1.0, 1 + _CHANGE])
@@ -219,8 +216,7 @@ class RememberingFilm:
     @cached_property
     def _squares(self) -> Array:
         """Mean U² across the film in each passage [V²]."""
-        passages = np.array([None, *(passage for _, passage in self.asked)], dtype=object)[1:]
-        return Passages.of(passages).squared(self.rig)
+        return self.passages.squared(self.rig)
 
     def _motion(self, film: ReducedFilm, numbers: list[int], histories: Sequence[VoltageHistory]
                 ) -> ReducedMotion:
@@ -239,7 +235,7 @@ class RememberingFilm:
 
         Shapes (asked, shapes, shapes); None where one of them has no rest.
         """
-        force = np.array([float(self.rig.force(self.runs[run][0])) for run, _ in self.asked])
+        force = np.array([float(self.rig.force(self.runs[run][0])) for run in self.asked.tolist()])
         film, probe = self._relaxed, self._with((ViscousBranch(self.branch, 1.0),), None)
         try:
             q = film.at_rest(FilmLoads(force, self._squares, self.rig.spring))
@@ -303,44 +299,35 @@ class FilmMemory:
     """The films of a setup that remember the runs of a table, about a fit.
 
     ``stiffness`` and ``permittivity``: factors of the fit; ``films`` by specimen, None of those
-    that no run is of; ``places`` of states by key.
+    that no run is of; ``places`` of states by what they are told apart by.
     """
 
     films: tuple[RememberingFilm | None, ...]
-    places: dict[Key, int]
+    places: dict[StateKey, int]
     nominal: Rig
     stiffness: float
     permittivity: float
-    #: Passages are told apart by their identity: they are kept alive here.
-    kept: tuple[Passage, ...]
 
     @classmethod
     def of(cls, setup: Setup, table: ReadingTable, settings: Settings, stiffness: float,
            permittivity: float) -> FilmMemory:
         """For the states in time of a table, films scaled by a fit's factors."""
-        states, places, kept = table.states, dict[Key, int](), []
+        states, places = table.states, dict[StateKey, int]()
         films: list[RememberingFilm | None] = []
         for number, specimen in enumerate(setup.specimens):
-            runs: list[tuple[float, VoltageHistory]] = []
-            asked: list[tuple[int, Passage]] = []
-            rows = states.passages.rows
-            for state in rows[states.specimen[rows] == number].tolist():
-                passage, mass = states.passage[state], float(states.mass[state])
-                key = number, mass, id(passage)
-                if key in places:
-                    continue
-                run = next((place for place, (weight, history) in enumerate(runs)
-                            if history is passage.history and weight == mass), len(runs))
-                if run == len(runs):
-                    runs.append((mass, passage.history))
-                places[key] = len(asked)
-                asked.append((run, passage))
-                kept.append(passage)
+            runs = dict[tuple[float, VoltageHistory], int]()
+            asked, chosen = list[int](), list[int]()
+            for row, key in enumerate(states.keys_in_time):
+                if key[0] == number and key not in places:
+                    places[key] = len(asked)
+                    asked.append(runs.setdefault((key[1], key[2]), len(runs)))
+                    chosen.append(row)
             fitted = replace(specimen, membrane=with_factors(specimen.membrane, stiffness,
                                                              permittivity))
-            films.append(_remembering(fitted, setup.rig, tuple(runs), tuple(asked), settings)
+            films.append(_remembering(fitted, setup.rig, tuple(runs), np.array(asked),
+                                      states.passages[np.array(chosen)], settings)
                          if asked else None)
-        return cls(tuple(films), places, setup.rig, stiffness, permittivity, tuple(kept))
+        return cls(tuple(films), places, setup.rig, stiffness, permittivity)
 
     def hardening(self, setup: Setup, states: States, load: Array, stiffness: float,
                   permittivity: float) -> Array:
@@ -373,25 +360,14 @@ class FilmMemory:
     def _of(self, setup: Setup, states: States
             ) -> Iterator[tuple[RememberingFilm, Film, NDArray[np.int64], NDArray[np.int64]]]:
         """Films with branches, with the states they remember and the places of these."""
+        place = np.array([self.places.get(key, -1) for key in states.keys_in_time], dtype=np.int64)
         for number, film in enumerate(self.films):
             membrane = setup.specimens[number].membrane
             if film is None or not membrane.branches:
                 continue
-            rows, place = _remembered(self, states, number)
-            if len(rows):
-                yield film, membrane, rows, place
-
-
-@lru_cache(maxsize=64)
-def _remembered(memory: FilmMemory, states: States, number: int
-                ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """A film's states that are remembered, and their places."""
-    rows = states.passages.rows
-    rows = rows[states.specimen[rows] == number]
-    place = np.array([memory.places.get((number, float(states.mass[row]),
-                                         id(states.passage[row])), -1)
-                      for row in rows.tolist()], dtype=np.int64)
-    return rows[place >= 0], place[place >= 0]
+            there = (place >= 0) & (states.specimen[states.in_time] == number)
+            if there.any():
+                yield film, membrane, states.in_time[there], place[there]
 
 
 def _limited(change: Array | float) -> Array:
@@ -399,7 +375,8 @@ def _limited(change: Array | float) -> Array:
 
 
 def _remembering(specimen: Specimen, rig: Rig, runs: tuple[tuple[float, VoltageHistory], ...],
-                 asked: tuple[tuple[int, Passage], ...], settings: Settings) -> RememberingFilm:
+                 asked: NDArray[np.int64], passages: Passages, settings: Settings
+                 ) -> RememberingFilm:
     stretches = [np.array([stretch]) for stretch in specimen.membrane.prestretch]
     slope = np.real(specimen.membrane.material.derivatives(*stretches)[1])
     modulus = float(slope[0] / stretches[0][0])
@@ -421,4 +398,4 @@ def _remembering(specimen: Specimen, rig: Rig, runs: tuple[tuple[float, VoltageH
     else:
         raise InputError("the film pulls in under the voltages of transient.csv", key="specimen",
                          given=specimen.name)
-    return RememberingFilm(replace(film, specimen=specimen), runs, asked, rig, modulus)
+    return RememberingFilm(replace(film, specimen=specimen), runs, asked, passages, rig, modulus)

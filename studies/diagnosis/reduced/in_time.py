@@ -23,13 +23,13 @@ def charged(states: States, rig: Rig, squared: Array, capacitance: Array) -> Arr
 
     ``capacitance`` of the film of each state [F].
     """
-    passages = states.passages
-    if not rig.series_resistance or not len(passages.rows):
+    rows, passages = states.in_time, states.passages
+    if not rig.series_resistance or not len(rows):
         return squared
-    lag = rig.series_resistance * capacitance[passages.rows]
+    lag = rig.series_resistance * capacitance[rows]
     less = passages.squared(rig, lag) - passages.squared(rig)
     result = squared.copy()
-    result[passages.rows] = np.maximum(result[passages.rows] + less, 0.0)
+    result[rows] = np.maximum(result[rows] + less, 0.0)
     return result
 
 
@@ -43,8 +43,7 @@ def behind(states: States, rig: Rig, mass: Array, stiffness: Array, capacitance:
     exponential over the block. Blocks begin and end whole swings after the jump, where a swing's
     phase is 0.
     """
-    passages, share = states.passages, np.zeros(len(states))
-    rows = passages.rows
+    rows, passages, share = states.in_time, states.passages, np.zeros(len(states))
     mass, stiffness, capacitance = (values[rows] for values in (mass, stiffness, capacitance))
     rate, inertial = rig.plate_damping / (2 * mass), stiffness / mass
     root = np.sqrt((rate**2 - inertial * (1 + 1e-9)).astype(complex))
@@ -62,10 +61,10 @@ def behind(states: States, rig: Rig, mass: Array, stiffness: Array, capacitance:
     total = np.zeros(len(rows), complex)
     for number, pole in enumerate(poles):
         force = 1 / pole - sum(part / (pole - slow) for part, slow in risen)
-        total -= transfer(pole, number) * force * _mean(pole, passages.begin, passages.end)
+        total -= transfer(pole, number) * force * _mean(pole, *passages.after)
     for part, slow in risen:
         # What plate and sensor do to it beside following.
-        total += part * (transfer(slow) - 1) * _mean(slow, passages.begin, passages.end)
+        total += part * (transfer(slow) - 1) * _mean(slow, *passages.after)
     share[rows] = total.real
     return share
 

@@ -166,7 +166,7 @@ class Prediction:
         """Share of the last jump by which each state is read late."""
         states, rig = self.table.states, self.rig
         late = rig.plate_damping or rig.sensor_lag or rig.series_resistance
-        if not late or not len(states.passages.rows):
+        if not late or not len(states.in_time):
             return np.zeros(len(states))
         stiffness = self.rest.stiffness_at(self.rest.extended_heave)
         return behind(states, rig, self.moving, stiffness, self.rest.capacitance)

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tympan.studies.data.sampled_run import SampledRun
-from tympan.studies.diagnosis.history import Passage, VoltageHistory
+from tympan.studies.diagnosis.history import Passages, VoltageHistory
 from tympan.studies.diagnosis.transients.noise_density import noise_density
 from tympan.studies.diagnosis.transients.ringing import Ringing, ringing
 
@@ -47,36 +47,31 @@ _RAGGED = 0.5
 
 
 @dataclass(frozen=True, eq=False)
-class BlockMean:
-    """Samples ``first`` to before ``last`` of a record, their mean [m] and its deviation [m].
+class BlockMeans:
+    """Blocks of a record: samples ``first`` to before ``last``, shape (blocks,) each.
 
-    ``jump``: the number of the jump before it, -1 for none; ``voltage``: root of the mean square;
-    ``later``: by how much the mean is more for each second by which the jump was later [m/s].
+    Their ``mean`` [m] and its deviation ``sigma`` [m]; ``jump``: the number of the jump before it,
+    -1 for none; ``voltage``: root of the mean square; ``later``: by how much the mean is more for
+    each second by which the jump was later [m/s]. ``passages``: of the run's beginning, then of
+    each block. ``swings``: what the plate's swings say, by the number of the jump.
     """
 
-    first: int
-    last: int
-    jump: int
-    passage: Passage
-    voltage: float
-    mean: float
-    sigma: float
-    later: float = 0.0
-
-
-@dataclass(frozen=True, eq=False)
-class ThinnedRecord:
-    """Means of a record's blocks, and what its plate's swings say, by the number of the jump."""
-
-    blocks: tuple[BlockMean, ...]
+    first: NDArray[np.int64]
+    last: NDArray[np.int64]
+    jump: NDArray[np.int64]
+    passages: Passages
+    voltage: Array
+    mean: Array
+    sigma: Array
+    later: Array
     swings: dict[int, Ringing]
 
 
-def block_means(record: SampledRun, noise: float | None = None) -> ThinnedRecord:
+def block_means(record: SampledRun, noise: float | None = None) -> BlockMeans:
     """A record's readings; ``noise``: of a sample [m], where the record is too short to tell it."""
     if len(record.time) <= _FEW:
         return _each(record, noise)
-    history, holds = VoltageHistory.of(record), record.holds
+    holds = record.holds
     swings = {number: rung for number, (begin, end) in enumerate(holds[1:])
               if (rung := ringing(record.time[begin:end], record.displacement[begin:end]))}
     period = max((1 / swing.frequency for swing in swings.values()), default=0.0)
@@ -85,33 +80,43 @@ def block_means(record: SampledRun, noise: float | None = None) -> ThinnedRecord
                                          1 / period if period else 0.0)
     if noise and not np.isfinite(density):
         density = noise**2 * float(np.median(np.diff(record.time)))
-    blocks = []
+    places, columns = list[tuple[int, int, int]](), list[tuple[float, ...]]()
     for number, (begin, end) in enumerate(holds, -1):
         swing = swings.get(number)
         whole = 1 / swing.frequency if swing else period if number < 0 else 0.0
         for first, last in _blocks(record.time[begin:end], whole, _APART * correlation):
-            blocks.append(_mean(record, history, (begin + first, begin + last), number,
-                                (begin, end), density))
-    return ThinnedRecord(tuple(blocks), swings)
+            block = begin + first, begin + last
+            places.append((*block, number))
+            columns.append(_mean(record, block, number, (begin, end), density))
+    firsts, lasts, numbers = np.array(places, dtype=np.int64).reshape(-1, 3).T
+    starts, ends, switched, voltage, mean, sigma, later = np.array(columns).reshape(-1, 7).T
+    return BlockMeans(firsts, lasts, numbers, _passages(record, starts, ends, switched), voltage,
+                      mean, sigma, later, swings)
 
 
-def _each(record: SampledRun, noise: float | None) -> ThinnedRecord:
+def _each(record: SampledRun, noise: float | None) -> BlockMeans:
     """Every sample of a short record as it is."""
-    history, blocks = VoltageHistory.of(record), []
-    for number, (begin, end) in enumerate(record.holds, -1):
-        time, read = record.time[begin:end], record.displacement[begin:end]
-        slope = np.gradient(read, time) if number >= 0 and end - begin > 1 else np.zeros(len(time))
-        switched = nan if number < 0 else record.switched(begin)
-        blocks += [BlockMean(row, row + 1, number, Passage(history, when, when, switched),
-                             float(record.voltage[row]), mean, nan if noise is None else noise,
-                             -rate)
-                   for row, when, mean, rate in zip(range(begin, end), time.tolist(),
-                                                    read.tolist(), slope.tolist(), strict=True)]
-    return ThinnedRecord(tuple(blocks), {})
+    time, read, rows = record.time, record.displacement, np.arange(len(record.time))
+    jump = np.searchsorted(record.jumps, rows, "right") - 1
+    later, switched = np.zeros(len(rows)), np.full(len(rows), nan)
+    for begin, end in record.holds[1:]:
+        switched[begin:end] = record.switched(begin)
+        if end - begin > 1:
+            later[begin:end] = -np.gradient(read[begin:end], time[begin:end])
+    return BlockMeans(rows, rows + 1, jump, _passages(record, time, time, switched),
+                      record.voltage, read, np.full(len(rows), nan if noise is None else noise),
+                      later, {})
 
 
-def _mean(record: SampledRun, history: VoltageHistory, block: tuple[int, int], number: int,
-          hold: tuple[int, int], density: float) -> BlockMean:
+def _passages(record: SampledRun, begin: Array, end: Array, switched: Array) -> Passages:
+    """Of the run's beginning, then of blocks."""
+    return Passages.of(VoltageHistory.of(record), np.r_[0.0, begin], np.r_[0.0, end],
+                       np.r_[nan, switched])
+
+
+def _mean(record: SampledRun, block: tuple[int, int], number: int, hold: tuple[int, int],
+          density: float) -> tuple[float, ...]:
+    """Begin and end of a block and when the voltage jumped [s]; voltage [V], mean, sigma, later."""
     first, last = block
     span, jump = slice(first, last), hold[0] if number >= 0 else -1
     step = float(record.time[first] - record.time[first - 1]) if first else float(
@@ -124,15 +129,13 @@ def _mean(record: SampledRun, history: VoltageHistory, block: tuple[int, int], n
     swing = max(swing - density / max(step, 1e-9), 0.0)
     switched = nan if jump < 0 else record.switched(jump)
     begin = 0.0 if not first else switched if first == jump else begin
-    passage = Passage(history, begin, end, switched, swing)
     size = max(abs(float(values.mean())), 1e-9)
     # Whole swings end between two samples.
     ragged = _RAGGED * np.sqrt(swing) * step / (end - begin)
     unsure = np.hypot(_UNSURE * swing / size, ragged)
-    return BlockMean(first, last, number, passage, float(np.sqrt(np.mean(
-        record.voltage[span] ** 2))), float(values.mean()),
-        float(np.hypot(np.sqrt(density / (end - begin)), unsure)),
-        0.0 if jump < 0 else -_rise(record.displacement, block, hold) / (end - begin))
+    return (begin, end, switched, float(np.sqrt(np.mean(record.voltage[span] ** 2))),
+            float(values.mean()), float(np.hypot(np.sqrt(density / (end - begin)), unsure)),
+            0.0 if jump < 0 else -_rise(record.displacement, block, hold) / (end - begin))
 
 
 def _rise(read: Array, block: tuple[int, int], hold: tuple[int, int]) -> float:
