@@ -26,7 +26,7 @@ from tympan.reports.diagnosis.page import build_diagnosis_page
 from tympan.studies.case import Settings, build_model
 from tympan.studies.data.dataset import read_dataset
 from tympan.studies.diagnosis.calibration import calibrated, film_error
-from tympan.studies.diagnosis.diagnose import diagnose
+from tympan.studies.diagnosis.diagnose import diagnose, judge_dataset
 from tympan.studies.diagnosis.hypothesis import Cause
 from tympan.studies.diagnosis.readings import prepared_readings
 from tympan.studies.diagnosis.reduced.film_shape import ALONG, AROUND, FilmShape, lattice_of
@@ -135,18 +135,16 @@ def test_lines_have_a_zero_of_their_own(tmp_path: Path, plain: Evidence) -> None
 def test_what_heaves_do_not_tell_a_line_names(tmp_path: Path, effect: str,
                                               sizes: tuple[float, ...]) -> None:
     read = film_lines.seen([(effect, sizes, None)], ["round"])
-    verdicts = {}
-    for name, places in (("heaves", None), ("line", cross)):
-        data = film_lines.write(tmp_path / name, seed=1, shapes=["round"], places=places, read=read)
-        diagnosis = diagnose(read_dataset(data))
-        verdicts[name] = diagnosis.json()
-        if places is not None:
-            diagnosis.save(tmp_path / "out")
-    assert verdicts["heaves"]["verdict"] != "named"
-    assert verdicts["line"]["verdict"] == "named"
+    heaves, line = (read_dataset(film_lines.write(tmp_path / name, seed=1, shapes=["round"],
+                                                  places=places, read=read))
+                    for name, places in (("heaves", None), ("line", cross)))
+    assert judge_dataset(heaves)[1].verdict != "named"
+    diagnosis = diagnose(line)
+    assert diagnosis.verdict == "named"
+    diagnosis.save(tmp_path / "out")
     page, = build_diagnosis_page(Diagnosis.load(tmp_path / "out"), tmp_path / "out")
     assert "What they leave over the films" in page.read_text(encoding="utf-8")
-    cause = verdicts["line"]["causes"][0]
+    cause = diagnosis.json()["causes"][0]
     assert cause["effect"] == effect
     for parameter, size in zip(cause["parameters"].values(), sizes, strict=True):
         unit = {"mm": 1e-3}.get(parameter["unit"], 1.0)
@@ -187,7 +185,7 @@ def test_what_lies_over_a_film_otherwise_is_no_spot(tmp_path: Path, effect: str,
 
 def test_nothing_hidden_in_lines_is_nothing_found(tmp_path: Path, plain: Evidence) -> None:
     data = film_lines.write(tmp_path / "d", seed=2, shapes=["round"], read=plain)
-    assert diagnose(read_dataset(data)).json()["verdict"] == "nothing"
+    assert judge_dataset(read_dataset(data))[1].verdict == "nothing"
 
 
 def test_places_off_the_film_get_line_and_column(

@@ -18,7 +18,7 @@ from tympan.cli import main
 from tympan.fem.vibration.heave import following
 from tympan.studies.data.dataset import read_dataset
 from tympan.studies.diagnosis.calibration import calibrated, frequency_error
-from tympan.studies.diagnosis.diagnose import diagnose
+from tympan.studies.diagnosis.diagnose import judge_dataset
 from tympan.studies.diagnosis.hypothesis import Cause
 from tympan.studies.diagnosis.readings import prepared_readings
 from tympan.studies.diagnosis.reduced.prediction import Prediction
@@ -50,13 +50,17 @@ def test_air_is_that_of_plate_and_film_together(refine: float, near: float) -> N
 def test_a_mass_is_named_by_frequencies(tmp_path: Path, hidden: Hidden, effect: str,
                                         size: float) -> None:
     """An unaccounted mass is named by taps in every run of the suite, in a trial of the study."""
-    diagnosis = diagnose(read_dataset(swinging.write(tmp_path / "d", hidden, seed=1))).json()
-    assert diagnosis["verdict"] == "named"
-    cause = diagnosis["causes"][0]
-    assert cause["effect"] == effect
-    parameter, = cause["parameters"].values()
-    unit = {"g/m^2": 1e-3, "g": 1e-3}.get(parameter["unit"], 1.0)
-    assert parameter["value"] * unit == pytest.approx(size, rel=0.12)
+    data = swinging.write(tmp_path / "d", hidden, seed=1)
+    assert named(data, effect) == pytest.approx(size, rel=0.12)
+
+
+def named(data: Path, effect: str) -> float:
+    """The value [SI] of the effect that is named, and no other."""
+    _, judgement, _ = judge_dataset(read_dataset(data))
+    assert judgement.named == (Cause(effect),)
+    assert judgement.chosen is not None
+    parameter, = Cause(effect).effect.parameters
+    return parameter.value(judgement.chosen.unknowns[2])
 
 
 @pytest.mark.parametrize("electrode", [pytest.param(0.12, marks=pytest.mark.study), 0.5])
@@ -64,11 +68,7 @@ def test_heavy_grease_is_named_by_readings_at_rest_alone(tmp_path: Path, electro
     """It presses the more the larger the film is, beside the film's own weight, which is known: no
     sensor's gain does that, once the film weighs the same however stiff it is."""
     data = swinging.write(tmp_path / "d", Hidden(electrode=electrode), seed=1, swings=False)
-    diagnosis = diagnose(read_dataset(data)).json()
-    assert diagnosis["verdict"] == "named"
-    cause = diagnosis["causes"][0]
-    assert cause["effect"] == "electrode_mass"
-    assert cause["parameters"]["rho"]["value"] == pytest.approx(1e3 * electrode, rel=0.05)
+    assert named(data, "electrode_mass") == pytest.approx(electrode, rel=0.05)
 
 
 def test_at_rest_alone_it_is_not_there(tmp_path: Path) -> None:
@@ -77,12 +77,12 @@ def test_at_rest_alone_it_is_not_there(tmp_path: Path) -> None:
                   for name, hidden in (("added", Hidden(added=1e-3)), ("air", Hidden(air=6.0))))
     assert (added / "static.csv").read_bytes() == (air / "static.csv").read_bytes()
     assert (added / "dataset.toml").read_bytes() == (air / "dataset.toml").read_bytes()
-    assert diagnose(read_dataset(added)).json()["verdict"] == "nothing"
+    assert judge_dataset(read_dataset(added))[1].verdict == "nothing"
 
 
 def test_nothing_hidden_is_nothing_found(tmp_path: Path) -> None:
     data = swinging.write(tmp_path / "d", Hidden(), seed=2)
-    assert diagnose(read_dataset(data)).json()["verdict"] == "nothing"
+    assert judge_dataset(read_dataset(data))[1].verdict == "nothing"
 
 
 def test_reduced_frequencies_and_their_derivatives(tmp_path: Path) -> None:

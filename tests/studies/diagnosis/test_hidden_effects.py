@@ -59,7 +59,7 @@ ROOT5 = 5**0.5
 def lab() -> Lab:
     """The paper's three actuators with their force laws, the dearest part; circles are left to the
     study."""
-    return Lab(SEED, 2)
+    return Lab(SEED)
 
 
 def trials(lab: Lab, population: str, count: int) -> list[Record]:
@@ -112,9 +112,10 @@ def test_the_fitted_model_foretells_readings_made_otherwise(lab: Lab) -> None:
         assert np.abs(values - shown).max() < 6e-6, cause
 
 
-def test_nothing_is_found_in_nothing(lab: Lab) -> None:
-    records = trials(lab, "null", 9)
-    assert sum(record.verdict != "nothing" for record in records) <= 2
+@pytest.mark.parametrize("count", [5, pytest.param(9, marks=pytest.mark.study)])
+def test_nothing_is_found_in_nothing(lab: Lab, count: int) -> None:
+    records = trials(lab, "null", count)
+    assert sum(record.verdict != "nothing" for record in records) <= count // 4
     assert not any(record.named for record in records)
 
 

@@ -85,9 +85,9 @@ def readings(setup: Setup, settings: Settings = FINE) -> np.ndarray:
 
 
 @cache
-def frequencies(setup: Setup, settings: Settings) -> np.ndarray:
-    """Of the plates' heaves, shape (specimens, readings) [Hz]."""
-    return np.array([[heave_frequency(case_of(setup, specimen, load), settings)
+def frequencies(setup: Setup) -> np.ndarray:
+    """Of the plates' heaves, on a coarse mesh, shape (specimens, readings) [Hz]."""
+    return np.array([[heave_frequency(case_of(setup, specimen, load), COARSE)
                       for load in READINGS] for specimen in setup.specimens])
 
 
@@ -120,7 +120,7 @@ def readings_for(effect: Effect, setup: Setup, settings: Settings = FINE) -> np.
     at_rest = readings(setup, settings)
     if Quantity.FREQUENCY not in effect.shows_in:
         return at_rest
-    return np.hstack([at_rest, 1e-3 * frequencies(setup, settings)])
+    return np.hstack([at_rest, 1e-3 * frequencies(setup)])
 
 
 def sizes(effect: Effect, number: int, size: float) -> list[float]:

@@ -68,7 +68,8 @@ HIDDEN = {
 
 
 @pytest.mark.parametrize(("effect", "film", "noise"), [
-    pytest.param(effect, film, noise, id=f"{effect}-{number}-{noise}")
+    pytest.param(effect, film, noise, id=f"{effect}-{number}-{noise}",
+                 marks=[pytest.mark.study] * (noise > 0.01 and number != 1))
     for effect, films in HIDDEN.items() for number, film in enumerate(films)
     for noise in (0.01, 0.04)])
 def test_what_is_hidden_is_named_or_not_told_but_never_another(

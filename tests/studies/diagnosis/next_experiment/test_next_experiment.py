@@ -30,11 +30,12 @@ SET_UP = Effort(capacitance=0.0, probe=0.0)  # where everything stands ready
 
 
 def judged_between(simulation: Simulation, table: ReadingTable, causes: list[Cause]) -> Judgement:
-    """A judgement whose rivals are these causes, alone, equally probable."""
+    """A judgement whose rivals are these causes, alone, equally probable; none other is looked for.
+    """
     nominal = fit(simulation, (), table)
     fits = tuple(fit(simulation, (cause,), table, nominal.unknowns) for cause in causes)
     share = np.full(len(causes), 1 / len(causes))
-    whole = judge(simulation, table, causes)
+    whole = judge(simulation, table, ())
     return replace(whole, table=table, nominal=nominal,
                    posterior=Posterior(fits, share, 0.0, 0.0))
 

@@ -15,7 +15,7 @@ from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import ViscousBranch
 from tympan.studies.data.dataset import read_dataset
 from tympan.studies.diagnosis.calibration import Calibration, calibrated
-from tympan.studies.diagnosis.diagnose import diagnose
+from tympan.studies.diagnosis.diagnose import diagnose, judge_dataset
 from tympan.studies.diagnosis.fits.evidence import interval
 from tympan.studies.diagnosis.fits.fit import Fit
 from tympan.studies.diagnosis.fits.fitting import fit
@@ -72,7 +72,7 @@ def test_creep_of_other_sizes_and_times(tmp_path: Path, branch: float, time: flo
 
 def test_nothing_hidden_is_nothing_found(tmp_path: Path) -> None:
     data = runs_in_time.write(tmp_path / "d", Hidden(), SLOW, seed=2)
-    assert diagnose(read_dataset(data)).json()["verdict"] == "nothing"
+    assert judge_dataset(read_dataset(data))[1].verdict == "nothing"
 
 
 @pytest.mark.parametrize(("effect", "size", "hidden"), [
