@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, fields, is_dataclass, replace
-from functools import lru_cache
+from functools import cached_property
 from pprint import pformat
 from typing import Any
 
@@ -64,23 +64,19 @@ class FilmView:
     voltage: float = 0.0
     stiffness: float = 1.0
 
-    @property
+    @cached_property
     def actuator(self) -> Specimen:
         """The specimen with its factor."""
-        return _actuator(self.specimen, self.stiffness)
+        if self.stiffness == 1:
+            return self.specimen
+        film = self.specimen.membrane
+        return replace(self.specimen, membrane=replace(
+            film, material=scaled(film.material, self.stiffness)))
 
     @property
     def case(self) -> Case:
         """What is solved."""
         return Case(self.actuator, mass=self.mass, voltage=self.voltage, rig=self.rig)
-
-
-@lru_cache(maxsize=8)
-def _actuator(specimen: Specimen, factor: float) -> Specimen:
-    if factor == 1:
-        return specimen
-    film = specimen.membrane
-    return replace(specimen, membrane=replace(film, material=scaled(film.material, factor)))
 
 
 @dataclass(frozen=True)
