@@ -81,14 +81,14 @@ def test_modes_swing_there_and_back(film: Path, tmp_path: Path, monkeypatch: pyt
 
 
 @pytest.mark.parametrize(("command", "name"), [
-    (["modes", "--mass", "17.9 g", "--count", "2", "--refine", "0.5"], "circle-modes.gif"),
+    (["modes", "--mass", "17.9 g", "--count", "1", "--refine", "0.5"], "circle-modes.gif"),
     (["transient", "--signal", "ramp", "--high", "3 kV", "--duration", "2 s", "--interval",
       "100 ms", "--refine", "0.5"], "circle.gif")], ids=["modes", "transient"])
 def test_an_earlier_film_stays_until_another_is_whole(
         film: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: list[str], name: str
         ) -> None:
-    monkeypatch.setattr(modes, "_FRAMES", 4)
-    monkeypatch.setattr(transient, "_FRAMES", 3)
+    monkeypatch.setattr(modes, "_FRAMES", 2)
+    monkeypatch.setattr(transient, "_FRAMES", 2)
     out = tmp_path / "out"
     words = [command[0], str(film), *command[1:], "-o", str(out)]
     assert main([*words, "--animate"]) == 0
@@ -128,9 +128,9 @@ def test_modes_are_animated_from_a_script_and_want_a_folder(
     assert "-o" in capsys.readouterr().err
 
 
-def drawn(film: Path, out: Path, monkeypatch: pytest.MonkeyPatch) -> int:
-    """The exit status of a film of eight pictures."""
-    monkeypatch.setattr(transient, "_FRAMES", 8)
+def drawn(film: Path, out: Path, monkeypatch: pytest.MonkeyPatch, pictures: int) -> int:
+    """The exit status of a film of so many pictures."""
+    monkeypatch.setattr(transient, "_FRAMES", pictures)
     return main(["transient", str(film), "--signal", "ramp", "--high", "3 kV", "--duration", "2 s",
                  "--interval", "10 ms", "--animate", "-o", str(out)])
 
@@ -139,7 +139,7 @@ def drawn(film: Path, out: Path, monkeypatch: pytest.MonkeyPatch) -> int:
 def test_an_mp4_where_ffmpeg_is(film: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
                                 ) -> None:
     """Its pictures, decoded again, are those of the GIF, but for what it compresses."""
-    assert drawn(film, tmp_path / "out", monkeypatch) == 0
+    assert drawn(film, tmp_path / "out", monkeypatch, 8) == 0
     raw = subprocess.run(
         ["ffmpeg", "-loglevel", "error", "-i", str(tmp_path / "out" / "circle.mp4"),
          "-f", "rawvideo", "-pix_fmt", "rgb24", "-"], capture_output=True, check=True).stdout
@@ -161,7 +161,7 @@ def test_an_ffmpeg_that_fails_says_why(film: Path, tmp_path: Path, monkeypatch: 
     program.write_text("#!/bin/sh\ncat > /dev/null\necho 'no such codec' >&2\nexit 1\n")
     program.chmod(0o755)
     monkeypatch.setenv("PATH", str(program.parent), prepend=os.pathsep)
-    assert drawn(film, tmp_path / "out", monkeypatch) == 2
+    assert drawn(film, tmp_path / "out", monkeypatch, 2) == 2
     assert "no such codec" in capsys.readouterr().err
     assert (tmp_path / "out" / "circle.gif").exists()
     assert not (tmp_path / "out" / "circle.mp4").exists()
