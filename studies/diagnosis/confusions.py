@@ -101,11 +101,8 @@ def confusions_of(dataset: Dataset, readings: PreparedReadings, nominal: Fit
 
 
 def mistaken_sizes(setup: Setup, judged: Judgement) -> tuple[Confusion, ...]:
-    """What leaves noise of a misfit that nothing explains, in the specimen that is odd or in all.
-
-    With ordinary factors.
-    """
-    table, which = judged.table, judged.odd_specimen or None
+    """What leaves noise, with ordinary factors, of a misfit of the one specimen that is odd."""
+    table, which = judged.table, judged.odd_specimen
     most = len(table) + 2 * (2 * len(table)) ** 0.5
     noise = _Other("", "", setup, table).scatter(most)
     return _ordinary([*_thicknesses(setup, table, which), *_sizes(setup, table, which)], noise)

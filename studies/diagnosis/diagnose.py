@@ -127,7 +127,7 @@ def _judge_actuators(dataset: Dataset, of_coupons: tuple[PreparedReadings, Judge
     if judged.unusual:
         stated = fit(simulation, (), table, judged.nominal.unknowns)
         judged = replace(judged, confusions=confusions_of(dataset, readings, stated))
-    elif judged.verdict == "unexplained" and judged.relabelling is None:
+    elif judged.odd_specimen and judged.relabelling is None:
         judged = replace(judged, confusions=mistaken_sizes(readings.setup, judged.of_first()))
     if judged.chosen is not None:
         assert isinstance(judged.simulation, Simulation)

@@ -115,7 +115,7 @@ def relabelling_of(simulation: Model, table: ReadingTable, fitted: Fit) -> Relab
     beyond = best.chi_squared - count - _SCATTER * (2 * count) ** 0.5
     if beyond > (0.0 if much else _LEFT * (fitted.chi_squared - count)):
         return None
-    rows = best.rows & best.way.changed
+    rows = best.rows & (best.way.changed | best.way.lost)
     return Relabelling(best.way.column, best.way.pair, best.way.rows, best.part,
                        str(table.file[rows][0]), tuple(np.unique(table.line[rows]).tolist()),
                        fitted.chi_squared, best.chi_squared, fitted.hypothesis)

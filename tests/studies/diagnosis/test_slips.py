@@ -96,6 +96,7 @@ def test_voltages_a_row_off_are_seen(three_shapes: Simulation, table: ReadingTab
     seen = relabelled(three_shapes, moved(table, "voltage", np.arange(first, last), by))
     assert seen is not None
     assert (seen.column, seen.pair, seen.rows, seen.part) == ("voltage", (), by, part)
+    assert set(seen.lines) >= set(range(first + 3, last + 1))
 
 
 @pytest.mark.parametrize("column", ["mass", "specimen"])
