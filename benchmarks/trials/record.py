@@ -22,7 +22,8 @@ class Record:
     model over the nominal one, over all splits that can show it; None where there is none.
     ``widths``: how many usual sizes each hidden effect has. ``listed``: the causes an ambiguous
     verdict is between. ``predicted``: how many readings held out were within their 95 % bands, and
-    how many there were.
+    how many there were. ``rows``: how many readings at fault were told, how many there were, and
+    how many others were told.
     """
 
     population: str
@@ -49,6 +50,7 @@ class Record:
     widths: tuple[float, ...] = ()
     listed: tuple[str, ...] = ()
     predicted: tuple[int, ...] = ()
+    rows: tuple[int, ...] = ()
 
     @property
     def identifiable(self) -> bool:

@@ -12,6 +12,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from benchmarks.trials.judging import best_of, judged, stands_out
+from benchmarks.trials.mess import MESSES
 from benchmarks.trials.random_designs import random_design, written
 from benchmarks.trials.record import Record
 from benchmarks.trials.strata.trials import STRATA, stratum_trial
@@ -385,6 +386,34 @@ def _rough(lab: Lab, generator: np.random.Generator, number: int) -> list[Record
     return [replace(finished, seen=seen, told=apart)]
 
 
+def _mess(lab: Lab, generator: np.random.Generator, number: int) -> list[Record]:
+    """Readings as benches make them, of each kind of mess in turn; in half of the trials with an
+    effect that would stand out without, which is judged without, too."""
+    kind = list(MESSES)[number % len(MESSES)]
+    design, simulation, means = lab.by(number // len(MESSES))
+    if number // len(MESSES) % 2:
+        singles = [(cause,) for cause in _visible(design)]
+        truth, values, again = _foretold(design, simulation, singles, means, generator, number)
+    else:
+        truth, values, again = hidden(design, generator, (), means)
+    record = Record("mess", number, means, tuple(map(str, truth.hypothesis)), again, 0.0, 0.0)
+    table = measured(design, values, None, number)
+    errors, at_fault = MESSES[kind](generator, len(values), float(table.sigma[0]))
+    messy = table.with_values(values + errors)
+    finished, verdict = judged(record, design, simulation, messy, truth)
+    told = [] if verdict is None else np.flatnonzero(verdict.told.off).tolist()
+    hit = len({*told} & {*at_fault})
+    finished = replace(finished, words=kind, rows=(hit, len(at_fault), len(told) - hit))
+    if not truth.hypothesis:
+        return [finished]
+    clean = replace(_blank(record), population="mess, without")
+    records = [finished, judged(clean, design, simulation,
+                                measured(design, values, generator, number), truth)[0]]
+    further = simulation if verdict is None else verdict.simulation
+    seen, apart = stands_out(further, truth, table.with_values(values), _visible(design))
+    return [replace(one, seen=seen, told=apart) for one in records]
+
+
 def _stratum(name: str, lab: Lab, generator: np.random.Generator, number: int) -> list[Record]:
     return stratum_trial(name, generator, number)
 
@@ -394,4 +423,4 @@ POPULATIONS: dict[str, Callable[[Lab, np.random.Generator, int], list[Record]]] 
     "outside": _outside,
     "alias": _alias, "noise": _noise, "form": _form, "gain": _gain, "large": _large,
     "large pair": _large_pair, "map": _map, "random": _random,
-    **{name: partial(_stratum, name) for name in STRATA}, "rough": _rough}
+    **{name: partial(_stratum, name) for name in STRATA}, "rough": _rough, "mess": _mess}

@@ -108,8 +108,9 @@ def render_diagnosis(diagnosis: Diagnosis, pictures: Mapping[str, str], viewer: 
 def verdict_words(diagnosis: Diagnosis) -> str:
     """What follows the headline, in a few sentences."""
     named = [cause for cause in diagnosis.causes if diagnosis.verdict == "named" and cause.named]
-    return _said("verdict", diagnosis, named, _suspects(diagnosis),
-                 _worst_ratios(diagnosis.misfit), _unit(diagnosis))
+    words = _said("verdict", diagnosis, named, _suspects(diagnosis),
+                  _worst_ratios(diagnosis.misfit), _unit(diagnosis))
+    return " ".join(filter(None, (words, _said("told", diagnosis))))
 
 
 def _unit(diagnosis: Diagnosis) -> str:
@@ -133,8 +134,9 @@ def _worst_ratios(misfit: Misfit) -> list[Ratio]:
 
 
 def _template(name: str) -> Template:
-    return template(name, number=number, error=error, probability=probability_text, chance=chance,
-                    plain=plain, capitalised=capitalised, times=times, label=cause_label,
+    return template(name, number=number, digits=digits, error=error, chance=chance,
+                    probability=probability_text, plain=plain, capitalised=capitalised,
+                    times=times, label=cause_label,
                     explanation=lambda cause: EFFECTS[cause.effect].explanation)
 
 
@@ -150,6 +152,11 @@ def number(value: float | None) -> str:
     ('7910', '0.0312')
     """
     return "∞" if value is None else f"{float(f'{value:.3g}'):g}"
+
+
+def digits(value: float) -> str:
+    """Five digits, as readings are written."""
+    return f"{value:.5g}"
 
 
 def error(value: float | None) -> str:

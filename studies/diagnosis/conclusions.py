@@ -21,13 +21,14 @@ from tympan.studies.diagnosis.fits.fit import Fit
 from tympan.studies.diagnosis.gain import GainReport, gain_of
 from tympan.studies.diagnosis.hypothesis import Cause
 from tympan.studies.diagnosis.inference.identifiability import detectable_effects
+from tympan.studies.diagnosis.inference.noise_told import probability_off
 from tympan.studies.diagnosis.inference.posterior import Posterior
 from tympan.studies.diagnosis.inference.ratios import ratios
 from tympan.studies.diagnosis.inference.verdict import Judgement
 from tympan.studies.diagnosis.next_experiment.experiments import MENU
 from tympan.studies.diagnosis.next_experiment.proposals import AnyExperiment, Proposal, propose
 from tympan.studies.diagnosis.next_experiment.solved_experiments import SOLVED
-from tympan.studies.diagnosis.reading_table import ReadingTable
+from tympan.studies.diagnosis.reading_table import UNITS
 from tympan.studies.diagnosis.reduced.simulation import Simulation
 from tympan.studies.diagnosis.result import Columns, Diagnosis, Json, Verdict
 from tympan.studies.diagnosis.self_check import Bench
@@ -171,6 +172,7 @@ class Conclusions:
             indistinguishable=tuple(tuple(sorted({cause.name for cause in group}))
                                     for group in judged.indistinguishable),
             misfit=self._misfit(place),
+            readings_off=tuple(self._readings_off()),
             predictive=self.gain.predictive,
             gain=self.gain.overall,
             next_experiment=self._next_experiment([*named, *suspects]),
@@ -216,7 +218,32 @@ class Conclusions:
         table = self.films.table
         missed = table.value - (fit or self.films.nominal).predicted(table)
         # A zero that moved between runs is no misfit.
-        return _root(table.noise.apart(missed) if table.lengths.any() else missed, table)
+        return self._root(table.noise.apart(missed) if table.lengths.any() else missed)
+
+    def _root(self, errors: Array) -> float:
+        """Root mean square of errors of the films' readings that count, in their unit."""
+        table = self.films.table
+        counts = table.judged & (self.films.told.off == 0)
+        return table.unit.per_si * float(np.sqrt(np.mean(errors[counts] ** 2)))
+
+    def _readings_off(self) -> Iterator[result.ReadingOff]:
+        """Readings that are off by themselves, as they are written and as others tell."""
+        films = self.films
+        table, sigma = films.table, films.table.sigma
+        specimens = [specimen.name for specimen in self.simulation.setup.specimens]
+        expected = (films.chosen or films.nominal).predicted(table)
+        off = films.told.off
+        for row in np.flatnonzero(off).tolist():
+            unit = UNITS[str(table.kind[row])]
+            alike = (table.kind == table.kind[row]) & (off == 0)
+            noise = float(np.median(sigma[alike])) if alike.any() else float(sigma[row])
+            missed = float(table.value[row] - expected[row])
+            yield result.ReadingOff(
+                file=str(table.file[row]), line=int(table.line[row]), kind=str(table.kind[row]),
+                specimen=specimens[table.specimen[row]], unit=unit.name,
+                read=unit.per_si * float(table.value[row]),
+                expected=unit.per_si * float(expected[row]),
+                probability=float(probability_off(np.array(missed / noise))))
 
     def _plans(self) -> Json:
         """Plans of the films that were scanned, by specimen, in the places' frame [mm]."""
@@ -313,10 +340,12 @@ class Conclusions:
         p_values = sorted(judged.test.p_values.items(), key=lambda item: item[1])
         return result.Misfit(
             baseline_rmse=self._rmse(None),
-            noise=_root(np.where(table.lengths, table.noise.total, table.sigma), table),
+            noise=self._root(np.where(table.lengths, table.noise.total, table.sigma)),
             noise_from=self.readings.table.noise.source,
             noise_over_stated=judged.noise_over(self.readings.table),
             p_value=judged.test.p_value,
+            p_value_of_all=None if judged.test_of_all is None else judged.test_of_all.p_value,
+            correlation=judged.told.correlation,
             where=place,
             ratios=tuple(ratios(table, predicted, names)) if table.lengths.any() else (),
             patterns=tuple(result.PatternTest(judged.test.words(name), p) for name, p in p_values
@@ -366,11 +395,6 @@ class Conclusions:
 def _verdict(judgement: Judgement, readings: PreparedReadings) -> Verdict:
     verdict = judgement.verdict
     return "ambiguous" if verdict == "named" and readings.assumed else verdict
-
-
-def _root(errors: Array, table: ReadingTable) -> float:
-    """Root mean square of a table's errors, of those that count, in its unit."""
-    return table.unit.per_si * float(np.sqrt(np.mean(errors[table.judged] ** 2)))
 
 
 def _parameters(fit: Fit, cause: Cause) -> dict[str, result.ShownSize]:

@@ -42,6 +42,17 @@ MICROMETRES = Unit("um", 1e6)
 KILOPASCALS = Unit("kPa", 1e-3)
 
 
+#: What readings are told in, by their kind.
+UNITS = dict.fromkeys((*LENGTHS, "film", "film_x", "film_y"), Unit("mm", 1e3)) | {
+    "capacitance": Unit("pF", 1e12),
+    "tilt": Unit("mrad", 1e3),
+    "film_voltage": Unit("kV", 1e-3),
+    "frequency": Unit("Hz", 1.0),
+    "force": Unit("mN", 1e3),
+    "stress": KILOPASCALS,
+}
+
+
 @dataclass(frozen=True, eq=False)
 class Scan:
     """Places of a film that were read in one state.
@@ -291,10 +302,12 @@ class ReadingTable:
 
 def rows(states: States, kind: str, sigma: float | Array, value: float | Array = 0.0,
          order: float | Array = np.nan, run: str | NDArray[np.str_] = "",
-         file: str | NDArray[np.str_] = "", line: int | Numbers = 0) -> ReadingTable:
-    """One row of a kind for each state."""
+         file: str | NDArray[np.str_] = "", line: int | Numbers = 0,
+         given: bool | NDArray[np.bool_] = False) -> ReadingTable:
+    """One row of a kind for each state; ``given``: its standard deviation is written beside it."""
     count = len(states)
     values, sigmas, orders = (np.full(count, part, float) for part in (value, sigma, order))
+    noise = Noise(sigmas, given=np.full(count, given))
     return ReadingTable(states, np.full(count, kind), np.arange(count), np.full(count, -1), values,
-                        Noise(sigmas), orders, np.full(count, run), np.full(count, file),
+                        noise, orders, np.full(count, run), np.full(count, file),
                         np.full(count, line), np.full(count, -1))

@@ -130,6 +130,20 @@ class PatternTest:
 
 
 @dataclass(frozen=True, kw_only=True)
+class ReadingOff:
+    """A reading that is off by itself, so that it does not count."""
+
+    file: Annotated[str, Key("file it is written in")]
+    line: Annotated[int, Key("line of the file")]
+    kind: Annotated[str, Key("what was read")]
+    specimen: Annotated[str, Key("name of the specimen")]
+    unit: Annotated[str, Key("unit of read and expected")]
+    read: Annotated[float, Key("what is written, in its unit")]
+    expected: Annotated[float, Key("what the model makes of it by the other readings")]
+    probability: Annotated[float, Key("probability that it is off by itself")]
+
+
+@dataclass(frozen=True, kw_only=True)
 class Misfit:
     """How far the nominal model is off, its stiffness and permittivity fitted."""
 
@@ -140,6 +154,11 @@ class Misfit:
     noise_over_stated: Annotated[float | None, Key("what readings scatter by, over the noise "
                                                    "stated")]
     p_value: Annotated[float, Key("probability of so much misfit by noise alone")]
+    p_value_of_all: Annotated[float | None, Key(
+        "the same with readings that are off by themselves, and as if errors did not remember; "
+        "none where that is the same")] = None
+    correlation: Annotated[float, Key("of the errors of readings made one after the other, where "
+                                      "they remember")] = 0.0
     where: Annotated[str, Key("where the misfit is, in plain words")]
     ratios: Annotated[tuple[Ratio, ...], Key("ratios of strokes, measured and simulated")] = ()
     patterns: Annotated[tuple[PatternTest, ...], Key("tests of what may be wrong")] = ()
@@ -305,6 +324,8 @@ class Diagnosis:
         "groups of effects that these readings cannot tell apart")] = ()
     misfit: Annotated[Misfit, Key("misfit of the nominal model, its stiffness and permittivity "
                                   "fitted")]
+    readings_off: Annotated[tuple[ReadingOff, ...], Key(
+        "readings that are off by themselves, and do not count")] = ()
     predictive: Annotated[Coverage | None, Key("how readings held out were predicted")] = None
     gain: Annotated[Gain | None, Key("gain of the extended model over the nominal one, on readings "
                                      "held out")] = None

@@ -14,7 +14,7 @@ from tympan.studies.diagnosis.hypothesis import FACTORS, Cause, sizes_of
 from tympan.studies.diagnosis.inference.projection import beside, taken_by
 from tympan.studies.diagnosis.inference.relabelled import Relabelling
 from tympan.studies.diagnosis.inference.verdict import Judgement
-from tympan.studies.diagnosis.patterns.reading_patterns import JUMPS, over
+from tympan.studies.diagnosis.patterns.reading_patterns import EACH_RUN, JUMPS, over
 from tympan.studies.diagnosis.result import FoundCause
 from tympan.studies.diagnosis.slips import reading_columns, run_columns
 from tympan.studies.effects.findings import FoundSize, finding, limits_told
@@ -221,7 +221,7 @@ def _slips(judged: Judgement, taken: Array) -> dict[str, Array]:
 def _singled(judged: Judgement) -> dict[str, Array]:
     """Patterns' columns; of jumps the one, where no other pattern is as improbable by noise."""
     columns = over(judged.patterns, judged.table)
-    for name in ("ramps", "coupon_runs"):
+    for name in EACH_RUN:
         columns.pop(name, None)
     p_values = judged.test.p_values
     least = min(p_values.get(name, 1.0) for name in columns)

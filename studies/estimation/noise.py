@@ -66,18 +66,72 @@ class Shared:
 
 
 @dataclass(frozen=True, eq=False)
-class Noise:
-    """Normal errors of readings: independent ones, and such as several readings have in common.
+class Memory:
+    """Errors of a run that remember those before: of two, e to the minus their clocks' difference.
 
-    The covariance is S² + C Cᵀ: S of the independent errors' standard deviations, in which rounding
-    counts, C of all that lasts along a run, and of its zero and gain. All that is missed is weighed
-    by :meth:`whitened` alone: there an outlier would be told, too.
+    An Ornstein–Uhlenbeck process; a first-order autoregression where readings follow evenly.
+    ``run``: number of the run of each reading, -1 of one that remembers nothing; ``clock``: its
+    place along the run, (readings,).
+    """
+
+    run: Numbers
+    clock: Array
+
+    def __getitem__(self, rows: Rows) -> Memory:
+        return Memory(self.run[rows], self.clock[rows])
+
+    def joined(self, count: int, other: Memory | None, others: int) -> Memory:
+        """Of so many readings before these, and others after them."""
+        other = other or Memory(np.full(others, -1), np.zeros(others))
+        apart = 1 + self.run.max(initial=-1)
+        return Memory(np.r_[np.full(count, -1), self.run,
+                            np.where(other.run < 0, -1, other.run + apart)],
+                      np.r_[np.zeros(count), self.clock, other.clock])
+
+    @cached_property
+    def _before(self) -> tuple[Numbers, Numbers, Array]:
+        """Readings that remember, in order; each one's reading before it, and the correlation."""
+        turn = np.lexsort((self.clock, self.run))
+        last, this = turn[:-1], turn[1:]
+        same = (self.run[this] == self.run[last]) & (self.run[this] >= 0)
+        last, this = last[same], this[same]
+        return this, last, np.exp(-np.abs(self.clock[this] - self.clock[last]))
+
+    @property
+    def log_volume(self) -> float:
+        """Logarithm of the volume over which errors spread, over that without memory."""
+        return 0.5 * float(np.log1p(-self._before[2] ** 2).sum())
+
+    def forgotten(self, values: Array) -> Array:
+        """Errors over their standard deviations, (readings, …), as such without memory."""
+        this, last, share = self._before
+        fresh = values.astype(float)
+        fresh[this] = ((values[this].T - share * values[last].T) / np.sqrt(1 - share**2)).T
+        return fresh
+
+    def remembered(self, fresh: Array) -> Array:
+        """Errors without memory, (readings, …), as such with it."""
+        values = fresh.astype(float)
+        for this, last, share in zip(*self._before, strict=True):
+            values[this] = share * values[last] + (1 - share**2) ** 0.5 * fresh[this]
+        return values
+
+
+@dataclass(frozen=True, eq=False)
+class Noise:
+    """Normal errors of readings: each one's own, and such as several readings have in common.
+
+    The covariance is S R S + C Cᵀ: S of the own errors' standard deviations, in which rounding
+    counts; R of what an error remembers of those before it; C of all that lasts along a run, and of
+    its zero and gain. All that is missed is weighed by :meth:`whitened` alone. A reading that is
+    off by itself has a large standard deviation.
 
     ``sigma``: standard deviation of each reading's own error, shape (readings,), in its unit;
-    ``shared``: errors in common, no two of them of one reading. ``freedom``: degrees of freedom
-    with which the noise is known of each part of the readings, shape (parts,), ``part``: which part
-    each is of. ``found``: it was estimated from these readings, and is tested against as it is;
-    otherwise their scatter has still its say.
+    ``memory``: how errors remember, None where they do not; ``shared``: errors in common, no two of
+    them of one reading. ``freedom``: degrees of freedom with which the noise is known of each part
+    of the readings, shape (parts,), ``part``: which part each is of. ``found``: it was estimated
+    from these readings, and is tested against as it is; otherwise their scatter has still its say.
+    ``given``: which readings came with a standard deviation of their own.
     """
 
     sigma: Array
@@ -86,8 +140,12 @@ class Noise:
     freedom: Array = field(default_factory=lambda: np.array([STATED]))
     part: Numbers = field(default_factory=lambda: np.empty(0, np.int64))
     found: bool = False
+    memory: Memory | None = None
+    given: NDArray[np.bool_] = field(default_factory=lambda: np.empty(0, bool))
 
     def __post_init__(self) -> None:
+        if len(self.given) != len(self.sigma):
+            object.__setattr__(self, "given", np.zeros(len(self.sigma), bool))
         if len(self.part) != len(self.sigma):
             object.__setattr__(self, "part", np.zeros(len(self.sigma), np.int64))
 
@@ -97,15 +155,21 @@ class Noise:
     def __getitem__(self, rows: Rows) -> Noise:
         """Of some readings."""
         numbers = np.arange(len(self))[rows]
-        return replace(self, sigma=self.sigma[rows], part=self.part[rows],
+        return replace(self, sigma=self.sigma[rows], part=self.part[rows], given=self.given[rows],
+                       memory=self.memory and self.memory[rows],
                        shared=tuple(some.among(numbers) for some in self.shared
                                     if np.isin(some.rows, numbers).any()))
 
     def joined(self, other: Noise) -> Noise:
         """Of these readings and others; noises that were found stay parts."""
         after = tuple(replace(some, rows=some.rows + len(self)) for some in other.shared)
+        memory = self.memory
+        if memory or other.memory:
+            none = Memory(np.empty(0, np.int64), np.empty(0))
+            memory = (memory or none).joined(0 if memory else len(self), other.memory, len(other))
         both = replace(self, sigma=np.r_[self.sigma, other.sigma], shared=self.shared + after,
-                       part=np.r_[self.part, other.part])
+                       part=np.r_[self.part, other.part], given=np.r_[self.given, other.given],
+                       memory=memory)
         if not self.found:
             return both
         return replace(both, freedom=np.r_[self.freedom, other.freedom],
@@ -181,25 +245,44 @@ class Noise:
         return replace(self, shared=tuple(replace(some, sizes=share * some.sizes)
                                           for some in self.shared))
 
+    def with_off(self, sizes: Array) -> Noise:
+        """With readings off by themselves, as far as that is usual [their unit]; 0 where not."""
+        off, memory = sizes > 0, self.memory
+        if memory is not None and off.any():
+            memory = replace(memory, run=np.where(off, -1, memory.run))
+        return replace(self, sigma=np.hypot(self.sigma, sizes), memory=memory)
+
     @cached_property
     def _over(self) -> tuple[Shared, ...]:
-        """What is in common, over the noise of each reading."""
-        return tuple(some.over(self.sigma[some.rows]) for some in self.shared)
+        """What is in common, over the noise of each reading, as far as that is not remembered."""
+        if self.memory is None:
+            return tuple(some.over(self.sigma[some.rows]) for some in self.shared)
+        columns = [np.zeros((len(self), len(some.sizes))) for some in self.shared]
+        for some, every in zip(self.shared, columns, strict=True):
+            every[some.rows] = some.columns
+        # What is remembered ties readings together that have nothing else in common.
+        return tuple(Shared.of(np.arange(len(self)), self.memory.forgotten(
+            (np.hstack(part).T / self.sigma).T)) for part in [columns] if part)
 
     def whitened(self, values: Array) -> Array:
         """Errors of readings, or columns of them, shape (readings, ...), as independent ones of 1.
 
-        By the symmetric root: as near to those of each reading as may be.
+        By the symmetric root: as near to those of each reading as may be. Of an error that
+        remembers, what is new in it.
         """
-        return self._turned((values.T / self.sigma).T, -0.5)
+        over = (values.T / self.sigma).T
+        return self._turned(self.memory.forgotten(over) if self.memory else over, -0.5)
 
     def coloured(self, values: Array) -> Array:
         """Independent errors of size 1, shape (readings, ...), as those of readings."""
-        return (self._turned(values, 0.5).T * self.sigma).T
+        return (self._remembered(self._turned(values, 0.5)).T * self.sigma).T
 
     def apart(self, values: Array) -> Array:
         """Values, shape (readings, ...), without what several readings have in common."""
-        return (self.whitened(values).T * self.sigma).T
+        return (self._remembered(self.whitened(values)).T * self.sigma).T
+
+    def _remembered(self, fresh: Array) -> Array:
+        return self.memory.remembered(fresh) if self.memory else fresh
 
     def _turned(self, values: Array, power: float) -> Array:
         if not self._over:
@@ -242,7 +325,8 @@ class Noise:
     @property
     def log_volume(self) -> float:
         """Logarithm of the volume over which errors spread, over that of independent ones alone."""
-        return sum(0.5 * float(np.log1p(some.sizes**2).sum()) for some in self._over)
+        return sum((0.5 * float(np.log1p(some.sizes**2).sum()) for some in self._over),
+                   self.memory.log_volume if self.memory else 0.0)
 
     def drawn(self, generator: np.random.Generator) -> Array:
         """A set of errors."""

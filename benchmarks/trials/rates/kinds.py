@@ -35,7 +35,8 @@ def rates(records: Sequence[Record]) -> list[Rate]:
             *_of_wrong_noise_and_law(kinds),
             share("refused, or ended in an error", list(records),
                   lambda record: record.verdict in GONE),
-            *_of_rough(kinds), *_of_gains(kinds), *_of_random(kinds, records), *size_rates(records)]
+            *_of_rough(kinds), *_of_mess(kinds), *_of_gains(kinds),
+            *_of_random(kinds, records), *size_rates(records)]
 
 
 def _named(kinds: Kinds) -> list[Record]:
@@ -138,6 +139,30 @@ def _of_rough(kinds: Kinds) -> list[Rate]:
 
     return [*of(kinds.get("rough", []), ""),
             *of(kinds.get("rough transients", []), ", with steps in time")]
+
+
+def _of_mess(kinds: Kinds) -> list[Rate]:
+    """On benches whose noise is not as the diagnosis has it."""
+    every = kinds.get("mess", [])
+    if not every:
+        return []
+    named = [record for record in every if record.identifiable]
+    hit, fault, wrong = (sum(counts) for counts in zip(*(
+        record.rows or (0, 0, 0) for record in every), strict=True))
+    return [
+        *(share(f"{kind}, nothing hidden: false alarms",
+                [record for record in every if not record.truth and record.words == kind],
+                _alarm, high=0.05) for kind in dict.fromkeys(record.words for record in every)),
+        share("mess of any kind, nothing hidden: false alarms",
+              [record for record in every if not record.truth], _alarm, high=0.05),
+        share("mess, one identifiable effect: it is named", named, _right, low=0.8),
+        share("the same without mess: it is named",
+              [record for record in kinds.get("mess, without", []) if record.identifiable], _right),
+        share("mess, one identifiable effect: another is named", named,
+              lambda record: record.misnamed, high=0.02),
+        Rate("readings at fault that are told", hit, fault, 0.9, 1.0),
+        Rate("readings told that are not at fault, of all that are told", wrong, hit + wrong,
+             0.0, 1.0)]
 
 
 def _of_gains(kinds: Kinds) -> list[Rate]:

@@ -31,7 +31,7 @@ class Frequencies(PlateEvidence):
         states = States.of(numbers_of(setup, read.specimen), read.mass, read.voltage,
                            run=np.arange(len(read)))
         return [rows(states, "frequency", sigma, read.frequency, file=read.file.name,
-                     line=read.line)], []
+                     line=read.line, given=~np.isnan(read.sigma))], []
 
     def shown(self, films: Films, kind: str, rows: NDArray[np.int64], heave: Array) -> Array:
         stiffness = films.stiffness(heave)

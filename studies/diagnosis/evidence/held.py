@@ -31,7 +31,8 @@ class Held(PlateEvidence):
         sigma = np.where(np.isnan(read.sigma), CHANNEL * np.abs(read.force).max(), read.sigma)
         states = States.of(numbers_of(setup, read.specimen), np.zeros(len(read)), read.voltage)
         return [rows(replace(states, heave=read.displacement), "force", sigma, read.force,
-                     run=read.run, file=read.file.name, line=read.line)], []
+                     run=read.run, file=read.file.name, line=read.line,
+                     given=~np.isnan(read.sigma))], []
 
     def shown(self, films: Films, kind: str, rows: NDArray[np.int64], heave: Array) -> Array:
         return films.force(heave)[films.table.state[rows]]

@@ -139,7 +139,7 @@ def _rows(dataset: Dataset, setup: Setup, sheet: Sheet, scan: Numbers, sigma: Ar
     read = Scan(place, len(kinds) > 1, on_plate, centred)
     state = States.of([number], sheet.mass[scan[:1]], sheet.voltage[scan[:1]])
     states = state[np.zeros(len(scan), dtype=np.int64)]
-    noise = Noise(sigma[scan]).with_zero(ZERO)
+    noise = Noise(sigma[scan], given=~np.isnan(sheet.sigma[scan])).with_zero(ZERO)
     parts = [rows(states, kind, 0.0, sheet[column][scan], file="field.csv", line=sheet.line[scan])
              .with_noise(noise) for kind, column in kinds]
     table = reduce(ReadingTable.joined, parts)

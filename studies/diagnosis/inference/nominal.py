@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,9 +14,12 @@ from tympan.studies.diagnosis.fits.fit import Fit
 from tympan.studies.diagnosis.fits.fitting import fit, nominal_fit
 from tympan.studies.diagnosis.hypothesis import Cause
 from tympan.studies.diagnosis.inference.identifiability import Signatures, signatures
+from tympan.studies.diagnosis.inference.noise_told import Missed, Told, chain_of, noise_told
 from tympan.studies.diagnosis.inference.residual_tests import ResidualTests
-from tympan.studies.diagnosis.patterns.reading_patterns import among, over
+from tympan.studies.diagnosis.inference.smooth_misfit import smooth_columns
+from tympan.studies.diagnosis.patterns.reading_patterns import EACH_RUN, JUMPS, among, over
 from tympan.studies.diagnosis.reading_table import ReadingTable
+from tympan.studies.estimation.noise import STATED, Noise
 
 Array = NDArray[np.float64]
 
@@ -32,6 +35,9 @@ _EXCLUDES = 0.9
 #: Readings of a channel that must be left to tell its noise, as a share, beside all patterns.
 _SHARE = 0.5
 
+#: Readings of a channel from which single ones that are off hardly move its noise.
+_SINGLE = 200
+
 #: What is said of them.
 TOO_FEW = "there are too few readings to tell a misfit from noise"
 
@@ -40,19 +46,23 @@ TOO_FEW = "there are too few readings to tell a misfit from noise"
 class NominalMisfit:
     """The fit of the nominal model to a table's readings.
 
-    ``patterns``: what its misfit may be a combination of, in units of the readings, by name.
+    ``patterns``: what its misfit may be a combination of, in units of the readings, by name;
+    ``stated``: the noise before what is ``told`` of it.
     """
 
     simulation: Model
     table: ReadingTable
     fit: Fit
     patterns: dict[str, Array]
+    stated: Noise
+    told: Told
 
     @classmethod
     def of(cls, simulation: Model, table: ReadingTable, causes: Sequence[Cause],
-           workers: int = 1) -> tuple[NominalMisfit, ResidualTests]:
+           workers: int = 1, told: Told | None = None) -> tuple[NominalMisfit, ResidualTests]:
         """By a simulation that reaches as far as it needs; and the tests of what it misses.
 
+        ``told`` of the noise, by default what the misfit tells.
         Raises ArithmeticError where there is no equilibrium at the readings' states.
         """
         nominal = nominal_fit(simulation, table)
@@ -64,14 +74,17 @@ class NominalMisfit:
         if not nominal.possible:
             raise ArithmeticError("the nominal model has no equilibrium at the states that were "
                                   "read")
-        misfit = cls(simulation, table, nominal, _patterns(simulation, table, nominal))
+        misfit = cls(simulation, table, nominal, _patterns(simulation, table, nominal),
+                     table.noise, Told(np.zeros(len(table))))
         if not table.lengths.all():
             misfit = misfit._with_noise_of_channels(misfit._shown(causes))
-        tests = misfit._tests(causes)
+        misfit = replace(misfit, stated=misfit.table.noise)
+        misfit = misfit.with_noise_told(causes) if told is None else misfit.with_told(told)
+        tests = misfit.tests(causes)
         if table.noise.shared and not table.lengths.any():
             # What lasts along strips is told from noise once that is known.
             misfit = misfit.louder(tests.noise(misfit.fit.residual))
-            tests = misfit._tests(causes)
+            tests = misfit.tests(causes)
         return misfit, tests
 
     def signatures(self, causes: Sequence[Cause]) -> Signatures:
@@ -84,12 +97,50 @@ class NominalMisfit:
         nominal = fit(self.simulation, (), table, self.fit.unknowns)
         return replace(self, table=table, fit=nominal)
 
+    def with_noise_told(self, causes: Sequence[Cause], remembers: bool = False) -> NominalMisfit:
+        """With the noise that readings tell, beside the model and each cause; itself if as before.
+
+        ``remembers``: errors may remember those before.
+        """
+        nominal, colour = self.missed_by(self.fit), self.table.noise.coloured
+        beside = [replace(nominal, jacobian=np.hstack([nominal.jacobian, colour(values)]))
+                  for values in self.signatures(causes).values()]
+        told = self.noise_told([nominal, *beside], remembers)
+        return self if told.alike(self.told) else self.with_told(told)
+
+    def noise_told(self, models: Sequence[Missed], remembers: bool) -> Told:
+        """What readings tell of their noise by what models miss."""
+        chain = chain_of(self.table) if remembers else None
+        return noise_told(self.stated, models, self._smooth_misfits, chain)
+
+    def _smooth_misfits(self) -> Iterator[Array]:
+        """Columns of smooth misfits, of patterns and of processes.
+
+        By which each run is off in its own way, none: that is what noise does, too.
+        """
+        few = [values for name, values in self.patterns.items() if name not in (*JUMPS, *EACH_RUN)]
+        if few:
+            yield np.hstack(few)
+        yield from smooth_columns(self.table)
+
+    def missed_by(self, fit: Fit) -> Missed:
+        """What a fit to the table misses."""
+        colour = self.table.noise.coloured
+        return Missed(colour(fit.residual), colour(fit.free_jacobian))
+
+    def with_told(self, told: Told) -> NominalMisfit:
+        """Fitted again with what is told of the noise."""
+        table = self.table.with_noise(told.of(self.stated))
+        nominal = fit(self.simulation, (), table, self.fit.unknowns)
+        patterns = _patterns(self.simulation, table, nominal)
+        return replace(self, table=table, fit=nominal, patterns=patterns, told=told)
+
     def _shown(self, causes: Sequence[Cause]) -> dict[str, Array]:
         """What patterns and causes show, over the noise, by name."""
         return over(self.patterns, self.table) | {
             str(cause): signature for cause, signature in self.signatures(causes).items()}
 
-    def _tests(self, causes: Sequence[Cause]) -> ResidualTests:
+    def tests(self, causes: Sequence[Cause]) -> ResidualTests:
         one_sided = frozenset(
             str(cause) for cause in causes
             if [parameter.sign for parameter in cause.effect.parameters] == ["positive"])
@@ -100,19 +151,23 @@ class NominalMisfit:
         """With the noise of every channel but lengths, which no file states, as its scatter tells.
 
         About all that is ``shown``, or, of a channel with too few readings for that, about its own
-        smooth misfit: what is missed by much is not noise.
+        smooth misfit: what is missed by much is not noise, nor is a reading that is off by itself.
+        A noise that is given beside readings has its say.
         """
         factor, table = np.ones(len(self.table)), self.table
         for kind, rows in table.rows_of.items():
             name = f"channel {kind}"
             if name in shown:
                 columns = {other: values[rows] for other, values in shown.items()}
-                tests = ResidualTests.of(self.fit.free_jacobian[rows], columns, 0.0)
+                single = {"single": np.eye(len(rows))} if len(rows) < _SINGLE else {}
+                jacobian = self.fit.free_jacobian[rows]
+                stated = STATED if table.noise.given[rows].all() else 0.0
+                tests = ResidualTests.of(jacobian, columns | single, stated)
                 if tests.freedom < _SHARE * len(rows):
-                    tests = ResidualTests.of(self.fit.free_jacobian[rows],
-                                             {name: columns[name]}, 0.0)
+                    tests = ResidualTests.of(jacobian, {name: columns[name]} | single, stated)
                 if tests.freedom > 0:
-                    factor[rows] = _factor(tests.noise(self.fit.residual[rows]), tests.freedom)
+                    factor[rows] = _factor(tests.noise(self.fit.residual[rows]),
+                                           tests.freedom + stated)
         table = table.with_sigma(factor * table.sigma)
         return replace(self, table=table,
                        fit=fit(self.simulation, (), table, self.fit.unknowns))

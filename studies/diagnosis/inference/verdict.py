@@ -19,6 +19,7 @@ from tympan.studies.diagnosis.inference.identifiability import (
     classes_of,
     shows_when_large,
 )
+from tympan.studies.diagnosis.inference.noise_told import Told
 from tympan.studies.diagnosis.inference.nominal import TOO_FEW, NominalMisfit
 from tympan.studies.diagnosis.inference.posterior import Posterior, log_odds_to_smooth, odds_of_more
 from tympan.studies.diagnosis.inference.relabelled import Relabelling, relabelling_of
@@ -76,6 +77,9 @@ SURPRISING = 3.0
 #: Specimens beside an odd one that must be as they are written, at least.
 _OTHERS = 2
 
+#: How often readings are judged again by a noise that the fits tell. A bound of the cost.
+_AGAIN = 2
+
 #: How many hypotheses are asked whether they leave noise, by probability and by χ².
 _ASKED = (8, 6)
 
@@ -97,16 +101,17 @@ class Judgement:
 
     ``simulation``: as far as it was grown; ``table`` has the noise found; ``test`` is that of the
     nominal fit, ``after`` that of the best hypothesis, None when nothing is wrong; ``patterns`` are
-    those tested. ``named`` are the causes that stand out, ``robust`` those that do with usual sizes
-    times each of some factors; ``indistinguishable`` classes that these readings cannot tell
-    apart, ``invisible`` causes they cannot see; ``alone`` every effect fitted by itself with hardly
-    any prior, ``rivals`` those of them that only their size speaks against. ``small_errors``: the
-    share of their usual sizes at which all other causes are there, where that is what explains the
-    rest. ``relabelling``: labels that, put right, let the nominal model or one effect explain the
-    readings as well as any effects do with those stated; ``confusions``: quantities that, read as
-    others they are often taken for, make unusual factors usual; ``odd_specimen``: that without
-    which the nominal model misses nothing, where no one cause explains it, nor two that are not
-    both surprisingly large.
+    those tested; ``told``: what readings tell of their noise, ``test_of_all``: the test as if they
+    did not, where they do. ``named`` are the causes that stand out, ``robust`` those that do with
+    usual sizes times each of some factors; ``indistinguishable`` classes that these readings cannot
+    tell apart, ``invisible`` causes they cannot see; ``alone`` every effect fitted by itself with
+    hardly any prior, ``rivals`` those of them that only their size speaks against.
+    ``small_errors``: the share of their usual sizes at which all other causes are there, where that
+    is what explains the rest. ``relabelling``: labels that, put right, let the nominal model or one
+    effect explain the readings as well as any effects do with those stated; ``confusions``:
+    quantities that, read as others they are often taken for, make unusual factors usual;
+    ``odd_specimen``: that without which the nominal model misses nothing, where no one cause
+    explains it, nor two that are not both surprisingly large.
     """
 
     verdict: Verdict
@@ -116,6 +121,8 @@ class Judgement:
     test: TestResult
     patterns: dict[str, Array]
     signatures: Signatures
+    told: Told
+    test_of_all: TestResult | None = None
     posterior: Posterior | None = None
     after: TestResult | None = None
     named: tuple[Cause, ...] = ()
@@ -180,6 +187,7 @@ class Judgement:
             patterns={name: values[films] for name, values in self.patterns.items()
                       if values[films].any()},
             signatures={cause: values[films] for cause, values in self.signatures.items()},
+            told=self.told[films],
             alone=tuple(map(part, self.alone)))
 
 
@@ -189,27 +197,62 @@ def judge(simulation: Model, table: ReadingTable, causes: Sequence[Cause],
 
     ``workers``: processes for the films of effects larger than those simulated so far.
     """
+    misfit, judged = _judged(simulation, table, causes, widen, seed, workers)
+    for _ in range(_AGAIN):
+        told = _told_by(misfit, judged)
+        if told.alike(misfit.told):
+            break
+        misfit, judged = _judged(judged.simulation, table, causes, widen, seed, workers, told)
+    if not misfit.told.anything:
+        return judged
+    every, tests = NominalMisfit.of(judged.simulation, table, causes, workers,
+                                    Told(np.zeros(len(table))))
+    found = table.noise if table.noise.found else None
+    test = tests(every.fit.residual, np.random.default_rng(seed), found)
+    return replace(judged, test_of_all=test)
+
+
+def _judged(simulation: Model, table: ReadingTable, causes: Sequence[Cause], widen: float,
+            seed: int, workers: int, told: Told | None = None) -> tuple[NominalMisfit, Judgement]:
+    """Judged as :func:`judge` does, with what is ``told`` of the noise.
+
+    By default what the nominal model's misfit tells.
+    """
     generator = np.random.default_rng(seed)
-    misfit, tests = NominalMisfit.of(simulation, table, causes, workers)
+    misfit, tests = NominalMisfit.of(simulation, table, causes, workers, told)
     if not tests.able:
         raise ArithmeticError(TOO_FEW)
     found = table.noise if table.noise.found else None
     test = tests(misfit.fit.residual, generator, found)
+    if told is None and test.p_value < ALARM and misfit.simulation.loaded:
+        remembering = misfit.with_noise_told(causes, remembers=True)
+        if remembering is not misfit:
+            misfit = remembering
+            test = misfit.tests(causes)(misfit.fit.residual, generator, found)
     misfit = misfit.louder(test.noise)
     simulation, table, nominal = misfit.simulation, misfit.table, misfit.fit
     signs = misfit.signatures(causes)
     invisible, classes = classes_of(signs)
     base = Judgement("nothing", simulation, table, nominal, test, misfit.patterns, signs,
-                     indistinguishable=classes, invisible=invisible)
+                     misfit.told, indistinguishable=classes, invisible=invisible)
     if test.p_value >= ALARM:
-        return base if nominal.usual >= UNUSUAL else replace(base, verdict="unexplained")
+        return misfit, (base if nominal.usual >= UNUSUAL
+                        else replace(base, verdict="unexplained"))
     adequacy = _Adequacy(base, found or table.noise.known(test.freedom), generator)
     possible = tuple(cause for cause in causes if cause not in invisible
                      or shows_when_large(simulation, cause, nominal, table))
     exploration = Exploration(simulation, table, nominal, possible, adequacy.enough, widen, workers)
     exploration.run()
     weighed = _weighed(replace(base, simulation=exploration.simulation), exploration, adequacy)
-    return _with_labels(weighed, misfit)
+    return misfit, _with_labels(weighed, misfit)
+
+
+def _told_by(misfit: NominalMisfit, judged: Judgement) -> Told:
+    """What all fits together tell of the noise they were judged by."""
+    if judged.posterior is None:
+        return misfit.told
+    fits = [misfit.fit, *judged.posterior.fits[: _ASKED[0]], *judged.alone[: _ASKED[1]]]
+    return misfit.noise_told([misfit.missed_by(fit) for fit in fits], judged.simulation.loaded)
 
 
 def _with_labels(base: Judgement, misfit: NominalMisfit) -> Judgement:

@@ -43,8 +43,12 @@ WORDS = {
     "stick": "the readings stick and jump, as a plate does that rubs",
 }
 
-#: Patterns of jumps: a misfit is one of their columns, and no combination of them.
-JUMPS = ("step", "stick")
+#: Patterns of jumps: a misfit is one of their columns, and no combination of them. Of a channel's
+#: single readings, too, where its noise is told.
+JUMPS = ("step", "stick", "single")
+
+#: Patterns by which each run is off in its own way, which take a little of anything.
+EACH_RUN = ("ramps", "coupon_runs")
 
 #: Degree of polynomials in the voltage's square.
 _DEGREE = 4

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tympan.studies.estimation.noise import Noise, root_of
+from tympan.studies.estimation.noise import Memory, Noise, root_of
 
 RANDOM = np.random.default_rng(3)
 COUNT = 12
@@ -20,24 +20,35 @@ LASTING = 4.0 * 0.5 ** np.abs(RUN[:, None] - RUN)
 GAIN = np.array([0, 10])
 
 
-def noise_of(sigma: np.ndarray) -> Noise:
+#: Two runs whose errors remember, their readings in no order, and one reading that does not.
+MEMORY = Memory(np.array([0, 0, 1, 0, 1, 0, -1, 1, 1, 0, 0, 1]),
+                np.array([0.1, 3.0, 0.4, 0.2, 0.7, 2.9, 0.0, 0.1, 1.9, 0.5, 0.9, 1.0]))
+
+
+def noise_of(sigma: np.ndarray, memory: Memory | None = None) -> Noise:
     """Independent errors, a run whose errors last, and two readings with a gain in common."""
-    return Noise(sigma).with_shared(RUN, root_of(LASTING)).with_shared(
+    noise = Noise(sigma).with_shared(RUN, root_of(LASTING)).with_shared(
         GAIN, np.array([[2.0], [3.0]]))
+    return replace(noise, memory=memory)
 
 
-def covariance(sigma: np.ndarray) -> np.ndarray:
+def covariance(sigma: np.ndarray, memory: Memory | None = None) -> np.ndarray:
     """The same, written out."""
     matrix = np.diag(sigma**2)
+    if memory is not None:
+        same = (memory.run[:, None] == memory.run) & (memory.run >= 0) | np.eye(COUNT, dtype=bool)
+        correlation = np.exp(-np.abs(memory.clock[:, None] - memory.clock))
+        matrix = np.outer(sigma, sigma) * np.where(same, correlation, 0.0)
     matrix[np.ix_(RUN, RUN)] += LASTING
     matrix[np.ix_(GAIN, GAIN)] += np.outer([2.0, 3.0], [2.0, 3.0])
     return matrix
 
 
+@pytest.mark.parametrize("memory", [None, MEMORY], ids=["forgets", "remembers"])
 @pytest.mark.parametrize("sigma", SIGMAS, ids=["unlike", "alike"])
-def test_whitened_errors_weigh_as_by_cholesky(sigma: np.ndarray) -> None:
+def test_whitened_errors_weigh_as_by_cholesky(sigma: np.ndarray, memory: Memory | None) -> None:
     """χ² and volume, for residuals and for the columns of a Jacobian; and back again."""
-    noise, matrix = noise_of(sigma), covariance(sigma)
+    noise, matrix = noise_of(sigma, memory), covariance(sigma, memory)
     root = np.linalg.cholesky(matrix)
     errors = RANDOM.normal(size=(COUNT, 5))
     white, by_root = noise.whitened(errors), np.linalg.solve(root, errors)
@@ -51,12 +62,33 @@ def test_whitened_errors_weigh_as_by_cholesky(sigma: np.ndarray) -> None:
     assert noise.total == pytest.approx(np.sqrt(np.diag(matrix)))
 
 
+@pytest.mark.parametrize("memory", [None, MEMORY], ids=["forgets", "remembers"])
 @pytest.mark.parametrize("rows", [np.arange(COUNT) < 5, np.array([11, 4, 0, 10])])
-def test_some_readings_have_the_covariance_of_these(rows: np.ndarray) -> None:
-    white = noise_of(SIGMAS[0])[rows].whitened(np.eye(len(np.arange(COUNT)[rows])))
+def test_some_readings_have_the_covariance_of_these(rows: np.ndarray, memory: Memory | None
+                                                    ) -> None:
+    white = noise_of(SIGMAS[0], memory)[rows].whitened(np.eye(len(np.arange(COUNT)[rows])))
     some = np.arange(COUNT)[rows]
-    assert white @ covariance(SIGMAS[0])[np.ix_(some, some)] @ white.T == pytest.approx(
+    assert white @ covariance(SIGMAS[0], memory)[np.ix_(some, some)] @ white.T == pytest.approx(
         np.eye(len(some)), abs=1e-12)
+
+
+@pytest.mark.parametrize("memories", [(MEMORY, None), (None, MEMORY), (MEMORY, MEMORY)])
+def test_joined_readings_remember_only_their_own(memories: tuple[Memory | None, ...]) -> None:
+    first, second = (noise_of(SIGMAS[0], memory) for memory in memories)
+    both = first.joined(second).whitened(np.eye(2 * COUNT))
+    matrix = np.zeros((2 * COUNT, 2 * COUNT))
+    matrix[:COUNT, :COUNT] = covariance(SIGMAS[0], memories[0])
+    matrix[COUNT:, COUNT:] = covariance(SIGMAS[0], memories[1])
+    assert both @ matrix @ both.T == pytest.approx(np.eye(2 * COUNT), abs=1e-11)
+
+
+def test_a_reading_that_is_off_is_forgotten_by_those_after_it() -> None:
+    """In effect it is left out: what is known of others is as without it."""
+    off = np.where(np.arange(COUNT) == 3, 1e9, 0.0)
+    errors = RANDOM.normal(size=COUNT)
+    white = noise_of(SIGMAS[0], MEMORY).with_off(off).whitened(errors)
+    others = noise_of(SIGMAS[0], MEMORY)[off == 0].whitened(errors[off == 0])
+    assert white @ white == pytest.approx(others @ others, rel=1e-6)
 
 
 def test_errors_in_common_add_up_and_stay_as_large() -> None:

@@ -1,0 +1,251 @@
+"""What readings tell of their noise: which are off by themselves, and what errors remember.
+
+Beside what a model misses, a reading may be off by itself, as a slip of the pen is, and an error
+may remember the one before. Each is weighed as any cause is: by how probable it makes what several
+models miss. A misfit that is smooth in voltage, mass and specimen is one of the models, so that it
+is not taken for noise. Mixtures of good and bad readings: Hogg, Bovy, Lang, arXiv:1008.4686 (2010).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import expit
+
+from tympan.studies.diagnosis.inference.projection import RANK, orthonormal, without
+from tympan.studies.diagnosis.reading_table import ReadingTable
+from tympan.studies.estimation.noise import Memory, Noise
+
+Array = NDArray[np.float64]
+Numbers = NDArray[np.int64]
+
+#: Share of readings that are off by themselves, beforehand: careful hands write one in a hundred.
+SLIPS = 0.01
+#: Logarithm of the largest such error over the least, of which all magnitudes are as probable.
+_MAGNITUDES = float(np.log(1e3))
+#: Most readings that are off, as a share: of more, the others do not tell how.
+_MOST = 0.2
+#: Most that are tried, of those that are missed most. A bound of the cost.
+_CANDIDATES = 200
+#: Readings taken without gain after which no more are tried: two may hide each other.
+_PATIENT = 4
+
+#: Correlations of neighbouring readings' errors that are tried.
+CORRELATIONS = (0.3, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95)
+
+#: Most that errors which remember may exceed what is stated: people state what the next reading
+#: differs by, which for a correlation of 0.9 is a half of all.
+_LOUDER = 2.0
+
+#: Sizes of smooth misfits that are tried: the root of all their squares, over the noise.
+_SMOOTH = np.geomspace(1.0, 1e4, 9)
+
+#: Models for which readings are taken away, those that are missed least. A bound of the cost.
+_MODELS = 8
+
+#: Logarithm of how much more probable readings must be for another noise than is stated: 20 to 1.
+_BETTER = 3.0
+
+
+@dataclass(frozen=True, eq=False)
+class Missed:
+    """What a model misses of readings, (n,), and what its unknowns could change, (n, p).
+
+    Both in the readings' units.
+    """
+
+    residual: Array
+    jacobian: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Told:
+    """What readings tell of their noise beside what is stated.
+
+    ``correlation`` of the errors of neighbours in ``chain``, readings in the order in which errors
+    may remember, a step apart, None where they do not; ``off``: how far readings are off by
+    themselves, (n,) [their units], 0 where not.
+    """
+
+    off: Array
+    correlation: float = 0.0
+    chain: Memory | None = None
+
+    def of(self, noise: Noise) -> Noise:
+        """A noise with it."""
+        if self.chain is not None and self.correlation:
+            clock = -np.log(self.correlation) * self.chain.clock
+            noise = replace(noise, memory=replace(self.chain, clock=clock))
+        return noise.with_off(self.off) if self.off.any() else noise
+
+    def __getitem__(self, rows: NDArray[np.bool_]) -> Told:
+        """Of some readings."""
+        return replace(self, off=self.off[rows], chain=self.chain and self.chain[rows])
+
+    def alike(self, other: Told) -> bool:
+        """Whether the same readings are off, and errors remember as much."""
+        return bool(self.correlation == other.correlation
+                    and np.array_equal(self.off > 0, other.off > 0))
+
+    @property
+    def anything(self) -> bool:
+        """Whether the noise is another than stated."""
+        return bool(self.correlation or self.off.any())
+
+
+def noise_told(noise: Noise, models: Sequence[Missed], smooth: Callable[[], Iterable[Array]],
+               chain: Memory | None = None) -> Told:
+    """What of the noise makes what some models miss most probable; nothing if it is as stated.
+
+    ``models``: the nominal one first; ``smooth`` answers columns of which what else it may miss is
+    a random sum, (n, columns), of one kind of misfit after the other.
+    """
+    count, stated, nothing = len(noise), float(noise.freedom.sum()), Told(np.zeros(len(noise)))
+    steps = CORRELATIONS if chain is not None and np.any(chain.run >= 0) else ()
+    as_stated = best = -np.inf
+    told = nothing
+    for correlation in (0.0, *steps):
+        trial = Told(nothing.off, correlation, chain).of(noise)
+        volume = trial.log_volume
+        white = [(trial.whitened(model.residual), trial.whitened(model.jacobian))
+                 for model in models]
+        plain = [_value(*_rest(*model), count, stated) - volume for model in white]
+        if not correlation:
+            as_stated = max(plain)
+        order = np.argsort(-np.array(plain), kind="stable")[:_MODELS].tolist()
+        for place in dict.fromkeys([0, *order]):
+            residual, jacobian = white[place]
+            off, value, size = _readings_off(residual, jacobian, trial, stated)
+            if value - volume > best and not (correlation and stated and size > _LOUDER):
+                best, told = value - volume, Told(off, correlation, chain if correlation else None)
+    if best < as_stated + _BETTER:
+        return nothing
+    residual, jacobian = (noise.whitened(part)
+                          for part in (models[0].residual, models[0].jacobian))
+    misfits = (_smooth_value(residual, jacobian, noise.whitened(columns), stated)
+               for columns in smooth())
+    return nothing if any(misfit > best for misfit in misfits) else told
+
+
+def probability_off(size: Array) -> Array:
+    """How probable it is that readings are off by themselves, by what is missed over the noise."""
+    odds = np.log(SLIPS / (1 - SLIPS)) + _slip_density(size) + 0.5 * size**2
+    return np.asarray(expit(odds))
+
+
+def chain_of(table: ReadingTable) -> Memory:
+    """Readings of lengths at rest as they were made, a step from one to the next.
+
+    By the order that is written, else by the lines of each ramp; by the clock where that runs
+    along.
+    """
+    resting = table.lengths & (table.point < 0) & ~np.isin(table.state, table.states.passages.rows)
+    rows = np.flatnonzero(resting)
+    order = table.order[rows]
+    ordered = len(np.unique(order[np.isfinite(order)])) == len(rows)
+    run = np.zeros(len(rows), np.int64) if ordered else table.ramp[rows]
+    turn = np.lexsort((order if ordered else table.line[rows], run))
+    rows, run = rows[turn], run[turn]
+    clock = np.arange(len(rows), dtype=float)
+    elapsed = table.states.elapsed[table.state[rows]]
+    if len(rows) > 1 and np.all(np.diff(elapsed) > 0):
+        clock = elapsed / float(np.median(np.diff(elapsed)))
+    chain = Memory(np.full(len(table), -1), np.zeros(len(table)))
+    chain.run[rows], chain.clock[rows] = run, clock
+    return chain
+
+
+def _rest(residual: Array, jacobian: Array) -> tuple[float, int]:
+    """Squares that are left beside unknowns, and how many of these are told."""
+    basis = orthonormal(jacobian)
+    rest = without(basis, residual)
+    return float(rest @ rest), basis.shape[1]
+
+
+def _value(squares: float, unknowns: int, count: int, stated: float) -> float:
+    """Logarithm of how probable so many good readings are, whatever a factor on their noise is.
+
+    Schwarz' penalty for each unknown; the constants of a normal distribution are left out.
+    """
+    freedom = count + stated
+    return (-0.5 * freedom * float(np.log(max(squares + stated, 1e-12) / freedom))
+            - 0.5 * unknowns * float(np.log(max(count, 2))))
+
+
+def _slip(size: float) -> float:
+    """Logarithm of how probable a reading is that is off, by its size over the noise.
+
+    Over that of the constants left out of a good one's.
+    """
+    return float(np.log(SLIPS) + _slip_density(np.array(size)) + 0.5)
+
+
+def _slip_density(size: Array) -> Array:
+    """Logarithm of the density of slips by their size, over that of noise at 0."""
+    return np.asarray(0.5 * np.log(2 * np.pi)
+                      - np.log(2 * _MAGNITUDES * np.maximum(np.abs(size), 1.0)))
+
+
+def _readings_off(residual: Array, jacobian: Array, noise: Noise, stated: float
+                  ) -> tuple[Array, float, float]:
+    """How far which readings are off [their units], and how probable that makes all of them.
+
+    And the size of the others' errors over the noise.
+    """
+    count = len(residual)
+    basis = orthonormal(jacobian)
+    rest = without(basis, residual)
+    likely = np.argsort(-np.abs(rest), kind="stable")[:_CANDIDATES]
+    one = np.zeros((count, len(likely)))
+    one[likely, np.arange(len(likely))] = noise.sigma[likely]
+    columns = without(basis, noise.whitened(one))
+    best_value = _value(float(rest @ rest), basis.shape[1], count, stated)
+    chosen, best, value, most = list[int](), list[int](), 0.0, float(rest @ rest)
+    for number, left, size in _largest(rest, columns):
+        chosen.append(number)
+        value += _slip(size)
+        reached = _value(left, basis.shape[1], count - len(chosen), stated) + value
+        if reached > best_value:
+            best, best_value, most = [*chosen], reached, left
+        if len(chosen) >= max(1, int(_MOST * count)) or len(chosen) - len(best) >= _PATIENT:
+            break
+    off = np.zeros(count)
+    if best:
+        sizes = np.linalg.lstsq(columns[:, best], rest, rcond=None)[0]
+        off[likely[best]] = np.abs(sizes) * noise.sigma[likely[best]]
+    size = ((most + stated) / (count - len(best) + stated)) ** 0.5
+    return off, best_value, size
+
+
+def _largest(rest: Array, columns: Array) -> Iterator[tuple[int, float, float]]:
+    """Columns that take most of what is left away, one by one: number, squares left, size."""
+    for _ in range(columns.shape[1]):
+        lengths = np.sum(columns**2, axis=0)
+        parts = columns.T @ rest
+        shares = np.where(lengths > RANK, parts**2 / np.maximum(lengths, RANK), 0.0)
+        best = int(shares.argmax())
+        if shares[best] <= 0:
+            return
+        unit = columns[:, best] / lengths[best] ** 0.5
+        rest = rest - unit * (unit @ rest)
+        yield best, float(rest @ rest), float(parts[best] / lengths[best])
+        columns = columns - np.outer(unit, unit @ columns)
+
+
+def _smooth_value(residual: Array, jacobian: Array, smooth: Array, stated: float) -> float:
+    """How probable what is missed is with a smooth misfit of any size, as an error in common."""
+    basis = orthonormal(jacobian)
+    columns, rest = without(basis, smooth), without(basis, residual)
+    directions, sizes, _ = np.linalg.svd(columns, full_matrices=False)
+    sizes = sizes / max(sizes.max(initial=0.0), 1e-300)
+    parts, squares = (directions.T @ rest) ** 2, float(rest @ rest)
+    values = []
+    for size in _SMOOTH.tolist():
+        wider = 1 + (size * sizes) ** 2
+        left = max(squares - float(np.sum(parts * (1 - 1 / wider))), 0.0)
+        values.append(_value(left, basis.shape[1] + 1, len(rest), stated)
+                      - 0.5 * float(np.log(wider).sum()))
+    return max(values)

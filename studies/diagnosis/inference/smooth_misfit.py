@@ -1,0 +1,117 @@
+"""A smooth misfit of no cause: a Gaussian process over voltage, mass and specimen."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tympan.studies.diagnosis.patterns.reading_patterns import among
+from tympan.studies.diagnosis.reading_table import ReadingTable
+from tympan.studies.estimation.noise import root_of
+
+Array = NDArray[np.float64]
+
+#: Lengths of the Gaussian process that are tried, in U² over its largest, from quick changes to
+#: nearly a line.
+_VOLTAGES = (0.2, 0.5, 1.0, 3.0)
+#: The same in mass over its largest.
+_MASSES = (0.1, 0.5, 2.0)
+
+#: Likeness of specimens that is tried, from none to nearly one film.
+_LIKE = (0.0, 0.5, 0.9, 0.99)
+#: Sizes of the process that are tried, over the residuals'.
+_SIZES = (0.3, 1.0, 3.0, 10.0)
+
+#: More rows than this are thinned evenly before the process is trained.
+MOST_ROWS = 400
+
+#: Share of the largest direction of a process below which one is left out.
+_LEAST = 1e-4
+
+
+@dataclass(frozen=True, eq=False)
+class GaussianProcess:
+    """Residuals as a Gaussian process with a squared-exponential kernel over U², mass and specimen.
+
+    A row that is a difference of two states is the difference of the process at both. ``like`` is
+    the correlation of two specimens, whichever they are; ``size`` the standard deviation [unit of
+    the readings].
+    """
+
+    train: ReadingTable
+    residual: Array
+    lengths: tuple[float, float]
+    like: float
+    size: float
+
+    @classmethod
+    def trained(cls, table: ReadingTable, residual: Array) -> GaussianProcess:
+        """The most probable lengths, likeness and size on a grid, for residuals, shape (rows,)."""
+        if len(table) > MOST_ROWS:
+            kept = np.linspace(0, len(table) - 1, MOST_ROWS).astype(np.int64)
+            table, residual = table[kept], residual[kept]
+        typical = max(float(np.sqrt(np.mean(residual**2))), float(table.sigma.min()))
+        best, trained = -np.inf, cls(table, residual, (1.0, 1.0), 0.5, typical)
+        for voltage_squared, mass, like in product(_VOLTAGES, _MASSES, _LIKE):
+            process = cls(table, residual, (voltage_squared, mass), like, typical)
+            values, vectors = np.linalg.eigh(process.covariance(table, table)
+                                             / np.outer(table.sigma, table.sigma))
+            along = vectors.T @ (residual / table.sigma)
+            for share in _SIZES:
+                spread = 1 + share**2 * np.maximum(values, 0.0)
+                likelihood = -0.5 * float(np.sum(along**2 / spread + np.log(spread)))
+                if likelihood > best:
+                    best, trained = likelihood, replace(process, size=share * typical)
+        return trained
+
+    def covariance(self, table: ReadingTable, other: ReadingTable) -> Array:
+        """Covariance of the rows of two tables without noise, shape (rows, rows of the other)."""
+        states = self.train.states
+        voltage_squared, mass = (max(float(np.abs(values).max()), 1e-12)
+                                 for values in (states.voltage**2, states.mass))
+        total = np.zeros((len(table), len(other)))
+        for end, sign in _ends(table):
+            for other_end, opposite in _ends(other):
+                a, b = table.states[end], other.states[other_end]
+                between = a.voltage[:, None] ** 2 - b.voltage**2
+                far = (between / voltage_squared / self.lengths[0]) ** 2
+                far += ((a.mass[:, None] - b.mass) / mass / self.lengths[1]) ** 2
+                alike = np.where(a.specimen[:, None] == b.specimen, 1.0, self.like)
+                total += np.outer(sign, opposite) * alike * np.exp(-0.5 * far)
+        return self.size**2 * total
+
+    def predicted(self, table: ReadingTable) -> Array:
+        """The most probable residuals of a table's rows, shape (rows,)."""
+        noisy = self.covariance(self.train, self.train) + np.diag(self.train.sigma**2)
+        weights = np.linalg.solve(noisy, self.residual)
+        return np.asarray(self.covariance(table, self.train) @ weights)
+
+
+def _ends(table: ReadingTable) -> list[tuple[NDArray[np.int64], Array]]:
+    """The states of the rows with their signs: the one read, and of ranges the other."""
+    ends = [(table.state, np.ones(len(table)))]
+    ranges = table.kind == "range"
+    if ranges.any():
+        ends.append((np.maximum(table.since, 0), -ranges.astype(float)))
+    return ends
+
+
+def smooth_columns(table: ReadingTable) -> Iterator[Array]:
+    """Columns of which smooth misfits of lengths are random sums, (rows, columns).
+
+    For each length and likeness that is tried but 0: what a model misses of films of a kind is
+    alike. None where there are too many rows.
+    """
+    lengths = table[table.lengths]
+    if not 0 < len(lengths) <= MOST_ROWS:
+        return
+    for voltage_squared, mass, like in product(_VOLTAGES, _MASSES, filter(None, _LIKE)):
+        process = GaussianProcess(lengths, np.zeros(len(lengths)), (voltage_squared, mass), like,
+                                  1.0)
+        columns = root_of(process.covariance(lengths, lengths))
+        sizes = np.linalg.norm(columns, axis=0)
+        yield among(table.lengths, columns[:, sizes > _LEAST * sizes.max()])
