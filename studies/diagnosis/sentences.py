@@ -16,7 +16,7 @@ from tympan.studies.diagnosis.inference.relabelled import Relabelling
 from tympan.studies.diagnosis.inference.verdict import Judgement
 from tympan.studies.diagnosis.patterns.reading_patterns import EACH_RUN, JUMPS, over
 from tympan.studies.diagnosis.result import FoundCause
-from tympan.studies.diagnosis.slips import reading_columns, run_columns
+from tympan.studies.diagnosis.slips import run_columns
 from tympan.studies.effects.findings import FoundSize, finding, limits_told
 from tympan.studies.files import words_beside
 
@@ -33,7 +33,7 @@ _MOST = 4
 #: Shares by which what vague patterns take away counts, so that what says more is told instead; and
 #: what the best of many columns does, which fits a little of anything.
 _VAGUE = {"level": 0.5, "fitted": 0.6, "voltage": 0.9, "coupon_level": 0.5, "coupon_stretch": 0.9}
-_BEST_OF_MANY = {"step": 0.8, "stick": 0.8, "reading": 0.8}
+_BEST_OF_MANY = {"step": 0.8, "stick": 0.8}
 
 #: χ² from which a pattern is told beside another one. Set by trial.
 _CLEAR = 30.0
@@ -205,10 +205,10 @@ def _shares(judged: Judgement, taken: Array, columns: dict[str, Array]) -> dict[
 
 
 def _slips(judged: Judgement, taken: Array) -> dict[str, Array]:
-    """Columns of single readings, and of the run that is off more than the others, if one is."""
+    """Columns of the run that is off more than the others, if one is."""
     table = judged.table
     names = [specimen.name for specimen in judged.simulation.setup.specimens]
-    slips = reading_columns(table, names, taken, judged.nominal.residual)
+    slips: dict[str, Array] = {}
     runs = run_columns(table, names)
     shares = _shares(judged, taken, runs)
     others = sorted(shares.values())[:-1]

@@ -1,4 +1,4 @@
-"""What a slip of the pen makes wrong: one run of readings, or single readings.
+"""What a slip of the pen makes wrong of one run of readings.
 
 No effect of the library does that. Such columns serve to say where a misfit is, not to test
 whether there is one.
@@ -11,16 +11,12 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from tympan.studies.diagnosis.inference.projection import RANK, beside, without
 from tympan.studies.diagnosis.reading_table import ReadingTable
 
 Array = NDArray[np.float64]
 
-#: Columns of a run: polynomials in the voltage's square. As many single readings are told at most.
+#: Columns of a run: polynomials in the voltage's square.
 COLUMNS = 3
-
-#: χ² that a single reading takes away to be told.
-_CLEAR = 30.0
 
 
 def run_columns(table: ReadingTable, names: Sequence[str]) -> dict[str, Array]:
@@ -40,35 +36,8 @@ def run_columns(table: ReadingTable, names: Sequence[str]) -> dict[str, Array]:
             for place in range(len(runs)) if not alone[place]}
 
 
-def reading_columns(table: ReadingTable, names: Sequence[str], taken: Array, residual: Array
-                    ) -> dict[str, Array]:
-    """The single readings that take most of residuals away, beside an orthonormal basis.
-
-    As one pattern; empty where none stands out.
-    """
-    chosen = list[int]()
-    for _ in range(COLUMNS):
-        rest = without(taken, residual)
-        sizes = np.maximum(1 - np.sum(taken**2, axis=1), 0.0)
-        parts = np.where(table.lengths & (sizes > RANK), rest**2 / np.maximum(sizes, RANK), 0.0)
-        best = int(parts.argmax())
-        if parts[best] < _CLEAR:
-            break
-        chosen.append(best)
-        taken = np.hstack([taken, beside(taken, np.eye(len(table))[:, [best]])])
-    if not chosen:
-        return {}
-    words = ", ".join(_reading_words(table, names, row) for row in sorted(chosen))
-    return {f"reading {words}": np.eye(len(table))[:, chosen]}
-
-
 def _run_words(table: ReadingTable, names: Sequence[str], rows: NDArray[np.bool_]) -> str:
     """A run by its specimen and mass, and its label where there is one."""
     first = int(np.flatnonzero(rows)[0])
     label = f" in run {table.run[first]}" if table.run[first] else ""
     return f"{names[table.specimen[first]]} under {1e3 * table.mass[first]:.4g} g{label}"
-
-
-def _reading_words(table: ReadingTable, names: Sequence[str], row: int) -> str:
-    return (f"{names[table.specimen[row]]} under {1e3 * table.mass[row]:.4g} g at "
-            f"{1e-3 * table.voltage[row]:.3g} kV ({table.file[row]}, line {table.line[row]})")

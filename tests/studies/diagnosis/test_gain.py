@@ -10,9 +10,7 @@ import pytest
 
 from tests.support.trials import design, every_cause, read, size_of
 from tympan.studies.diagnosis.gain import (
-    MOST_ROWS,
     GainReport,
-    GaussianProcess,
     SplitGain,
     _overall,
     excess_ratio,
@@ -20,6 +18,7 @@ from tympan.studies.diagnosis.gain import (
     splits_of,
 )
 from tympan.studies.diagnosis.hypothesis import Cause
+from tympan.studies.diagnosis.inference.smooth_misfit import MOST_ROWS, GaussianProcess
 from tympan.studies.diagnosis.inference.verdict import Judgement, judge
 from tympan.studies.diagnosis.reading_table import ReadingTable, States, rows
 from tympan.studies.diagnosis.reduced.simulation import Simulation

@@ -36,10 +36,9 @@ def test_single_readings_are_told_by_their_lines(three_shapes: Simulation,
     value = table.value.copy()
     value[[20, 71]] += [1e-3, -0.7e-3]
     judgement = judged(three_shapes, table.with_values(value))
-    assert judgement.verdict == "unexplained"
-    assert where(judgement) == (
-        "single readings are off by themselves: circular under 22.45 g at 2.32 kV (static.csv, "
-        "line 22), elliptical-large under 17.9 g at 5.11 kV (static.csv, line 73)")
+    assert judgement.verdict == "nothing"
+    assert np.flatnonzero(judgement.told.off).tolist() == [20, 71]
+    assert judgement.told.off[[20, 71]] == pytest.approx([1e-3, 0.7e-3], abs=0.1e-3)
 
 
 def test_a_run_under_another_mass_than_is_written_is_told(three_shapes: Simulation,
