@@ -142,7 +142,7 @@ def chain_of(table: ReadingTable) -> Memory:
     By the order that is written, else by the lines of each ramp; by the clock where that runs
     along.
     """
-    resting = table.lengths & (table.point < 0) & ~np.isin(table.state, table.states.passages.rows)
+    resting = table.lengths & (table.point < 0) & ~np.isin(table.state, table.states.in_time)
     rows = np.flatnonzero(resting)
     order = table.order[rows]
     ordered = len(np.unique(order[np.isfinite(order)])) == len(rows)
