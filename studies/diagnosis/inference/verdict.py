@@ -260,11 +260,22 @@ def _with_labels(base: Judgement, misfit: NominalMisfit) -> Judgement:
     if not misfit.simulation.loaded:
         return base
     every = (*base.alone, *(base.posterior.fits if base.posterior else ()))
-    others = min((fit.chi_squared for fit in every), default=np.inf)
+    table = misfit.table
+    if misfit.told.anything:
+        # Other labels may explain what was taken for readings that are off by themselves.
+        loudness = float(np.median(table.sigma / misfit.told.of(misfit.stated).sigma))
+        table = table.with_noise(misfit.stated.with_sigma(loudness * misfit.stated.sigma))
+
+    def missed(one: Fit) -> float:
+        return float(np.sum(table.noise.whitened(misfit.missed_by(one).residual) ** 2))
+
+    others = min(map(missed, every), default=np.inf)
     singles = sorted((fit for fit in base.alone if fit.possible), key=lambda fit: fit.chi_squared)
     found = list[Relabelling]()
     for fitted in (misfit.fit, *singles[:_BESIDE]):
-        relabelling = relabelling_of(base.simulation, misfit.table, fitted)
+        if misfit.told.anything:
+            fitted = fit(base.simulation, fitted.hypothesis, table, fitted.unknowns)
+        relabelling = relabelling_of(base.simulation, table, fitted)
         if relabelling and relabelling.after < others + MORE:
             found.append(relabelling)
             if relabelling.plain:
