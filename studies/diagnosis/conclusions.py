@@ -345,7 +345,7 @@ class Conclusions:
             noise_over_stated=judged.noise_over(self.readings.table),
             p_value=judged.test.p_value,
             p_value_of_all=None if judged.test_of_all is None else judged.test_of_all.p_value,
-            correlation=judged.told.correlation,
+            correlation=judged.told.correlation * judged.told.share,
             where=place,
             ratios=tuple(ratios(table, predicted, names)) if table.lengths.any() else (),
             patterns=tuple(result.PatternTest(judged.test.words(name), p) for name, p in p_values

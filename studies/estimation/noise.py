@@ -23,6 +23,9 @@ Source = Literal["stated", "from repeats", "from the scatter about smooth curves
 #: Where it is from if readings alone tell it.
 SCATTER: Source = "from the scatter about smooth curves"
 
+#: Readings up to which what they remember is taken away by one matrix.
+_DENSE = 400
+
 #: Degrees of freedom a stated noise counts as: it is taken to be right within about a quarter.
 STATED = 8.0
 
@@ -67,53 +70,90 @@ class Shared:
 
 @dataclass(frozen=True, eq=False)
 class Memory:
-    """Errors of a run that remember those before: of two, e to the minus their clocks' difference.
+    """Errors of a run of which a part remembers: of two, e to the minus their clocks' difference.
 
-    An Ornstein–Uhlenbeck process; a first-order autoregression where readings follow evenly.
-    ``run``: number of the run of each reading, -1 of one that remembers nothing; ``clock``: its
-    place along the run, (readings,).
+    An Ornstein–Uhlenbeck process and white noise beside it; a first-order autoregression where all
+    remembers and readings follow evenly. ``run``: number of the run of each reading, -1 of one that
+    remembers nothing; ``clock``: its place along the run; ``share``: of the variance that
+    remembers; (readings,) each.
     """
 
     run: Numbers
     clock: Array
+    share: Array
+
+    def __len__(self) -> int:
+        return len(self.run)
 
     def __getitem__(self, rows: Rows) -> Memory:
-        return Memory(self.run[rows], self.clock[rows])
+        return Memory(self.run[rows], self.clock[rows], self.share[rows])
 
-    def joined(self, count: int, other: Memory | None, others: int) -> Memory:
-        """Of so many readings before these, and others after them."""
-        other = other or Memory(np.full(others, -1), np.zeros(others))
+    @classmethod
+    def none(cls, count: int) -> Memory:
+        """Of so many readings that remember nothing."""
+        return cls(np.full(count, -1), np.zeros(count), np.ones(count))
+
+    def joined(self, other: Memory) -> Memory:
+        """Of these readings and others, whose runs are others."""
         apart = 1 + self.run.max(initial=-1)
-        return Memory(np.r_[np.full(count, -1), self.run,
-                            np.where(other.run < 0, -1, other.run + apart)],
-                      np.r_[np.zeros(count), self.clock, other.clock])
+        return Memory(np.r_[self.run, np.where(other.run < 0, -1, other.run + apart)],
+                      np.r_[self.clock, other.clock], np.r_[self.share, other.share])
 
     @cached_property
-    def _before(self) -> tuple[Numbers, Numbers, Array]:
-        """Readings that remember, in order; each one's reading before it, and the correlation."""
-        turn = np.lexsort((self.clock, self.run))
-        last, this = turn[:-1], turn[1:]
-        same = (self.run[this] == self.run[last]) & (self.run[this] >= 0)
-        last, this = last[same], this[same]
-        return this, last, np.exp(-np.abs(self.clock[this] - self.clock[last]))
+    def _steps(self) -> list[tuple[int, int, float, float, float, float]]:
+        """Kalman's filter: each reading that remembers, in order, and the one before it or -1.
+
+        With the correlation between what both remember, the root of the share that does, the
+        filter's gain and the standard deviation of what is new in the reading.
+        """
+        steps, last, variance = [], -1, 1.0
+        for this in np.lexsort((self.clock, self.run)).tolist():
+            if self.run[this] < 0:
+                continue
+            follows = last >= 0 and self.run[last] == self.run[this]
+            kept = float(np.exp(self.clock[last] - self.clock[this])) if follows else 0.0
+            predicted = kept**2 * variance + 1 - kept**2
+            share = float(self.share[this])
+            new = share * predicted + 1 - share
+            gain = share**0.5 * predicted / new
+            variance = predicted * (1 - gain * share**0.5)
+            steps.append((this, last if follows else -1, kept, share**0.5, gain, new**0.5))
+            last = this
+        return steps
 
     @property
     def log_volume(self) -> float:
         """Logarithm of the volume over which errors spread, over that without memory."""
-        return 0.5 * float(np.log1p(-self._before[2] ** 2).sum())
+        return float(np.sum(np.log([new for *_, new in self._steps])))
 
     def forgotten(self, values: Array) -> Array:
         """Errors over their standard deviations, (readings, …), as such without memory."""
-        this, last, share = self._before
-        fresh = values.astype(float)
-        fresh[this] = ((values[this].T - share * values[last].T) / np.sqrt(1 - share**2)).T
+        if len(self) <= _DENSE:
+            return np.asarray(self._forgetting @ values)
+        return self._filtered(values)
+
+    @cached_property
+    def _forgetting(self) -> Array:
+        """What :meth:`forgotten` does, as a matrix."""
+        return self._filtered(np.eye(len(self)))
+
+    def _filtered(self, values: Array) -> Array:
+        fresh, state = values.astype(float), np.zeros(values.shape[1:])
+        for this, last, kept, root, gain, new in self._steps:
+            state = kept * state if last >= 0 else 0 * state
+            missed = values[this] - root * state
+            state = state + gain * missed
+            fresh[this] = missed / new
         return fresh
 
     def remembered(self, fresh: Array) -> Array:
         """Errors without memory, (readings, …), as such with it."""
-        values = fresh.astype(float)
-        for this, last, share in zip(*self._before, strict=True):
-            values[this] = share * values[last] + (1 - share**2) ** 0.5 * fresh[this]
+        values, state = fresh.astype(float), np.zeros(fresh.shape[1:])
+        for this, last, kept, root, gain, new in self._steps:
+            state = kept * state if last >= 0 else 0 * state
+            missed = new * fresh[this]
+            values[this] = root * state + missed
+            state = state + gain * missed
         return values
 
 
@@ -163,10 +203,10 @@ class Noise:
     def joined(self, other: Noise) -> Noise:
         """Of these readings and others; noises that were found stay parts."""
         after = tuple(replace(some, rows=some.rows + len(self)) for some in other.shared)
-        memory = self.memory
-        if memory or other.memory:
-            none = Memory(np.empty(0, np.int64), np.empty(0))
-            memory = (memory or none).joined(0 if memory else len(self), other.memory, len(other))
+        memory = None
+        if self.memory or other.memory:
+            memory = (self.memory or Memory.none(len(self))).joined(
+                other.memory or Memory.none(len(other)))
         both = replace(self, sigma=np.r_[self.sigma, other.sigma], shared=self.shared + after,
                        part=np.r_[self.part, other.part], given=np.r_[self.given, other.given],
                        memory=memory)

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,8 +34,10 @@ _CANDIDATES = 200
 #: Readings taken without gain after which no more are tried: two may hide each other.
 _PATIENT = 4
 
-#: Correlations of neighbouring readings' errors that are tried.
-CORRELATIONS = (0.3, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95)
+#: Correlations that are tried, of what neighbouring readings' errors remember.
+CORRELATIONS = (0.3, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.98)
+#: Shares of the variance that remember, that are tried.
+SHARES = (1.0, 0.5)
 
 #: Most that errors which remember may exceed what is stated: people state what the next reading
 #: differs by, which for a correlation of 0.9 is a half of all.
@@ -65,20 +68,22 @@ class Missed:
 class Told:
     """What readings tell of their noise beside what is stated.
 
-    ``correlation`` of the errors of neighbours in ``chain``, readings in the order in which errors
-    may remember, a step apart, None where they do not; ``off``: how far readings are off by
-    themselves, (n,) [their units], 0 where not.
+    ``correlation`` of what the errors of neighbours remember in ``chain``, readings in the order in
+    which they may, a step apart, None where they do not; ``share`` of the variance that does;
+    ``off``: how far readings are off by themselves, (n,) [their units], 0 where not.
     """
 
     off: Array
     correlation: float = 0.0
+    share: float = 1.0
     chain: Memory | None = None
 
     def of(self, noise: Noise) -> Noise:
         """A noise with it."""
         if self.chain is not None and self.correlation:
             clock = -np.log(self.correlation) * self.chain.clock
-            noise = replace(noise, memory=replace(self.chain, clock=clock))
+            share = np.full(len(noise), self.share)
+            noise = replace(noise, memory=replace(self.chain, clock=clock, share=share))
         return noise.with_off(self.off) if self.off.any() else noise
 
     def __getitem__(self, rows: NDArray[np.bool_]) -> Told:
@@ -87,7 +92,7 @@ class Told:
 
     def alike(self, other: Told) -> bool:
         """Whether the same readings are off, and errors remember as much."""
-        return bool(self.correlation == other.correlation
+        return bool((self.correlation, self.share) == (other.correlation, other.share)
                     and np.array_equal(self.off > 0, other.off > 0))
 
     @property
@@ -104,11 +109,12 @@ def noise_told(noise: Noise, models: Sequence[Missed], smooth: Callable[[], Iter
     a random sum, (n, columns), of one kind of misfit after the other.
     """
     count, stated, nothing = len(noise), float(noise.freedom.sum()), Told(np.zeros(len(noise)))
-    steps = CORRELATIONS if chain is not None and np.any(chain.run >= 0) else ()
+    remembers = chain is not None and np.any(chain.run >= 0)
+    steps = [(0.0, 1.0), *(product(CORRELATIONS, SHARES) if remembers else ())]
     as_stated = best = -np.inf
     told = nothing
-    for correlation in (0.0, *steps):
-        trial = Told(nothing.off, correlation, chain).of(noise)
+    for correlation, share in steps:
+        trial = Told(nothing.off, correlation, share, chain).of(noise)
         volume = trial.log_volume
         white = [(trial.whitened(model.residual), trial.whitened(model.jacobian))
                  for model in models]
@@ -120,7 +126,8 @@ def noise_told(noise: Noise, models: Sequence[Missed], smooth: Callable[[], Iter
             residual, jacobian = white[place]
             off, value, size = _readings_off(residual, jacobian, trial, stated)
             if value - volume > best and not (correlation and stated and size > _LOUDER):
-                best, told = value - volume, Told(off, correlation, chain if correlation else None)
+                best = value - volume
+                told = Told(off, correlation, share, chain if correlation else None)
     if best < as_stated + _BETTER:
         return nothing
     residual, jacobian = (noise.whitened(part)
@@ -153,7 +160,7 @@ def chain_of(table: ReadingTable) -> Memory:
     elapsed = table.states.elapsed[table.state[rows]]
     if len(rows) > 1 and np.all(np.diff(elapsed) > 0):
         clock = elapsed / float(np.median(np.diff(elapsed)))
-    chain = Memory(np.full(len(table), -1), np.zeros(len(table)))
+    chain = Memory.none(len(table))
     chain.run[rows], chain.clock[rows] = run, clock
     return chain
 

@@ -22,7 +22,8 @@ GAIN = np.array([0, 10])
 
 #: Two runs whose errors remember, their readings in no order, and one reading that does not.
 MEMORY = Memory(np.array([0, 0, 1, 0, 1, 0, -1, 1, 1, 0, 0, 1]),
-                np.array([0.1, 3.0, 0.4, 0.2, 0.7, 2.9, 0.0, 0.1, 1.9, 0.5, 0.9, 1.0]))
+                np.array([0.1, 3.0, 0.4, 0.2, 0.7, 2.9, 0.0, 0.1, 1.9, 0.5, 0.9, 1.0]),
+                np.array([1.0, 0.5, 1.0, 0.9, 0.3, 0.5, 1.0, 0.7, 1.0, 0.2, 0.6, 1.0]))
 
 
 def noise_of(sigma: np.ndarray, memory: Memory | None = None) -> Noise:
@@ -38,6 +39,8 @@ def covariance(sigma: np.ndarray, memory: Memory | None = None) -> np.ndarray:
     if memory is not None:
         same = (memory.run[:, None] == memory.run) & (memory.run >= 0) | np.eye(COUNT, dtype=bool)
         correlation = np.exp(-np.abs(memory.clock[:, None] - memory.clock))
+        correlation *= np.sqrt(np.outer(memory.share, memory.share))
+        np.fill_diagonal(correlation, 1.0)
         matrix = np.outer(sigma, sigma) * np.where(same, correlation, 0.0)
     matrix[np.ix_(RUN, RUN)] += LASTING
     matrix[np.ix_(GAIN, GAIN)] += np.outer([2.0, 3.0], [2.0, 3.0])
@@ -133,3 +136,16 @@ def test_parts_stay_parts_only_where_their_noise_was_found() -> None:
     assert found.freedom.tolist() == [5.0, 30.0]
     assert found.part.tolist() == [0, 0, 1, 1]
     assert found[np.array([False, True, True, False])].part.tolist() == [0, 1]
+
+
+def test_many_readings_forget_as_few_do() -> None:
+    """One after the other, where a matrix would be large."""
+    count = 900
+    memory = Memory(np.arange(count) // 300, RANDOM.uniform(0, 30, count),
+                    RANDOM.uniform(0.1, 1.0, count))
+    values = RANDOM.normal(size=(count, 2))
+    many = memory.forgotten(values)
+    for run in range(3):
+        rows = memory.run == run
+        assert memory[rows].forgotten(values[rows]) == pytest.approx(many[rows], abs=1e-9)
+    assert memory.remembered(many) == pytest.approx(values, abs=1e-9)
