@@ -60,7 +60,7 @@ def compose_readings(readings: Columns, curves: Columns) -> Figure:
                              & (table["mass"] == mass)] for key, values in table.items()}
                 for table in (readings, curves)))
         style.describe(axes, "voltage (kV)", _SHOWN[kind], name, bold=True)
-    _models_legend(figure, masses, curves)
+    _models_legend(figure, masses, curves, slips=bool(np.any(readings["counts"] == 0)))
     return figure
 
 
@@ -84,14 +84,20 @@ def _ramp(axes: Axes, colour: str, marker: str, readings: Columns, curves: Colum
         axes.fill_between(voltage, low, high, color=colour, alpha=0.18, linewidth=0)
         axes.plot(voltage, nominal, "--", color=colour, linewidth=0.9)
         axes.plot(voltage, extended, color=colour, linewidth=0.9)
-    axes.plot(readings["voltage"] / 1e3, 1e3 * readings["read"], marker, color=colour,
-              markersize=3, markeredgecolor="white", markeredgewidth=0.3)
+    counts = readings["counts"] != 0
+    axes.plot(readings["voltage"][counts] / 1e3, 1e3 * readings["read"][counts], marker,
+              color=colour, markersize=3, markeredgecolor="white", markeredgewidth=0.3)
+    axes.plot(readings["voltage"][~counts] / 1e3, 1e3 * readings["read"][~counts], "x",
+              color=colour, markersize=5)
 
 
-def _models_legend(figure: Figure, masses: list[float], models: Columns, band: bool = True
-                   ) -> None:
+def _models_legend(figure: Figure, masses: list[float], models: Columns, band: bool = True,
+                   slips: bool = False) -> None:
     """What points, lines and bands are, below the panels."""
     handles: list[Artist] = point_keys([f"{1e3 * mass:.4g} g" for mass in masses])
+    if slips:
+        handles.append(Line2D([], [], marker="x", color=style.GREY, linestyle="", markersize=5,
+                              label="left out"))
     handles.append(line_key("nominal model", "--"))
     if not np.array_equal(models["baseline"], models["extended"], equal_nan=True):
         handles.append(line_key("extended model", "-"))

@@ -69,7 +69,9 @@ def build_diagnosis_page(diagnosis: Diagnosis, folder: Path) -> list[Path]:
     pictures: dict[str, Callable[[], Figure]] = {}
     if len(columns["kind"]):
         pictures["readings"] = lambda: compose_readings(columns, curves)
-        pictures["residuals"] = lambda: compose_residuals(columns)
+        # Readings that do not count would only make the others small.
+        counting = {name: values[columns["counts"] != 0] for name, values in columns.items()}
+        pictures["residuals"] = lambda: compose_residuals(counting)
     if len(runs["kind"]):
         pictures["transients"] = lambda: compose_transients(runs)
     if len(film["kind"]):

@@ -286,7 +286,8 @@ class Conclusions:
             "file": table.file, "line": table.line, "kind": table.kind,
             "specimen": specimens[table.specimen], "mass": table.mass, "voltage": table.voltage,
             "elapsed": table.states.elapsed[table.state], "run": table.run, "order": table.order,
-            "sigma": table.sigma,
+            "sigma": self.films.told.own * table.sigma,
+            "counts": (self.films.told.off == 0).astype(float),
             **{name: common + table.noise.apart(values)
                for name, values in {"read": table.value, **models}.items()},
             **dict(zip("xy", table.places.T, strict=True))}

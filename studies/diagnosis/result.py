@@ -33,7 +33,8 @@ READINGS = "readings.csv"
 CURVES = "curves.csv"
 STRIPS = "strips.csv"
 
-#: The columns of each table in SI: what was read and what both models say; what both models expect
+#: The columns of each table in SI: what was read, what both models say, and whether it counts (1)
+#: or is off by itself (0); what both models expect
 #: at voltages between, reached up (1) or down (-1), and the limits of the band, nan where there is
 #: no equilibrium; what was read of coupons, in place of both.
 TABLES: Mapping[str, tuple[Column, ...]] = {
@@ -42,7 +43,7 @@ TABLES: Mapping[str, tuple[Column, ...]] = {
         Column.labels("specimen"), Column("mass", "g"), Column("voltage", "kV"),
         Column("elapsed", "s"), Column.labels("run", required=False),
         *(Column(name, required=False, absent="nan")
-          for name in ("order", "read", "sigma", "baseline", "extended")),
+          for name in ("order", "read", "sigma", "baseline", "extended", "counts")),
         Column("x", "mm", required=False), Column("y", "mm", required=False)),
     CURVES: (
         Column.labels("kind"), Column.labels("specimen"), Column("mass", "g"),

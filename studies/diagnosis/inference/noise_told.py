@@ -70,13 +70,20 @@ class Told:
 
     ``correlation`` of what the errors of neighbours remember in ``chain``, readings in the order in
     which they may, a step apart, None where they do not; ``share`` of the variance that does;
-    ``off``: how far readings are off by themselves, (n,) [their units], 0 where not.
+    ``off``: how far readings are off by themselves, (n,) [their units], 0 where not; ``own``: what
+    their own noise is of that, (n,).
     """
 
     off: Array
+    own: Array
     correlation: float = 0.0
     share: float = 1.0
     chain: Memory | None = None
+
+    @classmethod
+    def nothing(cls, count: int) -> Told:
+        """Of so many readings whose noise is as stated."""
+        return cls(np.zeros(count), np.ones(count))
 
     def of(self, noise: Noise) -> Noise:
         """A noise with it."""
@@ -88,7 +95,8 @@ class Told:
 
     def __getitem__(self, rows: NDArray[np.bool_]) -> Told:
         """Of some readings."""
-        return replace(self, off=self.off[rows], chain=self.chain and self.chain[rows])
+        return replace(self, off=self.off[rows], own=self.own[rows],
+                       chain=self.chain and self.chain[rows])
 
     def alike(self, other: Told) -> bool:
         """Whether the same readings are off, and errors remember as much."""
@@ -108,13 +116,13 @@ def noise_told(noise: Noise, models: Sequence[Missed], smooth: Callable[[], Iter
     ``models``: the nominal one first; ``smooth`` answers columns of which what else it may miss is
     a random sum, (n, columns), of one kind of misfit after the other.
     """
-    count, stated, nothing = len(noise), float(noise.freedom.sum()), Told(np.zeros(len(noise)))
+    count, stated, nothing = len(noise), float(noise.freedom.sum()), Told.nothing(len(noise))
     remembers = chain is not None and np.any(chain.run >= 0)
     steps = [(0.0, 1.0), *(product(CORRELATIONS, SHARES) if remembers else ())]
     as_stated = best = -np.inf
     told = nothing
     for correlation, share in steps:
-        trial = Told(nothing.off, correlation, share, chain).of(noise)
+        trial = replace(nothing, correlation=correlation, share=share, chain=chain).of(noise)
         volume = trial.log_volume
         white = [(trial.whitened(model.residual), trial.whitened(model.jacobian))
                  for model in models]
@@ -127,7 +135,8 @@ def noise_told(noise: Noise, models: Sequence[Missed], smooth: Callable[[], Iter
             off, value, size = _readings_off(residual, jacobian, trial, stated)
             if value - volume > best and not (correlation and stated and size > _LOUDER):
                 best = value - volume
-                told = Told(off, correlation, share, chain if correlation else None)
+                told = Told(off, noise.sigma / np.hypot(noise.sigma, off), correlation, share,
+                            chain if correlation else None)
     if best < as_stated + _BETTER:
         return nothing
     residual, jacobian = (noise.whitened(part)

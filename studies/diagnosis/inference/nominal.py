@@ -75,7 +75,7 @@ class NominalMisfit:
             raise ArithmeticError("the nominal model has no equilibrium at the states that were "
                                   "read")
         misfit = cls(simulation, table, nominal, _patterns(simulation, table, nominal),
-                     table.noise, Told(np.zeros(len(table))))
+                     table.noise, Told.nothing(len(table)))
         if not table.lengths.all():
             misfit = misfit._with_noise_of_channels(misfit._shown(causes))
         misfit = replace(misfit, stated=misfit.table.noise)

@@ -206,7 +206,7 @@ def judge(simulation: Model, table: ReadingTable, causes: Sequence[Cause],
     if not misfit.told.anything:
         return judged
     every, tests = NominalMisfit.of(judged.simulation, table, causes, workers,
-                                    Told(np.zeros(len(table))))
+                                    Told.nothing(len(table)))
     found = table.noise if table.noise.found else None
     test = tests(every.fit.residual, np.random.default_rng(seed), found)
     return replace(judged, test_of_all=test)

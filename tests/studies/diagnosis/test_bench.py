@@ -11,7 +11,7 @@ from tympan.reports.diagnosis.page import build_diagnosis_page, verdict_words
 from tympan.studies.data.dataset import read_dataset
 from tympan.studies.diagnosis.diagnose import diagnose, judge_dataset
 from tympan.studies.diagnosis.inference.verdict import Judgement
-from tympan.studies.diagnosis.result import Diagnosis
+from tympan.studies.diagnosis.result import READINGS, Diagnosis
 
 BENCH = Path(__file__).parent / "bench"
 
@@ -87,6 +87,9 @@ def test_slips_are_told_by_line_and_size(with_slips: Diagnosis, tmp_path: Path) 
     with_slips.save(tmp_path)
     (file,) = build_diagnosis_page(Diagnosis.load(tmp_path), tmp_path)
     page = file.read_text()
+    columns = Diagnosis.load(tmp_path).tables[READINGS]
+    assert columns["line"][columns["counts"] == 0].tolist() == [11, 42, 55]
+    assert np.all(columns["sigma"] < 15e-6)
     for one in off:
         assert f"static.csv, line {one.line}, reads {one.read:.5g} mm" in words
         assert f"<td>{one.line}</td>" in page

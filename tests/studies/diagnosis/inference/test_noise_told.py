@@ -109,7 +109,7 @@ def test_without_a_chain_no_error_remembers() -> None:
 def test_what_is_told_is_the_noise_that_is_weighed() -> None:
     """A reading off by itself has its size as noise; neighbours are correlated as told."""
     off = np.where(np.arange(COUNT) == 4, 5e-4, 0.0)
-    noise = Told(off, 0.5, 1.0, CHAIN).of(Noise(np.full(COUNT, SIGMA)))
+    noise = Told(off, np.ones(COUNT), 0.5, 1.0, CHAIN).of(Noise(np.full(COUNT, SIGMA)))
     drawn = noise.whitened(np.eye(COUNT))
     covariance = np.linalg.inv(drawn.T @ drawn)
     assert covariance[4, 4] == pytest.approx(SIGMA**2 + 25e-8)
