@@ -119,11 +119,11 @@ def noise_told(noise: Noise, models: Sequence[Missed], smooth: Callable[[], Iter
     count, stated, nothing = len(noise), float(noise.freedom.sum()), Told.nothing(len(noise))
     remembers = chain is not None and np.any(chain.run >= 0)
     steps = [(0.0, 1.0), *(product(CORRELATIONS, SHARES) if remembers else ())]
-    as_stated = best = -np.inf
-    told = nothing
+    as_stated, best, told = -np.inf, -np.inf, nothing
     for correlation, share in steps:
         trial = replace(nothing, correlation=correlation, share=share, chain=chain).of(noise)
-        volume = trial.log_volume
+        # Errors that remember must do better than readings that are off do alone.
+        volume = trial.log_volume + (_BETTER if correlation else 0.0)
         white = [(trial.whitened(model.residual), trial.whitened(model.jacobian))
                  for model in models]
         plain = [_value(*_rest(*model), count, stated) - volume for model in white]
@@ -137,13 +137,14 @@ def noise_told(noise: Noise, models: Sequence[Missed], smooth: Callable[[], Iter
                 best = value - volume
                 told = Told(off, noise.sigma / np.hypot(noise.sigma, off), correlation, share,
                             chain if correlation else None)
-    if best < as_stated + _BETTER:
+    reached = best + (_BETTER if told.correlation else 0.0)
+    if reached < as_stated + _BETTER:
         return nothing
     residual, jacobian = (noise.whitened(part)
                           for part in (models[0].residual, models[0].jacobian))
     misfits = (_smooth_value(residual, jacobian, noise.whitened(columns), stated)
                for columns in smooth())
-    return nothing if any(misfit > best for misfit in misfits) else told
+    return nothing if any(misfit > reached for misfit in misfits) else told
 
 
 def probability_off(size: Array) -> Array:

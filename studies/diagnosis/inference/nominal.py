@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -88,8 +89,16 @@ class NominalMisfit:
         return misfit, tests
 
     def signatures(self, causes: Sequence[Cause]) -> Signatures:
-        """What causes show in the readings."""
-        return signatures(self.simulation, self.table, self.fit.unknowns, causes)
+        """What causes show in the readings, worked out once."""
+        key = tuple(causes)
+        if key not in self._signatures:
+            self._signatures[key] = signatures(self.simulation, self.table, self.fit.unknowns,
+                                               causes)
+        return self._signatures[key]
+
+    @cached_property
+    def _signatures(self) -> dict[tuple[Cause, ...], Signatures]:
+        return {}
 
     def louder(self, factor: float) -> NominalMisfit:
         """All of it with a factor on the noise of each reading by itself."""
