@@ -24,6 +24,10 @@ _SHORT = 1e-6
 #: Intervals between two breaks of a piece in which it crosses an axis once at most.
 _EACH = 8
 
+#: Places along each axis at which the cover of an outline and of patches is looked at: a share to
+#: some thousandths.
+_PLACES = 150
+
 #: Signs of both coordinates, counterclockwise.
 _QUADRANTS = ((1, 1), (-1, 1), (-1, -1), (1, -1))
 
@@ -47,6 +51,27 @@ def rings(specimen: Specimen) -> dict[str, list[tuple[Curve, Curve | None]]]:
     bare = [(outer, inner) for outer, inner in pairwise(curves) if outer is not None]
     covered = bare.pop(1 if electrode.margin_frame > 0 else 0)
     return {"covered": [covered], "bare": bare}
+
+
+def covered_share(specimen: Specimen) -> float:
+    """Share of the film between plate and frame that the electrode covers, by area."""
+    areas = {kind: sum(float(outer.area - (inner.area if inner else 0.0)) for outer, inner in parts)
+             for kind, parts in rings(specimen).items()}
+    electrode, plate = specimen.electrode, specimen.plate
+    share = areas["covered"] / (areas["covered"] + areas["bare"])
+    if electrode.outline is None and not electrode.patches:
+        return share
+    middles = (np.arange(_PLACES) + 0.5) / _PLACES * 2 - 1
+    x, y = (axis.ravel() for axis in np.meshgrid(
+        *(half * middles for half in specimen.frame.semi_axes)))
+    within = specimen.frame.level(x, y) < -electrode.margin_frame
+    if plate is not None:
+        within &= plate.level(x, y) > electrode.margin_plate
+    x, y = x[within], y[within]
+    covered = np.broadcast_to(electrode.coverage(x, y), x.shape)
+    if electrode.outline is not None:
+        covered = covered * (electrode.outline.level(x, y) < 0)
+    return share * float(covered.mean())
 
 
 def _edge_of_band(curve: Curve, width: float) -> Curve:

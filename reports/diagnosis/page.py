@@ -50,6 +50,9 @@ _PICTURES = ("readings", "residuals", "transients", "film", "loaded", "strips")
 #: Of maps of films within the pictures.
 _DPI = 200
 
+#: Probability of none of the library from which the text tells it.
+_UNKNOWN = 0.1
+
 #: Effects told of where none explains what is wrong.
 _TRIED = 4
 
@@ -111,7 +114,8 @@ def verdict_words(diagnosis: Diagnosis) -> str:
     """What follows the headline, in a few sentences."""
     named = [cause for cause in diagnosis.causes if diagnosis.verdict == "named" and cause.named]
     words = _said("verdict", diagnosis, named, _suspects(diagnosis),
-                  _worst_ratios(diagnosis.misfit), _unit(diagnosis))
+                  _worst_ratios(diagnosis.misfit), _unit(diagnosis),
+                  diagnosis.probability.unknown >= _UNKNOWN)
     return " ".join(filter(None, (words, _said("told", diagnosis))))
 
 

@@ -20,6 +20,7 @@ from tympan.studies.diagnosis.fits.evidence import interval
 from tympan.studies.diagnosis.fits.fit import Fit
 from tympan.studies.diagnosis.gain import GainReport, gain_of
 from tympan.studies.diagnosis.hypothesis import Cause
+from tympan.studies.diagnosis.inference.families import family_size, undecided
 from tympan.studies.diagnosis.inference.identifiability import detectable_effects
 from tympan.studies.diagnosis.inference.noise_told import probability_off
 from tympan.studies.diagnosis.inference.posterior import Posterior
@@ -40,6 +41,8 @@ from tympan.studies.diagnosis.sentences import (
     headline_of,
     next_step,
     of_data,
+    pattern_checks,
+    probability_text,
     slip,
     suspects_among,
     together,
@@ -48,6 +51,7 @@ from tympan.studies.diagnosis.sentences import (
 from tympan.studies.diagnosis.shown.curves import curves
 from tympan.studies.diagnosis.shown.loaded_films import loaded_films
 from tympan.studies.effects import Setup
+from tympan.studies.effects.findings import FoundSize, family_finding
 
 Array = NDArray[np.float64]
 
@@ -116,8 +120,16 @@ class Conclusions:
 
     @property
     def chosen(self) -> Fit | None:
-        """The hypothesis the extended model has, None when nothing is wrong."""
-        return self.judgement.chosen
+        """The hypothesis the extended model has, None when nothing is wrong or none is better.
+
+        Where nothing explains the readings, one that misses those held out by no less than the
+        nominal model is none.
+        """
+        return self.judgement.chosen if self.gain.extends else None
+
+    def _known(self, fit: Fit) -> Fit:
+        """A fit for its sizes' limits, which count the misfit where nothing explains it."""
+        return fit.louder(self._widened(fit))
 
     @cached_property
     def single_effects(self) -> list[Fit]:
@@ -128,6 +140,11 @@ class Conclusions:
     def films(self) -> Judgement:
         """The judgement's part on readings of actuators, where there are some."""
         return self.judgement.of_first()
+
+    @property
+    def _of_films(self) -> Fit | None:
+        """The part of what is chosen on readings of actuators."""
+        return self.films.chosen if self.gain.extends else None
 
     @property
     def simulation(self) -> Model:
@@ -155,6 +172,7 @@ class Conclusions:
         ``self_check``: what is concluded from synthetic readings, None where that was not asked.
         """
         judged, posterior, chosen = self.judgement, self.judgement.posterior, self.chosen
+        nominal = self._known(judged.nominal)
         unit = judged.table.unit
         causes = () if posterior is None else tuple(self._causes(posterior))
         found = of_data(judged)
@@ -181,10 +199,10 @@ class Conclusions:
                 posterior.nothing, posterior.discrepancy),
             attempts=tuple(self._attempt(fit) for fit in self.single_effects),
             after=None if chosen is None else result.After(
-                rmse=self._rmse(self.films.chosen),
+                rmse=self._rmse(self._of_films),
                 p_value=None if judged.after is None else judged.after.p_value,
                 effects=tuple(map(str, chosen.hypothesis))),
-            baseline={name: result.Factor(*np.exp(interval(judged.nominal, number)).tolist())
+            baseline={name: result.Factor(*np.exp(interval(nominal, number)).tolist())
                       for number, name in enumerate(("stiffness_factor", "permittivity_factor"))},
             noisier=result.Noisier(_NOISIER, self._with_more_noise()),
             small_errors=judged.small_errors,
@@ -204,14 +222,18 @@ class Conclusions:
             extended=self._extended_files(),
             coupons=None if self.coupons is None else self.coupons.diagnosis())
 
+    def _widened(self, fit: Fit) -> float:
+        return fit.misfit if self.verdict == "unexplained" else 1.0
+
     def _attempt(self, fit: Fit) -> result.Attempt:
         """An effect fitted alone."""
-        cause = fit.hypothesis[0]
+        cause, known = fit.hypothesis[0], self._known(fit)
         widths = fit.surprise(cause)
         return result.Attempt(
             effect=cause.name, which=cause.which, explains=self.judgement.explained(fit),
-            parameters=_parameters(fit, cause), headline=headline_of(fit, cause),
-            prior_widths=widths, plausible=widths <= _PLAUSIBLE, at_limit=fit.at_limit)
+            parameters=_parameters(known, cause), headline=headline_of(known, cause),
+            widened=self._widened(fit), prior_widths=widths, plausible=widths <= _PLAUSIBLE,
+            at_limit=fit.at_limit)
 
     def _rmse(self, fit: Fit | None) -> float:
         """Root mean square of what a fit of the films misses, as it was read."""
@@ -272,7 +294,7 @@ class Conclusions:
 
     def _tables(self) -> Iterator[tuple[str, Columns]]:
         """What was read, and what both models say there and, of actuators, between."""
-        table, nominal, chosen = self.films.table, self.films.nominal, self.films.chosen
+        table, nominal, chosen = self.films.table, self.films.nominal, self._of_films
         specimens = np.array([specimen.name for specimen in self.simulation.setup.specimens])
         # Lengths as they were read: what several have in common is counted with the models.
         common = np.where(table.lengths, table.value - table.noise.apart(table.value), 0.0)
@@ -301,15 +323,30 @@ class Conclusions:
             if probability < _LEAST and cause not in judged.suspects:
                 continue
             fit = rivals.get(cause) or next(
-                fit for fit in (self.chosen, *posterior.fits, *judged.alone)
+                fit for fit in (judged.chosen, *posterior.fits, *judged.alone)
                 if fit and cause in fit.hypothesis)
+            widened, fit = self._widened(fit), self._known(fit)
+            family = self._family(fit, cause)
+            chance = probability_text(probability)
             yield result.FoundCause(
                 effect=cause.name, which=cause.which, probability=probability,
-                headline=headline_of(fit, cause, probability),
+                headline=(f"{family.headline} ({chance})" if family
+                          else headline_of(fit, cause, chance)),
                 clear=any(size.clear for size in found_sizes(fit, cause).values()),
-                check=check_of(cause), surprise=fit.surprise(cause), only_its_size=cause in rivals,
+                check=check_of(cause, self.readings.told), family=family,
+                surprise=fit.surprise(cause), only_its_size=cause in rivals,
                 others=tuple(str(other) for other in fit.hypothesis if other != cause),
-                named=cause in judged.named, parameters=_parameters(fit, cause))
+                named=cause in judged.named, parameters=_parameters(fit, cause), widened=widened)
+
+    def _family(self, fit: Fit, cause: Cause) -> result.FoundFamily | None:
+        """What a cause at a fit stands for, where these readings do not tell it from others."""
+        family = undecided(cause, self.readings.told)
+        if family is None:
+            return None
+        size = family_size(self.judgement.simulation, fit, cause, family)
+        return result.FoundFamily(
+            name=family.name, headline=family_finding(family, size), size=_shown(size),
+            members=tuple(effect.name for effect in family.members), member=headline_of(fit, cause))
 
     def _with_more_noise(self) -> float | None:
         """Probability of what is named with a larger noise, roughly; None where nothing is named.
@@ -363,10 +400,12 @@ class Conclusions:
             worth = [fit for fit in self.single_effects
                      if self.judgement.explained(fit) >= _WORTH][:_CHECKS]
             advice = WORDS["again" if of_data(self.judgement) is None else "put_right"]
-            checks = [check_of(fit.hypothesis[0]) for fit in worth]
+            checks = [*pattern_checks(self.films), *(check_of(fit.hypothesis[0], self.readings.told)
+                                                     for fit in worth)]
         if words := slip(self.films):
             look_up = WORDS["look_up"].format(slip=words)
-            checks = [look_up] if self.verdict == "unexplained" else [look_up, *checks]
+            checks = ([look_up, *pattern_checks(self.films)] if self.verdict == "unexplained"
+                      else [look_up, *checks])
         step = result.NextExperiment(what=next_step(self.verdict, checks, advice),
                               checks=tuple(dict.fromkeys(checks)), after_checks=advice)
         if self.verdict == "unexplained" or not self.proposals:
@@ -400,10 +439,12 @@ def _verdict(judgement: Judgement, readings: PreparedReadings) -> Verdict:
 
 def _parameters(fit: Fit, cause: Cause) -> dict[str, result.ShownSize]:
     """The parameters of a cause at a fit, in the units to show, with 95 % limits; inf is None."""
-    parameters = {}
-    for name, size in found_sizes(fit, cause).items():
-        shown = (size.parameter.shown(value) for value in (size.value, size.low, size.high))
-        value, low, high = (item if np.isfinite(item) else None for item in shown)
-        parameters[name] = result.ShownSize(value, size.parameter.unit, low, high,
-                                     "" if size.range else f"{size}")
-    return parameters
+    return {name: _shown(size) for name, size in found_sizes(fit, cause).items()}
+
+
+def _shown(size: FoundSize) -> result.ShownSize:
+    """A size as people read it, with words where it is known to one side alone."""
+    numbers = (size.parameter.shown(value) for value in (size.value, size.low, size.high))
+    value, low, high = (item if np.isfinite(item) else None for item in numbers)
+    return result.ShownSize(value, size.parameter.unit, low, high,
+                            "" if size.range else f"{size}")

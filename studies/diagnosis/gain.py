@@ -24,7 +24,7 @@ from tympan.studies.diagnosis.inference.exploration import pair_starts
 from tympan.studies.diagnosis.inference.identifiability import SAME, signatures, visibility
 from tympan.studies.diagnosis.inference.posterior import NOTHING, priors
 from tympan.studies.diagnosis.inference.predictive import SHARE, Predictive
-from tympan.studies.diagnosis.inference.smooth_misfit import GaussianProcess
+from tympan.studies.diagnosis.inference.smooth_misfit import Discrepancy, GaussianProcess
 from tympan.studies.diagnosis.inference.verdict import Judgement
 from tympan.studies.diagnosis.reading_table import MICROMETRES, ReadingTable, Unit
 from tympan.studies.diagnosis.result import Coverage, Gain, HeldOut
@@ -62,6 +62,7 @@ class SplitGain:
     has no equilibrium are left out. ``ramp`` numbers specimen and mass of each row; ``note`` says
     why the split says nothing of the gain, if so. ``below``: the probabilities that less is read
     than was, in every row, by all hypotheses together; none where the cause cannot be learned.
+    ``nominally``: the same by the nominal model alone, where nothing explains the readings.
     """
 
     kind: str
@@ -73,6 +74,7 @@ class SplitGain:
     ramp: NDArray[np.int64]
     note: str = ""
     below: Array = field(default_factory=lambda: np.empty(0))
+    nominally: Array = field(default_factory=lambda: np.empty(0))
 
     @property
     def rmse(self) -> dict[str, float]:
@@ -93,17 +95,20 @@ class SplitGain:
 class GainReport:
     """The gain ``overall``, each split, and in words which splits there are not, and why.
 
-    ``overall`` is None where nothing could be held out.
+    ``overall`` is None where nothing could be held out. ``extends``: an extended model is worth
+    having: where nothing explains the readings, if it misses those held out by less.
     """
 
     overall: Gain | None
     splits: tuple[SplitGain, ...]
     impossible: tuple[str, ...]
+    extends: bool = True
 
     @property
     def predictive(self) -> Coverage | None:
         """How well readings held out were predicted; None without any."""
-        below = np.concatenate([np.empty(0), *(split.below for split in self.splits)])
+        below = np.concatenate([np.empty(0), *(split.below if self.extends else split.nominally
+                                               for split in self.splits)])
         below = below[np.isfinite(below)]
         if not len(below):
             return None
@@ -122,12 +127,48 @@ def gain_of(simulation: Model, table: ReadingTable, causes: Sequence[Cause],
     """
     table = table.with_noise(judgement.table.noise)
     splits, impossible = splits_of(simulation, table)
-    tested = tuple(_tested(simulation, table, causes if judgement.chosen else (), split, judgement)
-                   for split in splits)
+    unexplained = judgement.verdict == "unexplained"
+    beyond = _Beyond.of(judgement, table) if unexplained and splits else None
+    tested = tuple(_tested(simulation, table, causes if judgement.chosen else (), split, judgement,
+                           beyond) for split in splits)
     overall = _overall(tested, seed, table.unit)
     return GainReport(overall and replace(
         overall, splits=tuple(split.shown(table.unit) for split in tested), impossible=impossible),
-        tested, impossible)
+        tested, impossible, not unexplained or _better(overall))
+
+
+def _better(gain: Gain | None) -> bool:
+    """Whether the extended model misses readings held out by less than the nominal one."""
+    return (gain is not None and gain.rmse_before is not None and gain.rmse_after is not None
+            and gain.rmse_after < gain.rmse_before)
+
+
+@dataclass(frozen=True, eq=False)
+class _Beyond:
+    """What is there beside a nominal and a chosen fit that explain nothing, by all readings.
+
+    That something is wrong all readings say, and how large it is; so parts of them count it too.
+    ``noise``: a factor on it where there are no lengths, of which a discrepancy is a smooth one.
+    """
+
+    nominal: Discrepancy | None
+    chosen: Discrepancy | None
+    noise: float
+
+    @classmethod
+    def of(cls, judgement: Judgement, table: ReadingTable) -> _Beyond:
+        nominal, chosen = judgement.nominal, judgement.chosen or judgement.nominal
+        of_nominal = Discrepancy.of(nominal, table)
+        return cls(of_nominal, of_nominal if chosen is nominal else Discrepancy.of(chosen, table),
+                   1.0 if of_nominal else chosen.misfit)
+
+    def below(self, simulation: Model, fits: Sequence[Fit], weights: Array, train: ReadingTable,
+              test: ReadingTable) -> Array:
+        """As :meth:`Predictive.below` of fits to a part of the readings, at what was read."""
+        whole = self.chosen if fits[0].hypothesis else self.nominal
+        expected = Predictive.of(simulation, fits, weights, test,
+                                 whole and replace(whole, table=train))
+        return expected.below(test.value, self.noise * test.noise.total)
 
 
 def splits_of(simulation: Model,
@@ -157,7 +198,7 @@ def _unfit(kind: str, test: Rows, table: ReadingTable, levels: NDArray[Any]) -> 
 
 
 def _tested(simulation: Model, table: ReadingTable, causes: Sequence[Cause], split: Split,
-            judgement: Judgement) -> SplitGain:
+            judgement: Judgement, beyond: _Beyond | None) -> SplitGain:
     kind, held_out, rows = split
     train = table[~rows].compact()
     counted = rows & table.judged
@@ -168,8 +209,13 @@ def _tested(simulation: Model, table: ReadingTable, causes: Sequence[Cause], spl
     fits, logs = _alternatives(simulation, train, trained, nominal, judgement.alone)
     chosen, wrong = (*fits, nominal)[0], _unlike_the_best(fits, judgement.indistinguishable)
     # That something is wrong all readings say; what it is, those left to train on.
-    expected = Predictive.of(simulation, fits or [nominal],
-                             np.exp(np.array(logs or [0.0]) - max(logs, default=0.0)), test)
+    members = fits or [nominal], np.exp(np.array(logs or [0.0]) - max(logs, default=0.0))
+    nominally = np.empty(0)
+    if beyond is None:
+        below = Predictive.of(simulation, *members, test).below(test.value, test.noise.total)
+    else:
+        below = beyond.below(simulation, *members, train, test)
+        nominally = beyond.below(simulation, [nominal], np.ones(1), train, test)
 
     before, after, rival = (
         test.value - simulation.predict(model.hypothesis, model.unknowns, test) if model
@@ -194,8 +240,8 @@ def _tested(simulation: Model, table: ReadingTable, causes: Sequence[Cause], spl
         note = f"nothing is seen to be wrong while {held_out} is held out" if unseen else ""
     return SplitGain(kind, held_out, rows, chosen.hypothesis, wrong.hypothesis if wrong else (),
                      {name: values[solved] for name, values in errors.items()},
-                     table.ramp[counted][solved], note,
-                     np.empty(0) if hidden else expected.below(test.value, test.noise.total))
+                     table.ramp[counted][solved], note, np.empty(0) if hidden else below,
+                     nominally)
 
 
 def _alternatives(simulation: Model, table: ReadingTable, causes: Sequence[Cause],

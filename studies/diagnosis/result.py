@@ -78,6 +78,18 @@ class ShownSize:
 
 
 @dataclass(frozen=True, kw_only=True)
+class FoundFamily:
+    """Causes that these readings do not tell apart, one of which was found."""
+
+    name: Annotated[str, Key("name of the family")]
+    headline: Annotated[str, Key("what all of them mean here")]
+    size: Annotated[ShownSize, Key("what they have in common")]
+    members: Annotated[tuple[str, ...], Key("effects of the library that belong to it")]
+    member: Annotated[str, Key("what it means if it is the one found, which the extended model "
+                               "has")]
+
+
+@dataclass(frozen=True, kw_only=True)
 class FoundCause:
     """An effect that may be what is wrong, given that something is."""
 
@@ -94,6 +106,11 @@ class FoundCause:
     named: Annotated[bool, Key("whether it stands out")] = False
     parameters: Annotated[dict[str, ShownSize], Key("sizes by the parameter's name")] = field(
         default_factory=dict)
+    family: Annotated[FoundFamily | None, Key(
+        "what it stands for, where these readings do not tell it from others")] = None
+    widened: Annotated[float, Key("factor on the limits of its sizes: the root of what it leaves "
+                                  "per degree of freedom (χ²) where nothing explains the readings, "
+                                  "else 1")] = 1.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -108,6 +125,9 @@ class Attempt:
     prior_widths: Annotated[float, Key("its size over the usual one")]
     plausible: Annotated[bool, Key("whether that size is usual")]
     at_limit: Annotated[bool, Key("whether it would want more than physics allows")]
+    widened: Annotated[float, Key("factor on the limits of its sizes: the root of what it leaves "
+                                  "per degree of freedom (χ²) where nothing explains the readings, "
+                                  "else 1")] = 1.0
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,12 +11,14 @@ from tympan.studies.data.findings import Finding
 from tympan.studies.diagnosis.fits.evidence import interval
 from tympan.studies.diagnosis.fits.fit import Fit
 from tympan.studies.diagnosis.hypothesis import FACTORS, Cause, sizes_of
+from tympan.studies.diagnosis.inference.families import undecided
 from tympan.studies.diagnosis.inference.projection import beside, taken_by
 from tympan.studies.diagnosis.inference.relabelled import Relabelling
 from tympan.studies.diagnosis.inference.verdict import Judgement
 from tympan.studies.diagnosis.patterns.reading_patterns import EACH_RUN, JUMPS, over
 from tympan.studies.diagnosis.result import FoundCause
-from tympan.studies.diagnosis.slips import run_columns
+from tympan.studies.diagnosis.slips import load_columns, run_columns
+from tympan.studies.effects.effect import Quantity
 from tympan.studies.effects.findings import FoundSize, finding, limits_told
 from tympan.studies.files import words_beside
 
@@ -68,18 +70,17 @@ def found_sizes(fit: Fit, cause: Cause) -> dict[str, FoundSize]:
     return sizes
 
 
-def headline_of(fit: Fit, cause: Cause, probability: float | None = None) -> str:
-    """What a cause at a fit means here, with its size."""
+def headline_of(fit: Fit, cause: Cause, chance: str = "") -> str:
+    """What a cause at a fit means here, with its size, and its probability in words."""
     sizes = found_sizes(fit, cause)
-    chance = "" if probability is None else probability_text(probability)
     inside = ", ".join(filter(None, (limits_told(cause.effect, sizes), chance)))
     sentence = finding(cause.effect, sizes, cause.which)
     return f"{sentence} ({inside})" if inside else sentence
 
 
-def check_of(cause: Cause) -> str:
-    """What to look at on the bench."""
-    return cause.effect.check.format(which=cause.which)
+def check_of(cause: Cause, told: set[Quantity]) -> str:
+    """What to look at on the bench, by what the readings tell already."""
+    return (undecided(cause, told) or cause.effect).check.format(which=cause.which)
 
 
 def suspects_among(causes: Sequence[FoundCause]) -> list[FoundCause]:
@@ -127,11 +128,7 @@ def slip(judged: Judgement) -> str:
     """What of a misfit looks like a slip of the pen, if that takes more than any other pattern."""
     if (found := of_data(judged)) is not None:
         return found.what
-    taken = taken_by(judged.nominal.free_jacobian)
-    slips = _slips(judged, taken)
-    shares = _shares(judged, taken, _singled(judged) | slips)
-    best = max(shares, key=lambda name: shares[name], default="")
-    if best in slips:
+    if best := _slipped(judged):
         return judged.test.words(best)
     odd = judged.odd_specimen
     return WORDS["odd_specimen"].format(specimen=odd) if odd else ""
@@ -168,15 +165,52 @@ def relabelled(judged: Judgement, labels: Relabelling) -> str:
                              simulation=WORDS["beside" if beside else "alone"].format(beside))
 
 
-def where(judged: Judgement) -> str:
-    """Where the misfit is: a slip of the pen, or the pattern that takes most of it, and one more.
+def _slipped(judged: Judgement) -> str:
+    """The run, load or readings that take more of a misfit than any pattern; "" if none do."""
+    taken = taken_by(judged.nominal.free_jacobian)
+    slips = _slips(judged, taken)
+    shares = _shares(judged, taken, _singled(judged) | slips)
+    best = max(shares, key=lambda name: shares[name], default="")
+    return best if best in slips else ""
 
-    That takes most beside all of the first one's kind. Each is counted by what it takes that the
-    refitted stiffness and permittivity leave; so a specimen is not blamed for what these have
-    moved.
-    """
+
+def where(judged: Judgement) -> str:
+    """Where the misfit is: a slip of the pen, or the pattern that takes most, and one more."""
     if words := slip(judged):
         return words
+    told_of, shares = _told(judged)
+    parts = [judged.test.words(name) for name in told_of]
+    if told_of and told_of[0].startswith("specimen ") and not _alone(told_of[0], shares):
+        parts[0] = WORDS["apart"]
+    return "; ".join(parts)
+
+
+def pattern_checks(judged: Judgement) -> list[str]:
+    """What to look at on the bench, by where the misfit of the nominal model is."""
+    if of_data(judged) is not None:
+        return []
+    if best := _slipped(judged):
+        told_of, shares = [best], dict[str, float]()
+    elif judged.odd_specimen:
+        return [WORDS["look_specimen"].format(name=judged.odd_specimen)]
+    else:
+        told_of, shares = _told(judged)
+    checks = []
+    for name in told_of:
+        kind, _, rest = name.partition(" ")
+        if kind == "specimen" and not _alone(name, shares):
+            kind = "specimens"
+        checks.append(WORDS.get(f"look_{kind}", "").format(name=rest))
+    return [check for check in checks if check]
+
+
+def _told(judged: Judgement) -> tuple[list[str], dict[str, float]]:
+    """The pattern that takes most of the misfit, and one more; and what all take at first.
+
+    The second takes most beside all of the first one's kind. Each is counted by what it takes that
+    the refitted stiffness and permittivity leave; so a specimen is not blamed for what these have
+    moved.
+    """
     columns = _singled(judged)
     taken, told_of = taken_by(judged.nominal.free_jacobian), list[str]()
     first: dict[str, float] = {}
@@ -191,10 +225,7 @@ def where(judged: Judgement) -> str:
         first = first or shares
         of_kind = [values for name, values in others.items() if name.split()[0] == best.split()[0]]
         taken = np.hstack([taken, beside(taken, np.hstack(of_kind))])
-    parts = [judged.test.words(name) for name in told_of]
-    if told_of and told_of[0].startswith("specimen "):
-        parts[0] = _specimens(told_of[0], parts[0], first)
-    return "; ".join(parts)
+    return told_of, first
 
 
 def _shares(judged: Judgement, taken: Array, columns: dict[str, Array]) -> dict[str, float]:
@@ -205,16 +236,14 @@ def _shares(judged: Judgement, taken: Array, columns: dict[str, Array]) -> dict[
 
 
 def _slips(judged: Judgement, taken: Array) -> dict[str, Array]:
-    """Columns of the run that is off more than the others, if one is."""
-    table = judged.table
+    """Columns of the run and of the load that is off more than the others, if one is."""
+    table, slips = judged.table, dict[str, Array]()
     names = [specimen.name for specimen in judged.simulation.setup.specimens]
-    slips: dict[str, Array] = {}
-    runs = run_columns(table, names)
-    shares = _shares(judged, taken, runs)
-    others = sorted(shares.values())[:-1]
-    best = max(shares, key=lambda name: shares[name], default=None)
-    if best is not None and (not others or shares[best] >= _ALONE * others[-1]):
-        slips[best] = runs[best]
+    for columns in (run_columns(table, names), load_columns(table)):
+        shares = _shares(judged, taken, columns)
+        best = max(shares, key=lambda name: shares[name], default=None)
+        if best is not None and _alone(best, shares, shares):
+            slips[best] = columns[best]
     return slips
 
 
@@ -239,8 +268,7 @@ def _taken(nominal: Fit, taken: Array, columns: Array) -> float:
     return float(np.sum((basis.T @ nominal.residual) ** 2) - basis.shape[1])
 
 
-def _specimens(best: str, words: str, shares: dict[str, float]) -> str:
-    """Words for a specimen's pattern; others where another specimen's takes nearly as much."""
-    others = [share for name, share in shares.items()
-              if name.startswith("specimen ") and name != best]
-    return WORDS["apart"] if shares[best] < _ALONE * max([*others, 0.0]) else words
+def _alone(best: str, shares: Mapping[str, float], rivals: Iterable[str] = ()) -> bool:
+    """Whether no other specimen, or none of some rivals, takes nearly as much."""
+    among = rivals or [name for name in shares if name.startswith("specimen ")]
+    return shares[best] >= _ALONE * max([*(shares[name] for name in among if name != best), 0.0])

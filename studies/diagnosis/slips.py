@@ -1,4 +1,4 @@
-"""What a slip of the pen makes wrong of one run of readings.
+"""What a slip of the pen makes wrong of one run, or of one load.
 
 No effect of the library does that. Such columns serve to say where a misfit is, not to test
 whether there is one.
@@ -18,14 +18,16 @@ Array = NDArray[np.float64]
 #: Columns of a run: polynomials in the voltage's square.
 COLUMNS = 3
 
+#: Fewest masses of which one can be off: of two, either may be.
+_MASSES = 3
+
 
 def run_columns(table: ReadingTable, names: Sequence[str]) -> dict[str, Array]:
     """Columns over the noise of each run of deflections, where its specimen has others beside it.
 
     A length each, smooth in the voltage.
     """
-    squared = (table.voltage / max(float(table.voltage.max(initial=0.0)), 1.0)) ** 2
-    smooth = squared[:, None] ** np.arange(COLUMNS) / table.sigma[:, None]
+    smooth = _smooth(table)
     labels = np.stack([part.astype(str) for part in (table.specimen, table.mass, table.run)], 1)
     runs, number = np.unique(labels[table.lengths], axis=0, return_inverse=True)
     inside = np.full(len(table), -1)
@@ -34,6 +36,23 @@ def run_columns(table: ReadingTable, names: Sequence[str]) -> dict[str, Array]:
     return {f"run {_run_words(table, names, inside == place)}":
             np.where((inside == place)[:, None], smooth, 0.0)
             for place in range(len(runs)) if not alone[place]}
+
+
+#: Fewest masses of which one can be off: of two, either may be.
+_MASSES = 3
+
+def load_columns(table: ReadingTable) -> dict[str, Array]:
+    """The same of all deflections under each mass, of three or more."""
+    masses = np.unique(table.mass[table.lengths])
+    return {f"load {1e3 * mass:.4g} g": np.where(
+        ((table.mass == mass) & table.lengths)[:, None], _smooth(table), 0.0)
+        for mass in (masses.tolist() if len(masses) >= _MASSES else ())}
+
+
+def _smooth(table: ReadingTable) -> Array:
+    """Polynomials in the voltage's square over the noise."""
+    squared = (table.voltage / max(float(table.voltage.max(initial=0.0)), 1.0)) ** 2
+    return np.asarray(squared[:, None] ** np.arange(COLUMNS) / table.sigma[:, None])
 
 
 def _run_words(table: ReadingTable, names: Sequence[str], rows: NDArray[np.bool_]) -> str:

@@ -144,6 +144,30 @@ class EffectParameter:
 
 
 @dataclass(frozen=True)
+class Family:
+    """Effects that readings do not tell apart, but by quantities that few datasets have.
+
+    ``measure`` is what they have in common, ``of(specimen)`` its value. ``alike``: others that do
+    as much as one of them have at least and at most so many times its measure, by trial; some are
+    no effects of the library. ``told_by``: what must be read to tell them. ``finding`` is what is
+    said of all of them, with the measure as ``{share}``, and ``check`` what to do.
+    """
+
+    name: str
+    finding: str
+    check: str
+    measure: EffectParameter
+    of: Callable[[Specimen], float]
+    alike: tuple[float, float]
+    told_by: tuple[Quantity, ...]
+
+    @property
+    def members(self) -> tuple[Effect, ...]:
+        """Its effects, in the order of the registry."""
+        return tuple(effect for effect in EFFECTS.values() if effect.family is self)
+
+
+@dataclass(frozen=True)
 class Effect:
     """A pure edit of a :class:`Setup` by some parameters.
 
@@ -153,7 +177,8 @@ class Effect:
     the laboratory; ``finding`` what is said where it is found, as
     :func:`tympan.studies.effects.findings.finding` fills it in, and ``check`` what to do there
     to see it directly, both of them with the specimen as ``{which}``. It shows in the quantities
-    ``shows_in`` alone, and, if there are none, wherever it changes something.
+    ``shows_in`` alone, and, if there are none, wherever it changes something. ``family``: what it
+    is one of, if others do the same.
     """
 
     name: str
@@ -164,6 +189,7 @@ class Effect:
     edit: Callable[..., Setup]
     on_one: bool = False
     shows_in: tuple[Quantity, ...] = ()
+    family: Family | None = None
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -202,8 +228,8 @@ Use = tuple[str, tuple[float, ...], str | None]
 EFFECTS: Registry[Effect] = Registry("name")
 
 
-def effect(explanation: str, *, finding: str, check: str, shows_in: tuple[Quantity, ...] = ()
-           ) -> Callable[[Callable[..., Setup]], Effect]:
+def effect(explanation: str, *, finding: str, check: str, shows_in: tuple[Quantity, ...] = (),
+           family: Family | None = None) -> Callable[[Callable[..., Setup]], Effect]:
     """Register an edit as the effect of its name: its annotated arguments are the parameters.
 
     One with an argument ``which`` is on one specimen.
@@ -222,7 +248,7 @@ def effect(explanation: str, *, finding: str, check: str, shows_in: tuple[Quanti
             raise TypeError(f"the finding of {edit.__name__} speaks of {', '.join(unknown)}, which "
                             "is no argument of it")
         made = Effect(edit.__name__, explanation, finding, check, parameters, edit,
-                      on_one="which" in hints, shows_in=shows_in)
+                      on_one="which" in hints, shows_in=shows_in, family=family)
         EFFECTS.register(made)
         return made
 

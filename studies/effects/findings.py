@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from math import floor, inf, log10
 from string import Formatter
 
-from tympan.studies.effects.effect import Effect, EffectParameter
+from tympan.studies.effects.effect import Effect, EffectParameter, Family
 
 #: Most significant digits of a number in a sentence. No effect is known better.
 _DIGITS = 3
@@ -107,6 +107,11 @@ def _power(size: float) -> int:
 def finding(effect: Effect, sizes: Mapping[str, FoundSize], which: str | None) -> str:
     """The sentence of an effect that was found, without a stop, by its parameters' sizes."""
     return effect.finding.format(which=which, **sizes)
+
+
+def family_finding(family: Family, size: FoundSize) -> str:
+    """The sentence of a family of which one was found: its measure is no better than its limits."""
+    return family.finding.format(share=size.range or size)
 
 
 def limits_told(effect: Effect, sizes: Mapping[str, FoundSize]) -> str:

@@ -10,7 +10,14 @@ import pytest
 from tests.support.checks.policy import unlawful
 from tests.support.diagnosed import diagnosed
 from tympan.reports.diagnosis.page import render_diagnosis, verdict_words
-from tympan.studies.diagnosis.result import FoundCause, Robust, Verdict
+from tympan.studies.diagnosis.result import (
+    FoundCause,
+    FoundFamily,
+    NoEffect,
+    Robust,
+    ShownSize,
+    Verdict,
+)
 
 
 def cause(effect: str, headline: str, **others: Any) -> FoundCause:
@@ -37,6 +44,36 @@ def test_small_errors_are_said_where_they_are_the_rest(verdict: Verdict, words: 
     beside = "here small errors of other kinds leave trends beside it"
     shown = {"readings": "<svg/>", "residuals": "<svg/>"}
     assert [beside in render_diagnosis(each, shown) for each in (rough, usual)] == [True, False]
+
+
+def test_where_nothing_explains_it_there_may_be_no_extended_model() -> None:
+    usual = diagnosed("unexplained", cause("drift", "Readings rise"))
+    none = replace(usual, after=None)
+    words = "The model is not extended: no effect predicts readings that were held out any better."
+    assert [words in verdict_words(each) for each in (usual, none)] == [False, True]
+    pages = [" ".join(render_diagnosis(each, {}).split()) for each in (usual, none)]
+    assert ["<code>extended</code>" in page for page in pages] == [True, False]
+    assert ["so there is no extended model" in page for page in pages] == [False, True]
+    assert all("these count the misfit" in page for page in pages)
+
+
+def test_a_family_is_named_with_the_one_that_stands_for_it() -> None:
+    family = FoundFamily(
+        name="bare_film", headline="The electrodes cover less of the film than stated: 20 % less",
+        size=ShownSize(0.2, "", 0.1, 0.3, ""), members=("electrode_margin", "electrode_patch"),
+        member="The electrodes end 4 mm short of the frame")
+    named = cause("electrode_margin", family.headline, named=True, family=family, surprise=12.3)
+    words = verdict_words(diagnosed("named", named))
+    assert f"one that does as much: {family.member}." in words
+    assert "look at it first" not in words
+
+
+@pytest.mark.parametrize(("unknown", "told"), [(0.04, False), (0.13, True)])
+def test_the_probability_of_something_else_is_said_where_it_is_not_small(unknown: float,
+                                                                        told: bool) -> None:
+    named = cause("drift", "Readings rise", named=True)
+    words = verdict_words(diagnosed("named", named, probability=NoEffect(0.0, unknown)))
+    assert ("none of these, but something that no effect makes, is 13 %" in words) == told
 
 
 def test_a_rival_that_only_its_size_speaks_against_is_called_so() -> None:

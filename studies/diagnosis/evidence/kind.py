@@ -248,10 +248,14 @@ class PreparedReadings:
         return self.table.noise.source == "assumed"
 
     @property
+    def told(self) -> set[Quantity]:
+        """The quantities, of those that some effects show in alone, which these readings tell."""
+        return set().union(*(kind.tells(self.table) for kind in self.evidence))
+
+    @property
     def causes(self) -> tuple[Cause, ...]:
         """Effects that these readings could show."""
-        others = () if self.coupons is None else self.coupons.causes
-        told = set().union(*(kind.tells(self.table) for kind in self.evidence))
+        others, told = () if self.coupons is None else self.coupons.causes, self.told
         return tuple(cause for name, effect in EFFECTS.items()
                      for cause in (Cause(name, which) for which in effect.choices(self.setup))
                      if cause in others or (told.issuperset(effect.shows_in) and all(

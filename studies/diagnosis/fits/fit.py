@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,6 +59,19 @@ class Fit:
     def chi_squared(self) -> float:
         """Sum of squared residuals."""
         return float(self.residual @ self.residual)
+
+    @property
+    def misfit(self) -> float:
+        """Root of χ² per degree of freedom, small errors taken for noise; at least 1."""
+        left = self.whitened(self.residual)
+        freedom = max(len(left) - int(np.sum(~self.stopped)), 1)
+        return max(1.0, float(np.sqrt(left @ left / freedom)))
+
+    def louder(self, factor: float) -> Fit:
+        """The same unknowns, as if the noise were a factor larger: for their limits."""
+        jacobian = self.whitened(self.jacobian)
+        return replace(self, residual=self.residual / factor, jacobian=self.jacobian / factor,
+                       precision=self.precision - (1 - factor**-2) * jacobian.T @ jacobian)
 
     @property
     def covariance(self) -> Array:

@@ -11,6 +11,7 @@ from scipy.special import ndtr
 
 from tympan.studies.diagnosis.evidence.kind import Model
 from tympan.studies.diagnosis.fits.fit import Fit
+from tympan.studies.diagnosis.inference.smooth_misfit import Discrepancy
 from tympan.studies.diagnosis.reading_table import ReadingTable
 
 Array = NDArray[np.float64]
@@ -39,11 +40,11 @@ class Predictive:
     deviation: Array
 
     @classmethod
-    def of(cls, simulation: Model, fits: Sequence[Fit], weights: Array,
-           table: ReadingTable) -> Predictive:
+    def of(cls, simulation: Model, fits: Sequence[Fit], weights: Array, table: ReadingTable,
+           discrepancy: Discrepancy | None = None) -> Predictive:
         """Fits by their weights, shape (fits,), each linear in its unknowns about the best.
 
-        The least probable ones are left out.
+        The least probable ones are left out. ``discrepancy``: what may be there beside them all.
         """
         used = np.flatnonzero(weights >= _LEAST * weights.max())
         fits, weights = [fits[k] for k in used.tolist()], weights[used]
@@ -53,6 +54,9 @@ class Predictive:
             mean[k] = prediction.values
             spread = np.linalg.solve(np.linalg.cholesky(fit.precision), prediction.jacobian.T)
             deviation[k] = np.sqrt((spread**2).sum(0))
+            if discrepancy is not None:
+                more = discrepancy.variance(fit, prediction.jacobian, table)
+                deviation[k] = np.sqrt(deviation[k] ** 2 + more)
         there = np.isfinite(mean + deviation)
         weight = np.where(there, weights[:, None], 0.0)
         with np.errstate(invalid="ignore"):

@@ -9,6 +9,8 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
+from tympan.studies.diagnosis.fits.fit import Fit
+from tympan.studies.diagnosis.inference.projection import orthonormal
 from tympan.studies.diagnosis.patterns.reading_patterns import among
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.estimation.noise import root_of
@@ -49,18 +51,25 @@ class GaussianProcess:
     size: float
 
     @classmethod
-    def trained(cls, table: ReadingTable, residual: Array) -> GaussianProcess:
-        """The most probable lengths, likeness and size on a grid, for residuals, shape (rows,)."""
+    def trained(cls, table: ReadingTable, residual: Array, taken: Array | None = None
+                ) -> GaussianProcess:
+        """The most probable lengths, likeness and size on a grid, for residuals, shape (rows,).
+
+        ``taken``: columns over the noise that a model's unknowns took from them. Nothing is left of
+        these; without them the size would be found too small.
+        """
         if len(table) > MOST_ROWS:
             kept = np.linspace(0, len(table) - 1, MOST_ROWS).astype(np.int64)
             table, residual = table[kept], residual[kept]
+            taken = taken[kept] if taken is not None else None
+        left = np.eye(len(table)) if taken is None else _beside(taken)
         typical = max(float(np.sqrt(np.mean(residual**2))), float(table.sigma.min()))
         best, trained = -np.inf, cls(table, residual, (1.0, 1.0), 0.5, typical)
         for voltage_squared, mass, like in product(_VOLTAGES, _MASSES, _LIKE):
             process = cls(table, residual, (voltage_squared, mass), like, typical)
-            values, vectors = np.linalg.eigh(process.covariance(table, table)
-                                             / np.outer(table.sigma, table.sigma))
-            along = vectors.T @ (residual / table.sigma)
+            values, vectors = np.linalg.eigh(left.T @ (process.covariance(
+                table, table) / np.outer(table.sigma, table.sigma)) @ left)
+            along = vectors.T @ (left.T @ (residual / table.sigma))
             for share in _SIZES:
                 spread = 1 + share**2 * np.maximum(values, 0.0)
                 likelihood = -0.5 * float(np.sum(along**2 / spread + np.log(spread)))
@@ -89,6 +98,51 @@ class GaussianProcess:
         noisy = self.covariance(self.train, self.train) + np.diag(self.train.sigma**2)
         weights = np.linalg.solve(noisy, self.residual)
         return np.asarray(self.covariance(table, self.train) @ weights)
+
+
+@dataclass(frozen=True, eq=False)
+class Discrepancy:
+    """Something smooth that no hypothesis has, in readings and in what fits to them predict.
+
+    ``table``: the readings of the fits.
+    """
+
+    process: GaussianProcess
+    table: ReadingTable
+
+    @classmethod
+    def of(cls, fit: Fit, table: ReadingTable) -> Discrepancy | None:
+        """Trained on what a fit misses of lengths; None where there are none."""
+        rows = table.lengths
+        if not rows.any():
+            return None
+        missed = table.noise.apart(table.value - fit.predicted(table))
+        return cls(GaussianProcess.trained(table[rows], missed[rows], fit.free_jacobian[rows]),
+                   table)
+
+    def variance(self, fit: Fit, jacobian: Array, table: ReadingTable) -> Array:
+        """What it adds to the variance of a fit's predictions of a table's rows, shape (rows,).
+
+        ``jacobian``: of these by the unknowns. There it is by itself, and moved the fit, where the
+        readings were.
+        """
+        rows, there = np.flatnonzero(self.table.lengths), np.flatnonzero(table.lengths)
+        kept = rows[np.linspace(0, len(rows) - 1, min(len(rows), MOST_ROWS)).astype(np.int64)]
+        read, asked = self.table[kept], table[there]
+        moved = jacobian[there] @ np.linalg.solve(
+            fit.precision, fit.jacobian[kept].T / read.sigma) * (len(rows) / len(kept))
+        own, common = (self.process.covariance(asked, other) for other in (asked, read))
+        variance = np.zeros(len(table))
+        variance[there] = np.diag(own) - 2 * np.sum(moved * common, axis=1) + np.sum(
+            (moved @ self.process.covariance(read, read)) * moved, axis=1)
+        return np.maximum(variance, 0.0)
+
+
+def _beside(taken: Array) -> Array:
+    """An orthonormal basis of all that is at right angles to some columns."""
+    basis = orthonormal(taken)
+    whole, _ = np.linalg.qr(np.hstack([basis, np.eye(len(basis))]))
+    return np.asarray(whole[:, basis.shape[1]:])
 
 
 def _ends(table: ReadingTable) -> list[tuple[NDArray[np.int64], Array]]:

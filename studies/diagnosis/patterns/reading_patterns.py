@@ -24,6 +24,7 @@ WORDS = {
     "fitted": "large deflections are off against small ones",
     "ramps": "single ramps are off in different ways",
     "run": "what was read of {1} is off against the other runs",
+    "load": "what was read under {1} is off against the other loads",
     "channel": "readings of {1} are off",
     "channel film": "the film's shape is off",
     "channel film_x": "displacements within the film along x are off",

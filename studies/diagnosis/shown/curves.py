@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import reduce
 from typing import Any
@@ -13,6 +14,7 @@ from tympan.studies.diagnosis.evidence.kind import Model
 from tympan.studies.diagnosis.evidence.registry import TRANSIENTS
 from tympan.studies.diagnosis.fits.fit import Fit
 from tympan.studies.diagnosis.inference.predictive import Predictive
+from tympan.studies.diagnosis.inference.smooth_misfit import Discrepancy
 from tympan.studies.diagnosis.inference.verdict import Judgement
 from tympan.studies.diagnosis.reading_table import LENGTHS, ReadingTable
 
@@ -24,13 +26,20 @@ _POINTS = 41
 def curves(simulation: Model, judged: Judgement, chosen: Fit | None) -> dict[str, Array | Any]:
     """The columns of curves.csv, from no voltage to the highest one that was read.
 
-    Hypotheses are mixed by their probabilities; the noise is the ramp's usual one.
+    Hypotheses are mixed by their probabilities; the noise is the ramp's usual one. Where nothing
+    explains the readings, bands are of what is ``chosen``, else of the nominal model, and count
+    what it misses.
     """
     table = dense(judged.table)
     posterior, nominal = judged.posterior, judged.nominal
-    fits, weights = ((nominal,), np.ones(1)) if posterior is None else (
-        posterior.fits, posterior.probabilities)
-    low, high = Predictive.of(simulation, fits, weights, table).band(table.sigma)
+    fits: Sequence[Fit] = (nominal,)
+    weights, beyond = np.ones(1), None
+    if judged.verdict == "unexplained":
+        fits = (chosen or nominal,)
+        beyond = Discrepancy.of(fits[0], judged.table)
+    elif posterior is not None:
+        fits, weights = posterior.fits, posterior.probabilities
+    low, high = Predictive.of(simulation, fits, weights, table, beyond).band(table.sigma)
     names = np.array([specimen.name for specimen in simulation.setup.specimens])
     baseline, extended = (simulation.predict(fit.hypothesis, fit.unknowns, table)
                           for fit in (nominal, chosen or nominal))

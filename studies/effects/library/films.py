@@ -11,8 +11,9 @@ import numpy as np
 from tympan.fem.film.laws import MooneyShare, Stiffened
 from tympan.fem.film.laws.invariants import first_invariant
 from tympan.geometry.paths import with_change
+from tympan.geometry.sectors import covered_share
 from tympan.geometry.specimen import NARROWEST, Film, Patch, Specimen
-from tympan.studies.effects.effect import EffectParameter, Quantity, Setup, effect
+from tympan.studies.effects.effect import EffectParameter, Family, Quantity, Setup, effect
 
 
 @effect("The film hardens with stretch more (h > 0) or less than the nominal law, with the same "
@@ -119,9 +120,22 @@ def thickness_gradient(setup: Setup, gx: Annotated[float, _uneven("x")],
     return setup.with_films(change)
 
 
+#: A band, spots or a sector without field: plates alone do not tell one from another. Missing
+#: quadrants of 12 to 40 % of three shapes, and spots of 30 mm at their frames, do as much as bands
+#: whose area is 0.8 to 1.3 times theirs.
+BARE_FILM = Family(
+    "bare_film", "The electrodes cover less of the film than stated: {share} less",
+    check="look through the films against a light, or photograph them: the electrode may end short "
+          "of the frame, or miss a sector or spots; a line scan over the film tells it too",
+    measure=EffectParameter(
+        "share of the film that electrodes leave bare beyond what is stated", "", width=0.1,
+        low=0.0, high=1.0, reason="that of its members", told_in="%"),
+    of=lambda specimen: 1 - covered_share(specimen), alike=(0.75, 1.25), told_by=(Quantity.SHAPE,))
+
+
 @effect("The electrode does not reach the frame: an uncovered band along it carries no field.",
         finding="The electrodes end {d} short of the frame",
-        check="measure with a ruler how far from the frame the electrodes end")
+        check="measure with a ruler how far from the frame the electrodes end", family=BARE_FILM)
 def electrode_margin(setup: Setup, d: Annotated[float, EffectParameter(
         "width of the uncovered band along the frame", "mm", width=2e-3, low=0.0, high=1.0,
         least=0.5e-3, reason=(
@@ -151,7 +165,7 @@ def _wide(axis: str) -> EffectParameter:
                 "towards it, its diameter reaches {dx} along x and {dy} along y; it is {p} of the "
                 "way from plate to frame",
         check="look through the film of {which} against a light, for a spot without electrode",
-        shows_in=(Quantity.SHAPE,))
+        shows_in=(Quantity.SHAPE,), family=BARE_FILM)
 def electrode_patch(setup: Setup, dx: Annotated[float, _wide("x")],
                     dy: Annotated[float, _wide("y")], p: Annotated[float, EffectParameter(
                         "share of the way from plate to frame at which the spot is", "", width=0.5,

@@ -155,9 +155,17 @@ def test_the_record_is_that_of_the_design(written: tuple[Path, dict[str, Any]]) 
     assert content["misfit"]["p_value"] < 1e-3
     assert content["after"]["rmse_um"] == pytest.approx(content["misfit"]["noise_um"], rel=0.3)
     assert content["gain"]["ratio"] < 0.3
-    assert content["headline"].startswith("The electrodes end ")
+    # Without a line over the film a margin is not told from a spot or a sector.
+    family = cause["family"]
+    assert content["headline"].startswith(family["headline"] + " (")
     assert content["headline"].endswith(" %).")
-    assert cause["check"] == "measure with a ruler how far from the frame the electrodes end"
+    assert family["headline"].startswith("The electrodes cover less of the film than stated: ")
+    assert set(family["members"]) == {"electrode_margin", "electrode_patch"}
+    assert family["member"].startswith("The electrodes end ")
+    bare = [4 * (np.pi * (a + b) - np.pi * 4) / (np.pi * a * b - np.pi * 100)
+            for a, b in ((45, 45), (60, 45), (75, 45))]
+    assert family["size"]["low"] < np.mean(bare) < family["size"]["high"]
+    assert cause["check"].startswith("look through the films against a light")
     assert content["next_experiment"]["what"].startswith(cause["check"])
     assert cause["surprise"] == pytest.approx(margin["value"] / 2)
     assert content["predictive"]["coverage_95"] > 0.85
@@ -191,9 +199,11 @@ def test_the_page_says_it_in_one_sentence_and_is_rebuilt(
     folder, _ = written
     page = (folder / "diagnosis.html").read_text(encoding="utf-8")
     assert wordless(page) == []
-    assert "The electrodes end" in page
+    assert "The electrodes cover less of the film than stated" in page
+    assert "with one that does as much: The electrodes end" in " ".join(page.split())
     assert "The electrode does not reach the frame" in page
-    assert page.index("The electrodes end") < page.index("Readings, and the models through them")
+    assert page.index("The electrodes cover") < page.index("The electrodes end") < page.index(
+        "Readings, and the models through them")
     assert page.index("What the models leave") < page.index("What to do next")
     assert "electrode_margin" not in page[: page.index("For the record")]
     assert "://" not in page.replace("http://www.w3.org", "")
