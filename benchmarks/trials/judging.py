@@ -2,25 +2,29 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from benchmarks.trials.record import Record
-from benchmarks.trials.synthetic_trials import Design, Truth
+from benchmarks.trials.synthetic_trials import Design, Truth, readings
 from tympan.geometry.errors import InputError
 from tympan.studies.diagnosis.calibration import calibrated, with_effects
 from tympan.studies.diagnosis.fits.evidence import interval
 from tympan.studies.diagnosis.fits.fit import Fit
 from tympan.studies.diagnosis.fits.fitting import fit, nominal_fit
+from tympan.studies.diagnosis.gain import gain_of
 from tympan.studies.diagnosis.hypothesis import Cause
 from tympan.studies.diagnosis.inference.exploration import Exploration
 from tympan.studies.diagnosis.inference.identifiability import SEEN, TOLD
 from tympan.studies.diagnosis.inference.verdict import Judgement, judge
+from tympan.studies.diagnosis.patterns.reading_patterns import WORDS
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.reduced.simulation import Simulation
 from tympan.studies.diagnosis.self_check import grown_to
+from tympan.studies.diagnosis.sentences import slip, where
 
 #: Widths of the priors for fits to readings without noise, where only the readings are to count.
 _LOOSE = 5.0
@@ -117,6 +121,67 @@ def concluded(record: Record, truth: Truth, ask: Callable[[], Judgement]
     return replace(record, ranked=ranked, best=tuple(map(str, posterior.fits[0].hypothesis)),
                    wrong=posterior.wrong, unknown=posterior.discrepancy,
                    after=judgement.after.p_value, covered=covered), judgement
+
+
+def gained(record: Record, design: Design, truth: Truth, judgement: Judgement | None) -> Record:
+    """The record with what the extended model is said to gain on other readings, and gains.
+
+    The latter at masses between those that were read, where the films have equilibria there.
+    """
+    if judgement is None:
+        return record
+    simulation = judgement.simulation
+    assert isinstance(simulation, Simulation)
+    report = gain_of(simulation, judgement.table, design.causes, judgement, record.number)
+    gain, within = report.overall, report.predictive
+    record = replace(
+        record, ratio=None if gain is None else gain.ratio,
+        limits=() if gain is None or gain.low is None or gain.high is None
+        else (gain.low, gain.high),
+        predicted=() if within is None else (
+            round(within.coverage_95 * within.readings), within.readings))
+    chosen, between = judgement.chosen, design.between()
+    # Labels that a stranger makes wrong are those of the rows that were read.
+    asked = record.limits and chosen and truth.hypothesis
+    exact = readings(between, truth) if asked else None
+    if exact is None or chosen is None:
+        return record
+    before, after = (exact - simulation.predict(fitted.hypothesis, fitted.unknowns, between.table)
+                     for fitted in (judgement.nominal, chosen))
+    there = np.isfinite(before + after)
+    return replace(record, held=float(
+        np.linalg.norm(after[there]) / np.linalg.norm(before[there]))) if there.any() else record
+
+
+#: Columns that effects of the library are about, of all specimens.
+_COLUMNS = {"voltage_sag": "voltage", "amplifier_gain": "voltage", "hysteresis": "voltage",
+            "unaccounted_mass": "mass", "sensor_gain": "displacement",
+            "sensor_zero": "displacement", "drift": "displacement"}
+#: The same of patterns of a misfit.
+_PATTERNS = {"voltage": "voltage", "mass": "mass", "fitted": "displacement",
+             "level": "displacement", "order": "displacement", "time": "displacement"}
+
+
+def blamed(judgement: Judgement) -> set[str]:
+    """The specimens and columns that a page says something is wrong with, by what it says.
+
+    Labels that look wrong are of a column; a misfit is where its sentence says; a cause that is
+    named or listed is of a specimen, or of a column.
+    """
+    if judgement.verdict == "nothing":
+        return set()
+    if judgement.relabelling is not None:
+        return {judgement.relabelling.column}
+    sentence = slip(judgement)
+    if judgement.verdict == "unexplained":
+        sentence = where(judgement)
+        found = {column for pattern, column in _PATTERNS.items() if WORDS[pattern] in sentence}
+    else:
+        causes = judgement.named or judgement.suspects
+        found = {name for cause in causes
+                 if (name := cause.which or _COLUMNS.get(cause.name, ""))}
+    names = [specimen.name for specimen in judgement.simulation.setup.specimens]
+    return found | {name for name in names if re.search(rf"(?<![\w-]){name}(?![\w-])", sentence)}
 
 
 def fitted_to(simulation: Simulation, table: ReadingTable) -> tuple[Simulation, ReadingTable]:

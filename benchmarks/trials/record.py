@@ -22,8 +22,9 @@ class Record:
     model over the nominal one, over all splits that can show it; None where there is none.
     ``widths``: how many usual sizes each hidden effect has. ``listed``: the causes an ambiguous
     verdict is between. ``predicted``: how many readings held out were within their 95 % bands, and
-    how many there were. ``rows``: how many readings at fault were told, how many there were, and
-    how many others were told.
+    how many there were. ``rows``: how many readings, specimens or columns at fault were told, how
+    many there were, and how many others were told. ``limits``: those of the gain's ratio that are
+    claimed, ``held``: the ratio at states that were held back, without noise.
     """
 
     population: str
@@ -51,6 +52,8 @@ class Record:
     listed: tuple[str, ...] = ()
     predicted: tuple[int, ...] = ()
     rows: tuple[int, ...] = ()
+    limits: tuple[float, ...] = ()
+    held: float | None = None
 
     @property
     def identifiable(self) -> bool:

@@ -41,7 +41,7 @@ from tympan.studies.diagnosis.reduced.sampling import force_laws
 from tympan.studies.diagnosis.reduced.simulation import Simulation
 from tympan.studies.diagnosis.self_check import sizes_at
 from tympan.studies.effects import EFFECTS, Setup, extended
-from tympan.studies.effects.effect import Quantity
+from tympan.studies.effects.effect import Family, Quantity
 
 Array = NDArray[np.float64]
 #: The least and the most.
@@ -103,6 +103,13 @@ class Design:
         states = self.table.states[keep]
         return replace(self, table=replace(_read(states), order=self.table.order[keep]))
 
+    def between(self) -> Design:
+        """The ramps under the first mass, under one in the middle between all instead."""
+        first = self.only(self.table.mass == self.table.mass[0])
+        middle = np.full(len(first.table.states), float(np.mean(np.unique(self.table.mass))))
+        return replace(first, table=replace(
+            first.table, states=replace(first.table.states, mass=middle)))
+
     def after(self, elapsed: float) -> Design:
         """The same readings, all taken so long after the run began [s]."""
         states = replace(self.table.states, elapsed=np.full(len(self.table), elapsed))
@@ -110,7 +117,8 @@ class Design:
 
 
 def _read(states: States) -> ReadingTable:
-    return replace(rows(states, "displacement", NOISE), order=np.arange(len(states), dtype=float))
+    number = np.arange(len(states))
+    return rows(states, "displacement", NOISE, order=number, file="static.csv", line=number + 2)
 
 
 def design(name: str, specimens: Sequence[Specimen], effects: Sequence[str] = tuple(EFFECTS),
@@ -208,6 +216,16 @@ class Stranger:
     """Something wrong that no effect of the library is. It does nothing; a subclass overrides what
     it does."""
 
+    @property
+    def at_fault(self) -> str:
+        """The one specimen or column of which something is not as it is written, "" for none."""
+        return ""
+
+    @property
+    def family(self) -> Family | None:
+        """The family of effects that is as good a name for it, if one is."""
+        return None
+
     def setup(self, setup: Setup) -> Setup:
         """The specimens and the rig as they are."""
         return setup
@@ -223,6 +241,10 @@ class Stranger:
     def voltage(self, nominal: float) -> float:
         """The voltage that is there [V]."""
         return nominal
+
+    def film(self, model: Model) -> Model:
+        """The film as it is mounted."""
+        return model
 
     def shown(self, reading: Array, states: States) -> Array:
         """What the sensor shows [m]."""
@@ -354,7 +376,8 @@ def ramp_states(design: Design, truth: Truth, law: Material, ramp: NDArray[np.in
     blank = replace(specimen, membrane=replace(
         design.setup.specimens[number].membrane,
         thickness_gradient=specimen.membrane.thickness_gradient))
-    model = replace(build_model(blank, MESHES[truth.mesh], rig.loading), specimen=specimen)
+    model = truth.stranger.film(
+        replace(build_model(blank, MESHES[truth.mesh], rig.loading), specimen=specimen))
     force = rig.force(truth.stranger.mass(float(states.mass[ramp[0]])), model.plate_area)
     voltages = [rig.film_voltage(truth.stranger.voltage(nominal), direction)
                 for nominal, direction in

@@ -3,7 +3,7 @@ diagnosis made of it."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path
@@ -11,7 +11,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from benchmarks.trials.judging import best_of, judged, stands_out
+from benchmarks.trials.judging import best_of, blamed, gained, judged, stands_out
 from benchmarks.trials.mess import MESSES
 from benchmarks.trials.random_designs import random_design, written
 from benchmarks.trials.record import Record
@@ -32,13 +32,13 @@ from benchmarks.trials.synthetic_trials import (
     paper,
     readings,
 )
-from benchmarks.trials.unmodelled_faults import STRANGERS
+from benchmarks.trials.unmodelled_faults import FURTHER, STRANGERS, Draw
 from tympan.geometry.errors import InputError
 from tympan.studies.data.dataset import read_dataset
 from tympan.studies.diagnosis.diagnose import conclude
-from tympan.studies.diagnosis.gain import gain_of
 from tympan.studies.diagnosis.hypothesis import Cause, Hypothesis, hypotheses_of
 from tympan.studies.diagnosis.inference.identifiability import SEEN, TOLD
+from tympan.studies.diagnosis.inference.verdict import Judgement
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.reduced.simulation import Simulation
 from tympan.studies.diagnosis.self_check import grown_to
@@ -144,14 +144,7 @@ def _gain(lab: Lab, generator: np.random.Generator, number: int) -> list[Record]
     finished, verdict = judged(record, design, simulation, table, truth)
     further = simulation if verdict is None else verdict.simulation
     seen, apart = stands_out(further, truth, table.with_values(values), _visible(design), verdict)
-    if verdict is None:
-        return [replace(finished, seen=seen, told=apart)]
-    report = gain_of(further, verdict.table, design.causes, verdict, number)
-    within = report.predictive
-    return [replace(finished, seen=seen, told=apart,
-                    ratio=None if report.overall is None else report.overall.ratio,
-                    predicted=() if within is None else (
-                        round(within.coverage_95 * within.readings), within.readings))]
+    return [gained(replace(finished, seen=seen, told=apart), design, truth, verdict)]
 
 
 def _foretold(design: Design, simulation: Simulation, choice: Sequence[Hypothesis], means: Means,
@@ -310,16 +303,41 @@ def _pairs(design: Design) -> list[Hypothesis]:
 
 
 def _outside(lab: Lab, generator: np.random.Generator, number: int) -> list[Record]:
-    design, simulation = lab.paper
-    name = list(STRANGERS)[number % len(STRANGERS)]
-    stranger = STRANGERS[name](generator, design)
-    truth, values, again = hidden(design, generator, (), "elements", stranger)
+    """What the library lacks, of the first kinds, in readings of the paper's actuators."""
+    return [_lacking("outside", STRANGERS, number, (*lab.paper, "elements"), generator)[0]]
+
+
+def _strangers(lab: Lab, generator: np.random.Generator, number: int) -> list[Record]:
+    """The same of all kinds, on every bench; and what is told of where it is."""
+    kinds = FURTHER | STRANGERS
+    design, simulation, means = lab.by(number // len(kinds))
+    bench = design, simulation, "elements" if means == "equations" else means
+    record, truth, judgement = _lacking("strangers", kinds, number, bench, generator)
+    stranger, told = truth.stranger, set() if judgement is None else blamed(judgement)
+    if judgement is not None and stranger.family is not None and len(judgement.named) == 1:
+        (cause,) = judgement.named
+        if cause.effect.family is stranger.family:
+            # Its family is told, and how much of what that measures.
+            record = replace(record, named=(), listed=record.named)
+    if at_fault := stranger.at_fault:
+        record = replace(record, rows=(int(at_fault in told), 1,
+                                       len(told - {at_fault})))
+    return [gained(record, design, truth, judgement)]
+
+
+def _lacking(population: str, kinds: Mapping[str, Draw], number: int,
+             bench: tuple[Design, Simulation, Means], generator: np.random.Generator
+             ) -> tuple[Record, Truth, Judgement | None]:
+    design, simulation, means = bench
+    name = list(kinds)[number % len(kinds)]
+    stranger = kinds[name](generator, design)
+    truth, values, again = hidden(design, generator, (), means, stranger)
     table = measured(design, values, generator, number)
-    record, judgement = judged(Record("outside", number, "elements", (name,), again, 0.0, 0.0),
+    record, judgement = judged(Record(population, number, means, (name,), again, 0.0, 0.0),
                                 design, simulation, table, truth)
     further = simulation if judgement is None else judgement.simulation
     least = best_of(further, _visible(design), table.with_values(values))
-    return [replace(record, seen=least, told=least)]
+    return replace(record, seen=least, told=least), truth, judgement
 
 
 def _alias(lab: Lab, generator: np.random.Generator, number: int) -> list[Record]:
@@ -423,4 +441,5 @@ POPULATIONS: dict[str, Callable[[Lab, np.random.Generator, int], list[Record]]] 
     "outside": _outside,
     "alias": _alias, "noise": _noise, "form": _form, "gain": _gain, "large": _large,
     "large pair": _large_pair, "map": _map, "random": _random,
-    **{name: partial(_stratum, name) for name in STRATA}, "rough": _rough, "mess": _mess}
+    **{name: partial(_stratum, name) for name in STRATA}, "rough": _rough, "mess": _mess,
+    "strangers": _strangers}

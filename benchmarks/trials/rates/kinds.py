@@ -35,7 +35,7 @@ def rates(records: Sequence[Record]) -> list[Rate]:
             *_of_wrong_noise_and_law(kinds),
             share("refused, or ended in an error", list(records),
                   lambda record: record.verdict in GONE),
-            *_of_rough(kinds), *_of_mess(kinds), *_of_gains(kinds),
+            *_of_rough(kinds), *_of_mess(kinds), *_of_strangers(kinds), *_of_gains(kinds),
             *_of_random(kinds, records), *size_rates(records)]
 
 
@@ -165,15 +165,48 @@ def _of_mess(kinds: Kinds) -> list[Rate]:
              0.0, 1.0)]
 
 
+def _of_strangers(kinds: Kinds) -> list[Rate]:
+    """Of what the library lacks, with what is told of where it is."""
+    every = kinds.get("strangers", [])
+    if not every:
+        return []
+    beyond = [record for record in every if record.seen >= SEEN]
+    placed = [record for record in beyond if record.rows]
+    return [
+        share("strangers: some effect is named", every, lambda record: bool(record.named),
+              high=0.03),
+        share(f"strangers, Δχ² ≥ {SEEN:g} from the library: some effect is named", beyond,
+              lambda record: bool(record.named), high=0.03),
+        share("the same: something is said to be wrong", beyond, _alarm),
+        share("the same, of one specimen or column: that is told", placed,
+              lambda record: record.rows[0] == 1, low=0.8),
+        share("the same: others are told besides", placed,
+              lambda record: record.rows[:1] == (1,) and record.rows[2] > 0),
+        share("the same: others alone are told", placed,
+              lambda record: record.rows[:1] == (0,) and record.rows[2] > 0)]
+
+
 def _of_gains(kinds: Kinds) -> list[Rate]:
     sure = [record for record in kinds.get("gain", []) if record.identifiable]
+    every = [record for name in ("gain", "strangers") for record in kinds.get(name, [])]
+    held = [(record.held, record.limits) for record in every if record.held is not None]
     gained = [record.ratio for record in sure if record.ratio is not None]
-    predicted = [record.predicted for record in sure if record.predicted]
     return [
         Rate("one identifiable effect: error beyond noise on readings held out, after over before, "
              "median", 0, len(gained), 0.0, 0.3, float(np.median(gained)) if gained else 1.0),
-        Rate("the same: readings held out within their 95 % predictive bands",
-             sum(hits for hits, _ in predicted), sum(count for _, count in predicted), 0.92, 0.98)]
+        _within("the same", sure),
+        *(_within(f"all of these and of the strangers, verdict {verdict}", [
+            record for record in every if record.verdict == verdict])
+          for verdict in ("nothing", "named", "ambiguous", "unexplained") if every),
+        Rate("one effect: the gain's 95 % limits hold the ratio at masses held back",
+             sum(low <= ratio <= high for ratio, (low, high) in held), len(held), 0.9, 0.98)]
+
+
+def _within(what: str, records: Sequence[Record]) -> Rate:
+    """Readings held out that are within their bands."""
+    counts = [record.predicted for record in records if record.predicted]
+    return Rate(f"{what}: readings held out within their 95 % predictive bands",
+                sum(hits for hits, _ in counts), sum(count for _, count in counts), 0.92, 0.98)
 
 
 def _of_random(kinds: Kinds, records: Sequence[Record]) -> list[Rate]:

@@ -24,7 +24,8 @@ def page(records: Sequence[Record], about: str) -> str:
         calibration=table("stated | there | trials", (
             f"{stated:.2f} | {true:.2f} | {count}"
             for stated, true, count in calibration(records)[1])),
-        strangers=table("stranger | trials | verdicts", _strangers(records)),
+        strangers=table("stranger | trials | verdicts | specimen or column told",
+                        _strangers(records)),
         sizes="\n".join(size_lines(records)))
 
 
@@ -48,13 +49,16 @@ def _power_row(row: tuple[float, float, Rate, Rate]) -> str:
 
 def _strangers(records: Sequence[Record]) -> Iterator[str]:
     outside = [record for record in records
-               if record.population == "outside" and record.seen >= SEEN]
+               if record.population in ("outside", "strangers") and record.seen >= SEEN]
     for name in sorted({record.truth[0] for record in outside}):
         group = [record for record in outside if record.truth[0] == name]
         said = Counter(", ".join(record.named) if record.named else record.verdict
                        for record in group)
+        told, placed = (sum(record.rows[place] for record in group if record.rows)
+                        for place in range(2))
         yield (f"{name} | {len(group)} | "
-               f"{'; '.join(f'{words} {n}' for words, n in said.most_common())}")
+               f"{'; '.join(f'{words} {n}' for words, n in said.most_common())} | "
+               f"{f'{told} of {placed}' if placed else ''}")
 
 
 def _bin(low: float, high: float) -> str:
