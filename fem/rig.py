@@ -27,6 +27,9 @@ _SHARE: Rule = (lambda x: 0 <= x <= 1, "must be from 0 to 1")
 _OF_PLATE = ("unaccounted_mass", "spring", "guide", "weight_offset", "plate_pressure", "biases",
              "friction", "plate_damping", "added_mass")
 
+#: What acts against the way a plate or a voltage came, and so needs to know that way.
+AGAINST_THE_WAY = ("friction", "lag_voltage")
+
 #: Highest nominal voltage [V] that is taken from people and looked at by searches: no such film is
 #: tested beyond.
 MOST_VOLTAGE = 1e6

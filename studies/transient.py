@@ -23,7 +23,7 @@ from tympan.fem.film.memory import Memory
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import State
 from tympan.fem.results.fields import node_fields
-from tympan.fem.rig import Rig, checked_load
+from tympan.fem.rig import AGAINST_THE_WAY, Rig, checked_load
 from tympan.fem.transient.circuit import Circuit
 from tympan.fem.transient.energy import Energy, EnergyBalance
 from tympan.fem.transient.integrate import Moment, StepSettings, Stopped, Transient
@@ -65,9 +65,6 @@ _MORE = 1 + 1e-6
 
 #: Numbers that are kept of each moment.
 _NUMBERS = 6
-
-#: What of a rig shifts readings on their way up or down, at rest alone.
-_AT_REST = ("friction", "lag_voltage")
 
 
 @takes_units
@@ -230,7 +227,7 @@ def solve_after(case: Case, after: float, settings: Settings, film: bool = False
 def _left_out(rig: Rig) -> list[str]:
     """What a motion does not have of a rig, in words."""
     return [f"{key} of the rig changes readings at rest and is left out in time"
-            for key in _AT_REST if getattr(rig, key)]
+            for key in AGAINST_THE_WAY if getattr(rig, key)]
 
 
 def _remarks(case: TransientCase) -> list[str]:

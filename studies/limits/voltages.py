@@ -25,7 +25,7 @@ from tympan.fem.results.limit_states import (
     TENSION,
     LimitState,
 )
-from tympan.fem.rig import MOST_VOLTAGE
+from tympan.fem.rig import AGAINST_THE_WAY, MOST_VOLTAGE
 from tympan.fem.roots import root_between
 from tympan.studies.case import (
     Case,
@@ -182,6 +182,22 @@ def solve_within(case: Case, settings: Settings, film: bool = False) -> CaseResu
     its fields on a surface.
     """
     began = time.perf_counter()
+    result = _within(case, settings, film)
+    return replace(result, warnings=(*result.warnings, *_without_direction(case)),
+                   wall_s=time.perf_counter() - began)
+
+
+def _without_direction(case: Case) -> list[str]:
+    """What of the rig is left out where nothing says which way the voltage was reached."""
+    left_out = [key for key in AGAINST_THE_WAY if getattr(case.rig, key)]
+    if case.direction or not left_out:
+        return []
+    return [f"{' and '.join(left_out)} of the rig {'are' if left_out[1:] else 'is'} left out, "
+            "because nothing says which way the voltage was reached: give --direction up or down "
+            "(in Python direction=1 or -1)"]
+
+
+def _within(case: Case, settings: Settings, film: bool) -> CaseResult:
     within = rise(case, settings)
     reached = within.limits
     limit = reached.beyond(case.voltage)
@@ -193,13 +209,11 @@ def solve_within(case: Case, settings: Settings, film: bool = False) -> CaseResu
             status="no_equilibrium" if ended else within.start, limits=reached,
             first=reached.first, limit=limit,
             dofs=build_model(case.specimen, settings, case.rig.loading).unknowns,
-            wall_s=time.perf_counter() - began,
-            warnings=(reached.ended, *case.remarks))
+            wall_s=0.0, warnings=(reached.ended, *case.remarks))
     result = solve(case, settings, film)
     if limit is not None and limit.kind == INSTABILITY.kind and result.status != "equilibrium":
         result = replace(result, warnings=(reached.ended, *result.warnings))
-    return replace(result, limits=reached, first=reached.first, limit=limit,
-                   wall_s=time.perf_counter() - began)
+    return replace(result, limits=reached, first=reached.first, limit=limit)
 
 
 def _to_limit(case: Case, model: Model, start: Outcome, settings: Settings, first: bool

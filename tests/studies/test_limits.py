@@ -145,6 +145,22 @@ def test_solve_knows_its_film_s_limits(film: Specimen) -> None:
     assert CaseResult.__eq__(from_json(CaseResult, below.json()), below)
 
 
+@pytest.mark.parametrize(("rig", "keys"), [
+    ({}, ""), ({"friction": 5e-3}, "friction of the rig is"), ({"lag_voltage": 100.0},
+                                                               "lag_voltage of the rig is"),
+    ({"friction": 5e-3, "lag_voltage": 100.0}, "friction and lag_voltage of the rig are")])
+@pytest.mark.parametrize("voltage", [2000.0, 3500.0])
+def test_solve_says_what_it_leaves_out_without_a_direction(
+        film: Specimen, rig: dict[str, float], keys: str, voltage: float) -> None:
+    """In one line, below the film's limit and beyond; with a direction it counts and no word is
+    said."""
+    case = Case(film, mass=20e-3, voltage=voltage, rig=Rig(**rig))
+    said = [words for words in solve_within(case, COARSE).warnings if "--direction" in words]
+    assert [words.partition(" left out")[0] for words in said] == [keys] * bool(rig)
+    told = solve_within(replace(case, direction=1.0), COARSE)
+    assert not any("--direction" in words for words in told.warnings)
+
+
 def test_curves_pass_through_what_solve_finds_and_end_at_the_limit(film: Specimen) -> None:
     result = curve(film, (20e-3,), Settings(), voltages=(1000.0, 2000.0, 4000.0))
     table, reached = result.table, limits(Case(film, mass=20e-3), Settings())
