@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
+from operator import itemgetter
 
 import numpy as np
 from numpy.typing import NDArray
@@ -119,32 +120,40 @@ def noise_told(noise: Noise, models: Sequence[Missed], smooth: Callable[[], Iter
     count, stated, nothing = len(noise), float(noise.freedom.sum()), Told.nothing(len(noise))
     remembers = chain is not None and np.any(chain.run >= 0)
     steps = [(0.0, 1.0), *(product(CORRELATIONS, SHARES) if remembers else ())]
-    as_stated, best, told = -np.inf, -np.inf, nothing
+    plain = np.empty(len(models))
+    best, alone = (-np.inf, nothing), (-np.inf, nothing)
     for correlation, share in steps:
         trial = replace(nothing, correlation=correlation, share=share, chain=chain).of(noise)
         # Errors that remember must do better than readings that are off do alone.
         volume = trial.log_volume + (_BETTER if correlation else 0.0)
         white = [(trial.whitened(model.residual), trial.whitened(model.jacobian))
                  for model in models]
-        plain = [_value(*_rest(*model), count, stated) - volume for model in white]
+        values = np.array([_value(*_rest(*model), count, stated) for model in white]) - volume
         if not correlation:
-            as_stated = max(plain)
-        order = np.argsort(-np.array(plain), kind="stable")[:_MODELS].tolist()
+            plain = values
+        order = np.argsort(-values, kind="stable")[:_MODELS].tolist()
         for place in dict.fromkeys([0, *order]):
             residual, jacobian = white[place]
             off, value, size = _readings_off(residual, jacobian, trial, stated)
-            if value - volume > best and not (correlation and stated and size > _LOUDER):
-                best = value - volume
-                told = Told(off, noise.sigma / np.hypot(noise.sigma, off), correlation, share,
-                            chain if correlation else None)
-    reached = best + (_BETTER if told.correlation else 0.0)
-    if reached < as_stated + _BETTER:
-        return nothing
+            if correlation and stated and size > _LOUDER:
+                continue
+            reached = (value - volume, Told(off, noise.sigma / np.hypot(noise.sigma, off),
+                                            correlation, share, chain if correlation else None))
+            best = max(best, reached, key=itemgetter(0))
+            if correlation and place == 0:
+                alone = max(alone, reached, key=itemgetter(0))
+    value, told = best
+    value += _BETTER if told.correlation else 0.0
+    if value < plain.max() + _BETTER:
+        # An effect that is hardly more probable than errors that remember is none to be told.
+        value, told = alone[0] + _BETTER, alone[1]
+        if value < max(plain[0], plain.max() - 2 * _BETTER) + _BETTER:
+            return nothing
     residual, jacobian = (noise.whitened(part)
                           for part in (models[0].residual, models[0].jacobian))
     misfits = (_smooth_value(residual, jacobian, noise.whitened(columns), stated)
                for columns in smooth())
-    return nothing if any(misfit > reached for misfit in misfits) else told
+    return nothing if any(misfit > value for misfit in misfits) else told
 
 
 def probability_off(size: Array) -> Array:

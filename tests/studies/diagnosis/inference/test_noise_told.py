@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from benchmarks.trials.mess import pink
 from tympan.studies.diagnosis.inference.noise_told import Missed, Told, noise_told, probability_off
 from tympan.studies.diagnosis.inference.smooth_misfit import smooth_columns
 from tympan.studies.diagnosis.reading_table import States, rows
@@ -123,3 +124,19 @@ def test_the_probability_of_a_slip_grows_with_its_size() -> None:
     slip = 1 / (2 * np.log(1e3) * np.maximum(size, 1.0))
     good = np.exp(-size**2 / 2) / np.sqrt(2 * np.pi)
     assert probability_off(size) == pytest.approx(0.01 * slip / (0.01 * slip + 0.99 * good))
+
+
+def test_effects_hardly_more_probable_than_errors_that_remember_are_not_preferred() -> None:
+    """With 1/f noise one of many effects fits by chance; where an effect is, it is no noise."""
+    effects = [SHARE**power * (ramp == RAMP) for ramp in range(6) for power in (0, 2, 6)]
+
+    def remembers(errors: Array) -> bool:
+        models = [np.column_stack([NUISANCE, *some]) for some in ([], *zip(effects, strict=True))]
+        return noise_told(Noise.of(np.full(COUNT, SIGMA), "stated"),
+                          [Missed(errors, model) for model in models],
+                          lambda: smooth_columns(TABLE), CHAIN).correlation > 0
+
+    random = np.random.default_rng(17)
+    assert sum(remembers(pink(random, COUNT, SIGMA)[0]) for _ in range(60)) >= 30
+    assert not any(remembers(SIGMA * (random.normal(size=COUNT) + size * effect))
+                   for effect in effects[:6] for size in (4.0, 6.0, 8.0))
