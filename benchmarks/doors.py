@@ -37,6 +37,9 @@ DOORS = {
     "solve, rounded": (
         ("solve", "rounded.toml", "--mass", "20 g", "--voltage", "2 kV", "--json"),
         'result = tympan.solve(tympan.load("rounded.toml"), mass="20 g", voltage="2 kV")'),
+    "force, circle": (
+        ("force", "round.toml", "--voltage", "0 kV, 2 kV", "--to", "5 mm", "--json"),
+        'result = tympan.force(tympan.load("round.toml"), to="5 mm", voltages=["0 kV", "2 kV"])'),
     "curve, circle": (
         ("curve", "round.toml", "--mass", "20 g", "--json"),
         'result = tympan.curve(tympan.load("round.toml"), "20 g")'),

@@ -21,6 +21,7 @@ from tympan.reports.figures.curve import (
     frame_curves,
     voltage_curves,
 )
+from tympan.reports.figures.force import draw_force_curves
 from tympan.reports.figures.path import draw_stations
 from tympan.reports.figures.specimen import draw_to_scale
 from tympan.reports.sweep.figure import draw_over
@@ -31,6 +32,7 @@ from tympan.studies.case import CaseResult
 from tympan.studies.diagnosis.result import Diagnosis
 from tympan.studies.files import write_atomically
 from tympan.studies.film_surface import FilmSurface
+from tympan.studies.force import ForceResult
 from tympan.studies.limits import CurveResult
 from tympan.studies.lumped.build import BuildResult
 from tympan.studies.modes import ModesResult
@@ -221,6 +223,11 @@ def _(result: StudyResult, axes: Axes) -> None:
 @draw.register
 def _(result: CurveResult, axes: Axes) -> None:
     draw_voltage_curves(axes, result)
+
+
+@draw.register
+def _(result: ForceResult, axes: Axes) -> None:
+    draw_force_curves(axes, result)
 
 
 def _curve(axes: Axes, number: int, voltage: Any, deflection: Any, specimen: str, mass: float

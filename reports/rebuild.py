@@ -16,6 +16,7 @@ KINDS = {
     "modes": ("*-modes.json", "figures.modes:draw_modes", "modes:ModesResult"),
     "path": ("*-path.json", "figures.path:draw_path", "path:PathResult"),
     "curve": ("*-curve.json", "figures.curve:draw_curves", "limits.curve:CurveResult"),
+    "force": ("*-force.json", "figures.force:draw_force", "force:ForceResult"),
     "outlines": ("outlines.json", "figures.alpha:draw_outlines", "alpha.table:OutlineTable"),
     "map": ("alpha-map.json", "figures.alpha:draw_map", "alpha.map:AlphaMap"),
     "sweep": ("sweep.json", "sweep.page:build_sweep_page", "sweep.run:SweepResult"),

@@ -12,6 +12,7 @@ from tympan.studies.alpha import AlphaResult
 from tympan.studies.alpha.weights import Weights
 from tympan.studies.case import CaseResult
 from tympan.studies.diagnosis.result import Diagnosis
+from tympan.studies.force import ForceResult
 from tympan.studies.limits import CurveResult
 from tympan.studies.lumped.build import BuildResult
 from tympan.studies.modes import ModesResult
@@ -87,6 +88,14 @@ def _(result: StudyResult) -> Any:
 @table.register
 def _(result: CurveResult) -> Any:
     return pd.DataFrame(dict(result.table))
+
+
+@table.register
+def _(result: ForceResult) -> Any:
+    units = {"voltage": "V", "displacement": "m", "force": "N", "stiffness": "N_per_m",
+             "capacitance": "F", "max_true_stress": "Pa"}
+    return pd.DataFrame(result.table).rename(
+        columns={name: f"{name}_{unit}" for name, unit in units.items()})
 
 
 @table.register

@@ -28,8 +28,8 @@ __all__ = [
     "Settings", "ShearThinning", "Specimen", "Spring", "Stadium", "Superellipse", "ViscousBranch",
     "Yeoh",
     "__version__",
-    "alpha", "curve", "diagnose", "draw", "load", "lumped", "material", "modes", "optimise", "path",
-    "sensitivity", "solve", "study", "sweep", "transient",
+    "alpha", "curve", "diagnose", "draw", "force", "load", "lumped", "material", "modes",
+    "optimise", "path", "sensitivity", "solve", "study", "sweep", "transient",
 ]
 
 

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
     from tympan.studies.alpha import AlphaResult, AlphaSettings
     from tympan.studies.diagnosis.result import Diagnosis
+    from tympan.studies.force import ForceResult
     from tympan.studies.limits import CurveResult
     from tympan.studies.lumped.build import BuildResult
     from tympan.studies.modes import ModesResult
@@ -122,6 +123,26 @@ def curve(specimen: Specimen, *masses: float | str, settings: Settings = Setting
     given = [Case(specimen, mass=mass).mass for mass in masses]
     usual = () if given else usual_masses(specimen, settings, rig) if specimen.plate else (0.0,)
     return Result(curve(specimen, given or usual, settings, rig))
+
+
+@names_arguments()
+@one_thread()
+def force(specimen: Specimen, *, to: float | str, from_: float | str = 0.0,
+          voltages: Sequence[float | str] = (0.0,), points: int = 61,
+          loads: Sequence[float | str] = (), rig: Rig = Rig(), settings: Settings = Settings()
+          ) -> Result[ForceResult]:
+    """Force on the plate against its displacement, a curve for each voltage.
+
+    The plate is held, as by a tensile tester, at so many ``points`` between two displacements.
+    ``loads`` are masses; with the rig's springs and other biases each is a line over the curves,
+    whose crossings are equilibria: ``result.loads[0].crossings``, ``result.stroke_m``,
+    ``result.work_J``. ``result.blocked_force_N`` is the change of force of the held plate.
+    """
+    from tympan.studies.force import ForceCase, force
+
+    case = ForceCase(specimen, voltages=voltages, start=from_, to=to, points=points, masses=loads,
+                     rig=rig)
+    return Result(force(case, settings))
 
 
 @names_arguments(*Loads.__annotations__)

@@ -155,18 +155,22 @@ def _cone(model: Model, deflection: float) -> State:
 
 
 def held(model: Model, deflection: float, voltage: float = 0.0, start: Solution | None = None,
-         settings: PathSettings = PathSettings()) -> Outcome:
+         settings: PathSettings = PathSettings(), pressure: float | None = None) -> Outcome:
     """The film under a voltage [V], its plate held at a deflection [m] by ``state.force`` [N].
 
-    Without a plate its centre, by ``state.pressure`` [Pa]. The tangent of the solution may be that
-    of a state on the way there, if near enough to correct by.
+    Without a plate its centre, by ``state.pressure`` [Pa]; with one a gas may have a ``pressure``
+    [Pa], that of the start where it is left out. The tangent of the solution may be that of a state
+    on the way there, if near enough to correct by.
     """
     settings = settings.bounded(model)
     free = (model.pushed_by,)
-    solution = start or newton(model, model.mounted(), free, (held_plate(0.0),), settings.newton)
+    solution = start or _held_first(model, deflection, settings)
     origin, squared = model.deflection(solution.state), solution.state.voltage_squared
+    begun = solution.state.pressure
+    rise = 0.0 if pressure is None else pressure - begun
     advice = solution.advice
-    done, step = (0.0, 1.0) if (deflection, voltage**2) != (origin, squared) else (1.0, 0.0)
+    there = (deflection, voltage**2, 0.0) == (origin, squared, rise)
+    done, step = (1.0, 0.0) if there else (0.0, 1.0)
     while solution.converged and done < 1:
         share = min(1.0, done + step)
         target = origin + share * (deflection - origin)
@@ -177,6 +181,8 @@ def held(model: Model, deflection: float, voltage: float = 0.0, start: Solution 
             motion, loads = tangent.along()
             guess = moved(model, guess, motion, target - model.deflection(guess), loads)
         guess = guess.under(voltage=squared + share * (voltage**2 - squared))
+        if rise:
+            guess = guess.under(pressure=begun + share * rise)
         problem = model, guess, free, (held_plate(target),), settings.newton
         trial = None if tangent is None else simplified_newton(*problem, tangent)
         if trial is None:
@@ -188,3 +194,10 @@ def held(model: Model, deflection: float, voltage: float = 0.0, start: Solution 
             advice = trial.advice
             break
     return Outcome("equilibrium" if done == 1 else "not_converged", solution, advice)
+
+
+def _held_first(model: Model, deflection: float, settings: PathSettings) -> Solution:
+    """The mounted film with its plate held; where that is slack, pushed the way it shall go."""
+    if model.slack_when_mounted:
+        return _first(model, settings, -1 if deflection < 0 else 1)
+    return newton(model, model.mounted(), (model.pushed_by,), (held_plate(0.0),), settings.newton)

@@ -55,11 +55,12 @@ class Energy:
         prestretch = model.specimen.membrane.prestretch
         strain = from_virgin(model.cauchy_green(state.positions), prestretch)
         heat = (moment.memory.dissipation(strain) * model.volumes).sum() * mesh.mirrored
+        loaded = state.under(force=transient.force, pressure=transient.pressure)
         biases = sum(bias.derivatives(state.plate.deflection)[0] for bias in model.loading.biases)
         return cls(moment.time, potential + charge * voltage + float(biases), float(kinetic),
                    float(heat), charge, voltage,
-                   _work(model, state.under(force=transient.force, pressure=transient.pressure))
-                   + float(biases), float(np.sqrt(transient.damper) * speed[HEAVE]))
+                   load_work(model, loaded) + float(biases),
+                   float(np.sqrt(transient.damper) * speed[HEAVE]))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -103,8 +104,8 @@ class EnergyBalance:
                    unexplained_J=smooth)
 
 
-def _work(model: Model, state: State) -> float:
-    """Of loads that stay as they are on film and plate, less what biases store [J]."""
+def load_work(model: Model, state: State) -> float:
+    """Work of loads that stay as they are on film and plate, less what biases store [J]."""
     mesh = model.discretisation
     on_film = (model.weight[:, 2] @ state.positions[:, 2]
                + state.pressure * film_volume(mesh, state.positions)[0])

@@ -84,6 +84,7 @@ MESHED = [
     ("solve", "solve oval.toml", ("--mass", "17.9 g", "--voltage", "40 kV")),
     ("limits", "limits oval.toml", ("--mass", "17.9 g")),
     ("curve", "curve oval.toml", ("--mass", "17.9 g", "--voltage", "1 kV")),
+    ("force", "force oval.toml", ("--to", "6 mm", "--voltage", "0 kV, 3 kV", "--load", "20 g")),
     ("path", "path oval.toml", LOADS),
     ("modes", "modes oval.toml", LOADS),
     ("modes", "modes oval.toml", ("--mass", "17.9 g", "--voltage", "40 kV")),

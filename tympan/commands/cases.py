@@ -19,6 +19,7 @@ from tympan.options import (
     command,
     finish,
     naming_file,
+    naming_options,
     output,
     parse_quantities,
     parse_quantity,
@@ -129,6 +130,45 @@ def _loaded(options: argparse.Namespace) -> tuple[Specimen, Rig, Settings, tuple
     if len(set(masses)) < len(masses):
         raise InputError("must differ from each other", key="--mass", given=options.mass)
     return specimen, rig, settings, masses
+
+
+@command("force", SPECIMEN,
+         argument("--voltage", default="0 kV",
+                  help='held across the film, one curve each, such as "0 kV, 3 kV"'),
+         argument("--from", default="0 mm", metavar="LENGTH", help="first displacement"),
+         argument("--to", required=True, metavar="LENGTH",
+                  help='last displacement, such as "6 mm"'),
+         argument("--points", type=int, default=61, metavar="N", within=(2, 10000),
+                  help="number of displacements"),
+         argument("--load", default="", metavar="MASSES",
+                  help='weights whose equilibria are asked for, such as "10 g, 20 g"; each acts '
+                       "together with what the rig has between plate and ground"),
+         PRESSURE, RIG,
+         output("also store the curves (CSV), the numbers (JSON) and a picture (PNG, SVG)"), JSON,
+         MESH,
+         example='oval.toml --voltage "0 kV, 3 kV" --to "6 mm" --load "20 g" -o force')
+def force(options: argparse.Namespace) -> None:
+    """Force on the plate against its displacement, and what a load does on these curves.
+
+    The plate is held as by a tensile tester, a curve for each voltage; force and displacement are
+    positive along the load. With loads: equilibria, stroke, work, electrical energy.
+    """
+    from tympan.fem.film.library import load_specimen
+    from tympan.progress import bar
+    from tympan.studies.force import ForceCase, force
+
+    specimen, rig = load_specimen(options.specimen), read_pressed_rig(options)
+    voltages = parse_quantities(options.voltage, "voltage", "--voltage")
+    with naming_options(options, voltages="voltage"):
+        case = ForceCase(
+            specimen, voltages=voltages, rig=rig, points=options.points,
+            start=parse_quantity(getattr(options, "from"), "length", "--from"),
+            to=parse_quantity(options.to, "length", "--to"),
+            masses=parse_quantities(options.load, "mass", "--load"))
+        with bar(len(voltages)) as progress:
+            result = force(case, read_settings(options), progress)
+    finish(options, result)
+
 
 @command("path",
          *case_arguments(mass="on the plate at the start", voltage="across the film at the start"),

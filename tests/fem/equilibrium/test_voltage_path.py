@@ -11,7 +11,8 @@ from tympan.fem.equilibrium import tangent
 from tympan.fem.equilibrium.path_following import PathSettings
 from tympan.fem.equilibrium.ramp import Ramp
 from tympan.fem.equilibrium.solve import equilibrium
-from tympan.fem.equilibrium.voltage_path import between, leapt, voltage_path
+from tympan.fem.equilibrium.span import GivenLoad, Span
+from tympan.fem.equilibrium.voltage_path import leapt, voltage_path
 from tympan.fem.film.laws import NeoHooke, Ogden
 from tympan.fem.rig import Rig
 from tympan.studies.case import solve_grid
@@ -57,14 +58,15 @@ def test_most_voltages_need_no_tangent_of_their_own(monkeypatch: pytest.MonkeyPa
 
 
 def test_nothing_is_found_between_where_a_step_is_too_long() -> None:
-    film, settings = model(FILMS["pulls in"], refine=0.7), PathSettings()
+    film = model(FILMS["pulls in"], refine=0.7)
     start = equilibrium(film, FORCE, 0.0).solution
     assert leapt(film, start, [5e3, 9e3]) == []
     end = Ramp(film, "voltage", 3e3**2).natural(start)
     assert end is not None
-    assert between(film, start, end, 2e3**2, settings) is not None
-    assert between(film, start, end, 3.1e3**2, settings) is None
-    assert between(film, start, end, 0.0, settings) is None
+    span = Span(film, start, end, GivenLoad("voltage"))
+    assert span.at(2e3**2) is not None
+    assert span.at(3.1e3**2) is None
+    assert span.at(0.0) is None
 
 
 def test_voltages_may_be_repeated_and_fall() -> None:

@@ -1,0 +1,115 @@
+"""Equilibria at many deflections of a held plate, most of them found between two others."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+from tympan.fem.equilibrium.constraints import difference, length
+from tympan.fem.equilibrium.newton import Solution, newton, simplified_newton, tangent_at
+from tympan.fem.equilibrium.path_following import PathSettings
+from tympan.fem.equilibrium.ramp import UNNOTICED
+from tympan.fem.equilibrium.solve import held
+from tympan.fem.equilibrium.span import GivenDeflection, Span
+from tympan.fem.membrane.model import Model
+
+#: Most deflections that one step leads over: a cubic must be near those between. Set by trial.
+_LONGEST = 8
+#: Iterations up to which a step was easy, so that the next one leads over more deflections.
+_EASY = 2
+#: A step may miss what was foretold by this share of its motion: else it is on another branch.
+_SURPRISE = 0.3
+
+_HELD = GivenDeflection()
+
+
+@dataclass(frozen=True, eq=False)
+class HeldSpan:
+    """A step of a held plate: a ``span`` and the equilibria found within it, in order.
+
+    Both ends have tangents of their own; equilibria between have that of the end. A plate that was
+    not followed all the way was ``stopped`` at the end.
+    """
+
+    span: Span
+    inner: tuple[Solution, ...] = ()
+    stopped: bool = False
+
+
+def held_path(model: Model, deflections: Sequence[float], start: Solution,
+              settings: PathSettings = PathSettings()) -> Iterator[HeldSpan]:
+    """Steps through deflections of the plate [m] from one at which it is held, at its voltage.
+
+    They pass every limit point of the load. The path ends before a deflection that is not reached:
+    what lies there is asked of the end of the last step.
+    """
+    last = with_tangent(model, start, settings)
+    span: Span | None = None
+    number, stride = 0, 1
+    while number < len(deflections):
+        ahead = deflections[number : number + stride]
+        step = _step(model, span, last, ahead, settings)
+        if step is None and stride > 1:
+            stride //= 2
+            continue
+        if step is None:
+            step = _creep(model, last, ahead[0], settings)
+            if step is None:
+                return
+        span, last, number = step.span, step.span.end, number + len(ahead)
+        stride = min(2 * stride, _LONGEST) if last.iterations <= _EASY else max(1, stride // 2)
+        yield step
+        if step.stopped:
+            return
+
+
+def with_tangent(model: Model, solution: Solution, settings: PathSettings = PathSettings()
+                 ) -> Solution:
+    """A solution of a held plate with the tangent of its own state, which Newton's is not."""
+    solution.release()
+    target = model.deflection(solution.state)
+    tangent = tangent_at(model, solution.state, _HELD.free(model), _HELD.constraints(target))[0]
+    return solution if tangent is None else replace(solution, tangent=tangent, _responses={})
+
+
+def _step(model: Model, span: Span | None, last: Solution, ahead: Sequence[float],
+          settings: PathSettings) -> HeldSpan | None:
+    """A step to the last of some deflections; None if that, or one on the way, is not found."""
+    end = _next(model, span, last, ahead[-1], settings)
+    if end is None:
+        return None
+    step = Span(model, last, end, _HELD, settings.newton)
+    inner = [step.at(value) for value in ahead[:-1]]
+    return HeldSpan(step, tuple(each for each in inner if each)) if all(inner) else None
+
+
+def _next(model: Model, span: Span | None, last: Solution, value: float, settings: PathSettings
+          ) -> Solution | None:
+    """The equilibrium that the last span leads on to, or the slope at its end, with its tangent."""
+    span = span or Span(model, last, last, _HELD)
+    guess = span.foretold(value)
+    given = _HELD.free(model), _HELD.constraints(value), settings.newton
+    solution = simplified_newton(model, guess, *given, last.tangent)
+    if solution is None:
+        last.release()
+        solution = newton(model, guess, *given)
+        # It took a tangent more than by corrections alone.
+        solution = replace(solution, iterations=solution.iterations + _EASY)
+    if not solution.converged:
+        return None
+    missed, gone = (length(model, difference(model, solution.state, state))
+                    for state in (guess, last.state))
+    if missed > _SURPRISE * gone + UNNOTICED:
+        return None
+    return with_tangent(model, solution, settings)
+
+
+def _creep(model: Model, last: Solution, value: float, settings: PathSettings) -> HeldSpan | None:
+    """A step to a deflection, or as near to it as shorter ones lead; None if they lead nowhere."""
+    voltage = max(last.state.voltage_squared, 0.0) ** 0.5
+    outcome = held(model, value, voltage, last, settings)
+    if outcome.solution is last:
+        return None
+    end = with_tangent(model, outcome.solution, settings)
+    return HeldSpan(Span(model, last, end, _HELD, settings.newton),
+                    stopped=outcome.status != "equilibrium")

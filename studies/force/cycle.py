@@ -1,0 +1,218 @@
+"""A load on a film's force-displacement curves: equilibria, stroke, work, electrical energy.
+
+On the way from one voltage to another under a load, dΠ = F dw − Q dU of the film's potential Π at
+constant voltage, so that all energies are differences of states: what is stored is S = Π + U Q, and
+with the plate held the supply gives ΔS, at a constant voltage U ΔQ.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tympan.fem.equilibrium.newton import Solution, newton
+from tympan.fem.equilibrium.path_following import PathSettings
+from tympan.fem.membrane.model import Model
+from tympan.fem.membrane.state import State
+from tympan.fem.results.fields import film_integrals
+from tympan.fem.results.firmness import firmness
+from tympan.fem.rig import Rig
+from tympan.fem.transient.energy import load_work
+from tympan.studies.force.follow import Followed, at_displacement, near
+from tympan.studies.force.result import Crossing, LoadLine
+
+Array = NDArray[np.float64]
+
+#: How far beyond a curve's interval a crossing found in it may be, relative to the interval.
+_BESIDE = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class _Equilibrium:
+    """A film under a load at a voltage: where its curve crosses the load line."""
+
+    curve: Followed
+    solution: Solution
+    stable: bool
+
+    @property
+    def displacement(self) -> float:
+        return self.curve.model.deflection(self.solution.state)
+
+
+@dataclass(frozen=True)
+class _Load:
+    """A weight [N] and a rig's mechanisms between plate and ground."""
+
+    rig: Rig
+    weight: float
+
+    def pull(self, displacement: Array) -> tuple[Array, Array]:
+        """Force on the film at displacements [N], and its slope [N/m]."""
+        pushes = np.array([[bias.derivatives(place)[1:] for bias in self.rig.loading.biases]
+                           or [(0.0, 0.0)] for place in displacement.tolist()]).sum(axis=1)
+        return self.weight - pushes[:, 0], -pushes[:, 1]
+
+    def work(self, start: float, end: float) -> float:
+        """Work on the film between two displacements [J]."""
+        stored = sum(bias.derivatives(end)[0] - bias.derivatives(start)[0]
+                     for bias in self.rig.loading.biases)
+        return self.weight * (end - start) - float(stored)
+
+
+def load_line(model: Model, rig: Rig, mass: float, curves: Sequence[Followed],
+              displacements: Sequence[float], settings: PathSettings) -> LoadLine:
+    """The equilibria of a mass [kg] on a rig, and a cycle from the first to the last curve.
+
+    The line is drawn at displacements [m], as far as what acts reaches. ``model`` has all that acts
+    between plate and ground, that of the curves nothing of it.
+    """
+    load = _Load(rig, float(rig.force(mass, model.plate_area)))
+    found = [_equilibria(model, load, curve, settings) for curve in curves]
+    reached = _reached(load, curves, found)
+    names = dict.fromkeys(bias.law.replace("_", " ") for bias in rig.loading.biases)
+    words = ([f"{1e3 * mass:g} g"] if mass or not names else []) + list(names)
+    where = np.array(displacements)
+    pull = load.pull(where)[0]
+    line = LoadLine(
+        load=" and ".join(words), mass_kg=mass,
+        displacement_m=tuple(where[np.isfinite(pull)].tolist()),
+        force_N=tuple(pull[np.isfinite(pull)].tolist()), crossings=tuple(
+        Crossing(voltage_V=each.curve.voltage, displacement_m=each.displacement,
+                 force_N=float(load.pull(np.array([each.displacement]))[0][0]),
+                 stable=each.stable, reached=each is there)
+        for several, there in zip(found, reached, strict=True) for each in several))
+    first, last = reached[0], reached[-1]
+    if len(curves) < 2 or first is None or last is None:
+        return line
+    return _with_cycle(line, load, first, last, _snaps(found, reached), settings)
+
+
+def _equilibria(model: Model, load: _Load, curve: Followed, settings: PathSettings
+                ) -> list[_Equilibrium]:
+    """Where a curve crosses a load line, in order of displacement."""
+    where = curve.displacement
+    if len(where) < 2:
+        return []
+    pull, slope = load.pull(where)
+    excess, rise = curve.force - pull, np.array(curve.stiffness) - slope
+    result: list[_Equilibrium] = []
+    for number, span in enumerate(np.diff(where)):
+        ends = excess[number : number + 2], rise[number : number + 2]
+        for share in _roots(ends[0], span * ends[1]):
+            place = where[number] + share * span
+            guess = near(curve, place).under(force=load.weight)
+            solution = newton(model, guess, settings=settings.newton)
+            if not solution.converged or solution.tangent is None:
+                continue
+            beside = abs(model.deflection(solution.state) - place)
+            known = any(abs(model.deflection(solution.state) - other.displacement)
+                        <= _BESIDE * span for other in result)
+            if beside <= span and not known:
+                firm = bool(firmness(model, solution.state).min() > 0)
+                result.append(_Equilibrium(curve, solution,
+                                           solution.tangent.negative == 0 and firm))
+    return sorted(result, key=lambda each: each.displacement)
+
+
+def _roots(values: Array, slopes: Array) -> list[float]:
+    """Where from 0 to 1 the cubic of values and slopes at both ends vanishes."""
+    if not np.isfinite([*values, *slopes]).all():
+        return []
+    change = values[1] - values[0]
+    factors = [slopes[0] + slopes[1] - 2 * change, 3 * change - 2 * slopes[0] - slopes[1],
+               slopes[0], values[0]]
+    scale = max(map(abs, factors)) or 1.0
+    leading = next((number for number, factor in enumerate(factors)
+                    if abs(factor) > 1e-14 * scale), len(factors))
+    roots = np.roots(factors[leading:])
+    real = roots.real[np.abs(roots.imag) <= 1e-9]
+    return sorted(real[(real >= -_BESIDE) & (real <= 1 + _BESIDE)].tolist())
+
+
+def _reached(load: _Load, curves: Sequence[Followed], found: Sequence[list[_Equilibrium]]
+             ) -> list[_Equilibrium | None]:
+    """Where a plate without inertia comes to on each curve, from the flat film on the first."""
+    place = 0.0
+    result: list[_Equilibrium | None] = []
+    for curve, several in zip(curves, found, strict=True):
+        where = curve.displacement
+        there = None
+        if len(where) > 1:
+            start = float(np.clip(place, where[0], where[-1]))
+            excess = float(np.interp(start, where, curve.force - load.pull(where)[0]))
+            ahead = [each for each in several
+                     if (each.displacement - start) * excess <= 0 or each.displacement == start]
+            there = min(ahead, key=lambda each: abs(each.displacement - start), default=None)
+        if there is None or not there.stable:
+            return [*result, *[None] * (len(curves) - len(result))]
+        result.append(there)
+        place = there.displacement
+    return result
+
+
+def _snaps(found: Sequence[list[_Equilibrium]], reached: Sequence[_Equilibrium | None]) -> bool:
+    """Whether the plate passes another equilibrium of a curve on its way to that of the next."""
+    for several, here, after in zip(found, reached, reached[1:], strict=False):
+        if here is None or after is None:
+            continue
+        low, high = sorted((here.displacement, after.displacement))
+        if any(each is not here and low < each.displacement < high for each in several):
+            return True
+    return False
+
+
+def _with_cycle(line: LoadLine, load: _Load, first: _Equilibrium, last: _Equilibrium, snaps: bool,
+                settings: PathSettings) -> LoadLine:
+    """A load line with stroke, work and electrical energy between two of its equilibria."""
+    start, end = first.displacement, last.displacement
+    mass, volume = _film_mass_and_volume(first.curve.model)
+    work = load.work(start, end)
+    line = replace(line, stroke_m=end - start, work_J=abs(work),
+                   work_J_per_kg=abs(work) / mass if mass else None,
+                   work_J_per_m3=abs(work) / volume)
+    others = (at_displacement(last.curve, start, settings),
+              at_displacement(first.curve, end, settings))
+    if others[0] is None or others[1] is None:
+        return line
+    model = first.curve.model
+    # The corners in the order of the cycle: charged, moved, discharged, moved back.
+    corners = [_Corner.of(model, solution.state)
+               for solution in (first.solution, others[0], last.solution, others[1])]
+    given = [corners[1].stored - corners[0].stored,
+             corners[1].voltage * (corners[2].charge - corners[1].charge),
+             corners[3].stored - corners[2].stored,
+             corners[0].voltage * (corners[0].charge - corners[3].charge)]
+    into, out = sum(max(part, 0.0) for part in given), -sum(min(part, 0.0) for part in given)
+    stroke = corners[2].stored - corners[0].stored - work
+    return replace(line, ideal_work_J=into - out, electrical_in_J=into, electrical_out_J=out,
+                   coupling=(into - out) / into if into > 0 else None,
+                   efficiency=abs(work) / stroke if stroke > 0 and not snaps else None)
+
+
+@dataclass(frozen=True)
+class _Corner:
+    """What is ``stored`` in a film [J], its ``charge`` [C] and its ``voltage`` [V]."""
+
+    stored: float
+    charge: float
+    voltage: float
+
+    @classmethod
+    def of(cls, model: Model, state: State) -> _Corner:
+        """Of a state, the weight and the gas of the film included."""
+        alone = state.under(force=0.0)
+        _, capacitance, energy = (float(value[0]) for value in film_integrals(model, [alone]))
+        voltage = max(state.voltage_squared, 0.0) ** 0.5
+        charge = capacitance * voltage
+        return cls(energy - load_work(model, alone) + voltage * charge, charge, voltage)
+
+
+def _film_mass_and_volume(model: Model) -> tuple[float, float]:
+    """Mass of film and electrodes [kg], volume of the film [m³]."""
+    mesh = model.discretisation
+    mass = (model.mass_per_area * mesh.weights).sum() * mesh.mirrored
+    return float(mass), float(model.volumes.sum() * mesh.mirrored)

@@ -1,0 +1,242 @@
+"""A film whose plate is displaced at one voltage: its equilibria, and the limits on the way."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tympan.fem.equilibrium.arc_length import PathPoint
+from tympan.fem.equilibrium.constraints import held_plate, length
+from tympan.fem.equilibrium.held_path import HeldSpan, held_path, with_tangent
+from tympan.fem.equilibrium.newton import Solution, newton
+from tympan.fem.equilibrium.path_following import PathSettings
+from tympan.fem.equilibrium.span import Span
+from tympan.fem.film.tension_field import Tension
+from tympan.fem.membrane.model import Model
+from tympan.fem.membrane.state import State
+from tympan.fem.results.fields import film_integrals, node_fields
+from tympan.fem.results.limit_states import (
+    INSTABILITY,
+    LIMIT_STATES,
+    PULL_IN,
+    TENSION,
+    LimitState,
+    Sign,
+)
+from tympan.fem.roots import NoValueHere, root_between
+from tympan.studies.case import LimitKind
+from tympan.studies.force.result import ForceCurve, ForceLimit
+from tympan.studies.path import Stop
+
+Array = NDArray[np.float64]
+
+#: Error of a displacement at which a limit is passed, relative to the frame: far below what a mesh
+#: leaves uncertain.
+_SHARP = 1e-6
+#: States summarised at once: more would leave the cache.
+_TOGETHER = 12
+
+
+@dataclass(frozen=True, eq=False)
+class Followed:
+    """The equilibria of a model whose plate is displaced, at a nominal ``voltage`` [V].
+
+    ``stiffness`` is the slope of the force [N/m]. ``firm``: whether each is stable with the plate
+    held. ``limits`` are passed on the way; at ``ended`` the curve ends before it is at its goal.
+    """
+
+    model: Model
+    voltage: float
+    states: list[State] = field(default_factory=list)
+    stiffness: list[float] = field(default_factory=list)
+    firm: list[bool] = field(default_factory=list)
+    limits: list[ForceLimit] = field(default_factory=list)
+    ended: ForceLimit | None = None
+
+    @property
+    def displacement(self) -> Array:
+        """Displacements of the plate [m]."""
+        return np.array([self.model.deflection(state) for state in self.states])
+
+    @property
+    def force(self) -> Array:
+        """Forces on the plate [N]."""
+        return np.array([state.force for state in self.states])
+
+    @property
+    def curve(self) -> ForceCurve:
+        """What is stored of it."""
+        stable = [firm and slope > 0 for firm, slope in zip(self.firm, self.stiffness, strict=True)]
+        return ForceCurve(
+            voltage_V=self.voltage, displacement_m=tuple(self.displacement.tolist()),
+            force_N=tuple(self.force.tolist()), stable=tuple(stable),
+            stiffness_N_per_m=tuple(self.stiffness), limits=tuple(self.limits), ended=self.ended,
+            **self._of_fields())
+
+    def _of_fields(self) -> dict[str, tuple[Any, ...]]:
+        """What is stored of the film at each displacement."""
+        numbers: dict[str, list[Any]] = {name: [] for name in (
+            "tense", "max_stretch", "max_true_stress_Pa", "breakdown_share", "capacitance_F")}
+        for start in range(0, len(self.states), _TOGETHER):
+            states = self.states[start : start + _TOGETHER]
+            for fields in node_fields(self.model, states):
+                numbers["tense"].append(bool((fields.tension == Tension.TAUT).all()))
+                numbers["max_stretch"].append(float(fields.stretch_1.max()))
+                numbers["max_true_stress_Pa"].append(float(fields.stress_1.max()))
+                numbers["breakdown_share"].append(float(fields.breakdown_share.max()))
+            numbers["capacitance_F"] += film_integrals(self.model, states)[1].tolist()
+        return {name: tuple(values) for name, values in numbers.items()}
+
+
+def follow(model: Model, voltage: float, displacements: Sequence[float], start: Solution,
+           settings: PathSettings) -> Followed:
+    """Follow a film from a state held at the first of some displacements [m], ascending."""
+    first = with_tangent(model, start, settings)
+    curve = Followed(model, voltage, [first.state], [_stiffness(first)], [_firm(first)])
+    before = _stop(model, first)
+    for state in LIMIT_STATES.values():
+        if state is not PULL_IN and not state.field(before).min() > 0:
+            curve.limits.append(_limit(before, state))
+    if any(limit.kind == INSTABILITY.kind for limit in curve.limits):
+        return Followed(model, voltage, ended=curve.limits[-1])
+    for step in held_path(model, displacements[1:], first, settings):
+        after = _stop(model, step.span.end)
+        passed = sorted(_passed(step.span, before, after), key=lambda pair: pair[0].displacement_m)
+        gone = next((pair for pair in passed if pair[0].kind == INSTABILITY.kind), None)
+        gone = gone and (gone[0], with_tangent(model, gone[1]))
+        _add(curve, step, gone)
+        if gone is not None:
+            curve.limits.extend(limit for limit, _ in passed if limit.displacement_m
+                                <= gone[0].displacement_m and limit != gone[0])
+            loose = any(limit.kind == TENSION.kind for limit in curve.limits)
+            if not loose and _stop(model, gone[1]).thins:  # it wrinkles before it thins
+                curve.limits.append(replace(gone[0], kind="tension"))
+            curve.limits.append(gone[0])
+            return replace(curve, ended=gone[0])
+        curve.limits.extend(limit for limit, _ in passed)
+        before = after
+    if len(curve.states) < len(displacements):
+        last = curve.states[-1]
+        return replace(curve, ended=ForceLimit(
+            kind="not_followed", displacement_m=model.deflection(last), force_N=last.force))
+    return curve
+
+
+def at_displacement(curve: Followed, displacement: float, settings: PathSettings
+                    ) -> Solution | None:
+    """The film held at a displacement [m] within its curve; None beyond that."""
+    where = curve.displacement
+    if not len(where) or not where[0] <= displacement <= where[-1]:
+        return None
+    solution = newton(curve.model, near(curve, displacement), ("force",),
+                      (held_plate(displacement),), settings.newton)
+    return solution if solution.converged else None
+
+
+def near(curve: Followed, displacement: float) -> State:
+    """The state of a curve at a displacement, straight between two of its own."""
+    where = curve.displacement
+    number = int(np.clip(np.searchsorted(where, displacement), 1, len(where) - 1))
+    before, after = curve.states[number - 1 : number + 1]
+    share = (displacement - where[number - 1]) / (where[number] - where[number - 1])
+    positions = before.positions + share * (after.positions - before.positions)
+    closer = after if share > 0.5 else before
+    return replace(closer, positions=positions, plate=closer.plate.raised_to(displacement),
+                   force=before.force + share * (after.force - before.force))
+
+
+def _add(curve: Followed, step: HeldSpan, gone: tuple[ForceLimit, Solution] | None) -> None:
+    """Add a step to a curve, up to where the film is gone."""
+    span, model = step.span, curve.model
+    solutions = [*step.inner, span.end]
+    ends = _stiffness(span.start), _stiffness(span.end)
+    places = [span.ends[0], *(model.deflection(solution.state) for solution in solutions)]
+    forces = [solution.state.force for solution in (span.start, *solutions)]
+    slopes = _slopes(np.array(places), np.array(forces), ends)
+    firm = curve.firm[-1], _firm(span.end)
+    firms = [firm[1]] * len(solutions) if firm[0] == firm[1] else [
+        _firm(with_tangent(model, solution)) for solution in solutions]
+    if gone is not None:
+        kept = [number for number, place in enumerate(places[1:])
+                if place < gone[0].displacement_m]
+        solutions = [*(solutions[number] for number in kept), gone[1]]
+        slopes = np.array([*(slopes[number] for number in kept), _stiffness(gone[1])])
+        firms = [*(firms[number] for number in kept), firm[0]]  # up to there
+    curve.states.extend(solution.state for solution in solutions)
+    curve.stiffness.extend(slopes.tolist())
+    curve.firm.extend(firms)
+
+
+def _slopes(places: Array, values: Array, ends: tuple[float, float]) -> Array:
+    """Slopes at places but the first, by the polynomial through values and both ends' slopes."""
+    if len(places) == 2:
+        return np.array([ends[1]])
+    scale = places[-1] - places[0]
+    t = (places - places[0]) / scale
+    powers = np.arange(len(places) + 2)
+    rise = powers * t[:, None] ** np.maximum(powers - 1, 0)
+    matrix = np.vstack([t[:, None] ** powers, rise[[0, -1]]])
+    factors = np.linalg.solve(matrix, np.concatenate([values, scale * np.array(ends)]))
+    return np.append((rise[1:-1] @ factors) / scale, ends[1])
+
+
+def _stiffness(solution: Solution) -> float:
+    """Slope of the force that holds the plate [N/m]."""
+    assert solution.tangent is not None
+    return float(solution.tangent.along()[1]["force"])
+
+
+def _firm(solution: Solution) -> bool:
+    """Whether a state is stable with the plate held: its deflection is one motion less."""
+    assert solution.tangent is not None
+    return bool(solution.tangent.negative == (_stiffness(solution) < 0))
+
+
+def _stop(model: Model, solution: Solution) -> Stop:
+    """A state of a curve, by its own tangent, as limit states look at it."""
+    assert solution.tangent is not None
+    (film, plate), loads = solution.tangent.along()
+    scale = length(model, (film, plate))
+    return Stop(model, PathPoint(solution, (film / scale, plate / scale), loads["force"] / scale),
+                along="mass")
+
+
+def _passed(span: Span, before: Stop, after: Stop) -> Iterator[tuple[ForceLimit, Solution]]:
+    """Limits between two states of a curve, each with the film there."""
+    for state in LIMIT_STATES.values():
+        sign = state.signs[0]
+        if sign.value(before) * sign.value(after) < 0:
+            found = _where(span, sign, before, after)
+            if found is not None:
+                yield _limit(found, state), found.point.solution
+
+
+def _where(span: Span, sign: Sign, before: Stop, after: Stop) -> Stop | None:
+    """The state between two at which a sign changes."""
+    low, high = span.ends
+    stops = {low: before, high: after}
+
+    def value(place: float) -> float:
+        if place not in stops:
+            solution = span.at(place) or newton(
+                span.model, span.foretold(place), ("force",), (held_plate(place),), span.newton)
+            if not solution.converged:
+                raise NoValueHere
+            if not sign.of_state:
+                solution = with_tangent(span.model, solution)
+            stops[place] = _stop(span.model, solution)
+        return sign.value(stops[place])
+
+    root = root_between(value, low, high, xtol=_SHARP * span.model.size)
+    return None if root is None else stops[min(stops, key=lambda place: abs(place - root))]
+
+
+def _limit(stop: Stop, state: LimitState) -> ForceLimit:
+    x, y = stop.place(state)
+    return ForceLimit(kind=cast(LimitKind, state.kind),
+                      displacement_m=stop.model.deflection(stop.point.state),
+                      force_N=stop.point.state.force, x_m=x, y_m=y)

@@ -1,0 +1,161 @@
+"""Force on the plate against its displacement, a curve for each voltage, with loads over them."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import KW_ONLY, dataclass, replace
+from typing import TYPE_CHECKING, Annotated
+
+import numpy as np
+
+from tympan.fem.equilibrium.newton import Solution
+from tympan.fem.equilibrium.path_following import PathSettings
+from tympan.fem.equilibrium.ramp import still_slack
+from tympan.fem.equilibrium.solve import held
+from tympan.fem.membrane.model import Model
+from tympan.fem.rig import MASSES, VOLTAGES, Rig
+from tympan.geometry.errors import InputError
+from tympan.geometry.fields import Key, require, takes_units
+from tympan.geometry.specimen import Specimen
+from tympan.geometry.toml_reader import Rule
+from tympan.studies.case import Case, Settings, build_model
+from tympan.studies.force.cycle import load_line
+from tympan.studies.force.follow import Followed, at_displacement, follow
+from tympan.studies.force.result import ForceLimit, ForceResult
+
+#: Displacements of a curve where their number is not given: a smooth line.
+USUAL_POINTS = 61
+_COUNTS: Rule = (lambda x: 2 <= x <= 10_000, "must be from 2 to 10000")
+
+
+@takes_units
+@dataclass(frozen=True)
+class ForceCase:
+    """A specimen whose plate is displaced from ``start`` to ``to`` [m], at each voltage [V].
+
+    ``masses`` [kg] are loads whose equilibria are asked for; texts carry their unit.
+    """
+
+    specimen: Specimen
+    _: KW_ONLY
+    voltages: Annotated[tuple[float, ...], Key("nominal voltages", "voltage", VOLTAGES)] = (0.0,)
+    start: Annotated[float, Key("first displacement", "length", name="from")] = 0.0
+    to: Annotated[float, Key("last displacement", "length")]
+    points: Annotated[int, Key("number of displacements", rule=_COUNTS)] = USUAL_POINTS
+    masses: Annotated[tuple[float, ...], Key("loads on the plate", "mass", MASSES,
+                                             name="load")] = ()
+    rig: Rig = Rig()
+
+    if TYPE_CHECKING:
+        def __init__(self, specimen: Specimen, *, voltages: Sequence[float | str] = ...,
+                     start: float | str = ..., to: float | str, points: int = ...,
+                     masses: Sequence[float | str] = ..., rig: Rig = ...) -> None: ...
+
+    def __post_init__(self) -> None:
+        require(self)
+        self.specimen.needed_plate()
+        if self.rig.guide == "fixed":
+            raise InputError("must let the plate move: it is to be displaced", key="guide",
+                             given=self.rig.guide)
+        if not self.voltages:
+            raise InputError("must have one voltage at least", key="voltages", given="none")
+        for name, values in (("voltages", self.voltages), ("load", self.masses)):
+            if len(set(values)) < len(values):
+                raise InputError("must differ from each other", key=name,
+                                 given=", ".join(f"{value:g}" for value in values))
+        most = PathSettings().reach * max(self.specimen.frame.semi_axes)
+        for name, place in (("from", self.start), ("to", self.to)):
+            if not abs(place) <= most:
+                raise InputError(f"must be within ±{1e3 * most:.4g} mm, 1.5 times the frame's half "
+                                 "extent", key=name, given=f"{1e3 * place:g} mm")
+        if not self.start < self.to:
+            raise InputError(f"must be above the first displacement, {1e3 * self.start:g} mm",
+                             key="to", given=f"{1e3 * self.to:g} mm")
+
+    @property
+    def displacements(self) -> list[float]:
+        """Displacements of the plate [m], the first and the last among them to the last digit."""
+        places: list[float] = np.linspace(self.start, self.to, self.points).tolist()
+        return places
+
+
+def force(case: ForceCase, settings: Settings,
+          progress: Callable[[str], None] = lambda words: None) -> ForceResult:
+    """Displace the plate at each voltage, and put loads on it; ``progress`` before each voltage.
+
+    The tester holds the plate's deflection: the film's own curve passes every limit point of load
+    and voltage. What the rig has between plate and ground is on the side of the load.
+    """
+    began = time.perf_counter()
+    rig, specimen = case.rig, case.specimen
+    alone = build_model(specimen, settings, replace(rig.loading, biases=()))
+    settings = settings.bounded(alone, loads=max(len(case.voltages), 1))
+    path = settings.path
+    curves = list(_curves(case, alone, path, progress))
+    lines = []
+    if case.masses or rig.loading.biases:
+        loaded = replace(alone, loading=rig.loading)
+        lines = [load_line(loaded, rig, mass, curves, case.displacements, path)
+                 for mass in case.masses or (0.0,)]
+    first = lines[0] if lines else None
+    held_at, blocked = _blocked(curves, None if first is None or not first.crossings
+                                else next((crossing.displacement_m for crossing in first.crossings
+                                           if crossing.reached
+                                           and crossing.voltage_V == curves[0].voltage), None),
+                                path)
+    highest = Case.greatest(specimen, case.masses, case.voltages, rig)
+    return ForceResult(
+        specimen=specimen.name, curves=tuple(curve.curve for curve in curves), loads=tuple(lines),
+        stroke_m=first.stroke_m if first else None, work_J=first.work_J if first else None,
+        blocked_force_N=blocked, blocked_displacement_m=held_at, dofs=alone.unknowns,
+        wall_s=time.perf_counter() - began, warnings=highest.remarks)
+
+
+def _curves(case: ForceCase, model: Model, path: PathSettings, progress: Callable[[str], None]
+            ) -> Iterator[Followed]:
+    """The curve at each voltage; each begins where that of the voltage before did."""
+    displacements = case.displacements
+    start: Solution | None = None
+    for voltage in sorted(case.voltages):
+        progress(f"{case.specimen.name}: {voltage / 1e3:g} kV")
+        film_voltage = float(case.rig.film_voltage(voltage))
+        outcome = held(model, case.start, 0.0 if start is None else film_voltage, start, path,
+                       case.rig.gas_pressure)
+        if start is None:
+            _require_start(case, model, outcome.status == "equilibrium", outcome.solution)
+            outcome = held(model, case.start, film_voltage, outcome.solution, path)
+        if outcome.status != "equilibrium":
+            state = outcome.state
+            yield Followed(model, voltage, ended=ForceLimit(
+                kind="not_followed", displacement_m=model.deflection(state), force_N=state.force))
+            continue
+        start = outcome.solution
+        yield follow(model, voltage, displacements, start, path)
+
+
+def _require_start(case: ForceCase, model: Model, found: bool, solution: Solution) -> None:
+    """Refuse a first displacement at which the film has no shape even without voltage."""
+    if found and not still_slack(model, solution.state):
+        return
+    why = ("the film is slack there: it has no definite shape; prestretch it, or begin further out"
+           if model.slack_when_mounted else f"no equilibrium was found there: {solution.advice}")
+    raise InputError(f"must be where a curve can begin: {why}", key="from",
+                     given=f"{1e3 * case.start:g} mm")
+
+
+def _blocked(curves: Sequence[Followed], rest: float | None, path: PathSettings
+             ) -> tuple[float | None, float | None]:
+    """Where the plate is held [m], and by how much its force falls from first to last curve [N]."""
+    first, last = curves[0], curves[-1]
+    common = min(len(first.states), len(last.states))
+    if first is last or not common:
+        return None, None
+    if rest is not None:
+        ends = [at_displacement(curve, rest, path) for curve in (first, last)]
+        if ends[0] is not None and ends[1] is not None:
+            return rest, ends[0].state.force - ends[1].state.force
+    same = np.isclose(first.displacement[:common], last.displacement[:common], rtol=0, atol=1e-12)
+    falls = np.where(same, first.force[:common] - last.force[:common], -np.inf)
+    largest = int(np.argmax(falls))
+    return float(first.displacement[largest]), float(falls[largest])

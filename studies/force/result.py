@@ -1,0 +1,174 @@
+"""Force-displacement curves, and what a load does on them, as they are stored."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tympan.fem.results.limit_states import LIMIT_STATES, PULL_IN
+from tympan.geometry.fields import Key
+from tympan.geometry.units import place_text
+from tympan.studies.case import LimitKind, SpecimenRecord, Unknowns, WallTime, Warnings
+from tympan.studies.columns import Column, write_sheet
+
+#: A limit of the film, or that no equilibrium was found beyond.
+EndKind = Literal[LimitKind, "not_followed"]
+
+#: Columns of the CSV, one row for each displacement; a dataset's force.csv has the first four.
+COLUMNS: tuple[Column, ...] = (
+    Column.labels("specimen"),
+    Column("voltage", "kV"),
+    Column("displacement", "mm"),
+    Column("force", "mN"),
+    Column("stiffness", "N_per_m"),
+    Column("capacitance", "pF"),
+    Column("stable"),
+    Column("tense"),
+    Column("max_stretch"),
+    Column("max_true_stress", "kPa"),
+    Column("breakdown_share"),
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ForceLimit:
+    """Where a force-displacement curve passes a limit of the film, or ends."""
+
+    kind: Annotated[EndKind, Key(
+        "what happens there: the film loses tension, breaks down or gives way in itself; the force "
+        "turns, so that a weight snaps through (pull_in); or no equilibrium was found beyond")]
+    displacement_m: Annotated[float, Key("displacement of the plate")]
+    force_N: Annotated[float, Key("force on the plate")]
+    x_m: Annotated[float | None, Key("where in the mounted film; none where it is not known")] = (
+        None)
+    y_m: Annotated[float | None, Key("y of the same place")] = None
+
+    @property
+    def words(self) -> str:
+        """What happens there, of the film."""
+        if self.kind == "not_followed":
+            return "no equilibrium found beyond"
+        if self.kind == PULL_IN.kind:
+            return "force turns, a weight snaps through"
+        return str(LIMIT_STATES[self.kind].verb)
+
+    @property
+    def place(self) -> str:
+        """Where in the film it begins, in millimetres; "" of what concerns the plate."""
+        if self.x_m is None or self.y_m is None or self.kind == PULL_IN.kind:
+            return ""
+        return place_text(self.x_m, self.y_m)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ForceCurve:
+    """The force on the plate at one voltage; a number of each list for each displacement."""
+
+    voltage_V: Annotated[float, Key("nominal voltage")]
+    displacement_m: Annotated[tuple[float, ...], Key("displacements of the plate, ascending")]
+    force_N: Annotated[tuple[float, ...], Key(
+        "force that holds the plate there, positive along the displacement")]
+    stable: Annotated[tuple[bool, ...], Key("whether it is stable under a constant force, too")]
+    tense: Annotated[tuple[bool, ...], Key("whether no part of the film has lost tension")]
+    stiffness_N_per_m: Annotated[tuple[float, ...], Key("slope of the curve")]
+    capacitance_F: Annotated[tuple[float, ...], Key("capacitance of the film as it is")]
+    max_stretch: Annotated[tuple[float, ...], Key(
+        "largest principal stretch, from the virgin film")]
+    max_true_stress_Pa: Annotated[tuple[float, ...], Key("largest principal true stress")]
+    breakdown_share: Annotated[tuple[float, ...], Key(
+        "largest field over strength; 0 where the strength is unknown")]
+    limits: Annotated[tuple[ForceLimit, ...], Key("limits that the curve passes, in order")]
+    ended: Annotated[ForceLimit | None, Key(
+        "where the curve ends before the last displacement; none where it reaches that")]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Crossing:
+    """Where a load line crosses a curve: an equilibrium under that load at that voltage."""
+
+    voltage_V: Annotated[float, Key("nominal voltage")]
+    displacement_m: Annotated[float, Key("displacement of the plate")]
+    force_N: Annotated[float, Key("force that the film carries there")]
+    stable: Annotated[bool, Key("whether it is stable under the load")]
+    reached: Annotated[bool, Key(
+        "whether the plate comes to it: from the mounted film at the lowest voltage, then from "
+        "voltage to voltage")]
+
+
+@dataclass(frozen=True, kw_only=True)
+class LoadLine:
+    """A load on the plate, its equilibria, and the work of a cycle between two voltages."""
+
+    load: Annotated[str, Key("the weight, and what else acts between plate and ground")]
+    mass_kg: Annotated[float, Key("nominal mass")]
+    displacement_m: Annotated[tuple[float, ...], Key("displacements at which its line is drawn")]
+    force_N: Annotated[tuple[float, ...], Key("force with which it pulls the film there")]
+    crossings: Annotated[tuple[Crossing, ...], Key("equilibria, by voltage and displacement")]
+    stroke_m: Annotated[float | None, Key(
+        "displacement from the lowest to the highest voltage; none where one has no equilibrium "
+        "that is reached")] = None
+    work_J: Annotated[float | None, Key(
+        "work that the load exchanges in one stroke: the area under its line; of a weight, weight "
+        "times stroke")] = None
+    work_J_per_kg: Annotated[float | None, Key(
+        "the same per mass of film and electrodes; none where they have no density")] = None
+    work_J_per_m3: Annotated[float | None, Key("the same per volume of the film")] = None
+    ideal_work_J: Annotated[float | None, Key(
+        "work of the cycle that changes the voltage at both ends of the stroke with the plate "
+        "held: the area between the curves")] = None
+    electrical_in_J: Annotated[float | None, Key("energy that the supply gives in that "
+                                                 "cycle")] = None
+    electrical_out_J: Annotated[float | None, Key("energy that it gets back")] = None
+    coupling: Annotated[float | None, Key("ideal work over the energy given")] = None
+    efficiency: Annotated[float | None, Key(
+        "work of a stroke under the load over the energy that the supply gives for it, with none "
+        "got back; none where the plate snaps")] = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class ForceResult(SpecimenRecord):
+    """Force-displacement curves of one specimen, and loads on them, SI."""
+
+    ending = "-force"
+    writer = "tympan force"
+    kinds = ("csv", "json")
+    drawn = ("png", "svg")
+
+    curves: Annotated[tuple[ForceCurve, ...], Key("a curve for each voltage, ascending")]
+    loads: Annotated[tuple[LoadLine, ...], Key("loads whose lines are drawn over the curves")] = ()
+    stroke_m: Annotated[float | None, Key("stroke of the first load")] = None
+    work_J: Annotated[float | None, Key("its work in a stroke")] = None
+    blocked_force_N: Annotated[float | None, Key(
+        "by how much the force falls from the lowest to the highest voltage, the plate held; none "
+        "of one voltage")] = None
+    blocked_displacement_m: Annotated[float | None, Key(
+        "where: at the first load's equilibrium at the lowest voltage; without a load, where it is "
+        "largest")] = None
+    dofs: Unknowns
+    wall_s: WallTime
+    warnings: Warnings = ()
+
+    @property
+    def table(self) -> dict[str, NDArray[Any]]:
+        """The curves with the names of :data:`COLUMNS`, in SI."""
+        def column(name: str) -> NDArray[Any]:
+            return np.concatenate([np.asarray(getattr(curve, name)) for curve in self.curves])
+
+        counts = [len(curve.force_N) for curve in self.curves]
+        return {
+            "specimen": np.full(sum(counts), self.specimen),
+            "voltage": np.repeat([curve.voltage_V for curve in self.curves], counts),
+            "displacement": column("displacement_m"), "force": column("force_N"),
+            "stiffness": column("stiffness_N_per_m"), "capacitance": column("capacitance_F"),
+            "max_true_stress": column("max_true_stress_Pa"),
+            **{name: column(name) for name in ("stable", "tense", "max_stretch",
+                                               "breakdown_share")}}
+
+    def save(self, folder: Path) -> None:
+        """Write ``NAME-force.csv`` and ``.json``."""
+        super().save(folder)
+        write_sheet(folder / f"{self.specimen}-force.csv", COLUMNS, self.table)
