@@ -5,7 +5,7 @@ PYTHON ?= $(shell for p in python3.12 python3.13 python3.11 python3; do \
   $$p -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))' 2>/dev/null && echo $$p && break; done)
 OUT ?= out
 
-.PHONY: study check test benchmarks scaling verification robustness spreads films-in-time hidden verdict-cases fuzz hostile signals optimum outlines map lumped-build paper coupons coupon-rubbers external house docs clean
+.PHONY: study check test benchmarks scaling verification robustness spreads films-in-time hidden verdict-cases fuzz hostile signals optimum outlines map lumped-build paper coupons coupon-rubbers external house verdict-pictures docs clean
 
 study: .venv/ready
 	.venv/bin/tympan study -o "$(OUT)"
@@ -95,6 +95,10 @@ external: .venv/ready
 
 house: .venv/ready
 	.venv/bin/python -m benchmarks.house
+
+# The pictures of docs/explanation/verdict.md.
+verdict-pictures: .venv/ready
+	OPENBLAS_NUM_THREADS=1 .venv/bin/python -m benchmarks.verdict_pictures -o docs
 
 # Without network once its packages are there; warnings are errors.
 docs: .venv/docs

@@ -145,9 +145,9 @@ def noise_told(noise: Noise, models: Sequence[Missed], smooth: Callable[[], Iter
     value, told = best
     value += _BETTER if told.correlation else 0.0
     if value < plain.max() + _BETTER:
-        # An effect that is hardly more probable than errors that remember is none to be told.
+        # An effect must be as much more probable than errors that remember.
         value, told = alone[0] + _BETTER, alone[1]
-        if value < max(plain[0], plain.max() - 2 * _BETTER) + _BETTER:
+        if value < max(plain[0] + _BETTER, plain.max() - _BETTER):
             return nothing
     residual, jacobian = (noise.whitened(part)
                           for part in (models[0].residual, models[0].jacobian))
