@@ -161,6 +161,12 @@ class Dataset:
     source: Annotated[str, Key("where the data are from")] = "not stated"
     noise: Annotated[float | None, Key(
         "standard deviation of one reading of the displacement", "length", POSITIVE)] = None
+    voltage_noise: Annotated[float, Key(
+        "standard deviation of the voltage of each state that was read, besides the noise of a "
+        "reading", "voltage", NON_NEGATIVE)] = 0.0
+    film_scatter: Annotated[float, Key(
+        "by what share stiffness and permittivity of the specimens' films differ from each other: "
+        "5 % is usual of films of one roll that were stretched by hand", rule=_STRIPS)] = 0.0
     effort: Annotated[Effort, Key("what readings cost whoever makes them")] = Effort()
     field_frame: Annotated[Literal["table", "plate"], Key(
         "from where places in field.csv are counted: the frame's centre, or the plate's")] = "table"

@@ -10,11 +10,9 @@ import numpy as np
 
 from tympan.geometry.errors import InputError
 from tympan.studies.data.dataset import Dataset
+from tympan.studies.diagnosis.bench_errors import with_bench_errors, with_model_error
 from tympan.studies.diagnosis.calibration import (
-    Calibration,
     calibrated,
-    film_error,
-    frequency_error,
     law_error,
     reaching,
     with_effects,
@@ -109,6 +107,7 @@ def _judge_actuators(dataset: Dataset, of_coupons: tuple[PreparedReadings, Judge
     error = law_error(nominal.simulation, nominal.fit, nominal.table)
     table = with_model_error(nominal.table, error, nominal)
     readings = replace(readings, table=table, remarks=(*readings.remarks, *nominal.remarks))
+    readings = with_bench_errors(readings, dataset, nominal)
     films = 1
 
     def solved(done: int, count: int) -> None:
@@ -122,16 +121,17 @@ def _judge_actuators(dataset: Dataset, of_coupons: tuple[PreparedReadings, Judge
         readings, simulation, every = _with_coupons(readings, simulation, of_coupons)
         judged = judge(simulation, every, readings.causes, seed=seed, workers=workers)
     except ArithmeticError as failure:
-        raise InputError(str(failure), key="readings", given=f"{len(table)} readings") from None
+        raise InputError(str(failure), key="readings",
+                         given=f"{len(readings.table)} readings") from None
     progress(films + 1, films + _LATER)
     if judged.unusual:
-        stated = fit(simulation, (), table, judged.nominal.unknowns)
+        stated = fit(simulation, (), readings.table, judged.nominal.unknowns)
         judged = replace(judged, confusions=confusions_of(dataset, readings, stated))
     elif judged.odd_specimen and judged.relabelling is None:
         judged = replace(judged, confusions=mistaken_sizes(readings.setup, judged.of_first()))
     if judged.chosen is not None:
         assert isinstance(judged.simulation, Simulation)
-        error = max(error, law_error(judged.simulation, judged.chosen, table))
+        error = max(error, law_error(judged.simulation, judged.chosen, readings.table))
     return readings, judged, error
 
 
@@ -202,6 +202,7 @@ def plan_readings(dataset: Dataset, workers: int = 1,
     signs = signatures(simulation, table, nominal.fit.unknowns, readings.causes)
     invisible, classes = classes_of(signs)
     noisy = with_model_error(table, law_error(nominal.simulation, nominal.fit, table), nominal)
+    noisy = with_bench_errors(replace(readings, table=noisy), dataset, nominal).table
     bench = Bench(simulation, nominal.fit.unknowns, noisy, readings.causes)
     return {
         "dataset": dataset.name,
@@ -218,19 +219,6 @@ def _prepared(dataset: Dataset) -> PreparedReadings:
     for specimen in dataset.specimens:
         specimen.needed_plate()
     return prepared_readings(dataset)
-
-
-def with_model_error(table: ReadingTable, error: float, nominal: Calibration) -> ReadingTable:
-    """The reduced model's errors are noise: that of the lengths [m], and a share of frequencies.
-
-    And those of films' shapes [m].
-    """
-    share = frequency_error(nominal.simulation, nominal.fit, table)
-    errors = np.where(table.lengths, error, np.where(table.kind == "frequency", share, 0.0)
-                      * table.value)
-    for kind, largest in film_error(nominal.simulation, nominal.fit, table).items():
-        errors = np.where(table.kind == kind, largest, errors)
-    return table.with_sigma(np.hypot(table.sigma, errors))
 
 
 def _predicted(setup: Setup, table: ReadingTable) -> ReadingTable:
