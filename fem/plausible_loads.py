@@ -68,4 +68,4 @@ def _stiffness(specimen: Specimen) -> tuple[float, float]:
     if not 0 < stiffness < np.inf:  # next to where the law locks or gives way
         stiffness = _EQUIBIAXIAL * float(np.real(small_strain_modulus(film.material)))
     edge = perimeter(specimen.plate.outline) if specimen.plate else 0.0
-    return stiffness, float(np.real(stiffness * film.thickness / film.area_prestretch * edge))
+    return stiffness, float(np.real(stiffness * film.volume_per_area * edge))

@@ -33,6 +33,8 @@ _DENSITY: Rule = (lambda x: x == 0 or 1 <= x <= 30e3,
 _ELECTRODE: Rule = (lambda x: 0 <= x <= 100, "must be from 0 (weightless) to 100 kg/m^2")
 _UNEVEN: Rule = (lambda x: -0.9 <= x <= 0.9, "must be from -0.9 to 0.9")
 _THICKNESS: Rule = (lambda x: 1e-7 <= x <= 0.1, "must be positive, from 0.1 um to 10 cm")
+_LAYERS: Rule = (lambda x: x == int(x) and 1 <= x <= 1000,
+                 "must be a whole number from 1 to 1000")
 _PERMITTIVITY: Rule = (lambda x: 1 <= x <= 1000, "must be at least 1 (vacuum) and at most 1000")
 
 
@@ -207,6 +209,10 @@ class Film:
     temperature_power: Annotated[float, Key(
         "p: in coupon tests at an absolute temperature T law and branches are (T/293.15 K)^p times "
         "as stiff; films are solved at 20 degrees Celsius", rule=_POWER, discrete=True)] = 0.0
+    layers: Annotated[int, Key(
+        "equal films side by side, each with its electrodes: force, capacitance and mass are those "
+        "of all, stress and field those of each; loads, gas and plate are there once",
+        rule=_LAYERS)] = 1
     #: Principal stretches that the law is meant for, the thickness included; in files `range` of
     #: the material's table. None: nothing is said.
     law_range: Pair | None = None
@@ -227,6 +233,11 @@ class Film:
     def area_prestretch(self) -> float:
         """J_p, mounted over virgin area."""
         return self.prestretch[0] * self.prestretch[1]
+
+    @property
+    def volume_per_area(self) -> float:
+        """Virgin volume of all layers per mounted area [m]: by this a stack is n films."""
+        return self.layers * (self.thickness / self.area_prestretch)
 
 
 @takes_units

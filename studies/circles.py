@@ -60,9 +60,8 @@ class ConeCircle:
 
     @cached_property
     def thickness(self) -> float:
-        """z₀ [m], of the mounted film."""
-        film = self.specimen.membrane
-        return film.thickness / film.area_prestretch
+        """z₀ [m], of all layers of the mounted film."""
+        return self.specimen.membrane.volume_per_area
 
     @cached_property
     def volume(self) -> Any:

@@ -119,7 +119,8 @@ class Film(AnyFilm):
                  ..., strength: Strength | str | None = ..., branches:
                  Sequence[AnyViscousBranch] = ..., thickness_gradient:
                  tuple[float, float] = ..., mounted: Quantity | None = ...,
-                 temperature_power: float = ..., law_range: Pair | None = ...) -> None: ...
+                 temperature_power: float = ..., layers: int = ..., law_range:
+                 Pair | None = ...) -> None: ...
 
 class Patch(AnyPatch):
     def __init__(self, centre: Pair, diameter: Quantity) -> None: ...

@@ -163,7 +163,7 @@ class ResidualDerivative:
     def _by_film(self, model: Model, state: State) -> Array:
         """By materials that are not those at the start, and by the film's virgin thickness."""
         film, result = model.specimen.membrane, np.zeros(len(self._plate))
-        thickness = film.thickness / film.area_prestretch
+        thickness = film.volume_per_area
         uneven = bool(np.any(np.imag(model.relative_thickness)))
         stirred = uneven or bool(np.any(np.imag(model.covered)))
         relative = model.relative_thickness if uneven else self.at.model.relative_thickness

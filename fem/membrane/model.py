@@ -63,9 +63,9 @@ class Model:
 
     @cached_property
     def volumes(self) -> Array:
-        """Virgin volume of every quadrature point of this mesh [m³], shape (elements, points)."""
+        """Virgin volume of all layers at every quadrature point [m³], shape (elements, points)."""
         film = self.specimen.membrane
-        even = self.discretisation.weights * (film.thickness / film.area_prestretch)
+        even = self.discretisation.weights * film.volume_per_area
         return np.asarray(even * self.relative_thickness)
 
     @cached_property
@@ -172,9 +172,9 @@ class Model:
     def mass_per_area(self) -> Any:
         """Mass of film and electrodes per mounted area [kg/m²], shape (elements, 1 or points)."""
         film = self.specimen.membrane
-        bare = film.density * (film.thickness / film.area_prestretch)
+        bare = film.density * film.volume_per_area
         bare = bare * self.relative_thickness
-        return bare + self.specimen.electrode.mass * self.covered
+        return bare + film.layers * self.specimen.electrode.mass * self.covered
 
     @property
     def pull(self) -> Any:

@@ -301,7 +301,7 @@ def _fields(model: Model, states: Sequence[State], cells: Array, points: Array,
     traction = np.einsum("kni,nk->ni", first_piola(f, stress), cut)
     w1 = density.maxwell.derivatives(l1, l2)[1]
     thickness = film.thickness * relative / (l1 * l2)
-    mounted = film.thickness / film.area_prestretch * np.broadcast_to(relative, len(reference))
+    mounted = film.volume_per_area * np.broadcast_to(relative, len(reference))
     return Fields(
         position=reference, displacement=current - reference, stretch_1=l1, stretch_2=l2,
         thickness=thickness,

@@ -62,7 +62,8 @@ def _room(specimen: Specimen) -> str:
 
 def _film(specimen: Specimen) -> str:
     film = specimen.membrane
-    return (f"film {1e6 * film.thickness / film.area_prestretch:.4g} µm mounted: "
+    several = f"{film.layers} films, each " if film.layers > 1 else "film "
+    return (f"{several}{1e6 * film.thickness / film.area_prestretch:.4g} µm mounted: "
             f"{1e6 * film.thickness:.4g} µm stretched by {film.prestretch[0]:.4g}, "
             f"{film.prestretch[1]:.4g}")
 

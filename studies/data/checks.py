@@ -384,7 +384,7 @@ def _limits(specimen: Specimen) -> dict[str, tuple[float, float, str, float]]:
     thickness = film.thickness / film.area_prestretch
     voltage = _FIELDS[0] * thickness, _FIELDS[1] * thickness, "kV", 1e-3
     length = 1e-4 * size, size, "mm", 1e3
-    whole = epsilon_0 * film.relative_permittivity * area(specimen.frame) / thickness
+    whole = epsilon_0 * film.relative_permittivity * area(specimen.frame) * film.layers / thickness
     return {"mass": (1e-4, 5.0, "g", 1e3), "voltage": voltage, "voltage_max": voltage,
             "film_voltage": voltage, "displacement": length, "range": length,
             "capacitance": (whole / _CAPACITIES, whole * _CAPACITIES, "pF", 1e12)}

@@ -171,6 +171,10 @@ def export_input(specimen: Specimen, settings: MeshSettings, folder: Path,
     planes = specimen.mirror_planes
     part = from_meshio(mesh_film(specimen, replace(settings, order=2), planes))
     mesh = unfold(part, planes)[0]  # as symmetric as the film, lest its plate tilt
+    if specimen.membrane.layers > 1:
+        raise InputError("cannot be exported: the input has one film; set layers = 1 and divide "
+                         "the mass by their number", key="membrane.layers",
+                         given=specimen.membrane.layers)
     weights = [Step(f"{mass * 1e3:g} g", force=Rig().force(mass)) for mass in masses]
     actuated = _actuated(specimen, mesh, masses[-1] if masses else 0.0, voltages)
     sheet = FlatFilm.of(mesh, plate.offset)

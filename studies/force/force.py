@@ -26,7 +26,8 @@ from tympan.studies.force.result import ForceLimit, ForceResult
 
 #: Displacements of a curve where their number is not given: a smooth line.
 USUAL_POINTS = 61
-_COUNTS: Rule = (lambda x: 2 <= x <= 10_000, "must be from 2 to 10000")
+_COUNTS: Rule = (lambda x: x == int(x) and 2 <= x <= 10_000,
+                 "must be a whole number from 2 to 10000")
 
 
 @takes_units

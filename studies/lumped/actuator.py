@@ -256,5 +256,5 @@ def flat_capacitance(specimen: Specimen) -> float:
     """Eq. (1): ε₀ε_r S/d [F] of the flat film between frame and plate, d the mounted thickness."""
     film = specimen.membrane
     surface = area(specimen.frame) - area(specimen.needed_plate().outline)
-    return float(epsilon_0 * film.relative_permittivity * surface * film.area_prestretch
-                 / film.thickness)
+    return float(epsilon_0 * film.relative_permittivity * surface * film.layers
+                 * film.area_prestretch / film.thickness)

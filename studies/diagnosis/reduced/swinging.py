@@ -77,12 +77,12 @@ class SwingingMasses:
         moving = np.empty(len(mass))
         for index, (film, specimen) in enumerate(zip(self.films, setup.specimens, strict=True)):
             moving[number == index] = film.mass(mass[number == index], _per_area(specimen),
-                                              specimen.electrode.mass, setup.rig.air)
+                                              _grease(specimen), setup.rig.air)
         return moving
 
     def weight(self, setup: Setup) -> Array:
         """What the plates carry of the electrodes' weight [N], shape (specimens,)."""
-        return np.array([film.lifted * specimen.electrode.mass * setup.rig.gravity
+        return np.array([film.lifted * _grease(specimen) * setup.rig.gravity
                          for film, specimen in zip(self.films, setup.specimens, strict=True)])
 
     @cached_property
@@ -93,8 +93,12 @@ class SwingingMasses:
 
 
 def _per_area(specimen: Specimen) -> float:
-    film = specimen.membrane
-    return film.density * film.thickness / film.area_prestretch
+    return specimen.membrane.density * specimen.membrane.volume_per_area
+
+
+def _grease(specimen: Specimen) -> float:
+    """Mass of all layers' electrodes per mounted area [kg/m²]."""
+    return specimen.membrane.layers * specimen.electrode.mass
 
 
 def mass_effects(setup: Setup) -> frozenset[str]:
