@@ -18,7 +18,7 @@ from tympan.geometry.specimen import Patch, Plate, Specimen
 from tympan.studies.diagnosis.reading_table import States
 from tympan.studies.effects import Setup
 from tympan.studies.effects.effect import Family
-from tympan.studies.effects.library.films import BARE_FILM
+from tympan.studies.effects.library.families import BARE_FILM
 
 #: Over what angle the edge of a missing sector fades [rad]: 2 mm at 20 mm from the middle.
 _FADES = 0.1

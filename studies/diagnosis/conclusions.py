@@ -322,28 +322,42 @@ class Conclusions:
             probability = probabilities.get(cause, 0.0)
             if probability < _LEAST and cause not in judged.suspects:
                 continue
-            fit = rivals.get(cause) or next(
-                fit for fit in (judged.chosen, *posterior.fits, *judged.alone)
-                if fit and cause in fit.hypothesis)
+            fit = self._found(cause)
             widened, fit = self._widened(fit), self._known(fit)
-            family = self._family(fit, cause)
-            chance = probability_text(probability)
+            alike = undecided(cause, self.readings.told, self._suspects)
+            family = self._family(alike, fit, cause) if alike else None
+            chance = probability_text(min(1.0, sum(
+                probabilities.get(other, 0.0) for other in alike or (cause,))))
             yield result.FoundCause(
                 effect=cause.name, which=cause.which, probability=probability,
                 headline=(f"{family.headline} ({chance})" if family
                           else headline_of(fit, cause, chance)),
                 clear=any(size.clear for size in found_sizes(fit, cause).values()),
-                check=check_of(cause, self.readings.told), family=family,
+                check=check_of(cause, self.readings.told, self._suspects), family=family,
                 surprise=fit.surprise(cause), only_its_size=cause in rivals,
                 others=tuple(str(other) for other in fit.hypothesis if other != cause),
                 named=cause in judged.named, parameters=_parameters(fit, cause), widened=widened)
 
-    def _family(self, fit: Fit, cause: Cause) -> result.FoundFamily | None:
+    @property
+    def _suspects(self) -> tuple[Cause, ...]:
+        """Causes that the readings do not decide between."""
+        return self.judgement.suspects if self.verdict == "ambiguous" else ()
+
+    def _found(self, cause: Cause) -> Fit:
+        """The fit that tells a cause's size."""
+        judged, posterior = self.judgement, self.judgement.posterior
+        assert posterior is not None
+        return next(fit for fit in (*(rival for rival in judged.rivals
+                                      if rival.hypothesis[0] == cause),
+                                    judged.chosen, *posterior.fits, *judged.alone)
+                    if fit and cause in fit.hypothesis)
+
+    def _family(self, alike: Sequence[Cause], fit: Fit, cause: Cause) -> result.FoundFamily:
         """What a cause at a fit stands for, where these readings do not tell it from others."""
-        family = undecided(cause, self.readings.told)
-        if family is None:
-            return None
-        size = family_size(self.judgement.simulation, fit, cause, family)
+        family = cause.effect.family
+        assert family is not None
+        size = family_size(self.judgement.simulation,
+                           {other: self._known(self._found(other)) for other in alike})
         return result.FoundFamily(
             name=family.name, headline=family_finding(family, size), size=_shown(size),
             members=tuple(effect.name for effect in family.members), member=headline_of(fit, cause))

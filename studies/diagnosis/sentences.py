@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -78,16 +78,19 @@ def headline_of(fit: Fit, cause: Cause, chance: str = "") -> str:
     return f"{sentence} ({inside})" if inside else sentence
 
 
-def check_of(cause: Cause, told: set[Quantity]) -> str:
+def check_of(cause: Cause, told: set[Quantity], suspects: Collection[Cause] = ()) -> str:
     """What to look at on the bench, by what the readings tell already."""
-    return (undecided(cause, told) or cause.effect).check.format(which=cause.which)
+    family = cause.effect.family if undecided(cause, told, suspects) else None
+    return (family or cause.effect).check.format(which=cause.which)
 
 
 def suspects_among(causes: Sequence[FoundCause]) -> list[FoundCause]:
-    """Those of the listed causes that may be it."""
+    """Those of the listed causes that may be it, of a family that has one name the first."""
     likely = [cause for cause in causes
               if cause.only_its_size or (cause.clear and cause.probability >= _SUSPECT)]
-    return likely[:_MOST] or list(causes[:1])
+    named = {cause.family.name if cause.family else f"{cause.effect} {cause.which}": cause
+             for cause in likely[::-1]}
+    return [cause for cause in likely if cause in named.values()][:_MOST] or list(causes[:1])
 
 
 def together(suspects: Sequence[FoundCause]) -> bool:

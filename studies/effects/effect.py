@@ -145,21 +145,22 @@ class EffectParameter:
 
 @dataclass(frozen=True)
 class Family:
-    """Effects that readings do not tell apart, but by quantities that few datasets have.
+    """Effects that readings often do not tell apart.
 
-    ``measure`` is what they have in common, ``of(specimen)`` its value. ``alike``: others that do
-    as much as one of them have at least and at most so many times its measure, by trial; some are
-    no effects of the library. ``told_by``: what must be read to tell them. ``finding`` is what is
-    said of all of them, with the measure as ``{share}``, and ``check`` what to do.
+    ``measure`` is what they have in common, ``of(specimen, rig)`` its value. ``alike``: others that
+    do as much as one of them have at least and at most so many times its measure, by trial; some
+    are no effects of the library. ``told_by``: what must be read to tell them; where that is
+    nothing, each design tells whether its readings do. ``finding`` is what is said of all of them,
+    with the measure as ``{share}`` or ``{size}``, and ``check`` what to do.
     """
 
     name: str
     finding: str
     check: str
     measure: EffectParameter
-    of: Callable[[Specimen], float]
+    of: Callable[[Specimen, Rig], float]
     alike: tuple[float, float]
-    told_by: tuple[Quantity, ...]
+    told_by: tuple[Quantity, ...] = ()
 
     @property
     def members(self) -> tuple[Effect, ...]:

@@ -111,7 +111,7 @@ def finding(effect: Effect, sizes: Mapping[str, FoundSize], which: str | None) -
 
 def family_finding(family: Family, size: FoundSize) -> str:
     """The sentence of a family of which one was found: its measure is no better than its limits."""
-    return family.finding.format(share=size.range or size)
+    return family.finding.format(share=size.range or size, size=size)
 
 
 def limits_told(effect: Effect, sizes: Mapping[str, FoundSize]) -> str:

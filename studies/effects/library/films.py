@@ -11,9 +11,9 @@ import numpy as np
 from tympan.fem.film.laws import MooneyShare, Stiffened
 from tympan.fem.film.laws.invariants import first_invariant
 from tympan.geometry.paths import with_change
-from tympan.geometry.sectors import covered_share
 from tympan.geometry.specimen import NARROWEST, Film, Patch, Specimen
-from tympan.studies.effects.effect import EffectParameter, Family, Quantity, Setup, effect
+from tympan.studies.effects.effect import EffectParameter, Quantity, Setup, effect
+from tympan.studies.effects.library.families import BARE_FILM, STIFFER_FILM
 
 
 @effect("The film hardens with stretch more (h > 0) or less than the nominal law, with the same "
@@ -21,7 +21,7 @@ from tympan.studies.effects.effect import EffectParameter, Family, Quantity, Set
         finding="The film hardens {h:more/less} with stretch than the stated law, by an exponent "
                 "of {h}",
         check="stretch a strip of the same film beyond its mounted stretch and compare its curve "
-              "with the stated law")
+              "with the stated law", family=STIFFER_FILM)
 def strain_stiffening(setup: Setup, h: Annotated[float, EffectParameter(
         "power of the first invariant by which the slope of the energy grows", "",
         width=0.2, low=-0.95, high=8.0, reason=(
@@ -120,19 +120,6 @@ def thickness_gradient(setup: Setup, gx: Annotated[float, _uneven("x")],
     return setup.with_films(change)
 
 
-#: A band, spots or a sector without field: plates alone do not tell one from another. Missing
-#: quadrants of 12 to 40 % of three shapes, and spots of 30 mm at their frames, do as much as bands
-#: whose area is 0.8 to 1.3 times theirs.
-BARE_FILM = Family(
-    "bare_film", "The electrodes cover less of the film than stated: {share} less",
-    check="look through the films against a light, or photograph them: the electrode may end short "
-          "of the frame, or miss a sector or spots; a line scan over the film tells it too",
-    measure=EffectParameter(
-        "share of the film that electrodes leave bare beyond what is stated", "", width=0.1,
-        low=0.0, high=1.0, reason="that of its members", told_in="%"),
-    of=lambda specimen: 1 - covered_share(specimen), alike=(0.75, 1.25), told_by=(Quantity.SHAPE,))
-
-
 @effect("The electrode does not reach the frame: an uncovered band along it carries no field.",
         finding="The electrodes end {d} short of the frame",
         check="measure with a ruler how far from the frame the electrodes end", family=BARE_FILM)
@@ -188,7 +175,7 @@ def electrode_patch(setup: Setup, dx: Annotated[float, _wide("x")],
 @effect("The electrodes add stiffness of their own, without stress in the flat mounted film.",
         finding="The electrodes stiffen the film by a modulus of {mu_e}",
         check="wipe the electrodes off one specimen and read its deflections without voltage "
-              "again")
+              "again", family=STIFFER_FILM)
 def electrode_stiffness(setup: Setup, mu_e: Annotated[float, EffectParameter(
         "neo-Hookean modulus per virgin volume, without stress when mounted", "kPa",
         width=1e3, low=0.0, high=1e7, reason=(

@@ -8,6 +8,7 @@ from typing import Annotated
 
 from tympan.geometry.specimen import Film, ViscousBranch
 from tympan.studies.effects.effect import EffectParameter, Quantity, Setup, effect
+from tympan.studies.effects.library.families import CARRIED_LOAD
 
 
 @effect("Part of the film's stress relaxes, so that the film creeps: a spring and a dashpot in "
@@ -76,7 +77,8 @@ def sensor_lag(setup: Setup, t_s: Annotated[float, EffectParameter(
 
 @effect("The electrodes' mass swings and weighs with the film.",
         finding="The electrodes have a mass of {rho} of the mounted film, both sides together",
-        check="weigh one specimen before and after its electrodes are wiped off")
+        check="weigh one specimen before and after its electrodes are wiped off",
+        family=CARRIED_LOAD)
 def electrode_mass(setup: Setup, rho: Annotated[float, EffectParameter(
         "mass of both electrodes per mounted area", "g/m^2", width=0.05, low=0.0, high=100.0,
         reason="25 µm of carbon grease of 1 g/cm³ on both sides; no source")]) -> Setup:

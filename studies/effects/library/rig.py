@@ -8,6 +8,7 @@ from typing import Annotated
 
 from tympan.geometry.specimen import Specimen
 from tympan.studies.effects.effect import EffectParameter, Quantity, Setup, effect
+from tympan.studies.effects.library.families import CARRIED_LOAD
 
 
 def _offset(axis: str) -> EffectParameter:
@@ -31,7 +32,8 @@ def plate_eccentricity(setup: Setup, dx: Annotated[float, _offset("x")],
 @effect("Every load is heavier (or lighter) by the same mass than its label says: a plate, hook or "
         "lead was not weighed.",
         finding="Every load is {m_0} {m_0:heavier/lighter} than its label",
-        check="weigh plate, screw, hook and lead, and every load, on one balance")
+        check="weigh plate, screw, hook and lead, and every load, on one balance",
+        family=CARRIED_LOAD)
 def unaccounted_mass(setup: Setup, m_0: Annotated[float, EffectParameter(
         "every load is m + m_0", "g", width=1e-3, low=-10.0, high=10.0, reason=(
             "plate, screw, hook and glue weigh 0.5 to 3 g and leads carry some of it; no "
@@ -100,7 +102,8 @@ def hysteresis(setup: Setup, H: Annotated[float, EffectParameter(
         "missing is larger than the friction, and comes to rest short of where it would go.",
         finding="The plate rubs: it moves only where more than {F} is missing",
         check="tap the stand lightly at one voltage on the way up and see whether the reading "
-              "moves on, and look where guide, probe or leads touch the plate")
+              "moves on, and look where guide, probe or leads touch the plate",
+        family=CARRIED_LOAD)
 def friction(setup: Setup, F: Annotated[float, EffectParameter(
         "force against the way the plate came, on the way down first", "mN", width=5e-3, low=0.0,
         high=10.0, reason=(

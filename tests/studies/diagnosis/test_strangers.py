@@ -27,7 +27,7 @@ from tympan.geometry.specimen import Plate
 from tympan.studies.diagnosis.hypothesis import Cause
 from tympan.studies.diagnosis.inference.verdict import judge
 from tympan.studies.diagnosis.reduced.simulation import Simulation
-from tympan.studies.effects.library.films import BARE_FILM
+from tympan.studies.effects.library.families import BARE_FILM
 
 CAUSES = [Cause("parallel_spring"), Cause("sensor_zero"), Cause("unaccounted_mass")]
 
@@ -67,7 +67,7 @@ def test_a_missing_sector_leaves_its_share_of_the_film_bare(design: Design) -> N
     sector = MissingSector(None, 0.3, 0.2 * np.pi)
     assert sector.family is BARE_FILM
     for specimen in sector.setup(design.setup).specimens[:1]:
-        assert BARE_FILM.of(specimen) == pytest.approx(0.1, abs=2e-3)
+        assert BARE_FILM.of(specimen, design.setup.rig) == pytest.approx(0.1, abs=2e-3)
         assert not specimen.mirror_planes
 
 
