@@ -111,7 +111,7 @@ class Judgement:
     effect explain the readings as well as any effects do with those stated; ``confusions``:
     quantities that, read as others they are often taken for, make unusual factors usual;
     ``odd_specimen``: that without which the nominal model misses nothing, where no one cause
-    explains it, nor two that are not both surprisingly large.
+    explains it; where two do that are not both surprisingly large, they stand beside it.
     """
 
     verdict: Verdict
@@ -269,7 +269,7 @@ def _with_labels(base: Judgement, misfit: NominalMisfit) -> Judgement:
     def missed(one: Fit) -> float:
         return float(np.sum(table.noise.whitened(misfit.missed_by(one).residual) ** 2))
 
-    others = min(map(missed, every), default=np.inf)
+    others = min([*map(missed, every), _own_film(base, table)])
     singles = sorted((fit for fit in base.alone if fit.possible), key=lambda fit: fit.chi_squared)
     found = list[Relabelling]()
     for fitted in (misfit.fit, *singles[:_BESIDE]):
@@ -282,6 +282,17 @@ def _with_labels(base: Judgement, misfit: NominalMisfit) -> Judgement:
                 break
     best = min(found, key=lambda one: one.after + EXCLUDED * len(one.hypothesis), default=None)
     return replace(base, relabelling=best)
+
+
+def _own_film(base: Judgement, table: ReadingTable) -> float:
+    """χ² with factors of its own for the film of the odd specimen; infinite where there is none."""
+    odd = [base.simulation.setup.specimens[number].name == base.odd_specimen
+           for number in table.specimen.tolist()]
+    if not any(odd):
+        return np.inf
+    fits = [fit(base.simulation, (), table[rows].compact(), base.nominal.unknowns)
+            for rows in (np.array(odd), ~np.array(odd))]
+    return sum(one.chi_squared for one in fits) if all(one.possible for one in fits) else np.inf
 
 
 @dataclass
@@ -348,8 +359,10 @@ def _weighed(base: Judgement, exploration: Exploration, adequacy: _Adequacy) -> 
     weighed = replace(base, posterior=posterior, after=adequacy.of(best), alone=singles,
                       suspects=_causes(posterior.credible()))
     explaining = [fit for fit in asked if fit.hypothesis in enough]
-    if not any(map(_usual, explaining)) and (odd := adequacy.odd_specimen()):
-        return replace(weighed, verdict="unexplained", odd_specimen=odd)
+    if all(len(fit.hypothesis) > 1 for fit in explaining):
+        weighed = replace(weighed, odd_specimen=adequacy.odd_specimen())
+    if weighed.odd_specimen and not any(map(_usual, explaining)):
+        return replace(weighed, verdict="unexplained")
     if not enough or posterior.discrepancy > DISCREPANCY:
         return _on_a_rough_bench(replace(weighed, verdict="unexplained"), exploration, adequacy)
     robust = {scale: _sure(Posterior.of(base.nominal, [
@@ -366,7 +379,7 @@ def _weighed(base: Judgement, exploration: Exploration, adequacy: _Adequacy) -> 
         and log_odds_to_smooth(alone, base.nominal, columns, among) < PAIRED)
     if alone is None or rivals or doubted or not firm or not adequacy.enough(alone):
         return replace(weighed, verdict="ambiguous")
-    return replace(weighed, verdict="named", named=sure)
+    return replace(weighed, verdict="named", named=sure, odd_specimen="")
 
 
 def _on_a_rough_bench(base: Judgement, exploration: Exploration, adequacy: _Adequacy) -> Judgement:
@@ -395,7 +408,7 @@ def _on_a_rough_bench(base: Judgement, exploration: Exploration, adequacy: _Adeq
             chosen, base.alone, base.signatures, share, EXCLUDED):
         return rough
     return replace(rough, verdict="named", named=sure, posterior=again, robust=robust,
-                   after=adequacy.of(chosen), suspects=_causes(again.credible()))
+                   after=adequacy.of(chosen), suspects=_causes(again.credible()), odd_specimen="")
 
 
 def _usual(fit: Fit) -> bool:

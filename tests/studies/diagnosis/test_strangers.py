@@ -12,6 +12,7 @@ from benchmarks.trials.rates.kinds import rates
 from benchmarks.trials.rates.page import page
 from benchmarks.trials.record import Record
 from benchmarks.trials.synthetic_trials import Design, Truth, paper, readings
+from benchmarks.trials.trial import measured
 from benchmarks.trials.unmodelled_faults import (
     FURTHER,
     Exchanged,
@@ -20,6 +21,7 @@ from benchmarks.trials.unmodelled_faults import (
     MissingSector,
     OtherPlate,
     Rim,
+    Thickness,
     Warp,
 )
 from tests.support.trials import read
@@ -122,6 +124,22 @@ def test_what_a_page_blames_is_the_column(three_shapes: Simulation, stranger: Ex
     table = read(three_shapes, paper().table, (), [], seed=1)
     shown = stranger.shown(table.value, table.states)
     assert blamed(judge(three_shapes, table.with_values(shown), CAUSES)) == told
+
+
+@pytest.mark.parametrize("share", [0.02, -0.03])
+def test_a_film_of_another_thickness_is_no_slip_of_labels(three_shapes: Simulation, share: float
+                                                          ) -> None:
+    """Other labels leave little of it, a film of its own leaves noise; of these causes none does.
+    """
+    causes = [Cause("prestretch_anisotropy"), Cause("prestretch_loss", "elliptical-small"),
+              Cause("sensor_zero"), Cause("parallel_spring")]
+    design = paper()
+    shown = of(design, Truth(1.05, 0.97, stranger=Thickness(which="elliptical-large",
+                                                            share=share)))
+    table = measured(design, shown, np.random.default_rng(1), 0)
+    judged = judge(three_shapes, table, causes)
+    assert judged.odd_specimen == "elliptical-large"
+    assert blamed(judged) == {"elliptical-large"}
 
 
 def test_what_a_page_blames_is_the_specimen(three_shapes: Simulation) -> None:
