@@ -21,6 +21,7 @@ from tympan.studies.data.coupon import Coupons
 from tympan.studies.data.dataset import Dataset, channels
 from tympan.studies.data.findings import Copies, Finding, at_sensor_end
 from tympan.studies.data.noise import coarse_step, repeat_groups, repeat_noise, stated_ratio
+from tympan.studies.data.outliers import outliers
 from tympan.studies.files import to_json, words_beside
 
 #: What to beware of, by key.
@@ -185,6 +186,14 @@ def _findings(dataset: Dataset) -> Iterator[Finding]:
         yield Finding("copies", WORDS["copies"].format(
             file=file, lines=lines_of(lines), of=lines_of(static.line[of]),
             s="" if len(rows) > 1 else "s"), file, tuple(lines.tolist()))
+    for one in outliers(static, np.flatnonzero(np.isfinite(static.displacement) & ~dataset.unused),
+                        dataset.noise):
+        how = one.how and WORDS[f"outlier_{one.how}"].format(
+            way="large" if abs(one.read) > abs(one.expected) else "small")
+        line = int(static.line[one.row])
+        yield Finding("outlier", WORDS["outlier"].format(
+            file=file, line=line, read=1e3 * one.read, expected=1e3 * one.expected, how=how),
+            file, (line,))
     stuck = at_sensor_end(static)
     if stuck.any():
         low, high = static.displacement[stuck].min(), static.displacement[stuck].max()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,7 @@ from scipy.stats import f as f_distribution
 
 from tympan.geometry.fields import Key
 from tympan.studies.columns import Sheet
+from tympan.studies.data.ramps import MEDIAN, groups, ramps
 from tympan.studies.estimation.noise import Noise
 
 Array = NDArray[np.float64]
@@ -29,10 +30,6 @@ _OFTEN = 0.15
 _BLOCK = 3
 #: Rows up to which blocks are sought: that takes time as their square.
 _MANY = 3000
-#: Highest degree of the smooth curves about which rows scatter, in the voltage's square.
-_DEGREE = 4
-#: The median of what is normal without its sign, over the standard deviation.
-_MEDIAN = 0.6745
 
 #: How many states tell a sensor's end, and how many times as many as any other such interval has.
 _SEVERAL = 3
@@ -53,10 +50,11 @@ _ROUNDED = 1e-6
 class Finding:
     """Something in a dataset that is none of the film's doing."""
 
-    kind: Annotated[Literal["copies", "sensor_end", "clock", "run_zero", "labels", "quantity",
-                            "film"], Key("what it is: rows pasted, a sensor's end, a clock that "
-                                         "runs back, a zero that moved between runs, wrong labels, "
-                                         "a quantity taken for another, a film that is none")]
+    kind: Annotated[Literal["copies", "outlier", "sensor_end", "clock", "run_zero", "labels",
+                            "quantity", "film"], Key(
+        "what it is: rows pasted, a reading far off the curve of its ramp, a sensor's end, a clock "
+        "that runs back, a zero that moved between runs, wrong labels, a quantity taken for "
+        "another, a film that is none")]
     what: Annotated[str, Key("what was found, in a sentence")]
     file: Annotated[str, Key("the file it is in, if it is in one")] = ""
     lines: Annotated[tuple[int, ...], Key("the lines concerned")] = ()
@@ -74,13 +72,6 @@ def step_of(values: Array) -> float:
         if np.abs(values / step - np.round(values / step)).max() < _ROUNDED:
             return step
     return 0.0
-
-
-def groups(*columns: NDArray[Any]) -> Numbers:
-    """Number of each row's group: of those that have all columns alike, as they come."""
-    numbers: dict[tuple[object, ...], int] = {}
-    keys = zip(*(column.tolist() for column in columns), strict=True)
-    return np.array([numbers.setdefault(key, len(numbers)) for key in keys], dtype=np.int64)
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,25 +127,9 @@ def _rough(static: Sheet, rows: Numbers) -> float:
 
     inf where no way is long enough.
     """
-    left, weights = list[Array](), 0
-    ramps = groups(static.specimen[rows], static.mass[rows], static.run[rows],
-                      static.repeat[rows])
-    for number in range(int(ramps.max()) + 1):
-        ramp = rows[ramps == number]
-        turns = np.sign(np.diff(static.voltage[ramp], prepend=-np.inf))
-        way = np.cumsum(np.r_[True, turns[1:] * turns[:-1] < 0])
-        for one in range(1, int(way[-1]) + 1):
-            some = ramp[way == one]
-            squared = static.voltage[some] ** 2
-            degree = min(_DEGREE, len(np.unique(squared)) - 2)
-            if degree < 1 or len(some) < degree + 2:
-                continue
-            columns = np.vander(squared / squared.max(), degree + 1)
-            fitted = columns @ np.linalg.lstsq(columns, static.displacement[some], rcond=None)[0]
-            spread = (len(some) / (len(some) - degree - 1)) ** 0.5
-            left.append(np.abs(static.displacement[some] - fitted) * spread)
-            weights += len(some)
-    return float(np.median(np.concatenate(left))) / _MEDIAN if weights else np.inf
+    left = [np.abs(ramp.off) * (len(ramp.rows) / (len(ramp.rows) - ramp.columns.shape[1])) ** 0.5
+            for ramp in ramps(static, rows)]
+    return float(np.median(np.concatenate(left))) / MEDIAN if left else np.inf
 
 
 def _repeated(read: Array, state: Numbers, near: float, chance: float) -> dict[int, int]:

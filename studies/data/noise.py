@@ -7,7 +7,8 @@ from numpy.typing import NDArray
 
 from tympan.studies.columns import Sheet
 from tympan.studies.data.dataset import Dataset
-from tympan.studies.data.findings import groups, step_of
+from tympan.studies.data.findings import step_of
+from tympan.studies.data.ramps import groups
 from tympan.studies.estimation.noise import Noise
 
 Array = NDArray[np.float64]

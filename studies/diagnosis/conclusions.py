@@ -185,7 +185,9 @@ class Conclusions:
             headline=headline(self.verdict, named, suspects, place, judged.small_errors,
                               found is not None),
             causes=causes,
-            findings=(*findings(self.dataset), *filter(None, [found])),
+            # Of outliers the fits tell more (readings_off).
+            findings=(*(one for one in findings(self.dataset) if one.kind != "outlier"),
+                      *filter(None, [found])),
             together=together(suspects),
             indistinguishable=tuple(tuple(sorted({cause.name for cause in group}))
                                     for group in judged.indistinguishable),

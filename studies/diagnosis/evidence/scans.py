@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from tympan.studies.columns import Sheet
 from tympan.studies.data.dataset import Dataset
-from tympan.studies.data.findings import groups
+from tympan.studies.data.ramps import groups
 from tympan.studies.diagnosis.evidence.kind import Films, PlateEvidence, numbers_of
 from tympan.studies.diagnosis.hypothesis import Cause
 from tympan.studies.diagnosis.patterns.reading_patterns import among
