@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, field, replace
 from functools import lru_cache
 from itertools import islice
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -280,6 +280,11 @@ class Limits:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "first", self.reached[0].kind if self.reached else None)
+
+    @classmethod
+    def of(cls, reached: Mapping[LimitKind, Limit], ended: str, thins: bool = False) -> Limits:
+        """By the kinds that are reached, whichever there are."""
+        return cls(ended=ended, thins=thins, **cast(dict[str, Any], dict(reached)))
 
     @property
     def reached(self) -> tuple[Limit, ...]:

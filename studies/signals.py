@@ -191,18 +191,22 @@ class Wave:
 
     def signal(self, key: str = "signal") -> Signal:
         """The signal; an :class:`InputError` names the ``key`` where there is no such kind."""
-        low, high, length = self.low, self.high, self.duration
-        made: dict[str, Callable[[], Signal]] = {
-            "step": lambda: step(low, high, 0.0, length),
-            "ramp": lambda: ramp(low, high, length),
-            "random": lambda: random_steps(low, high, length, self.count or 20, self.seed),
-            "sine": lambda: Sine((low + high) / 2, (high - low) / 2, length, self.count or 3)}
-        if self.kind in made:
-            return made[self.kind]()
+        if self.kind in WAVES:
+            return WAVES[self.kind](self)
         if not str(self.kind).endswith(".csv"):
-            raise InputError("must be step, ramp, sine, random or the name of a .csv file",
-                             key=key, given=self.kind)
+            raise InputError(f"must be {', '.join(WAVES)} or the name of a .csv file", key=key,
+                             given=self.kind)
         return read_signal(self.kind)
+
+
+#: What makes each kind of wave.
+WAVES: dict[str, Callable[[Wave], Signal]] = {
+    "step": lambda wave: step(wave.low, wave.high, 0.0, wave.duration),
+    "ramp": lambda wave: ramp(wave.low, wave.high, wave.duration),
+    "sine": lambda wave: Sine((wave.low + wave.high) / 2, (wave.high - wave.low) / 2,
+                              wave.duration, wave.count or 3),
+    "random": lambda wave: random_steps(wave.low, wave.high, wave.duration, wave.count or 20,
+                                        wave.seed)}
 
 
 def step(low: float, high: float, at: float, end: float) -> Pieces:

@@ -6,6 +6,7 @@ Each is read, written, listed, differentiated and documented without another lin
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -31,9 +32,14 @@ from tympan.geometry.specimen import Specimen
 from tympan.geometry.toml_reader import NON_NEGATIVE, POSITIVE, Rule
 from tympan.reports import reference
 from tympan.studies.case import Case, Settings, solve
+from tympan.studies.data.dataset import FILES
+from tympan.studies.diagnosis.evidence.coupons import CouponTests
+from tympan.studies.diagnosis.evidence.registry import PLATES
+from tympan.studies.diagnosis.reading_table import UNITS
 from tympan.studies.effects import EFFECTS, EffectParameter, Setup, listing
 from tympan.studies.effects.effect import effect
 from tympan.studies.sensitivity import sensitivity
+from tympan.studies.signals import WAVES, Wave
 
 MASS, VOLTAGE = 17.9e-3, 3e3
 COARSE = Settings(MeshSettings(order=2).refined(0.5))
@@ -214,3 +220,31 @@ def test_documented() -> None:
                 "| `dummy_lift` | force [N] | 0 N |",
                 "| tail | weight [g] | 0 | 5 | mass of the tail |"):
         assert row in page
+
+
+def test_every_signal_is_in_the_help_and_in_the_message(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        main(["transient", "--help"])
+    told = capsys.readouterr().out
+    with pytest.raises(InputError) as refused:
+        Wave("square").signal()
+    for kind in WAVES:
+        assert kind in told
+        assert kind in str(refused.value)
+        assert Wave(kind).signal().end > 0
+
+
+def test_every_file_and_column_of_readings_is_documented(capsys: pytest.CaptureFixture[str]
+                                                         ) -> None:
+    """In the how-to, and each file in the command's help; and its rows have a unit."""
+    with pytest.raises(SystemExit):
+        main(["data", "--help"])
+    told = capsys.readouterr().out
+    page = (Path(__file__).parent.parent / "docs" / "howto" / "data.md").read_text("utf-8")
+    lines = {line.split("`")[1]: line for line in page.splitlines() if line.startswith("| `")}
+    for file, columns in FILES.items():
+        assert file in told
+        named = re.findall(r"\w+", lines[file])
+        missing = [column.title for column in columns if column.title not in named]
+        assert not missing, f"docs/howto/data.md: {file} has no {missing}"
+    assert {kind for evidence in (*PLATES, CouponTests) for kind in evidence.kinds} <= {*UNITS}

@@ -27,6 +27,13 @@ def test_claim_holds(title) -> None:
                       f"error {pair.error:.2e}")
 
 
+def test_every_file_of_claims_is_a_chapter() -> None:
+    """One that is not would be run by nobody."""
+    files = {file.stem for file in Path(page.__file__).parent.glob("*.py")
+             if "@claim" in file.read_text(encoding="utf-8")}
+    assert files - {"claim"} == {chapter.__name__.rpartition(".")[2] for chapter in page.CHAPTERS}
+
+
 def test_the_page_shows_every_claim_and_no_failure() -> None:
     text = PAGE.read_text(encoding="utf-8")
     assert [line[4:] for line in text.splitlines() if line.startswith("### ")] == list(CLAIMS)

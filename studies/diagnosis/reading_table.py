@@ -48,6 +48,7 @@ UNITS = dict.fromkeys((*LENGTHS, "film", "film_x", "film_y"), Unit("mm", 1e3)) |
     "tilt": Unit("mrad", 1e3),
     "film_voltage": Unit("kV", 1e-3),
     "frequency": Unit("Hz", 1.0),
+    "decay": Unit("1/s", 1.0),
     "force": Unit("mN", 1e3),
     "stress": KILOPASCALS,
 }

@@ -259,8 +259,9 @@ def _unmoved(case: Case, model: Model, start: Outcome, settings: Settings) -> Li
                for kind, voltages in first.items() if not _highest(case, float(voltages.min()))}
     gone = _flat_instability(case, flat, float(tension.min()))
     still = "no pull-in was found: the film stays flat, the voltage moves nothing"
-    return Limits(tension=reached.get("tension"), breakdown=reached.get("breakdown"),
-                  instability=gone, ended=still if reached or gone else above_words(case))
+    if gone is not None:
+        reached["instability"] = gone
+    return Limits.of(reached, still if reached else above_words(case))
 
 
 def _flat_instability(case: Case, flat: Stop, slack: float) -> Limit | None:
@@ -325,9 +326,8 @@ def _limits(case: Case, passed: list[Stop]) -> Limits:
             tension = replace(gone, kind="tension")  # it wrinkles before it thins
         if _same(tension, gone):
             gone = replace(tension, kind="instability")
-    return Limits(tension=tension, breakdown=reached.get("breakdown"), instability=gone,
-                  pull_in=reached.get("pull_in"), ended=f"no pull-in was found: {ended}",
-                  thins=thins)
+        reached |= {"tension": tension, "instability": gone}
+    return Limits.of(reached, f"no pull-in was found: {ended}", thins)
 
 
 def _same(first: Limit, second: Limit) -> bool:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -18,10 +19,18 @@ from tympan.fem.results.limit_states import LIMIT_STATES
 from tympan.geometry.mesher import MeshSettings
 from tympan.geometry.outlines import Circle, Ellipse
 from tympan.geometry.specimen import Electrode, Film, Plate, Specimen
-from tympan.studies.case import Case, Limit, Limits, Settings, equilibrate, solve
+from tympan.studies.case import (
+    Case,
+    Limit,
+    LimitKind,
+    Limits,
+    Settings,
+    equilibrate,
+    solve,
+)
 from tympan.studies.limits import curve, limits, solve_within
-from tympan.studies.limits.voltages import first_limit
-from tympan.studies.path import Event, path
+from tympan.studies.limits.voltages import EndKind, first_limit
+from tympan.studies.path import Event, What, path
 
 MASS = 58e-3
 FRAME, PLATE = Circle(31.7e-3), Plate(Circle(7.3e-3))
@@ -169,6 +178,13 @@ def test_each_kind_is_registered_once() -> None:
     assert [*LIMIT_STATES] == [name for name in Limits.__dataclass_fields__
                                if name not in ("first", "ended", "thins")]
     assert len({state.marker for state in LIMIT_STATES.values()}) == len(LIMIT_STATES)
+    assert get_args(LimitKind) == (*LIMIT_STATES,)
+    assert {*get_args(What)} == {state.event for state in LIMIT_STATES.values()}
+    assert {*get_args(EndKind)} - {"thinning"} == {
+        state.kind for state in LIMIT_STATES.values() if state.ends}
+    some = Limit(kind="tension", voltage_V=1.0, x_m=0.0, y_m=0.0)
+    reached = Limits.of(dict.fromkeys(get_args(LimitKind), some), "")
+    assert all(getattr(reached, kind) is some for kind in LIMIT_STATES)
 
 
 TOML = """
