@@ -62,7 +62,8 @@ class SplitGain:
     has no equilibrium are left out. ``ramp`` numbers specimen and mass of each row; ``note`` says
     why the split says nothing of the gain, if so. ``below``: the probabilities that less is read
     than was, in every row, by all hypotheses together; none where the cause cannot be learned.
-    ``nominally``: the same by the nominal model alone, where nothing explains the readings.
+    Where the verdict is ambiguous, that it is none of them is one more. ``nominally``: the same by
+    the nominal model and what it misses alone, where that may be.
     """
 
     kind: str
@@ -128,7 +129,8 @@ def gain_of(simulation: Model, table: ReadingTable, causes: Sequence[Cause],
     table = table.with_noise(judgement.table.noise)
     splits, impossible = splits_of(simulation, table)
     unexplained = judgement.verdict == "unexplained"
-    beyond = _Beyond.of(judgement, table) if unexplained and splits else None
+    doubtful = unexplained or judgement.verdict == "ambiguous"
+    beyond = _Beyond.of(judgement, table) if doubtful and splits else None
     tested = tuple(_tested(simulation, table, causes if judgement.chosen else (), split, judgement,
                            beyond) for split in splits)
     overall = _overall(tested, seed, table.unit)
@@ -145,22 +147,27 @@ def _better(gain: Gain | None) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class _Beyond:
-    """What is there beside a nominal and a chosen fit that explain nothing, by all readings.
+    """What is there beside a nominal and a chosen fit that may explain nothing, by all readings.
 
     That something is wrong all readings say, and how large it is; so parts of them count it too.
     ``noise``: a factor on it where there are no lengths, of which a discrepancy is a smooth one.
+    ``doubt``: how probable it is that none of the hypotheses explains them.
     """
 
     nominal: Discrepancy | None
     chosen: Discrepancy | None
     noise: float
+    doubt: float
 
     @classmethod
     def of(cls, judgement: Judgement, table: ReadingTable) -> _Beyond:
         nominal, chosen = judgement.nominal, judgement.chosen or judgement.nominal
-        of_nominal = Discrepancy.of(nominal, table)
-        return cls(of_nominal, of_nominal if chosen is nominal else Discrepancy.of(chosen, table),
-                   1.0 if of_nominal else chosen.misfit)
+        of_nominal, posterior = Discrepancy.of(nominal, table), judgement.posterior
+        doubt = (1.0 if judgement.verdict == "unexplained" or posterior is None
+                 else posterior.discrepancy / posterior.wrong)
+        return cls(of_nominal, of_nominal if chosen is nominal or doubt < 1.0
+                   else Discrepancy.of(chosen, table),
+                   1.0 if of_nominal else chosen.misfit, doubt)
 
     def below(self, simulation: Model, fits: Sequence[Fit], weights: Array, train: ReadingTable,
               test: ReadingTable) -> Array:
@@ -211,11 +218,14 @@ def _tested(simulation: Model, table: ReadingTable, causes: Sequence[Cause], spl
     # That something is wrong all readings say; what it is, those left to train on.
     members = fits or [nominal], np.exp(np.array(logs or [0.0]) - max(logs, default=0.0))
     nominally = np.empty(0)
-    if beyond is None:
+    if beyond is None or beyond.doubt < 1.0:
         below = Predictive.of(simulation, *members, test).below(test.value, test.noise.total)
     else:
         below = beyond.below(simulation, *members, train, test)
+    if beyond is not None:
         nominally = beyond.below(simulation, [nominal], np.ones(1), train, test)
+    if beyond is not None and beyond.doubt < 1.0:
+        below = (1 - beyond.doubt) * below + beyond.doubt * nominally
 
     before, after, rival = (
         test.value - simulation.predict(model.hypothesis, model.unknowns, test) if model

@@ -128,8 +128,16 @@ def test_what_nothing_explains_is_not_extended_and_its_bands_count_the_misfit(
     assert report.extends == (gain is not None and gain.rmse_after < gain.rmse_before)
     assert predictive is not None
     assert 0.9 <= predictive.coverage_95 <= 1.0
-    narrow = gain_of(judged.simulation, quadrants, causes, replace(judged, verdict="ambiguous"))
+    narrow = gain_of(judged.simulation, quadrants, causes, replace(judged, verdict="named"))
     assert narrow.predictive is None or narrow.predictive.coverage_95 < predictive.coverage_95
+    assert judged.posterior is not None
+    doubt = replace(judged.posterior, nothing=0.0, discrepancy=0.3)
+    between = gain_of(judged.simulation, quadrants, causes,
+                      replace(judged, verdict="ambiguous", posterior=doubt))
+    for split, sure, none in zip(between.splits, narrow.splits, report.splits, strict=True):
+        assert len(split.below) == len(sure.below)
+        if len(split.below):
+            assert split.below == pytest.approx(0.7 * sure.below + 0.3 * none.nominally)
     films = [np.abs(split.nominally - 0.5) < 0.475 for split in report.splits
              if split.kind == "shape"]
     assert np.mean(np.concatenate(films)) > 0.9
