@@ -208,7 +208,8 @@ class Conclusions:
                       for number, name in enumerate(("stiffness_factor", "permittivity_factor"))},
             noisier=result.Noisier(_NOISIER, self._with_more_noise()),
             small_errors=judged.small_errors,
-            robust=tuple(result.Robust(factor, tuple(sorted(map(str, causes))))
+            robust=tuple(result.Robust(factor, tuple(sorted(map(str, causes))),
+                                       judged.unknown.get(factor))
                          for factor, causes in sorted(judged.robust.items())),
             model_error=unit.per_si * self.model_error,
             knowable=tuple(detectable_effects(judged.signatures)),

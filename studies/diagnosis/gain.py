@@ -165,9 +165,9 @@ class _Beyond:
         of_nominal, posterior = Discrepancy.of(nominal, table), judgement.posterior
         doubt = (1.0 if judgement.verdict == "unexplained" or posterior is None
                  else posterior.discrepancy / posterior.wrong)
-        return cls(of_nominal, of_nominal if chosen is nominal or doubt < 1.0
-                   else Discrepancy.of(chosen, table),
-                   1.0 if of_nominal else chosen.misfit, doubt)
+        used = chosen if doubt == 1.0 else nominal
+        return cls(of_nominal, of_nominal if used is nominal else Discrepancy.of(used, table),
+                   1.0 if of_nominal else used.misfit, doubt)
 
     def below(self, simulation: Model, fits: Sequence[Fit], weights: Array, train: ReadingTable,
               test: ReadingTable) -> Array:

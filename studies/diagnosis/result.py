@@ -286,6 +286,8 @@ class Robust:
 
     factor: Annotated[float, Key("factor on the usual sizes")]
     stand_out: Annotated[tuple[str, ...], Key("causes that stand out, then")]
+    unknown: Annotated[float | None, Key("probability of none of the library, then; none where "
+                                         "small errors explain the rest")] = None
 
 
 @dataclass(frozen=True, kw_only=True)

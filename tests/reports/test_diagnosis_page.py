@@ -73,7 +73,16 @@ def test_the_probability_of_something_else_is_said_where_it_is_not_small(unknown
                                                                         told: bool) -> None:
     named = cause("drift", "Readings rise", named=True)
     words = verdict_words(diagnosed("named", named, probability=NoEffect(0.0, unknown)))
-    assert ("none of these, but something that no effect makes, is 13 %" in words) == told
+    assert ("none of these, but something that no effect makes, is 13 %." in words) == told
+
+
+def test_how_the_probability_of_something_else_drifts_is_said_beside_it() -> None:
+    named = cause("drift", "Readings rise", named=True)
+    scales = tuple(Robust(factor, ("drift",), unknown) for factor, unknown in (
+        (1 / 3, 0.05), (1.0, 0.13), (10.0, 0.41)))
+    words = verdict_words(diagnosed("named", named, probability=NoEffect(0.0, 0.13), robust=scales))
+    assert ("no effect makes, is 13 %; it is 5 % to 41 % as usual sizes are taken 1/3 of, to 10 "
+            "times, what the library says.") in words
 
 
 def test_a_rival_that_only_its_size_speaks_against_is_called_so() -> None:

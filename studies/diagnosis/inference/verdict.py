@@ -103,7 +103,8 @@ class Judgement:
     nominal fit, ``after`` that of the best hypothesis, None when nothing is wrong; ``patterns`` are
     those tested; ``told``: what readings tell of their noise, ``test_of_all``: the test as if they
     did not, where they do. ``named`` are the causes that stand out, ``robust`` those that do with
-    usual sizes times each of some factors; ``indistinguishable`` classes that these readings cannot
+    usual sizes times each of some factors, ``unknown`` how probable something beside the library is
+    with these; ``indistinguishable`` classes that these readings cannot
     tell apart, ``invisible`` causes they cannot see; ``alone`` every effect fitted by itself with
     hardly any prior, ``rivals`` those of them that only their size speaks against.
     ``small_errors``: the share of their usual sizes at which all other causes are there, where that
@@ -127,6 +128,7 @@ class Judgement:
     after: TestResult | None = None
     named: tuple[Cause, ...] = ()
     robust: dict[float, tuple[Cause, ...]] = field(default_factory=dict)
+    unknown: dict[float, float] = field(default_factory=dict)
     rivals: tuple[Fit, ...] = ()
     indistinguishable: tuple[tuple[Cause, ...], ...] = ()
     invisible: tuple[Cause, ...] = ()
@@ -365,14 +367,16 @@ def _weighed(base: Judgement, exploration: Exploration, adequacy: _Adequacy) -> 
         return replace(weighed, verdict="unexplained")
     if not enough or posterior.discrepancy > DISCREPANCY:
         return _on_a_rough_bench(replace(weighed, verdict="unexplained"), exploration, adequacy)
-    robust = {scale: _sure(Posterior.of(base.nominal, [
+    scaled = {scale: Posterior.of(base.nominal, [
         replace(fit, evidence=evidence(fit, scale * exploration.widen)) for fit in kept], odds,
-        among)) for scale in SCALES}
+        among) for scale in SCALES}
+    robust = {scale: _sure(posterior) for scale, posterior in scaled.items()}
     sure = robust[1.0]
     alone = posterior.fit_of(sure) if sure else None
     rivals = () if alone is None else _rivals(alone, singles, adequacy)
-    weighed = replace(weighed, robust=robust, rivals=rivals, suspects=tuple(dict.fromkeys(
-        [*weighed.suspects, *_causes(rivals)])))
+    unknown = {scale: posterior.discrepancy for scale, posterior in scaled.items()}
+    suspects = tuple(dict.fromkeys([*weighed.suspects, *_causes(rivals)]))
+    weighed = replace(weighed, robust=robust, unknown=unknown, rivals=rivals, suspects=suspects)
     firm = len({frozenset(names) for names in robust.values()}) == 1
     doubted = posterior.discrepancy > DOUBTED * posterior.wrong or (
         alone is not None and len(sure) > 1

@@ -286,10 +286,13 @@ def test_the_verdict_hangs_on_no_order_and_no_seed(lab: Lab, sag: ReadingTable,
     """Of readings, of causes, and of what is drawn: all three are changed at once."""
     design, simulation = lab.paper
     assert sag_judged.named == (Cause("voltage_sag"),)
+    assert sag_judged.posterior is not None
+    assert sag_judged.unknown[1.0] == pytest.approx(sag_judged.posterior.discrepancy)
+    assert sag_judged.unknown.keys() == sag_judged.robust.keys()
+    assert len(set(sag_judged.unknown.values())) == len(sag_judged.unknown)
     shuffled = sag[np.random.default_rng(0).permutation(len(sag))]
     again = judge(simulation, shuffled, design.causes[::-1], seed=5)
     assert (again.verdict, again.named) == (sag_judged.verdict, sag_judged.named)
-    assert sag_judged.posterior is not None
     assert again.posterior is not None
     assert again.posterior.of_causes()[again.named[0]] == pytest.approx(
         sag_judged.posterior.of_causes()[sag_judged.named[0]], abs=1e-3)
