@@ -9,7 +9,8 @@ from typing import Annotated, Any, Self
 
 import numpy as np
 
-from tympan.fem.membrane.loading import BIASES, Bias, Guide, Loading, Spring
+from tympan.fem.membrane.biases import BIASES, Bias, Spring
+from tympan.fem.membrane.loading import Guide, Loading
 from tympan.geometry.errors import InputError
 from tympan.geometry.fields import Key, fields_of, read, takes_units
 from tympan.geometry.toml_reader import NON_NEGATIVE, POSITIVE, Rule, Table

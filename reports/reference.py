@@ -14,7 +14,7 @@ from typing import Any, Literal, get_args, get_origin
 from tympan.fem.film.breakdown import STRENGTH_LIBRARY
 from tympan.fem.film.laws import LAWS
 from tympan.fem.film.library import MATERIALS
-from tympan.fem.membrane.loading import BIASES
+from tympan.fem.membrane.biases import BIASES
 from tympan.fem.rig import Rig
 from tympan.geometry.fields import Field, Registry, fields_of
 from tympan.geometry.outlines import OUTLINES, Rotated

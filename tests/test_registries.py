@@ -19,7 +19,7 @@ from tympan.cli import main
 from tympan.fem.film.laws import LAWS
 from tympan.fem.film.laws.invariants import FirstInvariantLaw
 from tympan.fem.film.library import load_specimen
-from tympan.fem.membrane.loading import BIASES
+from tympan.fem.membrane.biases import BIASES
 from tympan.fem.rig import Rig
 from tympan.fem.toml_writer import rig_to_toml, specimen_to_toml
 from tympan.geometry.errors import InputError

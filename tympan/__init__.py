@@ -22,7 +22,8 @@ if TYPE_CHECKING:
     __version__: str
 
 __all__ = [
-    "ArrudaBoyce", "Case", "Circle", "ClosedSpline", "Electrode", "Ellipse", "Film", "Gent",
+    "ArrudaBoyce", "Bistable", "BuckledBeam", "Case", "Circle", "ClosedSpline", "Constant",
+    "Electrode", "Ellipse", "Film", "ForceTable", "Gent",
     "InputError", "Magnet", "MeshSettings", "MooneyRivlin", "NeoHooke", "Ogden", "Patch", "Plate",
     "Polygon", "Region", "RegularPolygon", "Result", "Rig", "Rotated", "RoundedRectangle",
     "Settings", "ShearThinning", "Specimen", "Spring", "Stadium", "Superellipse", "ViscousBranch",

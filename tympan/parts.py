@@ -9,8 +9,12 @@ from tympan.fem.film.laws import MooneyRivlin as MooneyRivlin
 from tympan.fem.film.laws import NeoHooke as NeoHooke
 from tympan.fem.film.laws import Ogden as Ogden
 from tympan.fem.film.laws import Yeoh as Yeoh
-from tympan.fem.membrane.loading import Magnet as Magnet
-from tympan.fem.membrane.loading import Spring as Spring
+from tympan.fem.membrane.biases import Bistable as Bistable
+from tympan.fem.membrane.biases import BuckledBeam as BuckledBeam
+from tympan.fem.membrane.biases import Constant as Constant
+from tympan.fem.membrane.biases import ForceTable as ForceTable
+from tympan.fem.membrane.biases import Magnet as Magnet
+from tympan.fem.membrane.biases import Spring as Spring
 from tympan.fem.rig import Rig as Rig
 from tympan.geometry.outlines import Circle as Circle
 from tympan.geometry.outlines import ClosedSpline as ClosedSpline

@@ -11,9 +11,13 @@ from tympan.fem.film.laws import NeoHooke as AnyNeoHooke
 from tympan.fem.film.laws import Ogden as AnyOgden
 from tympan.fem.film.laws import Yeoh as AnyYeoh
 from tympan.fem.film.library import LibraryMaterial
-from tympan.fem.membrane.loading import Bias
-from tympan.fem.membrane.loading import Magnet as AnyMagnet
-from tympan.fem.membrane.loading import Spring as AnySpring
+from tympan.fem.membrane.biases import Bias
+from tympan.fem.membrane.biases import Bistable as AnyBistable
+from tympan.fem.membrane.biases import BuckledBeam as AnyBuckledBeam
+from tympan.fem.membrane.biases import Constant as AnyConstant
+from tympan.fem.membrane.biases import ForceTable as AnyForceTable
+from tympan.fem.membrane.biases import Magnet as AnyMagnet
+from tympan.fem.membrane.biases import Spring as AnySpring
 from tympan.fem.rig import Rig as AnyRig
 from tympan.geometry.outlines import Circle as AnyCircle
 from tympan.geometry.outlines import ClosedSpline as AnyClosedSpline
@@ -60,11 +64,26 @@ class Ogden(AnyOgden):
 class Yeoh(AnyYeoh):
     def __init__(self, c: Sequence[Quantity]) -> None: ...
 
+class Bistable(AnyBistable):
+    def __init__(self, force: Quantity, travel: Quantity, back: Quantity = ..., rest: Quantity =
+                 ...) -> None: ...
+
+class BuckledBeam(AnyBuckledBeam):
+    def __init__(self, length: Quantity, width: Quantity, thickness: Quantity, modulus: Quantity,
+                 compression: Quantity, number: int = ..., middle: Quantity =
+                 ...) -> None: ...
+
+class Constant(AnyConstant):
+    def __init__(self, force: Quantity) -> None: ...
+
+class ForceTable(AnyForceTable):
+    def __init__(self, displacement: Sequence[Quantity], force: Sequence[Quantity]) -> None: ...
+
 class Magnet(AnyMagnet):
     def __init__(self, force: Quantity, gap: Quantity, decay: Quantity, power: float = ...) -> None: ...
 
 class Spring(AnySpring):
-    def __init__(self, stiffness: Quantity, rest: Quantity = ...) -> None: ...
+    def __init__(self, stiffness: Quantity, rest: Quantity = ..., preload: Quantity = ...) -> None: ...
 
 class Rig(AnyRig):
     def __init__(self, gravity: Quantity = ..., unaccounted_mass: Quantity = ..., spring:

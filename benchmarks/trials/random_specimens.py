@@ -17,7 +17,7 @@ from scipy.constants import epsilon_0
 from tests.oracles.laws import SAMPLES
 from tympan.fem.film.admissibility import checked
 from tympan.fem.film.library import MATERIALS
-from tympan.fem.membrane.loading import Magnet
+from tympan.fem.membrane.biases import Magnet
 from tympan.fem.rig import Rig
 from tympan.geometry.errors import InputError
 from tympan.geometry.outlines import Circle, Ellipse, Outline, area

@@ -1,4 +1,4 @@
-"""What acts on film and plate: weight and where it hangs, guide, bias mechanisms, gas.
+"""What acts on film and plate: weight and where it hangs, guide, mechanisms, gas.
 
 The weight pulls along z. The gas lies below film and plate and loses volume where they move along
 z. Counted from the flat film it has V = −∫ z n_z da = −∫ z (x,₁ y,₂ − x,₂ y,₁) dX over the film,
@@ -10,20 +10,18 @@ of the gas stands here and nowhere else.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, Any, ClassVar, Literal, Protocol
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tympan.fem.discretisation.discretisation import Discretisation
+from tympan.fem.membrane.biases import BIASES as BIASES
+from tympan.fem.membrane.biases import Bias
 from tympan.fem.membrane.rigid_plate import Swing
 from tympan.fem.membrane.state import HEAVE, PlateMotion, State
-from tympan.geometry.fields import Key, Registry
-from tympan.geometry.toml_reader import NON_NEGATIVE, POSITIVE, Rule
 
 Array = NDArray[Any]
-
-_POWER: Rule = (lambda x: 1 < x <= 12, "must be above 1 and at most 12")
 
 #: How the plate may move: freely; without tilting; up and down only; not at all.
 Guide = Literal["free", "level", "vertical", "fixed"]
@@ -40,58 +38,6 @@ _UP = np.eye(6)[HEAVE]
 
 #: Volume of gas that a deflection along the weight adds, per volume that it sweeps.
 _GAS = -1.0
-
-
-class Bias(Protocol):
-    """A mechanism between plate and ground; its energy depends on the deflection alone."""
-
-    law: ClassVar[str]
-
-    def derivatives(self, deflection: float) -> tuple[float, float, float]:
-        """Energy [J], its derivative [N] (positive: pushes back), its second derivative [N/m]."""
-
-
-#: Bias mechanisms that rig files may name.
-BIASES: Registry[Any] = Registry("law")
-
-
-@BIASES.register
-@dataclass(frozen=True)
-class Spring:
-    """A linear spring."""
-
-    law: ClassVar[str] = "spring"
-    stiffness: Annotated[float, Key("its stiffness", "stiffness per length", NON_NEGATIVE)]
-    rest: Annotated[float, Key("heave at which it is unloaded", "length")] = 0.0
-
-    def derivatives(self, deflection: float) -> tuple[float, float, float]:
-        stretch = deflection - self.rest
-        return self.stiffness * stretch**2 / 2, self.stiffness * stretch, self.stiffness
-
-
-@BIASES.register
-@dataclass(frozen=True)
-class Magnet:
-    """A magnet below the plate that pulls with F = F₀ (1 + g/d)^(−n) over the gap g = gap − w.
-
-    Far away the pull of two dipoles falls with n = 4. The plate's negative stiffness makes the
-    actuator snap through.
-    """
-
-    law: ClassVar[str] = "magnet"
-    force: Annotated[float, Key("F₀ at contact", "force", POSITIVE)]
-    gap: Annotated[float, Key("gap at the mounted plate", "length", POSITIVE)]
-    decay: Annotated[float, Key("d", "length", POSITIVE)]
-    power: Annotated[float, Key("n", rule=_POWER)] = 4.0
-
-    def derivatives(self, deflection: float) -> tuple[float, float, float]:
-        # The energy is −F₀ d/(n−1) (1 + g/d)^(1−n).
-        n, d = self.power, self.decay
-        near = 1 + (self.gap - deflection) / d
-        if np.real(near) <= 0:  # no step may end there, nor pass the pole
-            return np.nan, np.nan, np.nan
-        return (-self.force * d / (n - 1) * near ** (1 - n), -self.force * near**-n,
-                -self.force * n / d * near ** (-n - 1))
 
 
 @dataclass(frozen=True)

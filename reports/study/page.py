@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from jinja2 import Template
 
-from tympan.fem.membrane.loading import BIASES
+from tympan.fem.membrane.biases import BIASES
 from tympan.fem.results.limit_states import LIMIT_STATES
 from tympan.fem.rig import Rig
 from tympan.geometry.fields import fields_of

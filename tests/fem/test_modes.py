@@ -29,7 +29,8 @@ from tests.support.specimens import (
 from tympan.cli import main
 from tympan.fem.equilibrium.newton import newton
 from tympan.fem.equilibrium.solve import equilibrium, held
-from tympan.fem.membrane.loading import Loading, Spring
+from tympan.fem.membrane.biases import Spring
+from tympan.fem.membrane.loading import Loading
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import FREEDOMS, HEAVE, PlateMotion, State
 from tympan.fem.results.fields import whole

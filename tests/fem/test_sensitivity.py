@@ -25,7 +25,8 @@ from tympan.fem.derivatives.sensitivity import (
 from tympan.fem.equilibrium.newton import newton
 from tympan.fem.equilibrium.solve import equilibrium
 from tympan.fem.equilibrium.tangent import Tangent
-from tympan.fem.membrane.loading import Loading, Magnet, Spring
+from tympan.fem.membrane.biases import Magnet, Spring
+from tympan.fem.membrane.loading import Loading
 from tympan.fem.membrane.model import Model
 from tympan.geometry.errors import InputError
 from tympan.geometry.paths import numbers

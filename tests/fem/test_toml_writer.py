@@ -10,11 +10,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.oracles.laws import SAMPLES
+from tests.support.biases import SAMPLES as MECHANISMS
 from tests.support.specimens import circular, elliptical, skewed
 from tympan.fem.film.breakdown import STRENGTHS, ConstantStrength, PowerStrength
 from tympan.fem.film.laws import LAWS, Ogden
 from tympan.fem.film.library import EXAMINED, MATERIALS, load_specimen
-from tympan.fem.membrane.loading import BIASES, Magnet, Spring
+from tympan.fem.membrane.biases import BIASES
 from tympan.fem.rig import Rig
 from tympan.fem.toml_writer import rig_to_toml, specimen_to_toml
 from tympan.geometry.errors import InputError
@@ -23,7 +24,6 @@ from tympan.geometry.specimen import Electrode, Plate, Region
 from tympan.geometry.units import DIMENSIONS, LARGEST, quantity, quantity_text
 
 OUTLINES = examples()
-MECHANISMS = {"spring": Spring(3.0, 1e-3), "magnet": Magnet(0.1, 4e-3, 3e-3, 3.5)}
 FIELDS = {"constant": (ConstantStrength(31e6),),
           "power": (PowerStrength(30.6e6, 1.13), PowerStrength(51e6, 0.63, 0.25, 2e-3))}
 

@@ -17,7 +17,8 @@ from scipy.constants import epsilon_0
 
 from tests.oracles.potential import potential
 from tympan.fem.equilibrium.tangent import Tangent
-from tympan.fem.membrane.loading import GUIDES, Magnet, Spring
+from tympan.fem.membrane.biases import Magnet, Spring
+from tympan.fem.membrane.loading import GUIDES
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import FREEDOMS, PlateMotion, State
 from tympan.fem.results.fields import whole

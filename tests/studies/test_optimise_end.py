@@ -14,7 +14,7 @@ import pytest
 from tests.support.specimens import elliptical
 from tympan.cli import main
 from tympan.fem.film.laws import NeoHooke, Yeoh
-from tympan.fem.membrane.loading import Magnet
+from tympan.fem.membrane.biases import Magnet
 from tympan.fem.results.limit_states import INSTABILITY
 from tympan.fem.rig import Rig
 from tympan.fem.toml_writer import specimen_to_toml

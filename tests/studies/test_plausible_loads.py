@@ -14,7 +14,7 @@ import tympan
 from tests.support.specimens import NEO_HOOKE, ROOT5, circular
 from tympan.cli import main
 from tympan.fem.film.admissibility import equibiaxial_stiffness
-from tympan.fem.membrane.loading import Spring
+from tympan.fem.membrane.biases import Spring
 from tympan.fem.plausible_loads import implausible_loads
 from tympan.fem.rig import Rig
 from tympan.fem.toml_writer import specimen_to_toml

@@ -18,7 +18,7 @@ from tests.support.specimens import circular
 from tympan.fem.equilibrium.newton import STRAINED
 from tympan.fem.equilibrium.solve import equilibrium
 from tympan.fem.film.laws import ArrudaBoyce, Gent
-from tympan.fem.membrane.loading import Magnet
+from tympan.fem.membrane.biases import Magnet
 from tympan.fem.results.fields import whole
 from tympan.fem.rig import Rig
 from tympan.geometry.mesher import MeshSettings

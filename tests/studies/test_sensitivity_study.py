@@ -20,7 +20,7 @@ from tests.support.specimens import (
 from tympan.cli import main
 from tympan.fem.equilibrium.newton import newton
 from tympan.fem.film.laws import Ogden
-from tympan.fem.membrane.loading import Magnet
+from tympan.fem.membrane.biases import Magnet
 from tympan.fem.rig import Rig
 from tympan.geometry.mesher import MeshSettings
 from tympan.studies.case import Case, Settings, equilibrate

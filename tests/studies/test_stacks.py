@@ -12,7 +12,7 @@ import tympan
 from tests.support.specimens import circular, elliptical, specimen_toml
 from tympan.fem.film.laws import NeoHooke
 from tympan.fem.film.library import load_specimen
-from tympan.fem.membrane.loading import Spring
+from tympan.fem.membrane.biases import Spring
 from tympan.fem.rig import Rig
 from tympan.geometry.mesher import MeshSettings
 from tympan.geometry.specimen import Electrode, Specimen, ViscousBranch

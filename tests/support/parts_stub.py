@@ -33,7 +33,7 @@ def stub() -> str:
     places = imported()
     imports = [f"from {module} import {name} as {name if not fields(name) else 'Any' + name}"
                for name, module in places.items()]
-    used = {"Bias": "tympan.fem.membrane.loading", "Outline": "tympan.geometry.outlines",
+    used = {"Bias": "tympan.fem.membrane.biases", "Outline": "tympan.geometry.outlines",
             "FlowLaw, Material, Strength": "tympan.geometry.specimen",
             LibraryMaterial.__name__: LibraryMaterial.__module__}
     imports += [f"from {module} import {name}" for name, module in used.items()]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar
 
-from tympan.fem.membrane.loading import BIASES
+from tympan.fem.membrane.biases import BIASES
 from tympan.geometry.fields import Key
 from tympan.geometry.toml_reader import NON_NEGATIVE
 from tympan.studies.effects.effect import EffectParameter, Setup, effect

@@ -24,7 +24,8 @@ from tympan.fem.equilibrium.solve import equilibrium, held
 from tympan.fem.equilibrium.subspace import SmoothSubspace
 from tympan.fem.film.laws import Ogden
 from tympan.fem.film.library import MATERIALS
-from tympan.fem.membrane.loading import Loading, Magnet
+from tympan.fem.membrane.biases import Magnet
+from tympan.fem.membrane.loading import Loading
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import HEAVE, State
 from tympan.geometry.mesh import unfold

@@ -20,7 +20,8 @@ from tympan.fem.equilibrium.solve import equilibrium, held
 from tympan.fem.equilibrium.voltage_path import voltage_path
 from tympan.fem.film.laws import Ogden
 from tympan.fem.film.library import load_specimen
-from tympan.fem.membrane.loading import Loading, Spring
+from tympan.fem.membrane.biases import Spring
+from tympan.fem.membrane.loading import Loading
 from tympan.fem.membrane.model import Model
 from tympan.fem.results.fields import edge_fields
 from tympan.fem.rig import Rig

@@ -17,7 +17,7 @@ from tests.oracles.laws import gent
 from tests.support.specimens import NEO_HOOKE, circular, reference_film, specimen_toml
 from tympan.cli import main
 from tympan.fem.film.laws import Gent, Ogden
-from tympan.fem.membrane.loading import Magnet, Spring
+from tympan.fem.membrane.biases import Magnet, Spring
 from tympan.fem.rig import Rig
 from tympan.geometry.mesher import MeshSettings
 from tympan.studies.case import Case, Settings, solve

@@ -1,0 +1,319 @@
+"""Mechanisms between plate and ground: springs, constant forces, magnets, buckled beams, tables.
+
+Each says its energy by the deflection of the plate, and a rig may have any number of them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from math import factorial
+from typing import Annotated, Any, ClassVar, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tympan.geometry.errors import InputError
+from tympan.geometry.fields import Key, Registry, require
+from tympan.geometry.toml_reader import NON_NEGATIVE, POSITIVE, Rule
+
+Array = NDArray[Any]
+
+_POWER: Rule = (lambda x: 1 < x <= 12, "must be above 1 and at most 12")
+_COUNT: Rule = (lambda x: 1 <= x <= 1000, "must be from 1 to 1000")
+
+#: Share of its length up to which a beam's compression is taken: beyond, its slopes are not small.
+_MOST_COMPRESSED = 0.05
+#: Terms of the series about a beam without axial force: at π² the last is below 1e-16 of the sum.
+_TERMS = 26
+#: Square of a half beam's phase at which it buckles by itself, its ends at rest.
+_SECOND_BUCKLING = float(np.pi**2)
+#: Below this square of the phase, where a beam is far in tension, closed forms lose nothing.
+_TENSE = -10.0
+#: Corrections of the axial force, which hardly ever takes ten.
+_CORRECTIONS = 200
+
+
+class Bias(Protocol):
+    """A mechanism between plate and ground; its energy depends on the deflection alone."""
+
+    law: ClassVar[str]
+
+    def derivatives(self, deflection: float) -> tuple[float, float, float]:
+        """Energy [J], its derivative [N] (positive: pushes back), its second derivative [N/m].
+
+        nan where the mechanism cannot be.
+        """
+
+
+#: Bias mechanisms that rig files may name.
+BIASES: Registry[Any] = Registry("law")
+
+
+@BIASES.register
+@dataclass(frozen=True)
+class Spring:
+    """A linear spring."""
+
+    law: ClassVar[str] = "spring"
+    stiffness: Annotated[float, Key("its stiffness", "stiffness per length", NON_NEGATIVE)]
+    rest: Annotated[float, Key("deflection at which it is unloaded", "length")] = 0.0
+    preload: Annotated[float, Key(
+        "in place of `rest`: the force along the deflection with which it pulls the plate at "
+        "deflection 0", "force")] = 0.0
+
+    def __post_init__(self) -> None:
+        if self.rest and self.preload:
+            raise InputError("must be left out where `rest` is given: both say where the spring is "
+                             "unloaded", key="preload", given=f"{self.preload:g} N")
+
+    def derivatives(self, deflection: float) -> tuple[float, float, float]:
+        stretch = deflection - self.rest
+        return (self.stiffness * stretch**2 / 2 - self.preload * deflection,
+                self.stiffness * stretch - self.preload, self.stiffness)
+
+
+@BIASES.register
+@dataclass(frozen=True)
+class Constant:
+    """A force that stays the same, as of a weight on a string over a pulley."""
+
+    law: ClassVar[str] = "constant"
+    force: Annotated[float, Key("positive along the deflection", "force")]
+
+    def derivatives(self, deflection: float) -> tuple[float, float, float]:
+        return -self.force * deflection, -self.force, 0.0
+
+
+@BIASES.register
+@dataclass(frozen=True)
+class Magnet:
+    """A magnet below the plate that pulls with F = F₀ (1 + g/d)^(−n) over the gap g = gap − w.
+
+    Far away the pull of two dipoles falls with n = 4. The plate's negative stiffness makes the
+    actuator snap through.
+    """
+
+    law: ClassVar[str] = "magnet"
+    force: Annotated[float, Key("F₀ at contact", "force", POSITIVE)]
+    gap: Annotated[float, Key("gap at the mounted plate", "length", POSITIVE)]
+    decay: Annotated[float, Key("d", "length", POSITIVE)]
+    power: Annotated[float, Key("n", rule=_POWER)] = 4.0
+
+    def derivatives(self, deflection: float) -> tuple[float, float, float]:
+        # The energy is −F₀ d/(n−1) (1 + g/d)^(1−n).
+        n, d = self.power, self.decay
+        near = 1 + (self.gap - deflection) / d
+        if np.real(near) <= 0:  # no step may end there, nor pass the pole
+            return np.nan, np.nan, np.nan
+        return (-self.force * d / (n - 1) * near ** (1 - n), -self.force * near**-n,
+                -self.force * n / d * near ** (-n - 1))
+
+
+@BIASES.register
+@dataclass(frozen=True)
+class Bistable:
+    """A mechanism with two rest positions, as a data sheet describes it: a cubic force.
+
+    Between the rest positions the force has a largest and a least value, at about a fifth and four
+    fifths of the travel. With equal forces F = 6 √3 f s (s − 1/2) (s − 1) · 2, s = w over travel.
+    """
+
+    law: ClassVar[str] = "bistable"
+    force: Annotated[float, Key("largest force that it takes to push it over", "force", POSITIVE)]
+    travel: Annotated[float, Key("between its two rest positions", "length", POSITIVE)]
+    back: Annotated[float, Key("largest force that it takes to push it back; left out, as much as "
+                               "over", "force", NON_NEGATIVE)] = 0.0
+    rest: Annotated[float, Key("deflection at the first rest position", "length")] = 0.0
+
+    @cached_property
+    def _shape(self) -> tuple[float, float]:
+        """Where it stands between the rest positions, over the travel, and the cubic's factor."""
+        ratio = (self.back or self.force) / self.force
+        low, high = 0.0, 1.0
+        while high - low > 1e-15:
+            middle = (low + high) / 2
+            over, back = _peaks(middle)
+            # The nearer the unstable position is to the first, the easier it is to push over.
+            low, high = (middle, high) if back > ratio * over else (low, middle)
+        return low, self.force / _peaks(low)[0]
+
+    def derivatives(self, deflection: float) -> tuple[float, float, float]:
+        (middle, factor), s = self._shape, (deflection - self.rest) / self.travel
+        return (factor * self.travel * s * s * (middle / 2 + s * (s / 4 - (1 + middle) / 3)),
+                factor * s * (s - middle) * (s - 1),
+                factor / self.travel * (middle + s * (3 * s - 2 * (1 + middle))))
+
+
+def _peaks(middle: float) -> tuple[float, float]:
+    """Largest and, with the other sign, least value of s (s − middle) (s − 1) between 0 and 1."""
+    half = (1 + middle) / 3
+    root = (half**2 - middle / 3) ** 0.5
+    over, back = (s * (s - middle) * (s - 1) for s in (half - root, half + root))
+    return over, -back
+
+
+@BIASES.register
+@dataclass(frozen=True)
+class BuckledBeam:
+    """Straight beams, clamped at both ends and pushed together, whose middle the plate carries.
+
+    Each half is a beam column that is clamped at one end and guided at the other, exactly but for
+    slopes beyond small ones: shear, axial compression and bending are in balance under an axial
+    force P that follows from the given compression. P stays where a half buckles by itself. The
+    middle must not turn, and a compression above 5 % of the length is refused.
+
+    Timoshenko and Gere, Theory of Elastic Stability (1961), chapter 1, for the beam column.
+    """
+
+    law: ClassVar[str] = "buckled_beam"
+    length: Annotated[float, Key("between the clamps, before the beam is compressed", "length",
+                                 POSITIVE)]
+    width: Annotated[float, Key("of one beam", "length", POSITIVE)]
+    thickness: Annotated[float, Key("of one beam, along the deflection", "length", POSITIVE)]
+    modulus: Annotated[float, Key("Young's modulus", "stress", POSITIVE)]
+    compression: Annotated[float, Key("by which the clamps are pushed together", "length",
+                                      NON_NEGATIVE)]
+    number: Annotated[int, Key("of beams side by side", rule=_COUNT)] = 1
+    middle: Annotated[float, Key("deflection at which the beams are straight", "length")] = 0.0
+
+    def __post_init__(self) -> None:
+        require(self)
+        if self.compression > _MOST_COMPRESSED * self.length:
+            raise InputError("must be at most 5 % of the length: further the beam's slopes are not "
+                             "small", key="compression", given=f"{1e3 * self.compression:g} mm of "
+                                                               f"{1e3 * self.length:g} mm")
+
+    def derivatives(self, deflection: float) -> tuple[float, float, float]:
+        moved = deflection - self.middle
+        half = self.length / 2
+        # Of the square x of a half's phase: P = 4 EI x/half², in which it shortens by yielding x.
+        yielding = self.thickness**2 / (3 * half)
+        shear = self.number * 2 * self.modulus * self.width * self.thickness**3 / 12 * 4 / half**3
+        x, held = self._phase(moved, yielding, half)
+        v, v_x, g, g_x = _beam_column(x)
+        push = shear * v * moved
+        if held:
+            stiffness = shear * v
+        else:
+            turn = -2 * g * moved / half / (yielding + g_x * moved**2 / half)
+            stiffness = shear * (v + v_x * moved * turn)
+        # Bending has V w/2 + P s, of the shortening s, and the axial force half of P times its own.
+        axial = shear * half * x
+        bent = self.compression / 2 - yielding * x
+        return push * moved / 2 + axial * (bent + yielding * x / 2), push, stiffness
+
+    def _phase(self, moved: Any, yielding: float, half: float) -> tuple[Any, bool]:
+        """The square of a half's phase, and whether that is where it buckles by itself."""
+        def missing(x: Any, at: Any) -> tuple[Any, Any]:
+            _, _, g, g_x = _beam_column(x)
+            return (yielding * x + g * at**2 / half - self.compression / 2,
+                    yielding + g_x * at**2 / half)
+
+        real = float(np.real(moved))
+        if missing(_SECOND_BUCKLING, real)[0] <= 0:
+            return _SECOND_BUCKLING, True
+        # In tension a half shortens by at least half of the square, without, by 0.6 of it.
+        high = _SECOND_BUCKLING
+        low = min((self.compression / 2 - 0.75 * real**2 / half) / yielding, high) - 1.0
+        x = min(max((self.compression / 2 - 0.6 * real**2 / half) / yielding, low), high)
+        for _ in range(_CORRECTIONS):
+            value, slope = missing(x, real)
+            low, high = (x, high) if value < 0 else (low, x)
+            step = x - value / slope
+            step = step if low < step < high else (low + high) / 2
+            if abs(step - x) <= 1e-15 * max(abs(x), 1.0):
+                break
+            x = step
+        if np.iscomplexobj(moved):  # its derivative, for a step off the real axis
+            value, slope = missing(x, moved)
+            return x - 1j * np.imag(value / slope), False
+        return x, False
+
+
+def _beam_column(x: Any) -> tuple[Any, Any, Any, Any]:
+    """Shear v and shortening g of a beam column by the square of its phase, with derivatives.
+
+    Of a beam clamped at 0, guided at l and moved by w there, under P = 4 EI x/l²: the shear force
+    is 4 EI/l³ v w, and it shortens by g w²/l. With h² = x, c = cos h, s = sin h: v = h² c/(s/h −
+    c), g = (1 − 3 s c/h + 2 c²)/(4 (s/h − c)²). About x = 0 by series, (s/h − c)/x and the other
+    bracket over x².
+    """
+    if np.real(x) >= _TENSE:
+        e, e_x = _series(_SHEAR, x)
+        m, m_x = _series(_SHORTENING, x)
+        c, c_x = _series(_COSINE, x)
+        v, g = c / e, m / (4 * e**2)
+        return v, (c_x - v * e_x) / e, g, m_x / (4 * e**2) - 2 * g * e_x / e
+    # All over cosh y, y² = −x, which may be large.
+    y = np.sqrt(-x)
+    tangent, square = np.tanh(y) / y, 1 / np.cosh(np.where(np.real(y) > 300, 300, y)) ** 2
+    e = tangent - 1
+    tangent_x = (tangent - square) / (2 * -x)
+    v = x / e
+    g = (square - 3 * tangent + 2) / (4 * e**2)
+    square_x = square * tangent
+    return (v, 1 / e - v * tangent_x / e, g,
+            (square_x - 3 * tangent_x) / (4 * e**2) - 2 * g * tangent_x / e)
+
+
+_ORDERS = range(_TERMS)
+#: Coefficients of cos √x.
+_COSINE = [(-1) ** k / factorial(2 * k) for k in _ORDERS]
+#: Those of (sin √x/√x − cos √x)/x.
+_SHEAR = [(-1) ** k * 2 * (k + 1) / factorial(2 * k + 3) for k in _ORDERS]
+#: Those of (1 − 3 sin √x cos √x/√x + 2 cos² √x)/x².
+_SHORTENING = [(-1) ** k * 4 ** (k + 2) * 2 * (k + 1) / factorial(2 * k + 5) for k in _ORDERS]
+
+
+def _series(coefficients: list[float], x: Any) -> tuple[Any, Any]:
+    """A power series and its derivative."""
+    value, slope = 0.0 * x, 0.0 * x
+    for coefficient in reversed(coefficients):
+        slope = slope * x + value
+        value = value * x + coefficient
+    return value, slope
+
+
+@BIASES.register
+@dataclass(frozen=True)
+class ForceTable:
+    """A mechanism that was measured: its force at some deflections, and between them smoothly.
+
+    Cubics with a continuous slope that rise and fall only where the readings do (Fritsch and
+    Carlson, SIAM Journal on Numerical Analysis 17, 238, 1980). Beyond the table it cannot be.
+    """
+
+    law: ClassVar[str] = "table"
+    displacement: Annotated[tuple[float, ...], Key(
+        "deflections of the plate, one larger than the other", "length", least=2)]
+    force: Annotated[tuple[float, ...], Key(
+        "force at each of them, positive where it pushes back as a spring does", "force", least=2)]
+
+    def __post_init__(self) -> None:
+        if len(self.force) != len(self.displacement):
+            raise InputError(f"must have as many numbers as `displacement`, "
+                             f"{len(self.displacement)}", key="force", given=len(self.force))
+        if not np.all(np.diff(self.displacement) > 0):
+            raise InputError("must grow from one number to the next: a table has one force at each "
+                             "deflection", key="displacement", given=str(self.displacement))
+
+    @cached_property
+    def _cubics(self) -> tuple[Array, Array, Array]:
+        """Breaks, coefficients of the force (4, pieces) and the energy up to each break."""
+        from scipy.interpolate import PchipInterpolator
+
+        curve = PchipInterpolator(self.displacement, self.force)
+        stored = curve.antiderivative()(curve.x)
+        return curve.x, curve.c, stored - np.interp(0.0, curve.x, stored)
+
+    def derivatives(self, deflection: float) -> tuple[float, float, float]:
+        breaks, (a, b, c, d), stored = self._cubics
+        at = float(np.real(deflection))
+        if not breaks[0] <= at <= breaks[-1]:
+            return np.nan, np.nan, np.nan
+        k = min(int(np.searchsorted(breaks, at, "right")) - 1, len(breaks) - 2)
+        u = deflection - breaks[k]
+        return (stored[k] + u * (d[k] + u * (c[k] / 2 + u * (b[k] / 3 + u * a[k] / 4))),
+                d[k] + u * (c[k] + u * (b[k] + u * a[k])),
+                c[k] + u * (2 * b[k] + u * 3 * a[k]))
