@@ -223,8 +223,9 @@ class FilmShape:
             determinant = by_share[0] * by_turn[1] - by_share[1] * by_turn[0]
             step = np.stack([by_turn[1] * missing[0] - by_turn[0] * missing[1],
                              by_share[0] * missing[1] - by_share[1] * missing[0]]) / determinant
-            share = np.clip(share + step[0], -2 * _BEYOND, 1 + 2 * _BEYOND)
+            before, share = share, np.clip(share + step[0], -2 * _BEYOND, 1 + 2 * _BEYOND)
             turn = (turn + step[1]) % AROUND
-            if np.abs(step).max(initial=0.0) < _SMALL * AROUND:
+            # A place on the plate or beyond the frame stays at the bound, and is sought no further.
+            if np.abs(np.where(share == before, 0.0, step)).max(initial=0.0) < _SMALL * AROUND:
                 break
         return share, turn
