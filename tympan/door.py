@@ -129,19 +129,21 @@ def curve(specimen: Specimen, *masses: float | str, settings: Settings = Setting
 @one_thread()
 def force(specimen: Specimen, *, to: float | str, from_: float | str = 0.0,
           voltages: Sequence[float | str] = (0.0,), points: int = 61,
-          loads: Sequence[float | str] = (), rig: Rig = Rig(), settings: Settings = Settings()
-          ) -> Result[ForceResult]:
+          loads: Sequence[float | str] = (), rate: float | str | None = None, cycles: int = 1,
+          rig: Rig = Rig(), settings: Settings = Settings()) -> Result[ForceResult]:
     """Force on the plate against its displacement, a curve for each voltage.
 
     The plate is held, as by a tensile tester, at so many ``points`` between two displacements.
     ``loads`` are masses; with the rig's springs and other biases each is a line over the curves,
     whose crossings are equilibria: ``result.loads[0].crossings``, ``result.stroke_m``,
-    ``result.work_J``. ``result.blocked_force_N`` is the change of force of the held plate.
+    ``result.work_J``. ``result.blocked_force_N`` is the change of force of the held plate. With a
+    ``rate``, such as "1 mm/s", the plate also moves out and back in time, so many ``cycles``:
+    ``result.loops[0].area_J`` are the areas of a film with viscous branches.
     """
     from tympan.studies.force import ForceCase, force
 
     case = ForceCase(specimen, voltages=voltages, start=from_, to=to, points=points, masses=loads,
-                     rig=rig)
+                     rate=rate, cycles=cycles, rig=rig)
     return Result(force(case, settings))
 
 

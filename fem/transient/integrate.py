@@ -54,6 +54,9 @@ _STRAIN = 0.1
 #: How much the charge's change over the most it can be counts beside the same. Set by trial.
 _CHARGE = 0.1
 
+#: How much the change of the force that holds a plate counts, over the force, beside the same.
+_HOLDING = 0.1
+
 #: A step's length over the longest that its error would allow, so that few are refused; a usual
 #: factor of safety.
 _SAFE = 0.85
@@ -72,7 +75,7 @@ _ITERATIONS = 10
 #: A voltage that moves no film [V].
 _NO_VOLTAGE = 1e-3
 
-#: What gives way where the film's charge is given, and where the plate's heave is.
+#: What gives way where the film's charge is given, and where the plate's deflection is.
 _VOLTAGE: tuple[Load, ...] = ("voltage",)
 _FORCE: tuple[Load, ...] = ("force",)
 
@@ -140,7 +143,9 @@ class Stopped(ArithmeticError):
 class Transient:
     """A film under a force [N], a gas ``pressure`` [Pa] and a source's signal.
 
-    ``plate``: its mass, None for one without inertia; ``damper`` on its heave [N s/m].
+    ``plate``: its mass, None for one without inertia; ``damper`` on its heave [N s/m]. ``heave``:
+    deflections [m] of a plate that is held, with the breaks of the signal and without jumps; the
+    force is then what holds it, and neither inertia, damper nor circuit count.
     """
 
     model: Model
@@ -151,6 +156,7 @@ class Transient:
     circuit: Circuit = field(default_factory=Circuit)
     settings: StepSettings = StepSettings()
     pressure: float = 0.0
+    heave: Signal | None = None
 
     def moments(self, state: State, memory: Memory) -> Iterator[Moment]:
         """From a state at the signal's beginning to its end; after a jump the same time again.
@@ -215,7 +221,9 @@ class Transient:
         """
         squared = moment.state.voltage_squared if self.circuit.resistance else source**2
         model = self.remembering(moment)
-        if self.plate is not None:
+        if self.heave is not None:
+            film = self._jumped(model, moment, squared, heave=moment.state.plate.deflection)
+        elif self.plate is not None:
             clamped = replace(model, loading=replace(model.loading, guide="fixed"))
             film = self._jumped(clamped, moment, squared)
             moment = replace(moment, rate=self._pushed(model, film, moment.velocity))
@@ -283,7 +291,8 @@ class Transient:
         error = max(error, self._between(past, middle, halves))
         beyond = viscous + change / 3
         beyond = beyond / np.cbrt(determinant(beyond)) if viscous.size else viscous
-        state = moved(self.model, halves.state, gap, 1 / 3)
+        further = halves.state.force - whole.state.force
+        state = moved(self.model, halves.state, gap, 1 / 3, {"force": further})
         squared = halves.state.voltage_squared
         if self.circuit.resistance:
             ends = np.sqrt([squared, whole.state.voltage_squared])
@@ -316,13 +325,17 @@ class Transient:
         return None if halves is None else (ahead, middle[0], *halves)
 
     def _between(self, past: list[Moment], middle: Moment, end: Moment) -> float:
-        """How far plate and charge are, in a step's middle, from the curve through what is kept."""
+        """How far plate, charge and force are, in a step's middle, from the curve kept."""
         shares = list(_shares([*past[-3:], end], middle.time))
         heave = sum(share * moment.state.plate.deflection for moment, share in shares)
         miss = abs(middle.state.plate.deflection - heave) / self.model.size
         if self.circuit.resistance:
             charge = sum(share * moment.charge for moment, share in shares)
             miss = max(miss, _CHARGE * abs(middle.charge - charge) / self._most_charge(end))
+        if self.heave is not None:
+            force = sum(share * moment.state.force for moment, share in shares)
+            scale = max(abs(moment.state.force) for moment in (*past[-3:], middle, end))
+            miss = max(miss, _HOLDING * abs(middle.state.force - force) / max(scale, 1e-300))
         return float(miss)
 
     def _most_charge(self, moment: Moment) -> float:
@@ -339,13 +352,18 @@ class Transient:
         moment = past[-1]
         time = moment.time + duration
         source = float(self.signal.within(piece, time))
-        guess = self.state_at([*past[len(ahead) - 3:], *ahead], time).under(force=self.force)
+        guess = self.state_at([*past[len(ahead) - 3:], *ahead], time)
+        if self.heave is None:
+            guess = guess.under(force=self.force)
         flow = moment.memory.step(self._strain(moment.state), duration,
                                   self._strain(guess) if moment.memory.flows else None)
         model = self._moving(replace(self.model, flow=flow), moment, guess, duration)
         voltage, charge = self._electrodes(model, guess, moment, source, duration)
-        solution = self._solved(model, guess.under(voltage=voltage**2), charge, tangent)
-        if not solution.converged or not (solution.stable or self.circuit.resistance):
+        given = (_VOLTAGE if charge else (), charge) if self.heave is None else (
+            _FORCE, (held_plate(float(self.heave.within(piece, time))),))
+        solution = self._solved((model, guess.under(voltage=voltage**2), *given), tangent)
+        free = self.circuit.resistance or self.heave is not None
+        if not solution.converged or not (solution.stable or free):
             return None
         state, swing = solution.state, model.loading.swing
         if state.voltage_squared < 0:  # of a film that is all but discharged
@@ -372,12 +390,12 @@ class Transient:
         voltage = charge / (capacitance + further)
         return voltage, (held_charge(charge, further),) if voltage else ()
 
-    def _solved(self, model: Model, guess: State, charge: tuple[Constraint, ...],
+    def _solved(self, problem: tuple[Model, State, tuple[Load, ...], tuple[Constraint, ...]],
                 tangent: Tangent | None) -> Solution:
         """By the tangent given or that of the guess; by as many as it takes if that will not do."""
-        problem = model, guess, _VOLTAGE if charge else (), charge, self.settings.close
-        near = None if tangent is None else simplified_newton(*problem, tangent)
-        return near or simplified_newton(*problem) or newton(*problem)
+        close = self.settings.close
+        near = None if tangent is None else simplified_newton(*problem, close, tangent)
+        return near or simplified_newton(*problem, close) or newton(*problem, close)
 
     def _moving(self, model: Model, moment: Moment, guess: State, duration: float) -> Model:
         """With the plate's part in a step."""

@@ -51,6 +51,11 @@ def draw_force_curves(axes: Axes, result: ForceResult) -> None:
     lines = []
     for number, curve in enumerate(result.curves):
         lines.append(_curve(axes, curve, factor, style.colour_of(number)))
+    for loop in result.loops:
+        number = [curve.voltage_V for curve in result.curves].index(loop.voltage_V)
+        axes.plot(1e3 * np.array(loop.displacement_m), factor * np.array(loop.force_N),
+                  color=style.colour_of(number), linewidth=0.8, alpha=0.8, zorder=2)
+        _say(axes, f"at {1e3 * loop.rate_m_per_s:.4g} mm/s", color=style.GREY, linewidth=0.8)
     bottom, top = axes.get_ylim()
     for number, line in enumerate(result.loads):
         lines.append(_load_line(axes, line, factor, _LINES[number % len(_LINES)]))

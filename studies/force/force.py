@@ -14,20 +14,22 @@ from tympan.fem.equilibrium.path_following import PathSettings
 from tympan.fem.equilibrium.ramp import still_slack
 from tympan.fem.equilibrium.solve import held
 from tympan.fem.membrane.model import Model
-from tympan.fem.rig import MASSES, VOLTAGES, Rig
+from tympan.fem.rig import AGAINST_THE_WAY, MASSES, VOLTAGES, Rig
 from tympan.geometry.errors import InputError
 from tympan.geometry.fields import Key, require, takes_units
 from tympan.geometry.specimen import Specimen
-from tympan.geometry.toml_reader import Rule
+from tympan.geometry.toml_reader import POSITIVE, Rule
 from tympan.studies.case import Case, Settings, build_model
 from tympan.studies.force.cycle import load_line
 from tympan.studies.force.follow import Followed, at_displacement, follow
-from tympan.studies.force.result import ForceLimit, ForceResult
+from tympan.studies.force.loops import Motion, loop
+from tympan.studies.force.result import ForceLimit, ForceLoop, ForceResult
 
 #: Displacements of a curve where their number is not given: a smooth line.
 USUAL_POINTS = 61
 _COUNTS: Rule = (lambda x: x == int(x) and 2 <= x <= 10_000,
                  "must be a whole number from 2 to 10000")
+_CYCLES: Rule = (lambda x: x == int(x) and 1 <= x <= 1000, "must be a whole number from 1 to 1000")
 
 
 @takes_units
@@ -35,7 +37,8 @@ _COUNTS: Rule = (lambda x: x == int(x) and 2 <= x <= 10_000,
 class ForceCase:
     """A specimen whose plate is displaced from ``start`` to ``to`` [m], at each voltage [V].
 
-    ``masses`` [kg] are loads whose equilibria are asked for; texts carry their unit.
+    ``masses`` [kg] are loads whose equilibria are asked for. With a ``rate`` [m/s] the plate moves
+    out and back in time, too. Texts carry their unit.
     """
 
     specimen: Specimen
@@ -46,12 +49,16 @@ class ForceCase:
     points: Annotated[int, Key("number of displacements", rule=_COUNTS)] = USUAL_POINTS
     masses: Annotated[tuple[float, ...], Key("loads on the plate", "mass", MASSES,
                                              name="load")] = ()
+    rate: Annotated[float | None, Key("speed of the plate in loops; without it there are none",
+                                      "speed", POSITIVE)] = None
+    cycles: Annotated[int, Key("number of loops", rule=_CYCLES)] = 1
     rig: Rig = Rig()
 
     if TYPE_CHECKING:
         def __init__(self, specimen: Specimen, *, voltages: Sequence[float | str] = ...,
                      start: float | str = ..., to: float | str, points: int = ...,
-                     masses: Sequence[float | str] = ..., rig: Rig = ...) -> None: ...
+                     masses: Sequence[float | str] = ..., rate: float | str | None = ...,
+                     cycles: int = ..., rig: Rig = ...) -> None: ...
 
     def __post_init__(self) -> None:
         require(self)
@@ -105,12 +112,15 @@ def force(case: ForceCase, settings: Settings,
                                            if crossing.reached
                                            and crossing.voltage_V == curves[0].voltage), None),
                                 path)
+    loops = [] if case.rate is None else [
+        _loop(case, curve, progress) for curve in curves if curve.states]
     highest = Case.greatest(specimen, case.masses, case.voltages, rig)
     return ForceResult(
         specimen=specimen.name, curves=tuple(curve.curve for curve in curves), loads=tuple(lines),
+        loops=tuple(loops),
         stroke_m=first.stroke_m if first else None, work_J=first.work_J if first else None,
         blocked_force_N=blocked, blocked_displacement_m=held_at, dofs=alone.unknowns,
-        wall_s=time.perf_counter() - began, warnings=highest.remarks)
+        wall_s=time.perf_counter() - began, warnings=(*_left_out(case), *highest.remarks))
 
 
 def _curves(case: ForceCase, model: Model, path: PathSettings, progress: Callable[[str], None]
@@ -133,6 +143,26 @@ def _curves(case: ForceCase, model: Model, path: PathSettings, progress: Callabl
             continue
         start = outcome.solution
         yield follow(model, voltage, displacements, start, path)
+
+
+def _loop(case: ForceCase, curve: Followed, progress: Callable[[str], None]) -> ForceLoop:
+    assert case.rate is not None
+    progress(f"{case.specimen.name}: {curve.voltage / 1e3:g} kV in time")
+    motion = Motion(case.start, case.to, case.rate, case.cycles, case.points)
+    return loop(curve.model, curve.voltage, curve.states[0], motion)
+
+
+def _left_out(case: ForceCase) -> list[str]:
+    """What these curves do not have, in words."""
+    words = [f"{key} of the rig acts against the way and is left out here"
+             for key in AGAINST_THE_WAY if getattr(case.rig, key)]
+    if case.specimen.membrane.branches and case.rate is None:
+        words.append("the viscous branches are relaxed in these curves, as after a long wait; "
+                     "--rate moves the plate in time (in Python rate=)")
+    if case.rate is not None and case.rig.series_resistance:
+        words.append("series_resistance of the rig is left out: in loops the film keeps its "
+                     "voltage")
+    return words
 
 
 def _require_start(case: ForceCase, model: Model, found: bool, solution: Solution) -> None:

@@ -14,6 +14,18 @@ from tympan.geometry.fields import Key
 from tympan.geometry.units import place_text
 from tympan.studies.case import LimitKind, SpecimenRecord, Unknowns, WallTime, Warnings
 from tympan.studies.columns import Column, write_sheet
+from tympan.studies.files import remove
+
+#: Columns of the CSV of loops, with the names that a dataset's force.csv has; ``run`` is the cycle.
+LOOP_COLUMNS: tuple[Column, ...] = (
+    Column.labels("specimen"),
+    Column("voltage", "kV"),
+    Column("displacement", "mm"),
+    Column("force", "mN"),
+    Column.labels("run"),
+    Column.labels("direction", ("out", "back")),
+    Column("t", "s"),
+)
 
 #: A limit of the film, or that no equilibrium was found beyond.
 EndKind = Literal[LimitKind, "not_followed"]
@@ -130,6 +142,24 @@ class LoadLine:
 
 
 @dataclass(frozen=True, kw_only=True)
+class ForceLoop:
+    """The plate moved out and back at a speed, at one voltage."""
+
+    voltage_V: Annotated[float, Key("nominal voltage")]
+    rate_m_per_s: Annotated[float, Key("speed of the plate")]
+    leg_s: Annotated[float, Key("time of one way, half a cycle")]
+    time_s: Annotated[tuple[float, ...], Key("times, from the beginning of the motion")]
+    displacement_m: Annotated[tuple[float, ...], Key("displacements at these times")]
+    force_N: Annotated[tuple[float, ...], Key("force that holds the plate at them")]
+    area_J: Annotated[tuple[float, ...], Key(
+        "work that the tester does in each cycle: the area of the loop")]
+    heat_J: Annotated[tuple[float, ...], Key(
+        "heat of the branches in each cycle; once cycles repeat themselves it is the area")]
+    stopped_s: Annotated[float | None, Key(
+        "when the film gave way before the end; none where it did not")] = None
+
+
+@dataclass(frozen=True, kw_only=True)
 class ForceResult(SpecimenRecord):
     """Force-displacement curves of one specimen, and loads on them, SI."""
 
@@ -140,6 +170,7 @@ class ForceResult(SpecimenRecord):
 
     curves: Annotated[tuple[ForceCurve, ...], Key("a curve for each voltage, ascending")]
     loads: Annotated[tuple[LoadLine, ...], Key("loads whose lines are drawn over the curves")] = ()
+    loops: Annotated[tuple[ForceLoop, ...], Key("loops in time, where they were asked for")] = ()
     stroke_m: Annotated[float | None, Key("stroke of the first load")] = None
     work_J: Annotated[float | None, Key("its work in a stroke")] = None
     blocked_force_N: Annotated[float | None, Key(
@@ -168,7 +199,25 @@ class ForceResult(SpecimenRecord):
             **{name: column(name) for name in ("stable", "tense", "max_stretch",
                                                "breakdown_share")}}
 
+    @property
+    def loop_table(self) -> dict[str, NDArray[Any]]:
+        """The loops with the names of :data:`LOOP_COLUMNS`, in SI."""
+        rows: list[tuple[Any, ...]] = []
+        for loop in self.loops:
+            turn = loop.leg_s
+            for t, place, force in zip(loop.time_s, loop.displacement_m, loop.force_N, strict=True):
+                # A turn is the last of its way.
+                way = max(int(np.ceil(t / turn - 1e-9)) - 1, 0)
+                rows.append((self.specimen, loop.voltage_V, place, force, str(way // 2 + 1),
+                             ("out", "back")[way % 2], t))
+        return {column.name: np.array([row[number] for row in rows])
+                for number, column in enumerate(LOOP_COLUMNS)}
+
     def save(self, folder: Path) -> None:
-        """Write ``NAME-force.csv`` and ``.json``."""
+        """Write ``NAME-force.csv`` and ``.json``, of loops ``NAME-loops.csv`` too."""
+        loops = f"{self.specimen}-loops.csv"
+        remove(folder, loops)
         super().save(folder)
         write_sheet(folder / f"{self.specimen}-force.csv", COLUMNS, self.table)
+        if self.loops:
+            write_sheet(folder / loops, LOOP_COLUMNS, self.loop_table)

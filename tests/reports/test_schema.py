@@ -85,6 +85,7 @@ MESHED = [
     ("limits", "limits oval.toml", ("--mass", "17.9 g")),
     ("curve", "curve oval.toml", ("--mass", "17.9 g", "--voltage", "1 kV")),
     ("force", "force oval.toml", ("--to", "6 mm", "--voltage", "0 kV, 3 kV", "--load", "20 g")),
+    ("force", "force creep.toml", ("--to", "2 mm", "--rate", "2 mm/s")),
     ("path", "path oval.toml", LOADS),
     ("modes", "modes oval.toml", LOADS),
     ("modes", "modes oval.toml", ("--mass", "17.9 g", "--voltage", "40 kV")),

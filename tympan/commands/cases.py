@@ -143,6 +143,11 @@ def _loaded(options: argparse.Namespace) -> tuple[Specimen, Rig, Settings, tuple
          argument("--load", default="", metavar="MASSES",
                   help='weights whose equilibria are asked for, such as "10 g, 20 g"; each acts '
                        "together with what the rig has between plate and ground"),
+         argument("--rate", metavar="SPEED",
+                  help='also move the plate out and back in time at a speed such as "1 mm/s": the '
+                       "loops of a film with viscous branches, and their area"),
+         argument("--cycles", type=int, default=1, metavar="N", within=(1, 1000),
+                  help="number of such loops"),
          PRESSURE, RIG,
          output("also store the curves (CSV), the numbers (JSON) and a picture (PNG, SVG)"), JSON,
          MESH,
@@ -164,8 +169,9 @@ def force(options: argparse.Namespace) -> None:
             specimen, voltages=voltages, rig=rig, points=options.points,
             start=parse_quantity(getattr(options, "from"), "length", "--from"),
             to=parse_quantity(options.to, "length", "--to"),
-            masses=parse_quantities(options.load, "mass", "--load"))
-        with bar(len(voltages)) as progress:
+            masses=parse_quantities(options.load, "mass", "--load"), cycles=options.cycles,
+            rate=None if options.rate is None else parse_quantity(options.rate, "speed", "--rate"))
+        with bar(len(voltages) * (1 if case.rate is None else 2)) as progress:
             result = force(case, read_settings(options), progress)
     finish(options, result)
 

@@ -16,10 +16,11 @@ from tests.oracles import axisymmetric
 from tests.oracles.laws import gent
 from tests.support.specimens import NEO_HOOKE, circular, reference_film, specimen_toml
 from tympan.cli import main
-from tympan.fem.film.laws import Gent, Ogden
+from tympan.fem.film.laws import Gent, NeoHooke, Ogden
 from tympan.fem.membrane.biases import Magnet, Spring
 from tympan.fem.rig import Rig
 from tympan.geometry.mesher import MeshSettings
+from tympan.geometry.specimen import ViscousBranch
 from tympan.studies.case import Case, Settings, solve
 from tympan.studies.force import ForceCase, ForceResult
 from tympan.studies.force import force as force_of
@@ -236,7 +237,9 @@ ROUND = specimen_toml("round", 'shape = "circle"\nradius = "4.5 cm"')
     (("--to", "2 mm", "--from", "-90 mm"), "--from"), (("--to", "2 kV"), "--to"),
     (("--to", "2 mm", "--voltage", "1 kV, 1 kV"), "--voltage"),
     (("--to", "2 mm", "--load", "900 kg"), "--load"),
-    (("--to", "2 mm", "--voltage", ""), "--voltage"), (("--to", "inf mm"), "--to")])
+    (("--to", "2 mm", "--voltage", ""), "--voltage"), (("--to", "inf mm"), "--to"),
+    (("--to", "2 mm", "--rate", "0 mm/s"), "--rate"),
+    (("--to", "2 mm", "--rate", "1 N"), "--rate")])
 def test_what_cannot_be_is_one_message(options, said, tmp_path: Path, capsys) -> None:
     file = tmp_path / "round.toml"
     file.write_text(ROUND, encoding="utf-8")
@@ -277,3 +280,83 @@ def test_a_slack_film_begins_where_it_is_taut() -> None:
     assert len(curve.force_N) == 9
     assert min(curve.force_N) > 0
     assert not any(curve.tense)
+
+
+VISCOUS = circular(NeoHooke(20e3), branches=(ViscousBranch(20e3, 0.5),))
+
+
+@pytest.fixture(scope="module")
+def loops() -> ForceResult:
+    return force_of(ForceCase(VISCOUS, voltages=(0.0, 3e3), to=5e-3, points=11, rate=1e-3,
+                              cycles=3), Settings())
+
+
+def test_the_area_of_a_loop_is_the_heat_of_its_branches(loops: ForceResult) -> None:
+    for loop in loops.loops:
+        assert len(loop.area_J) == 3
+        assert loop.area_J[2] == pytest.approx(loop.heat_J[2], rel=1e-4)
+        assert loop.area_J[0] > loop.area_J[2]  # some is stored in the first one
+        assert loop.stopped_s is None
+
+
+def test_a_loop_is_told_at_the_points_of_the_curve(loops: ForceResult) -> None:
+    for loop, curve in zip(loops.loops, loops.curves, strict=True):
+        assert np.allclose(loop.displacement_m[:11], curve.displacement_m)
+        assert np.allclose(loop.displacement_m[10:21], curve.displacement_m[::-1])
+        assert loop.time_s[-1] == pytest.approx(30.0)
+        out, back = np.array(loop.force_N[1:10]), np.array(loop.force_N[11:20])[::-1]
+        assert (out > np.array(curve.force_N[1:10])).all()
+        assert (out > back).all()
+
+
+def test_a_slow_loop_and_one_without_branches_enclose_nothing() -> None:
+    elastic, slow = (force_of(ForceCase(film, voltages=(3e3,), to=5e-3, points=11, rate=rate),
+                              Settings()) for film, rate in (
+        (circular(NeoHooke(20e3)), 1e-3), (VISCOUS, 1e-7)))
+    work = np.trapezoid(elastic.curves[0].force_N, elastic.curves[0].displacement_m)
+    assert abs(elastic.loops[0].area_J[0]) < 1e-8 * work
+    assert elastic.loops[0].heat_J == (0.0,)
+    # A ten thousandth of the speed of the loops above, and so of their area.
+    assert 0 < slow.loops[0].area_J[0] < 5e-7 * work
+    assert np.allclose(slow.loops[0].force_N[:11], slow.curves[0].force_N, rtol=1e-6, atol=1e-9)
+
+
+def test_force_in_time_is_that_of_the_equations() -> None:
+    """At once a branch is a second spring beside the law, unstrained in the flat film.
+
+    Then the film is as it is under the sum of both energies (:mod:`tests.oracles`).
+    """
+    film = circular(NeoHooke(20e3), branches=(ViscousBranch(10e3, 1e6),))
+    fast = force_of(ForceCase(film, to=5e-3, points=3, rate=1.0), Settings()).loops[0]
+    flat = film.membrane.prestretch[0]
+
+    def added(l1, l2):
+        """The branch's W, from the flat film's stretches on."""
+        a, b = l1 / flat, l2 / flat
+        return 5e3 * (a**2 + b**2 + (a * b) ** -2.0 - 3)
+
+    law = axisymmetric.EnergyFunction(
+        lambda l1, l2: axisymmetric.neo_hooke(20e3).energy(l1, l2) + added(l1, l2),
+        lambda l1, l2: axisymmetric.neo_hooke(20e3).w1(l1, l2) + 1e4 * (
+            l1 / flat - (l1 / flat) ** -3.0 * (l2 / flat) ** -2.0) / flat,
+        lambda l1, l2: axisymmetric.neo_hooke(20e3).w2(l1, l2) + 1e4 * (
+            l2 / flat - (l2 / flat) ** -3.0 * (l1 / flat) ** -2.0) / flat)
+    exact = axisymmetric.solve_deflection(replace(reference_film(NEO_HOOKE), material=law), 5e-3)
+    assert fast.force_N[2] == pytest.approx(exact.force, rel=1e-5)
+
+
+def test_loops_are_saved_as_a_tester_s_file(loops: ForceResult, tmp_path: Path) -> None:
+    loops.save(tmp_path)
+    assert ForceResult.load(tmp_path) == loops
+    lines = (tmp_path / "circle-loops.csv").read_text(encoding="utf-8").splitlines()
+    assert lines[0] == "specimen,voltage_kV,displacement_mm,force_mN,run,direction,t_s"
+    assert [line.split(",")[4:6] for line in lines[1:22]] == [
+        *[["1", "out"]] * 11, *[["1", "back"]] * 10]
+    replace(loops, loops=()).save(tmp_path)
+    assert not (tmp_path / "circle-loops.csv").exists()
+
+
+def test_what_is_left_out_is_told() -> None:
+    case = ForceCase(VISCOUS, to=1e-3, points=2, rig=Rig(friction=1e-3, lag_voltage=10.0))
+    warnings = " ".join(force_of(case, Settings(MeshSettings().refined(0.5))).warnings)
+    assert all(word in warnings for word in ("friction", "lag_voltage", "--rate"))
