@@ -332,7 +332,7 @@ class Conclusions:
             chance = probability_text(min(1.0, sum(
                 probabilities.get(other, 0.0) for other in alike or (cause,))))
             yield result.FoundCause(
-                effect=cause.name, which=cause.which, probability=probability,
+                effect=cause.name, which=cause.which, again=cause.again, probability=probability,
                 headline=(f"{family.headline} ({chance})" if family
                           else headline_of(fit, cause, chance)),
                 clear=any(size.clear for size in found_sizes(fit, cause).values()),

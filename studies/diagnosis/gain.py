@@ -278,10 +278,11 @@ def _alternatives(simulation: Model, table: ReadingTable, causes: Sequence[Cause
     for cause in causes:
         fitted((cause,), [nominal.unknowns, *large.get((cause,), [])])
     order = [single.hypothesis[0] for single in ranked()]
-    for pair in (pair for pair in prior if len(pair) == 2 and set(pair) <= set(order)):
-        if order[0] in pair or set(pair) <= set(order[:_SHORTLIST]):
+    for pair in (pair for pair in prior if len(pair) == 2
+                 and {cause.first for cause in pair} <= set(order)):
+        if order[0] in pair or {cause.first for cause in pair} <= set(order[:_SHORTLIST]):
             least = min(other.cost for other in fits.values())
-            if starts := pair_starts(pair, fits, least):
+            if starts := pair_starts(pair, fits, least, simulation, table):
                 fitted(pair, starts)
     best = ranked()
     return best, [other.evidence + prior[other.hypothesis] - nominal.evidence - np.log(NOTHING)

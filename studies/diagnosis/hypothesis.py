@@ -31,10 +31,19 @@ SIZES = slice(2, None)
 
 @dataclass(frozen=True)
 class Cause:
-    """An effect by name, and the specimen it happens to, if it is on one."""
+    """An effect by name, and the specimen it happens to, if it is on one.
+
+    ``again``: it is there beside the same one of other sizes.
+    """
 
     name: str
     which: str | None = None
+    again: bool = False
+
+    @property
+    def first(self) -> Cause:
+        """That beside which it is there again; else itself."""
+        return replace(self, again=False)
 
     @property
     def effect(self) -> Effect:
@@ -42,7 +51,8 @@ class Cause:
         return EFFECTS[self.name]
 
     def __str__(self) -> str:
-        return self.name if self.which is None else f"{self.name} of {self.which}"
+        name = f"second_{self.name}" if self.again else self.name
+        return name if self.which is None else f"{name} of {self.which}"
 
 
 #: Effects that are there together; none for the nominal model.
@@ -88,8 +98,13 @@ def uses_of(hypothesis: Hypothesis, unknowns: Array) -> tuple[Use, ...]:
 
 
 def hypotheses_of(causes: Sequence[Cause]) -> tuple[Hypothesis, ...]:
-    """Each cause alone, then every two together; not two specimens' share of the same effect."""
+    """Each cause alone, then every two together; not two specimens' share of the same effect.
+
+    Effects that may be there twice are also paired with themselves.
+    """
     singles: list[Hypothesis] = [(cause,) for cause in causes]
     pairs: list[Hypothesis] = [(first, second) for k, first in enumerate(causes)
                                for second in causes[k + 1 :] if first.name != second.name]
-    return (*singles, *pairs)
+    twice: list[Hypothesis] = [(cause, replace(cause, again=True)) for cause in causes
+                               if cause.effect.twice]
+    return (*singles, *pairs, *twice)

@@ -95,6 +95,7 @@ class FoundCause:
 
     effect: Annotated[str, Key("name of the effect")]
     which: Annotated[str | None, Key("the specimen it happens to; none for all")] = None
+    again: Annotated[bool, Key("whether it is there beside the same effect of other sizes")] = False
     probability: Annotated[float, Key("probability of the cause, given that something is wrong")]
     headline: Annotated[str, Key("what it means here")]
     clear: Annotated[bool, Key("whether its sign is certain")] = True

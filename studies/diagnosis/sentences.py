@@ -96,7 +96,7 @@ def suspects_among(causes: Sequence[FoundCause]) -> list[FoundCause]:
 def together(suspects: Sequence[FoundCause]) -> bool:
     """Whether suspects are no rivals but the members of one hypothesis."""
     return len(suspects) > 1 and all(
-        str(Cause(cause.effect, cause.which)) in suspects[0].others
+        str(Cause(cause.effect, cause.which, cause.again)) in suspects[0].others
         for cause in suspects[1:])
 
 

@@ -179,7 +179,7 @@ class Effect:
     :func:`tympan.studies.effects.findings.finding` fills it in, and ``check`` what to do there
     to see it directly, both of them with the specimen as ``{which}``. It shows in the quantities
     ``shows_in`` alone, and, if there are none, wherever it changes something. ``family``: what it
-    is one of, if others do the same.
+    is one of, if others do the same. ``twice``: it may be there beside itself, at other sizes.
     """
 
     name: str
@@ -191,6 +191,7 @@ class Effect:
     on_one: bool = False
     shows_in: tuple[Quantity, ...] = ()
     family: Family | None = None
+    twice: bool = False
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -230,7 +231,8 @@ EFFECTS: Registry[Effect] = Registry("name")
 
 
 def effect(explanation: str, *, finding: str, check: str, shows_in: tuple[Quantity, ...] = (),
-           family: Family | None = None) -> Callable[[Callable[..., Setup]], Effect]:
+           family: Family | None = None, twice: bool = False
+           ) -> Callable[[Callable[..., Setup]], Effect]:
     """Register an edit as the effect of its name: its annotated arguments are the parameters.
 
     One with an argument ``which`` is on one specimen.
@@ -249,7 +251,8 @@ def effect(explanation: str, *, finding: str, check: str, shows_in: tuple[Quanti
             raise TypeError(f"the finding of {edit.__name__} speaks of {', '.join(unknown)}, which "
                             "is no argument of it")
         made = Effect(edit.__name__, explanation, finding, check, parameters, edit,
-                      on_one="which" in hints, shows_in=shows_in, family=family)
+                      on_one="which" in hints, shows_in=shows_in, family=family,
+                      twice=twice)
         EFFECTS.register(made)
         return made
 

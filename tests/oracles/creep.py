@@ -21,7 +21,10 @@ _VACUUM = 8.8541878128e-12
 
 @dataclass
 class CreepingFilm:
-    """Radii of plate and frame, virgin thickness [m], prestretch, moduli [Pa], time [s]."""
+    """Radii of plate and frame, virgin thickness [m], prestretch, moduli [Pa], time [s].
+
+    ``others``: moduli and times of more branches beside the one.
+    """
 
     plate: float
     frame: float
@@ -35,7 +38,12 @@ class CreepingFilm:
     spring: float = 0.0  #: beside the film [N/m]
     mounted: float = np.inf  #: time since it was stretched [s]
     logarithmic: bool = False  #: whether C_v follows by logarithms instead
+    others: tuple[tuple[float, float], ...] = ()
     pull: float = 0.0  #: of the film on the plate, at the last state [N]
+
+    @property
+    def branches(self) -> tuple[tuple[float, float], ...]:
+        return ((self.branch, self.time), *self.others)
 
     def _basis(self) -> tuple[Array, Array, Array, Array]:
         """Mounted radii, weights, shapes (points, degree) that vanish at both ends, and slopes."""
@@ -55,8 +63,8 @@ class CreepingFilm:
                 fixed: bool = False) -> tuple[Array, Array, Array]:
         """Coefficients of the least energy, and the squared stretches I, J along and around.
 
-        ``memory``: C_v along and around, shape (2, points); None: the branch is relaxed. ``fixed``:
-        the plate stays where it is at the start.
+        ``memory``: C_v along and around, shape (branches, 2, points); None: all are relaxed.
+        ``fixed``: the plate stays where it is at the start.
         """
         radius, weights, shapes, slopes = self._basis()
         count, width = self.degree, self.frame - self.plate
@@ -104,13 +112,13 @@ class CreepingFilm:
                  self.modulus / 2 * (1 - third / j) - field * i / 2]
         second = [self.modulus * third / i**2, self.modulus / 2 * third**2 - field / 2,
                   self.modulus * third / j**2]
-        if memory is not None:
-            v, w = memory
-            first[0] = first[0] + self.branch / 2 * (1 / v - v * w * third / i)
-            first[1] = first[1] + self.branch / 2 * (1 / w - v * w * third / j)
-            second = [second[0] + self.branch * v * w * third / i**2,
-                      second[1] + self.branch / 2 * v * w * third**2,
-                      second[2] + self.branch * v * w * third / j**2]
+        for (modulus, _), (v, w) in zip(self.branches, () if memory is None else memory,
+                                        strict=memory is not None):
+            first[0] = first[0] + modulus / 2 * (1 / v - v * w * third / i)
+            first[1] = first[1] + modulus / 2 * (1 / w - v * w * third / j)
+            second = [second[0] + modulus * v * w * third / i**2,
+                      second[1] + modulus / 2 * v * w * third**2,
+                      second[2] + modulus * v * w * third / j**2]
         return first, second
 
     def history(self, before: tuple[float, float], after: tuple[float, float], times: Array
@@ -124,21 +132,21 @@ class CreepingFilm:
 
         def rate(_: float, flat: Array) -> Array:
             nonlocal start
-            memory = flat.reshape(2, points)
+            memory = flat.reshape(-1, 2, points)
             start, i, j = self.at_rest(*after, memory, start)
-            return self._flow(i, j, *memory)
+            return self._flow(i, j, memory)
 
-        memory = np.concatenate([i, j])
+        memory = np.tile(np.concatenate([i, j]), len(self.branches))
         # The loads at once, in steps that Newton can take.
         for share in np.linspace(0.0, 1.0, 9)[1:]:
             force = before[0] + share * (after[0] - before[0])
             voltage = np.sqrt(before[1]**2 + share * (after[1]**2 - before[1]**2))
-            start, *_ = self.at_rest(force, float(voltage), memory.reshape(2, points), start)
+            start, *_ = self.at_rest(force, float(voltage), memory.reshape(-1, 2, points), start)
         result = [start[-1]]
         done = solve_ivp(rate, (0.0, times[-1]), memory, "DOP853", t_eval=times, rtol=1e-9,
                          atol=1e-10)
         for column in done.y.T:
-            result.append(self.at_rest(*after, column.reshape(2, points), start)[0][-1])
+            result.append(self.at_rest(*after, column.reshape(-1, 2, points), start)[0][-1])
         return np.array(result)
 
     def staircase(self, force: float, voltages: Array, dwell: float) -> Array:
@@ -161,21 +169,21 @@ class CreepingFilm:
             for share in np.linspace(0.0, 1.0, 9)[1:]:
                 squared = last[1] + share * (voltage**2 - last[1])
                 start, *_ = self.at_rest(last[0] + share * (force - last[0]), squared**0.5,
-                                         memory.reshape(2, points), start)
+                                         memory.reshape(-1, 2, points), start)
             last = force, voltage**2
 
             def rate(_: float, flat: Array, voltage: float = voltage) -> Array:
                 nonlocal start
-                now = flat.reshape(2, points)
+                now = flat.reshape(-1, 2, points)
                 start, i, j = self.at_rest(force, voltage, now, start)
-                return self._flow(i, j, *now)
+                return self._flow(i, j, now)
 
             done = solve_ivp(rate, (0.0, times[-1]), memory, "DOP853", t_eval=times, rtol=1e-6,
                              atol=1e-8)
             memory = done.y[:, -1]
             heaves = []
             for column in done.y.T:
-                start, *_ = self.at_rest(force, voltage, column.reshape(2, points), start)
+                start, *_ = self.at_rest(force, voltage, column.reshape(-1, 2, points), start)
                 heaves.append(start[-1])
             ends.append(np.array(heaves))
         return ends
@@ -183,19 +191,22 @@ class CreepingFilm:
     def _begun(self) -> Array:
         """C_v of the flat film so long after it was stretched, relaxed where that is for ever."""
         points, squared = 3 * self.degree, self.prestretch**2
+        count = len(self.branches)
         if self.mounted == np.inf:
-            return np.full(2 * points, squared)
+            return np.full(2 * points * count, squared)
         flat = np.array([squared])
-        done = solve_ivp(lambda _, v: self._flow(flat, flat, v, v)[:1], (0.0, self.mounted), [1.0],
-                         "LSODA", rtol=1e-9, atol=1e-10)
-        return np.full(2 * points, done.y[0, -1])
+        done = solve_ivp(lambda _, c: self._flow(flat, flat, c.reshape(-1, 2, 1)),
+                         (0.0, self.mounted), np.ones(2 * count), "LSODA", rtol=1e-9, atol=1e-10)
+        return np.repeat(done.y[:, -1], points)
 
-    def _flow(self, i: Array, j: Array, v: Array, w: Array) -> Array:
-        """Rates of C_v along and around [1/s], one after the other."""
-        if self.logarithmic:
-            return np.concatenate([v * np.log(i / v), w * np.log(j / w)]) / self.time
-        stretch = i / v + j / w + v * w / (i * j)
-        return np.concatenate([i - stretch * v / 3, j - stretch * w / 3]) / self.time
+    def _flow(self, i: Array, j: Array, memory: Array) -> Array:
+        """Rates of C_v along and around [1/s], one after the other, branch by branch."""
+        rates = list[Array]()
+        for (_, time), (v, w) in zip(self.branches, memory, strict=True):
+            stretch = i / v + j / w + v * w / (i * j)
+            rates += ([v * np.log(i / v) / time, w * np.log(j / w) / time] if self.logarithmic
+                      else [(i - stretch * v / 3) / time, (j - stretch * w / 3) / time])
+        return np.concatenate(rates)
 
     def swing(self, mass: float, force: float, voltage: float, times: Array, damper: float = 0.0
               ) -> Array:
@@ -209,15 +220,16 @@ class CreepingFilm:
 
         def rate(_: float, flat: Array) -> Array:
             nonlocal start
-            heave, speed, memory = flat[0], flat[1], flat[2:].reshape(2, points)
+            heave, speed, memory = flat[0], flat[1], flat[2:].reshape(-1, 2, points)
             start = np.append(start[:-1], heave)
             start, i, j = self.at_rest(force, voltage, memory, start, fixed=True)
-            flow = self._flow(i, j, *memory)
+            flow = self._flow(i, j, memory)
             push = force - self.pull
             moved = [push / damper, 0.0] if not mass else [speed, (push - damper * speed) / mass]
             return np.concatenate([moved, flow])
 
-        begin = np.concatenate([[start[-1], 0.0], i, j])
+        relaxed = np.tile(np.concatenate([i, j]), len(self.branches))
+        begin = np.concatenate([[start[-1], 0.0], relaxed])
         done = solve_ivp(rate, (0.0, times[-1]), begin, "DOP853", t_eval=times, rtol=1e-9,
                          atol=1e-11)
         return np.asarray(done.y[0])

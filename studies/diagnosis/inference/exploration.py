@@ -110,7 +110,7 @@ class Exploration:
             self._venture(self.ranked()[:_VENTURES])
             self._refine(_BEHIND)
         for pair in pairs:
-            if starts := pair_starts(pair, self.fits, self._least):
+            if starts := pair_starts(pair, self.fits, self._least, self.simulation, self.table):
                 self._fit(pair, starts)
         self._refine(_NEAR)
         if not self._explained():
@@ -235,7 +235,7 @@ class Exploration:
             for cause in best.hypothesis if len(best.hypothesis) > 1 else ():
                 sizes = best.unknowns[sizes_of(best.hypothesis, cause)]
                 start = np.concatenate([best.unknowns[FACTORS], sizes])
-                self._fit((cause,), [self.fits[cause,].unknowns, start])
+                self._fit((cause.first,), [self.fits[cause.first,].unknowns, start])
 
     def _grow(self, hypotheses: Sequence[Hypothesis], most: int) -> None:
         """Grow the effects that press against the end of what is sampled, promising ones first."""
@@ -301,19 +301,35 @@ class Exploration:
         return fit.evidence - _COUNT * len(fit.hypothesis)
 
 
-def pair_starts(pair: Hypothesis, fits: Mapping[Hypothesis, Fit], least: float) -> list[Array]:
+def pair_starts(pair: Hypothesis, fits: Mapping[Hypothesis, Fit], least: float, simulation: Model,
+                table: ReadingTable) -> list[Array]:
     """Where a fit of two effects begins: at either alone that the other may help enough.
 
-    ``fits`` of both alone; ``least``: the cost that a fit must not be far behind.
+    ``fits`` of both alone; ``least``: the cost that a fit must not be far behind. An effect that is
+    there again begins without size, at a time, or the like, that is usual from the first one's.
     """
-    def may_help(member: Fit, other: Fit) -> bool:
-        more = beside(taken_by(member.free_jacobian), other.jacobian[:, SIZES])
+    def may_help(member: Fit, columns: Array) -> bool:
+        more = beside(taken_by(member.free_jacobian), columns)
         gain = 0.5 * float(np.sum((more.T @ member.residual) ** 2))
         return member.cost - _HELP * gain < least + _BEHIND
 
-    first, second = (fits[cause,] for cause in pair)
-    return [with_sizes(pair, member) for member, other in ((first, second), (second, first))
-            if member.possible and may_help(member, other)]
+    first, second = (fits[cause.first,] for cause in pair)
+    if not pair[1].again:
+        return [with_sizes(pair, member) for member, other in ((first, second), (second, first))
+                if member.possible and may_help(member, other.jacobian[:, SIZES])]
+    starts, (low, high) = list[Array](), simulation.bounds(first.hypothesis)
+    parameters = parameters_of(first.hypothesis)
+    apart = np.array([item.spread for item in parameters])
+    # By usual sizes: of a pascal readings tell nothing.
+    usual = np.array([item.deviation for item in parameters])
+    for way in (-1, 1) if first.possible else ():
+        unknowns = first.unknowns.copy()
+        unknowns[SIZES] = np.where(apart, unknowns[SIZES] + way * apart, 0.0)
+        unknowns = np.clip(unknowns, low, high)
+        shown = simulation.prediction(first.hypothesis, unknowns, table)
+        if may_help(first, usual * table.noise.whitened(shown.jacobian)[:, SIZES]):
+            starts.append(np.r_[first.unknowns, unknowns[SIZES]])
+    return starts
 
 
 def _usual(nominal: Fit, hypothesis: Hypothesis) -> Array:

@@ -93,7 +93,7 @@ class Posterior:
 def priors(hypotheses: Sequence[Hypothesis]) -> dict[Hypothesis, float]:
     """Prior probabilities of hypotheses with one or two causes."""
     # How many specimens an effect may happen to.
-    variants = Counter(cause.name for cause in set(chain(*hypotheses)))
+    variants = Counter(cause.name for cause in {cause.first for cause in chain(*hypotheses)})
     weight = np.array([np.prod([1 / variants[cause.name] for cause in hypothesis])
                        for hypothesis in hypotheses])
     single = np.array([len(hypothesis) == 1 for hypothesis in hypotheses], bool)

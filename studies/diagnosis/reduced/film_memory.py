@@ -8,8 +8,8 @@ as they are costs no run, and where nothing is remembered readings in time are t
 
 η depends on a branch's modulus and time, and on the time since mounting. It is solved on a lattice
 of their logarithms, where it is asked, and interpolated by cubics; small moduli, whose η is in
-proportion to them, lie evenly. On load and voltage it depends less: a slope at every node tells
-how.
+proportion to them, lie evenly. What two branches do beyond each alone is little, and lines between
+nodes do for it. On load and voltage η depends less: a slope at every node tells how.
 """
 
 from __future__ import annotations
@@ -17,8 +17,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
-from itertools import product
+from itertools import chain, combinations, product
 from math import inf, prod
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,6 +51,9 @@ _TIMES = (1e-2, 1e3)
 
 #: The lattice's first number, at which the softest modulus stands.
 _FIRST = -4
+#: The same of two branches, below which what they do together is in proportion to both moduli: of
+#: softer ones it is less than the runs' own errors.
+_FIRST_OF_TWO = -2
 #: The softest modulus of a branch over the law's: what a softer one does is in proportion.
 _SOFTEST = 5e-3
 
@@ -66,7 +70,15 @@ _HIGHEST = (1.03, 1.0, 0.9, 0.75, 0.5)
 #: How often the η of a heave is corrected.
 _ROUNDS = 4
 
+#: Branches beside the nominal ones whose doing together is counted: three do hardly more than every
+#: two of them.
+_SIDE_BY_SIDE = 2
+#: Nodes on each axis of the lattice, by the number of additional branches: cubics, and lines for
+#: what two do beyond each alone, a tenth of it.
+_NODES = (4, 4, 2)
+
 _Corner = tuple[int, ...]
+_Item = TypeVar("_Item")
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,7 +95,7 @@ class RememberingFilm:
     passages: Passages
     rig: Rig
     branch: float
-    nodes: dict[tuple[bool, float, _Corner], Array] = field(default_factory=dict)
+    nodes: dict[tuple[tuple[_Corner, ...], _Corner], Array] = field(default_factory=dict)
 
     @property
     def specimen(self) -> Specimen:
@@ -107,55 +119,55 @@ class RememberingFilm:
                   ) -> Array:
         """η and its slopes by the logarithms of load, U² and moduli, shape (4, asked).
 
-        Of nominal ``branches``, or one more; ``scale``: what their moduli are taken times.
+        Of nominal ``branches`` and more; ``scale``: what the moduli of these are taken times.
         """
         nominal = self.specimen.membrane.branches
-        if not branches:
-            return np.zeros((4, len(self.asked)))
-        extra = branches[len(nominal):]
-        if len(extra) > 1 or tuple(branches[:len(nominal)]) != nominal:
-            return self._solved(tuple(branches), mounted)
-        return self._interpolated(extra, mounted, scale)
+        if tuple(branches[:len(nominal)]) != nominal:
+            return self.solved(tuple(branches), mounted)
+        total = np.zeros((4, len(self.asked)))
+        for some in _fewer(tuple(branches[len(nominal):]), _SIDE_BY_SIDE):
+            if some or nominal:
+                total += self._interpolated(some, mounted, scale)
+        return total
 
     def _interpolated(self, extra: Sequence[ViscousBranch], mounted: float | None, scale: float
                       ) -> Array:
-        more, axes = bool(extra), list[tuple[float, float]]()
-        if more:
-            ratio = extra[0].modulus * scale / self.branch
-            axes = [(min(ratio, _STIFFEST) + _ADDED, _FIRST),
-                    (min(max(extra[0].time, _TIMES[0] * self.shortest),
-                         _TIMES[1] * self.longest), -inf)]
+        """What additional branches do together beyond what fewer of them do."""
+        ratios, axes = [branch.modulus * scale / self.branch for branch in extra], []
+        first = _FIRST if len(extra) < 2 else _FIRST_OF_TWO
+        for branch, ratio in zip(extra, ratios, strict=True):
+            axes += [(max(min(ratio, _STIFFEST) + _ADDED, _place(first)), first),
+                     (min(max(branch.time, _TIMES[0] * self.shortest),
+                          _TIMES[1] * self.longest), -inf)]
         if mounted is not None:
             axes.append((max(mounted, _TIMES[0] * self.shortest), -inf))
         total = np.zeros((4, len(self.asked)))
-        for corner, weight in _corners(tuple(axes)):
-            total += weight * self._node(more, mounted, corner)
-        if more:
-            # What the branch adds grows as its modulus.
-            total *= ratio
-            if self.specimen.membrane.branches:
-                total += self._interpolated((), mounted, scale)
-        return total
+        for corner, weight in _corners(tuple(axes), _NODES[len(extra)]):
+            places = tuple(zip(corner[:2 * len(extra):2], corner[1::2], strict=False))
+            total += weight * self._node(places, corner[2 * len(extra):])
+        # What a branch adds grows as its modulus.
+        return prod(ratios) * total
 
-    def _node(self, more: bool, mounted: float | None, corner: _Corner) -> Array:
-        """What an additional branch does over its modulus, or what nominal ones do."""
-        key = (more, 0.0 if mounted is None else 1.0, corner)
+    def _node(self, places: tuple[_Corner, ...], age: _Corner) -> Array:
+        """The same at nodes of modulus and time of each branch, over their moduli.
+
+        Without additional branches what nominal ones do. ``age``: the node of the time since
+        mounting, if it is one.
+        """
+        key = tuple(sorted(places)), age
         if key not in self.nodes:
-            places = [np.exp(_SPACING * number) for number in corner]
-            age = None if mounted is None else float(places[-1])
             nominal = self.specimen.membrane.branches
-            if not more:
-                self.nodes[key] = self._solved(nominal, age)
-            else:
-                ratio, time = places[0] - _ADDED, places[1]
-                whole = self._solved((*nominal, ViscousBranch(ratio * self.branch, time)), age)
-                if nominal:
-                    whole = whole - self._node(False, mounted, corner[2:])
-                self.nodes[key] = whole / ratio
+            branches = [ViscousBranch(_ratio(modulus) * self.branch, _place(time))
+                        for modulus, time in places]
+            whole = self.solved((*nominal, *branches), _place(*age) if age else None)
+            for some in _fewer(places, len(places) - 1):
+                if some or nominal:
+                    whole = whole - prod(_ratio(place[0]) for place in some) * self._node(some, age)
+            self.nodes[key] = whole / prod(_ratio(place[0]) for place in places)
         return self.nodes[key]
 
-    def _solved(self, branches: tuple[ViscousBranch, ...], mounted: float | None) -> Array:
-        """As :meth:`hardening`, of any branches."""
+    def solved(self, branches: tuple[ViscousBranch, ...], mounted: float | None) -> Array:
+        """As :meth:`hardening`, of any branches, by runs with these very ones."""
         film = self._with(branches, mounted)
         result = np.zeros((4, len(self.asked)))
         for numbers in self._alike():
@@ -277,19 +289,35 @@ class RememberingFilm:
         return eta
 
 
+def _fewer(items: tuple[_Item, ...], most: int) -> Iterator[tuple[_Item, ...]]:
+    """All choices of at most so many."""
+    return chain.from_iterable(combinations(items, count) for count in range(most + 1))
+
+
+def _place(number: int) -> float:
+    """A coordinate of the lattice."""
+    return float(np.exp(_SPACING * number))
+
+
+def _ratio(number: int) -> float:
+    """The modulus over the law's that stands there."""
+    return float(_place(number) - _ADDED)
+
+
 @lru_cache(maxsize=1024)
-def _corners(axes: tuple[tuple[float, float], ...]) -> tuple[tuple[_Corner, float], ...]:
-    """Lattice points about a place with their weights, by cubics through four on each axis.
+def _corners(axes: tuple[tuple[float, float], ...], nodes: int
+             ) -> tuple[tuple[_Corner, float], ...]:
+    """Lattice points about a place with their weights, by polynomials through so many on each axis.
 
     Of each axis the place and the lattice's first number.
     """
     parts = []
     for value, first in axes:
         number = float(np.log(value)) / _SPACING
-        low = int(max(np.floor(number) - 1, first))
+        low = int(max(np.floor(number) + 1 - nodes // 2, first))
         x = number - low
-        parts.append([(low + k, prod((x - j) / (k - j) for j in range(4) if j != k))
-                      for k in range(4)])
+        parts.append([(low + k, prod((x - j) / (k - j) for j in range(nodes) if j != k))
+                      for k in range(nodes)])
     return tuple((tuple(place for place, _ in combined), prod(weight for _, weight in combined))
                  for combined in product(*parts))
 

@@ -15,7 +15,7 @@ from tympan.studies.effects.library.families import CARRIED_LOAD
         "series act beside the stated law.",
         finding="The film creeps: a part of its stiffness of {mu} relaxes within {tau}",
         check="hold one voltage for ten times as long and see whether the reading still moves",
-        shows_in=(Quantity.TIME,))
+        shows_in=(Quantity.TIME,), twice=True)
 def creep(setup: Setup, mu: Annotated[float, EffectParameter(
         "modulus of a viscous branch beside the law", "kPa", width=10e3, low=0.0, high=1e8, reason=(
             "VHB 4910 relaxes from about twice its modulus at rest, 15 kPa, within minutes; no "

@@ -15,7 +15,7 @@ MASSES = (1e-2, 2e-2)
 class Hidden:
     """What is there and nobody states [SI]; stiffness and permittivity are factors.
 
-    ``branch`` is a modulus, ``time`` its own.
+    ``branch`` is a modulus, ``time`` its own; ``others`` are more of them.
     """
 
     stiffness: float = 1.05
@@ -28,6 +28,7 @@ class Hidden:
     tether: float = 0.0
     branch: float = 0.0
     time: float = 5.0
+    others: tuple[tuple[float, float], ...] = ()
     damping: float = 0.0
     resistance: float = 0.0
     lag: float = 0.0

@@ -47,7 +47,7 @@ class Run:
 def film_of(shape: str, hidden: Hidden) -> CreepingFilm:
     a, b = SHAPES[shape]
     return CreepingFilm(a, b, 1e-3, 5**0.5, 20e3 * hidden.stiffness, max(hidden.branch, 1e-3),
-                        hidden.time, 4.7 * hidden.permittivity)
+                        hidden.time, 4.7 * hidden.permittivity, others=hidden.others)
 
 
 @cache
@@ -71,7 +71,7 @@ def swinging(shape: str, mass: float, hidden: Hidden, run: Run, when: Array) -> 
 
 def write(folder: Path, hidden: Hidden, run: Run = Run(), seed: int = 0) -> Path:
     """A dataset of readings at rest and of steps with these things hidden in it."""
-    hidden.only("branch", "time", "damping", "resistance", "lag", "added")
+    hidden.only("branch", "time", "others", "damping", "resistance", "lag", "added")
     random = np.random.default_rng(seed)
     folder.mkdir(parents=True)
     (folder / "dataset.toml").write_text(dataset_file(run.noise, run.shapes), encoding="utf-8")
