@@ -44,6 +44,9 @@ _TALL = 52.0
 #: Room below a panel of readings for its numbers and words [mm].
 _BELOW = 14.0
 
+#: Where crosses of readings that are further off than the axis reaches stand, as a share of it.
+_EDGE = 0.95
+
 _SHOWN = {"displacement": "deflection (mm)", "range": "range (mm)"}
 
 
@@ -96,8 +99,7 @@ def _models_legend(figure: Figure, masses: list[float], models: Columns, band: b
     """What points, lines and bands are, below the panels."""
     handles: list[Artist] = point_keys([f"{1e3 * mass:.4g} g" for mass in masses])
     if slips:
-        handles.append(Line2D([], [], marker="x", color=style.GREY, linestyle="", markersize=5,
-                              label="left out"))
+        handles.append(left_out_key())
     handles.append(line_key("nominal model", "--"))
     if not np.array_equal(models["baseline"], models["extended"], equal_nan=True):
         handles.append(line_key("extended model", "-"))
@@ -105,6 +107,12 @@ def _models_legend(figure: Figure, masses: list[float], models: Columns, band: b
         handles.append(Patch(color=style.GREY, alpha=0.25, linewidth=0,
                              label="where 95 % of readings are expected"))
     figure.legend(handles=handles, loc="lower center", ncols=6)
+
+
+def left_out_key() -> Artist:
+    """An entry of a legend: the crosses of readings that do not count."""
+    return Line2D([], [], marker="x", color=style.GREY, linestyle="", markersize=5,
+                  label="left out")
 
 
 def point_keys(labels: Sequence[str]) -> list[Artist]:
@@ -153,17 +161,23 @@ def _course(axes: Axes, colour: str, marker: str, readings: Columns) -> None:
                   markeredgecolor="white", markeredgewidth=0.3, elinewidth=0.6)
 
 
-def compose_residuals(readings: Columns) -> Figure:
-    """Readings of lengths less what each model says: a row a specimen, all with one scale."""
+def compose_residuals(readings: Columns, unit: str = "µm", per_si: float = 1e6) -> Figure:
+    """Readings less what each model says: a row a specimen, all with one scale.
+
+    Those that do not count are crosses and leave the others their scale.
+    """
     names = list(dict.fromkeys(readings["specimen"].tolist()))
-    before, after = (1e6 * (readings["read"] - readings[model])
+    before, after = (per_si * (readings["read"] - readings[model])
                      for model in ("baseline", "extended"))
+    counts = readings["counts"] != 0
+    readings = {**readings, "sigma": per_si * readings["sigma"]}
     height = _TITLE + len(names) * (_PANEL + _GAP) - _GAP + _AXIS + _LEGEND
     figure = style.new_figure(height)
     width = (style.WIDTH - _NAMED - _RIGHT - _BETWEEN) / 2
     changed = not np.array_equal(before, after)
-    noise = float((1e6 * readings["sigma"]).max())
-    reach = 1.15 * max(float(np.abs(before).max()), 2.5 * noise)
+    noise = float(readings["sigma"].max())
+    reach = 1.15 * max(float(np.abs(before[counts]).max(initial=0.0)), 2.5 * noise)
+    before, after = (np.clip(values, -_EDGE * reach, _EDGE * reach) for values in (before, after))
     titles = "nominal model, stiffness and permittivity fitted", "extended model"
     for row, name in enumerate(names):
         for column, (title, values) in enumerate(zip(titles, (before, after), strict=True)):
@@ -172,18 +186,20 @@ def compose_residuals(readings: Columns) -> Figure:
             _panel(axes, readings, name, values if column == 0 or changed else None)
             axes.set_ylim(-reach, reach)
             axes.set_title(title if row == 0 else "", loc="left", weight="bold")
-            axes.set(ylabel=f"{name}\nread − model (µm)" if column == 0 else "",
+            axes.set(ylabel=f"{name}\nread − model ({unit})" if column == 0 else "",
                      xlabel="voltage (kV)" if row == len(names) - 1 else "")
             axes.tick_params(labelbottom=row == len(names) - 1, labelleft=column == 0)
-    handles, labels = figure.axes[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="lower center", ncols=6)
+    handles, _ = figure.axes[0].get_legend_handles_labels()
+    if not counts.all():
+        handles.append(left_out_key())
+    figure.legend(handles=handles, loc="lower center", ncols=6)
     return figure
 
 
 def _panel(axes: Axes, readings: Columns, name: str,
            values: NDArray[np.float64] | None) -> None:
     of_specimen = readings["specimen"] == name
-    voltage, noise = readings["voltage"][of_specimen] / 1e3, 1e6 * readings["sigma"][of_specimen]
+    voltage, noise = readings["voltage"][of_specimen] / 1e3, readings["sigma"][of_specimen]
     edges = np.unique(voltage)
     band = np.array([noise[voltage == edge].max() for edge in edges])
     if len(edges) == 1:
@@ -196,7 +212,10 @@ def _panel(axes: Axes, readings: Columns, name: str,
                   color=style.GREY)
         return
     for number, mass in enumerate(np.unique(readings["mass"]).tolist()):
-        rows = of_specimen & (readings["mass"] == mass)
+        every = of_specimen & (readings["mass"] == mass)
+        rows, off = every & (readings["counts"] != 0), every & (readings["counts"] == 0)
         axes.plot(readings["voltage"][rows] / 1e3, values[rows], style.marker_of(number),
                   color=style.colour_of(number), markersize=3.2, markeredgewidth=0, alpha=0.9,
                   label=f"{1e3 * mass:.4g} g")
+        axes.plot(readings["voltage"][off] / 1e3, values[off], "x", color=style.colour_of(number),
+                  markersize=5)

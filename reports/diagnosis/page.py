@@ -21,7 +21,9 @@ from tympan.reports.diagnosis.film_maps import (
 from tympan.reports.diagnosis.strip_figure import compose_strips
 from tympan.reports.template import embedded_picture, sentence, template
 from tympan.reports.viewer import viewer
+from tympan.studies.data.checks import lines_of
 from tympan.studies.diagnosis.evidence.registry import TRANSIENTS
+from tympan.studies.diagnosis.hypothesis import Cause
 from tympan.studies.diagnosis.reading_table import LENGTHS
 from tympan.studies.diagnosis.result import (
     COUPONS,
@@ -45,7 +47,7 @@ CLEARLY = 3.0
 _FILES = {"readings": "curves", "loaded": "films"}
 
 #: What the page may have pictures of.
-_PICTURES = ("readings", "residuals", "transients", "film", "loaded", "strips")
+_PICTURES = ("readings", "residuals", "frequencies", "transients", "film", "loaded", "strips")
 
 #: Of maps of films within the pictures.
 _DPI = 200
@@ -65,16 +67,17 @@ def build_diagnosis_page(diagnosis: Diagnosis, folder: Path) -> list[Path]:
             tables[STRIPS], diagnosis.coupon_reading or "stress")})
     columns, curves = tables[READINGS], tables[CURVES]
     lengths = np.isin(columns["kind"], LENGTHS)
-    film = {name: values[columns["kind"] == "film"] for name, values in columns.items()}
+    film, swings = ({name: values[columns["kind"] == kind] for name, values in columns.items()}
+                    for kind in ("film", "frequency"))
     in_time = lengths & TRANSIENTS.wrote(columns["file"])
     runs, columns = ({name: values[rows] for name, values in columns.items()}
                      for rows in (in_time, lengths & ~in_time))
     pictures: dict[str, Callable[[], Figure]] = {}
     if len(columns["kind"]):
         pictures["readings"] = lambda: compose_readings(columns, curves)
-        # Readings that do not count would only make the others small.
-        counting = {name: values[columns["counts"] != 0] for name, values in columns.items()}
-        pictures["residuals"] = lambda: compose_residuals(counting)
+        pictures["residuals"] = lambda: compose_residuals(columns)
+    if len(swings["kind"]):
+        pictures["frequencies"] = lambda: compose_residuals(swings, "Hz", 1.0)
     if len(runs["kind"]):
         pictures["transients"] = lambda: compose_transients(runs)
     if len(film["kind"]):
@@ -143,12 +146,14 @@ def _template(name: str) -> Template:
     return template(name, number=number, digits=digits, error=error, chance=chance,
                     probability=probability_text, plain=plain, capitalised=capitalised,
                     times=times, label=cause_label,
+                    lines=lambda numbers: lines_of(np.array(numbers)),
                     explanation=lambda cause: EFFECTS[cause.effect].explanation)
 
 
 def cause_label(cause: FoundCause | Attempt) -> str:
     """An effect, with the specimen it happens to."""
-    return cause.effect if cause.which is None else f"{cause.effect} of {cause.which}"
+    again = isinstance(cause, FoundCause) and cause.again
+    return str(Cause(cause.effect, cause.which, again))
 
 
 def number(value: float | None) -> str:

@@ -412,20 +412,23 @@ class Conclusions:
         if self.verdict == "nothing":
             return None
         advice = self.advice if self.proposals else ""
-        checks = [cause.check for cause in concerned]
-        if self.verdict == "unexplained":
+        checks, unexplained = [cause.check for cause in concerned], self.verdict == "unexplained"
+        found = of_data(self.judgement) if unexplained else None
+        if unexplained:
             worth = [fit for fit in self.single_effects
                      if self.judgement.explained(fit) >= _WORTH][:_CHECKS]
-            advice = WORDS["again" if of_data(self.judgement) is None else "put_right"]
+            advice = WORDS["again" if found is None else "put_right"]
             checks = [*pattern_checks(self.films), *(check_of(fit.hypothesis[0], self.readings.told)
                                                      for fit in worth)]
         if words := slip(self.films):
-            look_up = WORDS["look_up"].format(slip=words)
-            checks = ([look_up, *pattern_checks(self.films)] if self.verdict == "unexplained"
-                      else [look_up, *checks])
-        step = result.NextExperiment(what=next_step(self.verdict, checks, advice),
-                              checks=tuple(dict.fromkeys(checks)), after_checks=advice)
-        if self.verdict == "unexplained" or not self.proposals:
+            # Where nothing explains the misfit the headline has said what the slip is.
+            look_up = WORDS["look_up"].format(slip="" if unexplained else f": {words}")
+            checks = [found.check if found else look_up,
+                      *(pattern_checks(self.films) if unexplained else checks)]
+        step = result.NextExperiment(
+            what=next_step(self.verdict, checks, advice, found is not None),
+            checks=tuple(dict.fromkeys(checks)), after_checks=advice)
+        if unexplained or not self.proposals:
             return step
         menu = tuple(result.ProposedExperiment(
             what=proposal.what, separates=proposal.separates,

@@ -383,6 +383,12 @@ class Diagnosis:
     extended: Mapping[str, str] = field(default_factory=dict, repr=False, compare=False)
     coupons: Diagnosis | None = field(default=None, repr=False, compare=False)
 
+    @property
+    def said(self) -> str:
+        """What a reader is told first: the headline, and what to look at on the bench."""
+        checks = self.next_experiment.checks if self.next_experiment else ()
+        return "; ".join((self.headline, *checks))
+
     def json(self) -> Json:
         """The JSON object that the command prints."""
         record: Json = to_json(self, self.unit)

@@ -119,11 +119,11 @@ def headline(verdict: str, named: Sequence[FoundCause], suspects: Sequence[Found
     return WORDS[verdict].format(where=where)
 
 
-def next_step(verdict: str, checks: Sequence[str], advice: str) -> str:
-    """The direct checks, and only then an experiment."""
+def next_step(verdict: str, checks: Sequence[str], advice: str, of_data: bool = False) -> str:
+    """The direct checks, and only then an experiment; ``of_data``: the dataset is to be mended."""
     if not (checks and advice):
         return "; ".join(dict.fromkeys(checks)) or advice
-    key = "check_named" if verdict == "named" else "check_suspects"
+    key = "check_data" if of_data else f"check_{verdict if verdict == 'named' else 'suspects'}"
     return WORDS[key].format(checks="; ".join(dict.fromkeys(checks)), advice=advice)
 
 

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
+from typing import Any, Literal
 
+import numpy as np
 import pytest
 
 from tests.support.checks.policy import unlawful
 from tests.support.diagnosed import diagnosed
+from tympan.reports.diagnosis.figures import compose_residuals
 from tympan.reports.diagnosis.page import render_diagnosis, verdict_words
+from tympan.studies.data.findings import Finding
 from tympan.studies.diagnosis.result import (
     FoundCause,
     FoundFamily,
+    NextExperiment,
     NoEffect,
     Robust,
     ShownSize,
@@ -55,6 +59,43 @@ def test_where_nothing_explains_it_there_may_be_no_extended_model() -> None:
     assert ["<code>extended</code>" in page for page in pages] == [True, False]
     assert ["so there is no extended model" in page for page in pages] == [False, True]
     assert all("these count the misfit" in page for page in pages)
+
+
+@pytest.mark.parametrize(("kind", "lines"), [("labels", (46, 47, 50)), ("film", ())])
+def test_what_is_wrong_in_the_dataset_is_said_once(kind: Literal["labels", "film"],
+                                                   lines: tuple[int, ...]) -> None:
+    """In the headline; further down the page says where it is, and what else is wrong."""
+    what, other = "the column voltage looks one row too high", "rows were pasted"
+    finding = Finding(kind, what, "static.csv" if lines else "", lines, "look up the labels")
+    usual = diagnosed("unexplained", cause("drift", "Readings rise"))
+    found = replace(
+        usual, headline=f"The dataset looks wrong: {what}.", findings=(
+            Finding("copies", other, "static.csv", (3,), "take them out"), finding),
+        misfit=replace(usual.misfit, where=what),
+        next_experiment=NextExperiment(what="", checks=(finding.check,), after_checks="mend it"))
+    page = " ".join(render_diagnosis(found, {"film": "<svg/>"}).split())
+    assert page.lower().count(what) == 1
+    assert page.count(other.capitalize()) == 1
+    assert ("What is said above is in static.csv, lines 46 to 50." in page) == bool(lines)
+    assert "<li>Mend it.</li>" in page
+    unknown = "Something is at work that tympan does not know"
+    assert [unknown in verdict_words(each) for each in (usual, found)] == [True, False]
+
+
+def test_readings_that_do_not_count_are_crosses_and_leave_the_others_their_scale() -> None:
+    """At the edge of the picture, on their side."""
+    columns = {"specimen": np.repeat("round", 4), "mass": np.full(4, 0.02),
+               "voltage": np.array([0.0, 1e3, 2e3, 3e3]), "sigma": np.full(4, 0.05),
+               "read": np.array([10.0, 10.1, 18.0, 9.9]), "baseline": np.full(4, 10.0),
+               "extended": np.full(4, 10.0), "counts": np.array([1.0, 1.0, 0.0, 1.0])}
+    figure = compose_residuals(columns, "Hz", 1.0)
+    axes = figure.axes[0]
+    (cross,) = [line for line in axes.lines if line.get_marker() == "x"]
+    low, high = axes.get_ylim()
+    assert (low, high) == pytest.approx((-0.14375, 0.14375))
+    assert float(cross.get_xdata()[0]) == 2.0
+    assert 0.9 * high < float(cross.get_ydata()[0]) < high
+    assert "left out" in [words.get_text() for words in figure.legends[0].get_texts()]
 
 
 def test_a_family_is_named_with_the_one_that_stands_for_it() -> None:

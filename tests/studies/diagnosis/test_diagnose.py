@@ -341,6 +341,8 @@ def test_the_next_step_begins_with_the_direct_check() -> None:
         "weigh it; only if that shows nothing wrong: hang 10 g")
     assert next_step("ambiguous", ["weigh it", "read it", "weigh it"], "hang 10 g") == (
         "weigh it; read it; if that does not decide it: hang 10 g")
+    assert next_step("unexplained", ["look it up"], "mend it", of_data=True) == (
+        "look it up; then mend it")
     assert next_step("named", ["weigh it"], "") == "weigh it"
     assert next_step("unexplained", [], "mount it again") == "mount it again"
 
