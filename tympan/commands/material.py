@@ -43,9 +43,12 @@ def material_show(options: argparse.Namespace) -> None:
 
 
 @command("material fit",
-         argument("coupons", type=Path, nargs="+", metavar="COUPON.csv",
+         argument("coupons", type=Path, nargs="+", metavar="COUPON.csv|DATASET",
                   help="columns mode, stretch, nominal_stress_kPa; also specimen, t_s, run; or a "
-                       "published format, several files of which are one set of tests"),
+                       "published format, several files of which are one set of tests; or the "
+                       "folder of a dataset with transient.csv: one factor on the stated law's "
+                       "stiffness, one on the permittivity and up to two branches are fitted to "
+                       "its actuators, and the form of the law is not"),
          argument("--law", action="append", metavar="NAME",
                   help="may be given several times; all (default) compares every law, beside "
                        "branches those with at most one constant that stress is not linear in"),
@@ -65,14 +68,37 @@ def material_show(options: argparse.Namespace) -> None:
                 "specimen files (TOML)"), JSON,
          example="coupon.csv -o fit")
 def material_fit(options: argparse.Namespace) -> None:
-    """Fit laws, and viscous branches in time, to uniaxial, equibiaxial and pure-shear tests."""
+    """Fit laws, and viscous branches in time, to coupon tests; or to transients of actuators."""
     from tympan.studies.material.result import fit_coupons
 
+    if options.coupons[0].is_dir():
+        _fit_actuators(options)
+        return
     noise = None if options.noise is None else parse_quantity(options.noise, "stress", "--noise")
     if noise is not None and not 1e-6 <= noise <= 1e9:
         raise InputError("must be from 1e-6 Pa to 1 GPa", key="--noise", given=options.noise)
     names = None if not options.law or "all" in options.law else options.law
     finish(options, fit_coupons(options.coupons, names, noise, options.branches, _film(options)))
+
+
+def _fit_actuators(options: argparse.Namespace) -> None:
+    from tympan.studies.data.dataset import read_dataset
+    from tympan.studies.diagnosis.film_fit import fit_film
+
+    of_coupons = {"--law": options.law, "--noise": options.noise, "--film": options.film,
+                  "--mass": options.mass}
+    for key, given in of_coupons.items():
+        if given is not None:
+            raise InputError("is for coupons: a dataset's specimens have their law and their noise",
+                             key=key, given=str(given))
+    folder, *others = options.coupons
+    if others:
+        raise InputError("must be one folder, or files of coupons", key="DATASET",
+                         given=" ".join(map(str, options.coupons)))
+    result = fit_film(read_dataset(folder), options.branches)
+    if options.output is not None:
+        result.save(options.output)
+    print_record(options, result.json(), result=result)
 
 
 def _film(options: argparse.Namespace) -> Case | None:

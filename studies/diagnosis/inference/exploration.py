@@ -67,7 +67,7 @@ _STEPS = 4
 _RIVAL = 30.0
 
 #: Logarithm of how much less probable a hypothesis is beforehand for each of its effects.
-_COUNT = 3.0
+COUNT = 3.0
 
 
 #: The size at which effects are tried together, over the usual one.
@@ -298,7 +298,7 @@ class Exploration:
 
     def _log(self, fit: Fit) -> float:
         """Logarithm of evidence and prior, but for how many there are of the hypothesis' kind."""
-        return fit.evidence - _COUNT * len(fit.hypothesis)
+        return fit.evidence - COUNT * len(fit.hypothesis)
 
 
 def pair_starts(pair: Hypothesis, fits: Mapping[Hypothesis, Fit], least: float, simulation: Model,

@@ -1,0 +1,170 @@
+"""A film fitted to what its actuators showed in time: stiffness, permittivity, viscous branches.
+
+The law keeps the form that is stated. Branches are those of the effect ``creep``, by the same
+reduced films and the same search as a diagnosis has, with no other effect beside them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from itertools import combinations
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+from scipy.special import chdtrc
+
+from tympan.fem.toml_writer import specimen_to_toml
+from tympan.geometry.errors import InputError
+from tympan.geometry.fields import Key
+from tympan.studies.data.dataset import Dataset
+from tympan.studies.diagnosis.calibration import calibrated, law_error
+from tympan.studies.diagnosis.diagnose import with_model_error
+from tympan.studies.diagnosis.evidence.kind import Model
+from tympan.studies.diagnosis.fits.evidence import interval
+from tympan.studies.diagnosis.fits.fit import NUISANCE, Fit
+from tympan.studies.diagnosis.hypothesis import FACTORS, Cause
+from tympan.studies.diagnosis.inference.exploration import COUNT, Exploration
+from tympan.studies.diagnosis.readings import prepared_readings
+from tympan.studies.diagnosis.result import Factor, Json
+from tympan.studies.diagnosis.sentences import found_sizes
+from tympan.studies.effects.findings import FoundSize
+from tympan.studies.files import remove, to_json, words_beside, write_json, write_text
+
+#: Sentences, by key.
+WORDS = words_beside(__file__)
+
+#: Most branches.
+MOST = 2
+
+#: Probability by noise alone below which what the fit leaves is more than noise.
+_ADEQUATE = 0.01
+#: Correlation from which two constants are told together only.
+_TOGETHER = 0.95
+#: Upper over lower limit from which a branch's time is hardly told.
+_WIDE = 30.0
+#: Width of a factor's limits over those that are known beforehand, from which readings tell hardly
+#: more.
+_BEFOREHAND = 0.5
+
+
+@dataclass(frozen=True)
+class FittedConstant:
+    """A constant with its 95 % limits, widened where the fit leaves more than noise."""
+
+    value: Annotated[float, Key("the most probable one")]
+    low: Annotated[float | None, Key("lower 95 % limit")]
+    high: Annotated[float | None, Key("upper 95 % limit")]
+
+    @classmethod
+    def of(cls, size: FoundSize) -> FittedConstant:
+        """Of a parameter of an effect."""
+        return cls(size.value, *(limit if np.isfinite(limit) else None
+                                 for limit in (size.low, size.high)))
+
+
+@dataclass(frozen=True)
+class FittedBranch:
+    """A viscous branch beside the law."""
+
+    modulus_Pa: Annotated[FittedConstant, Key("its modulus")]
+    time_s: Annotated[FittedConstant, Key("its time")]
+
+
+@dataclass(frozen=True, kw_only=True)
+class FilmFit:
+    """What ``material fit`` prints of a dataset's transients; ``files`` are specimens by name."""
+
+    dataset: Annotated[str, Key("name of the dataset")]
+    readings: Annotated[int, Key("how many were fitted: means of blocks of samples and others")]
+    stiffness_factor: Annotated[Factor, Key("on the law of every film")]
+    permittivity_factor: Annotated[Factor, Key("on the permittivity of every film")]
+    branches: Annotated[tuple[FittedBranch, ...], Key("beside the law, the fastest first")]
+    misfit: Annotated[float, Key("root of χ² per degree of freedom, at least 1: limits are widened "
+                                 "by it")]
+    p_value: Annotated[float, Key("probability by noise alone of what the fit leaves, or more")]
+    not_told: Annotated[tuple[str, ...], Key("what these readings do not tell, in sentences")]
+    warnings: Annotated[tuple[str, ...], Key("what limits the result, in sentences")]
+    files: Mapping[str, str] = field(default_factory=dict, repr=False, compare=False)
+
+    def json(self) -> Json:
+        """As a JSON object."""
+        record: Json = to_json(self)
+        return record
+
+    def save(self, folder: Path) -> None:
+        """Write film_fit.json and every specimen with its film as fitted."""
+        remove(folder, "film_fit.json")
+        for name, text in self.files.items():
+            write_text(folder / name, text)
+        write_json(folder / "film_fit.json", self.json())
+
+
+def fit_film(dataset: Dataset, branches: int | None = None) -> FilmFit:
+    """Fit one factor on stiffness, one on permittivity and viscous branches to all readings.
+
+    ``branches``: how many; None: as many as are more probable than fewer, at most :data:`MOST`. An
+    :class:`InputError` without runs in time, or where readings tell no such branch.
+    """
+    if dataset.transients is None:
+        raise InputError("has no transient.csv: branches show in time alone", key=dataset.name)
+    if branches is not None and branches > MOST:
+        raise InputError(f"must be from 0 to {MOST} for a dataset's transients", key="--branches",
+                         given=branches)
+    readings = prepared_readings(dataset)
+    nominal = calibrated(readings.setup, readings.table)
+    error = law_error(nominal.simulation, nominal.fit, nominal.table)
+    table = with_model_error(nominal.table, error, nominal)
+    search = Exploration(nominal.simulation, table, nominal.fit, [Cause("creep")], lambda fit: True)
+    search.run()
+    fits = {len(fit.hypothesis): fit for fit in (nominal.fit, *search.ranked())}
+    best = max(fits.values(), key=lambda fit: fit.evidence - COUNT * len(fit.hypothesis))
+    if branches is not None:
+        if branches not in fits:
+            raise InputError("must be fewer: these readings tell no such branch",
+                             key="--branches", given=branches)
+        best = fits[branches]
+    return _result(dataset, search.simulation, best, (*readings.remarks, *nominal.remarks))
+
+
+def _result(dataset: Dataset, simulation: Model, fit: Fit, remarks: tuple[str, ...]) -> FilmFit:
+    known, freedom = fit.louder(fit.misfit), len(fit.residual) - len(fit.unknowns)
+    chance = float(chdtrc(max(freedom, 1), fit.chi_squared))
+    factors = [Factor(*np.exp(interval(known, number)).tolist()) for number in range(FACTORS.stop)]
+    sizes = sorted((found_sizes(known, cause) for cause in fit.hypothesis),
+                   key=lambda size: size["tau"].value)
+    beware = [WORDS["more"].format(misfit=fit.misfit)] if chance < _ADEQUATE else []
+    extended = simulation.extended(fit.hypothesis, fit.unknowns)
+    return FilmFit(
+        dataset=dataset.name, readings=len(fit.residual), stiffness_factor=factors[0],
+        permittivity_factor=factors[1], branches=tuple(FittedBranch(
+            FittedConstant.of(size["mu"]), FittedConstant.of(size["tau"])) for size in sizes),
+        misfit=fit.misfit, p_value=chance, not_told=tuple(_not_told(known, sizes)),
+        warnings=(*remarks, *beware, WORDS["form"]),
+        files={f"{specimen.name}.toml": specimen_to_toml(specimen)
+               for specimen in extended.specimens})
+
+
+def _not_told(fit: Fit, sizes: list[dict[str, FoundSize]]) -> Iterator[str]:
+    """What the readings do not tell of a fit's constants."""
+    names = ["stiffness", "permittivity"]
+    for cause in fit.hypothesis:
+        number = 1 + [size["mu"].value for size in sizes].index(found_sizes(fit, cause)["mu"].value)
+        names += [f"modulus of branch {number}", f"time of branch {number}"]
+    for name, deviation, before in zip(names, fit.deviations, NUISANCE, strict=False):
+        if deviation > _BEFOREHAND * before:
+            yield WORDS["beforehand"].format(name=name)
+    for number, size in enumerate(sizes, 1):
+        if not size["mu"].low:
+            yield WORDS["none"].format(number=number)
+        if size["tau"].high > _WIDE * size["tau"].low:
+            yield WORDS["wide"].format(number=number, time=size["tau"])
+    spread = np.maximum(fit.deviations, 1e-300)
+    correlation = fit.covariance / spread / spread[:, None]
+    for first, second in combinations(range(len(names)), 2):
+        if abs(correlation[first, second]) > _TOGETHER:
+            yield WORDS["together"].format(first=names[first], second=names[second],
+                                           correlation=correlation[first, second])
+    if not sizes:
+        yield WORDS["no_branch"]
