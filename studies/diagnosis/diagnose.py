@@ -12,6 +12,7 @@ from tympan.geometry.errors import InputError
 from tympan.studies.data.dataset import Dataset
 from tympan.studies.diagnosis.bench_errors import with_bench_errors, with_model_error
 from tympan.studies.diagnosis.calibration import (
+    Calibration,
     calibrated,
     law_error,
     reaching,
@@ -96,10 +97,11 @@ def judge_dataset(dataset: Dataset, workers: int = 1, seed: int = 0,
     return _judge_actuators(dataset, of_coupons, workers, seed, progress)
 
 
-def _judge_actuators(dataset: Dataset, of_coupons: tuple[PreparedReadings, Judgement] | None,
-                     workers: int, seed: int, progress: Callable[[int, int], None]
-                     ) -> tuple[PreparedReadings, Judgement, float]:
-    """As :func:`judge_dataset`, ``of_coupons`` being what coupons say by themselves."""
+def calibrated_readings(dataset: Dataset) -> tuple[PreparedReadings, Calibration, float]:
+    """The readings of actuators with all errors in their noise, the nominal simulation, its error.
+
+    That of the lengths [m].
+    """
     readings = _prepared(dataset)
     nominal = calibrated(readings.setup, readings.table)
     check_frame(nominal.simulation, nominal.table,
@@ -107,7 +109,14 @@ def _judge_actuators(dataset: Dataset, of_coupons: tuple[PreparedReadings, Judge
     error = law_error(nominal.simulation, nominal.fit, nominal.table)
     table = with_model_error(nominal.table, error, nominal)
     readings = replace(readings, table=table, remarks=(*readings.remarks, *nominal.remarks))
-    readings = with_bench_errors(readings, dataset, nominal)
+    return with_bench_errors(readings, dataset, nominal), nominal, error
+
+
+def _judge_actuators(dataset: Dataset, of_coupons: tuple[PreparedReadings, Judgement] | None,
+                     workers: int, seed: int, progress: Callable[[int, int], None]
+                     ) -> tuple[PreparedReadings, Judgement, float]:
+    """As :func:`judge_dataset`, ``of_coupons`` being what coupons say by themselves."""
+    readings, nominal, error = calibrated_readings(dataset)
     films = 1
 
     def solved(done: int, count: int) -> None:

@@ -19,14 +19,13 @@ from tympan.fem.toml_writer import specimen_to_toml
 from tympan.geometry.errors import InputError
 from tympan.geometry.fields import Key
 from tympan.studies.data.dataset import Dataset
-from tympan.studies.diagnosis.calibration import calibrated, law_error
-from tympan.studies.diagnosis.diagnose import with_model_error
+from tympan.studies.diagnosis.diagnose import calibrated_readings
 from tympan.studies.diagnosis.evidence.kind import Model
 from tympan.studies.diagnosis.fits.evidence import interval
 from tympan.studies.diagnosis.fits.fit import NUISANCE, Fit
+from tympan.studies.diagnosis.fits.fitting import nominal_fit
 from tympan.studies.diagnosis.hypothesis import FACTORS, Cause
 from tympan.studies.diagnosis.inference.exploration import COUNT, Exploration
-from tympan.studies.diagnosis.readings import prepared_readings
 from tympan.studies.diagnosis.result import Factor, Json
 from tympan.studies.diagnosis.sentences import found_sizes
 from tympan.studies.effects.findings import FoundSize
@@ -112,20 +111,18 @@ def fit_film(dataset: Dataset, branches: int | None = None) -> FilmFit:
     if branches is not None and branches > MOST:
         raise InputError(f"must be from 0 to {MOST} for a dataset's transients", key="--branches",
                          given=branches)
-    readings = prepared_readings(dataset)
-    nominal = calibrated(readings.setup, readings.table)
-    error = law_error(nominal.simulation, nominal.fit, nominal.table)
-    table = with_model_error(nominal.table, error, nominal)
-    search = Exploration(nominal.simulation, table, nominal.fit, [Cause("creep")], lambda fit: True)
+    readings, nominal, _ = calibrated_readings(dataset)
+    search = Exploration(nominal.simulation, readings.table, nominal_fit(
+        nominal.simulation, readings.table), [Cause("creep")], lambda fit: True)
     search.run()
-    fits = {len(fit.hypothesis): fit for fit in (nominal.fit, *search.ranked())}
+    fits = {len(fit.hypothesis): fit for fit in (search.nominal, *search.ranked())}
     best = max(fits.values(), key=lambda fit: fit.evidence - COUNT * len(fit.hypothesis))
     if branches is not None:
         if branches not in fits:
             raise InputError("must be fewer: these readings tell no such branch",
                              key="--branches", given=branches)
         best = fits[branches]
-    return _result(dataset, search.simulation, best, (*readings.remarks, *nominal.remarks))
+    return _result(dataset, search.simulation, best, readings.remarks)
 
 
 def _result(dataset: Dataset, simulation: Model, fit: Fit, remarks: tuple[str, ...]) -> FilmFit:
