@@ -19,7 +19,7 @@ from tympan.geometry.errors import InputError
 from tympan.studies.case import Case, solve
 from tympan.studies.data.dataset import read_dataset
 from tympan.studies.diagnosis.calibration import Calibration, calibrated, law_error
-from tympan.studies.diagnosis.diagnose import conclude, diagnose
+from tympan.studies.diagnosis.diagnose import diagnose, judge_dataset
 from tympan.studies.diagnosis.evidence.kind import PreparedReadings
 from tympan.studies.diagnosis.hypothesis import Cause
 from tympan.studies.diagnosis.reading_table import ReadingTable, States, rows
@@ -154,12 +154,12 @@ def test_tilts_tell_a_plate_off_centre_from_an_unequal_prestretch(cause: str,
                        np.tile(np.linspace(0, 6.5e3, 6), 4))
     truth = Truth(1.05, 0.97, (Cause(cause),), sizes)
     drawn = RandomDesign(0, design_of("tilt", setup, states), truth, 15e-6)
-    blind = conclude(read_dataset(_folder(drawn, tmp_path / "heave")))
-    assert not blind.judgement.named
-    seen = conclude(read_dataset(_folder(replace(drawn, channels=("tilt_mrad",)),
-                                         tmp_path / "tilt")))
-    assert [str(named) for named in seen.judgement.named] == [cause]
-    assert not any("tilt" in remark for remark in seen.readings.remarks)
+    _, blind, _ = judge_dataset(read_dataset(_folder(drawn, tmp_path / "heave")))
+    assert not blind.named
+    readings, seen, _ = judge_dataset(read_dataset(_folder(replace(
+        drawn, channels=("tilt_mrad",)), tmp_path / "tilt")))
+    assert [str(named) for named in seen.named] == [cause]
+    assert not any("tilt" in remark for remark in readings.remarks)
 
 
 def _folder(drawn: RandomDesign, folder: Path) -> Path:
