@@ -205,6 +205,8 @@ def judge(simulation: Model, table: ReadingTable, causes: Sequence[Cause],
         if told.alike(misfit.told):
             break
         misfit, judged = _judged(judged.simulation, table, causes, widen, seed, workers, told)
+    if judged.test.p_value < ALARM:
+        judged = _with_labels(judged, misfit)
     if not misfit.told.anything:
         return judged
     every, tests = NominalMisfit.of(judged.simulation, table, causes, workers,
@@ -245,8 +247,8 @@ def _judged(simulation: Model, table: ReadingTable, causes: Sequence[Cause], wid
                      or shows_when_large(simulation, cause, nominal, table))
     exploration = Exploration(simulation, table, nominal, possible, adequacy.enough, widen, workers)
     exploration.run()
-    weighed = _weighed(replace(base, simulation=exploration.simulation), exploration, adequacy)
-    return misfit, _with_labels(weighed, misfit)
+    return misfit, _weighed(replace(base, simulation=exploration.simulation), exploration,
+                            adequacy)
 
 
 def _told_by(misfit: NominalMisfit, judged: Judgement) -> Told:
