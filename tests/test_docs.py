@@ -38,6 +38,7 @@ SAID = {
         r"the verdict: ambiguous\nunaccounted_mass: (1\.9|2\.0).*\nor .*electrode_mass",
     "6_lumped_model_to_a_controller": r"in the end 0\.\d+ µm/V",
     "7_time_and_hysteresis": r"at rest \d",
+    "8_force_and_bias": r"20 g: stroke 1\.\d+ mm\nwith beams: stroke 4\.\d+ mm(.|\n)*not stable",
 }
 
 
