@@ -13,6 +13,7 @@ from typing import Annotated, Any, ClassVar, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from tympan.fem.complex_step import complex_step
 from tympan.geometry.errors import InputError
 from tympan.geometry.fields import Key, Registry, require
 from tympan.geometry.toml_reader import NON_NEGATIVE, POSITIVE, Rule
@@ -63,7 +64,7 @@ class Spring:
         "deflection 0", "force")] = 0.0
 
     def __post_init__(self) -> None:
-        if self.rest and self.preload:
+        if np.real(self.rest) and np.real(self.preload):
             raise InputError("must be left out where `rest` is given: both say where the spring is "
                              "unloaded", key="preload", given=f"{self.preload:g} N")
 
@@ -127,16 +128,20 @@ class Bistable:
     rest: Annotated[float, Key("deflection at the first rest position", "length")] = 0.0
 
     @cached_property
-    def _shape(self) -> tuple[float, float]:
+    def _shape(self) -> tuple[Any, Any]:
         """Where it stands between the rest positions, over the travel, and the cubic's factor."""
-        ratio = (self.back or self.force) / self.force
+        ratio: Any = (self.back if np.real(self.back) else self.force) / self.force
         low, high = 0.0, 1.0
         while high - low > 1e-15:
             middle = (low + high) / 2
             over, back = _peaks(middle)
             # The nearer the unstable position is to the first, the easier it is to push over.
-            low, high = (middle, high) if back > ratio * over else (low, middle)
-        return low, self.force / _peaks(low)[0]
+            low, high = (middle, high) if back > np.real(ratio) * over else (low, middle)
+        place: Any = low
+        if np.iscomplexobj(ratio):  # by the implicit function's derivative, off the real axis
+            slope = complex_step(lambda at: _peaks(at)[1] - np.real(ratio) * _peaks(at)[0], low)
+            place = low + 1j * np.imag(ratio) * _peaks(low)[0] / slope
+        return place, self.force / _peaks(place)[0]
 
     def derivatives(self, deflection: float) -> tuple[float, float, float]:
         (middle, factor), s = self._shape, (deflection - self.rest) / self.travel
@@ -145,7 +150,7 @@ class Bistable:
                 factor / self.travel * (middle + s * (3 * s - 2 * (1 + middle))))
 
 
-def _peaks(middle: float) -> tuple[float, float]:
+def _peaks(middle: Any) -> tuple[Any, Any]:
     """Largest and, with the other sign, least value of s (s − middle) (s − 1) between 0 and 1."""
     half = (1 + middle) / 3
     root = (half**2 - middle / 3) ** 0.5
@@ -179,7 +184,7 @@ class BuckledBeam:
 
     def __post_init__(self) -> None:
         require(self)
-        if self.compression > _MOST_COMPRESSED * self.length:
+        if np.real(self.compression) > _MOST_COMPRESSED * np.real(self.length):
             raise InputError("must be at most 5 % of the length: further the beam's slopes are not "
                              "small", key="compression", given=f"{1e3 * self.compression:g} mm of "
                                                                f"{1e3 * self.length:g} mm")
@@ -203,30 +208,31 @@ class BuckledBeam:
         bent = self.compression / 2 - yielding * x
         return push * moved / 2 + axial * (bent + yielding * x / 2), push, stiffness
 
-    def _phase(self, moved: Any, yielding: float, half: float) -> tuple[Any, bool]:
+    def _phase(self, moved: Any, yielding: Any, half: Any) -> tuple[Any, bool]:
         """The square of a half's phase, and whether that is where it buckles by itself."""
-        def missing(x: Any, at: Any) -> tuple[Any, Any]:
+        def missing(x: Any, at: Any, ease: Any, long: Any, given: Any) -> tuple[Any, Any]:
             _, _, g, g_x = _beam_column(x)
-            return (yielding * x + g * at**2 / half - self.compression / 2,
-                    yielding + g_x * at**2 / half)
+            return ease * x + g * at**2 / long - given / 2, ease + g_x * at**2 / long
 
-        real = float(np.real(moved))
-        if missing(_SECOND_BUCKLING, real)[0] <= 0:
+        every = moved, yielding, half, self.compression
+        reals = tuple(float(np.real(number)) for number in every)
+        real, ease, long, given = reals
+        if missing(_SECOND_BUCKLING, *reals)[0] <= 0:
             return _SECOND_BUCKLING, True
         # In tension a half shortens by at least half of the square, without, by 0.6 of it.
         high = _SECOND_BUCKLING
-        low = min((self.compression / 2 - 0.75 * real**2 / half) / yielding, high) - 1.0
-        x = min(max((self.compression / 2 - 0.6 * real**2 / half) / yielding, low), high)
+        low = min((given / 2 - 0.75 * real**2 / long) / ease, high) - 1.0
+        x = min(max((given / 2 - 0.6 * real**2 / long) / ease, low), high)
         for _ in range(_CORRECTIONS):
-            value, slope = missing(x, real)
+            value, slope = missing(x, *reals)
             low, high = (x, high) if value < 0 else (low, x)
             step = x - value / slope
             step = step if low < step < high else (low + high) / 2
             if abs(step - x) <= 1e-15 * max(abs(x), 1.0):
                 break
             x = step
-        if np.iscomplexobj(moved):  # its derivative, for a step off the real axis
-            value, slope = missing(x, moved)
+        if any(map(np.iscomplexobj, every)):  # its derivative, for a step off the real axis
+            value, slope = missing(x, *every)
             return x - 1j * np.imag(value / slope), False
         return x, False
 
@@ -286,9 +292,11 @@ class ForceTable:
 
     law: ClassVar[str] = "table"
     displacement: Annotated[tuple[float, ...], Key(
-        "deflections of the plate, one larger than the other", "length", least=2)]
+        "deflections of the plate, one larger than the other", "length", least=2,
+        discrete=True)]
     force: Annotated[tuple[float, ...], Key(
-        "force at each of them, positive where it pushes back as a spring does", "force", least=2)]
+        "force at each of them, positive where it pushes back as a spring does", "force", least=2,
+        discrete=True)]
 
     def __post_init__(self) -> None:
         if len(self.force) != len(self.displacement):

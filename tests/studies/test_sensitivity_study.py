@@ -20,9 +20,18 @@ from tests.support.specimens import (
 from tympan.cli import main
 from tympan.fem.equilibrium.newton import newton
 from tympan.fem.film.laws import Ogden
-from tympan.fem.membrane.biases import Magnet
+from tympan.fem.membrane.biases import (
+    BIASES,
+    Bistable,
+    BuckledBeam,
+    Constant,
+    ForceTable,
+    Magnet,
+    Spring,
+)
 from tympan.fem.rig import Rig
 from tympan.geometry.mesher import MeshSettings
+from tympan.geometry.paths import at, with_number
 from tympan.studies.case import Case, Settings, equilibrate
 from tympan.studies.sensitivity import case_parameters, sensitivity
 
@@ -137,3 +146,34 @@ def test_what_cannot_be_said_ends_with_status_two(specimen: str,
     assert "does not tilt" in capsys.readouterr().err
     assert main(["sensitivity", specimen, "--mass", "17.9 g", "--of", "beauty"]) == 2
     assert "must be one of heave, tilt" in capsys.readouterr().err
+
+
+#: Of each kind one, or several that differ in what they leave out.
+MECHANISMS = [
+    Spring(10.0, 2e-3), Spring(10.0, preload=0.02), Constant(0.02), Magnet(0.05, 20e-3, 8e-3),
+    Bistable(0.1, 4e-3), Bistable(0.1, 4e-3, back=0.06, rest=1e-3),
+    BuckledBeam(40e-3, 3e-3, 1e-4, 3e9, 2e-4, middle=2e-3),
+    BuckledBeam(40e-3, 3e-3, 1e-4, 3e9, 2e-5, number=2, middle=-2e-3),  # far in tension
+    ForceTable((-1e-3, 1e-3, 9e-3), (-0.01, 0.01, 0.05))]
+
+
+def test_every_mechanism_is_among_them() -> None:
+    assert {bias.law for bias in MECHANISMS} == set(BIASES)
+
+
+@pytest.mark.parametrize("bias", MECHANISMS, ids=lambda bias: bias.law)
+def test_numbers_of_mechanisms_against_differences(bias) -> None:
+    case = Case(circular(NEO_HOOKE), mass=10e-3, voltage=2e3, rig=Rig(biases=(bias,)))
+    by = sensitivity(case, COARSE).quantities["heave"].by
+    names = [name for name in by if name.startswith("rig.biases")]
+    assert bool(names) == (bias.law != "table")  # measured numbers are no parameters
+    for name in names:
+        path = tuple(name.split("."))
+        value = at(case, path)
+        if not value:  # of a key that is left out: the other one is there
+            continue
+        step = 1e-4 * abs(value)
+        ends = [equilibrate(with_number(case, path, value + sign * step), COARSE)[1]
+                for sign in (1, -1)]
+        heaves = [end.state.plate.deflection for end in ends]
+        assert by[name].derivative == pytest.approx((heaves[0] - heaves[1]) / (2 * step), rel=1e-4)
