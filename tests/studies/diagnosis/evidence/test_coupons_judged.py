@@ -120,6 +120,27 @@ def test_a_branch_that_the_law_lacks_is_creep(tmp_path: Path, branch: tuple[floa
         assert (verdict, causes) == ("named", ["creep"])
 
 
+class Twice(Film):
+    """A film with a slow branch of 20 kPa beside the other."""
+
+    def branch_stress(self, mode: str, time: Any, stretch: Any) -> Any:
+        slow = Film(branch=(20e3, 100.0)).branch_stress(mode, time, stretch)
+        return super().branch_stress(mode, time, stretch) + slow
+
+
+def test_two_branches_that_the_law_lacks_are_both_creep(tmp_path: Path) -> None:
+    """Within their limits."""
+    found = diagnose(read_dataset(written_in_time(
+        tmp_path / "data", Twice(branch=(20e3, 5.0)), 0.003, seed=5)))
+    named = [cause for cause in found.causes if cause.named]
+    assert [(cause.effect, cause.again) for cause in named] == [("creep", False), ("creep", True)]
+    for time, cause in zip((5.0, 100.0), sorted(
+            named, key=lambda cause: cause.parameters["tau"].value), strict=True):
+        size = cause.parameters["mu"], cause.parameters["tau"]
+        assert size[0].low < 20 < size[0].high
+        assert size[1].low < time < size[1].high
+
+
 def test_in_time_nothing_hidden_is_nothing_and_a_hardening_film_does_not_creep(
         tmp_path: Path) -> None:
     assert judged(written_in_time(tmp_path / "none", Film(), 0.01, seed=5)) == ("nothing", [])
