@@ -15,6 +15,7 @@ from tympan.geometry.errors import Failure, InputError
 from tympan.geometry.fields import Registry
 from tympan.studies.alpha import AlphaSettings, alpha
 from tympan.studies.case import Case, Settings
+from tympan.studies.force import ForceCase, force
 from tympan.studies.limits import limits
 from tympan.studies.lumped.build import BuildSettings, build
 from tympan.studies.modes import carried
@@ -41,6 +42,11 @@ class SolvedCase:
     outcome: Outcome
     circles: AlphaSettings
 
+
+#: Displacements of the curves on which a stroke is looked for, which are smooth.
+_POINTS = 9
+#: How far these go, over the deflection.
+_WIDER = 1.1
 
 #: What a quantity asks of a case.
 Answer = Callable[[SolvedCase], Record]
@@ -149,6 +155,30 @@ def _modes(asked: SolvedCase) -> Record:
                if len(hertz) < count]
     return {"heave_Hz": heave[0] if heave else None,
             **dict(zip(("tilt_1_Hz", "tilt_2_Hz"), tilt, strict=False)), "warnings": missing}
+
+
+@quantity_of("force of the held plate from no voltage to this one, as `tympan force` finds it", {
+    "blocked_force_N": "its fall, the plate held where it rests without voltage",
+    "work_J": "work of the stroke under the load",
+    "ideal_work_J": "work of the cycle that changes the voltage with the plate held",
+    "electrical_in_J": "energy that the supply gives in that cycle",
+    "coupling": "ideal work over that energy",
+}, shown=("blocked_force_N", "work_J"), loads=("mass", "voltage"))
+def _force(asked: SolvedCase) -> Record:
+    case, state = asked.case, asked.outcome.state
+    if asked.outcome.status != "equilibrium" or not case.voltage:
+        return {"warnings": ["there is no equilibrium" if case.voltage else
+                             "there is no stroke without voltage"]}
+    deflection = asked.model.deflection(state)
+    pulled = ForceCase(case.specimen, voltages=(0.0, case.voltage), masses=(case.mass,),
+                       start=min(0.0, _WIDER * deflection), to=max(0.0, _WIDER * deflection),
+                       points=_POINTS, rig=case.rig)
+    result = force(pulled, asked.settings)
+    line = result.loads[0]
+    return {"blocked_force_N": result.blocked_force_N, "work_J": line.work_J,
+            "ideal_work_J": line.ideal_work_J, "electrical_in_J": line.electrical_in_J,
+            "coupling": line.coupling,
+            "warnings": [] if line.stroke_m is not None else ["no stroke was found"]}
 
 
 @quantity_of("constants of its lumped model, as `tympan lumped build` finds them", {

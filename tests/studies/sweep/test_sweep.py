@@ -20,6 +20,7 @@ from tympan.geometry.errors import Failure, InputError
 from tympan.geometry.process.folder import alone
 from tympan.studies.alpha import alpha
 from tympan.studies.case import Case, solve
+from tympan.studies.force import ForceCase, force
 from tympan.studies.limits import limits
 from tympan.studies.lumped.build import build
 from tympan.studies.modes import modes
@@ -128,7 +129,7 @@ ASKED = """
 specimen = "oval.toml"
 mass = "22.45 g"
 voltage = ["0 kV", "4 kV"]
-ask = ["alpha", "limits", "modes", "lumped"]
+ask = ["alpha", "limits", "modes", "lumped", "force"]
 figures = true
 [list]
 plate = [{ shape = "circle", radius = "1 cm" },
@@ -155,6 +156,13 @@ def test_what_is_asked_stands_in_the_table_and_fails_alone(tmp_path) -> None:
         [mode.frequency_Hz for name in ("heave", "tilt") for mode in swinging.modes
          if mode.name.startswith(name)])
     assert cases["heave_Hz"].attrs["units"] == "Hz"
+    pulled = force(ForceCase(task.specimen, voltages=(0.0, 4e3), masses=(22.45e-3,), to=6e-3),
+                   CHEAP)
+    for name in ("blocked_force_N", "work_J"):
+        assert float(row[name]) == pytest.approx(getattr(pulled, name), rel=1e-5)
+    assert float(row["coupling"]) == pytest.approx(pulled.loads[0].coupling, rel=1e-5)
+    assert np.isnan(float(first["work_J"].sel(mass=22.45e-3, voltage=0.0)))
+    assert row["work_J"].attrs["units"] == "J"
     model = build(task.specimen, CHEAP).model
     assert float(first["lumped_stiffness"]) == pytest.approx(model.stiffness)
     assert float(first["lumped_flat_capacitance_F"]) == pytest.approx(model.flat_capacitance)
