@@ -81,7 +81,7 @@ def main() -> None:
     setup = Setup(actuators(), Rig())
     table = readings(setup)
     causes = tuple(Cause(name, which) for name, effect in EFFECTS.items()
-                   if not {"direction", "x_mm"} & set(effect.columns)
+                   if not {"direction", "x_mm", "force_mN"} & set(effect.columns)
                    for which in effect.choices(setup))
     with TemporaryDirectory() as folder:
         os.environ["TYMPAN_CACHE"] = folder

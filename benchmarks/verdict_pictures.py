@@ -55,7 +55,7 @@ def judged() -> tuple[ReadingTable, Judgement]:
     values[SLIP] += BY
     table = table.with_values(values)
     causes = tuple(Cause(name, which) for name, effect in EFFECTS.items()
-                   if not {"direction", "x_mm"} & set(effect.columns)
+                   if not {"direction", "x_mm", "force_mN"} & set(effect.columns)
                    for which in effect.choices(setup))
     simulation = with_effects(calibrated(setup, table).simulation, lambda done, count: None, 2)
     return table, judge(simulation, table, causes, workers=2)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from math import inf
 from pathlib import Path
@@ -30,6 +31,8 @@ _OF_PLATE = ("unaccounted_mass", "spring", "guide", "weight_offset", "plate_pres
 
 #: What acts against the way a plate or a voltage came, and so needs to know that way.
 AGAINST_THE_WAY = ("friction", "lag_voltage")
+#: What only a tester that holds the plate shows.
+OF_TESTER = ("gauge_zero", "gauge_gain", "displacement_zero", "tester_compliance")
 
 #: Highest nominal voltage [V] that is taken from people and looked at by searches: no such film is
 #: tested beyond.
@@ -50,6 +53,10 @@ GAS_SIGN = ("positive gas pressure now lifts film and plate, against the weight:
 
 #: Ways the voltage got to where it is, as datasets name them; none where it is not known.
 DIRECTIONS = {"up": 1.0, "down": -1.0, "": 0.0}
+
+
+#: Corrections of where a plate is under a tester that yields: a film's force is nearly straight.
+_CORRECTIONS = 5
 
 
 @takes_units
@@ -102,6 +109,13 @@ class Rig:
     width_let: Annotated[float, Key("of strips in tests said to be in pure shear, how far the "
                                     "grips let them narrow: 0 not at all, 1 as in a uniaxial test",
                                     rule=_SHARE)] = 0.0
+    gauge_zero: Annotated[float, Key("what a tester's gauge shows at no force", "force")] = 0.0
+    gauge_gain: Annotated[float, Key("k: a tester's gauge reads (1+k) F", rule=_GAIN)] = 0.0
+    displacement_zero: Annotated[float, Key("what a tester's displacement shows at the flat film",
+                                            "length")] = 0.0
+    tester_compliance: Annotated[float, Key(
+        "by which a tester yields between its own displacement and the plate", "compliance",
+        NON_NEGATIVE)] = 0.0
 
     @classmethod
     def from_table(cls, table: Table) -> Self:
@@ -204,6 +218,20 @@ class Rig:
         An amplifier that sags gives most at its ``sag_voltage``.
         """
         return float(self.film_voltage(min(self.sag_voltage, MOST_VOLTAGE), direction))
+
+    def gauged(self, force: Callable[[Any], Any], stiffness: Callable[[Any], Any],
+               displacement: Any) -> Any:
+        """What a tester's gauge shows [N] where its displacement shows so much [m].
+
+        ``force`` of the film on the plate at displacements of the plate, and its slope. The plate
+        is where tester and film are in balance.
+        """
+        at, yields = displacement - self.displacement_zero, self.tester_compliance
+        plate = at
+        for _ in range(_CORRECTIONS if yields else 0):
+            off = plate + yields * force(plate) - at
+            plate = plate - off / (1 + yields * stiffness(plate))
+        return (1 + self.gauge_gain) * force(plate) + self.gauge_zero
 
     def reading(self, deflection: Any, elapsed: Any = 0.0) -> Any:
         """What the sensor shows [m] of a deflection, so long after the run began [s]."""

@@ -49,6 +49,7 @@ DIMENSIONS: dict[str, Dimension] = {
     "voltage": Dimension("V", "3.5 kV", ("kV",)),
     "acceleration": Dimension("m/s^2", "9.80665 m/s^2"),
     "stiffness per length": Dimension("N/m", "5 N/m"),
+    "compliance": Dimension("m/N", "20 um/N", ("um/N",)),
     "density": Dimension("kg/m^3", "960 kg/m^3"),
     "mass per area": Dimension("kg/m^2", "0.03 kg/m^2"),
     "force": Dimension("N", "0.2 N"),

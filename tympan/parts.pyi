@@ -97,6 +97,8 @@ class Rig(AnyRig):
                  added_mass: Quantity = ..., series_resistance: Quantity = ...,
                  leakage_resistance: Quantity = ..., sensor_lag: Quantity = ...,
                  air: Quantity = ..., width_held: float = ..., width_let: float
+                 = ..., gauge_zero: Quantity = ..., gauge_gain: float = ...,
+                 displacement_zero: Quantity = ..., tester_compliance: Quantity
                  = ...) -> None: ...
 
 class Circle(AnyCircle):

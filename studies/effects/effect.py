@@ -30,6 +30,7 @@ class Quantity(Enum):
     TIME = "t_s or dwell_s"
     FREQUENCY = "frequency_Hz"
     SHAPE = "x_mm"
+    FORCE = "force_mN"
     STRESS = "nominal_stress_kPa"
     TEMPERATURE = "temperature_C"
 

@@ -14,7 +14,7 @@ from tympan.fem.equilibrium.path_following import PathSettings
 from tympan.fem.equilibrium.ramp import still_slack
 from tympan.fem.equilibrium.solve import held
 from tympan.fem.membrane.model import Model
-from tympan.fem.rig import AGAINST_THE_WAY, MASSES, VOLTAGES, Rig
+from tympan.fem.rig import AGAINST_THE_WAY, MASSES, OF_TESTER, VOLTAGES, Rig
 from tympan.geometry.errors import InputError
 from tympan.geometry.fields import Key, require, takes_units
 from tympan.geometry.specimen import Specimen
@@ -156,6 +156,8 @@ def _left_out(case: ForceCase) -> list[str]:
     """What these curves do not have, in words."""
     words = [f"{key} of the rig acts against the way and is left out here"
              for key in AGAINST_THE_WAY if getattr(case.rig, key)]
+    words += [f"{key} of the rig is left out: these curves are of a tester without errors"
+              for key in OF_TESTER if getattr(case.rig, key)]
     if case.specimen.membrane.branches and case.rate is None:
         words.append("the viscous branches are relaxed in these curves, as after a long wait; "
                      "--rate moves the plate in time (in Python rate=)")

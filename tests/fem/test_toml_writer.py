@@ -29,7 +29,8 @@ FIELDS = {"constant": (ConstantStrength(31e6),),
 
 #: No field has its default.
 RIG = Rig(9.81, 1e-3, 4.0, 0.03, 20e3, 0.01, -3e-6, 1e-7 / 60, "level", (1e-3, -2e-3), 12.0, -3.5,
-          tuple(MECHANISMS.values()), 70.0, 4e-3, 0.2, 1e-4, 1e6, 2e9, 0.01, 1.2, 0.3, 0.6)
+          tuple(MECHANISMS.values()), 70.0, 4e-3, 0.2, 1e-4, 1e6, 2e9, 0.01, 1.2, 0.3, 0.6, 0.02,
+          0.03, 1e-4, 2e-5)
 
 
 @pytest.fixture

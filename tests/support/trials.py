@@ -15,9 +15,10 @@ MASSES = (17.9e-3, 22.45e-3)
 
 
 def every_cause(simulation: Simulation) -> list[Cause]:
-    """All but those that only a way up and down, a frequency or a line over the film shows."""
+    """All but those that only a way up and down, a frequency, a line or a tester shows."""
     return [Cause(name, which) for name, effect in EFFECTS.items()
-            if not {Quantity.DIRECTION, Quantity.FREQUENCY, Quantity.SHAPE} & set(effect.shows_in)
+            if not {Quantity.DIRECTION, Quantity.FREQUENCY, Quantity.SHAPE, Quantity.FORCE
+                    } & set(effect.shows_in)
             for which in effect.choices(simulation.setup)]
 
 

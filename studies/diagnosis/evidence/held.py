@@ -13,6 +13,7 @@ from tympan.studies.diagnosis.evidence.kind import CHANNEL, Films, PlateEvidence
 from tympan.studies.diagnosis.patterns.reading_patterns import smooth
 from tympan.studies.diagnosis.reading_table import ReadingTable, States, rows
 from tympan.studies.effects import Setup
+from tympan.studies.effects.effect import Quantity
 
 Array = NDArray[np.float64]
 
@@ -35,7 +36,11 @@ class Held(PlateEvidence):
                      given=~np.isnan(read.sigma))], []
 
     def shown(self, films: Films, kind: str, rows: NDArray[np.int64], heave: Array) -> Array:
-        return films.force(heave)[films.table.state[rows]]
+        shown = films.rig.gauged(films.force, films.stiffness, heave)
+        return np.asarray(shown[films.table.state[rows]])
+
+    def tells(self, table: ReadingTable) -> set[Quantity]:
+        return {Quantity.FORCE} if "force" in table.kind else set()
 
     def patterns(self, table: ReadingTable, names: Sequence[str], predicted: Array
                  ) -> dict[str, Array]:

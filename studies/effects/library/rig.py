@@ -145,3 +145,48 @@ def drift(setup: Setup, rate: Annotated[float, EffectParameter(
             "of Omron's technical guide to displacement sensors), in a room that changes by 1 °C "
             "an hour"))]) -> Setup:
     return setup.with_rig(drift=setup.rig.drift + rate)
+
+
+@effect("A tester's gauge was not zero when nothing pulled at it.",
+        finding="The tester's gauge shows {F_0} too {F_0:much/little} everywhere",
+        check="read the gauge with the plate free, before and after the run",
+        shows_in=(Quantity.FORCE,))
+def gauge_zero(setup: Setup, F_0: Annotated[float, EffectParameter(
+        "readings are F + F_0", "mN", width=5e-3, low=-100.0, high=100.0,
+        reason="0.1 % of a gauge for 5 N, by which such gauges drift; no source")]) -> Setup:
+    return setup.with_rig(gauge_zero=setup.rig.gauge_zero + F_0)
+
+
+@effect("A tester's gauge shows a constant fraction too much or too little.",
+        finding="The tester's gauge shows {k} {k:more/less} than the force",
+        check="hang a known weight on the gauge",
+        shows_in=(Quantity.FORCE,))
+def gauge_gain(setup: Setup, k: Annotated[float, EffectParameter(
+        "readings are (1+k) F", "", width=0.01, low=-0.9, high=9.0,
+        reason="gauges are calibrated to 1 % or better; no source", told_in="%")]) -> Setup:
+    return setup.with_rig(gauge_gain=_compounded(setup.rig.gauge_gain, k))
+
+
+@effect("A tester's displacement was not zero at the flat film: where it touches the plate was "
+        "found by eye.",
+        finding="The tester's displacement is {w_0} too {w_0:large/small} everywhere",
+        check="approach the plate slowly and note the displacement at which the gauge begins to "
+              "move",
+        shows_in=(Quantity.FORCE,))
+def displacement_zero(setup: Setup, w_0: Annotated[float, EffectParameter(
+        "readings are w + w_0", "um", width=100e-6, low=-1.0, high=1.0,
+        reason="contact is found by eye, or by a force of some mN on a soft film; no source")]
+                      ) -> Setup:
+    return setup.with_rig(displacement_zero=setup.rig.displacement_zero + w_0)
+
+
+@effect("Tester, gauge and clamps yield under the force, so that the plate moves less than the "
+        "tester shows.",
+        finding="The tester yields by {c}: the plate moves less than it shows",
+        check="clamp the gauge to a rigid plate and read displacement against force",
+        shows_in=(Quantity.FORCE,))
+def tester_compliance(setup: Setup, c: Annotated[float, EffectParameter(
+        "the tester yields by c F between its displacement and the plate", "um/N", width=50e-6,
+        low=0.0, high=1.0,
+        reason="a gauge for 5 N yields by 0.1 to 0.3 mm at its full load; no source")]) -> Setup:
+    return setup.with_rig(tester_compliance=setup.rig.tester_compliance + c)

@@ -14,6 +14,7 @@ import pytest
 from tests.support.models import deflection_gradient
 from tests.support.specimens import ROOT5, circular, elliptical, skewed
 from tympan.cli import main
+from tympan.fem.equilibrium.solve import held
 from tympan.fem.film.laws import Gent, MooneyRivlin, MooneyShare, NeoHooke, Stiffened
 from tympan.fem.film.library import load_specimen
 from tympan.fem.rig import Rig
@@ -21,7 +22,7 @@ from tympan.fem.toml_writer import rig_to_toml, specimen_to_toml
 from tympan.geometry.errors import InputError
 from tympan.geometry.mesher import MeshSettings
 from tympan.geometry.specimen import Specimen, ViscousBranch
-from tympan.studies.case import Case, Settings, equilibrate, solve
+from tympan.studies.case import Case, Settings, build_model, equilibrate, solve
 from tympan.studies.data.coupon import Coupons
 from tympan.studies.diagnosis.evidence.coupons import CouponTests
 from tympan.studies.effects import EFFECTS, Effect, Setup, Use, extended
@@ -111,10 +112,26 @@ def of_coupons(setup: Setup) -> np.ndarray:
     return 1e-6 * tests.shown(replace(setup, specimens=setup.specimens[:1]))[0][None]
 
 
+def of_tester(setup: Setup, settings: Settings) -> np.ndarray:
+    """Forces on the first film's plate that a tester displaces, without springs; a newton is 1 mm.
+    """
+    film = build_model(setup.specimens[0], settings)
+
+    def force(plate: float) -> float:
+        return held(film, plate, 3e3).state.force
+
+    def stiffness(plate: float) -> float:
+        return (force(plate + 1e-5) - force(plate - 1e-5)) / 2e-5
+
+    return 1e-3 * np.array([[setup.rig.gauged(force, stiffness, shown) for shown in (1e-3, 3e-3)]])
+
+
 def readings_for(effect: Effect, setup: Setup, settings: Settings = FINE) -> np.ndarray:
     """What can show an effect: where it takes frequencies these too, a hertz counted as 1 mm."""
     if COUPONS_ALONE & set(effect.shows_in):
         return of_coupons(setup)
+    if Quantity.FORCE in effect.shows_in:
+        return of_tester(setup, settings)
     if Quantity.TIME in effect.shows_in:
         return in_time(setup)
     at_rest = readings(setup, settings)
@@ -237,8 +254,8 @@ def test_files_give_the_same_number(effect: Effect, tmp_path: Path,
         assert printed == here
         assert here != taken
         return
-    if (COUPONS_ALONE | {Quantity.TIME}) & set(effect.shows_in):
-        # Equal specimens and rigs do the same in time, and in coupon tests.
+    if (COUPONS_ALONE | {Quantity.TIME, Quantity.FORCE}) & set(effect.shows_in):
+        # Equal specimens and rigs do the same in time, in coupon tests and in a tester.
         assert setup != TAKEN
         return
     command = ["solve", str(films), "--rig", str(rig), "--mass", "20 g", "--voltage", "3 kV",
