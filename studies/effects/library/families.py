@@ -14,6 +14,9 @@ from tympan.studies.effects.effect import EffectParameter, Family, Quantity
 #: A band, spots or a sector without field: plates alone do not tell one from another. Missing
 #: quadrants of 12 to 40 % of three shapes, and spots of 30 mm at their frames, do as much as bands
 #: whose area is 0.8 to 1.3 times theirs.
+#: Of the paper's three actuators sectors of 6 to 33 % do as much as bands of 0.8 to 1.1 of their
+#: area. Of three round films the fitted permittivity takes up more of a sector: what is left of it
+#: a band of 0.4 to 0.7 of its area does, but for a fifth to a half of χ². There limits are too low.
 BARE_FILM = Family(
     "bare_film", "The electrodes cover less of the film than stated: {share} less",
     check="look through the films against a light, or photograph them: the electrode may end short "
