@@ -273,14 +273,14 @@ def _with_labels(base: Judgement, misfit: NominalMisfit) -> Judgement:
     def missed(one: Fit) -> float:
         return float(np.sum(table.noise.whitened(misfit.missed_by(one).residual) ** 2))
 
-    others = min([*map(missed, every), _own_film(base, table)])
+    most = min(min(map(missed, every), default=np.inf) + MORE, _own_film(base, table))
     singles = sorted((fit for fit in base.alone if fit.possible), key=lambda fit: fit.chi_squared)
     found = list[Relabelling]()
     for fitted in (misfit.fit, *singles[:_BESIDE]):
         if misfit.told.anything:
             fitted = fit(base.simulation, fitted.hypothesis, table, fitted.unknowns)
         relabelling = relabelling_of(base.simulation, table, fitted)
-        if relabelling and relabelling.after < others + MORE:
+        if relabelling and relabelling.after < most:
             found.append(relabelling)
             if relabelling.plain:
                 break
