@@ -56,7 +56,7 @@ SCALES = (1 / 3, 1.0, 3.0, 10.0)
 
 #: χ² by which a rival must miss the readings more than what is named, whatever its size may be: a
 #: cause that is expected to be ahead by t is behind by this with z = (EXCLUDED + t) / (2 √t) or
-#: more, 3 at least.
+#: more, 3 at least. So must a film of its own for one specimen, for other labels to be told.
 EXCLUDED = 9.0
 
 #: χ² by which two causes of one class must explain more than one alone, to be weighed as two, and
@@ -273,7 +273,7 @@ def _with_labels(base: Judgement, misfit: NominalMisfit) -> Judgement:
     def missed(one: Fit) -> float:
         return float(np.sum(table.noise.whitened(misfit.missed_by(one).residual) ** 2))
 
-    most = min(min(map(missed, every), default=np.inf) + MORE, _own_film(base, table))
+    most = min(min(map(missed, every), default=np.inf) + MORE, _own_film(base, table) - EXCLUDED)
     singles = sorted((fit for fit in base.alone if fit.possible), key=lambda fit: fit.chi_squared)
     found = list[Relabelling]()
     for fitted in (misfit.fit, *singles[:_BESIDE]):
