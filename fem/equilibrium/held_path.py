@@ -14,7 +14,7 @@ from tympan.fem.equilibrium.span import GivenDeflection, Span
 from tympan.fem.membrane.model import Model
 
 #: Most deflections that one step leads over: a cubic must be near those between. Set by trial.
-_LONGEST = 8
+_LONGEST = 12
 #: Iterations up to which a step was easy, so that the next one leads over more deflections.
 _EASY = 2
 #: A step may miss what was foretold by this share of its motion: else it is on another branch.
