@@ -131,6 +131,8 @@ def noise_told(noise: Noise, models: Sequence[Missed], smooth: Callable[[], Iter
         values = np.array([_value(*_rest(*model), count, stated) for model in white]) - volume
         if not correlation:
             plain = values
+            unknowns = np.array([model.jacobian.shape[1] for model in models])
+            simpler = unknowns < unknowns[int(plain.argmax())]
         order = np.argsort(-values, kind="stable")[:_MODELS].tolist()
         for place in dict.fromkeys([0, *order]):
             residual, jacobian = white[place]
@@ -140,14 +142,14 @@ def noise_told(noise: Noise, models: Sequence[Missed], smooth: Callable[[], Iter
             reached = (value - volume, Told(off, noise.sigma / np.hypot(noise.sigma, off),
                                             correlation, share, chain if correlation else None))
             best = max(best, reached, key=itemgetter(0))
-            if correlation and place == 0:
+            if correlation and simpler[place] and reached[0] >= plain[place]:
                 alone = max(alone, reached, key=itemgetter(0))
     value, told = best
     value += _BETTER if told.correlation else 0.0
     if value < plain.max() + _BETTER:
-        # An effect must be as much more probable than errors that remember.
+        # An effect must be as much more probable than errors that remember, beside fewer effects.
         value, told = alone[0] + _BETTER, alone[1]
-        if value < max(plain[0] + _BETTER, plain.max() - _BETTER):
+        if value < plain.max() - _BETTER:
             return nothing
     residual, jacobian = (noise.whitened(part)
                           for part in (models[0].residual, models[0].jacobian))
