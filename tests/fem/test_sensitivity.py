@@ -32,7 +32,7 @@ from tympan.geometry.errors import InputError
 from tympan.geometry.paths import numbers
 
 FORCE, VOLTAGE, PRESSURE = 0.2, 3000.0, 20.0
-LOADING = Loading((Spring(4.0, 1e-4), Magnet(0.05, 20e-3, 8e-3)), (1e-3, -2e-3), gravity=9.81)
+LOADING = Loading((Spring(4.0), Magnet(0.05, 20e-3, 8e-3)), (1e-3, -2e-3), gravity=9.81)
 NAMES = (*film_names(skewed()), *LOADS, *numbers(LOADING, "loading"), *shape_names(skewed()))
 
 

@@ -46,22 +46,28 @@ def with_reads(rows: list[Row], change: Callable[..., float]) -> list[Row]:
 
 
 def test_clean_sets_have_nothing_found(tmp_path: Path) -> None:
-    """100 sets of every kind of noise, display and order of reading: one may be called, at most."""
-    called = list[int]()
+    """100 sets of every kind of noise, display and order of reading: one may be called, at most.
+
+    But for readings of a noise with heavy tails that are six standard deviations off.
+    """
+    called, far = list[int](), np.zeros(0)
     for seed in range(100):
         generator = np.random.default_rng(seed)
         runs = [("",), ("monday", "tuesday"), ("1", "2", "3")][seed % 3]
         rows = ramps(generator, int(generator.choice([4, 6, 8, 11, 15])), runs,
                      float(generator.choice([2e-6, 1e-5, 3e-5])))
         if seed % 2:
-            tails = 1e3 * NOISE * generator.standard_t(3, len(rows))
+            far = tails = 1e3 * NOISE * generator.standard_t(3, len(rows))
             rows = with_reads(rows, lambda number, read, tails=tails: read + tails[number])
         if seed % 5 == 0:
             rows = [row for start in range(0, len(rows), 2) for row in rows[start: start + 2][::-1]]
         head = STATED if seed % 4 else HEAD
         made = dataset(tmp_path / "data", rows, digits=int(generator.choice([1, 2, 3, 4, 5])),
                        head=head)
-        called += [seed] if list(findings(made)) else []
+        off = {number + 2 for number in np.flatnonzero(np.abs(far) > 6e3 * NOISE)} if (
+            seed % 2 and seed % 5) else set[int]()
+        called += [seed] if [one for one in findings(made) if not (
+            one.kind == "outlier" and set(one.lines) <= off)] else []
     assert len(called) <= 1, called
 
 
