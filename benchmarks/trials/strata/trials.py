@@ -67,12 +67,13 @@ _VOLTAGES = np.linspace(0.0, 5500.0, 8)
 
 #: Effects of circular films by the equations, at rest and as they swing; and those that films by
 #: elements do not have: what is one with another, what needs ramps both ways or moves in time, what
-#: coupons alone show, and air, which they have by the diagnosis' own formula.
+#: coupons or a tester alone show, and air, which they have by the diagnosis' own formula.
 _ROUND = tuple(name for name in ROUND if name not in ALIASES)
 _SWINGING = ("added_mass", "air_mass")
 _NOT_BY_ELEMENTS = {*ALIASES, "friction", "hysteresis", "creep", "mounting_age",
                     "plate_damping", "series_resistance", "sensor_lag", "air_mass", "temperature",
-                    "width_not_free", "width_not_held"}
+                    "width_not_free", "width_not_held", "gauge_zero", "gauge_gain",
+                    "displacement_zero", "tester_compliance"}
 
 
 @dataclass(frozen=True)
