@@ -117,7 +117,8 @@ class Bistable:
     """A mechanism with two rest positions, as a data sheet describes it: a cubic force.
 
     Between the rest positions the force has a largest and a least value, at about a fifth and four
-    fifths of the travel. With equal forces F = 6 √3 f s (s − 1/2) (s − 1) · 2, s = w over travel.
+    fifths of the travel. With equal forces f it is 12 √3 f s (s − 1/2) (s − 1), s the share of the
+    travel.
     """
 
     law: ClassVar[str] = "bistable"

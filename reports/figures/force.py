@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -88,18 +89,18 @@ def _curve(axes: Axes, curve: ForceCurve, factor: float, colour: str) -> Line2D:
 
 
 def _part(axes: Axes, x: NDArray[np.float64], y: NDArray[np.float64],
-          where: NDArray[np.bool_], **look: object) -> None:
+          where: NDArray[np.bool_], **look: Any) -> None:
     """A part of a curve once more, each stretch on to the point before it and the next."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], where.astype(int), [0]])))
     for start, end in edges.reshape(-1, 2):
         piece = slice(max(start - 1, 0), min(end + 1, len(x)))
-        axes.plot(x[piece], y[piece], solid_capstyle="butt", **look)  # type: ignore[arg-type]
+        axes.plot(x[piece], y[piece], solid_capstyle="butt", **look)
 
 
-def _say(axes: Axes, words: str, **look: object) -> None:
+def _say(axes: Axes, words: str, **look: Any) -> None:
     """An entry of the legend, once."""
     if words not in axes.get_legend_handles_labels()[1]:
-        axes.plot([], [], label=words, **look)  # type: ignore[arg-type]
+        axes.plot([], [], label=words, **look)
 
 
 def _mark(axes: Axes, limit: ForceLimit, factor: float, colour: str) -> None:
@@ -119,10 +120,10 @@ def _load_line(axes: Axes, line: LoadLine, factor: float, look: str) -> Line2D:
                                 (False, "white", "unstable equilibrium")):
         there = [each for each in line.crossings if each.stable == stable]
         if there:
-            mark = {"color": _LOAD, "marker": "o", "markerfacecolor": face, "markersize": 4.0,
-                    "linestyle": "none"}
+            mark: dict[str, Any] = {"color": _LOAD, "marker": "o", "markerfacecolor": face,
+                                    "markersize": 4.0, "linestyle": "none"}
             axes.plot([1e3 * each.displacement_m for each in there],
                       [factor * each.force_N for each in there], zorder=5,
-                      **mark)  # type: ignore[arg-type]
+                      **mark)
             _say(axes, words, **mark)
     return drawn

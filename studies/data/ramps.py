@@ -19,6 +19,8 @@ Numbers = NDArray[np.int64]
 DEGREE = 4
 #: The median of what is normal without its sign, over the standard deviation.
 MEDIAN = 0.6745
+#: Share of a reading's variance below which a curve meets it whatever it is: rounding.
+_MET = 1e-6
 
 
 def groups(*columns: NDArray[Any]) -> Numbers:
@@ -49,7 +51,7 @@ class Ramp:
     def studentised(self) -> Array:
         """The same over what noise of 1 leaves of each; 0 of a reading that is met by any curve."""
         left = 1 - np.sum(self._basis**2, axis=1)
-        return np.where(left > 1e-6, self.off / np.sqrt(np.maximum(left, 1e-6)), 0.0)
+        return np.where(left > _MET, self.off / np.sqrt(np.maximum(left, _MET)), 0.0)
 
     def without(self, place: int) -> Ramp:
         keep = np.arange(len(self.rows)) != place

@@ -38,9 +38,6 @@ def run_columns(table: ReadingTable, names: Sequence[str]) -> dict[str, Array]:
             for place in range(len(runs)) if not alone[place]}
 
 
-#: Fewest masses of which one can be off: of two, either may be.
-_MASSES = 3
-
 def load_columns(table: ReadingTable) -> dict[str, Array]:
     """The same of all deflections under each mass, of three or more."""
     masses = np.unique(table.mass[table.lengths])
