@@ -7,8 +7,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from tympan.geometry.errors import InputError
-from tympan.studies.data.coupon import MODES
-from tympan.studies.formats import (
+from tympan.geometry.formats import (
     FORMATS,
     Format,
     Row,
@@ -17,6 +16,7 @@ from tympan.studies.formats import (
     first_line,
     text_rows,
 )
+from tympan.studies.data.coupon import MODES
 
 #: First lines of digitised tables of VHB tape. Beside stretch and stress [Pa] a table may have
 #: temperatures [K], times [s], rates of the stretch [1/s] and voltages [V].

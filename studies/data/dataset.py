@@ -16,6 +16,7 @@ from tympan.fem.film.library import load_specimen
 from tympan.fem.rig import Rig
 from tympan.geometry.errors import InputError, did_you_mean
 from tympan.geometry.fields import Key, read
+from tympan.geometry.formats import FORMATS, Format, format_of, suffixes
 from tympan.geometry.read_file import file_bytes
 from tympan.geometry.specimen import Specimen
 from tympan.geometry.toml_reader import FINITE, NON_NEGATIVE, POSITIVE, Rule, Table
@@ -25,7 +26,6 @@ from tympan.studies.data.checked_runs import CheckedRun, checked_runs
 from tympan.studies.data.coupon import Coupons
 from tympan.studies.data.effort import Effort
 from tympan.studies.data.findings import Copies, RunZeros, at_sensor_end
-from tympan.studies.formats import FORMATS, Format, format_of, suffixes
 
 _VOLTAGE: Rule = (lambda x: 0 <= x <= 1e6, "must be from 0 to 1000 kV; the film's pull has no sign")
 _MASS: Rule = (lambda x: 0 <= x <= 100, "must be from 0 to 100 kg")

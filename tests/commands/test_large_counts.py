@@ -12,10 +12,10 @@ import pytest
 from tests.support.lumped import MODELS
 from tests.support.specimens import circular
 from tympan import progress
+from tympan.geometry.columns import TOGETHER
 from tympan.geometry.errors import InputError
-from tympan.studies import columns
 from tympan.studies.case import Settings
-from tympan.studies.columns import Column, read_own_sheet, read_sheet, write_sheet
+from tympan.studies.columns import Column, Sheet, read_own_sheet, read_sheet, write_sheet
 from tympan.studies.lumped import simulate as lumped
 from tympan.studies.signals import Pieces, step
 from tympan.studies.trace import sample_count
@@ -23,7 +23,7 @@ from tympan.studies.transient import TransientCase, respond
 
 COLUMNS = (Column("t", "s"), Column("voltage", "kV"))
 #: Rows of a table, many times what is in memory as texts at once.
-MANY = 5 * columns._TOGETHER
+MANY = 5 * TOGETHER
 
 
 def peak(call: Callable[[], object]) -> int:
@@ -45,19 +45,19 @@ def written(tmp_path: Path) -> Path:
 
 def test_a_long_table_is_read_and_written_in_little_memory(written: Path) -> None:
     """A row takes some 160 bytes, most of them the file's own; as a list of texts it takes 400."""
-    sheets: list[columns.Sheet] = []
+    sheets: list[Sheet] = []
     taken = peak(lambda: sheets.append(read_sheet(written, COLUMNS)))
     assert taken < 200 * MANY
     sheet = sheets[0]
     assert sheet.t == pytest.approx(np.arange(MANY) * 1e-3, rel=1e-11)
     assert sheet.voltage == pytest.approx(1e3 * (sheet.t % 2.0), abs=1e-6)
     again = written.with_name("again.csv")
-    assert peak(lambda: write_sheet(again, COLUMNS, sheet.values)) < 500 * columns._TOGETHER
+    assert peak(lambda: write_sheet(again, COLUMNS, sheet.values)) < 500 * TOGETHER
     assert again.read_bytes() == written.read_bytes()
     assert read_own_sheet(again, COLUMNS)["t"].tolist() == sheet.t.tolist()
 
 
-@pytest.mark.parametrize("line", [2, columns._TOGETHER + 2, MANY + 1])
+@pytest.mark.parametrize("line", [2, TOGETHER + 2, MANY + 1])
 def test_what_is_wrong_in_a_long_table_is_named_wherever_it_stands(written: Path, line: int
                                                                    ) -> None:
     lines = written.read_text().splitlines()

@@ -1,0 +1,446 @@
+"""What tables of readings are written in: how the bytes of a file become rows of cells.
+
+Every table is counted before it is read: one with too many columns or cells is refused at once. A
+new format is a value of :data:`FORMATS`, known by the end of the files' names, and where that is
+not enough by what is in them; those of users' own packages are loaded by entry points of the group
+``tympan.formats`` (:mod:`tympan.geometry.plugins`).
+"""
+
+from __future__ import annotations
+
+import codecs
+import csv
+import io
+import re
+import warnings
+import zipfile
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from tympan.geometry.errors import InputError
+from tympan.geometry.fields import Registry
+from tympan.geometry.plugins import load_plugins
+from tympan.geometry.read_file import STORED
+from tympan.geometry.system import MissingLibrary
+from tympan.geometry.units import quantity
+
+#: A row: its line, the first of a file is 1, and its cells without blanks around them.
+Row = tuple[int, list[str]]
+
+#: What may stand between cells; of those that are there as often, the first.
+_SEPARATORS = (",", ";", "\t")
+
+DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+(?:[eE][-+]?\d+)?", re.ASCII)
+_DECIMAL_POINT = re.compile(r"[-+]?\d+\.\d+(?:[eE][-+]?\d+)?", re.ASCII)
+
+#: A number that a thousands separator may have been written into: "1.000" is 1000 or 1.
+THOUSANDS = re.compile(r"[-+]?[1-9]\d{0,2}[.,]\d{3}", re.ASCII)
+#: Such numbers that end with 0: a program that leaves decimals out where they are 0 writes none.
+_ROUND = re.compile(r"[-+]?[1-9]\d{0,2}[.,]\d\d0(?![\d.eE])", re.ASCII)
+_HUNDREDS = re.compile(r"[-+]?[1-9]\d{2,}", re.ASCII)
+
+#: The first line that Excel understands: what stands between cells.
+_SEP_LINE = re.compile(r'\ufeff?"?sep=([^\w\s"\'.+-]|\t)"?[ \t;,]*\n', re.IGNORECASE)
+
+#: The first line that is not blank.
+_FIRST = re.compile(r"^(?=[ \t;,]*[^ \t;,\n]).*", re.MULTILINE)
+
+#: What no text contains.
+_CONTROL = re.compile(r"[\x00-\x08\x0e-\x1f\x7f]")
+
+#: Most columns of a table, the specimens of a wide one and more.
+_MOST_COLUMNS = 1000
+#: Most cells of a table: 2 million samples in five columns. A table of specimens takes 1 GB of
+#: memory, any other a tenth of that.
+_MOST_CELLS = 10_000_000
+#: Most rows of a workbook; an empty row costs nothing in its file.
+_MOST_ROWS = 300_000
+#: Most tags in the cells and texts of a workbook, four a cell: 100,000 take openpyxl 0.3 s.
+_MOST_TAGS = 5_000_000
+#: Most tags in its styles and all else: 100,000 take 1.4 s and 50 MB.
+_MOST_OTHER_TAGS = 100_000
+#: Parts of a workbook that hold cells or texts.
+_CELLS = re.compile(r"worksheets/|sharedStrings", re.IGNORECASE)
+#: So much of a workbook is counted at a time [bytes].
+_CHUNK = 1 << 20
+
+#: Encodings by the byte-order mark at the beginning; that of UTF-32 begins as one of UTF-16 does.
+_MARKS = {codecs.BOM_UTF8: "utf-8-sig", codecs.BOM_UTF32_LE: "utf-32",
+          codecs.BOM_UTF32_BE: "utf-32", codecs.BOM_UTF16_LE: "utf-16",
+          codecs.BOM_UTF16_BE: "utf-16"}
+
+#: The name of a column of a wide table: "circle 17.9 g displacement_mm up".
+_WIDE = re.compile(r"(?P<specimen>.+?)\s+(?P<mass>[\d.,]+\s*[a-z]+)\s+"
+                   r"(?P<title>[a-z]+_\w+)(?:\s+(?P<direction>up|down))?")
+
+
+@dataclass(frozen=True)
+class Format:
+    """Files whose names end with ``suffix``, a dot and small letters.
+
+    ``rows(file, content)`` are those of the bytes of a file, which it names in errors; the first
+    has the names of the columns. They may be made one by one. ``explanation`` is one sentence for
+    someone in the laboratory.
+    Formats that share a suffix have a ``name`` each, and all but one of them say which files are
+    theirs: ``claims(file, content)``. ``table``: the file of a dataset, such as coupon.csv, for
+    which those stand whatever their names.
+    """
+
+    suffix: str
+    explanation: str
+    rows: Callable[[Path, bytes], Iterable[Row]]
+    name: str = ""
+    claims: Callable[[Path, bytes], bool] | None = None
+    table: str = ""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "name", self.name or self.suffix)
+
+
+#: All formats by name.
+FORMATS: Registry[Format] = Registry("name")
+
+
+def suffixes() -> tuple[str, ...]:
+    """Those of all formats, each once."""
+    return tuple(dict.fromkeys(kind.suffix for kind in FORMATS.whole().values()))
+
+
+def format_of(file: Path, content: bytes) -> Format | None:
+    """The format that claims a file, else that of its suffix, None where there is none."""
+    able = [kind for kind in FORMATS.whole().values() if kind.suffix == file.suffix.lower()]
+    claiming = [kind for kind in able if kind.claims is not None and kind.claims(file, content)]
+    return next(iter([*claiming, *(kind for kind in able if kind.claims is None)]), None)
+
+
+def read_rows(file: Path, content: bytes) -> Iterable[Row]:
+    """The rows of a file by its format, or as text where it has none."""
+    kind = format_of(file, content)
+    return (text_rows if kind is None else kind.rows)(file, content)
+
+
+def readers() -> str:
+    """What is read, in words for a message on a file that is not."""
+    return "; ".join(f"{kind.suffix}: {kind.explanation}" for kind in FORMATS.values())
+
+
+def decoded(content: bytes, file: Path | None = None) -> str:
+    """The text of a table, its lines ended by line feeds.
+
+    In the encoding that a byte-order mark names, else in UTF-8, else in Windows-1252, of which
+    Latin-1 is the part without control characters. UTF-16 is also known by its zeros. An
+    :class:`InputError` of the ``file`` where that is given and the bytes are no text.
+    """
+    encoding = _encoding(content)
+    try:
+        text = content.decode(encoding, "strict" if file else "replace")
+    except UnicodeDecodeError as error:
+        if encoding != "cp1252":
+            name = encoding.removesuffix("-sig").upper()
+            raise InputError(f"is not {name} text (byte {error.start}): save it as CSV in UTF-8",
+                             file=file) from None
+        text = content.decode("latin-1")
+    text = text.replace("\r\n", "\n").replace("\r", "\n").rstrip("\x1a")  # the end in DOS
+    if file and (control := _CONTROL.search(text)):
+        raise InputError("is no text: save it as CSV in UTF-8; or it is written as one of "
+                         f"{readers()}", file=file, given=control.group(),
+                         key=f"line {text.count(chr(10), 0, control.start()) + 1}")
+    return text
+
+
+def _encoding(content: bytes) -> str:
+    for mark, encoding in _MARKS.items():
+        if content.startswith(mark):
+            return encoding
+    even, odd = (content[start:_CHUNK:2].count(0) for start in (0, 1))
+    if max(even, odd) > len(content[:_CHUNK]) // 4:
+        return "utf-16-le" if odd > even else "utf-16-be"
+    try:
+        content.decode("utf-8")
+    except UnicodeDecodeError:
+        return "cp1252"
+    return "utf-8"
+
+
+def first_line(content: bytes) -> str:
+    """The first line of a text, but for Excel's ``sep=``, cut after a few words."""
+    text = decoded(content[:400])
+    return _SEP_LINE.sub("", text, 1).partition("\n")[0]
+
+
+def text_rows(file: Path, content: bytes) -> Iterator[Row]:
+    """Rows of text with commas, semicolons or tabs between cells, or what ``sep=`` names.
+
+    Where no comma stands between them, it may stand in numbers. Blank lines are skipped; encodings
+    and line ends are those of :func:`decoded`. An :class:`InputError` where a number can be read in
+    two ways.
+    """
+    text = decoded(content, file)
+    said = _SEP_LINE.match(text)
+    if said:  # its line stays, so that the others keep their numbers
+        text = "\n" + text[said.end():]
+    mark = said[1] if said else _separator(text)
+    if (columns := _unquoted(text).count(mark) + 1) > _MOST_COLUMNS:
+        raise _too_many(file, columns, _MOST_COLUMNS, "columns")
+    if (cells := text.count(mark) + text.count("\n")) > _MOST_CELLS:
+        raise _too_many(file, cells, _MOST_CELLS, "cells")
+    if mark == "," and not _ROUND.search(text):
+        yield from _split(file, text, mark)
+        return
+    rows = list(_split(file, text, mark))
+    if mark != ",":
+        _check_marks(file, rows)
+    if _ROUND.search(text):
+        _check_rounds(file, rows)
+    for line, row in rows:
+        yield line, row if mark == "," else [decimal_point(cell) for cell in row]
+
+
+def _split(file: Path, text: str, mark: str) -> Iterator[Row]:
+    """Rows of text that a mark splits, without those that are blank."""
+    reader = csv.reader(_lines(text), delimiter=mark, skipinitialspace=True, strict=True)
+    begin = 1
+    try:
+        for row in reader:
+            cells = [cell.strip() for cell in row]
+            if any(cells):
+                yield begin, cells
+            begin = reader.line_num + 1
+    except csv.Error as error:
+        raise InputError(f"is not comma-separated text: {error}; is a quotation mark left open?",
+                         file=file, key=f"line {begin}") from None
+
+
+def _lines(text: str) -> Iterator[str]:
+    """Lines with their ends; all at once, or a stream of text, would take four times its memory."""
+    begin = 0
+    while begin < len(text):
+        end = text.find("\n", begin) + 1 or len(text)
+        yield text[begin:end]
+        begin = end
+
+
+def _too_many(file: Path, count: int, most: int, things: str) -> InputError:
+    return InputError(f"must have at most {most} {things}", file=file, given=count)
+
+
+def _unquoted(text: str) -> str:
+    """The first line that is not blank, quotations left out."""
+    first = _FIRST.search(text)
+    return re.sub(r'"[^"]*"', "", first.group()) if first else ""
+
+
+def _separator(text: str) -> str:
+    """What stands most often in the first line that is not blank, quotations left out."""
+    return max(_SEPARATORS, key=_unquoted(text).count)
+
+
+def decimal_point(cell: str) -> str:
+    """A number with a decimal comma as one with a point; any other cell as it is."""
+    return cell.replace(",", ".") if DECIMAL_COMMA.fullmatch(cell) else cell
+
+
+def _check_marks(file: Path, rows: Sequence[Row]) -> None:
+    """Refuse decimal commas and decimal points in one file.
+
+    Of columns whose title has no unit, which may be labels, a point counts only if it may separate
+    thousands.
+    """
+    first: dict[tuple[str, bool], tuple[int, int, str]] = {}
+    titles = rows[0][1] if rows else []
+    units = ["_" in title for title in titles]
+    for line, cells in rows[1:]:
+        for place, cell in enumerate(cells[:len(titles)]):
+            twofold = THOUSANDS.fullmatch(cell) is not None
+            if "," in cell and DECIMAL_COMMA.fullmatch(cell):
+                first.setdefault((",", twofold), (line, place, cell))
+            elif "." in cell and (twofold or units[place]) and _DECIMAL_POINT.fullmatch(cell):
+                first.setdefault((".", twofold), (line, place, cell))
+    for suspect, other in ((".", ","), (",", ".")):
+        for twofold, plain in ((True, False), (True, True), (False, False)):
+            if (suspect, twofold) in first and (other, plain) in first:
+                line, place, cell = first[suspect, twofold]
+                beside = first[other, plain]
+                allowed = (f"{_readings(cell)}, since line {beside[0]} has {beside[2]!r}" if twofold
+                           else f"must have the decimal mark of {beside[2]!r} in line {beside[0]}")
+                raise InputError(f"{allowed}: write all numbers without thousands separators and "
+                                 "with one decimal mark", file=file, given=cell,
+                                 key=_place(line, place, titles))
+
+
+def _check_rounds(file: Path, rows: Sequence[Row]) -> None:
+    """Refuse a column with "1.000" and "500": decimals are left out only where they are none."""
+    titles = rows[0][1] if rows else []
+    for place in range(len(titles)):
+        column = [(line, cells[place]) for line, cells in rows[1:] if place < len(cells)]
+        shown = next(((line, cell) for line, cell in column if _ROUND.fullmatch(cell)), None)
+        whole = shown and next((item for item in column if _HUNDREDS.fullmatch(item[1])), None)
+        if shown and whole:
+            raise InputError(f"{_readings(shown[1])}, since line {whole[0]} has {whole[1]!r}: write"
+                             " all numbers without thousands separators and with one decimal mark",
+                             file=file, given=shown[1], key=_place(shown[0], place, titles))
+
+
+def _readings(cell: str) -> str:
+    return (f"can be read as {re.sub('[.,]', '', cell)} (with a thousands separator) or as "
+            f"{float(cell.replace(',', '.')):g} (with a decimal mark)")
+
+
+def _place(line: int, place: int, titles: Sequence[str]) -> str:
+    return f"line {line}, column {place + 1} ({titles[place]})"
+
+
+def workbook_rows(file: Path, content: bytes) -> list[Row]:
+    """Rows of a workbook's sheet that is called as the file is, else of its first one.
+
+    Formulas count as what they made when the workbook was saved. What it unpacks to is counted
+    before a library reads it.
+    """
+    try:
+        from openpyxl import load_workbook
+    except ImportError:
+        raise MissingLibrary("workbooks need openpyxl: pip install 'tympan[excel]'") from None
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of styles and links it does not keep
+            _count_workbook(file, content)
+            book = load_workbook(io.BytesIO(content), read_only=True, data_only=True)
+            names = {sheet.title.lower(): sheet for sheet in book.worksheets}
+            sheet = names.get(file.stem.lower()) or book.worksheets[0]
+            sheet.reset_dimensions()  # those it declares need not be its own
+            rows = _filled(file, sheet.iter_rows(values_only=True))
+    except (InputError, MemoryError):
+        raise
+    except Exception as error:  # whatever a broken archive or its XML raises
+        raise InputError(f"is no workbook that can be read: {error}", file=file) from None
+    width = max((len(row) for _, row in rows), default=0)
+    if width * len(rows) > _MOST_CELLS:
+        raise _too_many(file, width * len(rows), _MOST_CELLS, "cells")
+    return [(line, row + [""] * (width - len(row))) for line, row in rows]
+
+
+def _count_workbook(file: Path, content: bytes) -> None:
+    """Refuse what unpacks to too much, by the sizes it declares, then by the tags in it."""
+    with zipfile.ZipFile(io.BytesIO(content)) as archive:
+        parts = [part for part in archive.infolist() if not part.filename.startswith("xl/media/")]
+        if (size := sum(part.file_size for part in parts)) > STORED:
+            raise InputError(f"must unpack to at most {STORED / 1e6:g} MB", file=file,
+                             given=f"{size / 1e6:.0f} MB")
+        tags = {_MOST_TAGS: 0, _MOST_OTHER_TAGS: 0}
+        for part in parts:
+            most = _MOST_TAGS if _CELLS.search(part.filename) else _MOST_OTHER_TAGS
+            with archive.open(part) as stream:
+                while chunk := stream.read(_CHUNK):
+                    tags[most] += chunk.count(b"<")
+                    if tags[most] > most:
+                        raise InputError(f"must have at most {most} tags in {part.filename}",
+                                         file=file)
+                    if b"<!" in chunk and (b"<!DOCTYPE" in chunk or b"<!ENTITY" in chunk):
+                        raise InputError("is no workbook: its XML defines words of its own",
+                                         file=file)
+
+
+def _filled(file: Path, cells: Iterator[Sequence[Any]]) -> list[Row]:
+    """The rows that are not blank, without the blank cells behind their last one."""
+    rows = []
+    for line, values in enumerate(cells, start=1):
+        if line > _MOST_ROWS:
+            raise InputError(f"must have at most {_MOST_ROWS} rows", file=file)
+        row = [_text(value) for value in values]
+        while row and not row[-1]:
+            row.pop()
+        if len(row) > _MOST_COLUMNS:
+            raise _too_many(file, len(row), _MOST_COLUMNS, "columns")
+        if row:
+            rows.append((line, row))
+    return rows
+
+
+def _text(cell: Any) -> str:
+    return "" if cell is None else str(cell).strip()
+
+
+FORMATS.register(Format(
+    ".csv", "text with commas, semicolons or tabs between cells, and decimal commas where no comma "
+    "stands between them; in UTF-8, UTF-16 or Windows-1252", text_rows))
+FORMATS.register(Format(
+    ".xlsx", "a workbook: its sheet that is called as the file is, else its first one",
+    workbook_rows))
+
+
+def unfolded(file: Path, rows: Sequence[Row]) -> list[Row] | None:
+    """The rows of a wide table as one row for each reading; None of a table that is not wide.
+
+    Columns of a wide table are called "SPECIMEN MASS NAME_UNIT", with "up" or "down" behind for the
+    way the voltage came, as in "circle 17.9 g displacement_mm"; others hold for all of a row's
+    readings. Blank cells are no readings; a column that is there again is a repeat.
+
+    Examples
+    --------
+    >>> rows = [(1, ["voltage_kV", "A 20 g displacement_mm", "B 20 g displacement_mm"]),
+    ...         (2, ["0", "1.5", ""]), (3, ["2", "1.6", "1.9"])]
+    >>> for line, cells in unfolded(Path("static.csv"), rows):
+    ...     print(line, cells)
+    1 ['voltage_kV', 'specimen', 'mass_kg', 'displacement_mm']
+    2 ['0', 'A', '0.02', '1.5']
+    3 ['2', 'A', '0.02', '1.6']
+    3 ['2', 'B', '0.02', '1.9']
+    """
+    if not rows:
+        return None
+    (top, titles), *below = rows
+    matches = [_WIDE.fullmatch(title) for title in titles]
+    if "specimen" in titles or not any(matches):
+        return None
+    common = [place for place, match in enumerate(matches) if match is None]
+    groups = list(_groups(file, top, titles, matches))
+    values = list(dict.fromkeys(title for _, places in groups for title in places))
+    marks = ["specimen", "mass_kg", *(name for name in ("direction", "repeat")
+                                      if any(name in head for head, _ in groups))]
+    width = len(common) + len(marks) + len(values)
+    if (count := len(below) * len(groups) * width) > _MOST_CELLS:
+        raise _too_many(file, count, _MOST_CELLS, "cells when it is unfolded")
+    long: list[Row] = [(top, [*(titles[place] for place in common), *marks, *values])]
+    for line, cells in below:
+        if len(cells) != len(titles):
+            raise InputError(f"must have {len(titles)} cells, as the first line has", file=file,
+                             key=f"line {line}", given=f"{len(cells)} cells")
+        for head, places in groups:
+            read = [cells[places[title]] if title in places else "" for title in values]
+            if any(read):
+                long.append((line, [*(cells[place] for place in common),
+                                    *(head.get(mark, "") for mark in marks), *read]))
+    return long
+
+
+def _groups(file: Path, top: int, titles: Sequence[str], matches: Sequence[re.Match[str] | None]
+            ) -> Iterator[tuple[dict[str, str], dict[str, int]]]:
+    """What marks readings of one row each, and where their values stand by title."""
+    seen = Counter[tuple[str, ...]]()
+    groups: dict[tuple[str, ...], tuple[dict[str, str], dict[str, int]]] = {}
+    for place, match in enumerate(matches):
+        if match is None:
+            continue
+        specimen, mass, title, direction = match.groups()
+        try:
+            mass = repr(quantity(mass.replace(",", "."), "mass"))
+        except InputError as error:
+            raise InputError(error.allowed, file=file, key=f"line {top}, column {place + 1}",
+                             given=titles[place]) from None
+        seen[specimen, mass, direction or "", title] += 1
+        repeat = seen[specimen, mass, direction or "", title]
+        head = {"specimen": specimen, "mass_kg": mass}
+        head |= {"direction": direction} if direction else {}
+        groups.setdefault((specimen, mass, direction or "", str(repeat)),
+                          (head | {"repeat": str(repeat)}, {}))[1][title] = place
+    repeated = any(head["repeat"] != "1" for head, _ in groups.values())
+    for head, places in groups.values():
+        if not repeated:
+            del head["repeat"]
+        yield head, places
+
+
+load_plugins("tympan.formats", FORMATS)
