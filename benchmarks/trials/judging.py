@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from benchmarks.trials.record import Record
 from benchmarks.trials.synthetic_trials import Design, Truth, readings
@@ -15,7 +16,7 @@ from tympan.studies.diagnosis.calibration import calibrated, with_effects
 from tympan.studies.diagnosis.fits.evidence import interval
 from tympan.studies.diagnosis.fits.fit import Fit
 from tympan.studies.diagnosis.fits.fitting import fit, nominal_fit
-from tympan.studies.diagnosis.gain import gain_of
+from tympan.studies.diagnosis.gain import SplitGain, gain_of
 from tympan.studies.diagnosis.hypothesis import Cause
 from tympan.studies.diagnosis.inference.exploration import Exploration
 from tympan.studies.diagnosis.inference.identifiability import SEEN, TOLD
@@ -126,7 +127,8 @@ def concluded(record: Record, truth: Truth, ask: Callable[[], Judgement]
 def gained(record: Record, design: Design, truth: Truth, judgement: Judgement | None) -> Record:
     """The record with what the extended model is said to gain on other readings, and gains.
 
-    The latter at masses between those that were read, where the films have equilibria there.
+    The latter at states like those held out under a mass between those that were read, where the
+    films have equilibria there.
     """
     if judgement is None:
         return record
@@ -140,17 +142,35 @@ def gained(record: Record, design: Design, truth: Truth, judgement: Judgement | 
         else (gain.low, gain.high),
         predicted=() if within is None else (
             round(within.coverage_95 * within.readings), within.readings))
-    chosen, between = judgement.chosen, design.between()
     # Labels that a stranger makes wrong are those of the rows that were read.
-    asked = record.limits and chosen and truth.hypothesis
-    exact = readings(between, truth) if asked else None
-    if exact is None or chosen is None:
+    between = design.between()
+    exact = readings(between, truth) if record.limits and truth.hypothesis else None
+    if exact is None:
         return record
-    before, after = (exact - simulation.predict(fitted.hypothesis, fitted.unknowns, between.table)
-                     for fitted in (judgement.nominal, chosen))
-    there = np.isfinite(before + after)
+    table = between.table.with_values(exact)
+    missed = [_missed(simulation, split, judgement.table, table)
+              for split in report.splits if not split.note]
+    before, after = np.hstack(missed) if missed else np.empty((2, 0))
     return replace(record, held=float(
-        np.linalg.norm(after[there]) / np.linalg.norm(before[there]))) if there.any() else record
+        np.linalg.norm(after) / np.linalg.norm(before))) if len(before) else record
+
+
+def _missed(simulation: Simulation, split: SplitGain, read: ReadingTable, between: ReadingTable
+            ) -> NDArray[np.float64]:
+    """What a split's nominal and extended models miss of states like those it holds out, (2, n).
+
+    A specimen held out is so under the other mass, and a voltage above all others; for a mass held
+    out the mass between stands.
+    """
+    there = np.ones(len(between), bool)
+    if split.kind in ("shape", "specimen"):
+        there = np.isin(between.specimen, read.specimen[split.rows])
+    elif split.kind == "voltage":
+        there = np.abs(between.voltage) >= np.abs(read.voltage[split.rows]).min()
+    table = between[there].compact()
+    errors = np.array([table.value - simulation.predict(model.hypothesis, model.unknowns, table)
+                       for model in split.models])
+    return errors[:, np.isfinite(errors).all(axis=0)]
 
 
 #: Columns that effects of the library are about, of all specimens.

@@ -26,7 +26,7 @@ from tympan.studies.diagnosis.inference.posterior import NOTHING, priors
 from tympan.studies.diagnosis.inference.predictive import SHARE, Predictive
 from tympan.studies.diagnosis.inference.smooth_misfit import Discrepancy, GaussianProcess
 from tympan.studies.diagnosis.inference.verdict import Judgement
-from tympan.studies.diagnosis.reading_table import MICROMETRES, ReadingTable, Unit
+from tympan.studies.diagnosis.reading_table import ReadingTable, Unit
 from tympan.studies.diagnosis.result import Coverage, Gain, HeldOut
 
 Array = NDArray[np.float64]
@@ -43,7 +43,7 @@ _FEWEST_LEFT = 2
 _FEWEST_RAMPS = 3
 #: Pairs are fitted of so many of the most probable effects. A bound of the cost.
 _SHORTLIST = 5
-#: Draws for the interval. Set by trial.
+#: Draws for the interval: its limits are then known to a fiftieth of its width.
 _DRAWS = 4000
 
 #: Sizes over the usual ones from which an effect is sought there too.
@@ -55,11 +55,11 @@ class SplitGain:
     """Errors on the readings of a split that were held out.
 
     ``chosen`` are the causes chosen on the training part, ``wrong`` the best ones there that share
-    none with them nor with their class. ``errors`` [m], shape (rows,) each: "noise" is the standard
-    deviation of the readings; "before", "after", "process" and "rival" are readings minus
-    predictions of the nominal model refitted, of the extended model, of the nominal model plus a
-    Gaussian process, and of the best wrong cause. Readings where the nominal or the extended model
-    has no equilibrium are left out. ``ramp`` numbers specimen and mass of each row; ``note`` says
+    none with them nor with their class. ``models``: the nominal model refitted and the extended
+    one. ``rows``: numbers of the readings held out at which both have an equilibrium, (n,).
+    ``errors`` [m], (n,) each: "noise" is the standard deviation of the readings; "before", "after",
+    "process" and "rival" are readings minus predictions of the nominal model, of the extended
+    model, of the nominal model plus a Gaussian process, and of the best wrong cause. ``note`` says
     why the split says nothing of the gain, if so. ``below``: the probabilities that less is read
     than was, in every row, by all hypotheses together; none where the cause cannot be learned.
     Where the verdict is ambiguous, that it is none of them is one more. ``nominally``: the same by
@@ -68,11 +68,11 @@ class SplitGain:
 
     kind: str
     held_out: str
-    test: Rows
+    rows: NDArray[np.int64]
     chosen: Hypothesis
     wrong: Hypothesis
+    models: tuple[Fit, ...]
     errors: dict[str, Array]
-    ramp: NDArray[np.int64]
     note: str = ""
     below: Array = field(default_factory=lambda: np.empty(0))
     nominally: Array = field(default_factory=lambda: np.empty(0))
@@ -133,7 +133,7 @@ def gain_of(simulation: Model, table: ReadingTable, causes: Sequence[Cause],
     beyond = _Beyond.of(judgement, table) if doubtful and splits else None
     tested = tuple(_tested(simulation, table, causes if judgement.chosen else (), split, judgement,
                            beyond) for split in splits)
-    overall = _overall(tested, seed, table.unit)
+    overall = _overall(tested, table, seed)
     return GainReport(overall and replace(
         overall, splits=tuple(split.shown(table.unit) for split in tested), impossible=impossible),
         tested, impossible, not unexplained or _better(overall))
@@ -248,10 +248,10 @@ def _tested(simulation: Model, table: ReadingTable, causes: Sequence[Cause], spl
     else:
         unseen = logsumexp([*logs, -np.inf]) < 0
         note = f"nothing is seen to be wrong while {held_out} is held out" if unseen else ""
-    return SplitGain(kind, held_out, rows, chosen.hypothesis, wrong.hypothesis if wrong else (),
-                     {name: values[solved] for name, values in errors.items()},
-                     table.ramp[counted][solved], note, np.empty(0) if hidden else below,
-                     nominally)
+    return SplitGain(kind, held_out, np.flatnonzero(counted)[solved], chosen.hypothesis,
+                     wrong.hypothesis if wrong else (), (nominal, chosen),
+                     {name: values[solved] for name, values in errors.items()}, note,
+                     np.empty(0) if hidden else below, nominally)
 
 
 def _alternatives(simulation: Model, table: ReadingTable, causes: Sequence[Cause],
@@ -307,28 +307,44 @@ def excess_ratio(before: Array | float, after: Array | float, noise: Array | flo
     return np.asarray(np.sqrt(np.maximum(after - noise, 0.0) / np.maximum(before - noise, least)))
 
 
-def _overall(splits: Sequence[SplitGain], seed: int, unit: Unit = MICROMETRES) -> Gain | None:
-    """All splits together; the interval by drawing ramps with replacement."""
+def _overall(splits: Sequence[SplitGain], table: ReadingTable, seed: int) -> Gain | None:
+    """All splits together; the interval by drawing ramps with replacement, and noise anew."""
     splits = [split for split in splits if not split.note]
     if not splits:
         return None
-    ramps, number = np.unique(np.concatenate([split.ramp for split in splits]),
-                              return_inverse=True)
-    columns = [np.concatenate([split.errors[name] for split in splits]) ** 2
-               for name in ("before", "after", "noise")]
-    sums = np.stack([np.bincount(number, values) for values in (*columns, np.ones(len(number)))])
-    before, after, _, count = sums.sum(1)
+    rows = np.concatenate([split.rows for split in splits])
+    before, after, noise = (np.concatenate([split.errors[name] for split in splits])
+                            for name in ("before", "after", "noise"))
+    of_before, of_after, of_noise = (float(np.sum(values**2)) for values in (before, after, noise))
     low, high = None, None
-    if len(ramps) >= _FEWEST_RAMPS:
+    ramps, number = np.unique(table.ramp[rows], return_inverse=True)
+    if (count := len(ramps)) >= _FEWEST_RAMPS:
         generator = np.random.default_rng(seed)
-        drawn = generator.multinomial(len(ramps), np.full(len(ramps), 1 / len(ramps)),
-                                      _DRAWS) @ sums.T
-        low, high = (float(limit) for limit in np.quantile(excess_ratio(*drawn.T), (0.025, 0.975)))
+        # One fewer than there are: means of so few ramps scatter by more than they tell.
+        times = generator.multinomial(count - 1, np.full(count, 1 / count), _DRAWS).T[number]
+        fresh = table.noise.coloured(generator.standard_normal((len(table), _DRAWS)))[rows]
+        scatter = np.sum(times * fresh**2, axis=0)
+        old, new = (np.sum(times * _as_likely(values, noise, fresh), axis=0)
+                    for values in (before, after))
+        low, high = (float(limit) for limit in np.quantile(
+            excess_ratio(old, new, scatter, times.sum(0)), (0.025, 0.975)))
     names = {kind: ", ".join(split.held_out for split in splits if split.kind == kind)
              for kind in dict.fromkeys(split.kind for split in splits)}
     words = [f"all readings {name}" if kind in _AT_ONCE else f"each {kind} in turn ({name})"
              for kind, name in names.items() if name]
-    rmse_before, rmse_after = (unit.per_si * float(np.sqrt(squares / count))
-                               for squares in (before, after))
+    rmse_before, rmse_after = (table.unit.per_si * (total / len(rows)) ** 0.5
+                               for total in (of_before, of_after))
     return Gain(held_out="; ".join(words), rmse_before=rmse_before, rmse_after=rmse_after,
-                ratio=float(excess_ratio(*sums.sum(1))), low=low, high=high)
+                ratio=float(excess_ratio(of_before, of_after, of_noise, len(rows))),
+                low=low, high=high)
+
+
+def _as_likely(errors: Array, noise: Array, fresh: Array) -> Array:
+    """Squares of errors, (n, draws), that would have been read as likely, by draws of the noise.
+
+    Less the squares of a draw they are those of a misfit that leaves these errors with it. Of the
+    errors themselves the share that noise does not explain is taken for the misfit.
+    """
+    squares = float(np.sum(errors**2))
+    share = max(squares - float(np.sum(noise**2)), 0.0) / max(squares, 1e-300)
+    return np.asarray(errors[:, None]**2 - 2 * share**0.5 * errors[:, None] * fresh)

@@ -198,7 +198,7 @@ def _of_gains(kinds: Kinds) -> list[Rate]:
         *(_within(f"all of these and of the strangers, verdict {verdict}", [
             record for record in every if record.verdict == verdict])
           for verdict in ("nothing", "named", "ambiguous", "unexplained") if every),
-        Rate("one effect: the gain's 95 % limits hold the ratio at masses held back",
+        Rate("one effect: the gain's 95 % limits hold the ratio at states held back",
              sum(low <= ratio <= high for ratio, (low, high) in held), len(held), 0.9, 0.98)]
 
 
