@@ -12,7 +12,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from benchmarks.trials.judging import best_of, blamed, gained, judged, stands_out
-from benchmarks.trials.mess import MESSES
+from benchmarks.trials.mess import MESSES, Mess
 from benchmarks.trials.random_designs import random_design, written
 from benchmarks.trials.record import Record
 from benchmarks.trials.strata.trials import STRATA, stratum_trial
@@ -42,6 +42,7 @@ from tympan.studies.diagnosis.inference.verdict import Judgement
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.reduced.simulation import Simulation
 from tympan.studies.diagnosis.self_check import grown_to
+from tympan.studies.estimation.noise import Noise, root_of
 
 _NOISES = (NOISE, NOISE, NOISE, NOISE / 2, 2 * NOISE)
 _MISJUDGED = 1.5
@@ -416,7 +417,7 @@ def _mess(lab: Lab, generator: np.random.Generator, number: int) -> list[Record]
         truth, values, again = hidden(design, generator, (), means)
     record = Record("mess", number, means, tuple(map(str, truth.hypothesis)), again, 0.0, 0.0)
     table = measured(design, values, None, number)
-    errors, at_fault = MESSES[kind](generator, len(values), float(table.sigma[0]))
+    errors, at_fault = MESSES[kind].draw(generator, len(values), float(table.sigma[0]))
     messy = table.with_values(values + errors)
     finished, verdict = judged(record, design, simulation, messy, truth)
     told = [] if verdict is None else np.flatnonzero(verdict.told.off).tolist()
@@ -428,8 +429,21 @@ def _mess(lab: Lab, generator: np.random.Generator, number: int) -> list[Record]
     records = [finished, judged(clean, design, simulation,
                                 measured(design, values, generator, number), truth)[0]]
     further = simulation if verdict is None else verdict.simulation
-    seen, apart = stands_out(further, truth, table.with_values(values), _visible(design))
-    return [replace(one, seen=seen, told=apart) for one in records]
+    # Each is identifiable or not by the errors that it has.
+    exact = table.with_values(values)
+    noises = exact.with_noise(_normal(exact.noise, MESSES[kind])), exact
+    return [replace(one, seen=seen, told=apart) for one, (seen, apart) in zip(
+        records, [stands_out(further, truth, known, _visible(design)) for known in noises],
+        strict=True)]
+
+
+def _normal(noise: Noise, mess: Mess) -> Noise:
+    """Normal errors that tell as much as those of a kind of mess."""
+    covariance = mess.covariance(len(noise))
+    own = 0.5 * float(np.linalg.eigvalsh(covariance)[0])
+    root = root_of(covariance - own * np.eye(len(noise)))
+    return noise.with_sigma(own**0.5 * noise.sigma).with_shared(
+        np.arange(len(noise)), noise.sigma[:, None] * root)
 
 
 def _stratum(name: str, lab: Lab, generator: np.random.Generator, number: int) -> list[Record]:

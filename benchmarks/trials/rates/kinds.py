@@ -147,6 +147,9 @@ def _of_mess(kinds: Kinds) -> list[Rate]:
     if not every:
         return []
     named = [record for record in every if record.identifiable]
+    numbers = {record.number for record in named}
+    clean = kinds.get("mess, without", [])
+    by_white = {record.number for record in clean if record.identifiable}
     hit, fault, wrong = (sum(counts) for counts in zip(*(
         record.rows or (0, 0, 0) for record in every), strict=True))
     return [
@@ -156,8 +159,12 @@ def _of_mess(kinds: Kinds) -> list[Rate]:
         share("mess of any kind, nothing hidden: false alarms",
               [record for record in every if not record.truth], _alarm, high=0.05),
         share("mess, one identifiable effect: it is named", named, _right, low=0.8),
-        share("the same without mess: it is named",
-              [record for record in kinds.get("mess, without", []) if record.identifiable], _right),
+        share("the same sets without mess: it is named",
+              [record for record in clean if record.number in numbers], _right),
+        share("mess, one effect that were identifiable without: it is named",
+              [record for record in every if record.number in by_white], _right),
+        share("the same sets without mess: it is named",
+              [record for record in clean if record.number in by_white], _right),
         share("mess, one identifiable effect: another is named", named,
               lambda record: record.misnamed, high=0.02),
         Rate("readings at fault that are told", hit, fault, 0.9, 1.0),

@@ -14,6 +14,7 @@ from scipy.stats import kstest
 from benchmarks.trials.axisymmetric_readings import heaves
 from benchmarks.trials.hidden_effects import COUNTS, lab_of, order, study
 from benchmarks.trials.judging import fitted_to, stands_out
+from benchmarks.trials.mess import MESSES
 from benchmarks.trials.rates.kinds import rates
 from benchmarks.trials.rates.page import page
 from benchmarks.trials.rates.rate import Rate
@@ -392,3 +393,21 @@ def test_the_study(tmp_path: Path) -> None:
     assert by_words["one identifiable effect: it is the most probable cause"].share >= 0.85
     assert by_words["one identifiable effect: another is named"].interval[0] <= 0.02
     assert by_words["exact aliases: said to be, and none of them named"].met
+
+
+@pytest.mark.parametrize("kind", [kind for kind in MESSES if kind not in ("slips", "heavy tails")])
+def test_covariances_of_mess_are_those_of_its_errors(kind: str) -> None:
+    """By 20,000 sets of 24 errors: each element within what so many leave open."""
+    generator = np.random.default_rng(4)
+    errors = np.array([MESSES[kind].draw(generator, 24, 1.0)[0] for _ in range(20_000)])
+    found = errors.T @ errors / len(errors)
+    # A draw of 1/f is scaled by its own scatter, which moves correlations by a few hundredths.
+    allowed = 0.06 if kind == "pink" else 0.04
+    assert np.abs(found - MESSES[kind].covariance(24)).max() < allowed
+
+
+def test_heavy_tails_tell_by_their_information() -> None:
+    """The score of Student's distribution, squared, on average."""
+    errors = MESSES["heavy tails"].draw(np.random.default_rng(4), 200_000, 1.0)[0]
+    information = np.mean((4 * errors / (3 + errors**2)) ** 2)
+    assert 1 / MESSES["heavy tails"].covariance(1)[0, 0] == pytest.approx(information, rel=0.01)
