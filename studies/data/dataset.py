@@ -232,13 +232,15 @@ class Dataset:
 
 
 def read_dataset(folder: Path | str, planned: bool = False) -> Dataset:
-    """Read a dataset's folder.
+    """Read a dataset by its folder, or by the dataset.toml in it.
 
     The specimen of a coupon names its strip and need not be one of dataset.toml. Of readings that
     are only ``planned`` static.csv and range.csv may leave out what was read. An
     :class:`InputError` names file and key, or line and column, of what cannot be used.
     """
     folder = Path(folder)
+    if folder.name == "dataset.toml" and folder.is_file():
+        folder = folder.parent
     if not folder.is_dir():
         raise InputError("must be a folder with dataset.toml and at least one CSV file of readings",
                          file=folder)

@@ -440,7 +440,12 @@ class Conclusions:
 
     def _limitations(self) -> list[str]:
         """What limits the conclusions."""
-        words = list(dict.fromkeys([*dataset_warnings(self.dataset), *self.readings.remarks]))
+        off = {(one.file, one.line) for one in self._readings_off()}
+        # What the fits tell of a reading stands beside: it is said once.
+        said = {one.what for one in findings(self.dataset)
+                if one.kind == "outlier" and {(one.file, line) for line in one.lines} <= off}
+        words = [one for one in dict.fromkeys([*dataset_warnings(self.dataset),
+                                               *self.readings.remarks]) if one not in said]
         noise = float(np.median(self.films.table.sigma))
         scatter = self.judgement.noise_over(self.readings.table)
         if self.readings.assumed:

@@ -262,6 +262,13 @@ def test_bad_data_end_with_one_message_and_status_2(tmp_path, capsys, parts, mes
     assert message in err
 
 
+def test_a_dataset_may_be_told_by_its_dataset_toml(tmp_path) -> None:
+    folder = write_dataset(tmp_path, specimens=("A",), static=TOP + ROW)
+    told, plain = read_dataset(folder / "dataset.toml"), read_dataset(folder)
+    assert told.files == plain.files
+    assert len(told.sheets) == 1
+
+
 def test_a_dataset_may_name_its_specimens_files(tmp_path) -> None:
     whole = write_dataset(tmp_path / "whole", specimens=("A", "B"), static=TOP + ROW)
     head, *tables = (whole / "dataset.toml").read_text().split("[[specimen]]\n")
