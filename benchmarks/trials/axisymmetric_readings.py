@@ -23,6 +23,7 @@ from tests.oracles.axisymmetric import (
 
 if TYPE_CHECKING:
     from benchmarks.trials.synthetic_trials import Design, Truth
+    from tympan.geometry.specimen import Specimen
 
 _DEGREE, _SMALL = 24, 1e-10
 
@@ -72,30 +73,14 @@ def readings(design: Design, truth: Truth) -> FloatArray | None:
 
 def round_ramps(design: Design, truth: Truth) -> Iterator[RoundRamp]:
     """The ramps of a design of circular specimens, up to the first without equilibrium."""
-    sizes = _sizes(truth)
-    which = {cause.name: cause.which for cause in truth.hypothesis}
-    states = design.table.states
+    sizes, states = _sizes(truth), design.table.states
     spring, grease = sizes.get("parallel_spring", 0.0), sizes.get("electrode_mass", 0.0)
     for ramp in design.ramps():
-        specimen = design.setup.specimens[int(states.specimen[ramp[0]])]
-        loss = sizes.get("prestretch_loss",
-                         0.0) if which.get("prestretch_loss") == specimen.name else 0.0
-        law = specimen.membrane.material
-        stretch = specimen.membrane.prestretch[0] * (1 - loss)
-        radii = specimen.needed_plate().outline.semi_axes[0], specimen.frame.semi_axes[0]
-        film = Film(*radii, specimen.membrane.thickness, stretch,
-                    _material(law, truth.stiffness, sizes.get("strain_stiffening"),
-                              sizes.get("second_invariant", 0.0), stretch),
-                    truth.permittivity * specimen.membrane.relative_permittivity,
-                    sizes.get("permittivity_stretch", 0.0))
-        voltage = states.voltage[ramp]
-        # The size of a sag is 1/U_s².
-        seen = (1 + sizes.get("amplifier_gain", 0.0)) * voltage / (1 + voltage**2
-                                                                   * sizes.get("voltage_sag", 0.0))
+        ritz = _expansion(design.setup.specimens[int(states.specimen[ramp[0]])], truth)
+        radii = ritz.film.inner, ritz.film.outer
         mass = float(states.mass[ramp[0]]) + sizes.get("unaccounted_mass", 0.0)
         load = design.setup.rig.gravity * (mass + grease * annulus_modes.lifted_area(*radii))
-        ritz = RitzExpansion(film, _DEGREE)
-        solved = equilibria(ritz, load, seen, spring)
+        solved = equilibria(ritz, load, _seen(states.voltage[ramp], sizes), spring)
         if solved is None:
             return
         swinging = annulus_modes.swinging_mass(*radii, mass + sizes.get("added_mass", 0.0), grease)
@@ -103,6 +88,56 @@ def round_ramps(design: Design, truth: Truth) -> Iterator[RoundRamp]:
             swinging += sizes["air_mass"] * annulus_modes.air_volume(*radii)
         yield RoundRamp(ramp, ritz, solved, spring + np.array(
             [state.stiffness for state in solved]), swinging, design.setup.rig.gravity * grease)
+
+
+def pulled(specimen: Specimen, truth: Truth, voltage: float, shown: FloatArray
+           ) -> FloatArray | None:
+    """What a tester's gauge shows [N] at displacements that it shows [m], at a voltage [V].
+
+    The plate is where tester and film are in balance. None where that is not found.
+    """
+    sizes, ritz = _sizes(truth), _expansion(specimen, truth)
+    spring, yields = sizes.get("parallel_spring", 0.0), sizes.get("tester_compliance", 0.0)
+    q = float(_seen(np.array([voltage]), sizes)[0]) ** 2
+    state: _State | None = ritz.flat(0.0)
+    read = []
+    for at in (shown - sizes.get("displacement_zero", 0.0)).tolist():
+        for _ in range(30):
+            if state is None:
+                return None
+            force = state.force + spring * state.deflection
+            step = (at - yields * force - state.deflection) / (
+                1 + yields * (state.stiffness + spring))
+            if abs(step) < _SMALL and state.q == q:
+                break
+            state = ritz.equilibrium(state.c + state.tangent_w * step, state.deflection + step, q)
+        else:
+            return None
+        if not ritz.resolved(state):
+            return None
+        read.append((1 + sizes.get("gauge_gain", 0.0)) * force + sizes.get("gauge_zero", 0.0))
+    return np.array(read)
+
+
+def _expansion(specimen: Specimen, truth: Truth) -> RitzExpansion:
+    """Of a circular specimen's film."""
+    sizes = _sizes(truth)
+    lost = any((cause.name, cause.which) == ("prestretch_loss", specimen.name)
+               for cause in truth.hypothesis)
+    stretch = specimen.membrane.prestretch[0] * (1 - lost * sizes.get("prestretch_loss", 0.0))
+    return RitzExpansion(Film(
+        specimen.needed_plate().outline.semi_axes[0], specimen.frame.semi_axes[0],
+        specimen.membrane.thickness, stretch,
+        _material(specimen.membrane.material, truth.stiffness, sizes.get("strain_stiffening"),
+                  sizes.get("second_invariant", 0.0), stretch),
+        truth.permittivity * specimen.membrane.relative_permittivity,
+        sizes.get("permittivity_stretch", 0.0)), _DEGREE)
+
+
+def _seen(voltage: FloatArray, sizes: dict[str, float]) -> FloatArray:
+    """What films see [V]; the size of a sag is 1/U_s²."""
+    amplified = (1 + sizes.get("amplifier_gain", 0.0)) * voltage
+    return np.asarray(amplified / (1 + voltage**2 * sizes.get("voltage_sag", 0.0)))
 
 
 def _sizes(truth: Truth) -> dict[str, float]:

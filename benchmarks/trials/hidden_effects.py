@@ -37,7 +37,7 @@ COUNTS = {"null": 200, "single": 160, "strong": 240, "pair": 120, "duo": 160, "o
           "map": len(ALIAS_PAIRS) * len(MAP_WIDTHS) ** 2, "random": 300,
           "frequencies": 60, "lines": 40, "transients": 40, "mixture": 20, "coupons": 60,
           "film": 24, "rough": 80, "rough transients": 48, "mess": 300,
-          "strangers": 160}
+          "strangers": 160, "force": 60}
 
 _labs: list[Lab] = []
 

@@ -450,10 +450,13 @@ def _stratum(name: str, lab: Lab, generator: np.random.Generator, number: int) -
     return stratum_trial(name, generator, number)
 
 
+#: Strata that were added when others had been run: a population's place is part of its seeds.
+_LATER = ("force",)
+
 POPULATIONS: dict[str, Callable[[Lab, np.random.Generator, int], list[Record]]] = {
     "null": _null, "single": _single, "strong": _strong, "pair": _pair, "duo": _duo,
     "outside": _outside,
     "alias": _alias, "noise": _noise, "form": _form, "gain": _gain, "large": _large,
     "large pair": _large_pair, "map": _map, "random": _random,
-    **{name: partial(_stratum, name) for name in STRATA}, "rough": _rough, "mess": _mess,
-    "strangers": _strangers}
+    **{name: partial(_stratum, name) for name in STRATA if name not in _LATER}, "rough": _rough,
+    "mess": _mess, "strangers": _strangers, **{name: partial(_stratum, name) for name in _LATER}}

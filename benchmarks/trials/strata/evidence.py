@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.distance import cdist
 
-from benchmarks.trials.axisymmetric_readings import round_ramps
+from benchmarks.trials.axisymmetric_readings import pulled, round_ramps
 from benchmarks.trials.synthetic_trials import (
     Array,
     Design,
@@ -43,6 +43,8 @@ Columns = dict[str, Any]
 
 #: Standard deviation of a tap's frequency as a share, and of the zero of a line [m].
 TAPPED, LINE_ZERO = 0.003, 0.2e-3
+#: Displacements at which a tester reads its gauge [m], and its standard deviation [N].
+PULLED, GAUGED = np.linspace(-1.5e-3, 6e-3, 16), 1e-3
 
 _NONE: Numbers = np.zeros(0, np.int64)
 
@@ -57,22 +59,28 @@ def cross(specimen: Specimen, count: int = 46) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class ReadingPlan:
-    """A design, and in which of its rows plates are tapped and films scanned, at which places."""
+    """A design, and in which of its rows plates are tapped and films scanned, at which places.
+
+    ``voltages``: at which a tester pulls the plate of every film [V].
+    """
 
     design: Design
     tapped: Numbers = field(default_factory=lambda: _NONE)
     scanned: Numbers = field(default_factory=lambda: _NONE)
     places: Callable[[Specimen], Array] = cross
+    voltages: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
     """What is read of a plan without noise: ``heaves`` as the sensor shows them [m], (rows,), by
-    row ``frequencies`` [Hz] and ``heights`` at the places [m]."""
+    row ``frequencies`` [Hz] and ``heights`` at the places [m], by the number of a specimen and the
+    voltage ``forces`` [N]."""
 
     heaves: Array
     frequencies: dict[int, float]
     heights: dict[int, Array]
+    forces: dict[tuple[int, float], Array] = field(default_factory=dict)
 
 
 def evidence(plan: ReadingPlan, truth: Truth) -> Evidence | None:
@@ -103,7 +111,14 @@ def by_equations(plan: ReadingPlan, truth: Truth) -> Evidence | None:
                 frequencies[row] = float(ramp.frequencies[number])
             if row in plan.scanned:
                 heights[row] = ramp.heights(number, np.hypot(*plan.places(specimen).T))
-    return Evidence(heaves, frequencies, heights)
+    forces = dict[tuple[int, float], Array]()
+    for number, specimen in enumerate(plan.design.setup.specimens):
+        for voltage in plan.voltages:
+            force = pulled(specimen, truth, voltage, PULLED)
+            if force is None:
+                return None
+            forces[number, voltage] = force
+    return Evidence(heaves, frequencies, heights, forces)
 
 
 def by_elements(plan: ReadingPlan, truth: Truth) -> Evidence | None:
@@ -162,7 +177,7 @@ def seen_heights(model: Model, state: State, places: Array) -> Array:
 
 def sheets(plan: ReadingPlan, read: Evidence, noise: float, random: np.random.Generator | None,
            zero: float = LINE_ZERO) -> dict[str, Columns]:
-    """Columns of static.csv, frequency.csv and field.csv with noise of a standard deviation [m].
+    """Columns of every file that a plan makes, with noise of a standard deviation [m].
 
     Without ``random`` there is none, though it is stated.
     """
@@ -189,6 +204,17 @@ def sheets(plan: ReadingPlan, read: Evidence, noise: float, random: np.random.Ge
         files["field.csv"] = {
             **_states(plan, np.repeat(plan.scanned, [len(line) for line in lines])),
             "x": x, "y": y, "displacement": np.concatenate(shown)}
+    if read.forces:
+        force = np.array(list(read.forces.values()))
+        names = [specimen.name for specimen in plan.design.setup.specimens]
+        runs = [(names[number], voltage) for number, voltage in read.forces]
+        files["force.csv"] = {
+            "specimen": np.repeat([name for name, _ in runs], len(PULLED)).tolist(),
+            "voltage": np.repeat([voltage for _, voltage in runs], len(PULLED)),
+            "displacement": np.tile(PULLED, len(runs)),
+            "run": np.repeat([f"{number}" for number in range(len(runs))], len(PULLED)).tolist(),
+            "force": (force + GAUGED * scatter(*force.shape)).ravel(),
+            "sigma": np.full(force.size, GAUGED)}
     return files
 
 

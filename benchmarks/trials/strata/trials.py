@@ -100,7 +100,8 @@ class Stratum:
 
 def at_rest(dataset: Dataset) -> Dataset:
     """Its readings at rest alone."""
-    return replace(dataset, frequencies=None, fields=None, transients=None, coupons=None)
+    return replace(dataset, frequencies=None, fields=None, transients=None, coupons=None,
+                   forces=None)
 
 
 def coupons_alone(dataset: Dataset) -> Dataset:
@@ -153,6 +154,20 @@ def two(kind: str, tapped: bool = False) -> ReadingPlan:
     ends = np.isin(states.voltage, _VOLTAGES[[0, -1]])
     return ReadingPlan(some, scanned=np.flatnonzero(ends & (states.mass == states.mass.max())),
                        tapped=np.flatnonzero(ends if tapped else ends & False))
+
+
+@cache
+def _pulled() -> ReadingPlan:
+    """Three circular films at rest, and at each end of their voltages in a tester."""
+    some = design("circles", circles().setup.specimens, voltages=_VOLTAGES)
+    return ReadingPlan(some, voltages=(0.0, 4000.0))
+
+
+def _force(number: int) -> Question:
+    """Effects of the actuators and of the tester by turns, so that each comes as often."""
+    tester = ("gauge_zero", "displacement_zero", "tester_compliance")
+    others = tuple(name for name in _ROUND if name != "electrode_mass")
+    return Question(_pulled(), "equations", (others, tester)[number % 2])
 
 
 def _by_turns(circular: Callable[[], ReadingPlan], others: Callable[[], ReadingPlan], number: int
@@ -218,7 +233,8 @@ STRATA: dict[str, Stratum] = {
     "coupons": Stratum(_strips, {"uniaxial alone": uniaxial, "": whole}),
     "film": Stratum(_film, {"actuators alone": at_rest, "coupons alone": coupons_alone,
                             "": whole}),
-    "rough transients": Stratum(_step, {"": whole}, rough=True)}
+    "rough transients": Stratum(_step, {"": whole}, rough=True),
+    "force": Stratum(_force, _TWICE)}
 #: Those whose rates are on a page of their own.
 SMOOTH = tuple(name for name, stratum in STRATA.items() if not stratum.rough)
 

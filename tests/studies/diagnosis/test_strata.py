@@ -8,7 +8,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
+from benchmarks.trials.axisymmetric_readings import pulled
 from benchmarks.trials.hidden_effects import lab_of, study
 from benchmarks.trials.rates.kinds import rates
 from benchmarks.trials.rates.strata import strata_page, strata_rates
@@ -19,6 +21,7 @@ from benchmarks.trials.strata.steps import StepPlan, step_evidence, step_sheets
 from benchmarks.trials.strata.trials import STRATA, without_dwell
 from benchmarks.trials.synthetic_trials import FINEST, ROUGH, Truth, draw_rough
 from benchmarks.trials.trial import Lab
+from tests.oracles.axisymmetric import Film, Ogden, solve_deflection
 from tympan.studies.data.dataset import read_dataset
 from tympan.studies.diagnosis.calibration import calibrated
 from tympan.studies.diagnosis.diagnose import judge_dataset
@@ -208,3 +211,31 @@ def test_strata_are_taken_up_again(tmp_path: Path) -> None:
     assert study(lab, counts, 1, keep) == records
     assert all(record.verdict not in ("refused", "raised") for record in records)
     assert max(record.seen for record in records) > SEEN
+
+
+@pytest.mark.parametrize(("name", "size"), [
+    ("gauge_zero", 5e-3), ("gauge_gain", 0.02), ("displacement_zero", -3e-4),
+    ("tester_compliance", 1e-3), ("parallel_spring", 6.0), ("voltage_sag", 1e-9)])
+def test_a_tester_shows_what_two_roots_say(name: str, size: float) -> None:
+    """The balance of tester and film found by bisection, of films by the equations."""
+    specimen = STRATA["force"].ask(0).plan.design.setup.specimens[1]
+    truth = Truth(1.05, 0.97, (Cause(name),), (size,), "equations")
+    shown = np.array([-1e-3, 2e-3, 5e-3])
+    force = pulled(specimen, truth, 4000.0, shown)
+    assert force is not None
+    sizes, law = {name: size}, specimen.membrane.material
+    film = Film(10e-3, 60e-3, specimen.membrane.thickness, specimen.membrane.prestretch[0],
+                Ogden(tuple(1.05 * mu for mu in law.mu), tuple(law.alpha)),
+                0.97 * specimen.membrane.relative_permittivity)
+    seen = 4000.0 / (1 + 4000.0**2 * sizes.get("voltage_sag", 0.0))
+
+    def pull(plate: float) -> float:
+        spring = sizes.get("parallel_spring", 0.0)
+        return solve_deflection(film, plate, seen).force + spring * plate
+
+    for at, read in zip(shown.tolist(), force.tolist(), strict=True):
+        plate = brentq(lambda w, at=at: w + sizes.get("tester_compliance", 0.0) * pull(w)
+                       + sizes.get("displacement_zero", 0.0) - at, at - 3e-3, at + 3e-3, xtol=1e-12)
+        expected = ((1 + sizes.get("gauge_gain", 0.0)) * pull(plate)
+                    + sizes.get("gauge_zero", 0.0))
+        assert read == pytest.approx(expected, abs=1e-8)
