@@ -44,7 +44,7 @@ Columns = dict[str, Any]
 #: Standard deviation of a tap's frequency as a share, and of the zero of a line [m].
 TAPPED, LINE_ZERO = 0.003, 0.2e-3
 #: Displacements at which a tester reads its gauge [m], and its standard deviation [N].
-PULLED, GAUGED = np.linspace(-1.5e-3, 6e-3, 16), 1e-3
+PULLED, GAUGED = np.linspace(-1.5e-3, 6e-3, 16), 2e-3
 
 _NONE: Numbers = np.zeros(0, np.int64)
 

@@ -308,26 +308,26 @@ def pair_starts(pair: Hypothesis, fits: Mapping[Hypothesis, Fit], least: float, 
     ``fits`` of both alone; ``least``: the cost that a fit must not be far behind. An effect that is
     there again begins without size, at a time, or the like, that is usual from the first one's.
     """
-    def may_help(member: Fit, other: Hypothesis, jacobian: Array) -> bool:
-        # By usual sizes: of a pascal readings tell nothing.
-        usual = np.array([item.deviation for item in parameters_of(other)])
-        more = beside(taken_by(member.free_jacobian), usual * jacobian[:, SIZES])
+    def may_help(member: Fit, columns: Array) -> bool:
+        more = beside(taken_by(member.free_jacobian), columns)
         gain = 0.5 * float(np.sum((more.T @ member.residual) ** 2))
         return member.cost - _HELP * gain < least + _BEHIND
 
     first, second = (fits[cause.first,] for cause in pair)
     if not pair[1].again:
         return [with_sizes(pair, member) for member, other in ((first, second), (second, first))
-                if member.possible and may_help(member, other.hypothesis, other.jacobian)]
+                if member.possible and may_help(member, other.jacobian[:, SIZES])]
     starts, (low, high) = list[Array](), simulation.bounds(first.hypothesis)
     parameters = parameters_of(first.hypothesis)
     apart = np.array([item.spread for item in parameters])
+    # By usual sizes: of a pascal readings tell nothing.
+    usual = np.array([item.deviation for item in parameters])
     for way in (-1, 1) if first.possible else ():
         unknowns = first.unknowns.copy()
         unknowns[SIZES] = np.where(apart, unknowns[SIZES] + way * apart, 0.0)
         unknowns = np.clip(unknowns, low, high)
         shown = simulation.prediction(first.hypothesis, unknowns, table)
-        if may_help(first, first.hypothesis, table.noise.whitened(shown.jacobian)):
+        if may_help(first, usual * table.noise.whitened(shown.jacobian)[:, SIZES]):
             starts.append(np.r_[first.unknowns, unknowns[SIZES]])
     return starts
 

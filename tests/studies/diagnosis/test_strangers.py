@@ -171,6 +171,6 @@ def test_rates_count_what_is_told_of_strangers() -> None:
     assert by_words[f"{every} unexplained: {within}"] == (57, 60)
     assert by_words[f"{every} nothing: {within}"] == (9, 10)
     assert by_words[f"{every} named: {within}"] == (27, 30)
-    assert by_words["one effect: the gain's 95 % limits hold the ratio at masses held back"] == (
+    assert by_words["one effect: the gain's 95 % limits hold the ratio at states held back"] == (
         1, 2)
     assert "| one frame bent oval | 4 | unexplained 3; drift 1 | 2 of 4 |" in page(records, "")
