@@ -39,4 +39,4 @@ def test_actuators_noise_is_no_better_known_for_coupons_beside_them(tmp_path: Pa
 def test_a_row_counts_alarms() -> None:
     """And how far p-values are from even ones: two of five up to 0.019, 0.4 − 0.019."""
     assert row("some", [0.001, 0.019, 0.5, 0.7, 0.9]) == (
-        "| some | 2 of 5 | 40.0% | 5.3% to 85.3% | 0.381 | 0.37 |")
+        "| some | 2 of 5 | 40.0% | 5.3% to 85.3% | 0.381 | 0.36 |")
