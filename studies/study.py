@@ -29,6 +29,8 @@ from tympan.studies.case import Case, CaseResult, Settings, solved
 from tympan.studies.columns import Column, read_own_sheet, write_sheet
 from tympan.studies.files import from_json, read_json, remove, to_json, write_json
 from tympan.studies.film_surface import FilmSurface, film_surface
+from tympan.studies.force.force import ForceCase, force
+from tympan.studies.force.result import ForceResult
 from tympan.studies.limits.curve import CURVES, CurveResult, curve
 from tympan.studies.limits.loads import LoadGrid, usual_masses
 
@@ -39,6 +41,13 @@ TableOfColumns = Mapping[str, NDArray[Any]]
 
 #: Boundaries of the mesh along the lines x and y through the plate's centre, and around the plate.
 _BOUNDARIES = {"x": "axis_x", "y": "axis_y", "plate": "plate"}
+
+#: Displacements of a force curve: half of what ``tympan force`` has, for a small picture.
+_PULLED = 31
+#: How far a tester pulls the plate, over the largest deflection under the lightest load.
+_BEYOND = 1.25
+#: Where no voltage is given, forces are at so much of the film's first limit.
+_BELOW_LIMIT = 0.8
 
 #: The columns of lines/NAME.csv: signed distance from the plate's centre along x and y, angle times
 #: radius around the plate.
@@ -82,7 +91,7 @@ class Study:
     @property
     def steps(self) -> int:
         """How many times :func:`run_study` reports progress."""
-        return 4 * len(self.specimens)
+        return 5 * len(self.specimens)
 
     def with_loads(self) -> Study:
         """With masses that suit all its films where none are given."""
@@ -101,8 +110,8 @@ class SpecimenResult:
     """One specimen of a study: under the picture's load with its film, along lines, and curves.
 
     ``semi_axes_m`` are the frame's half extents, ``source`` its file as text. ``lines`` has the
-    columns of :data:`LINES` in SI; they, the curves' table and the film stand in files of their
-    own.
+    columns of :data:`LINES` in SI; they, the curves' table, the film and ``force`` stand in files
+    of their own. ``force`` is None where no tester can pull the plate from the flat film.
     """
 
     name: str
@@ -112,13 +121,16 @@ class SpecimenResult:
     result: CaseResult
     curves: CurveResult
     lines: TableOfColumns = field(default_factory=dict, compare=False)
+    force: ForceResult | None = field(default=None, compare=False)
 
     def save(self, folder: Path) -> None:
-        """Write ``fields/NAME.vtu``, ``lines/NAME.csv`` and ``curves/NAME.csv``."""
+        """Write ``fields/NAME.vtu``, ``lines/NAME.csv``, ``curves/NAME.csv`` and ``forces``."""
         assert self.result.film is not None
         self.result.film.save(folder / "fields" / f"{self.name}.vtu")
         write_sheet(folder / "lines" / f"{self.name}.csv", LINES, self.lines)
         write_sheet(folder / "curves" / f"{self.name}.csv", CURVES, self.curves.table)
+        if self.force is not None:
+            self.force.save(folder / "forces")
 
     def with_files(self, folder: Path, key: str) -> SpecimenResult:
         """With what :meth:`save` wrote; ``key`` is its own in study.json."""
@@ -128,9 +140,12 @@ class SpecimenResult:
                              given=name)
         film = FilmSurface.load(folder / "fields" / f"{name}.vtu")
         table = read_own_sheet(folder / "curves" / f"{name}.csv", CURVES)
+        forces = folder / "forces"
+        pulled = (forces / f"{name}{ForceResult.ending}.json").exists()
         return replace(self, result=replace(self.result, film=film),
                        lines=read_own_sheet(folder / "lines" / f"{name}.csv", LINES),
-                       curves=replace(self.curves, table=table))
+                       curves=replace(self.curves, table=table),
+                       force=ForceResult.load(forces, name) if pulled else None)
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,7 +159,8 @@ class StudyResult:
 
     #: Files that are drawn of it.
     pictures: ClassVar[tuple[str, ...]] = tuple(
-        f"{stem}.{suffix}" for stem in ("fig4", "curves") for suffix in ("png", "pdf", "svg"))
+        f"{stem}.{suffix}" for stem in ("fig4", "curves", "forces")
+        for suffix in ("png", "pdf", "svg"))
 
     name: str
     version: str
@@ -298,8 +314,31 @@ def _solved(study: Study, specimen: Specimen, source: str, progress: Progress) -
     lines = _lines(model, outcome.state)
     progress(f"{specimen.name}: curves")
     curves = curve(specimen, study.curves.masses, study.settings, study.rig, study.curves.voltages)
+    progress(f"{specimen.name}: forces")
     return SpecimenResult(specimen.name, source, str(specimen.membrane.material),
-                          specimen.frame.semi_axes, result, curves, lines)
+                          specimen.frame.semi_axes, result, curves, lines,
+                          _force(study, specimen, curves))
+
+
+def _force(study: Study, specimen: Specimen, curves: CurveResult) -> ForceResult | None:
+    """Without voltage and at the highest of those asked for that the lightest load bears."""
+    first, table = curves.curves[0], curves.table
+    of_first = table["mass"] == first.mass_kg
+    borne = of_first & (table["asked"] > 0) & (table["status"] == "equilibrium")
+    voltage = float(table["voltage"][borne].max(initial=study.voltage))
+    if not voltage and first.limits.limit is not None:
+        voltage = _BELOW_LIMIT * first.limits.limit.voltage_V
+    way = table["deflection"][of_first & (table["voltage"] <= voltage)]
+    ends = _BEYOND * np.nanmin(way, initial=0.0), _BEYOND * np.nanmax(way, initial=0.0)
+    if study.rig.guide == "fixed" or ends[0] == ends[1]:
+        return None
+    try:
+        return force(ForceCase(
+            specimen, voltages=tuple(dict.fromkeys((0.0, voltage))), start=float(ends[0]),
+            to=float(ends[1]), points=_PULLED, masses=(first.mass_kg,), rig=study.rig),
+            study.settings)
+    except InputError:  # a film that is slack where it is flat has no curve to begin with
+        return None
 
 
 def _lines(model: Model, state: State) -> TableOfColumns:

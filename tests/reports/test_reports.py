@@ -110,11 +110,10 @@ def page(report: Path) -> Page:
 def test_all_files_are_written_and_nothing_else(report: Path) -> None:
     written = {path.name for path in report.parent.glob("[!.]*") if path.is_file()}
     assert written == {"study.json", "alpha.json", "report.html", "fig4.png", "fig4.pdf",
-                       "fig4.svg", "curves.png",
-                       "curves.svg"}
+                       "fig4.svg", "curves.png", "curves.svg", "forces.png", "forces.svg"}
 
 
-@pytest.mark.parametrize("name", ["fig4.png", "curves.png"])
+@pytest.mark.parametrize("name", ["fig4.png", "curves.png", "forces.png"])
 def test_png_is_fit_for_print_and_shows_something(report: Path, name: str) -> None:
     with Image.open(report.with_name(name)) as image:
         assert image.width / image.info["dpi"][0] * 25.4 == pytest.approx(style.WIDTH, abs=0.2)
@@ -336,7 +335,7 @@ def test_films_can_be_turned_in_the_page_and_it_stays_small(report: Path, stored
 
 
 def test_the_page_says_everything_without_scripts(page: Page, stored: StudyView) -> None:
-    assert page.tags.count("img") == 2
+    assert page.tags.count("img") == 3
     for item in stored.specimens:
         assert digits(item.deflection, 4) in page.shown
 

@@ -55,7 +55,9 @@ def test_everything_is_stored(finished) -> None:
              and file.name != MANIFEST}
     assert names == {"alpha.json", "study.json"} | {
         f"{kind}/{name}.{suffix}" for name in ("circular", "elliptical-large")
-        for kind, suffix in (("fields", "vtu"), ("lines", "csv"), ("curves", "csv"))}
+        for kind, suffix in (("fields", "vtu"), ("lines", "csv"), ("curves", "csv"))} | {
+        f"forces/{name}-force.{suffix}" for name in ("circular", "elliptical-large")
+        for suffix in ("csv", "json")}
     record = json.loads((folder / "study.json").read_text())
     assert record["settings"]["mesh"]["order"] == 3
     assert [item["result"]["status"] for item in record["specimens"]] == ["equilibrium"] * 2
@@ -100,6 +102,27 @@ def test_curves_end_at_pull_in(finished) -> None:
     reached = limits(Case(plan.specimens[0], mass=17.9e-3), plan.settings)
     assert reached.pull_in is not None
     assert pull_in == pytest.approx(reached.pull_in.voltage_V, rel=1e-4)
+
+
+def test_forces_cross_the_weight_where_the_curve_says(finished) -> None:
+    """At the highest voltage that it bears: the stroke is that of deflection against voltage."""
+    _, folder, _ = finished
+    for specimen in study.StudyResult.load(folder).specimens:
+        asked = [row["deflection_mm"] for row in table(
+            folder / "curves" / f"{specimen.name}.csv") if row["asked"] == "1"]
+        deflection = [float(cell) for cell in asked[:2]]
+        assert specimen.force is not None
+        assert [curve.voltage_V for curve in specimen.force.curves] == [0.0, 3000.0]
+        stroke = specimen.force.loads[0].stroke_m
+        assert 1e3 * stroke == pytest.approx(deflection[1] - deflection[0], rel=1e-6)
+
+
+def test_a_film_without_prestretch_has_no_force_curve_from_its_slack_shape(finished) -> None:
+    plan, folder, _ = finished
+    specimen = plan.specimens[0]
+    slack = replace(specimen, membrane=replace(specimen.membrane, prestretch=(1.0, 1.0)))
+    curves = study.StudyResult.load(folder).specimens[0].curves
+    assert study._force(plan, slack, curves) is None
 
 
 def test_a_study_that_cannot_be_saved_whole_is_seen_to_be_unfinished(finished, tmp_path) -> None:
