@@ -321,7 +321,11 @@ def test_the_curve_ends_where_limits_says_and_meets_the_readings(tmp_path: Path)
     drawn = drawn_curve(curve, (3.0, 1e3 * expected[1]))
     assert drawn.count('class="reading"') == 3 + 2  # and what is left of two
     assert 'class="here"' in drawn
-    rows_shown = {row["key"]: row["text"] for row in limit_rows(curve)}
+    assert "stroke" not in {row["key"] for row in limit_rows(curve)}
+    rows_shown = {row["key"]: row["text"] for row in limit_rows(curve, 1e3 * expected[1])}
+    stroke, unit = rows_shown["stroke"].split()
+    assert (float(stroke), unit) == (pytest.approx(1e3 * (expected[1] - expected[0]), rel=1e-3),
+                                     "mm")
     assert rows_shown["rms"].endswith("µm")
     assert float(rows_shown["alpha-1"]) == pytest.approx(1.0, abs=1e-3)  # a circle is itself
 

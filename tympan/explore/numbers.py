@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from tympan.explore.session import FollowedCurve, Scene
 from tympan.fem.results.limit_states import LIMIT_STATES
 from tympan.geometry.units import BENCH, unit_of
+from tympan.reports.figures.curve import voltage_curves
 from tympan.reports.template import digits
 from tympan.studies.alpha import AlphaResult
 
@@ -32,15 +33,22 @@ def result_rows(scene: Scene) -> list[dict[str, str]]:
     return rows
 
 
-def limit_rows(curve: FollowedCurve) -> list[dict[str, str]]:
-    """Limits of the curve, what is left of readings, and α of the circles."""
-    return [*_limits(curve), *_weights(curve.circles)]
+def limit_rows(curve: FollowedCurve, deflection: float | None = None) -> list[dict[str, str]]:
+    """Stroke to the deflection shown [mm], limits, what readings leave, and α of the circles."""
+    return [*_stroke(curve, deflection), *_limits(curve), *_weights(curve.circles)]
 
 
 def loads_of(scene: Scene) -> str:
     """Under what the numbers are."""
     view = scene.view
     return f"at {view.voltage / 1e3:.6g} kV under {view.mass * 1e3:.6g} g"
+
+
+def _stroke(curve: FollowedCurve, deflection: float | None) -> Iterator[dict[str, str]]:
+    line, = voltage_curves(curve.curve)
+    if deflection is not None and len(line.voltage) and line.voltage[0] == 0:
+        yield _row("stroke", "stroke from 0 kV",
+                   f"{digits(deflection - float(line.deflection[0]), _DIGITS)} mm")
 
 
 def _limits(curve: FollowedCurve) -> Iterator[dict[str, str]]:

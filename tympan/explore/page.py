@@ -249,7 +249,8 @@ class Page:
         here = None
         if self.scene is not None and _same_film(self.curve.view, self.scene.view):
             here = (self.scene.view.voltage / 1e3, 1e3 * (self.scene.result.deflection_m or 0.0))
-        self.tell(curve=drawn_curve(self.curve, here), limits=limit_rows(self.curve))
+        self.tell(curve=drawn_curve(self.curve, here),
+                  limits=limit_rows(self.curve, here and here[1]))
 
     def _rest(self) -> None:
         """The controls rest: say how the view is written, and follow its curve."""
