@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from math import inf
 from pathlib import Path
 from typing import Annotated, Any, Self
@@ -152,7 +152,8 @@ class Rig:
 
     def record(self) -> dict[str, Any]:
         """All settings by name, as a study stores them."""
-        return {**asdict(self), "biases": [{"law": bias.law, **vars(bias)} for bias in self.biases]}
+        return {**asdict(replace(self, biases=())), "biases": [
+            {"law": bias.law, **_recorded(bias)} for bias in self.biases]}
 
     def force(self, mass: Any, plate_area: Any = 0.0) -> Any:
         """Force on the plate [N] of a nominal mass [kg] and the pressure on its area [m²]."""
@@ -236,6 +237,12 @@ class Rig:
     def reading(self, deflection: Any, elapsed: Any = 0.0) -> Any:
         """What the sensor shows [m] of a deflection, so long after the run began [s]."""
         return (1 + self.sensor_gain) * deflection + self.sensor_zero + self.drift * elapsed
+
+
+def _recorded(bias: Bias) -> dict[str, Any]:
+    """Settings of a mechanism by name, but for those that it does without."""
+    settings = {field.name: getattr(bias, field.name) for field in fields_of(type(bias))}
+    return {name: value for name, value in settings.items() if value is not None}
 
 
 def _not_turned(before: Any, after: Any) -> Any:

@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 from tympan.fem.equilibrium.arc_length import Branch, PathPoint
 from tympan.fem.equilibrium.newton import Solution, moved, newton
 from tympan.fem.equilibrium.path_following import PathSettings, follow_branch
+from tympan.fem.equilibrium.ramp import without_mechanism
 from tympan.fem.film.tension_field import Tension
 from tympan.fem.membrane.model import Model
-from tympan.fem.membrane.state import Load, State
+from tympan.fem.membrane.state import HEAVE, Load, State
 from tympan.fem.results.fields import Fields, node_fields, whole
 from tympan.fem.results.firmness import edge_firmness, firmness, rough_firmness
 from tympan.fem.results.limit_states import INSTABILITY, LIMIT_STATES, PULL_IN, LimitState, Sign
@@ -51,6 +52,9 @@ _STRETCH = 6.0
 _FURTHER = 2.0
 
 UNFOLLOWED = "the branch could not be followed further"
+#: So far ahead of where a branch was left, relative to the frame, a mechanism that ends is named as
+#: the reason: a step is hardly longer.
+_AHEAD = 0.05
 _THINS = "followed until the film, wrinkled, thins without bound"
 
 #: Difference of two deflections, relative to the frame, that are one.
@@ -260,7 +264,7 @@ def stops(case: Case, model: Model, start: State, along: Along, settings: PathSe
             yield from passed
         first = first or here
         ended = _ended(here, first, along, settings)
-        yield replace(here, ended=ended or UNFOLLOWED)
+        yield replace(here, ended=ended or _end_of_mechanism(here) or UNFOLLOWED)
         if ended:
             return
         before = here
@@ -489,6 +493,14 @@ def _ended(stop: Stop, first: Stop, along: Along, settings: PathSettings) -> str
         return (f"followed to a deflection of {deflection}: beyond, the mesh does not resolve the "
                 "branch; --refine may")
     return ""
+
+
+def _end_of_mechanism(stop: Stop) -> str:
+    """What is said where the next step would lead beyond a mechanism of the rig; "" elsewhere."""
+    if not stop.model.loading.biases or HEAVE not in stop.model.plate_freedoms:
+        return ""
+    way = stop.point.direction[1][stop.model.plate_freedoms.index(HEAVE)]
+    return without_mechanism(stop.model, stop.model.deflection(stop.point.state) + _AHEAD * way)
 
 
 def _passed(case: Case, branch: Branch, first: Stop, before: Stop, after: Stop) -> list[Stop]:

@@ -175,7 +175,8 @@ def history(case: TransientCase, settings: Settings, films: tuple[float, ...] = 
     except Stopped as ending:
         stopped = ending
     if farthest is None:
-        reason = "the film has no equilibrium at once after the mass is put on"
+        reason = ((stopped and stopped.why)
+                  or "the film has no equilibrium at once after the mass is put on")
         raise InputError(case.highest.doubted(reason), key="mass", given=f"{case.mass:g} kg")
     moments = np.frombuffer(record).reshape(-1, _NUMBERS)
     balance = EnergyBalance.of(np.frombuffer(energies).reshape(len(moments), -1), before)

@@ -101,6 +101,13 @@ def in_words(value: float, load: Load) -> str:
     return f"{value:.4g} {unit}"
 
 
+def without_mechanism(model: Model, deflection: float) -> str:
+    """What is said where a mechanism cannot be at a deflection [m]; empty where all can."""
+    laws = " and ".join(f'"{law}"' for law in model.loading.ended(deflection))
+    return laws and (f"the mechanism {laws} of the rig ends on the way: it has no force at about "
+                     f"{1e3 * deflection:.3g} mm, and nothing is extrapolated")
+
+
 def still_slack(model: Model, state: State) -> bool:
     """Whether a film slack when mounted still is: what holds its plate is residual tension."""
     return model.slack_when_mounted and model.residual_share(state) > _RESIDUAL_SHARE
@@ -142,7 +149,7 @@ class Ramp:
                 return self._given_up(solution)
             if (step := (share - done) / 2) < max(self.settings.handover * (before + done), 1e-12):
                 outcome = self._by_arc_length(start, solution)
-                if outcome.status == "not_converged" and trial.advice.startswith(STRAINED):
+                if outcome.advice == _UNFOLLOWED and trial.advice.startswith(STRAINED):
                     return replace(outcome, advice=f"{STRAINED} before the {self._word} is reached")
                 return outcome
         return Outcome("equilibrium", solution)
@@ -321,7 +328,7 @@ class Ramp:
                 stable = after.solution
         if settings.exhausted:
             return self._given_up(stable)
-        return Outcome("not_converged", stable, _UNFOLLOWED)
+        return self._unfollowed(stable)
 
     def _margin(self, point: PathPoint) -> float:
         return min(self.model.thinning_margin(point.state), 1e12)
@@ -335,7 +342,14 @@ class Ramp:
             if solution.converged and solution.stable:
                 return Outcome("equilibrium", solution)
             stable = replace(stable, advice=solution.advice)
-        return Outcome("not_converged", stable, _UNFOLLOWED)
+        return self._unfollowed(stable)
+
+    def _unfollowed(self, last: Solution) -> Outcome:
+        """Where the film cannot be followed to the target, or a mechanism cannot."""
+        ahead = last.predicted(self.model, self.load, self.target)
+        last.release()
+        beyond = without_mechanism(self.model, self.model.deflection(ahead))
+        return Outcome("not_converged", last, beyond or _UNFOLLOWED)
 
     def _ended(self, kind: LimitKind, last: Solution, critical: PathPoint | None, verb: str = ""
                ) -> Outcome:

@@ -9,7 +9,7 @@ import numpy as np
 from tympan.fem.equilibrium.constraints import difference, held_plate, length
 from tympan.fem.equilibrium.newton import Solution, moved, newton, simplified_newton
 from tympan.fem.equilibrium.path_following import PathSettings
-from tympan.fem.equilibrium.ramp import SLACK, Outcome, Ramp, still_slack
+from tympan.fem.equilibrium.ramp import SLACK, Outcome, Ramp, still_slack, without_mechanism
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import HEAVE, Load, State
 
@@ -44,6 +44,8 @@ def equilibrium(model: Model, force: float, voltage: float, pressure: float = 0.
     solution = start or _first(model, settings, _sense(model, force, pressure))
     outcome = Outcome("equilibrium" if solution.converged else "not_converged", solution,
                       solution.advice)
+    if start is None and not solution.converged:
+        outcome = replace(outcome, advice=without_mechanism(model, 0.0) or outcome.advice)
     targets: dict[Load, float] = {"force": force, "pressure": pressure, "voltage": voltage**2}
     # A film mounted slack starts pushed out by a force, which it may lose only once the gas holds
     # it.

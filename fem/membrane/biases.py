@@ -8,15 +8,18 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 from math import factorial
-from typing import Annotated, Any, ClassVar, Protocol
+from pathlib import Path
+from typing import Annotated, Any, ClassVar, Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tympan.fem.complex_step import complex_step
+from tympan.geometry.columns import Column, Sheet, read_sheet
 from tympan.geometry.errors import InputError
-from tympan.geometry.fields import Key, Registry, require
-from tympan.geometry.toml_reader import NON_NEGATIVE, POSITIVE, Rule
+from tympan.geometry.fields import Content, Key, Registry, read, require
+from tympan.geometry.toml_reader import NON_NEGATIVE, POSITIVE, Rule, Table
+from tympan.geometry.units import unit_factor
 
 Array = NDArray[Any]
 
@@ -31,6 +34,8 @@ _TERMS = 26
 _SECOND_BUCKLING = float(np.pi**2)
 #: Below this square of the phase, where a beam is far in tension, closed forms lose nothing.
 _TENSE = -10.0
+#: Most rows of a table of forces: as many as a list of a file may have.
+_MOST_ROWS = 10_000
 #: Corrections of the axial force, which hardly ever takes ten.
 _CORRECTIONS = 200
 
@@ -288,16 +293,42 @@ class ForceTable:
     """A mechanism that was measured: its force at some deflections, and between them smoothly.
 
     Cubics with a continuous slope that rise and fall only where the readings do (Fritsch and
-    Carlson, SIAM Journal on Numerical Analysis 17, 238, 1980). Beyond the table it cannot be.
+    Carlson, SIAM Journal on Numerical Analysis 17, 238, 1980). Beyond the table it cannot be. The
+    numbers of a ``file`` are read once and kept.
     """
 
     law: ClassVar[str] = "table"
     displacement: Annotated[tuple[float, ...], Key(
-        "deflections of the plate, one larger than the other", "length", least=2,
-        discrete=True)]
+        "deflections of the plate, one larger than the other", "length", least=2, discrete=True,
+        default="those of `file`")]
     force: Annotated[tuple[float, ...], Key(
         "force at each of them, positive where it pushes back as a spring does", "force", least=2,
-        discrete=True)]
+        discrete=True, default="those of `file`")]
+    file: Annotated[str | None, Key("in place of both lists: the CSV file or workbook that has "
+                                    "them, from the folder of this file")] = None
+    columns: Annotated[tuple[str, str] | None, Key(
+        "names of its columns of displacement and force, which end in their units; others are left "
+        "aside", needs="file", default="displacement and force in any unit, and no others")] = None
+
+    @classmethod
+    def from_table(cls, table: Table) -> Self:
+        """Of a rig file, from whose folder its ``file`` is found."""
+        return read(cls, table, {(cls, "file"): _file_beside, (cls, "columns"): _titles})
+
+    @classmethod
+    def completed(cls, given: Content) -> Content:
+        """With the numbers of the file, if one is given."""
+        file, titles = given.get("file"), given.get("columns")
+        if file is None:
+            if titles:
+                raise InputError("must be left out where there is no `file`", key="columns",
+                                 given=", ".join(titles))
+            return given
+        for name in ("displacement", "force"):
+            if name in given:
+                raise InputError("must be left out where `file` is given", key=name)
+        displacement, force = _measured(Path(file), titles)
+        return {"displacement": displacement, "force": force}
 
     def __post_init__(self) -> None:
         if len(self.force) != len(self.displacement):
@@ -326,3 +357,77 @@ class ForceTable:
         return (stored[k] + u * (d[k] + u * (c[k] / 2 + u * (b[k] / 3 + u * a[k] / 4))),
                 d[k] + u * (c[k] + u * (b[k] + u * a[k])),
                 c[k] + u * (2 * b[k] + u * 3 * a[k]))
+
+
+def _file_beside(table: Table, key: str) -> str | None:
+    """The file that a key names, from the folder of the table's own; None without the key."""
+    named = table.value(key, None)
+    return None if named is None else str(Path(table.file).parent / table.text(key))
+
+
+def _titles(table: Table, key: str) -> tuple[str, ...] | None:
+    """Names of two columns; None without the key."""
+    names = table.value(key, None)
+    if names is None:
+        return None
+    if (not isinstance(names, list) or len(names) != 2
+            or not all(isinstance(name, str) for name in names)):
+        raise table.error(key, 'must be two names of columns, such as ["displacement_mm", '
+                               '"force_N"]', names)
+    return tuple(names)
+
+
+def _measured(file: Path, titles: tuple[str, ...] | None
+              ) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Displacements [m], ascending, and forces [N] of a file, which may begin with the largest."""
+    columns = [Column("displacement", "mm"), Column("force", "N")]
+    for place, title in enumerate(titles or ()):
+        columns[place] = _column(title, columns[place])
+    sheet = read_sheet(file, columns, some=bool(titles))
+    where, force = (sheet[column.name] for column in columns)
+    if not 2 <= len(sheet) <= _MOST_ROWS:
+        raise InputError(f"must have from 2 to {_MOST_ROWS} rows: one force at each displacement",
+                         file=file, given=f"{len(sheet)} rows")
+    steps = np.diff(where)
+    turns = np.flatnonzero(steps * np.sign(steps[0] or 1.0) <= 0)
+    if len(turns):
+        raise sheet.error(int(turns[0]) + 1, columns[0].name,
+                          "must be one run that goes one way: a table has one force at each "
+                          "displacement; keep the way out or the way back, or their mean")
+    order = slice(None, None, int(np.sign(steps[0])))
+    where, force = where[order], force[order]
+    _check_sign(sheet, where, force)
+    return tuple(where.tolist()), tuple(force.tolist())
+
+
+def _column(title: str, usual: Column) -> Column:
+    """The column of a title that ends in a unit of the dimension of the usual one."""
+    name, _, unit = title.rpartition("_")
+    if not name:
+        raise InputError(f"has no unit: write it into the name, such as {title}_{usual.unit}",
+                         key="columns", given=title)
+    try:
+        unit_factor(unit, usual.dimension)
+    except InputError as error:
+        raise InputError(f"{error.allowed}, at the end of the name", key="columns",
+                         given=title) from None
+    return Column(name, unit)
+
+
+def _check_sign(sheet: Sheet, where: Array, force: Array) -> None:
+    """Refuse a force that drives the plate off to both ends, and most there.
+
+    A spring of the wrong sign does so; what snaps over does not, where it is measured beyond its
+    peaks. A force that only pulls or only pushes may be meant either way.
+    """
+    if force[0] == force.max() > 0 > force.min() == force[-1]:
+        past = int(np.argmax(force < 0))
+        turn = where[past] - force[past] * (where[past] - where[past - 1]) / (
+            force[past] - force[past - 1])
+        raise InputError(
+            "must be positive where the mechanism pushes the plate back towards smaller "
+            f"displacements: this one drives it off from {1e3 * turn:.4g} mm to both sides, to "
+            "no place of rest. Change the sign; one that is meant so has its "
+            "numbers in the lists `displacement` and `force`", file=sheet.file, key="force",
+            given=f"{force[0]:.4g} N at {1e3 * where[0]:.4g} mm, {force[-1]:.4g} N at "
+                  f"{1e3 * where[-1]:.4g} mm")

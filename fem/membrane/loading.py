@@ -55,6 +55,11 @@ class Loading:
     gravity: float = 0.0
     swing: Swing | None = None
 
+    def ended(self, deflection: float) -> tuple[str, ...]:
+        """Laws of the mechanisms that cannot be at a deflection [m], such as beyond a table."""
+        return tuple(bias.law for bias in self.biases
+                     if not np.isfinite(bias.derivatives(deflection)).all())
+
     def lift(self, plate: PlateMotion) -> Array:
         """Derivative of the height of the weight by the plate's six freedoms."""
         x, y, _ = plate.rotation @ [*self.arm, 0.0]

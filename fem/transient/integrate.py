@@ -37,6 +37,7 @@ from tympan.fem.equilibrium.newton import (
     simplified_newton,
     tangent_at,
 )
+from tympan.fem.equilibrium.ramp import without_mechanism
 from tympan.fem.equilibrium.tangent import Tangent
 from tympan.fem.film.density import from_virgin, small_strain_modulus
 from tympan.fem.film.memory import Memory, determinant
@@ -57,6 +58,9 @@ _CHARGE = 0.1
 #: How much the change of the force that holds a plate counts, over the force, beside the same.
 _HOLDING = 0.1
 
+#: So near, relative to the frame, a mechanism that ends is named as what stops the motion. A step
+#: that fails is halved until it is far shorter.
+_NEAR = 0.02
 #: A step's length over the longest that its error would allow, so that few are refused; a usual
 #: factor of safety.
 _SAFE = 0.85
@@ -131,12 +135,16 @@ ImplicitStep = tuple[Moment, Tangent | None]
 
 
 class Stopped(ArithmeticError):
-    """The motion goes no further than a ``time`` [s]: the film pulls in or thins without bound."""
+    """The motion goes no further than a ``time`` [s]: the film pulls in or thins without bound.
 
-    def __init__(self, kind: Literal["pull_in", "thinning"], time: float) -> None:
+    ``why``: what ends in place of the film, in words.
+    """
+
+    def __init__(self, kind: Literal["pull_in", "thinning"], time: float, why: str = "") -> None:
         word = "pulls in" if kind == "pull_in" else "thins without bound"
-        super().__init__(f"the film {word} after {time:.4g} s; lower the voltage")
-        self.kind, self.time = kind, time
+        super().__init__(f"{why}, after {time:.4g} s" if why else
+                         f"the film {word} after {time:.4g} s; lower the voltage")
+        self.kind, self.time, self.why = kind, time, why
 
 
 @dataclass(frozen=True, eq=False)
@@ -212,7 +220,9 @@ class Transient:
     def _stopped(self, moment: Moment) -> Stopped:
         least = _PART * small_strain_modulus(self.model.specimen.membrane.material)
         thin = self.model.thinning_margin(moment.state) < least
-        return Stopped("thinning" if thin else "pull_in", moment.time)
+        there, near = moment.state.plate.deflection, _NEAR * self.model.size
+        ends = (without_mechanism(self.model, there + way * near) for way in (1, -1))
+        return Stopped("thinning" if thin else "pull_in", moment.time, next(filter(None, ends), ""))
 
     def _after_jump(self, moment: Moment, source: float) -> Moment:
         """The film at once after the source's voltage jumped.

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -20,9 +22,13 @@ from tympan.fem.membrane.biases import (
     Spring,
 )
 from tympan.fem.rig import Rig
+from tympan.fem.toml_writer import rig_to_toml
 from tympan.geometry.errors import InputError
 from tympan.geometry.mesher import MeshSettings
 from tympan.studies.case import Case, Settings, solve
+from tympan.studies.limits import limits
+from tympan.studies.signals import ramp, step
+from tympan.studies.transient import TransientCase, respond
 
 BEAM = BuckledBeam(length=30e-3, width=4e-3, thickness=0.1e-3, modulus=1.5e9, compression=0.4e-3)
 COARSE = Settings(MeshSettings(order=2).refined(0.5))
@@ -127,6 +133,85 @@ def test_a_table_made_from_a_law_gives_the_law_s_results() -> None:
     assert by_table == pytest.approx(by_law, rel=1e-6)
     assert np.isnan(table.derivatives(6.001e-3)).all()
     assert np.isnan(table.derivatives(-1e-9)).all()
+
+
+def rig_of(tmp_path: Path, content: str, more: str = "") -> Rig:
+    """The rig whose table is in a file of such content."""
+    (tmp_path / "beam.csv").write_text(content)
+    (tmp_path / "rig.toml").write_text(f'[[bias]]\nlaw = "table"\nfile = "beam.csv"\n{more}')
+    return Rig.read(tmp_path / "rig.toml")
+
+
+@pytest.mark.parametrize("law", ["spring", "bistable"])
+def test_a_law_s_table_in_a_file_gives_the_law_s_results(law: str, tmp_path: Path) -> None:
+    """In other units, from the far end, beside columns of no interest; and in Python alike."""
+    places = np.linspace(6e-3, 0, 601)
+    forces = [SAMPLES[law].derivatives(place)[1] for place in places.tolist()]
+    rows = "".join(f"{number},{place * 1e6:.12g},{force * 1e3:.12g}\n"
+                   for number, (place, force) in enumerate(zip(places, forces, strict=True)))
+    rig = rig_of(tmp_path, "t_s,travel_um,push_mN\n" + rows,
+                 'columns = ["travel_um", "push_mN"]\n')
+    case = Case(circular(), mass=17.9e-3, voltage=3e3)
+    by_law, by_file = (solve(replace(case, rig=other), COARSE).deflection_m
+                       for other in (Rig(biases=(SAMPLES[law],)), rig))
+    assert by_file == pytest.approx(by_law, rel=1e-6)
+    again = tmp_path / "again.toml"
+    again.write_text(rig_to_toml(rig))
+    assert Rig.read(again) == rig
+    assert rig.biases == (ForceTable(file=str(tmp_path / "beam.csv"),
+                                     columns=("travel_um", "push_mN")),)
+
+
+@pytest.mark.parametrize(("content", "more", "words"), [
+    ("displacement_mm,force_N\n0,0\n1,0.1\n1,0.2\n", "", r"line 4, .*'1': .*one run"),
+    ("displacement_mm,force_N\n3,0\n1,0.1\n2,0.2\n", "", r"line 4, .*'2': .*one run"),
+    ("displacement_mm,force_N\n-2,0.1\n1,0.02\n4,-0.1\n", "",
+     r"'0.1 N at -2 mm, -0.1 N at 4 mm': must be positive where .* off from 1.5 mm .* sign"),
+    ("displacement_mm,force_N\n1,0\n", "", "from 2 to 10000 rows"),
+    ("displacement_mm\n1\n2\n", "", "column force_N is missing"),
+    ("displacement_mm,force_foo\n0,1\n1,2\n", "", "'force_foo': unknown unit"),
+    ("travel_mm,push_N\n0,1\n1,2\n", 'columns = ["travel_mm", "push_mN"]', "push_mN is missing"),
+    ("travel_mm,push_N\n0,1\n1,2\n", 'columns = ["travel", "push_N"]', "such as travel_mm"),
+    ("travel_mm,push_N\n0,1\n1,2\n", 'columns = ["travel_mm", "push_foo"]', "unit of force"),
+    ("travel_mm,push_N\n0,1\n1,2\n", 'columns = "travel_mm"', "two names"),
+    ("displacement_mm,force_N\n0,1\n1,2\n", 'force = ["1 N", "2 N"]', "left out")])
+def test_a_file_that_is_no_table_of_a_mechanism_is_refused(
+        content: str, more: str, words: str, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=words):
+        rig_of(tmp_path, content, more)
+
+
+@pytest.mark.parametrize("content", [
+    "displacement_mm,force_N\n0,-0.1\n5,-0.02\n",  # it only pulls, ever less
+    "displacement_mm,force_N\n0,0.01\n1,0.08\n2,0\n3,-0.08\n4,-0.01\n"])  # it snaps over
+def test_a_mechanism_that_may_be_meant_so_is_taken(content: str, tmp_path: Path) -> None:
+    assert rig_of(tmp_path, content).biases
+
+
+def test_what_leads_beyond_a_table_says_so() -> None:
+    """At rest, as the voltage rises, in time, and where not even the flat film is in it."""
+    short, away = (ForceTable((low, low + 1e-3), (0.0, 1e-3)) for low in (0.0, 1e-3))
+    case = Case(circular(), mass=17.9e-3, rig=Rig(biases=(short,)))
+    ends = r'mechanism "table" of the rig ends .* no force at about {} mm'
+    beyond = solve(case, COARSE)
+    assert beyond.status == "not_converged"
+    assert re.search(ends.format(r"\d\.\d+"), beyond.warnings[0])
+    flat = solve(replace(case, rig=Rig(biases=(away,))), COARSE)
+    assert re.search(ends.format("0"), flat.warnings[0])
+    rising = limits(replace(case, mass=5e-3), COARSE)
+    assert re.search(ends.format(r"\d\.\d+"), rising.ended)
+    slow = TransientCase(circular(), ramp(0.0, 6e3, 0.3), mass=8e-3, rig=case.rig)
+    assert re.search(ends.format(r"\d\.\d+"), respond(slow, COARSE, 1e-2)[0].warnings[0])
+    with pytest.raises(InputError, match=ends.format(r"\d\.\d+")):
+        respond(replace(slow, signal=step(0.0, 6e3, 0.0, 0.3)), COARSE, 1e-2)
+
+
+def test_what_a_rig_is_known_by_stays_when_it_is_used() -> None:
+    rig = Rig(biases=tuple(SAMPLES.values()))
+    before = str(rig.record())
+    for bias in rig.biases:
+        bias.derivatives(1e-3)
+    assert str(rig.record()) == before
 
 
 def test_a_constant_force_is_a_weight() -> None:
