@@ -15,6 +15,7 @@ from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Specimen
 from tympan.reports import look
 from tympan.reports.diagnosis.page import cause_label
+from tympan.reports.figures.coupon import draw_laws
 from tympan.reports.figures.curve import (
     draw_curve,
     draw_voltage_curves,
@@ -29,12 +30,14 @@ from tympan.reports.sweep.view import SweepView
 from tympan.studies.alpha import AlphaResult
 from tympan.studies.alpha.weights import Weights
 from tympan.studies.case import CaseResult
+from tympan.studies.diagnosis.film_fit import FilmFit
 from tympan.studies.diagnosis.result import Diagnosis
 from tympan.studies.files import write_atomically
 from tympan.studies.film_surface import FilmSurface
 from tympan.studies.force import ForceResult
 from tympan.studies.limits import CurveResult
 from tympan.studies.lumped.build import BuildResult
+from tympan.studies.material.result import MaterialFitResult
 from tympan.studies.modes import ModesResult
 from tympan.studies.optimise.optimise import OptimiseResult
 from tympan.studies.path import PathResult
@@ -254,6 +257,25 @@ def _(result: Diagnosis, axes: Axes) -> None:
     axes.barh([cause_label(cause).replace("_", " ") for cause in causes],
               [cause.probability for cause in causes], color=look.PALETTE[0])
     axes.set(xlabel="probability", xlim=(0, 1), title=f"verdict: {result.verdict}")
+
+
+@draw.register
+def _(result: MaterialFitResult, axes: Axes) -> None:
+    draw_laws(axes, result)
+
+
+@draw.register
+def _(result: FilmFit, axes: Axes) -> None:
+    constants = result.constants[::-1]
+    for number, (_, _, size) in enumerate(constants):
+        limits = [size.low or 0.0, size.high or size.value]
+        axes.plot(np.array(limits) / size.value, [number] * 2, color=look.PALETTE[0])
+        axes.plot(1.0, number, "o", color=look.PALETTE[0])
+    axes.set_yticks(range(len(constants)), [f"{name}\n{size.value:.4g} {unit}".strip()
+                                            for name, unit, size in constants])
+    axes.set(xlabel="95 % limits over the fitted value", title=result.dataset,
+             ylim=(-0.5, len(constants) - 0.5))
+    axes.locator_params(axis="x", nbins=5)
 
 
 @draw.register

@@ -11,10 +11,12 @@ import pandas as pd
 from tympan.studies.alpha import AlphaResult
 from tympan.studies.alpha.weights import Weights
 from tympan.studies.case import CaseResult
+from tympan.studies.diagnosis.film_fit import FilmFit
 from tympan.studies.diagnosis.result import Diagnosis
 from tympan.studies.force import ForceResult
 from tympan.studies.limits import CurveResult
 from tympan.studies.lumped.build import BuildResult
+from tympan.studies.material.result import MaterialFitResult
 from tympan.studies.modes import ModesResult
 from tympan.studies.optimise.optimise import OptimiseResult
 from tympan.studies.path import PathResult
@@ -109,6 +111,18 @@ def _(result: Diagnosis) -> Any:
     return pd.DataFrame([{"effect": cause.effect, "which": cause.which,
                           "probability": cause.probability, "parameter": name, **asdict(size)}
                          for cause in result.causes for name, size in cause.parameters.items()])
+
+
+@table.register
+def _(result: MaterialFitResult) -> Any:
+    units = {"nominal_stress": "nominal_stress_Pa", "half_band": "half_band_Pa"}
+    return pd.DataFrame(dict(result.curves)).rename(columns=units)
+
+
+@table.register
+def _(result: FilmFit) -> Any:
+    return pd.DataFrame([{"constant": name, "unit": unit, **asdict(size)}
+                         for name, unit, size in result.constants])
 
 
 @table.register

@@ -29,8 +29,8 @@ __all__ = [
     "Settings", "ShearThinning", "Specimen", "Spring", "Stadium", "Superellipse", "ViscousBranch",
     "Yeoh",
     "__version__",
-    "alpha", "curve", "diagnose", "draw", "force", "load", "lumped", "material", "modes",
-    "optimise", "path", "sensitivity", "solve", "study", "sweep", "transient",
+    "alpha", "curve", "diagnose", "draw", "fit_material", "force", "load", "lumped", "material",
+    "modes", "optimise", "path", "sensitivity", "solve", "study", "sweep", "transient",
 ]
 
 

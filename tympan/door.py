@@ -24,10 +24,12 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from tympan.studies.alpha import AlphaResult, AlphaSettings
+    from tympan.studies.diagnosis.film_fit import FilmFit
     from tympan.studies.diagnosis.result import Diagnosis
     from tympan.studies.force import ForceResult
     from tympan.studies.limits import CurveResult
     from tympan.studies.lumped.build import BuildResult
+    from tympan.studies.material.result import MaterialFitResult
     from tympan.studies.modes import ModesResult
     from tympan.studies.optimise.optimise import OptimiseResult
     from tympan.studies.path import PathResult
@@ -270,6 +272,40 @@ def diagnose(dataset: File, workers: int = 1, seed: int = 0) -> Result[Diagnosis
     from tympan.studies.diagnosis.diagnose import conclude
 
     return Result(conclude(read_dataset(Path(dataset)), workers, seed).diagnosis(films=True))
+
+
+@names_arguments()
+@one_thread()
+def fit_material(*files: File, laws: Sequence[str] = (), noise: float | str | None = None,
+                 branches: int | None = None, film: Case | None = None,
+                 settings: Settings = Settings()) -> Result[MaterialFitResult | FilmFit]:
+    """Laws fitted to coupon tests, or a film fitted to readings of its actuators.
+
+    ``files`` are one set of coupon tests; ``result.best`` is the law to take, ``result.fits`` all
+    of them. ``laws``: those to compare, all by default; ``noise``: standard deviation of one
+    stress; ``film``: what it does by the fitted laws is ``result.numbers.numbers["film"]``. Or one
+    folder of a dataset, whose law keeps its form: ``result.stiffness_factor`` and
+    ``result.permittivity_factor`` have 95 % limits, and ``result.not_told`` says what readings do
+    not tell. ``branches``: how many viscous ones, by default as many as the tests tell.
+    """
+    from tympan.geometry.units import quantity
+    from tympan.studies.data.dataset import read_dataset
+    from tympan.studies.diagnosis.film_fit import fit_film
+    from tympan.studies.material.result import fit_coupons
+
+    paths = [Path(file) for file in files]
+    folders = [path for path in paths if path.is_dir()]
+    if not paths or (folders and len(paths) > 1):
+        raise InputError("must be one folder, or files of coupons", key="files",
+                         given=" ".join(map(str, paths)) or "none")
+    if not folders:
+        stress = quantity(noise, "stress") if isinstance(noise, str) else noise
+        return Result(fit_coupons(paths, laws, stress, branches, film, settings))
+    for key, given in {"laws": laws, "noise": noise, "film": film}.items():
+        if given not in (None, ()):
+            raise InputError("is for coupons: a dataset's specimens have their law and their noise",
+                             key=key, given=str(given))
+    return Result(fit_film(read_dataset(paths[0]), branches))
 
 
 @names_arguments()

@@ -71,6 +71,13 @@ def _compose(result: MaterialFitResult) -> Figure:
     return figure
 
 
+def draw_laws(axes: Axes, result: MaterialFitResult) -> None:
+    """Readings and laws of the mode with most readings, on axes."""
+    _panel(axes, result, max(MODES, key=lambda mode: result.numbers["readings"].get(mode, 0)),
+           _STRESS)
+    axes.legend()
+
+
 def _panel(axes: Axes, result: MaterialFitResult, mode: str, up: str) -> None:
     every = coupons = result.coupons[result.coupons.mode == mode]
     if result.histories is not None:

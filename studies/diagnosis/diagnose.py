@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -23,9 +23,11 @@ from tympan.studies.diagnosis.conclusions import Conclusions
 from tympan.studies.diagnosis.confusions import confusions_of, mistaken_sizes
 from tympan.studies.diagnosis.evidence.coupon_readings import WORDS, coupon_readings
 from tympan.studies.diagnosis.evidence.coupons import BATCH, CouponTests
+from tympan.studies.diagnosis.evidence.held import Held
 from tympan.studies.diagnosis.evidence.kind import PreparedReadings
 from tympan.studies.diagnosis.fits.fitting import fit
 from tympan.studies.diagnosis.frame_check import check_frame
+from tympan.studies.diagnosis.hypothesis import Cause
 from tympan.studies.diagnosis.inference.identifiability import (
     classes_of,
     detectable_effects,
@@ -76,9 +78,9 @@ def conclude(dataset: Dataset, workers: int = 1, seed: int = 0,
     EFFECTS.whole()
     if dataset.coupons is None:
         return Conclusions.of(dataset, *judge_dataset(dataset, workers, seed, progress), seed)
-    of_coupons = _judge_coupons(dataset, seed)
+    of_coupons = judge_coupons(dataset, seed)
     coupons = Conclusions.of(dataset, *of_coupons, seed=seed)
-    if _of_coupons_alone(dataset):
+    if of_coupons_alone(dataset):
         return coupons
     of_actuators = _judge_actuators(dataset, of_coupons, workers, seed, progress)
     return replace(Conclusions.of(dataset, *of_actuators, seed), coupons=coupons)
@@ -91,8 +93,8 @@ def judge_dataset(dataset: Dataset, workers: int = 1, seed: int = 0,
 
     As :func:`conclude`, which adds what follows from the verdict.
     """
-    of_coupons = None if dataset.coupons is None else _judge_coupons(dataset, seed)
-    if of_coupons is not None and _of_coupons_alone(dataset):
+    of_coupons = None if dataset.coupons is None else judge_coupons(dataset, seed)
+    if of_coupons is not None and of_coupons_alone(dataset):
         return (*of_coupons, 0.0)
     return _judge_actuators(dataset, of_coupons, workers, seed, progress)
 
@@ -116,6 +118,7 @@ def _judge_actuators(dataset: Dataset, of_coupons: tuple[PreparedReadings, Judge
                      workers: int, seed: int, progress: Callable[[int, int], None]
                      ) -> tuple[PreparedReadings, Judgement, float]:
     """As :func:`judge_dataset`, ``of_coupons`` being what coupons say by themselves."""
+    _require_lengths(dataset)
     readings, nominal, error = calibrated_readings(dataset)
     films = 1
 
@@ -127,7 +130,8 @@ def _judge_actuators(dataset: Dataset, of_coupons: tuple[PreparedReadings, Judge
     simulation = with_effects(nominal.simulation, solved, workers)
     progress(films, films + _LATER)
     try:
-        readings, simulation, every = _with_coupons(readings, simulation, of_coupons)
+        readings, simulation, every = with_coupons(readings, simulation, of_coupons,
+                                                   readings.causes)
         judged = judge(simulation, every, readings.causes, seed=seed, workers=workers)
     except ArithmeticError as failure:
         raise InputError(str(failure), key="readings",
@@ -144,10 +148,13 @@ def _judge_actuators(dataset: Dataset, of_coupons: tuple[PreparedReadings, Judge
     return readings, judged, error
 
 
-def _with_coupons(readings: PreparedReadings, simulation: Simulation,
-                  of_coupons: tuple[PreparedReadings, Judgement] | None
-                  ) -> tuple[PreparedReadings, Simulation, ReadingTable]:
-    """With coupons of the same film beside them, if there are some, each with its noise found."""
+def with_coupons(readings: PreparedReadings, simulation: Simulation,
+                 of_coupons: tuple[PreparedReadings, Judgement] | None, causes: Sequence[Cause]
+                 ) -> tuple[PreparedReadings, Simulation, ReadingTable]:
+    """With coupons of the same film beside them, if there are some, each with its noise found.
+
+    That of the actuators is found beside what ``causes`` show.
+    """
     if of_coupons is None:
         return readings, simulation, readings.table
     coupons, judged = of_coupons
@@ -157,7 +164,7 @@ def _with_coupons(readings: PreparedReadings, simulation: Simulation,
         remark = WORDS["other_film"]
         readings = replace(readings, remarks=(*readings.remarks, remark))
         return readings, simulation, readings.table
-    table = with_noise_found(simulation, readings.table, readings.causes)
+    table = with_noise_found(simulation, readings.table, causes)
     remark = WORDS["together"].format(count=len(judged.table), share=BATCH)
     together = replace(readings, coupons=coupons, remarks=(*readings.remarks, remark))
     return together, *weighed_together(simulation, table, tests, judged)
@@ -182,11 +189,13 @@ def weighed_together(simulation: Simulation, table: ReadingTable, tests: CouponT
     return (replace(simulation, evidence=(*simulation.evidence, tests)), table.joined(strips))
 
 
-def _of_coupons_alone(dataset: Dataset) -> bool:
+def of_coupons_alone(dataset: Dataset) -> bool:
+    """Whether a dataset has readings of coupons and no others."""
     return set(dataset.tables) <= set(CouponTests.files)
 
 
-def _judge_coupons(dataset: Dataset, seed: int) -> tuple[PreparedReadings, Judgement]:
+def judge_coupons(dataset: Dataset, seed: int) -> tuple[PreparedReadings, Judgement]:
+    """What a dataset's coupons say by themselves."""
     readings = coupon_readings(dataset)
     simulation = Simulation(readings.setup, (), evidence=readings.evidence)
     try:
@@ -204,6 +213,7 @@ def plan_readings(dataset: Dataset, workers: int = 1,
     And what makes synthetic readings like them. Their values are not looked at. An
     :class:`InputError` where a planned state has no equilibrium.
     """
+    _require_lengths(dataset)
     readings = _prepared(dataset)
     table = _predicted(readings.setup, readings.table)
     nominal = calibrated(readings.setup, table)
@@ -222,6 +232,14 @@ def plan_readings(dataset: Dataset, workers: int = 1,
         "indistinguishable": [[str(cause) for cause in group] for group in classes],
         "effects": to_json(detectable_effects(signs)),
     }, bench
+
+
+def _require_lengths(dataset: Dataset) -> None:
+    """Refuse forces without deflections, on which a diagnosis counts its errors."""
+    if set(dataset.tables) - set(CouponTests.files) == set(Held.files):
+        raise InputError("must have static.csv or range.csv beside force.csv, as errors are "
+                         "counted on deflections; tympan material fit takes forces alone",
+                         key=dataset.name)
 
 
 def _prepared(dataset: Dataset) -> PreparedReadings:

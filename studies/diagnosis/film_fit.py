@@ -1,7 +1,9 @@
-"""A film fitted to what its actuators showed in time: stiffness, permittivity, viscous branches.
+"""A film fitted to what its actuators showed: stiffness, permittivity, in time viscous branches.
 
-The law keeps the form that is stated. Branches are those of the effect ``creep``, by the same
-reduced films and the same search as a diagnosis has, with no other effect beside them.
+The law keeps the form that is stated. All evidence is judged by the nominal fit of a diagnosis:
+deflections, forces that hold plates, frequencies, scans, runs in time, with coupons beside them.
+Branches are those of the effect ``creep``, by the same reduced films and the same search as a
+diagnosis has, with no other effect beside them.
 """
 
 from __future__ import annotations
@@ -19,13 +21,19 @@ from tympan.fem.toml_writer import specimen_to_toml
 from tympan.geometry.errors import InputError
 from tympan.geometry.fields import Key
 from tympan.studies.data.dataset import Dataset
-from tympan.studies.diagnosis.diagnose import calibrated_readings
+from tympan.studies.diagnosis.diagnose import (
+    calibrated_readings,
+    judge_coupons,
+    of_coupons_alone,
+    with_coupons,
+)
 from tympan.studies.diagnosis.evidence.kind import Model
 from tympan.studies.diagnosis.fits.evidence import interval
 from tympan.studies.diagnosis.fits.fit import NUISANCE, Fit
 from tympan.studies.diagnosis.fits.fitting import nominal_fit
 from tympan.studies.diagnosis.hypothesis import FACTORS, Cause
 from tympan.studies.diagnosis.inference.exploration import COUNT, Exploration
+from tympan.studies.diagnosis.inference.nominal import with_noise_found
 from tympan.studies.diagnosis.result import Factor, Json
 from tympan.studies.diagnosis.sentences import found_sizes
 from tympan.studies.effects.findings import FoundSize
@@ -73,7 +81,7 @@ class FittedBranch:
 
 @dataclass(frozen=True, kw_only=True)
 class FilmFit:
-    """What ``material fit`` prints of a dataset's transients; ``files`` are specimens by name."""
+    """What ``material fit`` prints of a dataset; ``files`` are specimens by name."""
 
     dataset: Annotated[str, Key("name of the dataset")]
     readings: Annotated[int, Key("how many were fitted: means of blocks of samples and others")]
@@ -86,6 +94,15 @@ class FilmFit:
     not_told: Annotated[tuple[str, ...], Key("what these readings do not tell, in sentences")]
     warnings: Annotated[tuple[str, ...], Key("what limits the result, in sentences")]
     files: Mapping[str, str] = field(default_factory=dict, repr=False, compare=False)
+
+    @property
+    def constants(self) -> list[tuple[str, str, Factor | FittedConstant]]:
+        """Name, unit, and value with limits of each constant."""
+        branches = [each for number, branch in enumerate(self.branches, 1)
+                    for each in ((f"modulus of branch {number}", "Pa", branch.modulus_Pa),
+                                 (f"time of branch {number}", "s", branch.time_s))]
+        return [("stiffness factor", "", self.stiffness_factor),
+                ("permittivity factor", "", self.permittivity_factor), *branches]
 
     def json(self) -> Json:
         """As a JSON object."""
@@ -100,29 +117,47 @@ class FilmFit:
         write_json(folder / "film_fit.json", self.json())
 
 
-def fit_film(dataset: Dataset, branches: int | None = None) -> FilmFit:
+def fit_film(dataset: Dataset, branches: int | None = None, seed: int = 0) -> FilmFit:
     """Fit one factor on stiffness, one on permittivity and viscous branches to all readings.
 
-    ``branches``: how many; None: as many as are more probable than fewer, at most :data:`MOST`. An
-    :class:`InputError` without runs in time, or where readings tell no such branch.
+    ``branches``: how many; None: as many as are more probable than fewer, at most :data:`MOST`, and
+    none without runs in time. Noise that nothing states is what the fit's scatter tells. ``seed``
+    is that of the draws with which coupons are judged. An :class:`InputError` where readings tell
+    no such branch, or are of coupons alone.
     """
-    if dataset.transients is None:
-        raise InputError("has no transient.csv: branches show in time alone", key=dataset.name)
+    if of_coupons_alone(dataset):
+        raise InputError("must have readings of an actuator; of coupons alone give the file "
+                         "coupon.csv, to which laws are fitted", key=dataset.name)
+    if branches and dataset.transients is None:
+        raise InputError("must be 0, as there is no transient.csv: branches show in time alone",
+                         key="--branches", given=branches)
     if branches is not None and branches > MOST:
         raise InputError(f"must be from 0 to {MOST} for a dataset's transients", key="--branches",
                          given=branches)
     readings, nominal, _ = calibrated_readings(dataset)
-    search = Exploration(nominal.simulation, readings.table, nominal_fit(
-        nominal.simulation, readings.table), [Cause("creep")], lambda fit: True)
-    search.run()
-    fits = {len(fit.hypothesis): fit for fit in (search.nominal, *search.ranked())}
-    best = max(fits.values(), key=lambda fit: fit.evidence - COUNT * len(fit.hypothesis))
-    if branches is not None:
-        if branches not in fits:
-            raise InputError("must be fewer: these readings tell no such branch",
-                             key="--branches", given=branches)
-        best = fits[branches]
-    return _result(dataset, search.simulation, best, readings.remarks)
+    table = readings.table
+    simulation: Model = nominal.simulation
+    try:
+        if dataset.coupons is not None:
+            readings, simulation, table = with_coupons(readings, nominal.simulation,
+                                                       judge_coupons(dataset, seed), ())
+        if readings.coupons is None and dataset.transients is None:
+            table = with_noise_found(simulation, table, ())
+    except ArithmeticError as failure:
+        raise InputError(str(failure), key="readings", given=f"{len(table)} readings") from None
+    best = nominal_fit(simulation, table)
+    if dataset.transients is not None:
+        search = Exploration(simulation, table, best, [Cause("creep")], lambda fit: True)
+        search.run()
+        simulation = search.simulation
+        fits = {len(fit.hypothesis): fit for fit in (search.nominal, *search.ranked())}
+        best = max(fits.values(), key=lambda fit: fit.evidence - COUNT * len(fit.hypothesis))
+        if branches is not None:
+            if branches not in fits:
+                raise InputError("must be fewer: these readings tell no such branch",
+                                 key="--branches", given=branches)
+            best = fits[branches]
+    return _result(dataset, simulation, best, readings.remarks)
 
 
 def _result(dataset: Dataset, simulation: Model, fit: Fit, remarks: tuple[str, ...]) -> FilmFit:
@@ -137,14 +172,15 @@ def _result(dataset: Dataset, simulation: Model, fit: Fit, remarks: tuple[str, .
         dataset=dataset.name, readings=len(fit.residual), stiffness_factor=factors[0],
         permittivity_factor=factors[1], branches=tuple(FittedBranch(
             FittedConstant.of(size["mu"]), FittedConstant.of(size["tau"])) for size in sizes),
-        misfit=fit.misfit, p_value=chance, not_told=tuple(_not_told(known, sizes)),
+        misfit=fit.misfit, p_value=chance,
+        not_told=tuple(_not_told(known, sizes, dataset.transients is not None)),
         warnings=(*remarks, *beware, WORDS["form"]),
         files={f"{specimen.name}.toml": specimen_to_toml(specimen)
                for specimen in extended.specimens})
 
 
-def _not_told(fit: Fit, sizes: list[dict[str, FoundSize]]) -> Iterator[str]:
-    """What the readings do not tell of a fit's constants."""
+def _not_told(fit: Fit, sizes: list[dict[str, FoundSize]], in_time: bool) -> Iterator[str]:
+    """What the readings, some of them ``in_time``, do not tell of a fit's constants."""
     names = ["stiffness", "permittivity"]
     for cause in fit.hypothesis:
         number = 1 + [size["mu"].value for size in sizes].index(found_sizes(fit, cause)["mu"].value)
@@ -164,4 +200,4 @@ def _not_told(fit: Fit, sizes: list[dict[str, FoundSize]]) -> Iterator[str]:
             yield WORDS["together"].format(first=names[first], second=names[second],
                                            correlation=correlation[first, second])
     if not sizes:
-        yield WORDS["no_branch"]
+        yield WORDS["no_branch" if in_time else "at_rest"]

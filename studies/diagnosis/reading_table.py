@@ -24,7 +24,8 @@ LENGTHS = ("displacement", "range")
 
 def evenly(items: Numbers, count: int) -> Numbers:
     """So many of some items at most, evenly spaced, the first and the last among them."""
-    places = np.unique(np.linspace(0, len(items) - 1, count).round().astype(int))
+    most = min(count, len(items))
+    places = np.unique(np.linspace(0, len(items) - 1, most).round().astype(int))
     return np.asarray(items[places])
 
 

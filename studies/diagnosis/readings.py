@@ -42,9 +42,14 @@ def prepared_readings(dataset: Dataset) -> PreparedReadings:
                   dataset.rig)
     _refuse(dataset)
     parts, remarks = _read([kind for kind in PLATES if not kind.noisy], dataset, setup)
-    if sum(map(len, parts)) < FEWEST:
+    noisy, seen = _read([kind for kind in PLATES if kind.noisy], dataset, setup)
+    counted = parts if dataset.forces is None else [*parts, *noisy]
+    if sum(map(len, counted)) < FEWEST:
         raise InputError(f"less than {FEWEST} can be used", key="readings",
                          given="; ".join(remarks) or sum(map(len, dataset.sheets)))
+    if not parts:
+        return PreparedReadings(setup, reduce(ReadingTable.joined, noisy), PLATES,
+                                (*remarks, *seen))
     table = _with_noise(reduce(ReadingTable.joined, parts), dataset)
     if dataset.static is not None and (moved := dataset.run_zeros) is not None:
         read = np.flatnonzero((table.kind == "displacement") & np.isin(table.run, moved.runs)
@@ -53,7 +58,6 @@ def prepared_readings(dataset: Dataset) -> PreparedReadings:
     if step := coarse_step(dataset):
         table = _rounded(table, step)
     table, fewer = _not_too_many(table)
-    noisy, seen = _read([kind for kind in PLATES if kind.noisy], dataset, setup)
     table = reduce(ReadingTable.joined, noisy, table)
     return PreparedReadings(setup, table, PLATES, (*remarks, *fewer, *seen))
 
@@ -77,7 +81,8 @@ def _refuse(dataset: Dataset) -> None:
         raise InputError(f"must have static.csv or range.csv beside {there[0].files[0]}: by that "
                          "alone no mass is told from a stiffness", key=dataset.name)
     rig = dataset.rig
-    if not (rig.force(dataset.masses, 1.0).any() or rig.gas_pressure or rig.biases):
+    if not (rig.force(dataset.masses, 1.0).any() or rig.gas_pressure or rig.biases
+            or dataset.forces is not None):
         raise InputError("must be above 0 in some reading: a film that nothing loads stays flat "
                          "under any voltage", key="mass", given="0 g everywhere")
     for slip in (*slips_of_unit(dataset), *slips_of_sign(dataset)):

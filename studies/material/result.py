@@ -104,6 +104,9 @@ def fit_coupons(files: Path | Sequence[Path], names: Sequence[str] | None = None
     fitted laws, with limits: see :func:`~tympan.studies.material.film.film_deflection`. An
     :class:`InputError` names the file.
     """
+    if noise is not None and not 1e-6 <= noise <= 1e9:
+        raise InputError("must be from 1e-6 Pa to 1 GPa", key="--noise", given=f"{noise:g} Pa")
+    names = None if not names or "all" in names else names
     files = [files] if isinstance(files, Path) else [*files]
     coupons, said = _without_voltage(read_coupons(*files))
     try:

@@ -1,4 +1,4 @@
-"""Commands about materials: the library, a look at a law, and laws fitted to coupon tests."""
+"""Commands about materials: the library, a look at a law, and laws fitted to tests."""
 
 from __future__ import annotations
 
@@ -46,9 +46,9 @@ def material_show(options: argparse.Namespace) -> None:
          argument("coupons", type=Path, nargs="+", metavar="COUPON.csv|DATASET",
                   help="columns mode, stretch, nominal_stress_kPa; also specimen, t_s, run; or a "
                        "published format, several files of which are one set of tests; or the "
-                       "folder of a dataset with transient.csv: one factor on the stated law's "
-                       "stiffness, one on the permittivity and up to two branches are fitted to "
-                       "its actuators, and the form of the law is not"),
+                       "folder of a dataset: one factor on the stated law's stiffness, one on the "
+                       "permittivity and, with transient.csv, up to two branches are fitted to all "
+                       "that its actuators and coupons show, and the form of the law is not"),
          argument("--law", action="append", metavar="NAME",
                   help="may be given several times; all (default) compares every law, beside "
                        "branches those with at most one constant that stress is not linear in"),
@@ -68,17 +68,15 @@ def material_show(options: argparse.Namespace) -> None:
                 "specimen files (TOML)"), JSON,
          example="coupon.csv -o fit")
 def material_fit(options: argparse.Namespace) -> None:
-    """Fit laws, and viscous branches in time, to coupon tests; or to transients of actuators."""
+    """Fit laws, and viscous branches in time, to coupon tests; or a film to its actuators."""
     from tympan.studies.material.result import fit_coupons
 
     if options.coupons[0].is_dir():
         _fit_actuators(options)
         return
     noise = None if options.noise is None else parse_quantity(options.noise, "stress", "--noise")
-    if noise is not None and not 1e-6 <= noise <= 1e9:
-        raise InputError("must be from 1e-6 Pa to 1 GPa", key="--noise", given=options.noise)
-    names = None if not options.law or "all" in options.law else options.law
-    finish(options, fit_coupons(options.coupons, names, noise, options.branches, _film(options)))
+    finish(options, fit_coupons(options.coupons, options.law, noise, options.branches,
+                                _film(options)))
 
 
 def _fit_actuators(options: argparse.Namespace) -> None:

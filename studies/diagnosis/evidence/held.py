@@ -24,6 +24,7 @@ class Held(PlateEvidence):
     files = ("force.csv",)
     kinds = ("force",)
     noisy = True
+    alone = True
 
     def read(self, dataset: Dataset, setup: Setup) -> tuple[list[ReadingTable], list[str]]:
         read = dataset.forces

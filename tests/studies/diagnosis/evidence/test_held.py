@@ -13,10 +13,12 @@ from tests.oracles.axisymmetric import solve_deflection, solve_load
 from tests.support.datasets import HEAD, write_dataset
 from tests.support.specimens import circular, reference_film
 from tympan.fem.toml_writer import specimen_to_toml
+from tympan.geometry.errors import InputError
 from tympan.studies.data.dataset import read_dataset
 from tympan.studies.diagnosis.calibration import calibrated, with_effects
-from tympan.studies.diagnosis.diagnose import diagnose
+from tympan.studies.diagnosis.diagnose import diagnose, plan_readings
 from tympan.studies.diagnosis.evidence.kind import PreparedReadings
+from tympan.studies.diagnosis.film_fit import fit_film
 from tympan.studies.diagnosis.hypothesis import Cause
 from tympan.studies.diagnosis.inference.verdict import judge
 from tympan.studies.diagnosis.readings import prepared_readings
@@ -89,6 +91,16 @@ def test_nothing_hidden_is_nothing_found(tmp_path: Path) -> None:
     assert found.verdict == "nothing"
     assert (found.tables["readings.csv"]["kind"] == "force").sum() == len(HEAVES) * len(VOLTAGES)
     assert found.gain is None or "0 g" not in " ".join(found.gain.impossible)
+
+
+def test_forces_alone_are_for_a_fit(tmp_path: Path) -> None:
+    """Errors of a diagnosis are lengths, of which there are none."""
+    folder = written(tmp_path / "d", 2, RUN, CHARGED)
+    (folder / "static.csv").unlink()
+    for judge_it in (diagnose, plan_readings):
+        with pytest.raises(InputError, match="material fit takes forces alone"):
+            judge_it(read_dataset(folder))
+    assert fit_film(read_dataset(folder)).readings == len(RUN) * len(CHARGED)
 
 
 @pytest.fixture(scope="module")
