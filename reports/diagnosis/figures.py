@@ -100,7 +100,7 @@ def _models_legend(figure: Figure, masses: list[float], models: Columns, band: b
     handles: list[Artist] = point_keys([f"{1e3 * mass:.4g} g" for mass in masses])
     if slips:
         handles.append(left_out_key())
-    handles.append(line_key("nominal model", "--"))
+    handles.append(line_key("baseline model", "--"))
     if not np.array_equal(models["baseline"], models["extended"], equal_nan=True):
         handles.append(line_key("extended model", "-"))
     if band:
@@ -128,7 +128,7 @@ def line_key(label: str, line: str) -> Artist:
 
 
 def compose_transients(readings: Columns) -> Figure:
-    """Means of blocks of runs in time and the extended model, both less the nominal model.
+    """Means of blocks of runs in time and the extended model, both less the baseline model.
 
     A panel a specimen, over the time since the run began, on a logarithmic axis.
     """
@@ -143,7 +143,7 @@ def compose_transients(readings: Columns) -> Figure:
                     key: values[there & (readings["run"] == run)]
                     for key, values in readings.items()})
         axes.set_xscale("log")
-        style.describe(axes, "time (s)", "read − nominal (µm)", name, bold=True)
+        style.describe(axes, "time (s)", "read − baseline (µm)", name, bold=True)
     _models_legend(figure, masses, readings, band=False)
     return figure
 
@@ -178,7 +178,7 @@ def compose_residuals(readings: Columns, unit: str = "µm", per_si: float = 1e6)
     noise = float(readings["sigma"].max())
     reach = 1.15 * max(float(np.abs(before[counts]).max(initial=0.0)), 2.5 * noise)
     before, after = (np.clip(values, -_EDGE * reach, _EDGE * reach) for values in (before, after))
-    titles = "nominal model, stiffness and permittivity fitted", "extended model"
+    titles = "baseline model, stiffness and permittivity fitted", "extended model"
     for row, name in enumerate(names):
         for column, (title, values) in enumerate(zip(titles, (before, after), strict=True)):
             axes = style.place_axes(figure, _NAMED + column * (width + _BETWEEN),

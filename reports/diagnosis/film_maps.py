@@ -61,7 +61,7 @@ def titled_films(films: Sequence[LoadedFilm]) -> dict[str, FilmSurface]:
 def compose_loaded_films(films: Mapping[str, FilmSurface]) -> Figure:
     """Films seen along the load: a row each, a column a quantity, each on one scale.
 
-    What is nowhere different from the nominal model has no column.
+    What is nowhere different from the baseline model has no column.
     """
     figure = style.new_figure(_TITLE + len(films) * (_PANEL + _GAP) + _BAR)
     shown = [quantity for quantity in (QUANTITIES[key] for key in _STILL)
@@ -96,7 +96,7 @@ def compose_film_maps(readings: Columns, outlines: Mapping[str, Any]) -> Figure:
     reach = max(float(np.quantile(np.abs(residuals[0]), _SHARE)), 1e-3)
     figure = style.new_figure(_TITLE + len(states) * (_PANEL + _GAP) + _BAR)
     width = (style.WIDTH - _LEFT - _RIGHT - _BETWEEN) / 2
-    titles = "nominal model, stiffness and permittivity fitted", "extended model"
+    titles = "baseline model, stiffness and permittivity fitted", "extended model"
     for row, (name, mass, voltage) in enumerate(states):
         rows = ((readings["specimen"] == name) & (readings["mass"] == mass)
                 & (readings["voltage"] == voltage))

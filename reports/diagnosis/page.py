@@ -143,7 +143,7 @@ def _worst_ratios(misfit: Misfit) -> list[Ratio]:
 
 
 def _template(name: str) -> Template:
-    return template(name, number=number, digits=digits, error=error, chance=chance,
+    return template(name, number=number, digits=digits, like=like, error=error, chance=chance,
                     probability=probability_text, plain=plain, capitalised=capitalised,
                     times=times, label=cause_label,
                     lines=lambda numbers: lines_of(np.array(numbers)),
@@ -170,6 +170,17 @@ def digits(value: float) -> str:
     return f"{value:.5g}"
 
 
+def like(value: float, written: float) -> str:
+    """A value with as many decimals as what is written beside it, and three digits at least.
+
+    >>> like(3.25512, 2.844), like(0.31412, 0.3)
+    ('3.255', '0.314')
+    """
+    decimals = len(digits(written).partition(".")[2])
+    least = 2 - int(np.floor(np.log10(abs(value)))) if value else 0
+    return f"{value:.{max(decimals, least, 0)}f}"
+
+
 def error(value: float | None) -> str:
     """An error; a dash where there is none."""
     return "–" if value is None else number(value)
@@ -186,8 +197,12 @@ def capitalised(words: str) -> str:
 
 
 def chance(p_value: float) -> str:
-    """How often noise alone would look like that."""
+    """How often noise alone would look like that; below once in a million it is called that.
+
+    >>> chance(0.14), chance(0.0004), chance(1e-16)
+    ('14 times in a hundred', 'at most once in 1 000 times', 'at most once in 1 000 000 times')
+    """
     if p_value >= 0.01:
         return f"{100 * p_value:.0f} times in a hundred"
-    times = 10 ** max(3, round(-np.log10(max(p_value, 1e-9))))
-    return f"once in {times:,} times or less".replace(",", " ")
+    times = 10 ** int(-np.log10(max(p_value, 1e-6)))
+    return f"at most once in {times:,} times".replace(",", " ")

@@ -105,7 +105,7 @@ def _column(above: Axes, below: Axes, readings: Columns, labels: NDArray[np.str_
 
 
 def _legend(figure: Figure, conditions: list[str]) -> None:
-    handles = [*point_keys(conditions), line_key("nominal model (below: hollow)", "--"),
+    handles = [*point_keys(conditions), line_key("baseline model (below: hollow)", "--"),
                line_key("extended model (below: full)", "-"),
                Patch(color=style.FAINT, label="95 % of the noise")]
     figure.legend(handles=handles, loc="lower center", ncols=_ACROSS)

@@ -53,7 +53,7 @@ def test_small_errors_are_said_where_they_are_the_rest(verdict: Verdict, words: 
 def test_where_nothing_explains_it_there_may_be_no_extended_model() -> None:
     usual = diagnosed("unexplained", cause("drift", "Readings rise"))
     none = replace(usual, after=None)
-    words = "The model is not extended: no effect predicts readings that were held out any better."
+    words = "The model is not extended, as no effect improves its predictions of held-out readings."
     assert [words in verdict_words(each) for each in (usual, none)] == [False, True]
     pages = [" ".join(render_diagnosis(each, {}).split()) for each in (usual, none)]
     assert ["<code>extended</code>" in page for page in pages] == [True, False]
@@ -105,7 +105,7 @@ def test_a_family_is_named_with_the_one_that_stands_for_it() -> None:
         member="The electrodes end 4 mm short of the frame")
     named = cause("electrode_margin", family.headline, named=True, family=family, surprise=12.3)
     words = verdict_words(diagnosed("named", named))
-    assert f"one that does as much: {family.member}." in words
+    assert f"one of the causes that fit them equally well: {family.member}." in words
     assert "look at it first" not in words
 
 
@@ -150,6 +150,6 @@ def test_what_the_name_depends_on_is_said(stand_out: tuple[list[str], ...], word
     assert words in page
     assert "Were the noise 1.5 times as large, the probability of what is named would be 96 %" in (
         page)
-    assert "misses by 22 µm where the nominal one misses by 61 µm; the noise is 20 µm" in page
+    assert "misses by 22 µm where the baseline model misses by 61 µm; the noise is 20 µm" in page
     assert "Of 90 readings not seen, 94 % lay within the bands that are to hold 95 %" in page
     assert "15.4 µm as stated, times 1.3 because the readings scatter so much" in page
