@@ -35,12 +35,13 @@ from tympan.studies.diagnosis.result import Diagnosis
 from tympan.studies.files import write_atomically
 from tympan.studies.film_surface import FilmSurface
 from tympan.studies.force import ForceResult
-from tympan.studies.limits import CurveResult
+from tympan.studies.limits import CurveResult, LimitsResult
 from tympan.studies.lumped.build import BuildResult
 from tympan.studies.material.result import MaterialFitResult
 from tympan.studies.modes import ModesResult
 from tympan.studies.optimise.optimise import OptimiseResult
 from tympan.studies.path import PathResult
+from tympan.studies.response import ResponseResult
 from tympan.studies.sensitivity import SensitivityResult
 from tympan.studies.study import StudyResult
 from tympan.studies.sweep.run import SweepResult
@@ -150,6 +151,27 @@ def _(result: ModesResult, axes: Axes) -> None:
     film = _film(result.film, result.warnings)
     _map(axes, film, film.values["mode_1"][:, 2], "motion along the load, relative")
     axes.set_title(f"{result.specimen}: {result.modes[0].name}, {result.modes[0].speed}")
+
+
+@draw.register
+def _(result: LimitsResult, axes: Axes) -> None:
+    reached = result.limits.reached
+    if not reached:
+        raise InputError(f"there is nothing to draw: no limit up to {result.limits.ended}")
+    axes.barh([limit.state.verb for limit in reached], [limit.voltage_V / 1e3 for limit in reached],
+              color=look.PALETTE[0])
+    axes.invert_yaxis()
+    axes.set(xlabel="voltage (kV)", title=f"{result.specimen}: {1e3 * result.mass_kg:.4g} g")
+
+
+@draw.register
+def _(result: ResponseResult, axes: Axes) -> None:
+    if not result.frequency_Hz:
+        raise InputError(f"there is nothing to draw: {'; '.join(result.warnings)}")
+    axes.loglog(result.frequency_Hz, 1e9 * np.array(result.amplitude_m_per_V))
+    axes.set(xlabel="frequency (Hz)", ylabel="amplitude (µm/kV)",
+             title=f"{result.specimen}: {1e3 * result.mass_kg:.4g} g, "
+                   f"{result.voltage_V / 1e3:.4g} kV")
 
 
 @draw.register

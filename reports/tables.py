@@ -1,30 +1,51 @@
-"""Results as pandas tables: a row for each state, mode, circle or case, in SI."""
+"""Results as pandas tables: a row for each state, mode, circle or case; fields by xarray. In SI."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import asdict
 from functools import singledispatch
 from typing import Any
 
+import numpy as np
 import pandas as pd
+import xarray as xr
+from numpy.typing import NDArray
 
 from tympan.studies.alpha import AlphaResult
 from tympan.studies.alpha.weights import Weights
 from tympan.studies.case import CaseResult
 from tympan.studies.diagnosis.film_fit import FilmFit
 from tympan.studies.diagnosis.result import Diagnosis
+from tympan.studies.film_surface import FIELD_UNITS
 from tympan.studies.force import ForceResult
-from tympan.studies.limits import CurveResult
+from tympan.studies.limits import CurveResult, LimitsResult
 from tympan.studies.lumped.build import BuildResult
 from tympan.studies.material.result import MaterialFitResult
 from tympan.studies.modes import ModesResult
 from tympan.studies.optimise.optimise import OptimiseResult
 from tympan.studies.path import PathResult
+from tympan.studies.response import ResponseResult
 from tympan.studies.sensitivity import SensitivityResult
 from tympan.studies.study import StudyResult
 from tympan.studies.sweep.run import SweepResult
 from tympan.studies.sweep.table import frame
 from tympan.studies.trace import Responses
+
+
+def labelled(values: Mapping[str, NDArray[np.float64]], along: str,
+             **places: NDArray[np.float64]) -> xr.Dataset:
+    """Fields of a film as an xarray dataset along one dimension, with their units.
+
+    ``places``: where in the flat film they are [m], by coordinate.
+    """
+    def variable(name: str, value: NDArray[np.float64]) -> xr.Variable:
+        dims = (along, "component")[:value.ndim]
+        return xr.Variable(dims, value, {"units": FIELD_UNITS.get(name, "1")})
+
+    where = {name: xr.Variable(along, value, {"units": "m"}) for name, value in places.items()}
+    return xr.Dataset({name: variable(name, value) for name, value in values.items()},
+                      where | {"component": ["x", "y", "z"]})
 
 
 @singledispatch
@@ -36,6 +57,18 @@ def table(result: object) -> pd.DataFrame:
 @table.register
 def _(result: CaseResult) -> Any:
     return pd.DataFrame([result.json() | {"warnings": " | ".join(result.warnings)}])
+
+
+@table.register
+def _(result: LimitsResult) -> Any:
+    return pd.DataFrame([{"specimen": result.specimen, "mass_kg": result.mass_kg,
+                          "kind": limit.kind, **asdict(limit)} for limit in result.limits.reached])
+
+
+@table.register
+def _(result: ResponseResult) -> Any:
+    return pd.DataFrame({name: getattr(result, name) for name in (
+        "frequency_Hz", "amplitude_m_per_V", "phase_deg", "film_voltage_V_per_V")})
 
 
 @table.register

@@ -11,6 +11,7 @@ from xml.sax.saxutils import escape
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from tympan.fem.discretisation.isoparametric import tabulated
 from tympan.fem.membrane.model import Model
@@ -29,6 +30,17 @@ STORED = (
     "breakdown_share")
 
 
+#: Units of these fields, where they have one.
+FIELD_UNITS = {
+    "displacement": "m", "thickness": "m", "electric_field": "V/m", **dict.fromkeys(
+        (name for name in STORED if "stress" in name), "Pa")}
+
+#: Triangles tried for a place: those whose middles are nearest.
+_NEAREST = 12
+#: A place so far outside its triangle, relative to that, is at the film's edge, which is curved.
+_AT_EDGE = 0.1
+
+
 @dataclass(frozen=True, eq=False)
 class FilmSurface:
     """The deformed film: ``points`` [m], shape (n, 3), ``triangles``, shape (m, 3), values by name.
@@ -45,6 +57,25 @@ class FilmSurface:
     def mounted(self) -> Array:
         """Where the points lay in the flat film [m], shape (n, 3)."""
         return np.asarray(self.points - self.values["displacement"])
+
+    def at(self, places: Array) -> dict[str, Array]:
+        """All fields at places of the flat film [m], shape (n, 2); nan where there is no film.
+
+        Interpolated linearly within the triangles.
+        """
+        corners = self.mounted[self.triangles][:, :, :2]
+        count = min(_NEAREST, len(corners))
+        near = cKDTree(corners.mean(axis=1)).query(places, count)[1].reshape(len(places), count)
+        first = corners[near][:, :, 0]
+        edges = (corners[near][:, :, 1:] - first[:, :, None]).swapaxes(-1, -2)
+        along = np.linalg.solve(edges, (places[:, None] - first)[..., None])[..., 0]
+        shares = np.concatenate([1 - along.sum(-1, keepdims=True), along], axis=-1)
+        best = shares.min(axis=-1).argmax(axis=1)
+        rows = np.arange(len(places))
+        shares, points = shares[rows, best], self.triangles[near[rows, best]]
+        shares[shares.min(axis=1) < -_AT_EDGE] = np.nan
+        return {name: np.einsum("nc,nc...->n...", shares, values[points])
+                for name, values in self.values.items()}
 
     def save(self, file: Path) -> None:
         """Write a VTU file."""

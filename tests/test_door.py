@@ -10,6 +10,7 @@ import subprocess
 import sys
 from dataclasses import asdict, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -25,11 +26,13 @@ from tests.support.specimens import circular, elliptical
 from tests.support.sweeps import written
 from tympan.cli import main
 from tympan.fem.toml_writer import specimen_to_toml
+from tympan.geometry.errors import InputError
 from tympan.geometry.mesher import MeshSettings
 from tympan.studies.alpha import AlphaSettings, LoadGrid
-from tympan.studies.case import CaseResult, Settings, solve
+from tympan.studies.case import Case, CaseResult, Settings, equilibrate, solve
 from tympan.studies.diagnosis.result import FoundCause, ShownSize
 from tympan.studies.optimise.optimise import OptimiseResult
+from tympan.studies.study import line_profile
 
 ROOT = Path(__file__).parent.parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -289,3 +292,103 @@ def test_loads_are_named_and_carry_their_unit() -> None:
         tympan.solve(circular(), COARSE, mass="17.9 kV")
     with pytest.raises(tympan.InputError, match="must be one of ecoflex-00-30, vhb-4905"):
         tympan.material("chewing gum")
+
+
+#: What a user writes to compare two films along a radius: stress in one axis, a table of each, and
+#: a warning of the first limit.
+FIFTEEN_LINES = '''
+import matplotlib.pyplot as plt
+import tympan
+
+figure, axes = plt.subplots()
+for radius in ("8 mm", "12 mm"):
+    film = tympan.Film("1 mm", 2.236, tympan.material("vhb-4910"))
+    plate = tympan.Plate(tympan.Circle(radius), offset=("3 mm", "0 mm"))
+    oval = tympan.Specimen(f"oval-{radius}", tympan.Ellipse(("6 cm", "4 cm")), plate, film)
+    result = tympan.solve(oval, mass="17.9 g", voltage="3.5 kV")
+    line = result.line("x")
+    axes.plot(1e3 * line.distance, line["stress_1"] / 1e3, label=radius)
+    line["stress_1"].to_pandas().to_csv(f"{oval.name}.csv")
+    print(radius, result.limits.limit.kind, result.limits.limit.voltage_V)
+figure.savefig("stress.png")
+'''
+
+
+def test_a_script_compares_two_films(tmp_path: Path) -> None:
+    assert len([line for line in FIFTEEN_LINES.splitlines() if line]) <= 15
+    done = subprocess.run([sys.executable, "-c", FIFTEEN_LINES], cwd=tmp_path,
+                          env=os.environ | {"PYTHONPATH": str(ROOT), "MPLBACKEND": "agg"},
+                          capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert [line.split()[2] for line in done.stdout.splitlines()] == ["tension", "tension"]
+    assert (tmp_path / "stress.png").stat().st_size > 5000
+    distance, stress = np.loadtxt(tmp_path / "oval-8 mm.csv", delimiter=",", skiprows=1).T
+    # From the frame to the plate, nothing on it, and to the frame again; most stress at the plate.
+    assert (distance[0], distance[-1]) == pytest.approx((-0.063, 0.057))
+    assert np.abs(distance).min() == pytest.approx(8e-3, abs=1e-3)
+    assert np.abs(distance[stress.argmax()]) < 10e-3
+
+
+@pytest.fixture(scope="module")
+def oval() -> tuple[tympan.Specimen, tympan.Result[CaseResult]]:
+    """A film whose plate is off the middle, solved."""
+    plate = tympan.Plate(tympan.Circle("1 cm"), offset=("3 mm", "0 mm"))
+    film = tympan.Film("1 mm", 2.236, tympan.NeoHooke("20 kPa"), 4.7)
+    specimen = tympan.Specimen("oval", tympan.Ellipse(("6 cm", "4 cm")), plate, film)
+    return specimen, tympan.solve(specimen, mass="17.9 g", voltage="3.5 kV")
+
+
+def test_lines_are_those_of_the_field_model(oval: tuple[tympan.Specimen, Any]) -> None:
+    """Against the fields on the model's own edges: between points they are linear."""
+    specimen, result = oval
+    case = Case(specimen, mass="17.9 g", voltage="3.5 kV")
+    model, outcome = equilibrate(case, Settings())
+    for name in ("x", "y"):
+        distance, fields = line_profile(model, outcome.state, name)
+        line = result.line(name)
+        for key in ("stress_1", "stress_radial", "stretch_1", "thickness"):
+            exact = np.interp(line.distance, distance, getattr(fields, key))
+            scale = np.ptp(getattr(fields, key))
+            away = np.abs(line.distance) > 12e-3  # next to the plate a triangle is not flat
+            assert np.abs(line[key] - exact)[away].max() < 5e-3 * scale, key
+    assert result.line("x")["stress_1"].attrs["units"] == "Pa"
+
+
+def test_fields_and_places(oval: tuple[tympan.Specimen, Any]) -> None:
+    _, result = oval
+    fields = result.fields
+    assert float(fields["stress_1"].max()) == pytest.approx(result.max_true_stress_Pa, rel=0.02)
+    assert fields["displacement"].dims == ("point", "component")
+    at = result.at([0.03, 0.1], 0.0)
+    assert np.isfinite(at["stress_1"].values).tolist() == [True, False]
+    assert np.isnan(result.at("3 mm", "0 mm")["thickness"].values).all()  # the plate's middle
+    # The film's height falls from the plate to the frame.
+    heights = result.at(np.linspace(0.014, 0.058, 9), 0.0)["displacement"].sel(component="z")
+    assert (np.diff(np.abs(heights.values)) < 0).all()
+    with pytest.raises(InputError, match="must be x or y"):
+        result.line("z")
+    with pytest.raises(InputError, match="this kind of result has none"):
+        tympan.limits(oval[0], COARSE, mass="17.9 g").fields  # noqa: B018
+
+
+def test_limits_and_responses_are_those_of_the_commands(
+        oval: tuple[tympan.Specimen, Any], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+        ) -> None:
+    specimen, result = oval
+    result.save(tmp_path)
+    (tmp_path / "oval.toml").write_text(specimen_to_toml(specimen), encoding="utf-8")
+    file = str(tmp_path / "oval.toml")
+    found = tympan.limits(specimen, mass="17.9 g")
+    assert main(["limits", file, "--mass", "17.9 g", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out) == json.loads(json.dumps(found.json()))
+    assert found.to_pandas()["voltage_V"].tolist() == sorted(found.to_pandas()["voltage_V"])
+    moved = tympan.response(specimen, 1.0, "20 Hz", mass="17.9 g", voltage="3 kV")
+    assert main(["response", file, "--mass", "17.9 g", "--voltage", "3 kV", "--frequency",
+                 "1 Hz, 20 Hz", "--json"]) == 0
+    shown = json.loads(capsys.readouterr().out)
+    assert shown["amplitude_m_per_V"] == pytest.approx(moved.amplitude_m_per_V, rel=1e-9)
+    for drawn in (found, moved):
+        drawn.plot(tmp_path / "drawn.png")
+    curve = tympan.curve(specimen, "17.9 g", voltages=["1 kV", 2e3])
+    asked = curve.to_pandas().query("asked > 0")
+    assert asked["voltage"].tolist() == [1e3, 2e3]

@@ -29,8 +29,9 @@ __all__ = [
     "Settings", "ShearThinning", "Specimen", "Spring", "Stadium", "Superellipse", "ViscousBranch",
     "Yeoh",
     "__version__",
-    "alpha", "curve", "diagnose", "draw", "fit_material", "force", "load", "lumped", "material",
-    "modes", "optimise", "path", "sensitivity", "solve", "study", "sweep", "transient",
+    "alpha", "curve", "diagnose", "draw", "fit_material", "force", "limits", "load", "lumped",
+    "material", "modes", "optimise", "path", "response", "sensitivity", "solve", "study", "sweep",
+    "transient",
 ]
 
 

@@ -27,12 +27,13 @@ if TYPE_CHECKING:
     from tympan.studies.diagnosis.film_fit import FilmFit
     from tympan.studies.diagnosis.result import Diagnosis
     from tympan.studies.force import ForceResult
-    from tympan.studies.limits import CurveResult
+    from tympan.studies.limits import CurveResult, LimitsResult
     from tympan.studies.lumped.build import BuildResult
     from tympan.studies.material.result import MaterialFitResult
     from tympan.studies.modes import ModesResult
     from tympan.studies.optimise.optimise import OptimiseResult
     from tympan.studies.path import PathResult
+    from tympan.studies.response import ResponseResult
     from tympan.studies.sensitivity import SensitivityResult
     from tympan.studies.study import StudyResult
     from tympan.studies.sweep.run import SweepResult
@@ -108,23 +109,38 @@ def solve(specimen: Specimen, settings: Settings = Settings(), **loads: Unpack[L
     """
     from tympan.studies.limits import solve_within
 
-    return Result(solve_within(Case(specimen, **loads), settings, film=True))
+    return Result(solve_within(Case(specimen, **loads), settings, film=True), specimen)
+
+
+@names_arguments(*Loads.__annotations__)
+@one_thread()
+def limits(specimen: Specimen, settings: Settings = Settings(), **loads: Unpack[Loads]
+           ) -> Result[LimitsResult]:
+    """How far the voltage can be raised: loss of tension, breakdown, instability, pull-in.
+
+    ``result.limits.limit`` is the first of them, with ``kind`` and ``voltage_V``.
+    """
+    from tympan.studies.limits import LimitsResult
+
+    return Result(LimitsResult.of(Case(specimen, **loads), settings))
 
 
 @names_arguments()
 @one_thread()
-def curve(specimen: Specimen, *masses: float | str, settings: Settings = Settings(),
-          rig: Rig = Rig()) -> Result[CurveResult]:
+def curve(specimen: Specimen, *masses: float | str, voltages: Sequence[float | str] = (),
+          settings: Settings = Settings(), rig: Rig = Rig()) -> Result[CurveResult]:
     """Deflection against voltage under each mass to the film's limit; by default under usual ones.
 
-    ``result.curves[0].limits.limit.voltage_V`` is the first limit of the first one.
+    ``voltages`` are rows of their own. ``result.curves[0].limits.limit.voltage_V`` is the first
+    limit under the first mass.
     """
     from tympan.studies.limits import curve
     from tympan.studies.limits.loads import usual_masses
 
     given = [Case(specimen, mass=mass).mass for mass in masses]
     usual = () if given else usual_masses(specimen, settings, rig) if specimen.plate else (0.0,)
-    return Result(curve(specimen, given or usual, settings, rig))
+    marked = sorted(Case(specimen, voltage=voltage).voltage for voltage in voltages)
+    return Result(curve(specimen, given or usual, settings, rig, marked))
 
 
 @names_arguments()
@@ -196,7 +212,23 @@ def modes(specimen: Specimen, count: int = 6, settings: Settings = Settings(),
     """Small vibrations about an equilibrium, the voltage held constant."""
     from tympan.studies.modes import modes
 
-    return Result(modes(Case(specimen, **loads), settings, count))
+    return Result(modes(Case(specimen, **loads), settings, count), specimen)
+
+
+@names_arguments(*Loads.__annotations__)
+@one_thread()
+def response(specimen: Specimen, *frequencies: float | str, settings: Settings = Settings(),
+             **loads: Unpack[Loads]) -> Result[ResponseResult]:
+    """Amplitude and phase of the deflection under a small sine of the voltage, by frequency.
+
+    ``frequencies`` are numbers [Hz] or texts; left out, they suit the film.
+    """
+    from tympan.geometry.units import quantity
+    from tympan.studies.response import response
+
+    asked = [quantity(frequency, "frequency") if isinstance(frequency, str) else frequency
+             for frequency in frequencies]
+    return Result(response(Case(specimen, **loads), settings, tuple(asked)), specimen)
 
 
 @names_arguments(*Loads.__annotations__)

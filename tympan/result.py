@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, Literal, Protocol, TypeVar
 
 from tympan.geometry.errors import InputError
 from tympan.geometry.process.folder import alone
@@ -15,6 +15,9 @@ if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
     from matplotlib.axes import Axes
+
+    from tympan.geometry.specimen import Specimen
+    from tympan.studies.film_surface import FilmSurface
 
 #: How long to wait for another who saves into the same folder [s].
 _PATIENCE = 10.0
@@ -33,9 +36,13 @@ Numbers = TypeVar("Numbers", bound=_Numbers)
 
 @dataclass(frozen=True)
 class Result(Generic[Numbers]):
-    """The ``numbers`` of a study; all their attributes are the result's own too."""
+    """The ``numbers`` of a study; all their attributes are the result's own too.
+
+    ``actuator``: what was solved, of a result that has fields.
+    """
 
     numbers: Numbers
+    actuator: Specimen | None = None
 
     def __getattr__(self, name: str) -> Any:
         if name.startswith("__") or name == "numbers":  # asked for while it is unpickled
@@ -94,6 +101,65 @@ class Result(Generic[Numbers]):
         from tympan.reports.tables import table
 
         return table(self.numbers)
+
+    @property
+    def fields(self) -> xr.Dataset:
+        """Stretches, stresses and other fields at points of the film, with their units, by xarray.
+
+        ``fields["stress_1"].max()``; ``x`` and ``y`` are places in the flat film [m].
+        """
+        from tympan.reports.tables import labelled
+
+        film = self._film()
+        x, y, _ = film.mounted.T
+        return labelled(film.values, "point", x=x, y=y)
+
+    def at(self, x: Any, y: Any) -> xr.Dataset:
+        """The fields at places of the flat film: numbers [m], texts with a unit, or arrays.
+
+        Where there is no film they are nan. Interpolated linearly between the points of
+        :attr:`fields`.
+        """
+        import numpy as np
+
+        from tympan.geometry.units import quantity
+        from tympan.reports.tables import labelled
+
+        x, y = (quantity(value, "length") if isinstance(value, str) else value for value in (x, y))
+        places = np.column_stack([part.ravel() for part in np.broadcast_arrays(
+            np.atleast_1d(x).astype(float), np.atleast_1d(y).astype(float))])
+        return labelled(self._film().at(places), "point", x=places[:, 0], y=places[:, 1])
+
+    def line(self, along: Literal["x", "y"], points: int = 201) -> xr.Dataset:
+        """The fields on the line along x or y through the plate's centre, by distance from it [m].
+
+        ``result.line("x")["stress_1"]`` has ``distance`` as its coordinate. Places that the plate
+        covers are left out.
+        """
+        import numpy as np
+
+        from tympan.reports.tables import labelled
+
+        if along not in ("x", "y"):
+            raise InputError("must be x or y", key="along", given=str(along))
+        film, axis = self._film(), "xy".index(along)
+        plate = None if self.actuator is None else self.actuator.plate
+        centre = np.array((0.0, 0.0) if plate is None else plate.offset)
+        ends = film.mounted[:, axis].min(), film.mounted[:, axis].max()
+        places = np.tile(centre, (points, 1))
+        places[:, axis] = np.linspace(*ends, points)
+        values = film.at(places)
+        there = np.isfinite(values["thickness"])
+        return labelled({name: value[there] for name, value in values.items()}, "distance",
+                        distance=places[there, axis] - centre[axis])
+
+    def _film(self) -> FilmSurface:
+        film: FilmSurface | None = getattr(self.numbers, "film", None)
+        if film is None:
+            raise InputError("there is no film to read fields of: "
+                             + ("; ".join(getattr(self.numbers, "warnings", ())) or
+                                "this kind of result has none"))
+        return film
 
     def to_xarray(self) -> xr.Dataset:
         """The same as an xarray dataset; a sweep's has specimen, mass and voltage as dimensions."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Literal, cast
+from typing import Any, Literal, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,12 +34,15 @@ from tympan.studies.case import (
     LimitKind,
     Limits,
     Settings,
+    SpecimenRecord,
+    Warnings,
     build_model,
     equilibrate,
     failure_reason,
     mounted_place,
     solve,
 )
+from tympan.studies.files import to_json
 from tympan.studies.path import UNFOLLOWED, Stop, above_words, apart, stops
 
 Array = NDArray[np.float64]
@@ -86,6 +89,31 @@ class Rise:
         position, first, second = (np.concatenate([getattr(part, name) for part in fields])
                                    for name in ("position", "stretch_1", "stretch_2"))
         return beyond_range(self.model.specimen.membrane, position, first, second)
+
+
+@dataclass(frozen=True, kw_only=True)
+class LimitsResult(SpecimenRecord):
+    """The limits of one specimen under a load, SI."""
+
+    ending = "-limits"
+    writer = "tympan limits"
+    kinds = ("json",)
+
+    mass_kg: float
+    limits: Limits
+    warnings: Warnings = ()
+
+    def json(self) -> dict[str, Any]:
+        """As a JSON object: the limits stand beside specimen and mass."""
+        return {"specimen": self.specimen, "mass_kg": self.mass_kg, **to_json(self.limits),
+                "warnings": list(self.warnings)}
+
+    @classmethod
+    def of(cls, case: Case, settings: Settings) -> LimitsResult:
+        """How far the voltage of a case can be raised from 0."""
+        risen = rise(case, settings)
+        return cls(specimen=case.specimen.name, mass_kg=case.mass, limits=risen.limits,
+                   warnings=(*risen.warnings, *case.remarks))
 
 
 def limits(case: Case, settings: Settings) -> Limits:

@@ -81,15 +81,12 @@ def solve(options: argparse.Namespace) -> None:
 def limits(options: argparse.Namespace) -> None:
     """How far a film can go: where it first loses tension, breaks down, gives way and pulls in."""
     from tympan.studies.case import Case
-    from tympan.studies.files import to_json
-    from tympan.studies.limits import rise
+    from tympan.studies.limits import LimitsResult
 
     specimen, rig, settings, (mass, *_) = _loaded(options)
-    case = Case(specimen, mass=mass, rig=rig)
-    risen = rise(case, settings)
-    print_record(options, {"specimen": specimen.name, "mass_kg": mass, **to_json(risen.limits),
-                           "warnings": [*risen.warnings, *case.remarks]},
-                 limits=risen.limits, plate=specimen.plate, pressure=rig.gas_pressure)
+    result = LimitsResult.of(Case(specimen, mass=mass, rig=rig), settings)
+    print_record(options, result.json(), limits=result.limits, plate=specimen.plate,
+                 pressure=rig.gas_pressure)
 
 
 @command("curve", SPECIMEN,
