@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, is_dataclass, replace
 from math import inf
 from pathlib import Path
 from typing import Annotated, Any, Self
 
 import numpy as np
 
-from tympan.fem.membrane.biases import BIASES, Bias, Spring
+from tympan.fem.membrane.biases import BIASES, Bias, JoinedFilm, Spring
 from tympan.fem.membrane.loading import Guide, Loading
 from tympan.geometry.errors import InputError
-from tympan.geometry.fields import Key, fields_of, read, takes_units
+from tympan.geometry.fields import Key, fields_of, read, takes_units, write
 from tympan.geometry.toml_reader import NON_NEGATIVE, POSITIVE, Rule, Table
 
 _GAIN: Rule = (lambda x: -1 < x < 10, "must be above -1 and below 10")
@@ -137,6 +137,14 @@ class Rig:
         return (GAS_SIGN,) if self.gas_pressure else ()
 
     @property
+    def without_inertia(self) -> tuple[str, ...]:
+        """Sentences that belong to every motion on this rig."""
+        if not any(isinstance(bias, JoinedFilm) for bias in self.biases):
+            return ()
+        return ("the film that a rod joins to the plate follows without mass and with relaxed "
+                "branches: the mass of its plate belongs in added_mass of the rig",)
+
+    @property
     def loading(self) -> Loading:
         """What acts on film and plate besides force, voltage and gas pressure."""
         springs = (Spring(self.spring),) if self.spring else ()
@@ -242,7 +250,8 @@ class Rig:
 def _recorded(bias: Bias) -> dict[str, Any]:
     """Settings of a mechanism by name, but for those that it does without."""
     settings = {field.name: getattr(bias, field.name) for field in fields_of(type(bias))}
-    return {name: value for name, value in settings.items() if value is not None}
+    return {name: write(value, plain=True) if is_dataclass(value) else value
+            for name, value in settings.items() if value is not None}
 
 
 def _not_turned(before: Any, after: Any) -> Any:

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from tympan.fem.film.admissibility import STRETCH_RANGE, inadmissible_stretch
+from tympan.fem.membrane.biases import JoinedFilm
 from tympan.fem.rig import Rig
 from tympan.geometry.errors import InputError
 from tympan.geometry.fields import Content, write
@@ -53,7 +54,11 @@ def specimen_to_toml(specimen: Specimen) -> str:
 
 def rig_to_toml(rig: Rig) -> str:
     """A rig file; :meth:`tympan.fem.rig.Rig.read` reads the equal rig."""
-    return toml(write(rig))
+    content = write(rig)
+    for bias, entry in zip(rig.biases, content.get("bias", ()), strict=True):
+        if isinstance(bias, JoinedFilm):
+            entry["specimen"] = specimen_content(bias.specimen)
+    return toml(content)
 
 
 def toml(content: Mapping[str, Any]) -> str:

@@ -22,6 +22,7 @@ from tympan.fem.equilibrium.solve import equilibrium
 from tympan.fem.equilibrium.voltage_path import voltage_path
 from tympan.fem.film.admissibility import failures
 from tympan.fem.film.tension_field import Tension
+from tympan.fem.membrane.biases import JoinedFilm
 from tympan.fem.membrane.loading import Loading
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import State
@@ -45,6 +46,7 @@ from tympan.geometry.toml_reader import NON_NEGATIVE
 from tympan.geometry.units import place_text
 from tympan.studies.files import from_json, read_json, remove, stored_file, to_json, write_json
 from tympan.studies.film_surface import FilmSurface, film_surface
+from tympan.studies.joined_film import SolvedFilm, with_films
 from tympan.studies.kept.meshes import film_part
 
 Array = NDArray[np.float64]
@@ -351,7 +353,22 @@ class CaseResult(CaseRecord):
 
 def build_model(specimen: Specimen, settings: Settings, loading: Loading = _ALONE) -> Model:
     """CAD, mesh and discretisation; kept, since a study asks for the same specimen many times."""
-    return replace(meshed(specimen, settings, _planes(specimen, loading)), loading=loading)
+    return replace(meshed(specimen, settings, _planes(specimen, loading)),
+                   loading=solved_loading(loading, settings))
+
+
+def solved_loading(loading: Loading, settings: Settings) -> Loading:
+    """What acts, with films that are joined to the plate solved on meshes of the same settings."""
+    mesh = replace(settings, path=PathSettings())
+    guide = "vertical" if loading.guide == "fixed" else loading.guide
+    return with_films(loading, lambda bias: _solved_film(
+        bias, mesh, Loading(guide=guide, gravity=loading.gravity)))
+
+
+@lru_cache(maxsize=8)
+def _solved_film(bias: JoinedFilm, settings: Settings, loading: Loading) -> SolvedFilm:
+    """Kept, since a study asks for its force in many models."""
+    return SolvedFilm.of(bias, build_model(bias.specimen, settings, loading))
 
 
 def needs_mesh(specimen: Specimen, settings: Settings, loading: Loading = _ALONE) -> object:

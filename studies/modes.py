@@ -140,7 +140,8 @@ def modes(case: Case, settings: Settings, count: int = 6, point_mass: float = 0.
         modes=tuple(_mode(computed, number, name, longest[number])
                     for number, name in enumerate(mode_names(full, computed))),
         wall_s=time.perf_counter() - began,
-        warnings=(*_warnings(case, computed), *state_warnings(model, state), *case.remarks),
+        warnings=(*_warnings(case, computed), *state_warnings(model, state),
+                  *case.rig.without_inertia, *case.remarks),
         film=film)
 
 

@@ -35,6 +35,7 @@ from tympan.studies.case import (
     failure_reason,
     state_warnings,
 )
+from tympan.studies.joined_film import SolvedFilm, with_films
 
 #: Units of quantities; the last six are limits of loads.
 UNITS = {"heave": "m", "tilt": "rad", "reaction": "N", "capacitance": "F", "energy": "J",
@@ -147,7 +148,9 @@ def _case_number(case: Case, path: tuple[str, ...], limited: Load | None) -> Mod
         loads = {"force": force, "pressure": rig.gas_pressure,
                  "voltage": rig.film_voltage(voltage, case.direction) ** 2}
         loads = {name: load for name, load in loads.items() if name != limited}
-        return replace(model, loading=rig.loading), state.under(**loads)
+        films = (bias for bias in model.loading.biases if isinstance(bias, SolvedFilm))
+        loading = with_films(rig.loading, lambda bias: replace(next(films), given=bias))
+        return replace(model, loading=loading), state.under(**loads)
 
     odd = "xy"[int(path[-1])] if path[-2:-1] == ("weight_offset",) else ""
     return ModelParameter(lambda model, state: float(at(case, path)), changed, frozenset(odd))

@@ -227,8 +227,8 @@ def solve_after(case: Case, after: float, settings: Settings, film: bool = False
 
 def _left_out(rig: Rig) -> list[str]:
     """What a motion does not have of a rig, in words."""
-    return [f"{key} of the rig changes readings at rest and is left out in time"
-            for key in AGAINST_THE_WAY if getattr(rig, key)]
+    return [*(f"{key} of the rig changes readings at rest and is left out in time"
+              for key in AGAINST_THE_WAY if getattr(rig, key)), *rig.without_inertia]
 
 
 def _remarks(case: TransientCase) -> list[str]:

@@ -13,6 +13,7 @@ from tympan.fem.membrane.biases import Bistable as Bistable
 from tympan.fem.membrane.biases import BuckledBeam as BuckledBeam
 from tympan.fem.membrane.biases import Constant as Constant
 from tympan.fem.membrane.biases import ForceTable as ForceTable
+from tympan.fem.membrane.biases import JoinedFilm as JoinedFilm
 from tympan.fem.membrane.biases import Magnet as Magnet
 from tympan.fem.membrane.biases import Spring as Spring
 from tympan.fem.rig import Rig as Rig

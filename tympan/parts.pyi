@@ -16,6 +16,7 @@ from tympan.fem.membrane.biases import Bistable as AnyBistable
 from tympan.fem.membrane.biases import BuckledBeam as AnyBuckledBeam
 from tympan.fem.membrane.biases import Constant as AnyConstant
 from tympan.fem.membrane.biases import ForceTable as AnyForceTable
+from tympan.fem.membrane.biases import JoinedFilm as AnyJoinedFilm
 from tympan.fem.membrane.biases import Magnet as AnyMagnet
 from tympan.fem.membrane.biases import Spring as AnySpring
 from tympan.fem.rig import Rig as AnyRig
@@ -79,6 +80,10 @@ class Constant(AnyConstant):
 class ForceTable(AnyForceTable):
     def __init__(self, displacement: Sequence[Quantity] = ..., force: Sequence[Quantity] = ...,
                  file: str | None = ..., columns: Sequence[str] = ...) -> None: ...
+
+class JoinedFilm(AnyJoinedFilm):
+    def __init__(self, specimen: Specimen, distance: Quantity, rod: Quantity, voltage: Quantity =
+                 ..., side: Literal["below", "above"] = ...) -> None: ...
 
 class Magnet(AnyMagnet):
     def __init__(self, force: Quantity, gap: Quantity, decay: Quantity, power: float = ...) -> None: ...

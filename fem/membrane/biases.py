@@ -1,5 +1,7 @@
 """Mechanisms between plate and ground: springs, constant forces, magnets, buckled beams, tables.
 
+Another film joined by a rod is one, too.
+
 Each says its energy by the deflection of the plate, and a rig may have any number of them.
 """
 
@@ -9,15 +11,17 @@ from dataclasses import dataclass
 from functools import cached_property
 from math import factorial
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Protocol, Self
+from typing import Annotated, Any, ClassVar, Literal, Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tympan.fem.complex_step import complex_step
+from tympan.fem.film.library import load_specimen
 from tympan.geometry.columns import Column, Sheet, read_sheet
 from tympan.geometry.errors import InputError
 from tympan.geometry.fields import Content, Key, Registry, read, require
+from tympan.geometry.specimen import Specimen
 from tympan.geometry.toml_reader import NON_NEGATIVE, POSITIVE, Rule, Table
 from tympan.geometry.units import unit_factor
 
@@ -34,6 +38,8 @@ _TERMS = 26
 _SECOND_BUCKLING = float(np.pi**2)
 #: Below this square of the phase, where a beam is far in tension, closed forms lose nothing.
 _TENSE = -10.0
+#: How far a rod may hold the other plate out, in half extents of its frame: searches end there.
+_MOST_HELD = 1.5
 #: Most rows of a table of forces: as many as a list of a file may have.
 _MOST_ROWS = 10_000
 #: Corrections of the axial force, which hardly ever takes ten.
@@ -431,3 +437,60 @@ def _check_sign(sheet: Sheet, where: Array, force: Array) -> None:
             "numbers in the lists `displacement` and `force`", file=sheet.file, key="force",
             given=f"{force[0]:.4g} N at {1e3 * where[0]:.4g} mm, {force[-1]:.4g} N at "
                   f"{1e3 * where[-1]:.4g} mm")
+
+
+@BIASES.register
+@dataclass(frozen=True)
+class JoinedFilm:
+    """Another film, whose plate a rod joins to this plate: an antagonist, or half a double cone.
+
+    Both frames are parallel and above each other, `distance` apart. The rod goes from plate to
+    plate through both centres. As long as the distance it leaves both films flat; a longer one
+    pushes the plates apart, a shorter one pulls them together. Its ends are joints: each plate
+    tilts by itself. Once solved on a mesh, the film follows without inertia, its branches relaxed.
+    """
+
+    law: ClassVar[str] = "film"
+    specimen: Annotated[Specimen, Key(
+        "the other film: its specimen file, from the folder of this file, or its table",
+        discrete=True)]
+    distance: Annotated[float, Key("between the planes of the two frames", "length", NON_NEGATIVE)]
+    rod: Annotated[float, Key("length of the rod from plate to plate", "length", NON_NEGATIVE)]
+    voltage: Annotated[float, Key("across the other film itself, which stays as it is", "voltage",
+                                  NON_NEGATIVE)] = 0.0
+    side: Annotated[Literal["below", "above"], Key(
+        "where the other frame is: below is where deflections go")] = "below"
+
+    def __post_init__(self) -> None:
+        require(self)
+        self.specimen.needed_plate()
+        most = _MOST_HELD * max(self.specimen.frame.semi_axes)
+        out = float(np.real(self.other(0.0)))
+        if not abs(out) <= most:
+            low, high = (1e3 * max(float(np.real(self.distance)) + way * most, 0.0)
+                         for way in (-1, 1))
+            raise InputError(
+                f"must be from {low:.4g} to {high:.4g} mm: with this plate at 0 mm the other "
+                f"one would be at {1e3 * out:.4g} mm, further than {_MOST_HELD:g} times its "
+                "frame's half extent", key="rod", given=f"{1e3 * np.real(self.rod):.4g} mm")
+
+    @classmethod
+    def from_table(cls, table: Table) -> Self:
+        """Of a rig file, from whose folder its specimen is found."""
+        return read(cls, table, {(cls, "specimen"): _specimen_beside})
+
+    def other(self, deflection: Any) -> Any:
+        """Deflection of the other plate [m] by that of this one."""
+        longer = self.rod - self.distance
+        return deflection + (longer if self.side == "below" else -longer)
+
+    def derivatives(self, deflection: float) -> tuple[float, float, float]:
+        """Those of the film that is solved on a mesh, which a model has in place of this."""
+        raise TypeError("a joined film has no force before it is solved on a mesh")
+
+
+def _specimen_beside(table: Table, key: str) -> Specimen:
+    """The specimen of a file in the table's own folder, or of a table."""
+    if isinstance(table.value(key), str):
+        return load_specimen(Path(table.file).parent / table.text(key))
+    return load_specimen(table.table(key))

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from tympan.fem.equilibrium.newton import Solution, newton
 from tympan.fem.equilibrium.path_following import PathSettings
+from tympan.fem.membrane.biases import Bias
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import State
 from tympan.fem.results.fields import film_integrals
@@ -45,21 +46,21 @@ class _Equilibrium:
 
 @dataclass(frozen=True)
 class _Load:
-    """A weight [N] and a rig's mechanisms between plate and ground."""
+    """Mechanisms between plate and ground, and a weight [N]."""
 
-    rig: Rig
+    biases: tuple[Bias, ...]
     weight: float
 
     def pull(self, displacement: Array) -> tuple[Array, Array]:
         """Force on the film at displacements [N], and its slope [N/m]."""
-        pushes = np.array([[bias.derivatives(place)[1:] for bias in self.rig.loading.biases]
+        pushes = np.array([[bias.derivatives(place)[1:] for bias in self.biases]
                            or [(0.0, 0.0)] for place in displacement.tolist()]).sum(axis=1)
         return self.weight - pushes[:, 0], -pushes[:, 1]
 
     def work(self, start: float, end: float) -> float:
         """Work on the film between two displacements [J]."""
         stored = sum(bias.derivatives(end)[0] - bias.derivatives(start)[0]
-                     for bias in self.rig.loading.biases)
+                     for bias in self.biases)
         return self.weight * (end - start) - float(stored)
 
 
@@ -70,10 +71,10 @@ def load_line(model: Model, rig: Rig, mass: float, curves: Sequence[Followed],
     The line is drawn at displacements [m], as far as what acts reaches. ``model`` has all that acts
     between plate and ground, that of the curves nothing of it.
     """
-    load = _Load(rig, float(rig.force(mass, model.plate_area)))
+    load = _Load(model.loading.biases, float(rig.force(mass, model.plate_area)))
     found = [_equilibria(model, load, curve, settings) for curve in curves]
     reached = _reached(load, curves, found)
-    names = dict.fromkeys(bias.law.replace("_", " ") for bias in rig.loading.biases)
+    names = dict.fromkeys(bias.law.replace("_", " ") for bias in load.biases)
     words = ([f"{1e3 * mass:g} g"] if mass or not names else []) + list(names)
     where = np.array(displacements)
     pull = load.pull(where)[0]

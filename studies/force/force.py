@@ -19,7 +19,7 @@ from tympan.geometry.errors import InputError
 from tympan.geometry.fields import Key, require, takes_units
 from tympan.geometry.specimen import Specimen
 from tympan.geometry.toml_reader import POSITIVE, Rule
-from tympan.studies.case import Case, Settings, build_model
+from tympan.studies.case import Case, Settings, build_model, solved_loading
 from tympan.studies.force.cycle import load_line
 from tympan.studies.force.follow import Followed, at_displacement, follow
 from tympan.studies.force.loops import Motion, loop
@@ -103,7 +103,7 @@ def force(case: ForceCase, settings: Settings,
     curves = list(_curves(case, alone, path, progress))
     lines = []
     if case.masses or rig.loading.biases:
-        loaded = replace(alone, loading=rig.loading)
+        loaded = replace(alone, loading=solved_loading(rig.loading, settings))
         lines = [load_line(loaded, rig, mass, curves, case.displacements, path)
                  for mass in case.masses or (0.0,)]
     first = lines[0] if lines else None

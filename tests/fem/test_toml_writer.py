@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.oracles.laws import SAMPLES
-from tests.support.biases import SAMPLES as MECHANISMS
+from tests.support.biases import DECLARED as MECHANISMS
 from tests.support.specimens import circular, elliptical, skewed
 from tympan.fem.film.breakdown import STRENGTHS, ConstantStrength, PowerStrength
 from tympan.fem.film.laws import LAWS, Ogden

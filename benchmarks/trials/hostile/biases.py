@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import re
+
 from benchmarks.trials.hostile.case import Case, Cases, group
-from benchmarks.trials.hostile.inputs import GOOD, SOLVE
+from benchmarks.trials.hostile.inputs import GOOD, SOLVE, SPECIMEN
 
 _HEAD = "displacement_mm,force_N\n"
 
@@ -47,3 +49,29 @@ def tables_of_forces() -> Cases:
         "rig.toml": '[[bias]]\nlaw = "table"\nfile = "beam.csv"\n',
         "beam.csv": _HEAD + "0,0\n0.01,0.001\n"},
         status=0, shows='status +not_converged(.|\\n)*"table" of the rig ends .* extrapolated')
+
+
+def _of_film(name: str, words: str, keys: str, head: str = 'specimen = "specimen.toml"',
+             load: str = SOLVE, **files: str) -> Case:
+    """A solve on a rig with another film, the same one unless it is said otherwise."""
+    return _with_rig(name, f'law = "film"\n{head}\n{keys}\n', words, load=load, **files)
+
+
+@group("joined films")
+def joined_films() -> Cases:
+    both = 'distance = "20 mm"\nrod = "20 mm"'
+    yield _of_film("rod too short", "rod: given '10 mm': must be from .* half extent",
+                   'distance = "1 m"\nrod = "10 mm"')
+    yield _of_film("rod too long", "rod: .* half extent", 'distance = "0 mm"\nrod = "1 m"')
+    yield _of_film("no rod", "rod: is missing", 'distance = "20 mm"')
+    yield _of_film("rod without unit", "rod: .* has no unit", 'distance = "20 mm"\nrod = 20')
+    yield _of_film("negative voltage", "voltage: .* negative", f'{both}\nvoltage = "-1 kV"')
+    yield _of_film("other side", "side: .* must be one of", f'{both}\nside = "left"')
+    yield _of_film("no specimen file", "other.toml: cannot be read", both,
+                   'specimen = "other.toml"')
+    yield _of_film("no specimen", "specimen: is missing", both, "")
+    yield _of_film("a number", "specimen: .* must be a table", both, "specimen = 3")
+    yield _of_film("no plate", "plate", both, 'specimen = "other.toml"',
+                   other_toml=re.sub(r"(?s)\[plate\].*?(?=\n\[)", "", SPECIMEN))
+    yield _of_film("too much voltage", "voltage: given '900 kV': .* other film bears",
+                   f'{both}\nvoltage = "900 kV"')

@@ -8,7 +8,10 @@ from functools import cached_property, partial
 import numpy as np
 from numpy.typing import NDArray
 
+from tympan.fem.membrane.biases import Bias
+from tympan.fem.membrane.loading import Loading
 from tympan.geometry.outlines import area
+from tympan.studies.case import solved_loading
 from tympan.studies.diagnosis.hypothesis import (
     PERMITTIVITY,
     SIZES,
@@ -20,6 +23,7 @@ from tympan.studies.diagnosis.reading_table import States
 from tympan.studies.diagnosis.reduced.force_law import BEYOND, ForceSurface, continued, in_powers
 from tympan.studies.diagnosis.reduced.in_time import charged
 from tympan.studies.diagnosis.reduced.reduced_films import ReducedFilms
+from tympan.studies.diagnosis.reduced.sampling import COARSE
 from tympan.studies.effects import Setup
 
 Array = NDArray[np.float64]
@@ -244,7 +248,7 @@ class FilmsAtRest:
     def tension(self) -> Array:
         """Of the flat films under their voltages, over the nominal films' without, (states,)."""
         flat = np.zeros(len(self.low))
-        outer = self.rig.spring + sum(bias.derivatives(0.0)[2] for bias in self.rig.biases)
+        outer = self.rig.spring + sum(bias.derivatives(0.0)[2] for bias in self._biases)
         stiffness = self.balance(flat, 0.0)[1] - outer
         return np.maximum(stiffness / self.films.flat_stiffness[self.states.specimen], _SOFT)
 
@@ -283,12 +287,18 @@ class FilmsAtRest:
         # A stiffer film weighs no more, and the force that was sampled is less that weight.
         force = stiffness * force + (stiffness - 1) * self._film_weight + self.rig.spring * heave
         rate = stiffness * rate + self.rig.spring
-        for bias in self.rig.biases:
+        for bias in self._biases:
             more = np.array([bias.derivatives(place)[1:] for place in heave.ravel().tolist()])
             force, rate = (part + more[:, order].reshape(heave.shape)
                            for order, part in enumerate((force, rate)))
         load = self.rig.rubbed(self.load, self._came[1] if way is None else way)
         return force - load, rate
+
+    @cached_property
+    def _biases(self) -> tuple[Bias, ...]:
+        """Mechanisms between plate and ground, but for the rig's spring."""
+        acting = Loading(self.rig.biases, guide=self.rig.guide, gravity=self.rig.gravity)
+        return solved_loading(acting, COARSE).biases
 
     def _film_force(self, heave: Array) -> tuple[Array, Array]:
         """Of films of nominal stiffness [N], with its derivative by the heave [N/m]."""

@@ -11,7 +11,7 @@ import pytest
 from scipy.integrate import quad
 from scipy.optimize import minimize
 
-from tests.support.biases import SAMPLES
+from tests.support.biases import COARSE, DECLARED, JOINED, SAMPLES
 from tests.support.specimens import circular
 from tympan.fem.membrane.biases import (
     BIASES,
@@ -24,14 +24,12 @@ from tympan.fem.membrane.biases import (
 from tympan.fem.rig import Rig
 from tympan.fem.toml_writer import rig_to_toml
 from tympan.geometry.errors import InputError
-from tympan.geometry.mesher import MeshSettings
-from tympan.studies.case import Case, Settings, solve
+from tympan.studies.case import Case, solve
 from tympan.studies.limits import limits
 from tympan.studies.signals import ramp, step
 from tympan.studies.transient import TransientCase, respond
 
 BEAM = BuckledBeam(length=30e-3, width=4e-3, thickness=0.1e-3, modulus=1.5e9, compression=0.4e-3)
-COARSE = Settings(MeshSettings(order=2).refined(0.5))
 
 
 def test_every_mechanism_has_a_sample() -> None:
@@ -207,11 +205,12 @@ def test_what_leads_beyond_a_table_says_so() -> None:
 
 
 def test_what_a_rig_is_known_by_stays_when_it_is_used() -> None:
-    rig = Rig(biases=tuple(SAMPLES.values()))
+    rig = Rig(biases=tuple(DECLARED.values()))
     before = str(rig.record())
-    for bias in rig.biases:
+    for bias in SAMPLES.values():
         bias.derivatives(1e-3)
     assert str(rig.record()) == before
+    assert f"'law': '{JOINED.specimen.membrane.material.law}'" in before
 
 
 def test_a_constant_force_is_a_weight() -> None:

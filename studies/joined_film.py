@@ -1,0 +1,272 @@
+"""The force of another film whose plate a rod joins to this one, by its own held equilibria.
+
+It is a function of the deflection alone: solved at places that do not depend on what was asked
+before, and between them a polynomial whose energy, force and stiffness are each other's
+derivatives. The film has no inertia, and its branches are relaxed.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar, Self
+
+import numpy as np
+
+from tympan.fem.equilibrium.held_path import with_tangent
+from tympan.fem.equilibrium.newton import Solution, moved
+from tympan.fem.equilibrium.path_following import PathSettings
+from tympan.fem.equilibrium.ramp import still_slack
+from tympan.fem.equilibrium.solve import held
+from tympan.fem.membrane.biases import JoinedFilm
+from tympan.fem.membrane.loading import Loading
+from tympan.fem.membrane.model import Model
+from tympan.fem.results.firmness import firmness
+from tympan.geometry.errors import InputError
+
+#: First distance of solved places, relative to the frame's half extent: a film's force is nearly a
+#: polynomial so far.
+_STEP = 1 / 16
+#: Miss of a cubic through both ends in their middle, relative to the forces, up to which the
+#: quintic through all three is taken. Where a cubic misses by so much, with four numbers, a quintic
+#: with six misses by its power of 3/2.
+_CUBIC = 1e-9
+#: Halvings of a step: a film that wrinkles has forces that no polynomial follows closer, and one
+#: that gives way does so within a 250th of a step.
+_HALVINGS = 8
+
+#: Values and slopes at 0, 1/2 and 1 of the powers up to the fifth, inverted.
+_QUINTIC = np.linalg.inv(np.array([
+    *([place**power for power in range(6)] for place in (0.0, 0.5, 1.0)),
+    *([power * place ** max(power - 1, 0) for power in range(6)] for place in (0.0, 0.5, 1.0))]))
+
+
+@dataclass(frozen=True, eq=False)
+class _Rung:
+    """A held film: deflection [m], force [N] and stiffness [N/m]."""
+
+    place: float
+    force: float
+    stiffness: float
+    solution: Solution
+
+
+@dataclass(frozen=True, eq=False)
+class _Piece:
+    """The force between two deflections [m]: powers of the share of the way, and the energy [J]."""
+
+    low: float
+    high: float
+    powers: tuple[float, ...]
+    stored: float
+
+    def derivatives(self, place: Any) -> tuple[Any, Any, Any]:
+        span = self.high - self.low
+        t = (place - self.low) / span
+        energy, force, slope = 0.0 * t, 0.0 * t, 0.0 * t
+        for power in range(5, -1, -1):
+            factor = self.powers[power]
+            slope = slope * t + force
+            force = force * t + factor
+            energy = energy * t + factor / (power + 1)
+        return self.stored + span * energy * t, force, slope / span
+
+
+class _Side:
+    """What is known of a film on one side of where it begins, ``way`` 1 or -1."""
+
+    def __init__(self, way: int, start: _Rung) -> None:
+        self.way = way
+        self.rungs = [start]
+        self.pieces: list[_Piece] = []
+        self.ends: list[float] = []
+        self.energy = 0.0
+        self.ended = False
+
+
+class HeldForce:
+    """The force of a film by the deflection at which its plate is held, under one voltage [V].
+
+    It is solved as far as it is asked for, from a ``start`` outwards, and ends where the film gives
+    way or is far beyond its frame.
+
+    Raises
+    ------
+    InputError
+        When it has no shape at the start.
+    """
+
+    def __init__(self, model: Model, voltage: float, start: float) -> None:
+        self.model, self.voltage = model, voltage
+        self.settings = PathSettings()
+        self._step = _STEP * model.size
+        outcome = held(model, start, 0.0, settings=self.settings)
+        if outcome.status != "equilibrium" or still_slack(model, outcome.state):
+            raise InputError("must be one with which the other film has a shape: it holds that "
+                             f"film's plate at {1e3 * start:.4g} mm; {outcome.advice or 'slack'}",
+                             key="bias.rod")
+        first = self._solved(start, outcome.solution)
+        if first is None:
+            raise InputError("must be one that the other film bears with its plate at "
+                             f"{1e3 * start:.4g} mm", key="bias.voltage",
+                             given=f"{voltage / 1e3:g} kV")
+        self._start = first
+        self._sides = {way: _Side(way, first) for way in (1, -1)}
+
+    def derivatives(self, place: Any) -> tuple[Any, Any, Any]:
+        """Energy from the start on [J], force [N] and stiffness [N/m] at a deflection [m]; or nan.
+
+        Of a deflection off the real axis, too.
+        """
+        piece = self._piece(float(np.real(place)))
+        return (np.nan, np.nan, np.nan) if piece is None else piece.derivatives(place)
+
+    def by_voltage(self, place: float) -> tuple[float, float]:
+        """Derivatives of energy and force by the voltage [J/V, N/V] at a deflection [m]."""
+        side = self._side(place)
+        near = min(side.rungs, key=lambda rung: abs(rung.place - place))
+        there = self._solved(place, near.solution)
+        if there is None:
+            return np.nan, np.nan
+        model, state = self.model, there.solution.state
+        assert there.solution.tangent is not None
+        film, plate = there.solution.tangent.along()[0]
+        inner, outer = model.by_load(state, "voltage")
+        mirrored = model.discretisation.mirrored
+        capacitance = model.capacitance(state) - model.capacitance(self._start.solution.state)
+        return (-self.voltage * float(capacitance),
+                2 * self.voltage * mirrored * float(inner @ film + outer @ plate))
+
+    def _side(self, place: float) -> _Side:
+        return self._sides[1 if place >= self._start.place else -1]
+
+    def _piece(self, place: float) -> _Piece | None:
+        side = self._side(place)
+        far = abs(place - self._start.place)
+        if not far <= 2 * self.settings.reach * self.model.size:
+            return None
+        while not side.ended and (not side.ends or side.ends[-1] < far):
+            self._extend(side)
+        number = bisect(side.ends, far)
+        if number == len(side.ends):
+            number -= bool(side.ends) and far == side.ends[-1]
+        return side.pieces[number] if number < len(side.pieces) else None
+
+    def _extend(self, side: _Side) -> None:
+        """One more step of a side, or up to where the film ends."""
+        near = side.rungs[-1]
+        known: dict[float, _Rung | None] = {}
+        place = self._start.place + side.way * len(side.rungs) * self._step
+        spans, last, side.ended = self._spans(near, place, known, 0)
+        for inner, middle, outer in spans:
+            piece = _piece(*((inner, middle, outer) if side.way > 0 else (outer, middle, inner)))
+            # The energy grows from the start on.
+            end = piece.derivatives(outer.place)[0] - piece.derivatives(inner.place)[0]
+            low = side.energy if side.way > 0 else side.energy + end
+            side.pieces.append(replace(piece, stored=low))
+            side.ends.append(abs(outer.place - self._start.place))
+            side.energy += end
+        for rung in (near, *known.values()):
+            if rung is not None and rung is not last:
+                rung.solution.release()
+        side.rungs.append(last)
+
+    def _spans(self, near: _Rung, place: float, known: dict[float, _Rung | None], halved: int
+               ) -> tuple[list[tuple[_Rung, _Rung, _Rung]], _Rung, bool]:
+        """Intervals up to a deflection, each with its middle; the last place; whether all ends."""
+        middle = (near.place + place) / 2
+        for where in (place, middle):
+            if where not in known:
+                known[where] = self._solved(where, near.solution)
+        inner, outer = known[middle], known[place]
+        if inner is not None and outer is not None:
+            if halved == _HALVINGS or _cubic_miss(near, inner, outer) <= _CUBIC:
+                return [(near, inner, outer)], outer, False
+        elif halved == _HALVINGS:
+            return [], near, True
+        spans, last, ended = self._spans(near, middle, known, halved + 1)
+        if ended:
+            return spans, last, True
+        if outer is None:
+            known.pop(place)  # from nearer it may be found
+        more, last, ended = self._spans(last, place, known, halved + 1)
+        return spans + more, last, ended
+
+    def _solved(self, place: float, start: Solution) -> _Rung | None:
+        """The film held at a deflection [m]; None where it has no stable shape there."""
+        model = self.model
+        if abs(place) > self.settings.reach * model.size:
+            return None
+        outcome = held(model, place, self.voltage, start, self.settings)
+        if outcome.status != "equilibrium":
+            return None
+        solution = self._exact(with_tangent(model, outcome.solution, self.settings), place)
+        if solution is None or solution.tangent is None:
+            return None
+        stiffness = float(solution.tangent.along()[1]["force"])
+        # With its plate held, the deflection is one motion less.
+        firm = solution.tangent.negative == (stiffness < 0)
+        if not firm or not firmness(model, solution.state).min() > 0:
+            return None
+        return _Rung(place, float(solution.state.force), stiffness, solution)
+
+
+    def _exact(self, solution: Solution, place: float) -> Solution | None:
+        """With one correction more, by the tangent of the state itself, and its tangent again.
+
+        Newton's method leaves errors of the force that would show between neighbouring places.
+        """
+        model, state, tangent = self.model, solution.state, solution.tangent
+        if tangent is None:
+            return None
+        residual = model.residual(model.nodal_forces(state), state)
+        motion, loads = tangent.correct(residual, [model.deflection(state) - place])
+        exact = moved(model, state, motion, 1.0, loads)
+        return with_tangent(model, replace(solution, state=exact), self.settings)
+
+
+def _cubic_miss(first: _Rung, middle: _Rung, last: _Rung) -> float:
+    """By how much the cubic of both ends misses the force in their middle, relative to forces."""
+    span = last.place - first.place
+    value = (first.force + last.force) / 2 + span * (first.stiffness - last.stiffness) / 8
+    scale = max(abs(rung.force) for rung in (first, middle, last)) + abs(span * middle.stiffness)
+    return float(abs(value - middle.force) / scale)
+
+
+def _piece(low: _Rung, middle: _Rung, high: _Rung) -> _Piece:
+    rungs, span = (low, middle, high), high.place - low.place
+    powers = _QUINTIC @ [*(rung.force for rung in rungs),
+                         *(span * rung.stiffness for rung in rungs)]
+    return _Piece(low.place, high.place, tuple(powers.tolist()), 0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class SolvedFilm:
+    """A joined film as a mechanism: what is ``given`` of it may be off the real axis."""
+
+    law: ClassVar[str] = JoinedFilm.law
+    given: JoinedFilm
+    curve: HeldForce
+
+    @classmethod
+    def of(cls, given: JoinedFilm, model: Model) -> Self:
+        """With a model of its film, which nothing but its own weight acts on."""
+        return cls(given, HeldForce(model, given.voltage, given.other(0.0)))
+
+    def derivatives(self, deflection: float) -> tuple[float, float, float]:
+        place = self.given.other(deflection)
+        energy, force, stiffness = self.curve.derivatives(place)
+        if np.iscomplexobj(self.given.voltage):
+            change = 1j * np.imag(self.given.voltage)
+            by_energy, by_force = self.curve.by_voltage(float(np.real(place)))
+            energy, force = energy + change * by_energy, force + change * by_force
+        return energy, force, stiffness
+
+
+def with_films(loading: Loading, solved: Callable[[JoinedFilm], SolvedFilm]) -> Loading:
+    """What acts, with each joined film as it is solved."""
+    if not any(isinstance(bias, JoinedFilm) for bias in loading.biases):
+        return loading
+    return replace(loading, biases=tuple(solved(bias) if isinstance(bias, JoinedFilm) else bias
+                                         for bias in loading.biases))
