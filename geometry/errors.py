@@ -63,6 +63,6 @@ def _shortened(text: str) -> str:
 
 
 def _printable(text: str) -> str:
-    """In one line, whatever a key or a name of a file holds."""
+    """A key or a name of a file as one line of printable text."""
     return text if text.isprintable() else "".join(
         mark if mark.isprintable() else repr(mark)[1:-1] for mark in text)

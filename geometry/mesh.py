@@ -164,7 +164,7 @@ def _barycentric(order: int) -> Ints:
 
 
 def _gmsh_barycentric(order: int) -> Ints:
-    """In gmsh's order: vertices, edges 01, 12, 20 as they run, then the inner triangle."""
+    """Barycentric nodes in gmsh's order: vertices, edges 01, 12, 20, then the inner triangle."""
     if order == 0:
         return np.zeros((1, 3), dtype=np.int64)
     corners = order * np.eye(3, dtype=np.int64)

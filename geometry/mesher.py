@@ -88,7 +88,7 @@ class MeshSettings:
                             self.across / factor)
 
     def suited(self, prestretch: tuple[float, float]) -> MeshSettings:
-        """As fine as a film of such prestretch needs to be as exact as one of equal stretches.
+        """Settings fine enough for a prestretch to be as exact as with equal stretches.
 
         Where the tension is unequal, a round plate acts as an ellipse does, whose ends are sharper:
         elements are smaller by the root of the ratio of the stretches.

@@ -115,7 +115,7 @@ def _end_with_parent() -> None:
 
 
 def answer(load: Callable[[str], object], record: Callable[..., dict[str, Any]]) -> None:
-    """In the process: the record of the drawing on standard input as JSON on standard output.
+    """Answer in the process: read the drawing on standard input and print its record as JSON.
 
     What reads drawings of a kind is loaded before it is known which.
     """

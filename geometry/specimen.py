@@ -219,7 +219,7 @@ class Film:
 
     @classmethod
     def completed(cls, values: dict[str, Any]) -> dict[str, Any]:
-        """With what the library knows of its material; that itself becomes the law."""
+        """Add what the library knows of the film's material, which itself becomes the law."""
         entry: Any = values.get("material")
         # Only a LibraryEntry has it; to ask whether it is one costs more than the film.
         if hasattr(entry, "of_film"):
@@ -311,7 +311,7 @@ class Specimen:
 
     @classmethod
     def completed(cls, values: dict[str, Any]) -> dict[str, Any]:
-        """With no plate where a file has none."""
+        """Add "no plate" where a file has none."""
         return {"plate": None, **values}
 
     def _check(self) -> None:

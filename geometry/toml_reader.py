@@ -152,7 +152,7 @@ class Table:
 
     def places(self, key: str, least: int = 1, count: int | None = None,
                rule: Rule = FINITE) -> tuple[tuple[float, float], ...]:
-        """At least, or just, so many points, each a pair of lengths."""
+        """List of points, each a pair of lengths: ``count`` of them, or ``least`` or more."""
         key = self.spelled(key, "length")
         items = self._list(key, self.value(key), count, "points, each a pair of lengths")
         if len(items) < least:

@@ -93,7 +93,7 @@ class Curve:
 
     @cached_property
     def lengths(self) -> Array:
-        """Of the pieces, real [m]."""
+        """Lengths of the pieces, real [m]."""
         return np.array([float(np.real(piece_length(piece))) for piece in self.pieces])
 
     @cached_property
@@ -175,7 +175,7 @@ def piece_length(piece: Piece) -> Any:
 
 
 def piece_curvature(piece: Piece) -> Array:
-    """At points along a piece [1/m], positive where it turns left."""
+    """Curvature at points along a piece [1/m], positive where it turns left."""
     _, slope, bend = piece.at(subdivided(piece.breaks, 8))
     return curvature(slope, bend).real
 

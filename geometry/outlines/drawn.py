@@ -71,7 +71,7 @@ class Drawn(Boxed):
 
     @classmethod
     def from_table(cls, table: Table) -> Drawn:
-        """From a file, where pieces may lie apart."""
+        """Read the outline from a table of a file, where pieces may lie apart."""
         drawn = read(cls, table)
         if not drawn.segments:
             raise table.error("segments", "must be a list of tables, one a piece")
@@ -108,7 +108,7 @@ class StepFile:
             raise table.error("file", error.allowed, str(file)) from None
 
     def pieces(self, file: Path) -> list[Piece]:
-        """In any order."""
+        """Pieces of the drawing in a STEP file, in any order."""
         return drawing_pieces(file, "step")
 
 

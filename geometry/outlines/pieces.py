@@ -86,7 +86,7 @@ class Line:
         return Line((x + dx, y + dy), (u + dx, v + dy))
 
     def part(self, low: float, high: float) -> Line:
-        """From one parameter to another."""
+        """Part of the line from one parameter to another."""
         start, end = (tuple(place) for place in self.at(np.array([low, high]))[0].tolist())
         return Line(self.start if low == 0 else start, self.end if high == 1 else end)
 
@@ -390,7 +390,7 @@ def cross(u: Array, v: Array) -> Array:
 
 
 def curvature(slope: Array, bend: Array) -> Array:
-    """Of curves by their derivatives, shape (n, 2) each [1/m]; positive to the left."""
+    """Curvature of curves by their derivatives, shape (n, 2) each [1/m]; positive to the left."""
     return np.asarray(cross(slope, bend) / np.sqrt((slope * slope).sum(axis=1)) ** 3)
 
 

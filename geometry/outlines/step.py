@@ -34,7 +34,7 @@ _PER_MEGABYTE = 8.0
 
 
 def step_pieces(file: Path) -> list[Piece]:
-    """Of all edges of a flat face or wire in a plane of constant z."""
+    """Read the pieces of all edges of a flat face or wire in a plane of constant z."""
     with at_most(_LEAST + _PER_MEGABYTE * file.stat().st_size / 1e6):
         reader = STEPControl_Reader()
         if reader.ReadFile(str(file)) != IFSelect_RetDone or not reader.TransferRoots():

@@ -233,7 +233,7 @@ def _locked(folder: Path, end: float) -> int:
 
 
 def _open(manifest: Path) -> int:
-    """To read and write; an InputError where it is no list of ours."""
+    """Open a list to read and write; an InputError where it is no list of ours."""
     try:
         handle = os.open(manifest, os.O_RDWR | os.O_CREAT | _PLAIN, 0o644)
     except OSError:

@@ -53,7 +53,7 @@ class _Limit:
     libraries: dict[str, Blas | None] = field(default_factory=dict)
 
     def loaded(self) -> dict[str, Blas]:
-        """By package, of those that are loaded and whose BLAS has threads."""
+        """BLAS libraries with threads that are loaded, by package."""
         for package, modules in _LINKED.items():
             files = (getattr(sys.modules.get(module), "__file__", None) for module in modules)
             file = next(filter(None, files), None)
