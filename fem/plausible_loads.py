@@ -61,7 +61,7 @@ def implausible_loads(specimen: Specimen, rig: Rig, mass: float, voltage: float)
 
 @lru_cache(maxsize=32)
 def _stiffness(specimen: Specimen) -> tuple[float, float]:
-    """Of the mounted film [Pa], electrodes included, and round the plate's edge [N]."""
+    """Stiffness of the mounted film [Pa], electrodes included, and round the plate's edge [N]."""
     film = specimen.membrane
     stiffness = float(np.real(equibiaxial_stiffness(film.material, *film.prestretch)))
     stiffness += _EQUIBIAXIAL * specimen.electrode.stiffness

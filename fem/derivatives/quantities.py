@@ -39,7 +39,7 @@ class Quantity:
 
 
 def _tilt_slope(model: Model, state: State) -> Parts:
-    """With n the normal, δn = ω × n, and cos θ = n_z."""
+    """Derivative of the tilt θ: with n the normal, δn = ω × n, and cos θ = n_z."""
     x, y, _ = state.plate.rotation[:, 2]
     sine = float(np.hypot(x, y))
     if sine < 1e-9:
@@ -200,5 +200,5 @@ def _of_plate(model: Model, values: dict[int, float]) -> Parts:
 
 
 def _of_nodes(model: Model, state: State, forces: Array) -> Parts:
-    """From derivatives of this mesh's part by its nodes; the plate's edge follows the plate."""
+    """Assemble derivatives by this mesh's nodes; the nodes of the plate's edge follow the plate."""
     return model.on_freedoms(forces * model.discretisation.mirrored, state.plate)

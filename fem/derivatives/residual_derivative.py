@@ -161,7 +161,7 @@ class ResidualDerivative:
         return result
 
     def _by_film(self, model: Model, state: State) -> Array:
-        """By materials that are not those at the start, and by the film's virgin thickness."""
+        """Derivative by materials other than those at the start, and by the virgin thickness."""
         film, result = model.specimen.membrane, np.zeros(len(self._plate))
         thickness = film.volume_per_area
         uneven = bool(np.any(np.imag(model.relative_thickness)))
@@ -195,7 +195,7 @@ class ResidualDerivative:
         return np.tensordot(self._strains, stress * weights, axes=3)
 
     def _by_shape(self, model: Model, state: State) -> Array:
-        """By nodes that move in the mounted film's plane, each keeping its displacement."""
+        """Derivative by nodes that move in the mounted film's plane, their displacements kept."""
         mine, plate = self.at.model, self.at.state.plate
         turned = plate.gradient(model.arms)[:, :, mine.plate_freedoms].imag
         forces = self.at.forces[mine.discretisation.plate_nodes]

@@ -103,7 +103,7 @@ class SparsityPattern:
 
     @classmethod
     def of(cls, connectivity: Array, free: NDArray[np.bool_]) -> SparsityPattern:
-        """From nodes of the elements (elements, local) and the free components (nodes, 3)."""
+        """Build from nodes of the elements (elements, local) and the free components (nodes, 3)."""
         row, first, places = _node_pairs(connectivity, free)
         local = connectivity.shape[1]
         corner, across = np.divmod(places, local)

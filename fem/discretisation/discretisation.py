@@ -87,7 +87,7 @@ class Discretisation:
     @classmethod
     def of(cls, mesh: CurvedTriangles, planes: frozenset[str] = frozenset(),
            odd: frozenset[str] = frozenset()) -> Discretisation:
-        """With quadrature that is exact for the square of the shape functions."""
+        """Discretise a mesh, with quadrature exact for the square of the shape functions."""
         flat, dofs = mesh.doflocs.T, mesh.dofs
         nodes = {name: dofs.get_facet_dofs(facets).flatten()
                  for name, facets in (mesh.boundaries or {}).items()}

@@ -63,7 +63,7 @@ class Budget:
         return self.left <= 0
 
     def part(self, work: float) -> Budget:
-        """Of its own, as far as this has so much left."""
+        """Separate budget of so much work, no more than this one has left."""
         return Budget(min(work, self.left))
 
 
@@ -117,7 +117,7 @@ class Solution:
 
     @property
     def wrinkling(self) -> int:
-        """In how many directions the film, its plate held, has lost its stiffness."""
+        """Number of directions in which the film, its plate held, has lost its stiffness."""
         return 0 if self.tangent is None else self.tangent.wrinkling
 
     def thinning_margin(self, model: Model) -> float:
@@ -276,7 +276,7 @@ def _mean(first: Parts, second: Parts, weight: float) -> Parts:
 def tangent_at(model: Model, state: State, free: tuple[Load, ...] = (),
                constraints: tuple[Constraint, ...] = (), subspace: Subspace = FULL
                ) -> tuple[Tangent | None, Array]:
-    """At a state, None where it is singular or beyond the law; and the nodal forces."""
+    """Tangent at a state, None where it is singular or beyond the law; and the nodal forces."""
     part = model.linearised(state)
     if not np.isfinite(part.forces).all():
         return None, part.forces

@@ -63,7 +63,7 @@ class PathSettings:
     unbalanced: float = 1e-2
 
     def bounded(self, model: Model, followed: bool = False, loads: int = 1) -> PathSettings:
-        """With a budget of work, so that a search ends; as they are if they have one.
+        """Settings with a budget of work, so that a search ends; unchanged if they have one.
 
         ``followed``: along a branch, to a film's limits or over many ``loads``.
         """
@@ -75,7 +75,7 @@ class PathSettings:
         return replace(self, newton=replace(self.newton, budget=budget))
 
     def beyond_end(self, model: Model) -> PathSettings:
-        """With less work, for what a film would do beyond its end, kept from wrinkling."""
+        """Settings with less work, for a film beyond its end that is kept from wrinkling."""
         budget = self.newton.budget
         if budget is None:
             return self

@@ -123,7 +123,7 @@ class Ramp:
     settings: PathSettings = field(default_factory=PathSettings)
 
     def run(self, start: Solution) -> Outcome:
-        """In steps as long as Newton converges to a stable state; then by arc length."""
+        """Ramp in steps while Newton converges to a stable state; then go on by arc length."""
         origin = start.state.load(self.load)
         if self.target == origin:
             return Outcome("equilibrium", start)
@@ -291,7 +291,7 @@ class Ramp:
                 and explained >= _EXPLAINED * gone - UNNOTICED)
 
     def _by_arc_length(self, origin: Solution, reached: Solution) -> Outcome:
-        """From the last equilibrium reached to where the branch does, or turns, thins or ends."""
+        """Follow the branch from the last equilibrium to the target, or its turn, thinning or end."""
         load, target, settings = self.load, self.target, self.settings
         start = self._tense(origin, reached)
         sense = 1 if target >= start.state.load(load) else -1

@@ -93,7 +93,7 @@ def _nested(model: Model, force: float, voltage: float, pressure: float, setting
 
 
 def _unloading(settings: PathSettings) -> PathSettings:
-    """To unload a film slack when mounted: short steps, soon given up.
+    """Settings to unload a film slack when mounted: short steps, soon given up.
 
     Where such a film goes slack, Newton's method uses all its iterations and fails.
     """

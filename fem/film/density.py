@@ -126,7 +126,7 @@ class FilmDensity:
 
     def _flowing(self, rest: Density, flow: Flow, c: tuple[Any, Any, Any], tangent: bool
                  ) -> Density:
-        """With what the branches add, the potential of the step to the energy."""
+        """Density with what the branches add; the energy includes the potential of the step."""
         first, second = self.specimen.membrane.prestretch
         scale = np.array([first * first, second * second, first * second])
         energy, stress, bend = flow.density(from_virgin(c, (first, second)), tangent=tangent)
@@ -266,7 +266,7 @@ def _components_last(values: Any, axes: int) -> Any:
 
 def virtual_work(c: tuple[Any, Any, Any], changes: tuple[Any, Any, Any],
                  prestretch: tuple[Any, Any], weights: Any) -> Callable[[Any], Any]:
-    """Of a material, the weighted sums of W₁δλ₁ + W₂δλ₂ over the points for k changes of C, (k,).
+    """Function of a material: weighted sums of W₁δλ₁ + W₂δλ₂ over the points, (k,).
 
     C of the mounted film and ``weights`` have shape s, the changes (k, *s). Where the stretches are
     equal, their difference has no derivative; a stress that is equal too does not ask.

@@ -52,7 +52,7 @@ class EnergyTable:
     @classmethod
     def of(cls, specimen: Specimen, covered: Array, low: Array, high: Array
            ) -> EnergyTable | None:
-        """Of a specimen's film between two pairs (I, J) of its virgin C.
+        """Tabulate a specimen's film between two pairs (I, J) of its virgin C.
 
         None where no degree is precise enough, as where an energy is infinite, or where electrodes
         are stiff.
@@ -134,13 +134,13 @@ class EnergyTable:
 
     @cached_property
     def degree(self) -> int:
-        """Of the polynomials, in each variable."""
+        """Degree of the polynomials, in each variable."""
         return math.isqrt(self.rows.shape[2]) - 1
 
 
 @dataclass(frozen=True, eq=False)
 class _Fit:
-    """Of a polynomial's coefficients to its slopes at nodes in (−1, 1)², ``count`` of the fit.
+    """Fit of a polynomial's coefficients to its slopes at nodes in (−1, 1)², the first ``count``.
 
     ``inverse``, (2 × count, coefficients); ``checks``: slopes at the other nodes, (coefficients,
     2 × others); ``derivatives``: coefficients of x, y, xx, xy, yy by the polynomial's, (5,

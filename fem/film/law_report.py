@@ -40,7 +40,7 @@ class Examination:
     peaks: tuple[float | None, float | None]
 
     def json(self) -> dict[str, Any]:
-        """As a JSON object; stresses that do not exist are None."""
+        """Report as a JSON object; stresses that do not exist are None."""
         def numbers(values: Array) -> list[float | None]:
             return [float(value) if np.isfinite(value) else None for value in values]
 

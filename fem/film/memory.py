@@ -59,14 +59,14 @@ class Memory:
 
     @classmethod
     def relaxed(cls, film: Film, c: Any) -> Memory:
-        """At rest for ever at C of the virgin film, (C₁₁, C₂₂, C₁₂)."""
+        """Memory fully relaxed at C of the virgin film, (C₁₁, C₂₂, C₁₂)."""
         full = incompressible(c)[:, None]
         moduli, times, flows = _constants(film)
         return cls(moduli, times, np.repeat(full, len(times), 1), flows)
 
     @classmethod
     def mounted(cls, film: Film, points: tuple[int, ...]) -> Memory:
-        """Of a flat film, stretched at once so long ago as it says, at points of a shape."""
+        """Memory of a flat film, stretched at once so long ago as it says, at points of a shape."""
         first, second = film.prestretch
         flat = incompressible((first**2, second**2, 0.0))
         moduli, times, flows = _constants(film)
@@ -137,7 +137,7 @@ class Memory:
         return np.where(np.real(driving) > 0, driving, 0.0)
 
     def each(self, values: Array) -> Array:
-        """Of the branches, for all of their points."""
+        """Values of the branches, broadcast over all of their points."""
         return values.reshape(-1, *(1,) * (self.viscous.ndim - 2))
 
 
@@ -225,7 +225,7 @@ class Flow:
         return stress, bend
 
     def _moduli(self, axes: int) -> Array:
-        """Of the branches, for tensors of so many axes."""
+        """Moduli of the branches, for tensors of so many axes."""
         return self.memory.moduli.reshape(-1, *(1,) * (axes - 2))
 
     @cached_property
@@ -275,12 +275,12 @@ def incompressible(c: Any) -> Array:
 
 
 def determinant(a: Array) -> Array:
-    """Of symmetric tensors, shape (...)."""
+    """Determinants of symmetric tensors, shape (...)."""
     return np.asarray((a[0] * a[1] - a[2] * a[2]) * a[3])
 
 
 def inverse(a: Array) -> Array:
-    """Of symmetric tensors, in their shape."""
+    """Inverses of symmetric tensors, in their shape."""
     first, last, shear, thick = a
     plane = first * last - shear * shear
     result = np.empty_like(a)
@@ -325,7 +325,7 @@ def _excess(kept: Array, weight: Array, full: Array) -> Array:
 
 
 def plane_determinant(a: Array) -> Array:
-    """Of symmetric tensors the determinant in the plane, shape (...)."""
+    """Determinants in the plane of symmetric tensors, shape (...)."""
     first, last, shear = a[:3]
     return np.asarray(first * last - shear * shear)
 
@@ -342,7 +342,7 @@ def of_thickness(c: Array, thick: Any, *, tangent: bool = True) -> tuple[Array, 
 
 
 def cofactor(a: Array) -> Array:
-    """Of symmetric tensors in the plane, shape (3, ...)."""
+    """Cofactors in the plane of symmetric tensors, shape (3, ...)."""
     result = np.empty((3, *a.shape[1:]), a.dtype)
     result[0], result[1] = a[1], a[0]
     np.negative(a[2], out=result[2])
@@ -358,11 +358,11 @@ def add_across(slopes: Array, value: Array) -> None:
 
 
 def _aligned(values: Array, first: int, axes: int) -> Array:
-    """With so many axes in all, new ones after the first."""
+    """Values with so many axes in all, new ones after the first."""
     new = (1,) * (axes - values.ndim)
     return values.reshape(*values.shape[:first], *new, *values.shape[first:])
 
 
 def cube_root(value: Array) -> Array:
-    """Of any numbers, complex ones too."""
+    """Cube root of any numbers, complex ones too."""
     return np.asarray(value ** (1 / 3) if np.iscomplexobj(value) else np.cbrt(value))

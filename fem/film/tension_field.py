@@ -24,7 +24,7 @@ _OUTWARDS = np.array([1.03, 1.1, 1.25, 1.5, 2.0, 3.0, 4.0])
 
 
 class Tension(IntEnum):
-    """In how many directions the film carries tension; the numbers are those of the VTU."""
+    """Number of directions in which the film carries tension; the numbers are those of the VTU."""
 
     TAUT = 0  #: in both
     WRINKLED = 1  #: along the wrinkles only
@@ -32,7 +32,7 @@ class Tension(IntEnum):
 
 
 def tension_state(stress_1: Array, stress_2: Array, tense: Array) -> NDArray[np.int64]:
-    """Of :class:`Tension`, from the larger and the smaller principal true stress [Pa], shape (n,).
+    """Values of :class:`Tension` by the larger and smaller principal true stress [Pa], shape (n,).
 
     ``tense`` is in how many directions a film that wrinkles is tense; there its stress is positive,
     but no more than the residual tension of :class:`TensionField`.

@@ -43,7 +43,7 @@ def elimination_order(connectivity: Array, points: Array) -> Array:
 
 
 def _bisected(connectivity: Array, points: Array) -> Array:
-    """For each element the sides it fell on, cut after cut, as binary digits."""
+    """Code of each element: the sides it fell on, cut after cut, as binary digits."""
     angles = np.arange(_DIRECTIONS) * np.pi / _DIRECTIONS
     along = np.stack([np.cos(angles), np.sin(angles)], axis=1) @ points[connectivity].mean(axis=1).T
     ranks = np.argsort(np.argsort(along, kind="stable"), kind="stable")

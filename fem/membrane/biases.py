@@ -318,12 +318,12 @@ class ForceTable:
 
     @classmethod
     def from_table(cls, table: Table) -> Self:
-        """Of a rig file, from whose folder its ``file`` is found."""
+        """Read from a table of a rig file, from whose folder its ``file`` is found."""
         return read(cls, table, {(cls, "file"): _file_beside, (cls, "columns"): _titles})
 
     @classmethod
     def completed(cls, given: Content) -> Content:
-        """With the numbers of the file, if one is given."""
+        """Add the numbers of the file, if one is given."""
         file, titles = given.get("file"), given.get("columns")
         if file is None:
             if titles:

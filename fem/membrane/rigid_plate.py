@@ -93,7 +93,7 @@ class Swing:
     film: float = 0.0
 
     def motion(self, plate: PlateMotion) -> Array:
-        """Of the plate over the step, shape (6,)."""
+        """Motion of the plate over the step, shape (6,)."""
         return np.concatenate([plate.translation - self.origin.translation,
                                turned(plate, self.origin)])
 

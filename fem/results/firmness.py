@@ -63,13 +63,13 @@ class Source:
 
     @classmethod
     def recovered(cls, mesh: Discretisation, element: int, corner: int) -> Source:
-        """Of the strain recovered at a corner."""
+        """Source by the strain recovered at a corner."""
         around, weights = mesh.recovery.at(element, corner)
         return cls(around, mesh.gradients[around], weights)
 
     @classmethod
     def averaged(cls, mesh: Discretisation, elements: Array, locals_: Array) -> Source:
-        """Of the mean of elements' own strains at nodes of theirs."""
+        """Source by the mean of elements' own strains at nodes of theirs."""
         count = len(elements)
         return cls(elements, mesh.nodal_gradients[elements, locals_][:, None],
                    np.full((count, 1), 1 / count))

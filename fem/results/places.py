@@ -46,7 +46,7 @@ class Places:
 
     @classmethod
     def of(cls, mesh: Discretisation, points: Array) -> Places:
-        """Of points of the flat film [m], shape (points, 2)."""
+        """Locate points of the flat film [m], shape (points, 2)."""
         signs = np.ones((len(points), 3))
         for axis, plane in enumerate("xy"):
             if plane in mesh.planes:

@@ -33,7 +33,7 @@ class Circuit:
 
     @property
     def conductance(self) -> float:
-        """Of both from the film [1/Ω]."""
+        """Conductance of both resistances from the film [1/Ω]."""
         return 1 / self.resistance + 1 / self.leakage
 
     def current(self, source: float, film: float) -> float:

@@ -67,5 +67,5 @@ def radau(stages: int) -> CollocationRule:
 
 
 def _values(nodes: Array, degree: int) -> Array:
-    """Of Legendre's polynomials on (0, 1), shape (nodes, degree + 1)."""
+    """Values of Legendre's polynomials on (0, 1), shape (nodes, degree + 1)."""
     return np.asarray(legendre.legvander(2 * nodes - 1, degree), float)

@@ -25,7 +25,7 @@ def spline(times: Sequence[float] | Array, values: Array) -> CubicSpline:
 
 
 def weights(times: Sequence[float], when: float) -> list[float]:
-    """Of the values at up to four times, in their curve's at another.
+    """Weights of values at up to four times, for the polynomial through them at another time.
 
     Examples
     --------

@@ -25,7 +25,7 @@ _POINTS = 4
 
 @dataclass(frozen=True)
 class Energy:
-    """Of the whole film and its plate at a ``time`` [s].
+    """Energy of the whole film and its plate at a ``time`` [s].
 
     ``stored``: elastic, that of branches and biases, and electrostatic [J]; ``kinetic`` [J];
     ``loss``: what branches turn into heat [W]; ``charge`` [C] at a ``voltage`` [V]; ``work`` that
@@ -43,7 +43,7 @@ class Energy:
 
     @classmethod
     def of(cls, transient: Transient, moment: Moment) -> Energy:
-        """Of a transient at a moment."""
+        """Energy of a transient at a moment."""
         model, state = transient.remembering(moment), moment.state
         mesh, squared = model.discretisation, state.voltage_squared
         voltage = float(np.sqrt(squared))
@@ -81,7 +81,7 @@ class EnergyBalance:
 
     @classmethod
     def of(cls, every: Array, before: Energy) -> EnergyBalance:
-        """From its state before the first moment on; a row of ``every`` are an energy's fields."""
+        """Balance from the state before the first moment on; a row of ``every`` is an energy."""
         starts = np.flatnonzero(np.diff(every[:, 0]) == 0) + 1
         electrical = heat = smooth = 0.0
         for piece in np.split(every, starts):

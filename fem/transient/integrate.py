@@ -167,7 +167,7 @@ class Transient:
     heave: Signal | None = None
 
     def moments(self, state: State, memory: Memory) -> Iterator[Moment]:
-        """From a state at the signal's beginning to its end; after a jump the same time again.
+        """Moments from the signal's beginning, at a state, to its end; a jump repeats its time.
 
         Raises
         ------
@@ -349,7 +349,7 @@ class Transient:
         return float(miss)
 
     def _most_charge(self, moment: Moment) -> float:
-        """On a film that stands as at a moment, under the highest voltage [C]."""
+        """Charge of the film as it is at a moment, under the highest voltage [C]."""
         return self._highest * float(self.model.capacitance(moment.state))
 
     def implicit_step(self, past: list[Moment], piece: int, duration: float,
@@ -402,13 +402,13 @@ class Transient:
 
     def _solved(self, problem: tuple[Model, State, tuple[Load, ...], tuple[Constraint, ...]],
                 tangent: Tangent | None) -> Solution:
-        """By the tangent given or that of the guess; by as many as it takes if that will not do."""
+        """Solve with the given tangent or that of the guess; with full Newton where that fails."""
         close = self.settings.close
         near = None if tangent is None else simplified_newton(*problem, close, tangent)
         return near or simplified_newton(*problem, close) or newton(*problem, close)
 
     def _moving(self, model: Model, moment: Moment, guess: State, duration: float) -> Model:
-        """With the plate's part in a step."""
+        """Model with the plate's part in a step."""
         if self.plate is None and not self.damper:
             return model
         before, after = ((np.zeros((6, 6)),) * 2 if self.plate is None else
@@ -460,7 +460,7 @@ class Transient:
 
 
 def _stiffness(tangent: Tangent) -> float:
-    """Of the whole film against the plate's heave [N/m], less what a step of motion adds."""
+    """Stiffness of the whole film against deflection [N/m], less what a step of motion adds."""
     model = tangent.model
     heave = model.plate_freedoms.index(HEAVE)
     stiffness = float(tangent.plate_stiffness[heave, heave]) * model.discretisation.mirrored

@@ -156,14 +156,14 @@ class System:
 
     @property
     def stiffness(self) -> csc_matrix:
-        """Of free components, then the plate's freedoms [N/m, N, N m]."""
+        """Stiffness of free components, then of the plate's freedoms [N/m, N, N m]."""
         part = self.tangent
         return part.inner if not len(self.plate) else bmat(
             [[part.inner, part.border], [part.border.T, part.corner]], format="csc")
 
     @property
     def mass(self) -> csc_matrix:
-        """Of film and plate for the same unknowns [kg, kg m, kg m²]."""
+        """Mass of film and plate for the same unknowns [kg, kg m, kg m²]."""
         size = self.coordinates.shape[1]
         film = kron(film_mass(self.model), identity(3))
         rows, columns = np.indices(self.plate.shape).reshape(2, -1) + size - len(self.plate)
@@ -218,7 +218,7 @@ def _coordinates(model: Model, gradient: Array) -> csr_matrix:
 
 
 def _nearest_zero(negative: int, count: int) -> slice:
-    """Of rising values the ``count`` next to zero on either side."""
+    """Slice of rising values: the ``count`` next to zero on either side."""
     return slice(max(0, negative - count), negative + count)
 
 

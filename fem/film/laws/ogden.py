@@ -47,7 +47,7 @@ class Ogden:
 
     @classmethod
     def from_abaqus(cls, mu: tuple[float, ...], alpha: tuple[float, ...]) -> Ogden:
-        """From the convention Σ 2μ_p/α_p² (…) of Abaqus, CalculiX and FElupe."""
+        """Convert from the convention Σ 2μ_p/α_p² (…) of Abaqus, CalculiX and FElupe."""
         return cls(tuple(2 * m / a for m, a in zip(mu, alpha, strict=True)), alpha)
 
     def derivatives(self, l1: Any, l2: Any) -> tuple[Any, ...]:
@@ -95,7 +95,7 @@ class Prestretched:
 
     @classmethod
     def completed(cls, values: dict[str, Any]) -> dict[str, Any]:
-        """With the paper's powers where a file leaves them out."""
+        """Add the paper's powers where a file leaves them out."""
         powers = tuple(2.0 * (number + 1) for number in range(len(values["beta"])))
         return {"alpha": powers} | values
 
