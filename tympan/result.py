@@ -63,7 +63,7 @@ class Result(Generic[Numbers]):
         return plot(self.numbers, target, **choices)
 
     def _repr_html_(self) -> str:
-        """As notebooks show it: the result's table, its longest ones cut; one row goes down."""
+        """Table of the result for a notebook, cut where it is long; a single row goes down."""
         from pandas import json_normalize
 
         table, digits = self.to_pandas(), "{:.6g}".format

@@ -42,7 +42,7 @@ def build_self_check_page(check: SelfCheck, folder: Path) -> list[Path]:
 
 
 def _compose(rows: Sequence[Mapping[str, Any]]) -> Figure:
-    """For each hidden effect the shares of what was said."""
+    """Draw, for each hidden effect, the shares of what was said."""
     height = _ROW * len(rows)
     figure = style.new_figure(_TOP + height + _AXIS + _LEGEND)
     axes = style.place_axes(figure, _LEFT, _TOP, style.WIDTH - _LEFT - style.RIGHT, height)

@@ -205,7 +205,7 @@ def _crowded(axes: Axes) -> bool:
 
 
 def _say_once(axes: Axes) -> None:
-    """Of equal words within a line of each other the uppermost stay, in no curve's colour."""
+    """Keep the uppermost of equal words within a line of each other, in no curve's colour."""
     said: dict[str, list[tuple[Annotation, Bbox]]] = {}
     for text in reversed(_words(axes)):
         near, box = said.setdefault(text.get_text(), []), text.get_window_extent()

@@ -1,4 +1,4 @@
-"""From a view to a scene: solved on the mesh at hand, from the equilibrium at hand where it may."""
+"""Solve a view into a scene: on the mesh at hand, and from the last equilibrium where possible."""
 
 from __future__ import annotations
 

@@ -85,7 +85,7 @@ def _mass(options: argparse.Namespace, specimens: Sequence[Specimen], rig: Rig,
 
 def _cones(options: argparse.Namespace, specimens: Sequence[Specimen], mass: float, rig: Rig,
            remarks: list[str]) -> list[Actuator]:
-    """As the paper has them."""
+    """Actuators of cones, as the paper has them."""
     from tympan.studies.lumped.actuator import Actuator
     from tympan.studies.lumped.remarks import remark
     from tympan.studies.paper.table1 import eq8
