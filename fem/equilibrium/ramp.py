@@ -291,7 +291,7 @@ class Ramp:
                 and explained >= _EXPLAINED * gone - UNNOTICED)
 
     def _by_arc_length(self, origin: Solution, reached: Solution) -> Outcome:
-        """Follow the branch from the last equilibrium to the target, or its turn, thinning or end."""
+        """Follow the branch from the last equilibrium to the target, a turn, thinning or an end."""
         load, target, settings = self.load, self.target, self.settings
         start = self._tense(origin, reached)
         sense = 1 if target >= start.state.load(load) else -1
