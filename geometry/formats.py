@@ -17,6 +17,7 @@ import zipfile
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -42,11 +43,18 @@ THOUSANDS = re.compile(r"[-+]?[1-9]\d{0,2}[.,]\d{3}", re.ASCII)
 _ROUND = re.compile(r"[-+]?[1-9]\d{0,2}[.,]\d\d0(?![\d.eE])", re.ASCII)
 _HUNDREDS = re.compile(r"[-+]?[1-9]\d{2,}", re.ASCII)
 
+#: A number with any marks in it, and what may stand between thousands.
+_WITH_MARKS = re.compile(r"[-+]?\d[\d.,' \u2019\u00a0\u202f]*(?:[eE][-+]?\d+)?", re.ASCII)
+_BETWEEN_THOUSANDS = re.compile("[.,' \u2019\u00a0\u202f]")
+
 #: The first line that Excel understands: what stands between cells.
 _SEP_LINE = re.compile(r'\ufeff?"?sep=([^\w\s"\'.+-]|\t)"?[ \t;,]*\n', re.IGNORECASE)
 
 #: The first line that is not blank.
 _FIRST = re.compile(r"^(?=[ \t;,]*[^ \t;,\n]).*", re.MULTILINE)
+
+#: Lines that tell what stands between cells.
+_LOOKED_AT = 200
 
 #: What no text contains.
 _CONTROL = re.compile(r"[\x00-\x08\x0e-\x1f\x7f]")
@@ -75,6 +83,10 @@ _MARKS = {codecs.BOM_UTF8: "utf-8-sig", codecs.BOM_UTF32_LE: "utf-32",
 #: The name of a column of a wide table: "circle 17.9 g displacement_mm up".
 _WIDE = re.compile(r"(?P<specimen>.+?)\s+(?P<mass>[\d.,]+\s*[a-z]+)\s+"
                    r"(?P<title>[a-z]+_\w+)(?:\s+(?P<direction>up|down))?")
+
+
+class TwoMarks(InputError):
+    """A number that can be read in two ways, since a file has two marks in its numbers."""
 
 
 @dataclass(frozen=True)
@@ -116,15 +128,15 @@ def format_of(file: Path, content: bytes) -> Format | None:
     return next(iter([*claiming, *(kind for kind in able if kind.claims is None)]), None)
 
 
-def read_rows(file: Path, content: bytes) -> Iterable[Row]:
-    """The rows of a file by its format, or as text where it has none."""
+def read_rows(file: Path, content: bytes, decimal: str | None = None) -> Iterable[Row]:
+    """The rows of a file by its format, or as text where it has none.
+
+    ``decimal``: the decimal mark of a text, which is found where it is not given.
+    """
     kind = format_of(file, content)
-    return (text_rows if kind is None else kind.rows)(file, content)
-
-
-def readers() -> str:
-    """What is read, in words for a message on a file that is not."""
-    return "; ".join(f"{kind.suffix}: {kind.explanation}" for kind in FORMATS.values())
+    if kind is None or kind.rows is text_rows:
+        return text_rows(file, content, decimal)
+    return kind.rows(file, content)
 
 
 def decoded(content: bytes, file: Path | None = None) -> str:
@@ -145,8 +157,8 @@ def decoded(content: bytes, file: Path | None = None) -> str:
         text = content.decode("latin-1")
     text = text.replace("\r\n", "\n").replace("\r", "\n").rstrip("\x1a")  # the end in DOS
     if file and (control := _CONTROL.search(text)):
-        raise InputError("is no text: save it as CSV in UTF-8; or it is written as one of "
-                         f"{readers()}", file=file, given=control.group(),
+        raise InputError("is no text: save it as CSV in UTF-8, or as a workbook .xlsx", file=file,
+                         given=control.group(),
                          key=f"line {text.count(chr(10), 0, control.start()) + 1}")
     return text
 
@@ -171,12 +183,12 @@ def first_line(content: bytes) -> str:
     return _SEP_LINE.sub("", text, 1).partition("\n")[0]
 
 
-def text_rows(file: Path, content: bytes) -> Iterator[Row]:
+def text_rows(file: Path, content: bytes, decimal: str | None = None) -> Iterator[Row]:
     """Rows of text with commas, semicolons or tabs between cells, or what ``sep=`` names.
 
     Where no comma stands between them, it may stand in numbers. Blank lines are skipped; encodings
     and line ends are those of :func:`decoded`. An :class:`InputError` where a number can be read in
-    two ways.
+    two ways, unless its ``decimal`` mark is given.
     """
     text = decoded(content, file)
     said = _SEP_LINE.match(text)
@@ -187,6 +199,10 @@ def text_rows(file: Path, content: bytes) -> Iterator[Row]:
         raise _too_many(file, columns, _MOST_COLUMNS, "columns")
     if (cells := text.count(mark) + text.count("\n")) > _MOST_CELLS:
         raise _too_many(file, cells, _MOST_CELLS, "cells")
+    if decimal is not None:
+        for line, row in _split(file, text, mark):
+            yield line, [_plain_number(cell, decimal) for cell in row]
+        return
     if mark == "," and not _ROUND.search(text):
         yield from _split(file, text, mark)
         return
@@ -234,13 +250,37 @@ def _unquoted(text: str) -> str:
 
 
 def _separator(text: str) -> str:
-    """What stands most often in the first line that is not blank, quotations left out."""
-    return max(_SEPARATORS, key=_unquoted(text).count)
+    """What stands most often in the first line that is not blank, quotations left out.
+
+    Below a title, whose line has another number of them than most, the mark that as many of the
+    next lines have as often; a comma last, which may be a decimal mark.
+    """
+    lines = [re.sub(r'"[^"]*"', "", line) for line in islice(_lines(text), _LOOKED_AT)
+             if line.strip(" \t;,\n")]
+    counts = {mark: Counter(line.count(mark) for line in lines) for mark in _SEPARATORS}
+    first = max(_SEPARATORS, key=_unquoted(text).count)
+    usual = counts[first].most_common(1)
+    if not usual or (_unquoted(text).count(first) == usual[0][0] > 0):
+        return first
+    alike = {mark: max((often for count, often in counts[mark].items() if count), default=0)
+             for mark in (";", "\t", ",")}
+    return max(alike, key=lambda mark: alike[mark]) if any(alike.values()) else first
 
 
 def decimal_point(cell: str) -> str:
     """A number with a decimal comma as one with a point; any other cell as it is."""
     return cell.replace(",", ".") if DECIMAL_COMMA.fullmatch(cell) else cell
+
+
+def _plain_number(cell: str, decimal: str) -> str:
+    """A number without thousands separators and with a decimal point; any other cell as it is."""
+    if not _WITH_MARKS.fullmatch(cell):
+        return cell
+    whole, _, rest = cell.partition(decimal)
+    groups = re.split(_BETWEEN_THOUSANDS, whole)
+    if decimal in rest or any(len(group) != 3 for group in groups[1:]):
+        return cell
+    return "".join(groups) + (f".{rest}" if rest else "")
 
 
 def _check_marks(file: Path, rows: Sequence[Row]) -> None:
@@ -266,7 +306,7 @@ def _check_marks(file: Path, rows: Sequence[Row]) -> None:
                 beside = first[other, plain]
                 allowed = (f"{_readings(cell)}, since line {beside[0]} has {beside[2]!r}" if twofold
                            else f"must have the decimal mark of {beside[2]!r} in line {beside[0]}")
-                raise InputError(f"{allowed}: write all numbers without thousands separators and "
+                raise TwoMarks(f"{allowed}: write all numbers without thousands separators and "
                                  "with one decimal mark", file=file, given=cell,
                                  key=_place(line, place, titles))
 
@@ -279,7 +319,7 @@ def _check_rounds(file: Path, rows: Sequence[Row]) -> None:
         shown = next(((line, cell) for line, cell in column if _ROUND.fullmatch(cell)), None)
         whole = shown and next((item for item in column if _HUNDREDS.fullmatch(item[1])), None)
         if shown and whole:
-            raise InputError(f"{_readings(shown[1])}, since line {whole[0]} has {whole[1]!r}: write"
+            raise TwoMarks(f"{_readings(shown[1])}, since line {whole[0]} has {whole[1]!r}: write"
                              " all numbers without thousands separators and with one decimal mark",
                              file=file, given=shown[1], key=_place(shown[0], place, titles))
 

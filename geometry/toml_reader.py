@@ -150,6 +150,14 @@ class Table:
         items = self._list(key, self.value(key, default), count, what)
         return tuple(self._number(key, item, dimension, rule) for item in items)
 
+    def texts(self, key: str) -> tuple[str, ...]:
+        """A list of texts."""
+        items = self._list(key, self.value(key), None, "texts")
+        for item in items:
+            if not isinstance(item, str):
+                raise self.error(key, "must be a list of texts", item)
+        return tuple(map(str, items))
+
     def places(self, key: str, least: int = 1, count: int | None = None,
                rule: Rule = FINITE) -> tuple[tuple[float, float], ...]:
         """List of points, each a pair of lengths: ``count`` of them, or ``least`` or more."""

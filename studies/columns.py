@@ -19,6 +19,7 @@ from tympan.geometry.columns import Sheet as Sheet
 from tympan.geometry.columns import read_sheet as read_sheet
 from tympan.geometry.errors import InputError
 from tympan.geometry.formats import text_rows
+from tympan.geometry.layouts import Reader
 from tympan.geometry.read_file import STORED, file_bytes
 from tympan.studies.files import read_text, write_csv
 
@@ -44,4 +45,4 @@ def read_own_sheet(file: Path, columns: Sequence[Column]) -> dict[str, NDArray[A
     if not read_text(file, _OWN).endswith("\n"):
         raise InputError("is cut short: run the command that wrote the folder again", file=file)
     raw = file_bytes(file, _OWN)
-    return sheet_of(file, raw, columns, partial(text_rows, file, raw)).values
+    return sheet_of(Reader(file, columns), raw, partial(text_rows, file, raw)).values

@@ -8,7 +8,6 @@ from tympan.geometry.formats import decoded as decoded
 from tympan.geometry.formats import first_line as first_line
 from tympan.geometry.formats import format_of as format_of
 from tympan.geometry.formats import read_rows as read_rows
-from tympan.geometry.formats import readers as readers
 from tympan.geometry.formats import suffixes as suffixes
 from tympan.geometry.formats import text_rows as text_rows
 from tympan.geometry.formats import unfolded as unfolded

@@ -53,6 +53,16 @@ class Waves(TypedDict, total=False):
     seed: int
 
 
+class CouponTable(TypedDict, total=False):
+    """What a tester's headings leave open of a table of coupons."""
+
+    mode: str | None
+    unit: str | None
+    area: float | str | None
+    length: float | str | None
+    decimal: Literal[",", "."] | None
+
+
 class Loads(TypedDict, total=False):
     """What acts on a specimen, as :class:`Case` takes it: SI numbers or texts with their unit."""
 
@@ -306,11 +316,12 @@ def diagnose(dataset: File, workers: int = 1, seed: int = 0) -> Result[Diagnosis
     return Result(conclude(read_dataset(Path(dataset)), workers, seed).diagnosis(films=True))
 
 
-@names_arguments()
+@names_arguments(*CouponTable.__annotations__)
 @one_thread()
 def fit_material(*files: File, laws: Sequence[str] = (), noise: float | str | None = None,
                  branches: int | None = None, film: Case | None = None,
-                 settings: Settings = Settings()) -> Result[MaterialFitResult | FilmFit]:
+                 settings: Settings = Settings(), **table: Unpack[CouponTable]
+                 ) -> Result[MaterialFitResult | FilmFit]:
     """Laws fitted to coupon tests, or a film fitted to readings of its actuators.
 
     ``files`` are one set of coupon tests; ``result.best`` is the law to take, ``result.fits`` all
@@ -319,8 +330,11 @@ def fit_material(*files: File, laws: Sequence[str] = (), noise: float | str | No
     folder of a dataset, whose law keeps its form: ``result.stiffness_factor`` and
     ``result.permittivity_factor`` have 95 % limits, and ``result.not_told`` says what readings do
     not tell. ``branches``: how many viscous ones, by default as many as the tests tell.
+    ``table``: what a tester's headings leave open: ``mode``, ``unit`` of stresses, ``area`` and
+    ``length`` of the strip before the test, ``decimal`` mark.
     """
     from tympan.geometry.units import quantity
+    from tympan.studies.data.coupon import coupon_layout
     from tympan.studies.data.dataset import read_dataset
     from tympan.studies.diagnosis.film_fit import fit_film
     from tympan.studies.material.result import fit_coupons
@@ -332,8 +346,9 @@ def fit_material(*files: File, laws: Sequence[str] = (), noise: float | str | No
                          given=" ".join(map(str, paths)) or "none")
     if not folders:
         stress = quantity(noise, "stress") if isinstance(noise, str) else noise
-        return Result(fit_coupons(paths, laws, stress, branches, film, settings))
-    for key, given in {"laws": laws, "noise": noise, "film": film}.items():
+        return Result(fit_coupons(paths, laws, stress, branches, film, settings,
+                                  coupon_layout(**table)))
+    for key, given in {"laws": laws, "noise": noise, "film": film, **table}.items():
         if given not in (None, ()):
             raise InputError("is for coupons: a dataset's specimens have their law and their noise",
                              key=key, given=str(given))

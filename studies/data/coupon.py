@@ -2,23 +2,37 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tympan.geometry.errors import InputError
+from tympan.geometry.layouts import Layout, Stated
 from tympan.geometry.toml_reader import POSITIVE, Rule
+from tympan.geometry.units import unit_factor
 from tympan.studies.columns import Column, Sheet, read_sheet
+from tympan.studies.data.meanings import (
+    RUNS,
+    SPECIMENS,
+    STRESSES,
+    STRETCHES,
+    TEMPERATURES,
+    TIMES,
+    VOLTAGES,
+)
 
 Array = NDArray[np.float64]
 
 #: The second in-plane stretch of each mode as a power of the first.
 MODES = {"uniaxial": -0.5, "equibiaxial": 1.0, "pure_shear": 0.0}
+#: The name of a file that ends with the mode of its tests.
+OF_MODE = re.compile(rf"(?P<specimen>.*?)[_ -]*(?P<mode>{'|'.join(MODES)})", re.IGNORECASE)
 _STRETCH: Rule = (lambda x: 0.05 <= x <= 20, "must be a stretch from 0.05 to 20")
 _STRESS: Rule = (lambda x: abs(x) <= 1e12, "must be within 1e9 kPa")
 _VOLTAGE: Rule = (lambda x: 0 <= x <= 1e6, "must be from 0 to 1000 kV; the film's pull has no sign")
@@ -31,13 +45,13 @@ USUAL_CELSIUS = 20.0
 #: stress.
 COLUMNS: tuple[Column, ...] = (
     Column.labels("mode", tuple(MODES)),
-    Column("stretch", rule=_STRETCH),
-    Column("nominal_stress", "kPa", _STRESS),
-    Column.labels("specimen", required=False),
-    Column("t", "s", required=False),
-    Column.labels("run", required=False),
-    Column("voltage", "kV", _VOLTAGE, required=False),
-    Column("temperature_C", rule=_CELSIUS, required=False),
+    Column("stretch", rule=_STRETCH, also=STRETCHES),
+    Column("nominal_stress", "kPa", _STRESS, also=STRESSES),
+    Column.labels("specimen", required=False, also=SPECIMENS),
+    Column("t", "s", required=False, also=(TIMES,)),
+    Column.labels("run", required=False, also=RUNS),
+    Column("voltage", "kV", _VOLTAGE, required=False, also=(VOLTAGES,)),
+    Column("temperature_C", rule=_CELSIUS, required=False, also=(TEMPERATURES,)),
     Column("sigma", "kPa", POSITIVE, required=False),
 )
 #: Attributes that are None where a file does not have the column.
@@ -209,6 +223,35 @@ def _corners(time: Array, stretch: Array, most: int) -> NDArray[np.bool_]:
     return kept
 
 
-def read_coupons(*files: Path | str) -> Coupons:
-    """The readings of files with the columns of :data:`COLUMNS`, in any of the formats."""
-    return Coupons.joined([Coupons.of(read_sheet(file, COLUMNS)) for file in files])
+def read_coupons(*files: Path | str, layout: Layout = Layout()) -> Coupons:
+    """The readings of files with the columns of :data:`COLUMNS`, in any of the formats.
+
+    ``layout`` says what the headings of others leave open, such as the length of the strip. A mode
+    that ends a file's name is that of its readings where they do not say theirs.
+    """
+    return Coupons.joined([Coupons.of(read_sheet(file, COLUMNS, layout=layout,
+                                                 usual=named_mode(Path(file)))) for file in files])
+
+
+def coupon_layout(mode: str | None = None, unit: str | None = None,
+                  area: float | str | None = None, length: float | str | None = None,
+                  decimal: Literal[",", "."] | None = None) -> Layout:
+    """What may be said of a table whose headings leave it open.
+
+    ``unit`` is that of stresses; ``area`` and ``length`` are the strip's before the test.
+    """
+    if mode is not None and mode not in MODES:
+        raise InputError(f"must be one of {', '.join(MODES)}", key="mode", given=mode)
+    if unit is not None:
+        try:
+            unit_factor(unit, "stress")
+        except InputError as error:
+            raise error.located(key="unit") from None
+    return Layout(area=area, length=length, decimal=decimal, unit=unit or "",  # type: ignore[arg-type]
+                  columns=() if mode is None else (Stated("mode", value=mode),))
+
+
+def named_mode(file: Path) -> dict[str, str]:
+    """The mode that a file's name ends with, if it does."""
+    match = OF_MODE.fullmatch(file.stem)
+    return {"mode": match["mode"].lower()} if match else {}

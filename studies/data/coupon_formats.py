@@ -16,7 +16,7 @@ from tympan.geometry.formats import (
     first_line,
     text_rows,
 )
-from tympan.studies.data.coupon import MODES
+from tympan.studies.data.coupon import MODES, OF_MODE
 
 #: First lines of digitised tables of VHB tape. Beside stretch and stress [Pa] a table may have
 #: temperatures [K], times [s], rates of the stretch [1/s] and voltages [V].
@@ -34,14 +34,12 @@ _RENAMED = {"stretch": "stretch", "stress": "nominal_stress_Pa", "time": "t_s",
 _RATES = ("vel", "rate")
 _ICE = 273.15
 
-#: The name of a file that ends with the mode of its tests.
-_OF_MODE = re.compile(rf"(?P<specimen>.*?)[_ -]*(?P<mode>{'|'.join(MODES)})", re.IGNORECASE)
 _PAIR = re.compile(r"\s*[-+.\d][-+.\deE]*\s+[-+.\d][-+.\deE]*\s*", re.ASCII)
 
 
 def _named_mode(file: Path) -> tuple[str, str] | None:
     """What stands in a file's name before the mode that it ends with, and that."""
-    match = _OF_MODE.fullmatch(file.stem)
+    match = OF_MODE.fullmatch(file.stem)
     return (match["specimen"], match["mode"].lower()) if match else None
 
 

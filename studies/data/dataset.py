@@ -17,6 +17,7 @@ from tympan.fem.rig import Rig
 from tympan.geometry.errors import InputError, did_you_mean
 from tympan.geometry.fields import Key, read
 from tympan.geometry.formats import FORMATS, Format, format_of, suffixes
+from tympan.geometry.layouts import Layout
 from tympan.geometry.read_file import file_bytes
 from tympan.geometry.specimen import Specimen
 from tympan.geometry.toml_reader import FINITE, NON_NEGATIVE, POSITIVE, Rule, Table
@@ -26,6 +27,17 @@ from tympan.studies.data.checked_runs import CheckedRun, checked_runs
 from tympan.studies.data.coupon import Coupons
 from tympan.studies.data.effort import Effort
 from tympan.studies.data.findings import Copies, RunZeros, at_sensor_end
+from tympan.studies.data.meanings import (
+    CAPACITANCES,
+    DISPLACEMENTS,
+    FORCES,
+    FREQUENCIES,
+    MASSES,
+    RUNS,
+    SPECIMENS,
+    TIMES,
+    VOLTAGES,
+)
 
 _VOLTAGE: Rule = (lambda x: 0 <= x <= 1e6, "must be from 0 to 1000 kV; the film's pull has no sign")
 _MASS: Rule = (lambda x: 0 <= x <= 100, "must be from 0 to 100 kg")
@@ -38,8 +50,11 @@ _STRIPS: Rule = (lambda x: 0 <= x < 1, "must be a share from 0 (all alike) to be
 _APART = 1e-9
 
 #: The column every file but coupon.csv has.
-SPECIMEN = Column.labels("specimen")
-_LOAD: tuple[Column, ...] = (SPECIMEN, Column("mass", "g", _MASS))
+SPECIMEN = Column.labels("specimen", also=SPECIMENS)
+_LOAD: tuple[Column, ...] = (SPECIMEN, Column("mass", "g", _MASS, also=(MASSES,)))
+_VOLTAGE_COLUMN = Column("voltage", "kV", _VOLTAGE, also=(VOLTAGES,))
+_DEFLECTION = Column("displacement", "mm", _DISPLACEMENT, also=(DISPLACEMENTS,))
+_RUN = Column.labels("run", required=False, also=RUNS)
 _SIGMA = Column("sigma", "mm", POSITIVE, required=False)
 _DWELL = Column("dwell", "s", NON_NEGATIVE, required=False)
 
@@ -49,16 +64,16 @@ _DWELL = Column("dwell", "s", NON_NEGATIVE, required=False)
 #: ``tilt``: the plate's.
 STATIC: tuple[Column, ...] = (
     *_LOAD,
-    Column("voltage", "kV", _VOLTAGE),
-    Column("displacement", "mm", _DISPLACEMENT),
-    Column.labels("run", required=False),
+    _VOLTAGE_COLUMN,
+    _DEFLECTION,
+    _RUN,
     Column.labels("repeat", required=False),
     Column("order", required=False),
-    Column("elapsed", "s", _TIME, required=False),
+    Column("elapsed", "s", _TIME, required=False, also=(TIMES,)),
     Column.labels("direction", ("up", "down"), required=False),
     _SIGMA,
     _DWELL,
-    Column("capacitance", "pF", POSITIVE, required=False),
+    Column("capacitance", "pF", POSITIVE, required=False, also=(CAPACITANCES,)),
     Column("film_voltage", "kV", _VOLTAGE, required=False),
     Column("tilt", "mrad", FINITE, required=False),
 )
@@ -78,10 +93,10 @@ RANGE: tuple[Column, ...] = (
 #: electrodes are kept and not judged.
 TRANSIENT: tuple[Column, ...] = (
     *_LOAD,
-    Column.labels("run"),
-    Column("t", "s", _TIME),
-    Column("voltage", "kV", _VOLTAGE),
-    Column("displacement", "mm", _DISPLACEMENT),
+    replace(_RUN, required=True),
+    Column("t", "s", _TIME, also=(TIMES,)),
+    _VOLTAGE_COLUMN,
+    _DEFLECTION,
     Column("rest", "s", NON_NEGATIVE, required=False),
     Column("film_voltage", "kV", _VOLTAGE, required=False),
     Column("current", "uA", required=False),
@@ -92,9 +107,9 @@ TRANSIENT: tuple[Column, ...] = (
 #: resonance's, f over the width at half the power; ``sigma``: standard deviation of the frequency.
 FREQUENCY: tuple[Column, ...] = (
     *_LOAD,
-    Column("voltage", "kV", _VOLTAGE),
+    _VOLTAGE_COLUMN,
     Column.labels("mode", ("heave",)),
-    Column("frequency", "Hz", _FREQUENCY),
+    Column("frequency", "Hz", _FREQUENCY, also=(FREQUENCIES,)),
     Column("quality", rule=_QUALITY, required=False),
     Column("sigma", "Hz", POSITIVE, required=False),
 )
@@ -105,10 +120,10 @@ FREQUENCY: tuple[Column, ...] = (
 #: else of what stands there; ``repeat``: which line or picture of several in one state.
 FIELD: tuple[Column, ...] = (
     *_LOAD,
-    Column("voltage", "kV", _VOLTAGE),
+    _VOLTAGE_COLUMN,
     Column("x", "mm", _DISPLACEMENT),
     Column("y", "mm", _DISPLACEMENT),
-    Column("displacement", "mm", _DISPLACEMENT),
+    _DEFLECTION,
     Column("u", "mm", _DISPLACEMENT, required=False),
     Column("v", "mm", _DISPLACEMENT, required=False),
     Column.labels("repeat", required=False),
@@ -120,12 +135,12 @@ FIELD: tuple[Column, ...] = (
 #: kept and not judged.
 FORCE: tuple[Column, ...] = (
     SPECIMEN,
-    Column("voltage", "kV", _VOLTAGE),
-    Column("displacement", "mm", _DISPLACEMENT),
-    Column("force", "mN"),
-    Column.labels("run", required=False),
+    _VOLTAGE_COLUMN,
+    _DEFLECTION,
+    Column("force", "mN", also=(FORCES,)),
+    _RUN,
     Column.labels("direction", ("out", "back"), required=False),
-    Column("t", "s", _TIME, required=False),
+    Column("t", "s", _TIME, required=False, also=(TIMES,)),
     Column("tilt", "mrad", FINITE, required=False),
     Column("sigma", "mN", POSITIVE, required=False),
 )
@@ -177,6 +192,9 @@ class Dataset:
     strip_scatter: Annotated[float, Key(
         "by what share of the stress strips of one film differ, smoothly along a run, besides the "
         "noise of a reading", rule=_STRIPS)] = 0.0
+    layouts: Annotated[Mapping[str, Layout], Key(
+        "how a file of readings is laid out that has not the usual headings: a table for each, "
+        "[columns.static] for static.csv", name="columns")] = field(default_factory=dict)
     static: Sheet | None = None
     ranges: Sheet | None = None
     transients: Sheet | None = None
@@ -246,12 +264,14 @@ def read_dataset(folder: Path | str, planned: bool = False) -> Dataset:
                          file=folder)
     about = folder / "dataset.toml"
     dataset = read(Dataset, Table.read(about), {(Dataset, "specimens"): _specimens,
-                                                (Dataset, "rig"): _rig})
+                                                (Dataset, "rig"): _rig,
+                                                (Dataset, "layouts"): _layouts})
     files = {name: hashlib.sha256(file_bytes(folder / name)).hexdigest()
              for name in (about.name, *_specimen_files(about))}
     there = sorted(file.name for file in folder.iterdir() if file.suffix.lower() in suffixes())
     stems = {Path(name).stem: name for name in FILES}
-    others = [folder / name for name in there if Path(name).stem not in stems]
+    said = {layout.file for layout in dataset.layouts.values()}
+    others = [folder / name for name in there if Path(name).stem not in stems and name not in said]
     published = {file: kind for file in others if (kind := _published(file)) is not None}
     remarks = [f"{file.name} is not read: {did_you_mean(file.stem.lower(), stems)}known are "
                f"{', '.join(FILES)}, and {_publications()}"
@@ -262,13 +282,19 @@ def read_dataset(folder: Path | str, planned: bool = False) -> Dataset:
     later = ("displacement", "range", "frequency") if planned else ()
     sheets: dict[str, Sheet] = {}
     for name, columns in FILES.items():
-        file = _file_of(folder, name)
+        stem = Path(name).stem
+        layout = dataset.layouts.get(stem, Layout())
+        file = folder / layout.file if layout.file else _file_of(folder, name)
         if file is None:
+            if stem in dataset.layouts:
+                raise InputError(f"there is no {name}: write its name, file = \"…\"", file=about,
+                                 key=f"columns.{stem}")
             continue
-        sheet = sheets[name] = read_sheet(file, [
-            replace(column, required=column.required and column.name not in later)
-            for column in columns])
+        sheet = sheets[name] = read_sheet(
+            file, [replace(column, required=column.required and column.name not in later)
+                   for column in columns], layout=layout, table=stem, usual=_usual(dataset, file))
         files[file.name] = sheet.sha256
+        remarks += sheet.remarks
         if SPECIMEN in columns:
             _check_specimens(sheet, [specimen.name for specimen in dataset.specimens])
             remarks += _identical(sheet)
@@ -292,6 +318,23 @@ def read_dataset(folder: Path | str, planned: bool = False) -> Dataset:
                    coupons=Coupons.joined(tests) if tests else None,
                    frequencies=frequencies, fields=fields, forces=forces,
                    remarks=tuple(remarks))
+
+
+def _layouts(table: Table, key: str) -> dict[str, Layout]:
+    """The layouts of files by their names without suffix."""
+    part, kinds = table.table(key, {}), [Path(name).stem for name in FILES]
+    layouts = {kind: Layout.from_table(part.table(kind)) for kind in kinds if kind in part}
+    part.asked.update(kinds)
+    part.done()
+    return layouts
+
+
+def _usual(dataset: Dataset, file: Path) -> dict[str, str]:
+    """What holds of a tester's file that does not say so."""
+    usual = {"run": "1"}
+    if len(dataset.specimens) == 1:
+        usual["specimen"] = dataset.specimens[0].name
+    return usual | coupon.named_mode(file)
 
 
 def _file_of(folder: Path, name: str) -> Path | None:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tympan.geometry.errors import InputError
+from tympan.geometry.layouts import Layout
 from tympan.studies.case import Case, Settings
 from tympan.studies.columns import Column, read_own_sheet, write_sheet
 from tympan.studies.data.coupon import COLUMNS, MODES, Coupons, read_coupons
@@ -94,7 +95,7 @@ class MaterialFitResult:
 
 def fit_coupons(files: Path | Sequence[Path], names: Sequence[str] | None = None,
                 noise: float | None = None, branches: int | None = None, film: Case | None = None,
-                settings: Settings = Settings()) -> MaterialFitResult:
+                settings: Settings = Settings(), layout: Layout = Layout()) -> MaterialFitResult:
     """What laws fitted to the readings of one file or several say.
 
     Where the runs tell time from stretch (``numbers["time"]``), laws with ``branches``, or as many
@@ -102,13 +103,13 @@ def fit_coupons(files: Path | Sequence[Path], names: Sequence[str] | None = None
     :func:`~tympan.studies.material.branches.compare_in_time`. Otherwise, or with 0 branches, laws
     without: :func:`~tympan.studies.material.fit.compare`. With a ``film`` its deflection by the
     fitted laws, with limits: see :func:`~tympan.studies.material.film.film_deflection`. An
-    :class:`InputError` names the file.
+    :class:`InputError` names the file. ``layout``: what the files' headings leave open.
     """
     if noise is not None and not 1e-6 <= noise <= 1e9:
         raise InputError("must be from 1e-6 Pa to 1 GPa", key="--noise", given=f"{noise:g} Pa")
     names = None if not names or "all" in names else names
     files = [files] if isinstance(files, Path) else [*files]
-    coupons, said = _without_voltage(read_coupons(*files))
+    coupons, said = _without_voltage(read_coupons(*files, layout=layout))
     try:
         thin = coupons.thinned() if coupons.in_time else coupons
         time = time_in_runs(thin) if branches != 0 and coupons.in_time else None

@@ -7,7 +7,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from tympan.geometry.errors import InputError
-from tympan.options import JSON, argument, command, finish, output, parse_quantity, print_record
+from tympan.options import (
+    JSON,
+    argument,
+    command,
+    finish,
+    naming_options,
+    output,
+    parse_quantity,
+    print_record,
+)
 
 if TYPE_CHECKING:
     from tympan.studies.case import Case
@@ -64,19 +73,34 @@ def material_show(options: argparse.Namespace) -> None:
                        "limits: what the tests leave open of it"),
          argument("--mass", help='on the plate of --film, such as "17.9 g"'),
          argument("--voltage", default="0 V", help='on --film, such as "3 kV"'),
+         argument("--mode", choices=("uniaxial", "equibiaxial", "pure_shear"),
+                  help="mode of tests whose table does not say it (default: the end of the file's "
+                       "name)"),
+         argument("--unit", metavar="UNIT", help='of stresses whose heading has none, such as "MPa"'
+                  ),
+         argument("--area", help="cross-section of the strip before the test, for a table with "
+                                 'forces, such as "18 mm^2"'),
+         argument("--length", help="length of the strip before the test, for a table with "
+                                   'displacements, such as "30 mm"'),
+         argument("--decimal", choices=(",", "."), help="decimal mark of the numbers (default: "
+                                                         "found)"),
          output("also store the fits (JSON), their curves (CSV), a figure, and the best law for "
                 "specimen files (TOML)"), JSON,
          example="coupon.csv -o fit")
 def material_fit(options: argparse.Namespace) -> None:
     """Fit laws, and viscous branches in time, to coupon tests; or a film to its actuators."""
+    from tympan.studies.data.coupon import coupon_layout
     from tympan.studies.material.result import fit_coupons
 
     if options.coupons[0].is_dir():
         _fit_actuators(options)
         return
     noise = None if options.noise is None else parse_quantity(options.noise, "stress", "--noise")
+    with naming_options(options):
+        layout = coupon_layout(options.mode, options.unit, options.area, options.length,
+                               options.decimal)
     finish(options, fit_coupons(options.coupons, options.law, noise, options.branches,
-                                _film(options)))
+                                _film(options), layout=layout))
 
 
 def _fit_actuators(options: argparse.Namespace) -> None:
@@ -84,7 +108,9 @@ def _fit_actuators(options: argparse.Namespace) -> None:
     from tympan.studies.diagnosis.film_fit import fit_film
 
     of_coupons = {"--law": options.law, "--noise": options.noise, "--film": options.film,
-                  "--mass": options.mass}
+                  "--mass": options.mass, "--mode": options.mode, "--unit": options.unit,
+                  "--area": options.area, "--length": options.length,
+                  "--decimal": options.decimal}
     for key, given in of_coupons.items():
         if given is not None:
             raise InputError("is for coupons: a dataset's specimens have their law and their noise",

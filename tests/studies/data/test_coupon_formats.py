@@ -100,12 +100,13 @@ def test_published_files_are_diagnosed_as_coupon_csv_is(tmp_path: Path) -> None:
      "cycles.csv: line 6, column 3 (temp): given 'warm': must be a number"),
     ("cycles__csv", CYCLE.replace("1,5;21111,1", "1,5"),
      "cycles.csv: line 3: given '5 cells': must have 6 cells"),
-    ("spectra__csv", "id;freq;dielec\n1;°;4,9\n", "digitised tests of VHB tape"),
-    ("spectra__csv", "id;freq;dielec\n1;0,1;4,9\n", "is a table that no reader knows"),
+    ("spectra__csv", "id;freq;dielec\n1;°;4,9\n", "a line with mode, stretch"),
+    ("spectra__csv", "id;freq;dielec\n1;0,1;4,9\n",
+     "spectra.csv: line 1: given 'id, freq, dielec': has no heading that is known: expected is"),
     ("a_uniaxial__txt", "1 1.1\n1 2 3\n", "a_uniaxial.txt: line 2: given '5 cells'"),
-    ("strips__txt", "0.1 1.1\n0.2 1.3\n", "pairs of nominal stress in MPa"),
+    ("strips__txt", "0.1 1.1\n0.2 1.3\n", "a line with mode, stretch, nominal_stress_kPa"),
 ])
-def test_what_no_reader_knows_is_refused_with_those_that_there_are(
+def test_what_no_reader_knows_is_refused_with_what_was_expected(
         name: str, text: str, message: str, tmp_path: Path,
         capsys: pytest.CaptureFixture[str]) -> None:
     stem, _, suffix = name.rpartition("__")

@@ -169,7 +169,7 @@ STATIC_MESSAGES = [
     ("specimen,mass_g,volatge_kV,displacement_mm\n",
      "line 1, column 3: given 'volatge_kV': unknown column: did you mean 'voltage_kV'? "
      "known are specimen, mass_g"),
-    ("Specimen,mass_g\n", "column 1: given 'Specimen': unknown column: did you mean 'specimen'?"),
+    ("Specimn,mass_g\n", "column 1: given 'Specimn': unknown column: did you mean 'specimen'?"),
     ("specimen,mass,voltage_kV\n",
      "column 2: given 'mass': has no unit: write it into the name, such as mass_g"),
     ("specimen,mass_mm\n",

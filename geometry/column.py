@@ -1,0 +1,236 @@
+"""A column of a table: its name and unit, what its cells may be, and what people call it."""
+
+from __future__ import annotations
+
+import math
+import re
+import unicodedata
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import cache
+from typing import Any, Self
+
+from tympan.geometry.errors import InputError
+from tympan.geometry.formats import DECIMAL_COMMA, THOUSANDS
+from tympan.geometry.toml_reader import FINITE, Rule
+from tympan.geometry.units import USUAL, any_quantity, bounded, quantity, unit_factor
+
+#: How a reading that was not made is written.
+_NOTHING_READ = ("", "-", "–", "n/a", "na")
+
+NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?", re.ASCII)
+#: A number with thousands separators, which no program reads by itself.
+_GROUPED = re.compile(r"[-+]?\d{1,3}(?:([.,' \u2019\u00a0\u202f])\d{3})(?:\1\d{3})*(?:[.,]\d+)?")
+
+
+#: Words of headings that say nothing about what stands below.
+_EMPTY_WORDS = frozenset((
+    "engineering", "nominal", "nominale", "nenn", "technische", "technisch", "measured", "gemessen",
+    "gemessene", "mesure", "mesuree", "axial", "axiale", "value", "wert", "the", "der", "die",
+    "das", "le", "la", "de", "du"))
+#: Spellings of units as testers have them, by those that quantities have.
+_SPELLED = {"sec": "s", "sek": "s", "sekunden": "s", "seconds": "s", "secondes": "s", "volt": "V",
+            "volts": "V", "kilovolt": "kV", "gramm": "g", "gram": "g", "grams": "g",
+            "grammes": "g", "newton": "N", "hertz": "Hz"}
+#: Units of numbers that have none, and what each is.
+_PLAIN_UNITS = {"": 1.0, "-": 1.0, "1": 1.0, "mm/mm": 1.0, "m/m": 1.0, "in/in": 1.0, "%": 0.01}
+#: The degree Celsius, which is no multiple of anything.
+CELSIUS = "C"
+_BRACKETS = re.compile(r"(.*?)[\s_,/]*[\[(<]\s*([^\[\](){}<>]*?)\s*[\])>]")
+_UNIT_LAST = re.compile(r"(.*?)(?:\s*[/,_]\s*|\s+in\s+|\s+en\s+|\s+)([^\s_,]+)")
+_UNIT_NAME = re.compile(r"[A-Za-z]+")
+
+
+@dataclass(frozen=True)
+class Heading:
+    """A heading of somebody else's table: ``words`` in small plain letters, and its ``unit``."""
+
+    words: str
+    unit: str = ""
+
+    @classmethod
+    def of(cls, title: str) -> Self:
+        """The words and the unit of a heading.
+
+        Examples
+        --------
+        >>> Heading.of("Déplacement / µm"), Heading.of("Engineering Stress (N/mm²)")
+        (Heading(words='deplacement', unit='um'), Heading(words='stress', unit='N/mm^2'))
+        """
+        if match := _BRACKETS.fullmatch(title):
+            return cls(plain_words(match[1]), usual_unit(match[2]) or match[2])
+        match = _UNIT_LAST.fullmatch(title)
+        if match and (unit := usual_unit(match[2])):
+            return cls(plain_words(match[1]), unit)
+        return cls(plain_words(title))
+
+
+@dataclass(frozen=True)
+class Meaning:
+    """One of the things that people call a column, and how it becomes the column's values.
+
+    ``words`` are those of headings. Numbers in a unit like ``unit`` ("" for plain ones) are divided
+    by the size of the test piece that ``per`` names, "area" or "length"; then ``offset`` is added.
+    """
+
+    words: frozenset[str]
+    unit: str = ""
+    per: str = ""
+    offset: float = 0.0
+
+    @classmethod
+    def of(cls, words: str, unit: str = "", per: str = "", offset: float = 0.0) -> Self:
+        """The meaning of words with commas between them."""
+        return cls(frozenset(map(plain_words, words.split(","))), unit, per, offset)
+
+    def factor(self, unit: str) -> float | None:
+        """What a unit is in SI, None of one that does not fit."""
+        if self.unit == CELSIUS:
+            return 1.0 if unit == CELSIUS else None
+        if not self.unit:
+            return _PLAIN_UNITS.get(unit)
+        return _fitting_factor(unit, dimension_of(self.unit))
+
+
+def plain_words(text: str) -> str:
+    """Words in small letters without accents, and without those that say nothing."""
+    plain = unicodedata.normalize("NFKD", text.casefold())
+    letters = "".join(mark if mark.isalnum() else " " for mark in plain
+                      if not unicodedata.combining(mark))
+    for double, single in (("ae", "a"), ("oe", "o"), ("ue", "u")):
+        letters = letters.replace(double, single)
+    return " ".join(word for word in letters.split() if word not in _EMPTY_WORDS)
+
+
+@cache
+def usual_unit(text: str) -> str | None:
+    """A unit of somebody else's heading as quantities spell it; None of what is none."""
+    unit = unicodedata.normalize("NFKC", text.strip().replace("²", "^2").replace("³", "^3"))
+    unit = unit.replace("\u03bc", "u").replace("\u00b0C", CELSIUS)
+    unit = _SPELLED.get(unit.rstrip(".").casefold(), unit)
+    if unit in _PLAIN_UNITS or unit == CELSIUS:
+        return unit
+    names = _UNIT_NAME.findall(unit)
+    known = bool(names) and all(name in USUAL for name in names)
+    return unit if known and any_quantity(f"1 {unit}") else None
+
+
+@cache
+def _fitting_factor(unit: str, dimension: str) -> float | None:
+    known = usual_unit(unit)
+    try:
+        return unit_factor(known, dimension) if known and known not in _PLAIN_UNITS else None
+    except InputError:
+        return None
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column of numbers, or one of texts as :meth:`labels` makes it.
+
+    ``unit`` is the usual one, with ``_per_`` for a quotient, "" for plain numbers; ``rule`` holds
+    for SI values. Only columns that are not ``required`` may be left out or have blank cells, which
+    read as nan or ""; ``absent`` is how nan is written, and read besides blanks. ``choices`` are
+    None for numbers, and empty where any text will do. ``also``: what other people call it, the
+    best first.
+    """
+
+    name: str
+    unit: str = ""
+    rule: Rule = FINITE
+    required: bool = True
+    absent: str = ""
+    choices: tuple[str, ...] | None = None
+    also: tuple[Meaning, ...] = ()
+
+    @classmethod
+    def labels(cls, name: str, choices: Iterable[str] = (), required: bool = True,
+               also: str = "") -> Column:
+        """A column of texts, of ``choices`` if there are any."""
+        meanings = (Meaning.of(also),) if also else ()
+        return cls(name, required=required, choices=tuple(choices), also=meanings)
+
+    @property
+    def title(self) -> str:
+        """The usual name in the first line."""
+        return f"{self.name}_{self.unit}" if self.unit else self.name
+
+    @property
+    def dimension(self) -> str:
+        """One of :data:`tympan.geometry.units.DIMENSIONS`, "" for plain numbers and texts."""
+        return dimension_of(self.unit) if self.unit else ""
+
+    @property
+    def blank(self) -> float | str:
+        """What an empty cell reads as."""
+        return math.nan if self.choices is None else ""
+
+    def claims(self, title: str) -> bool:
+        """Whether a name of the first line is this column's, with whatever unit."""
+        if not self.unit:
+            return title == self.name
+        start, unit = title[: len(self.name) + 1], title[len(self.name) + 1 :]
+        return start == f"{self.name}_" and unit.replace("_per_", "").replace("/", "").isalpha()
+
+    def factor(self, title: str) -> float:
+        """SI value of the unit in a name."""
+        if not self.unit:
+            return 1.0
+        unit = title[len(self.name) + 1 :]
+        quotient = unit.replace("_per_", "/")
+        if "/" in quotient:
+            return quantity(f"1 {quotient}", self.dimension)
+        return unit_factor(unit, self.dimension)
+
+    def texts(self, values: Sequence[Any]) -> list[str]:
+        """Cells of SI values, with the digits that read back to 12 places, or of texts."""
+        if self.choices is not None:
+            return list(values)
+        factor = self.factor(self.title)
+        return [self.absent if math.isnan(value) else f"{value / factor:.12g}" for value in values]
+
+    def value(self, cell: str, factor: float, offset: float = 0.0) -> float | str:
+        """The text or SI value of a cell, or an :class:`InputError` that says what it must be."""
+        if not self.required and cell in ("", self.absent):
+            return self.blank
+        if self.choices is not None:
+            if self.choices and cell not in self.choices:
+                blank = "" if self.required else ", or blank"
+                raise InputError(f"must be one of {', '.join(self.choices)}{blank}")
+            if not cell:
+                raise InputError("must not be blank")
+            return cell
+        if not NUMBER.fullmatch(cell):
+            raise InputError(_no_number(cell))
+        value = bounded(float(cell) * factor + offset)
+        holds, words = self.rule
+        if not holds(value):
+            raise InputError(words)
+        return value
+
+
+@cache
+def dimension_of(unit: str) -> str:
+    """The dimension of a unit, with ``_per_`` for a quotient."""
+    number = any_quantity(f"1 {unit.replace('_per_', '/')}")
+    if number is None:
+        raise ValueError(f"no unit: {unit}")
+    return number[1]
+
+
+def _no_number(cell: str) -> str:
+    if cell.lower() in _NOTHING_READ:
+        return "must be a number; leave out what was not read"
+    if cell.lower().lstrip("+-") in ("nan", "inf", "infinity"):
+        return "must be finite"
+    if THOUSANDS.fullmatch(cell):
+        return (f"must be a number without a thousands separator and with a decimal point: "
+                f"{cell.replace(',', '')} or {cell.replace(',', '.')}")
+    if _GROUPED.fullmatch(cell):
+        return "must be a number without thousands separators and with a decimal point"
+    if DECIMAL_COMMA.fullmatch(cell):
+        return f"must be a number with a decimal point, such as {cell.replace(',', '.')}"
+    start = NUMBER.match(cell)
+    if start and cell[start.end():].strip().isalpha():
+        return "must be a number alone: its unit stands in the name of the column"
+    return "must be a number"

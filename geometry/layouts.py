@@ -1,0 +1,502 @@
+"""How a table that others have written is laid out: its headings, and what they mean.
+
+A :class:`Layout` is what ``[columns.static]`` of a dataset.toml says. What it leaves open is found:
+the line of the headings, and the columns by the words that :attr:`Column.also` knows. What has more
+than one meaning is refused, with the line to write.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import islice
+from pathlib import Path
+from typing import Annotated, Literal
+
+from tympan.geometry.column import NUMBER, Column, Heading, Meaning, usual_unit
+from tympan.geometry.errors import InputError, did_you_mean
+from tympan.geometry.fields import Key, read, require, takes_units
+from tympan.geometry.formats import Row
+from tympan.geometry.toml_reader import POSITIVE, Rule, Table
+
+#: Headings are looked for in so many lines: preambles of testers have some 60.
+SEARCHED = 200
+#: Known headings that make a line one of headings: a line of a preamble may have one by chance.
+_ENOUGH = 2
+#: So much of a line is shown.
+_SHOWN = 80
+#: Sizes of a test piece as messages have them.
+_SIZES = {"area": "18 mm^2", "length": "30 mm"}
+_LINE: Rule = (lambda x: x == int(x) and x >= 1, "must be the number of a line, from 1 on")
+
+
+@takes_units
+@dataclass(frozen=True)
+class Stated:
+    """Where the values of one column stand, as the user says.
+
+    ``title`` is our name with the unit of the numbers, such as ``displacement_mm``.
+    """
+
+    title: str
+    heading: Annotated[str, Key("the heading in the file", name="from")] = ""
+    sign: Annotated[Literal["down", "up"], Key(
+        "up: the file's numbers count the other way, such as heights where deflections are wanted"
+        )] = "down"
+    value: Annotated[str, Key("one value for the whole file, in place of a heading")] = ""
+
+
+@takes_units
+@dataclass(frozen=True)
+class Layout:
+    """How a file of readings is laid out, where it has not the usual headings.
+
+    ``columns`` are stated; others are found by their headings.
+    """
+
+    file: Annotated[str, Key("the file's name, where it is another one")] = ""
+    titles_line: Annotated[int | None, Key(
+        "line of the headings", rule=_LINE, default="the first with known ones")] = None
+    skip_lines: Annotated[tuple[int, ...], Key(
+        "further lines to leave out, by their numbers", rule=_LINE)] = ()
+    decimal: Annotated[Literal[",", "."] | None, Key(
+        "the decimal mark; the other one then separates thousands", default="found")] = None
+    area: Annotated[float | None, Key(
+        "cross-section of the test piece before it is stretched: makes stresses of forces", "area",
+        POSITIVE)] = None
+    length: Annotated[float | None, Key(
+        "length of the test piece before it is stretched: makes stretches of displacements",
+        "length", POSITIVE)] = None
+    unit: Annotated[str, Key(
+        "unit of the columns that it fits and whose heading has none")] = ""
+    missing: tuple[str, ...] = ()
+    ignore: tuple[str, ...] = ()
+    columns: tuple[Stated, ...] = ()
+
+    def __post_init__(self) -> None:
+        require(self)
+
+    @classmethod
+    def from_table(cls, table: Table) -> Layout:
+        """What a table of a dataset.toml says."""
+        missing, ignore = (table.texts(key) if key in table else ()
+                           for key in ("missing", "ignore"))
+        own = {"file", "titles_line", "skip_lines", "decimal", "area", "length", "unit",
+               "missing", "ignore"}
+        titles = [key for key in table.data if key not in own]
+        columns = tuple(_stated(table, title) for title in titles)
+        table.asked.update(own, titles)
+        return replace(read(cls, table), columns=columns, missing=missing, ignore=ignore)
+
+
+def _stated(table: Table, title: str) -> Stated:
+    """A column by its heading alone, or by a table."""
+    if not isinstance(table.data[title], Mapping):
+        return Stated(title, table.text(title))
+    part = table.table(title)
+    if isinstance(part.data.get("value"), int | float):  # as TOML has numbers
+        part = replace(part, data=dict(part.data) | {"value": str(part.data["value"])})
+    values = {key: part.text(key) for key in ("from", "value") if key in part}
+    sign = part.choice("sign", {"down": "down", "up": "up"}, "down")
+    part.done()
+    if len(values) != 1:
+        raise table.error(title, 'must say where its values are: { from = "a heading" }, or one '
+                                 "value for all rows: { value = … }", table.data[title])
+    return Stated(title, values.get("from", ""), sign, values.get("value", ""))  # type: ignore[arg-type]
+
+
+@dataclass(frozen=True)
+class Source:
+    """What a column is read from: a ``place`` in each row, or a ``constant``."""
+
+    column: Column
+    place: int | None
+    factor: float = 1.0
+    offset: float = 0.0
+    constant: str = ""
+
+
+@dataclass(frozen=True)
+class Header:
+    """The headings of a table: their line and words, what the columns are read from, and remarks.
+
+    So many rows are ``above`` it; ``without`` are other lines that hold no readings; ``foreign``:
+    no heading is one of ours.
+    """
+
+    line: int
+    titles: tuple[str, ...]
+    sources: tuple[Source, ...]
+    above: int = 0
+    without: frozenset[int] = frozenset()
+    missing: frozenset[str] = frozenset()
+    foreign: bool = False
+    remarks: tuple[str, ...] = ()
+
+    def rows(self, rows: Callable[[], Iterable[Row]]) -> Iterator[Row]:
+        """The titles and the rows below, as wide as these, without those that lack a reading."""
+        yield self.line, list(self.titles)
+        needed = [source.place for source in self.sources
+                  if source.place is not None and source.column.required]
+        for line, cells in islice(rows(), self.above + 1, None):
+            if line in self.without:
+                continue
+            if self.foreign:
+                cells = _as_wide(cells, len(self.titles))
+            if self.missing:
+                cells = ["" if cell in self.missing else cell for cell in cells]
+                if any(place < len(cells) and not cells[place] for place in needed):
+                    continue
+            yield line, cells
+
+
+def _as_wide(cells: list[str], width: int) -> list[str]:
+    """Cells without blank ones beyond the last heading, and with those that a line left out."""
+    while len(cells) > width and not cells[-1]:
+        cells = cells[:-1]
+    return cells + [""] * (width - len(cells))
+
+
+@dataclass(frozen=True)
+class Reader:
+    """Finds the header of a file that may have some ``columns``.
+
+    ``table`` is its name in a dataset.toml, "" of a file read by itself; ``usual`` has what holds
+    where no heading says so, by the names of columns.
+    """
+
+    file: Path
+    columns: Sequence[Column]
+    layout: Layout = Layout()
+    table: str = ""
+    usual: Mapping[str, str] = ()  # type: ignore[assignment]
+
+    def header(self, rows: Iterable[Row]) -> Header:
+        """The header of a table whose rows these are.
+
+        Raises
+        ------
+        InputError
+            Where no line has known headings, a column is missing, or one has two meanings.
+        """
+        first = list(islice(rows, SEARCHED))
+        if not first:
+            raise InputError("is empty: a first line with the names of the columns is needed",
+                             file=self.file)
+        at = self._titles_at(first)
+        line, titles = first[at]
+        titles, units = self._with_units(titles, first[at + 1:at + 2])
+        without = frozenset(self.layout.skip_lines) | units
+        stated = self._stated_sources(line, titles)
+        taken = {source.place for source in stated}
+        own = [place for place, title in enumerate(titles) if place not in taken
+               and any(column.claims(title) for column in self.columns)]
+        foreign = not own
+        found = [*stated]
+        for place in own:
+            found.append(self._own(line, titles, place, found))
+        free = [place for place, title in enumerate(titles)
+                if place not in taken and place not in own and title not in self.layout.ignore]
+        guessed, lacks = self._guessed(line, titles, free, [source.column for source in found])
+        found += guessed
+        left = [place for place in free if place not in {source.place for source in guessed}]
+        strict = own and not any(stated.heading for stated in self.layout.columns)
+        for place in left if strict else ():
+            self._refuse(line, titles, place)
+        have = {source.column.name for source in found}
+        found += [Source(column, None, constant=self.usual[column.name]) for column in self.columns
+                  if foreign and column.name in self.usual and column.name not in have]
+        self._require(line, titles, found, lacks, left)
+        remarks: tuple[str, ...] = ()
+        if guessed or at or foreign:
+            remarks = (self._remark(line, titles, found, left),)
+        return Header(line, tuple(titles), tuple(found), at, without,
+                      frozenset(self.layout.missing), foreign or bool(self.layout.columns), remarks)
+
+    def chosen(self, rows: Iterable[Row]) -> Header:
+        """The header of a table of which only columns with our very titles are read."""
+        line, titles = next(iter(rows), (0, []))
+        if not titles:
+            raise InputError("is empty: a first line with the names of the columns is needed",
+                             file=self.file)
+        named = {column.title for column in self.columns}
+        found: list[Source] = []
+        for place in (place for place, title in enumerate(titles) if title in named):
+            found.append(self._own(line, titles, place, found))
+        self._require(line, titles, found, {}, [])
+        return Header(line, tuple(titles), tuple(found))
+
+    def advice_on(self, cell: str, line: int) -> str:
+        """How a dataset.toml leaves out a cell that is no number, or its line."""
+        if not self.table or any(mark.isdigit() for mark in cell):
+            return ""
+        return "; " + self._write(None, f'missing = ["{cell}"] or skip_lines = [{line}]', "")
+
+    def advice_on_marks(self, cell: str) -> str:
+        """How a dataset.toml says which decimal mark a file has."""
+        if not self.table:
+            return ""
+        mark = "." if "," in cell else ","
+        return "; or " + self._write(None, f'decimal = "{mark}"', "")
+
+    def _titles_at(self, first: Sequence[Row]) -> int:
+        """Which of the first rows has the headings."""
+        layout = self.layout
+        wanted = layout.titles_line
+        if wanted is not None:
+            for at, (line, _) in enumerate(first):
+                if line == wanted:
+                    return at
+            raise InputError("must be a line of the file that is not blank, among its first "
+                             f"{SEARCHED}", file=self.file, key="titles_line", given=wanted)
+        headings = {column.heading for column in layout.columns if column.heading}
+        if headings:
+            for at, (_, titles) in enumerate(first):
+                following = first[at + 1:at + 2]
+                if headings <= {*titles, *self._with_units(titles, following)[0]}:
+                    return at
+            raise self._no_heading(first, headings)
+        for at, (_, titles) in enumerate(first):
+            known = sum(self._known(title) for title in titles)
+            if any(column.claims(title) for title in titles for column in self.columns) and (
+                    at == 0 or known >= _ENOUGH):
+                return at
+            if known >= _ENOUGH:
+                return at
+        return 0
+
+    def _no_heading(self, first: Sequence[Row], headings: set[str]) -> InputError:
+        best = max(first, key=lambda row: len(headings & {*row[1]}))
+        heading = next(iter(sorted(headings - {*best[1]})), "")
+        near = did_you_mean(heading, {title: repr(title) for _, row in first for title in row})
+        return InputError(f"has no line with this heading: {near}{_listed(best[1])}",
+                          file=self.file, key=f"line {best[0]}", given=heading)
+
+    def _known(self, title: str) -> bool:
+        heading = Heading.of(title)
+        return any(column.claims(title) or any(heading.words in meaning.words
+                                               for meaning in column.also)
+                   for column in self.columns)
+
+    @staticmethod
+    def _with_units(titles: Sequence[str], below: Sequence[Row]
+                    ) -> tuple[list[str], frozenset[int]]:
+        """The headings with the units of the line below, if it has nothing else, and its number."""
+        for line, cells in below:
+            units = [cell.strip("[]() ") for cell in cells]
+            said = [unit for unit in units if unit]
+            if (said and len(cells) <= len(titles)
+                    and all(usual_unit(unit) and not NUMBER.fullmatch(unit) for unit in said)):
+                merged = [f"{title} ({unit})" if unit and not Heading.of(title).unit else title
+                          for title, unit in zip(titles, units, strict=False)]
+                return [*merged, *titles[len(merged):]], frozenset({line})
+        return list(titles), frozenset()
+
+    def _stated_sources(self, line: int, titles: Sequence[str]) -> list[Source]:
+        sources: list[Source] = []
+        for stated in self.layout.columns:
+            column = next((item for item in self.columns if item.claims(stated.title)), None)
+            if column is None:
+                names = {item.title: repr(item.title) for item in self.columns}
+                raise InputError(f"unknown column: {did_you_mean(stated.title, names)}known are "
+                                 f"{', '.join(names)}", file=self.file,
+                                 key=f"columns.{self.table}", given=stated.title)
+            if any(column is source.column for source in sources):
+                raise InputError(f"one column of {column.name} only, whatever its unit",
+                                 file=self.file, key=f"columns.{self.table}", given=stated.title)
+            sign = -1.0 if stated.sign == "up" else 1.0
+            factor = sign * column.factor(stated.title)
+            if not stated.heading:
+                sources.append(Source(column, None, factor, constant=stated.value))
+                continue
+            place = next(place for place, title in enumerate(titles)
+                         if title == stated.heading or title.startswith(f"{stated.heading} ("))
+            sources.append(self._converted(column, place, factor, stated, titles[place]))
+        return sources
+
+    def _converted(self, column: Column, place: int, factor: float, stated: Stated, title: str
+                   ) -> Source:
+        """A stated column as the unit in its heading means it; else as its key does."""
+        meaning = None if column.unit else self._meaning(column, title)
+        if isinstance(meaning, Source):
+            return replace(meaning, place=place, factor=meaning.factor * factor)
+        unit = usual_unit(Heading.of(title).unit)
+        for item in column.also if unit else ():
+            own = item.factor(unit or "")
+            if own is None or (own != abs(factor) and not item.per and column.unit):
+                continue
+            return Source(column, place, math.copysign(own, factor) / self._size(item, stated),
+                          item.offset)
+        if unit and column.also:
+            raise InputError(f"has the unit {unit}, which is not that of {stated.title}",
+                             file=self.file, key=f"columns.{self.table}", given=stated.heading)
+        return Source(column, place, factor)
+
+    def _size(self, meaning: Meaning, stated: Stated) -> float:
+        """What numbers of a meaning are divided by."""
+        size: float | None = getattr(self.layout, meaning.per) if meaning.per else 1.0
+        if size is None:
+            raise InputError(f"needs the {meaning.per} of the test piece, such as "
+                             f'{meaning.per} = "{_SIZES[meaning.per]}"', file=self.file,
+                             key=f"columns.{self.table}", given=stated.heading)
+        return size
+
+    def _meaning(self, column: Column, title: str) -> Source | str | None:
+        """What a heading is read as in a column; the key that is lacking; None: something else."""
+        heading, lacking = Heading.of(title), None
+        for meaning in column.also:
+            if heading.words not in meaning.words:
+                continue
+            if column.choices is not None:
+                return Source(column, 0)
+            factor = meaning.factor(heading.unit)
+            if factor is None and not heading.unit and self.layout.unit:
+                factor = meaning.factor(self.layout.unit)
+            if factor is None:
+                lacking = lacking or ("unit" if not heading.unit else None)
+                continue
+            if meaning.per:
+                size: float | None = getattr(self.layout, meaning.per)
+                if size is None:
+                    lacking = meaning.per
+                    continue
+                factor /= size
+            return Source(column, 0, factor, meaning.offset)
+        return lacking
+
+    def _rank(self, column: Column, title: str) -> int:
+        heading = Heading.of(title)
+        return next(rank for rank, meaning in enumerate(column.also)
+                    if heading.words in meaning.words)
+
+    def _own(self, line: int, titles: Sequence[str], place: int, before: Sequence[Source]
+             ) -> Source:
+        """A column under one of our titles."""
+        title = titles[place]
+        try:
+            column = next(item for item in self.columns if item.claims(title))
+            if title in titles[:place]:
+                raise InputError("is there twice")
+            if any(column is source.column for source in before):
+                raise InputError(f"one column of {column.name} only, whatever its unit")
+            return Source(column, place, column.factor(title))
+        except InputError as error:
+            raise error_at(self.file, line, titles, place, error.allowed) from None
+
+    def _guessed(self, line: int, titles: Sequence[str], free: Sequence[int],
+                 have: Sequence[Column]) -> tuple[list[Source], dict[str, tuple[str, int]]]:
+        """Columns by the words of their headings; what is lacking of others, and where."""
+        sources: list[Source] = []
+        lacks: dict[str, tuple[str, int]] = {}
+        for column in self.columns:
+            if any(column is other for other in have):
+                continue
+            fitting: dict[int, list[Source]] = {}
+            for place in free:
+                meaning = self._meaning(column, titles[place])
+                if isinstance(meaning, str):
+                    lacks.setdefault(column.name, (meaning, place))
+                elif meaning is not None:
+                    fitting.setdefault(self._rank(column, titles[place]), []).append(
+                        replace(meaning, place=place))
+            if fitting:
+                best = fitting[min(fitting)]
+                if len(best) > 1 and column.required:
+                    names = " or ".join(repr(titles[source.place or 0]) for source in best)
+                    raise InputError(
+                        f"can be {names}: " + self._write(
+                            column, f'{column.title} = "{titles[best[0].place or 0]}"',
+                            f"call one of them {column.title}"),
+                        file=self.file, key=f"line {line}", given=column.title)
+                if len(best) == 1:
+                    sources += best
+        return sources, lacks
+
+    def _refuse(self, line: int, titles: Sequence[str], place: int) -> None:
+        """Refuse a heading that is none of ours in a table that has ours."""
+        title = titles[place]
+        known = [column.title for column in self.columns]
+        named = next((column for column in self.columns if column.name == title), None)
+        if named is not None:
+            allowed = f"has no unit: write it into the name, such as {named.title}"
+        elif not title:
+            allowed = "must have a name: every column needs one"
+        else:
+            hint = did_you_mean(title.lower(), {name.lower(): repr(name) for name in known})
+            allowed = f"unknown column: {hint}known are {', '.join(known)}"
+            if self.table:
+                allowed += "; " + self._write(None, f'ignore = ["{title}"]', "")
+        raise error_at(self.file, line, titles, place, allowed)
+
+    def _require(self, line: int, titles: Sequence[str], found: Sequence[Source],
+                 lacks: Mapping[str, tuple[str, int]], left: Sequence[int]) -> None:
+        """Refuse a table without a column that it must have."""
+        have = {source.column.name for source in found}
+        absent = [column for column in self.columns
+                  if column.required and column.name not in have]
+        if not absent:
+            return
+        places = [source for source in found if source.place is not None]
+        if not places and not lacks:
+            raise InputError("has no heading that is known: expected is a line with "
+                             f"{', '.join(column.title for column in absent)}; "
+                             + self._write(absent[-1], f'{absent[-1].title} = "its heading"',
+                                           "call the columns so, in a line of headings with "
+                                           "commas, semicolons or tabs between them"),
+                             file=self.file, key=f"line {line}",
+                             given=", ".join(titles)[:_SHOWN])
+        column = next((item for item in absent if item.name in lacks), absent[0])
+        words = (f"the column {column.title} is" if len(absent) == 1 else
+                 f"the columns {', '.join(item.title for item in absent)} are")
+        raise InputError(f"{words} missing{self._advice(column, titles, lacks, left)}",
+                         file=self.file, key=f"line {line}", given=", ".join(titles))
+
+    def _advice(self, column: Column, titles: Sequence[str],
+                lacks: Mapping[str, tuple[str, int]], left: Sequence[int]) -> str:
+        """What to write for a column that is missing."""
+        lack, place = lacks.get(column.name, ("", 0))
+        title = titles[place]
+        if lack == "unit":
+            return (f": {title!r} has no unit; "
+                    + self._write(column, f'{column.title} = "{title}"',
+                                  f"give --unit {column.unit}" if column.name == "nominal_stress"
+                                  else f"call it {column.title}"))
+        if lack:
+            size = _SIZES[lack]
+            return (f": {title!r} needs the {lack} of the test piece; "
+                    + self._write(column, f'{lack} = "{size}"', f'give --{lack} "{size}"'))
+        if column.choices:
+            line = f'{column.title} = {{ value = "{column.choices[0]}" }}'
+            return ": " + self._write(column, line, f"give --{column.name} {column.choices[0]}")
+        if column.choices is not None:
+            return ": " + self._write(column, f'{column.title} = {{ value = "1" }}',
+                                      f"call a column {column.title}")
+        rest = next((titles[item] for item in left if titles[item]), "its heading")
+        return ": " + self._write(
+            column, f'{column.title} = "{rest}" or, if it never changes, '
+                    f"{column.title} = {{ value = 0 }}", f"call a column {column.title}")
+
+    def _write(self, column: Column | None, line: str, alone: str) -> str:
+        """The lines to write: into dataset.toml, or what to do with a file read by itself."""
+        return (f"write into dataset.toml, below a line [columns.{self.table}]: {line}"
+                if self.table else alone)
+
+    def _remark(self, line: int, titles: Sequence[str], found: Sequence[Source],
+                left: Sequence[int]) -> str:
+        """What was read as what."""
+        named = [f"{source.column.title} is {titles[source.place]!r}" if source.place is not None
+                 else f"{source.column.name} is {source.constant}" for source in found]
+        rest = ", ".join(repr(titles[place]) for place in left if titles[place])
+        others = f"; not read: {rest}" if rest else ""
+        return f"{self.file.name}: headings in line {line}: {', '.join(named)}{others}"
+
+
+def error_at(file: Path, line: int, titles: Sequence[str], place: int, allowed: str) -> InputError:
+    """An error about one heading."""
+    return InputError(allowed, file=file, key=f"line {line}, column {place + 1}",
+                      given=titles[place])
+
+
+def _listed(titles: Sequence[str]) -> str:
+    return "headings are " + ", ".join(repr(title) for title in titles if title)[:4 * _SHOWN]
