@@ -445,6 +445,8 @@ def _read(field: Field, table: Table, special: Special | None) -> Any:
         return parts if field.several else parts[0]
     if get_origin(item) is Literal:
         return table.choice(key, {name: name for name in get_args(item)})
+    if item is str and field.several:
+        return table.texts(key)
     if item is str:
         return table.text(key, rule=None if says.rule is FINITE else says.rule)
     if item is bool:

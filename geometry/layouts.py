@@ -16,7 +16,7 @@ from typing import Annotated, Literal
 
 from tympan.geometry.column import NUMBER, Column, Heading, Meaning, usual_unit
 from tympan.geometry.errors import InputError, did_you_mean
-from tympan.geometry.fields import Key, read, require, takes_units
+from tympan.geometry.fields import Key, fields_of, read, require, takes_units
 from tympan.geometry.formats import Row
 from tympan.geometry.toml_reader import POSITIVE, Rule, Table
 
@@ -70,8 +70,9 @@ class Layout:
         "length", POSITIVE)] = None
     unit: Annotated[str, Key(
         "unit of the columns that it fits and whose heading has none")] = ""
-    missing: tuple[str, ...] = ()
-    ignore: tuple[str, ...] = ()
+    missing: Annotated[tuple[str, ...], Key(
+        "cells that count as blank; a line without a needed reading is left out")] = ()
+    ignore: Annotated[tuple[str, ...], Key("headings of columns to leave out")] = ()
     columns: tuple[Stated, ...] = ()
 
     def __post_init__(self) -> None:
@@ -80,14 +81,11 @@ class Layout:
     @classmethod
     def from_table(cls, table: Table) -> Layout:
         """What a table of a dataset.toml says."""
-        missing, ignore = (table.texts(key) if key in table else ()
-                           for key in ("missing", "ignore"))
-        own = {"file", "titles_line", "skip_lines", "decimal", "area", "length", "unit",
-               "missing", "ignore"}
+        own = {field.key for field in fields_of(cls)}
         titles = [key for key in table.data if key not in own]
         columns = tuple(_stated(table, title) for title in titles)
-        table.asked.update(own, titles)
-        return replace(read(cls, table), columns=columns, missing=missing, ignore=ignore)
+        table.asked.update(titles)
+        return replace(read(cls, table), columns=columns)
 
 
 def _stated(table: Table, title: str) -> Stated:
@@ -267,7 +265,7 @@ class Reader:
         return 0
 
     def _no_heading(self, first: Sequence[Row], headings: set[str]) -> InputError:
-        best = max(first, key=lambda row: len(headings & {*row[1]}))
+        best = max(first, key=lambda row: len(headings & {*row[1]}) + sum(map(self._known, row[1])))
         heading = next(iter(sorted(headings - {*best[1]})), "")
         near = did_you_mean(heading, {title: repr(title) for _, row in first for title in row})
         return InputError(f"has no line with this heading: {near}{_listed(best[1])}",
@@ -460,8 +458,8 @@ class Reader:
         if lack == "unit":
             return (f": {title!r} has no unit; "
                     + self._write(column, f'{column.title} = "{title}"',
-                                  f"give --unit {column.unit}" if column.name == "nominal_stress"
-                                  else f"call it {column.title}"))
+                                  "give its unit, such as --unit MPa"
+                                  if column.dimension == "stress" else f"call it {column.title}"))
         if lack:
             size = _SIZES[lack]
             return (f": {title!r} needs the {lack} of the test piece; "

@@ -17,6 +17,7 @@ from tympan.fem.film.library import MATERIALS
 from tympan.fem.membrane.biases import BIASES
 from tympan.fem.rig import Rig
 from tympan.geometry.fields import Field, Registry, fields_of
+from tympan.geometry.layouts import Layout, Stated
 from tympan.geometry.outlines import OUTLINES, Rotated
 from tympan.geometry.outlines.pieces import PIECES
 from tympan.geometry.specimen import (
@@ -46,7 +47,9 @@ def page(rig: type[Rig] = Rig) -> str:
     tables = (("specimen.toml", Specimen), ("[frame], [plate]: any outline, turned", Rotated),
               ("[plate]", Plate), ("[membrane]", Film),
               ("[[membrane.branch]]: any flow, and", ViscousBranch), ("[electrode]", Electrode),
-              ("[electrode.outline]", Region), ("rig.toml", rig))
+              ("[electrode.outline]", Region), ("rig.toml", rig),
+              ("[columns.static] and others of dataset.toml", Layout),
+              ("a column there, by its name with the unit of the file's numbers", Stated))
     return template("reports/reference.txt", summary=_summary, named=listing.named).render(
         tables=tables, sections=_SECTIONS, rows=_rows, effects=EFFECTS, quantities=QUANTITIES,
         libraries={"Laws": tuple(MATERIALS), "Strengths": tuple(STRENGTH_LIBRARY)})

@@ -81,6 +81,8 @@ class Coupons:
     lines: NDArray[np.int64] | None = None
     #: Names of the files that the readings stand in.
     files: NDArray[np.str_] | None = None
+    #: Which headings of the files were read as what, where they are not ours.
+    remarks: tuple[str, ...] = ()
 
     @classmethod
     def of(cls, sheet: Sheet) -> Coupons:
@@ -89,7 +91,8 @@ class Coupons:
                 for name, column in _OPTIONAL.items()}
         return cls(mode=sheet["mode"], stretch=sheet["stretch"], stress=sheet["nominal_stress"],
                    specimen=sheet["specimen"], run=sheet["run"], time=sheet["t"], **more,
-                   lines=sheet.line, files=np.full(len(sheet), sheet.file.name))
+                   lines=sheet.line, files=np.full(len(sheet), sheet.file.name),
+                   remarks=sheet.remarks)
 
     def __len__(self) -> int:
         return len(self.stretch)
@@ -97,19 +100,20 @@ class Coupons:
     def __getitem__(self, choice: Any) -> Coupons:
         values = {item.name: getattr(self, item.name) for item in fields(self)}
         return replace(self, **{name: value[choice] for name, value in values.items()
-                                if value is not None})
+                                if isinstance(value, np.ndarray)})
 
     @classmethod
     def joined(cls, parts: Sequence[Coupons]) -> Coupons:
         """The readings of several files."""
         if len(parts) == 1:
             return parts[0]
-        every = {item.name: [getattr(part, item.name) for part in parts] for item in fields(cls)}
+        every = {item.name: [getattr(part, item.name) for part in parts] for item in fields(cls)
+                 if item.name != "remarks"}
         columns: dict[str, Any] = {
             name: np.concatenate([np.full(len(part), np.nan) if value is None else value
                                   for part, value in zip(parts, values, strict=True)])
             for name, values in every.items() if any(value is not None for value in values)}
-        return cls(**columns)
+        return cls(**columns, remarks=sum((part.remarks for part in parts), ()))
 
     @property
     def columns(self) -> dict[str, NDArray[Any]]:

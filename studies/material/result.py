@@ -143,7 +143,7 @@ def fit_coupons(files: Path | Sequence[Path], names: Sequence[str] | None = None
 
 def _without_voltage(coupons: Coupons) -> tuple[Coupons, list[str]]:
     """The readings without voltage, and what is to be said of those left out or warm."""
-    plain, said = coupons.volts == 0, []
+    plain, said = coupons.volts == 0, [*coupons.remarks]
     if not plain.all():
         said.append(NOTES["charged"].format(count=int((~plain).sum())))
     kept = coupons if plain.all() else coupons[plain]

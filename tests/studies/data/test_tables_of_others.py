@@ -1,0 +1,228 @@
+"""Tables as testers and laboratories write them: other headings, preambles, units, marks."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+import tympan
+from tests.support.datasets import write_dataset
+from tympan.cli import main
+from tympan.geometry.errors import InputError
+from tympan.geometry.layouts import Layout
+from tympan.studies.columns import Sheet
+from tympan.studies.data.coupon import Coupons, coupon_layout, read_coupons
+from tympan.studies.data.dataset import Dataset, read_dataset
+
+STRETCH_STRESS = "Stretch,Stress\n1.1,0.030\n1.5,0.110\n2.0,0.180\n2.5,0.240\n3.0,0.310\n"
+INSTRON = """Specimen Thickness (mm);3;;
+Specimen Width (mm);6;;
+Speed (mm/min);450;;
+;;;
+Time (s);Engineering Strain;Engineering Stress (MPa);
+0,5;0,10;0,030;
+2,5;0,50;0,110;
+5,0;1,00;0,180;
+7,5;1,50;0,240;
+10,0;2,00;0,310;
+"""
+MACHINE = "Time (s),Displacement (mm),Force (N)\n0.5,4,0.3\n1.0,8,0.5\n"
+ZWICK = """Prüfprotokoll Nr. 12, Labor 3
+Prüfer;Müller
+Vorkraft;0,1;N
+
+Prüfzeit;Standardweg;Standardkraft
+s;mm;N
+0,5;4;0,3
+1,0;8;0,5
+"""
+THOUSANDS = """specimen;mass_g;voltage_V;displacement_mm
+circle;17,9;0;2,1000
+circle;17,9;500;2,1100
+circle;17,9;750;2,1225
+circle;17,9;1.000;2,1400
+circle;17,9;2.000;2,2600
+"""
+SEP = """sep=;
+specimen;mass_g;voltage_kV;displacement_mm
+circle;17,9;0;2,1000
+circle;17,9;1;2,1400
+circle;17,9;2;2,2600
+"""
+GERMAN = """Membranversuch vom 3.4.2024, Raum 12
+Bediener;Jäger
+
+Spannung [kV];Höhe / µm;Masse (g);Bemerkung
+0,0;-2250;17,9;neu
+1,0;-2300;17,9;
+3,5;-2750;17,9;knistert
+4,0;---;17,9;ausgefallen
+"""
+OF_GERMAN = '''[columns.static]
+missing = ["---"]
+displacement_um = { from = "Höhe / µm", sign = "up" }
+'''
+FRENCH = "Tension (V);Déplacement (mm);Masse (g)\n0;2,25;17,9\n3500;2,75;17,9\n"
+
+
+def dataset(folder: Path, head: str = "", **files: str | bytes) -> Dataset:
+    return read_dataset(write_dataset(folder, 'name = "d"\n' + head, ("circle",), **files))
+
+
+def static(*given: object, **files: str | bytes) -> Sheet:
+    sheet = dataset(*given, **files).static  # type: ignore[arg-type]
+    assert sheet is not None
+    return sheet
+
+
+def coupons(folder: Path, text: str | bytes, layout: Layout = Layout(), name: str = "a.csv"
+            ) -> Coupons:
+    (folder / name).write_bytes(text.encode() if isinstance(text, str) else text)
+    return read_coupons(folder / name, layout=layout)
+
+
+def test_headings_of_a_plain_table_with_the_unit_beside(tmp_path: Path) -> None:
+    read = coupons(tmp_path, STRETCH_STRESS, coupon_layout(unit="MPa"), "a_uniaxial.csv")
+    assert read.stretch.tolist() == [1.1, 1.5, 2.0, 2.5, 3.0]
+    assert read.stress.tolist() == pytest.approx([30e3, 110e3, 180e3, 240e3, 310e3])
+    assert set(read.mode) == {"uniaxial"}
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-16", "latin-1"])
+def test_a_tester_with_a_preamble_strains_and_megapascals(tmp_path: Path, encoding: str) -> None:
+    text = INSTRON.replace("Engineering Strain", "Dehnung, technische")
+    for words in (INSTRON, text.replace("Engineering Stress", "Zugspannung")):
+        read = coupons(tmp_path, words.encode(encoding), coupon_layout("pure_shear"))
+        assert read.stretch.tolist() == [1.1, 1.5, 2.0, 2.5, 3.0]
+        assert read.stress.tolist() == pytest.approx([30e3, 110e3, 180e3, 240e3, 310e3])
+        assert read.time.tolist() == [0.5, 2.5, 5, 7.5, 10]
+        assert set(read.mode) == {"pure_shear"}
+        assert "headings in line 5" in read.remarks[0]
+
+
+@pytest.mark.parametrize("text", [MACHINE, ZWICK], ids=["English", "German with a line of units"])
+def test_forces_and_displacements_need_the_size_of_the_strip(tmp_path: Path, text: str) -> None:
+    read = coupons(tmp_path, text, coupon_layout("uniaxial", area="18 mm^2", length="30 mm"))
+    assert read.stretch.tolist() == pytest.approx([1 + 4 / 30, 1 + 8 / 30])
+    assert read.stress.tolist() == pytest.approx([0.3 / 18e-6, 0.5 / 18e-6])
+
+
+def test_the_advice_of_each_message_leads_to_the_end(tmp_path: Path,
+                                                     capsys: pytest.CaptureFixture[str]) -> None:
+    """Whoever writes what each message asks for gets there."""
+    file = tmp_path / "c.csv"
+    file.write_text(MACHINE + "1.5,11,0.6\n2.0,14,0.7\n", "utf-8")
+    command = ["material", "fit", str(file), "--law", "neo_hooke", "--json"]
+    for option, value in (("--length", "30 mm"), ("--area", "18 mm^2"), ("--mode", "uniaxial")):
+        assert main(command) == 2
+        advice = capsys.readouterr().err.rpartition("give ")[2].strip()
+        assert advice == (f'{option} "{value}"' if " " in value else f"{option} {value}")
+        command += [option, value]
+    assert main(command) == 0
+    warnings = json.loads(capsys.readouterr().out)["warnings"]
+    assert any("stretch is 'Displacement (mm)'" in words for words in warnings)
+    fitted = tympan.fit_material(file, laws=["neo_hooke"], mode="uniaxial", area="18 mm^2",
+                                 length="30 mm")
+    assert fitted.coupons.stress[0] == pytest.approx(0.3 / 18e-6)
+
+
+def test_true_stresses_are_no_nominal_ones(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="nominal_stress_kPa is missing"):
+        coupons(tmp_path, STRETCH_STRESS.replace("Stress", "True Stress (MPa)"),
+                coupon_layout("uniaxial"))
+
+
+def test_two_decimal_marks_are_refused_until_the_mark_is_stated(tmp_path: Path) -> None:
+    with pytest.raises(InputError) as error:
+        static(tmp_path / "a", static=THOUSANDS)
+    assert ("static.csv: line 5, column 3 (voltage_V): given '1.000': can be read as 1000 (with a "
+            "thousands separator) or as 1") in str(error.value)
+    advice = 'below a line [columns.static]: decimal = ","'
+    assert str(error.value).endswith(advice)
+    sheet = static(tmp_path / "b", '[columns.static]\ndecimal = ","\n', static=THOUSANDS)
+    assert sheet.voltage.tolist() == [0, 500, 750, 1000, 2000]
+    assert sheet.displacement[0] == pytest.approx(2.1e-3)
+
+
+def test_excels_first_line(tmp_path: Path) -> None:
+    sheet = static(tmp_path / "a", static=SEP)
+    assert sheet.voltage.tolist() == [0, 1000, 2000]
+    assert sheet.line.tolist() == [3, 4, 5]
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-16", "latin-1", "cp1252"])
+def test_a_german_table_with_two_lines_written(tmp_path: Path, encoding: str) -> None:
+    sheet = static(tmp_path / "a", OF_GERMAN, static=GERMAN.encode(encoding))
+    assert sheet.displacement.tolist() == pytest.approx([2.25e-3, 2.3e-3, 2.75e-3])
+    assert sheet.voltage.tolist() == [0, 1000, 3500]
+    assert sheet.mass.tolist() == pytest.approx([17.9e-3] * 3)
+    assert set(sheet.specimen) == {"circle"}
+    assert sheet.line.tolist() == [5, 6, 7]
+    assert "not read: 'Bemerkung'" in sheet.remarks[0]
+
+
+def test_a_french_table_as_it_is(tmp_path: Path) -> None:
+    sheet = static(tmp_path / "a", static=FRENCH)
+    assert sheet.voltage.tolist() == [0, 3500]
+    assert sheet.displacement.tolist() == pytest.approx([2.25e-3, 2.75e-3])
+
+
+def test_forces_and_runs_in_time_of_testers(tmp_path: Path) -> None:
+    forces = "Zeit [s]\tWeg [mm]\tKraft [N]\n0\t0,5\t0,1\n1\t1,0\t0,2\n"
+    runs = "Temps (s);Tension (kV);Flèche (mm)\n0;0;2,25\n1;3;2,5\n"
+    both = dataset(tmp_path / "a", "[columns.force]\nvoltage_kV = { value = 3 }\n"
+                   "[columns.transient]\nmass_g = { value = 17.9 }\n", force=forces, transient=runs)
+    assert both.forces is not None
+    assert both.forces.force.tolist() == [0.1, 0.2]
+    assert both.forces.voltage.tolist() == [3000, 3000]
+    assert both.transients is not None
+    assert both.transients.mass.tolist() == pytest.approx([17.9e-3] * 2)
+    assert both.transients.t.tolist() == [0, 1]
+    assert set(both.transients.run) == {"1"}
+
+
+def test_a_file_of_any_name_with_lines_left_out(tmp_path: Path) -> None:
+    text = GERMAN.replace("---", "2800") + "Mittelwert;2500;;\n"
+    folder = write_dataset(tmp_path / "a", 'name = "d"\n[columns.static]\nfile = "Messung 3.txt"\n'
+                           'titles_line = 4\nskip_lines = [9]\nignore = ["Bemerkung"]\n'
+                           'displacement_um = "Höhe / µm"\n', ("circle",))
+    (folder / "Messung 3.txt").write_text(text, "cp1252")
+    sheet = read_dataset(folder).static
+    assert sheet is not None
+    assert len(sheet) == 4
+
+
+@pytest.mark.parametrize(("head", "text", "message"), [
+    ("", GERMAN, "static.csv: line 4: given 'Spannung [kV], Höhe / µm, Masse (g), Bemerkung': the "
+                 "column displacement_mm is missing: write into dataset.toml, below a line "
+                 "[columns.static]: displacement_mm = \"Höhe / µm\" or"),
+    (OF_GERMAN.replace('missing = ["---"]\n', ""), GERMAN,
+     "static.csv: line 8, column 2 (Höhe / µm): given '---': must be a number; write into "
+     "dataset.toml, below a line [columns.static]: missing = [\"---\"] or "
+     "skip_lines = [8]"),
+    (OF_GERMAN.replace("Höhe /", "Hohe /"), GERMAN,
+     "line 4: given 'Hohe / µm': has no line with this heading: did you mean 'Höhe / µm'?"),
+    (OF_GERMAN.replace("_um", "_mm"), GERMAN,
+     "columns.static: given 'Höhe / µm': has the unit um, which is not that of displacement_mm"),
+    (OF_GERMAN.replace("displacement", "deflexion"), GERMAN, "unknown column: known are specimen"),
+    ('[columns.static]\ndisplacement_mm = { sign = "up" }\n', GERMAN,
+     "dataset.toml: columns.static.displacement_mm: given {'sign': 'up'}: must say where"),
+    ("[columns.static]\nmass_g = { value = -3 }\n", FRENCH.replace("Masse (g)", "x"),
+     "columns.static.mass_g: given '-3': must be from 0 to 100 kg"),
+    ('[columns.statics]\nfile = "a"\n', FRENCH, "columns.statics: unknown key: did you mean"),
+    ('[columns.force]\nfile = "a.csv"\n', FRENCH, "a.csv: cannot be read"),
+    ("[columns.force]\nunit = \"N\"\n", FRENCH, "columns.force: there is no force.csv"),
+    ("[columns.static]\ntitles_line = 40\n", FRENCH, "must be a line of the file"),
+    ("", FRENCH.replace("Masse (g)", "Weg (mm)"),
+     "given 'displacement_mm': can be 'Déplacement (mm)' or 'Weg (mm)': write into dataset.toml"),
+    ("", FRENCH.replace("Tension (V)", "Tension"), "'Tension' has no unit; write into dataset.toml"
+     ", below a line [columns.static]: voltage_kV = \"Tension\""),
+])
+def test_messages_have_the_line_what_was_expected_and_what_to_write(
+        tmp_path: Path, head: str, text: str, message: str) -> None:
+    with pytest.raises(InputError) as error:
+        static(tmp_path / "a", head, static=text)
+    assert message in str(error.value)
+    assert len(str(error.value)) < 600
