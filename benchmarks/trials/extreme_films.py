@@ -292,10 +292,13 @@ def table(records: Sequence[Record]) -> str:
 
 PAGE = """## Extreme films
 
-Legal films that nobody builds: frames of every outline and of aspect up to 20, rims and bare bands
-down to 0.1 mm, prestretches from 1 to 6, every registered law from 1 kPa to 100 MPa, permittivities
-to 1000, films of 20 µm to 2 mm, no plate in some; masses to 10 kg, voltages to 100 kV, gas
-pressures of 1 Pa to 10 kPa either way.
+These films are legal, but nobody builds them:
+
+* frames of every outline and of aspect up to 20, rims and bare bands down to 0.1 mm, no plate in
+  some;
+* prestretches from 1 to 6, every registered law from 1 kPa to 100 MPa, permittivities to 1000;
+* films of 20 µm to 2 mm;
+* masses to 10 kg, voltages to 100 kV, gas pressures of 1 Pa to 10 kPa either way.
 """
 
 

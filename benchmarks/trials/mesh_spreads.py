@@ -182,9 +182,10 @@ def table(records: Sequence[Record]) -> str:
 
 PAGE = """## Stated errors of limits
 
-How far a limit may be off for the mesh is its `spread`. Here the default mesh is compared with
-elements half as large, and with the same film with its axes swapped and mirrored. Frames are round
-and elliptic, plates off centre, prestretches unequal from 1.2 to 3.2.
+How far may a limit be off because of the mesh? The program states this as the limit's `spread`.
+Here the default mesh is compared with elements half as large, and with the same film with its axes
+swapped and mirrored. Frames are round and elliptic, plates off centre, prestretches unequal from
+1.2 to 3.2.
 """
 
 

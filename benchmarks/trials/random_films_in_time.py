@@ -263,16 +263,22 @@ def main() -> None:
 
 PAGE = """# Random films in time
 
-What `make films-in-time` printed in one run: the random specimens of [robustness](robustness.md),
-with one to three viscous branches (0.1 to 30 times as stiff as the law, 10 ms to 1000 s), mounted
-for ever or some time ago, under signals that jump and rise and fall; two in five with the plate's
-inertia, some with a damper, some charged through a resistance with a leak.
+Does every motion end with an answer, and is its energy conserved? This is what `make
+films-in-time` printed in one run. The films are the random specimens of
+[robustness](robustness.md), with
 
-"Refused" is input that is wrong, nearly always a film without equilibrium under mass and first
-voltage. Of every motion the balance of energies is asked: what weights, gas and source put in is
-stored, moves, became heat, or was lost at once in a jump of the voltage. What is left unexplained
-is relative to the largest of these; where it is more than 1e-4, a tenth of the error must explain
-half of it, but for what a film without mass loses where it wrinkles and snaps. Heat and losses in
+* one to three viscous branches (0.1 to 30 times as stiff as the law, 10 ms to 1000 s);
+* a mounting for ever or some time ago;
+* signals that jump and rise and fall;
+* in two of five, the plate's inertia; in some, a damper; in some, a resistance through which they
+  are charged, with a leak.
+
+"Refused" is wrong input: nearly always a film without equilibrium under mass and first voltage.
+
+For every motion the energies must balance. What weights, gas and source put in is stored, moves,
+became heat, or was lost at once in a jump of the voltage. The unexplained rest is relative to the
+largest of these. If it is more than 1e-4, a run with a tenth of the error must explain half of it.
+An exception is what a film without mass loses where it wrinkles and snaps. Heat and losses in
 jumps must not be negative.
 """
 

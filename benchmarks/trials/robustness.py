@@ -390,20 +390,30 @@ def write_section(page: Path, text: str) -> None:
 
 PAGE = """# Random specimens
 
-What `make robustness` printed in one run. Frames and plates are circles and ellipses (aspect up
-to 3), plates off centre up to nearly touching the frame, prestretches 1.5 to 4, equal and
-unequal, every registered law and every library film, permittivity exponents, electrode margins,
-outlines and stiffness, film mass, springs, guides, weight offsets, gas pressure and magnets;
-masses to 100 g, voltages to 1.3 times that at which the flat film loses tension. A quarter are
-annuli that the axisymmetric equations cover.
+Does every random specimen get a correct answer? This is what `make robustness` printed in one run.
 
-Forces and moments are summed again on the whole film by code that shares nothing with the
-solver's, relative to the largest nodal force. "heave by heave": the load that keeps the plate at
-given heaves, its maximum against the reported limit. "silent": that direction could not be
-followed, or has no answer.
+What varies at random:
 
-A film that loses tension wrinkles: from there its energy is the relaxed one of tension-field
-theory. Under voltage a wrinkled film may have no stable width, or lose it as the wrinkles grow; it
+* frames and plates are circles and ellipses (aspect up to 3), plates off centre up to nearly
+  touching the frame;
+* prestretches 1.5 to 4, equal and unequal;
+* every registered law and every library film, permittivity exponents;
+* electrode margins, outlines and stiffness, film mass;
+* springs, guides, weight offsets, gas pressure and magnets;
+* masses to 100 g, voltages to 1.3 times that at which the flat film loses tension.
+
+A quarter are annuli that the axisymmetric equations cover.
+
+Words of the printed table:
+
+* unbalanced: forces and moments are summed again on the whole film, by code that shares nothing
+  with the solver's. They are relative to the largest nodal force;
+* heave by heave: the load that keeps the plate at given deflections. Its maximum is compared with
+  the reported limit;
+* silent: that direction could not be followed, or has no answer.
+
+A film that loses tension wrinkles. From there its energy is the relaxed one of tension-field
+theory. Under voltage a wrinkled film may have no stable width, or lose it as the wrinkles grow. It
 then thins without bound, and that is its limit.
 """
 
