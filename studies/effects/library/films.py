@@ -86,7 +86,8 @@ def prestretch_anisotropy(setup: Setup, a: Annotated[float, EffectParameter(
 @effect("The film of one specimen slipped in its frame or was stretched less than the others.",
         finding="The film of {which} slipped: it is {delta} less stretched than stated",
         check="look for slip where the film of {which} is clamped, and measure the marks drawn on "
-              "it before stretching")
+              "it before stretching; a thinner film, or an electrode that misses a part of it, "
+              "does nearly the same: measure its thickness and look through it against a light")
 def prestretch_loss(setup: Setup, delta: Annotated[float, EffectParameter(
         "the specimen's stretches are λ(1-delta)", "", width=0.02, low=0.0, high=0.9, reason=(
             "film slipping by 1 mm under a clamp of a 45 mm frame loses 2 % of its stretch; no "
