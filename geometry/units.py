@@ -59,6 +59,7 @@ DIMENSIONS: dict[str, Dimension] = {
     "frequency": Dimension("Hz", "10 Hz"),
     "viscosity": Dimension("Pa s", "62.4 kPa s"),
     "capacitance": Dimension("F", "800 pF"),
+    "length per capacitance": Dimension("m/F", "10 mm/pF"),
     "angle": Dimension("rad", "5 mrad", ("deg",)),
     "area": Dimension("m^2", "3 cm^2"),
     "energy": Dimension("J", "2 mJ"),

@@ -24,6 +24,7 @@ from tympan.reports.figures.curve import (
 )
 from tympan.reports.figures.force import draw_force_curves
 from tympan.reports.figures.path import draw_stations
+from tympan.reports.figures.sense import draw_capacitance
 from tympan.reports.figures.specimen import draw_to_scale
 from tympan.reports.sweep.figure import draw_over
 from tympan.reports.sweep.view import SweepView
@@ -42,6 +43,7 @@ from tympan.studies.modes import ModesResult
 from tympan.studies.optimise.optimise import OptimiseResult
 from tympan.studies.path import PathResult
 from tympan.studies.response import ResponseResult
+from tympan.studies.sense import SenseResult
 from tympan.studies.sensitivity import SensitivityResult
 from tympan.studies.study import StudyResult
 from tympan.studies.sweep.run import SweepResult
@@ -253,6 +255,11 @@ def _(result: CurveResult, axes: Axes) -> None:
 @draw.register
 def _(result: ForceResult, axes: Axes) -> None:
     draw_force_curves(axes, result)
+
+
+@draw.register
+def _(result: SenseResult, axes: Axes) -> None:
+    draw_capacitance(axes, result)
 
 
 def _curve(axes: Axes, number: int, voltage: Any, deflection: Any, specimen: str, mass: float

@@ -34,7 +34,7 @@ _UNIT = "um"
 #: Units that are none of SI, by the end of a key.
 _OTHERS = {"_C": "C", "_um": "µm", "_mm": "mm", "_cm2": "cm²", "_deg": "°", "_per_s": "1/s",
            "_kg_m2": "kg m²", "_V_per_V": "V/V", "_m_per_V": "m/V", "_m_per_V2": "m/V²",
-           "_V_m": "V m", "_J_per_kg": "J/kg", "_J_per_m3": "J/m³",
+           "_V_m": "V m", "_m_per_F": "m/F", "_J_per_kg": "J/kg", "_J_per_m3": "J/m³",
            "_g": "g", "_kV": "kV", "_percent": "%"}
 
 

@@ -26,6 +26,7 @@ from tympan.studies.modes import ModesResult
 from tympan.studies.optimise.optimise import OptimiseResult
 from tympan.studies.path import PathResult
 from tympan.studies.response import ResponseResult
+from tympan.studies.sense import SenseResult
 from tympan.studies.sensitivity import SensitivityResult
 from tympan.studies.study import StudyResult
 from tympan.studies.sweep.run import SweepResult
@@ -129,6 +130,15 @@ def _(result: CurveResult) -> Any:
 def _(result: ForceResult) -> Any:
     units = {"voltage": "V", "displacement": "m", "force": "N", "stiffness": "N_per_m",
              "capacitance": "F", "max_true_stress": "Pa"}
+    return pd.DataFrame(result.table).rename(
+        columns={name: f"{name}_{unit}" for name, unit in units.items()})
+
+
+@table.register
+def _(result: SenseResult) -> Any:
+    units = {"voltage": "V", "capacitance": "F", "displacement": "m", "force": "N",
+             "by_polynomial": "m", "per_capacitance": "m_per_F", "per_percent_prestretch": "m",
+             "per_percent_permittivity": "m"}
     return pd.DataFrame(result.table).rename(
         columns={name: f"{name}_{unit}" for name, unit in units.items()})
 

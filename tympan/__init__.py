@@ -29,8 +29,8 @@ __all__ = [
     "ShearThinning", "Specimen", "Spring", "Stadium", "Superellipse", "ViscousBranch", "Yeoh",
     "__version__",
     "alpha", "curve", "diagnose", "draw", "fit_material", "force", "limits", "load", "lumped",
-    "material", "modes", "optimise", "path", "response", "sensitivity", "solve", "study", "sweep",
-    "transient",
+    "material", "modes", "optimise", "path", "response", "sense", "sensitivity", "solve", "study",
+    "sweep", "transient",
 ]
 
 

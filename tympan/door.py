@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from tympan.studies.optimise.optimise import OptimiseResult
     from tympan.studies.path import PathResult
     from tympan.studies.response import ResponseResult
+    from tympan.studies.sense import SenseResult
     from tympan.studies.sensitivity import SensitivityResult
     from tympan.studies.study import StudyResult
     from tympan.studies.sweep.run import SweepResult
@@ -173,6 +174,26 @@ def force(specimen: Specimen, *, to: float | str, from_: float | str = 0.0,
     case = ForceCase(specimen, voltages=voltages, start=from_, to=to, points=points, masses=loads,
                      rate=rate, cycles=cycles, rig=rig)
     return Result(force(case, settings))
+
+
+@names_arguments()
+@one_thread()
+def sense(specimen: Specimen, *, voltages: Sequence[float | str] = (0.0,),
+          masses: Sequence[float | str] = (), from_: float | str = 0.0,
+          to: float | str | None = None, points: int = 21, rig: Rig = Rig(),
+          settings: Settings = Settings()) -> Result[SenseResult]:
+    """Capacitance against deflection at several voltages, and deflection from capacitance.
+
+    The plate is displaced between two deflections, or a little further than the ``masses`` deflect
+    it. ``result.sensed(capacitance, voltage)`` is the deflection [m] by a polynomial with the
+    largest error ``result.inverse.error_m``; ``to_pandas()`` is the table, with what an error of
+    the capacitance, of the prestretch and of the permittivity moves the sensed deflection by.
+    """
+    from tympan.studies.sense import SenseCase, sense
+
+    case = SenseCase(specimen, voltages=voltages, masses=masses, start=from_, to=to, points=points,
+                     rig=rig)
+    return Result(sense(case, settings))
 
 
 @names_arguments(*Loads.__annotations__)

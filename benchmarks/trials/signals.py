@@ -91,6 +91,7 @@ FILES = {"oval.toml": OVAL, "round.toml": ROUND, "viscous.toml": VISCOUS, "SWEEP
 COMMANDS = {
     "solve": "solve oval.toml --mass '20 g' --voltage '2 kV'",
     "curve": "curve round.toml --mass '20 g'",
+    "sense": "sense round.toml --voltage '0 kV, 2 kV' --to '5 mm'",
     "force": "force round.toml --voltage '0 kV, 2 kV' --to '5 mm' --load '20 g'",
     "path": "path round.toml --mass '20 g' --refine 0.5",
     "modes": "modes round.toml --mass '20 g' --refine 0.5",

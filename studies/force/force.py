@@ -100,7 +100,7 @@ def force(case: ForceCase, settings: Settings,
     alone = build_model(specimen, settings, replace(rig.loading, biases=()))
     settings = settings.bounded(alone, loads=max(len(case.voltages), 1))
     path = settings.path
-    curves = list(_curves(case, alone, path, progress))
+    curves = list(followed_curves(case, alone, path, progress))
     lines = []
     if case.masses or rig.loading.biases:
         loaded = replace(alone, loading=solved_loading(rig.loading, settings))
@@ -120,10 +120,11 @@ def force(case: ForceCase, settings: Settings,
         loops=tuple(loops),
         stroke_m=first.stroke_m if first else None, work_J=first.work_J if first else None,
         blocked_force_N=blocked, blocked_displacement_m=held_at, dofs=alone.unknowns,
-        wall_s=time.perf_counter() - began, warnings=(*_left_out(case), *highest.remarks))
+        wall_s=time.perf_counter() - began, warnings=(*left_out(case), *highest.remarks))
 
 
-def _curves(case: ForceCase, model: Model, path: PathSettings, progress: Callable[[str], None]
+def followed_curves(case: ForceCase, model: Model, path: PathSettings,
+                    progress: Callable[[str], None]
             ) -> Iterator[Followed]:
     """The curve at each voltage; each begins where that of the voltage before did."""
     displacements = case.displacements
@@ -152,7 +153,7 @@ def _loop(case: ForceCase, curve: Followed, progress: Callable[[str], None]) -> 
     return loop(curve.model, curve.voltage, curve.states[0], motion)
 
 
-def _left_out(case: ForceCase) -> list[str]:
+def left_out(case: ForceCase) -> list[str]:
     """What these curves do not have, in words."""
     words = [f"{key} of the rig acts against the way and is left out here"
              for key in AGAINST_THE_WAY if getattr(case.rig, key)]

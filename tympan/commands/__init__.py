@@ -21,7 +21,7 @@ from tympan.commands.lumped import response as lumped_response
 #: Every command in the order of ``tympan --help``, under what they are for.
 HEADINGS = {
     "do": (
-        cases.solve, cases.limits, cases.curve, cases.force, cases.path, cases.modes,
+        cases.solve, cases.limits, cases.curve, cases.force, cases.sense, cases.path, cases.modes,
         cases.sensitivity, transient.transient, transient.response, alpha.alpha, runs.study,
         runs.sweep, runs.optimise, alpha.outlines, alpha.alpha_map),
     "look": (

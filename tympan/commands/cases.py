@@ -173,6 +173,43 @@ def force(options: argparse.Namespace) -> None:
     finish(options, result)
 
 
+@command("sense", SPECIMEN,
+         argument("--mass", metavar="MASSES",
+                  help='loads whose equilibria are told, such as "10 g, 20 g"; deflections go a '
+                       "little further than theirs (default: loads that suit the film)"),
+         argument("--voltage", default="0 kV",
+                  help='at which deflection is sensed, such as "0 kV, 2 kV, 3 kV"'),
+         argument("--from", default="0 mm", metavar="LENGTH", help="first deflection"),
+         argument("--to", metavar="LENGTH", help='last deflection, such as "6 mm"'),
+         argument("--points", type=int, default=21, metavar="N", within=(5, 1000),
+                  help="rows of the table of each voltage"),
+         PRESSURE, RIG,
+         output("also store the table (CSV), the numbers (JSON), the polynomial as a C function "
+                "and a picture (PNG, SVG)"), JSON, MESH,
+         example='oval.toml --mass "20 g" --voltage "0 kV, 3 kV" -o sense')
+def sense(options: argparse.Namespace) -> None:
+    """Capacitance against deflection at several voltages, and deflection from capacitance.
+
+    The inverse is a table and a polynomial with its largest error. It is also told how far an error
+    of the capacitance, of the prestretch and of the permittivity moves the sensed deflection.
+    """
+    from tympan.fem.film.library import load_specimen
+    from tympan.progress import bar
+    from tympan.studies.sense import SenseCase, sense
+
+    specimen, rig = load_specimen(options.specimen), read_pressed_rig(options)
+    voltages = parse_quantities(options.voltage, "voltage", "--voltage")
+    with naming_options(options, voltages="voltage"):
+        case = SenseCase(
+            specimen, voltages=voltages, rig=rig, points=options.points,
+            masses=parse_quantities(options.mass or "", "mass", "--mass"),
+            start=parse_quantity(getattr(options, "from"), "length", "--from"),
+            to=None if options.to is None else parse_quantity(options.to, "length", "--to"))
+        with bar(len(voltages) + (len(voltages) > 1)) as progress:
+            result = sense(case, read_settings(options), progress)
+    finish(options, result)
+
+
 @command("path",
          *case_arguments(mass="on the plate at the start", voltage="across the film at the start"),
          argument("--along", choices=("voltage", "charge", "mass", "pressure"), default="voltage",

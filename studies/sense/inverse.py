@@ -1,0 +1,126 @@
+"""Deflection as a polynomial of capacitance and voltage.
+
+The capacitance of a flat film has its least value there, as an even function: its excess over that
+grows as the square of the deflection. So the polynomial is one of the root of the excess.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib import resources
+from string import Template
+from typing import Annotated, Any
+
+import numpy as np
+from numpy.polynomial import polynomial
+from numpy.typing import NDArray
+
+from tympan.geometry.fields import Key
+
+Array = NDArray[np.float64]
+
+#: Degrees of the root of the excess that are tried.
+_DEGREES = range(2, 11)
+#: Highest degree of the voltage squared: a curve for each is needed, and high ones swing.
+_CHARGED = 3
+#: Spread of the capacitance of the first deflection over it, from which it changes with voltage.
+_CHANGES = 1e-9
+#: Highest degree of the voltage squared in that capacitance: its root magnifies what it is off.
+_BASE = 8
+#: Error over the range of deflections from which no higher degree is tried: no bridge tells more.
+_ENOUGH = 1e-5
+
+
+@dataclass(frozen=True, kw_only=True)
+class Inverse:
+    """Deflection from capacitance C and nominal voltage U.
+
+    y = start + Σ a[i][j] uⁱ⁺¹ vʲ with v = (U / highest)² and u = √(C / C₀ − 1), C₀ = Σ b[j] vʲ.
+    """
+
+    start_m: Annotated[float, Key("deflection where u is 0")]
+    highest_V: Annotated[float, Key("voltage by which U is divided; 1 V where all are 0")]
+    base_F: Annotated[tuple[float, ...], Key("b: capacitance at that deflection, by powers of v")]
+    coefficients_m: Annotated[tuple[tuple[float, ...], ...], Key(
+        "a: a row for each power of u, from the first, in it a number for each power of v, from 0")]
+    error_m: Annotated[float, Key(
+        "largest error over the range, at deflections, and where there are several voltages at one "
+        "voltage, that were not fitted")]
+
+    def root(self, capacitance: Any, voltage: Any) -> Array:
+        """Root u of the excess, 0 where there is none."""
+        v = np.square(np.asarray(voltage, float) / self.highest_V)
+        base = polynomial.polyval(v, self.base_F)
+        return np.asarray(np.sqrt(np.maximum(np.asarray(capacitance, float) / base - 1, 0.0)))
+
+    def deflection(self, capacitance: Any, voltage: Any) -> Array:
+        """Deflection [m] of capacitances [F] at nominal voltages [V], which broadcast."""
+        u, v = self.root(capacitance, voltage), np.square(np.asarray(voltage) / self.highest_V)
+        total = polynomial.polyval2d(u, v + 0 * u, np.array(self.coefficients_m))
+        return np.asarray(self.start_m + u * total)
+
+    def c_source(self, name: str) -> str:
+        """The same as a function of C99, named after a specimen."""
+        word = re.sub(r"[^A-Za-z0-9_]", "_", name)
+        word = word if word[0].isalpha() else f"model_{word}"
+        text = resources.files("tympan.studies.sense").joinpath("source.txt")
+        rows = [", ".join(map(repr, row)) for row in self.coefficients_m]
+        return Template(text.read_text(encoding="utf-8")).substitute(
+            title=name, name=word, start=repr(self.start_m), highest=repr(self.highest_V),
+            error=f"{1e3 * self.error_m:.2g}", base=", ".join(map(repr, self.base_F)),
+            rows=len(rows), columns=len(self.coefficients_m[0]),
+            powers=len(self.base_F),
+            coefficients=", ".join(f"{{{row}}}" for row in rows))
+
+
+@dataclass(frozen=True)
+class Sampled:
+    """Capacitances [F] at deflections [m] on the way, ascending, at a nominal voltage [V]."""
+
+    voltage: float
+    deflection: Array
+    capacitance: Array
+
+
+def fit_inverse(curves: Sequence[Sampled], beside: Sequence[Sampled], firsts: Sequence[Sampled]
+                ) -> Inverse:
+    """The polynomial through every other point of curves; those between and ``beside`` judge it.
+
+    The lowest degree that is near enough, or the one that errs least. ``firsts`` are the first
+    deflection at many voltages.
+    """
+    highest = max(abs(curve.voltage) for curve in curves) or 1.0
+    count = min(len(curves), _CHARGED + 1)
+    v = np.array([(curve.voltage / highest) ** 2 for curve in curves])
+    first = np.array([(each.voltage / highest, each.capacitance[0]) for each in (*curves, *firsts)])
+    changes = np.ptp(first[:, 1]) > _CHANGES * first[0, 1]
+    degree = min(_BASE, len(first) - 1) if changes else 0
+    base = polynomial.polyfit(first[:, 0] ** 2, first[:, 1], degree)
+    start = float(curves[0].deflection[0])
+    plain = Inverse(start_m=start, highest_V=highest, base_F=tuple(base.tolist()),
+                    coefficients_m=((0.0,) * count,), error_m=np.inf)
+    root = np.concatenate([plain.root(curve.capacitance, curve.voltage)[::2] for curve in curves])
+    charged = np.concatenate([np.full(len(curve.deflection[::2]), each)
+                              for curve, each in zip(curves, v, strict=True)])
+    rise = np.concatenate([curve.deflection[::2] for curve in curves]) - start
+    scale = float(root.max())
+    found = []
+    for degree in _DEGREES:
+        if degree * count >= len(rise):
+            break
+        columns = (root[:, None] / scale) ** np.arange(1, degree + 1)
+        matrix = (columns[:, :, None] * charged[:, None, None] ** np.arange(count)).reshape(
+            len(rise), -1)
+        solved = np.linalg.lstsq(matrix, rise, rcond=None)[0].reshape(degree, count)
+        solved /= scale ** np.arange(1, degree + 1)[:, None]
+        given = Inverse(start_m=start, highest_V=highest, base_F=plain.base_F, error_m=0.0,
+                        coefficients_m=tuple(map(tuple, solved.tolist())))
+        error = max(float(np.abs(given.deflection(curve.capacitance, curve.voltage)
+                                 - curve.deflection).max()) for curve in (*curves, *beside))
+        found.append((error, given))
+        if error <= _ENOUGH * float(np.ptp(rise)):
+            break
+    error, best = min(found, key=lambda each: each[0])
+    return Inverse(**{**vars(best), "error_m": error})
