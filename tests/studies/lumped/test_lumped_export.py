@@ -78,6 +78,13 @@ def test_compiled_rates_are_the_models(model: LumpedModel, tmp_path: Path) -> No
             assert rates(state, mass, voltage) == pytest.approx(ours, rel=1e-10, abs=1e-10)
             in_c = capacitance(state.ctypes.data_as(ctypes.POINTER(ctypes.c_double)))
             assert in_c == pytest.approx(float(actuator.capacitance(state[0])), rel=1e-11)
+    sensed = getattr(library, f"{name}_sensed_deflection")
+    sensed.restype, sensed.argtypes = ctypes.c_double, (ctypes.c_double,)
+    for deflection in (4e-3, 9e-3, 2e-2):
+        read = float(actuator.capacitance(deflection))
+        assert sensed(read) == pytest.approx(deflection, rel=1e-9)
+    assert sensed(0.5 * float(actuator.capacitance(0.0))) == 0.0
+    assert np.isnan(sensed(100 * read))
     beyond = np.array([1.0, *[0.0] * (1 + actuator.count)])
     assert np.isnan(rates(beyond, 5e-3, 0.0)[1])
 
