@@ -165,7 +165,7 @@ class SpecimenRecord:
     film: FilmSurface | None = field(default=None, repr=False, compare=False)
 
     def json(self) -> dict[str, Any]:
-        """As a JSON object; without films."""
+        """Record as a JSON object, without films."""
         record: dict[str, Any] = to_json(self)
         return record
 
@@ -285,7 +285,7 @@ class Limits:
 
     @classmethod
     def of(cls, reached: Mapping[LimitKind, Limit], ended: str, thins: bool = False) -> Limits:
-        """By the kinds that are reached, whichever there are."""
+        """Collect the limits that are reached, whichever kinds there are."""
         return cls(ended=ended, thins=thins, **cast(dict[str, Any], dict(reached)))
 
     @property

@@ -151,5 +151,5 @@ class MembraneCircle(ConeCircle):
         return steepness, 2 * np.pi * self.thickness / (logarithm * steepness**2)
 
     def capacitance(self, deflection: Any) -> Any:
-        """Of the whole film [F]; half its derivative by y times U² is the voltage's pull."""
+        """Capacitance of the film [F]; half its derivative by y times U² is the voltage's pull."""
         return self.flat_capacitance - 2 * self.electric(deflection)[0]

@@ -213,7 +213,7 @@ class HeldForce:
 
 
     def _exact(self, solution: Solution, place: float) -> Solution | None:
-        """With one correction more, by the tangent of the state itself, and its tangent again.
+        """Solution after one more correction by the state's own tangent, with a new tangent.
 
         Newton's method leaves errors of the force that would show between neighbouring places.
         """
@@ -227,7 +227,7 @@ class HeldForce:
 
 
 def _cubic_miss(first: _Rung, middle: _Rung, last: _Rung) -> float:
-    """By how much the cubic of both ends misses the force in their middle, relative to forces."""
+    """Error of the cubic of both ends for the force in their middle, relative to forces."""
     span = last.place - first.place
     value = (first.force + last.force) / 2 + span * (first.stiffness - last.stiffness) / 8
     scale = max(abs(rung.force) for rung in (first, middle, last)) + abs(span * middle.stiffness)
@@ -251,7 +251,7 @@ class SolvedFilm:
 
     @classmethod
     def of(cls, given: JoinedFilm, model: Model) -> Self:
-        """With a model of its film, which nothing but its own weight acts on."""
+        """Join a film with a model of it, which nothing but its own weight acts on."""
         return cls(given, HeldForce(model, given.voltage, given.other(0.0)))
 
     def derivatives(self, deflection: float) -> tuple[float, float, float]:

@@ -149,7 +149,7 @@ def _pool(workers: int) -> Iterator[ProcessPoolExecutor]:
 
 
 def begin_worker() -> None:
-    """In a new process that computes: one thread, and an end with the parent's."""
+    """Begin a new process that computes: one thread, and an end with the parent's."""
     stay_single()
 
     def follow(sentinel: int) -> None:

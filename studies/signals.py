@@ -210,7 +210,7 @@ WAVES: dict[str, Callable[[Wave], Signal]] = {
 
 
 def step(low: float, high: float, at: float, end: float) -> Pieces:
-    """From one voltage to another at a time; at 0 it comes at once, after the rest at ``low``."""
+    """Step from one voltage to another at a time; at 0 it comes at once, after rest at ``low``."""
     return Pieces(np.array([0.0, at, at, end]), np.array([low, low, high, high]))
 
 

@@ -94,7 +94,7 @@ class Study:
         return 5 * len(self.specimens)
 
     def with_loads(self) -> Study:
-        """With masses that suit all its films where none are given."""
+        """Study with masses that suit all its films where none are given."""
         if self.mass is not None and self.curves is not None:
             return self
         mass = self.mass
@@ -133,7 +133,7 @@ class SpecimenResult:
             self.force.save(folder / "forces")
 
     def with_files(self, folder: Path, key: str) -> SpecimenResult:
-        """With what :meth:`save` wrote; ``key`` is its own in study.json."""
+        """Result with what :meth:`save` wrote; ``key`` is its own in study.json."""
         name = self.name
         if Path(name).name != name:
             raise InputError("must be a file name", file=folder / "study.json", key=f"{key}.name",
@@ -177,7 +177,7 @@ class StudyResult:
     alphas: tuple[AlphaResult, ...] = field(default=(), compare=False)
 
     def json(self) -> dict[str, Any]:
-        """As a JSON object, without α."""
+        """Study as a JSON object, without α."""
         record: dict[str, Any] = to_json(self)
         return record
 

@@ -281,7 +281,7 @@ class Responses:
                      for kind in response.drawn)
 
     def json(self) -> dict[str, Any]:
-        """As a JSON object, without samples."""
+        """Responses as a JSON object, without samples."""
         return {"responses": to_json(self.responses)}
 
     def save(self, folder: Path) -> None:

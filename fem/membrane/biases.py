@@ -476,7 +476,7 @@ class JoinedFilm:
 
     @classmethod
     def from_table(cls, table: Table) -> Self:
-        """Of a rig file, from whose folder its specimen is found."""
+        """Read from a table of a rig file, from whose folder its specimen is found."""
         return read(cls, table, {(cls, "specimen"): _specimen_beside})
 
     def other(self, deflection: Any) -> Any:

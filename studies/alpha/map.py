@@ -170,7 +170,7 @@ class AlphaMap:
                 for column, values in self.readings.items()}
 
     def json(self) -> dict[str, Any]:
-        """As a JSON object, without the readings."""
+        """Map as a JSON object, without the readings."""
         errors = {name: _errors(self.of(name)) for name in SETS}
         return {"formula": self.formula.words(), "constants": list(self.formula.constants),
                 "aspects": list(self.formula.aspects), "ratios": list(self.formula.ratios),

@@ -62,7 +62,7 @@ class OutlineTable:
     frames: Mapping[str, NDArray[Any]]
 
     def json(self) -> dict[str, Any]:
-        """As a JSON object, without the outlines' points."""
+        """Table as a JSON object, without the outlines' points."""
         return {"outlines": to_json(self.rows)}
 
     def save(self, folder: Path) -> None:

@@ -68,7 +68,7 @@ class CheckedRun:
 
     @property
     def late(self) -> tuple[LateRun, ...]:
-        """By how much it was late, if it was."""
+        """Delay of the run's clock, if it has one."""
         if self.shift is None:
             return ()
         return (LateRun(specimen=self.record.specimen, mass_kg=self.record.mass,

@@ -189,7 +189,7 @@ class Coupons:
         return runs
 
     def thinned(self, most: int = 150) -> Coupons:
-        """With about so many readings in each timed run, all others as they are.
+        """Coupons with about so many readings in each timed run, all others as they are.
 
         Two thirds of them are evenly spaced, others where the stretch drawn straight between them
         in time is farthest off, down to 0.5 % of its range.

@@ -48,7 +48,7 @@ def _is_pairs(file: Path, content: bytes) -> bool:
 
 
 def pair_rows(file: Path, content: bytes) -> list[Row]:
-    """Of lines with a nominal stress in MPa and a stretch, without any names of columns."""
+    """Rows of lines with a nominal stress in MPa and a stretch, without names of columns."""
     specimen, mode = _named_mode(file) or ("", "")
     rows: list[Row] = [(1, ["specimen", "mode", "nominal_stress_MPa", "stretch"])]
     for number, line in enumerate(decoded(content, file).split("\n"), start=1):
@@ -62,7 +62,7 @@ def _is_digitised(file: Path, content: bytes) -> bool:
 
 
 def digitised_rows(file: Path, content: bytes) -> list[Row]:
-    """Of a digitised table: a run for each id, uniaxial unless the file's name ends with a mode.
+    """Rows of a digitised table: a run for each id, uniaxial unless the file's name has a mode.
 
     Of a test at a rate the time is the way of the stretch over it.
     """
@@ -85,7 +85,7 @@ def digitised_rows(file: Path, content: bytes) -> list[Row]:
 
 
 def _times(file: Path, titles: Sequence[str], below: Sequence[Row]) -> list[float]:
-    """Of the readings of a table with rates [s]; none of one without."""
+    """Times of the readings of a table with rates [s]; none of one without."""
     rate = next((title for title in titles if title in _RATES), None)
     return [] if rate is None else list(_passed(file, titles, below, rate))
 

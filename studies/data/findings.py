@@ -83,7 +83,7 @@ class Copies:
 
     @classmethod
     def among(cls, static: Sheet, noise: float | None) -> Copies:
-        """Of a file's readings: later rows that equal earlier ones as no noise lets them.
+        """Find later rows of a file that equal earlier ones more closely than the noise permits.
 
         Rows of one state, or several rows one after the other, of whatever states, in the same or
         the opposite order. ``noise``: the one stated [m], if any. A display's steps make readings
@@ -216,7 +216,7 @@ class RunZeros:
 
     @classmethod
     def of(cls, static: Sheet, skipped: Rows) -> RunZeros | None:
-        """By states that several runs have read; None where zeros have not moved beyond noise.
+        """Find zeros by states that several runs have read; None if they moved no more than noise.
 
         Nor where more than a zero differs.
         """

@@ -35,7 +35,7 @@ _GROWS = 4.1
 
 @dataclass(frozen=True)
 class ClockShift:
-    """By how much a displacement is later than its voltage [s], with limits; below 0 earlier."""
+    """Delay of a displacement after its voltage [s], with limits; below 0 it is earlier."""
 
     value: float
     low: float
@@ -98,6 +98,6 @@ def _crossing(off: Array, level: float) -> int | None:
 
 
 def _moved(record: SampledRun, count: int) -> SampledRun:
-    """With voltages so many samples later."""
+    """Record with voltages so many samples later."""
     places = np.clip(np.arange(len(record.time)) - count, 0, len(record.time) - 1)
     return replace(record, voltage=record.voltage[places])

@@ -176,13 +176,13 @@ class _Course:
         return rest
 
     def fitted(self, columns: Array, rest: Array, part: slice = slice(None)) -> Array:
-        """By how much of columns a part of what the slow course leaves is made, (columns,)."""
+        """Coefficients of columns that fit a part of what the slow course leaves, (columns,)."""
         root = np.sqrt(self._window(part))
         basis = self.apart(columns)[part] * root[:, None]
         return np.asarray(np.linalg.lstsq(basis, root * rest[part], rcond=1e-9)[0])
 
     def amplitude(self, wave: Array, part: slice = slice(None)) -> float:
-        """Of a wave, by its mean square [m]."""
+        """Amplitude of a wave, by its mean square [m]."""
         window = self._window(part)
         return float(np.sqrt(2 * (window @ wave[part] ** 2) / window.sum()))
 
@@ -200,7 +200,7 @@ class _Course:
 
     @cached_property
     def _places(self) -> NDArray[np.int64]:
-        """Of samples, on an even clock."""
+        """Places of samples on an even clock."""
         return np.asarray(np.round((self.record.time - self.record.time[0]) / self.record.step),
                           dtype=np.int64)
 

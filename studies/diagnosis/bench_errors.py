@@ -22,7 +22,7 @@ _STEP = 1e-3
 
 def with_bench_errors(readings: PreparedReadings, dataset: Dataset, nominal: Calibration
                       ) -> PreparedReadings:
-    """With errors of the voltages and with the scatter of films, where a dataset states them.
+    """Add errors of the voltages and the scatter of films, where a dataset states them.
 
     Noise that the readings' own scatter tells has the voltages' errors already.
     """
@@ -39,7 +39,7 @@ def with_bench_errors(readings: PreparedReadings, dataset: Dataset, nominal: Cal
 
 
 def with_voltage_errors(table: ReadingTable, size: float, model: Model, fit: Fit) -> ReadingTable:
-    """With independent errors of each state's voltage, of a standard deviation [V].
+    """Add independent errors of each state's voltage, of a standard deviation [V].
 
     Effective variance: an error of the voltage moves a reading by the slope of the nominal fit
     (Orear, American Journal of Physics 50, 912, 1982). Readings of one state share it. Voltages of
@@ -57,7 +57,7 @@ def with_voltage_errors(table: ReadingTable, size: float, model: Model, fit: Fit
 
 
 def with_film_scatter(table: ReadingTable, share: float, model: Model, fit: Fit) -> ReadingTable:
-    """With stiffness and permittivity of each film off by themselves, by a share."""
+    """Add independent relative errors of each film's stiffness and permittivity."""
     factors = model.prediction((), fit.unknowns, table).jacobian[:, FACTORS]
     for specimen in np.unique(table.specimen):
         rows = np.flatnonzero((table.specimen == specimen) & factors.any(axis=1))
@@ -80,7 +80,7 @@ def with_model_error(table: ReadingTable, error: float, nominal: Calibration) ->
 
 
 def _with_common(table: ReadingTable, rows: NDArray[np.int64], columns: Array) -> ReadingTable:
-    """With errors that some readings share, or with more noise where it is but one."""
+    """Add errors that some readings share; a single reading gets more noise instead."""
     if len(rows) > 1:
         return table.with_noise(table.noise.with_shared(rows, columns))
     sigma = table.sigma.copy()

@@ -130,7 +130,7 @@ def calibrated(setup: Setup, table: ReadingTable) -> Calibration:
 
 
 def with_masses(simulation: Simulation) -> Simulation:
-    """With what swings and weighs beside the plates, of films that have it."""
+    """Simulation with what swings and weighs beside the plates, if all its films can tell."""
     films = [specimen for specimen in simulation.setup.specimens if isinstance(specimen, Specimen)]
     if simulation.masses is not None or len(films) < len(simulation.setup.specimens):
         return simulation

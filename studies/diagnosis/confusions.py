@@ -216,7 +216,7 @@ def _stretched(power: float) -> Callable[[Specimen], Specimen]:
 def _edited(setup: Setup, table: ReadingTable, of: str, taken: str,
             edit: Callable[[Specimen], Specimen], which: str | None, shift: Array | None = None
             ) -> Iterator[_Other]:
-    """With one specimen or all edited, where such can be built."""
+    """Setup with one specimen or all edited, where such can be built."""
     try:
         yield _Other(f"{of} of {which}" if which else of, taken,
                      setup.with_specimens(edit, which), table, shift)

@@ -117,7 +117,7 @@ def calibrated_readings(dataset: Dataset) -> tuple[PreparedReadings, Calibration
 def _judge_actuators(dataset: Dataset, of_coupons: tuple[PreparedReadings, Judgement] | None,
                      workers: int, seed: int, progress: Callable[[int, int], None]
                      ) -> tuple[PreparedReadings, Judgement, float]:
-    """As :func:`judge_dataset`, ``of_coupons`` being what coupons say by themselves."""
+    """Judge as :func:`judge_dataset`, ``of_coupons`` being what coupons say by themselves."""
     _require_lengths(dataset)
     readings, nominal, error = calibrated_readings(dataset)
     films = 1
@@ -151,7 +151,7 @@ def _judge_actuators(dataset: Dataset, of_coupons: tuple[PreparedReadings, Judge
 def with_coupons(readings: PreparedReadings, simulation: Simulation,
                  of_coupons: tuple[PreparedReadings, Judgement] | None, causes: Sequence[Cause]
                  ) -> tuple[PreparedReadings, Simulation, ReadingTable]:
-    """With coupons of the same film beside them, if there are some, each with its noise found.
+    """Add coupons of the same film, if there are some; both get the noise that they show.
 
     That of the actuators is found beside what ``causes`` show.
     """

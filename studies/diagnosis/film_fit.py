@@ -66,7 +66,7 @@ class FittedConstant:
 
     @classmethod
     def of(cls, size: FoundSize) -> FittedConstant:
-        """Of a parameter of an effect."""
+        """Constant that is a parameter of an effect."""
         return cls(size.value, *(limit if np.isfinite(limit) else None
                                  for limit in (size.low, size.high)))
 
@@ -105,7 +105,7 @@ class FilmFit:
                 ("permittivity factor", "", self.permittivity_factor), *branches]
 
     def json(self) -> Json:
-        """As a JSON object."""
+        """Fit as a JSON object."""
         record: Json = to_json(self)
         return record
 

@@ -171,7 +171,7 @@ class _Beyond:
 
     def below(self, simulation: Model, fits: Sequence[Fit], weights: Array, train: ReadingTable,
               test: ReadingTable) -> Array:
-        """As :meth:`Predictive.below` of fits to a part of the readings, at what was read."""
+        """Values of :meth:`Predictive.below` at what was read, of fits to a part of readings."""
         whole = self.chosen if fits[0].hypothesis else self.nominal
         expected = Predictive.of(simulation, fits, weights, test,
                                  whole and replace(whole, table=train))

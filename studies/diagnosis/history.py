@@ -46,7 +46,7 @@ class VoltageHistory:
 
     @classmethod
     def of(cls, record: SampledRun) -> VoltageHistory:
-        """Of a run's samples, with jumps at once, half a sample before they are seen."""
+        """History of a run's samples; each jump is instant, half a sample before it is seen."""
         time, voltage = [record.time[:1]], [record.voltage[:1]]
         for begin, end in record.holds:
             if begin:
@@ -64,7 +64,7 @@ class VoltageHistory:
 
     @cached_property
     def whole(self) -> Pieces:
-        """With the rest before, where it did not last for ever; from time 0 on."""
+        """Signal with the rest before, where it did not last for ever; from time 0 on."""
         signal = self.signal
         if self.rest in (0.0, inf):
             return signal

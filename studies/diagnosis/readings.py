@@ -90,7 +90,7 @@ def _refuse(dataset: Dataset) -> None:
 
 
 def _with_noise(table: ReadingTable, dataset: Dataset) -> ReadingTable:
-    """With the noise of all rows.
+    """Add the noise of all rows.
 
     An :class:`InputError` where readings are still to be made and nobody states their noise.
     """
@@ -114,7 +114,7 @@ def _of(table: ReadingTable, sigma: Array, source: Source) -> Noise:
 
 
 def _not_too_many(table: ReadingTable) -> tuple[ReadingTable, list[str]]:
-    """With readings at rest averaged where they are more than :data:`MANY`; a remark on that."""
+    """Average readings at rest where they are more than :data:`MANY`; a remark on that."""
     resting = ~np.isin(table.state, table.states.in_time)
     if resting.sum() <= MANY:
         return table, []
@@ -124,7 +124,7 @@ def _not_too_many(table: ReadingTable) -> tuple[ReadingTable, list[str]]:
 
 
 def _rounded(table: ReadingTable, step: float) -> ReadingTable:
-    """With readings of one state, which a display rounds alike, as one, half a step its noise."""
+    """Merge readings of a state, which a display rounds alike; half a step is their noise."""
     resting = ~np.isin(table.state, table.states.in_time)
     few = averaged(table[resting].compact())
     rounding = np.where(few.kind == "displacement", step / 2, 0.0)

@@ -185,7 +185,7 @@ class SelfCheck:
     sentence: str
 
     def json(self) -> dict[str, Any]:
-        """As a JSON object."""
+        """Check as a JSON object."""
         record: dict[str, Any] = to_json(self)
         return record
 

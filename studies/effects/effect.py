@@ -102,7 +102,7 @@ class EffectParameter:
 
     @property
     def dimension(self) -> str:
-        """Of :data:`tympan.geometry.units.DIMENSIONS`, "" for plain numbers."""
+        """Dimension, a key of :data:`tympan.geometry.units.DIMENSIONS`; "" for plain numbers."""
         return self._unit[1]
 
     def size(self, value: float) -> float:

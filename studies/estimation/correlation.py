@@ -81,7 +81,7 @@ class Spread:
 
     @property
     def quantiles(self) -> Array:
-        """Of 95 % limits of each unknown, shape (p,)."""
+        """Quantiles of 95 % limits of each unknown, shape (p,)."""
         return self._quantiles(np.eye(len(self.covariance)))
 
     def halves(self, rows: Array) -> Array:
@@ -96,7 +96,7 @@ class Spread:
     @classmethod
     def of(cls, jacobian: Array, residual: Array, series: Series,
            given: float | None = None) -> Spread:
-        """Of the residuals at a minimum and their derivative there.
+        """Spread by the residuals at a minimum and their derivative there.
 
         The correlation is the one with which residuals that remain after a fit of so many unknowns
         would be as much like their neighbours as these are, none where they are less alike than
@@ -150,7 +150,7 @@ class _Scatter:
         return cls(moments, back, (high.spread - low.spread) / likeness, growth, given)
 
     def freedoms(self, rows: Array) -> Array:
-        """Of what depends on the unknowns by rows, at least one, shape (m,)."""
+        """Degrees of freedom of what depends on the unknowns by rows, at least one, shape (m,)."""
         along = rows @ self.back
         with np.errstate(invalid="ignore", divide="ignore"):
             grown = _signed(along, self.slope) / _along(along, self.moments.spread) - self.growth
@@ -164,7 +164,7 @@ class _Scatter:
 
 @dataclass(frozen=True, eq=False)
 class _Moments:
-    """Of errors with a correlation R, by the residuals MRM that they leave, M = 1 − QQᵀ.
+    """Moments of errors with correlation R, by the residuals MRM that they leave, M = 1 − QQᵀ.
 
     ``spread`` QᵀRQ; ``plain`` tr MR, of the squares; ``likeness``, of products of neighbours, over
     it; ``squares``: tr (MR)², tr MRMNMR, tr (NMRM)², N with the products of neighbours.
@@ -189,7 +189,7 @@ class _Sight:
         return float(sum(values[run[:-1]] @ values[run[1:]] for run in self.series))
 
     def likeness(self, correlation: float) -> float:
-        """Of neighbours after a fit: expected Σ of products over expected Σ of squares."""
+        """Likeness of neighbours after a fit: expected Σ of products over expected Σ of squares."""
         carried = self._carried(self.basis, correlation)
         spread, shifted = self.basis.T @ carried, self._shifted(self.basis)
         products = correlation * sum(max(len(run) - 1, 0) for run in self.series)
@@ -198,7 +198,7 @@ class _Sight:
         return products / (self.count - float(np.trace(spread)))
 
     def moments(self, correlation: float) -> _Moments:
-        """By MRM = R − U J Uᵀ of few columns U = (Q, RQ − ½ QQᵀRQ), J that swaps them."""
+        """Moments by MRM = R − U J Uᵀ of few columns U = (Q, RQ − ½ QQᵀRQ), J that swaps them."""
         carried = self._carried(self.basis, correlation)
         spread = self.basis.T @ carried
         u = np.hstack([self.basis, carried - self.basis @ spread / 2])
@@ -259,15 +259,15 @@ def _powers(base: float, count: int) -> Array:
 
 
 def _trace(first: Array, second: Array) -> float:
-    """Of firstᵀ second."""
+    """Trace of firstᵀ second."""
     return float(np.sum(first * second))
 
 
 def _signed(rows: Array, matrix: Array) -> Array:
-    """Of every row x, xᵀAx."""
+    """Quadratic form xᵀAx of every row x."""
     return np.asarray(np.einsum("ni,ij,nj->n", rows, matrix, rows))
 
 
 def _along(rows: Array, matrix: Array) -> Array:
-    """Of every row x, xᵀAx of an A that is not negative."""
+    """Quadratic form xᵀAx of every row x, of an A that is not negative."""
     return np.maximum(_signed(rows, matrix), 0.0)

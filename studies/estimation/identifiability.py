@@ -79,7 +79,7 @@ class Estimate:
 
 @dataclass(frozen=True, eq=False)
 class Identifiability:
-    """Of every constant its limits and, where one was made, the profile of its values.
+    """Limits of every constant and, where one was made, the profile of its values.
 
     ``combinations`` are the right singular vectors of the Jacobian, the best determined first;
     errors along them are independent. ``correlations`` are of the constants, linearised.
@@ -101,7 +101,7 @@ class Identifiability:
                 for combination in self.combinations if combination.half is not None]
 
     def _relation(self, coefficients: Array, half: float) -> Relation:
-        """In the unit of the constant that weighs most in it, whose coefficient is 1."""
+        """Relation in the unit of the constant that weighs most in it, whose coefficient is 1."""
         first = int(np.argmax(np.abs(coefficients)))
         weights = np.where(np.abs(coefficients) < _SLIGHT * np.abs(coefficients[first]), 0.0,
                            coefficients / coefficients[first])
@@ -134,7 +134,7 @@ class Identifiability:
         return [constant.name for constant in self.constants if constant.low is None]
 
     def json(self) -> dict[str, Any]:
-        """As the command prints it."""
+        """Result as a JSON object, as the command prints it."""
         names = [constant.name for constant in self.constants]
         return {
             "determined": self.determined,

@@ -63,7 +63,7 @@ Evaluate = Callable[[Array, Evaluation | None], Evaluation]
 
 
 def no_prior(unknowns: Array) -> tuple[Array, Array]:
-    """Of unknowns of which nothing is known beforehand."""
+    """Residuals and slopes of no prior: nothing is known of the unknowns beforehand."""
     return np.zeros(len(unknowns)), np.zeros(len(unknowns))
 
 
@@ -87,7 +87,7 @@ class LeastSquares:
     @classmethod
     def of(cls, both: Callable[[Array], tuple[Array, Array]], low: Array, high: Array,
            linear: tuple[int, ...] = ()) -> LeastSquares:
-        """From a function that answers residuals and their derivative together."""
+        """Problem of a function that answers residuals and their derivative together."""
         def evaluate(unknowns: Array, near: Evaluation | None) -> Evaluation:
             residual, slopes = both(unknowns)
             return Evaluation(residual, lambda: slopes)
@@ -114,7 +114,7 @@ class LeastSquares:
                           + np.diag(self.prior(unknowns)[1] ** 2))
 
     def with_rows(self, rows: Array, centre: Array) -> LeastSquares:
-        """With further residuals ``rows`` (z − ``centre``): priors, or what is to stay."""
+        """Add residuals ``rows`` (z − ``centre``): priors, or what is to stay."""
         def evaluate(unknowns: Array, near: Evaluation | None) -> Evaluation:
             point = self.evaluate(unknowns, near)
             return Evaluation(np.concatenate([point.residual, rows @ (unknowns - centre)]),

@@ -44,7 +44,7 @@ class Shared:
 
     @classmethod
     def of(cls, rows: Numbers, columns: Array) -> Shared:
-        """By what each error does at its standard deviation, shape (m, errors)."""
+        """Errors in common by what each does at its standard deviation, shape (m, errors)."""
         directions, sizes, _ = svd(columns, full_matrices=False, lapack_driver="gesvd")
         return cls(rows, directions, sizes)
 
@@ -60,7 +60,7 @@ class Shared:
         return self.of(self.rows, self.columns / sigma[:, None])
 
     def among(self, readings: Numbers) -> Shared:
-        """Of some readings by their numbers, with the places they have there."""
+        """Errors of some readings by their numbers, with the places they have there."""
         here = np.isin(readings, self.rows)
         if np.array_equal(readings[here], self.rows):
             return replace(self, rows=np.flatnonzero(here))
@@ -90,11 +90,11 @@ class Memory:
 
     @classmethod
     def none(cls, count: int) -> Memory:
-        """Of so many readings that remember nothing."""
+        """Memory of so many readings that remember nothing."""
         return cls(np.full(count, -1), np.zeros(count), np.ones(count))
 
     def joined(self, other: Memory) -> Memory:
-        """Of these readings and others, whose runs are others."""
+        """Memory of these readings and others, whose runs are others."""
         apart = 1 + self.run.max(initial=-1)
         return Memory(np.r_[self.run, np.where(other.run < 0, -1, other.run + apart)],
                       np.r_[self.clock, other.clock], np.r_[self.share, other.share])
@@ -193,7 +193,7 @@ class Noise:
         return len(self.sigma)
 
     def __getitem__(self, rows: Rows) -> Noise:
-        """Of some readings."""
+        """Noise of some readings."""
         numbers = np.arange(len(self))[rows]
         return replace(self, sigma=self.sigma[rows], part=self.part[rows], given=self.given[rows],
                        memory=self.memory and self.memory[rows],
@@ -201,7 +201,7 @@ class Noise:
                                     if np.isin(some.rows, numbers).any()))
 
     def joined(self, other: Noise) -> Noise:
-        """Of these readings and others; noises that were found stay parts."""
+        """Noise of these readings and others; noises that were found stay parts."""
         after = tuple(replace(some, rows=some.rows + len(self)) for some in other.shared)
         memory = None
         if self.memory or other.memory:
@@ -217,13 +217,13 @@ class Noise:
 
     @classmethod
     def of_one(cls, sigma: float, freedom: float = np.inf) -> Noise:
-        """Of one reading, known with so many degrees of freedom; with all where it was given."""
+        """Noise of one reading with its degrees of freedom, infinitely many where it was given."""
         return cls(np.array([sigma]), freedom=np.array([freedom]), found=True)
 
     @classmethod
     def left(cls, squares: float, freedom: float, given: float | None = None, widen: bool = False
              ) -> Noise:
-        """Of one reading, by the sum of squares that a fit leaves unless given.
+        """Noise of one reading, by the sum of squares that a fit leaves unless given.
 
         ``widen``: a misfit that the noise given cannot explain takes its place, which would make
         limits too narrow.
@@ -235,7 +235,7 @@ class Noise:
 
     @classmethod
     def pooled(cls, values: Array, groups: Numbers, sigma: Array | float = 1.0) -> Noise | None:
-        """Of one reading, by the scatter of values, (n,), about the means of their ``groups``.
+        """Noise of one reading, by the scatter of values, (n,), about the means of ``groups``.
 
         In units of ``sigma``, the standard deviation of each reading up to a common factor, which
         also weights the means. None where nothing repeats.
@@ -257,11 +257,11 @@ class Noise:
         return cls(sigma, source=source, freedom=np.array([beforehand]))
 
     def with_sigma(self, sigma: Array) -> Noise:
-        """With other errors of each reading by itself; those in common stay."""
+        """Same noise with other standard deviations of each reading by itself."""
         return replace(self, sigma=sigma)
 
     def with_shared(self, rows: Numbers, columns: Array) -> Noise:
-        """With errors in common of some readings, in order, by what each does, (rows, errors)."""
+        """Add errors in common of some readings, in order, by what each does, (rows, errors)."""
         same = [some for some in self.shared if np.isin(some.rows, rows).any()]
         others = tuple(some for some in self.shared if some not in same)
         if not same:
@@ -273,20 +273,20 @@ class Noise:
             *(one[:, place(every, some.rows)] @ some.columns for some in same)]))))
 
     def with_zero(self, size: float) -> Noise:
-        """With a zero that all these readings have in common, of that standard deviation."""
+        """Add a zero that all these readings have in common, of that standard deviation."""
         return self.with_shared(np.arange(len(self)), np.full((len(self), 1), size))
 
     def known(self, freedom: float) -> Noise:
-        """As it was found, with so many degrees of freedom."""
+        """Same noise, as found with so many degrees of freedom."""
         return replace(self, freedom=np.array([freedom]), part=0 * self.part, found=True)
 
     def scaled(self, share: float) -> Noise:
-        """With errors in common so many times as large."""
+        """Same noise with errors in common so many times as large."""
         return replace(self, shared=tuple(replace(some, sizes=share * some.sizes)
                                           for some in self.shared))
 
     def with_off(self, sizes: Array) -> Noise:
-        """With readings off by themselves, as far as that is usual [their unit]; 0 where not."""
+        """Add to readings off by themselves as much as is usual [their unit]; 0 where not."""
         off, memory = sizes > 0, self.memory
         if memory is not None and off.any():
             memory = replace(memory, run=np.where(off, -1, memory.run))
@@ -350,7 +350,7 @@ class Noise:
 
     @property
     def quantile(self) -> float:
-        """For 95 % intervals in units of it: Student's, the normal one where it was given."""
+        """Half width of 95 % intervals over it: Student's quantile, the normal one where given."""
         freedom = float(self.freedom.sum())
         return float(norm.ppf(0.975) if np.isinf(freedom) else t.ppf(0.975, freedom))
 

@@ -61,7 +61,7 @@ class FlatFilm:
 
     @classmethod
     def of(cls, mesh: CurvedTriangles, centre: tuple[float, float]) -> FlatFilm:
-        """Of a second-order mesh of the whole film."""
+        """Film by a second-order mesh of the whole of it."""
         points, triangles = mesh.doflocs.T, mesh.dofs.element_dofs.T.copy()
         clockwise = _areas(points, triangles) < 0
         triangles[clockwise] = triangles[clockwise][:, [0, 2, 1, 5, 4, 3]]
@@ -242,7 +242,7 @@ class _Assembly:
 
     @property
     def stretches(self) -> Floats:
-        """Of the penalised film where its faces are free, shape (3,).
+        """Stretches of the penalised film where its faces are free, shape (3,).
 
         Its pressure (σ₁ + σ₂)/3 gives it the volume J = 1 + pressure/K, up to the square of that.
         """

@@ -101,7 +101,7 @@ class CollocatedStep:
 
     @cached_property
     def flow(self) -> StagedFlow:
-        """Of the branches, before anything is known of C at the stages."""
+        """Flow of the branches, before anything is known of C at the stages."""
         moment, motion, rule = self.moment, self.motion, self.motion.rule
         return StagedFlow.of(moment.memory, motion.tabulated.strain(moment.q), self.duration,
                              rule.matrix if self.jump is None else rule.from_start)
@@ -140,7 +140,7 @@ class CollocatedStep:
         return flown + force, moving + spring
 
     def _error(self, q: Array) -> float:
-        """Of q at the stages, relative to the gap."""
+        """Error of q at the stages, relative to the gap."""
         if self.jump is None:
             q = np.concatenate([self.moment.q[..., None, :], q], -2)
         motion, tail = self.motion, np.abs(_TAILS @ (self.motion.rule.tail @ q))
@@ -167,7 +167,7 @@ class StepSolution:
 
     @property
     def moments(self) -> list[ReducedMoment]:
-        """At the stages, without the start."""
+        """Moments at the stages, without the start."""
         motion, step = self.step.motion, self.step
         velocities = np.zeros(self.q.shape[:-1])
         if motion.mass is not None:

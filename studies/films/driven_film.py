@@ -52,7 +52,7 @@ class ReducedMoment:
 
     @property
     def memory(self) -> Memory:
-        """Of the branches; worked out where it is asked for."""
+        """Memory of the branches; worked out where it is asked for."""
         return self.recall()
 
     @property
@@ -84,7 +84,7 @@ class DrivenFilm:
 
     @property
     def begin(self) -> ReducedMoment:
-        """At rest for ever under force and first voltage; mounted and flat where the film says.
+        """Relaxed equilibrium under force and first voltage; ``flat`` if the film says its age.
 
         Raises
         ------
@@ -115,7 +115,7 @@ class DrivenFilm:
 
     @cached_property
     def rule(self) -> CollocationRule:
-        """Of a step."""
+        """Collocation rule of a step."""
         several = np.ndim(self.force) or np.ndim(self.signal.first)
         return radau(_FEWER if several or self.leads else _STAGES)
 

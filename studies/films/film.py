@@ -99,7 +99,7 @@ class ReducedFilm:
 
     @property
     def count(self) -> int:
-        """Of shapes, the heave's included."""
+        """Number of shapes, the deflection's included."""
         return len(self.gradients)
 
     @cached_property
@@ -129,7 +129,7 @@ class ReducedFilm:
 
     @cached_property
     def _scale(self) -> Array:
-        """Of E of the virgin film over that of the mounted one, shape (3,)."""
+        """Ratio of E of the virgin film to that of the mounted one, shape (3,)."""
         first, second = self.specimen.membrane.prestretch
         return np.array([first * first, second * second, first * second])
 
@@ -191,7 +191,7 @@ class ReducedFilm:
 
     def staged_pull(self, q: Array, voltage_squared: Any, flow: StagedFlow
                     ) -> tuple[Array, Array, StagedFlow]:
-        """As :meth:`pull` of states (..., stages, shapes) in a step that is collocated.
+        """Pull as :meth:`pull` of states (..., stages, shapes) in a step that is collocated.
 
         The derivatives at a stage by q at another, those as if C were the same at both, have the
         shape (..., stages, shapes, stages, shapes). Last comes the flow as it is at this q.
@@ -213,7 +213,7 @@ class ReducedFilm:
 
     def staged_forces(self, q: Array, voltage_squared: Any, flow: StagedFlow
                       ) -> tuple[Array, StagedFlow]:
-        """As :meth:`staged_pull`, without derivatives."""
+        """Forces and flow as :meth:`staged_pull` gives them, without derivatives."""
         c = self.strain(q)
         plane, thick, _, flow = flow.stress(c, slopes=False)
         stress, _ = self._law(c, voltage_squared, thick, tangent=False)
@@ -275,7 +275,7 @@ class ReducedFilm:
         return replace(self, table=table)
 
     def capacitance(self, q: Array, voltage_squared: Any = 0.0) -> Any:
-        """Of the film [F], wrinkles included."""
+        """Capacitance of the film [F], wrinkles included."""
         density = FilmDensity(self.specimen, _each(voltage_squared), self.covered)
         seen = principal_stretches(tuple(self.strain(q)), (1.0, 1.0))
         charged = maxwell(self.specimen, 1.0, self.covered)
@@ -372,5 +372,5 @@ def require_stable(stiffness: Array) -> None:
 
 
 def _each(values: Any) -> Any:
-    """Of every run, for all of its points."""
+    """Values of every run, broadcast over all of its points."""
     return values[..., None] if np.ndim(values) else values

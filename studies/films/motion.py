@@ -56,7 +56,7 @@ class ReducedMotion(DrivenFilm):
     """A driven film in time."""
 
     def moments(self, begin: ReducedMoment | None = None) -> Iterator[ReducedMoment]:
-        """From a moment, by default its ``begin``, to the signal's end, stage by stage.
+        """Moments from one, by default its ``begin``, to the signal's end, stage by stage.
 
         Where a piece of the signal begins, the same time again.
 

@@ -108,7 +108,7 @@ def reduced_film(model: Model, forces: Sequence[float], voltage: float, spring: 
 
 def film_of_runs(model: Model, forces: Sequence[float], voltage: float,
                  path: PathSettings = PathSettings()) -> ReducedFilm:
-    """As :func:`reduced_film`, and not held against the model."""
+    """Reduce as :func:`reduced_film`, without a check against the model."""
     _require_even(model.specimen)
     path = path.bounded(model, followed=True, loads=IN_TIME)
     run = _there_and_back(model, voltage)

@@ -204,7 +204,7 @@ class _Corner:
 
     @classmethod
     def of(cls, model: Model, state: State) -> _Corner:
-        """Of a state, the weight and the gas of the film included."""
+        """Corner of a cycle at a state, the weight and the gas of the film included."""
         alone = state.under(force=0.0)
         _, capacitance, energy = (float(value[0]) for value in film_integrals(model, [alone]))
         voltage = max(state.voltage_squared, 0.0) ** 0.5

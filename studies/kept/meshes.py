@@ -43,7 +43,7 @@ def film_part(specimen: Specimen, settings: MeshSettings,
 
 
 def _key(specimen: Specimen, settings: MeshSettings, planes: frozenset[str]) -> bytes | None:
-    """Of all that a mesh depends on; None of outlines whose value is not all they are."""
+    """Key by all that a mesh depends on; None of outlines whose value is not all they are."""
     shape = specimen.frame, specimen.plate, specimen.electrode
     with suppress(TypeError):
         return digest("mesh", *shape, *(outline.curve.pieces for outline in _outlines(specimen)),

@@ -104,7 +104,7 @@ class LimitsResult(SpecimenRecord):
     warnings: Warnings = ()
 
     def json(self) -> dict[str, Any]:
-        """As a JSON object: the limits stand beside specimen and mass."""
+        """Result as a JSON object: the limits stand beside specimen and mass."""
         return {"specimen": self.specimen, "mass_kg": self.mass_kg, **to_json(self.limits),
                 "warnings": list(self.warnings)}
 

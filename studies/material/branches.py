@@ -122,7 +122,7 @@ class BranchFit:
                      if modulus > 0)
 
     def json(self) -> dict[str, Any]:
-        """As a JSON object: as that of a law, and what is of the branches."""
+        """Fit as a JSON object: as that of a law, and what is of the branches."""
         moduli, times = ([{"value": float(value), "low": low, "high": high, "unit": unit}
                           for value, (low, high) in pairs]
                          for unit, pairs in zip(("Pa", "s"), self._halves, strict=True))

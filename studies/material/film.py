@@ -84,7 +84,7 @@ class FilmDeflection:
     laws: dict[str, LawDeflection]
 
     def json(self) -> dict[str, Any]:
-        """As a JSON object."""
+        """Film as a JSON object."""
         numbers = {name: getattr(self, name) for name in self.__dataclass_fields__}
         return numbers | {"laws": {name: vars(law) for name, law in self.laws.items()}}
 

@@ -112,7 +112,7 @@ class LawFit:
         return self.family.stress(stretch, across, self.values), half
 
     def json(self) -> dict[str, Any]:
-        """As a JSON object."""
+        """Fit as a JSON object."""
         linear = len(self.family.linear)
         constants = {name: {"value": float(value), "low": low, "high": high,
                             "unit": "Pa" if index < linear else "1"}

@@ -66,7 +66,7 @@ class MaterialFitResult:
     histories: Mapping[str, NDArray[Any]] | None = None
 
     def json(self) -> dict[str, Any]:
-        """As a JSON object."""
+        """Result as a JSON object."""
         return self.numbers
 
     def save(self, folder: Path) -> None:

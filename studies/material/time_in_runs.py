@@ -73,7 +73,7 @@ class TimeInRuns:
     needed: tuple[str, ...] = ()
 
     def json(self) -> dict[str, Any]:
-        """As a JSON object."""
+        """Result as a JSON object."""
         return {"share": self.share, "separable": self.separable, "shown": self.shown,
                 "reason": self.reason, "needed": list(self.needed)}
 

@@ -60,7 +60,7 @@ class OptimiseResult:
     specimens: Mapping[str, Specimen]
 
     def json(self) -> dict[str, Any]:
-        """As a JSON object."""
+        """Result as a JSON object."""
         return dict(self.record)
 
     def save(self, folder: Path) -> None:

@@ -61,7 +61,7 @@ class PaperResult:
         return cls(paper_numbers(replica, seconds), curves)
 
     def json(self) -> dict[str, Any]:
-        """As a JSON object, without curves."""
+        """Result as a JSON object, without curves."""
         return self.numbers
 
     def save(self, folder: Path) -> None:

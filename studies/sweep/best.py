@@ -92,7 +92,7 @@ class Best:
     rows: tuple[Mapping[str, Any], ...]
 
     def json(self) -> dict[str, Any]:
-        """As a JSON object."""
+        """Result as a JSON object."""
         return {**vars(self), "under": list(self.under), "kept": dict(self.kept),
                 "rows": [dict(row) for row in self.rows]}
 

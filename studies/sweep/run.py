@@ -73,7 +73,7 @@ class SweepResult:
         return best(self.table, of, self.at_V if at is None else at, under, count)
 
     def json(self) -> dict[str, Any]:
-        """As a JSON object; without the table."""
+        """Result as a JSON object, without the table."""
         return {"cases": sum(self.statuses.values()), "statuses": self.statuses,
                 "solved": self.solved, "kept": self.kept}
 

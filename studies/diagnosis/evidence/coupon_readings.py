@@ -100,7 +100,7 @@ def _refuse_slip_of_stress(tests: CouponTests) -> None:
 
 
 def _with_lasting(noise: Noise, tests: CouponTests, keys: Array, scatter: float) -> Noise:
-    """Of rows whose strips differ by a share of their stress.
+    """Add noise of rows whose strips differ by a share of their stress.
 
     Smoothly in the logarithm of the stretch along a run, and in nothing from run to run.
     """
@@ -205,7 +205,7 @@ def _thinned(legs: list[Numbers], keys: Array) -> Iterator[Numbers]:
 
 def _noise(coupons: Coupons, references: Array | None, values: Array, legs: list[Numbers]
            ) -> Noise:
-    """Of each reading [Pa]; what few readings scatter by is known no better than a stated one."""
+    """Noise of each reading [Pa]; few readings tell theirs no better than a stated one is known."""
     every = np.concatenate(legs)
     size = float(np.sqrt(np.mean(values[every] ** 2))) or 1.0
     squares, freedom = 0.0, 0

@@ -95,7 +95,7 @@ class CouponTests(Evidence):
         return CouponPrediction(self, hypothesis, unknowns, table.coupon, model.bounds(hypothesis))
 
     def extended(self, setup: Setup, unknowns: Array, uses: Iterable[Use]) -> Setup:
-        """With the factor on stiffness on branches, too.
+        """Setup with effects, and with the factor on stiffness on branches, too.
 
         Readings of stress do not tell a thickness from a modulus, so one factor is on both.
         """
@@ -159,7 +159,7 @@ class CouponTests(Evidence):
 
     def written(self, table: ReadingTable, names: Sequence[str], models: Mapping[str, Array]
                 ) -> Mapping[str, NDArray[Any]]:
-        """By the columns of strips.csv."""
+        """Values by the columns of strips.csv."""
         coupons, row = self.coupons, self.rows
         return {"line": table.line, "specimen": np.array(names, str)[self.film[row]],
                 "run": table.run, "leg": table.states.run[table.state], "mode": coupons.mode[row],
@@ -285,7 +285,7 @@ class CouponTests(Evidence):
 
 
 def _looked_up(stress: BranchStress, logs: Array) -> Array:
-    """Of branches with these logarithms of times, those beyond what tests tell at its end."""
+    """Stresses of branches at logarithms of times; those beyond what tests tell, at its end."""
     return stress.columns(np.clip(logs, *stress.bounds))
 
 

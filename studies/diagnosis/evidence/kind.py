@@ -95,17 +95,17 @@ class Model(Protocol):
         """What shows the first kind of evidence, and those that are loaded as it is."""
 
     def grown(self, cause: Cause, index: int, side: int, workers: int = 1) -> Model:
-        """Of a larger size of an effect's parameter, on side +1 or -1."""
+        """Model with a larger size of an effect's parameter, on side +1 or -1."""
 
     def refined(self, hypothesis: Hypothesis, unknowns: Array, workers: int = 1) -> Model:
         """Exact at the sizes of a hypothesis' unknowns."""
 
     def coupled(self, hypotheses: Sequence[Hypothesis], unknowns: Sequence[Array],
                 workers: int = 1) -> Model:
-        """With what every two parameters add to each other."""
+        """Model with what every two parameters add to each other."""
 
     def further(self, workers: int = 1) -> Model:
-        """Of larger heaves and voltages, where the films have them."""
+        """Model with larger deflections and voltages, where the films have them."""
 
 
 class Evidence(Protocol):
@@ -126,7 +126,7 @@ class Evidence(Protocol):
 
     def patterns(self, table: ReadingTable, names: Sequence[str], predicted: Array
                  ) -> dict[str, Array]:
-        """By name, columns a misfit of rows, all of this kind, may be a combination of."""
+        """Columns by name; a misfit of rows, all of this kind, may be a combination of them."""
 
     def splits(self, setup: Setup, table: ReadingTable
                ) -> tuple[list[Split], dict[str, NDArray[Any]]]:

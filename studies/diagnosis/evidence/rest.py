@@ -134,7 +134,7 @@ def _static(readings: Sheet, setup: Setup, sigma: Array, used: NDArray[np.bool_]
 
 
 def _held(states: States, dwell: Array, turn: NDArray[np.int64]) -> States:
-    """With what each state's run went through before it, where all say how long they were held."""
+    """States with what their runs went through before, where all say how long they were held."""
     passages, place = states.passage, np.arange(len(states))
     for run in states[turn].of_run:
         reached = turn[run]

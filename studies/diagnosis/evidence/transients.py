@@ -90,7 +90,7 @@ def _out_of_time(few: BlockMeans, rig: Rig) -> str | None:
 
 def _with_times_of_jumps(noise: Noise, lengths: NDArray[np.bool_],
                          runs: Sequence[tuple[CheckedRun, BlockMeans]]) -> Noise:
-    """With an error in common for the time of each jump, and one for those of all jumps.
+    """Add an error in common for the time of each jump, and one for those of all jumps.
 
     They are known within a sample; a clock that starts with the voltage has them all alike. A run
     whose clock was off is not known that well.

@@ -75,7 +75,7 @@ class Fit:
 
     @property
     def covariance(self) -> Array:
-        """Of the unknowns, shape (p, p)."""
+        """Covariance of the unknowns, shape (p, p)."""
         # Over their own widths, since unknowns in different units are of different magnitude.
         width = np.maximum(np.abs(np.diag(self.precision)), 1e-300) ** -0.5
         scaled = self.precision * width * width[:, None]

@@ -1,4 +1,4 @@
-"""From readings to probabilities: tests of what is left, posterior, verdict.
+"""Steps from readings to probabilities: tests of what is left, posterior, verdict.
 
 It asks a :class:`~tympan.studies.diagnosis.evidence.kind.Model` what readings show and how far it
 reaches, and knows no film: a contract keeps that. A new test or search is a new file here.

@@ -83,7 +83,7 @@ class Told:
 
     @classmethod
     def nothing(cls, count: int) -> Told:
-        """Of so many readings whose noise is as stated."""
+        """Nothing beside what is stated, of so many readings."""
         return cls(np.zeros(count), np.ones(count))
 
     def of(self, noise: Noise) -> Noise:
@@ -95,7 +95,7 @@ class Told:
         return noise.with_off(self.off) if self.off.any() else noise
 
     def __getitem__(self, rows: NDArray[np.bool_]) -> Told:
-        """Of some readings."""
+        """Part for some readings."""
         return replace(self, off=self.off[rows], own=self.own[rows],
                        chain=self.chain and self.chain[rows])
 

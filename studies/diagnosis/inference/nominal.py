@@ -61,7 +61,7 @@ class NominalMisfit:
     @classmethod
     def of(cls, simulation: Model, table: ReadingTable, causes: Sequence[Cause],
            workers: int = 1, told: Told | None = None) -> tuple[NominalMisfit, ResidualTests]:
-        """By a simulation that reaches as far as it needs; and the tests of what it misses.
+        """Fit a simulation, extended as far as the fit needs; and test what it misses.
 
         ``told`` of the noise, by default what the misfit tells.
         Raises ArithmeticError where there is no equilibrium at the readings' states.
@@ -107,7 +107,9 @@ class NominalMisfit:
         return replace(self, table=table, fit=nominal)
 
     def with_noise_told(self, causes: Sequence[Cause], remembers: bool = False) -> NominalMisfit:
-        """With the noise that readings tell, beside the model and each cause; itself if as before.
+        """Misfit with the noise that readings tell beside the model and each cause.
+
+        The same object if that is as before.
 
         ``remembers``: errors may remember those before.
         """
@@ -157,7 +159,7 @@ class NominalMisfit:
                                 float(self.table.noise.freedom.sum()), one_sided)
 
     def _with_noise_of_channels(self, shown: Mapping[str, Array]) -> NominalMisfit:
-        """With the noise of every channel but lengths, which no file states, as its scatter tells.
+        """Misfit with the noise of channels but lengths by their scatter, since no file states it.
 
         About all that is ``shown``, or, of a channel with too few readings for that, about its own
         smooth misfit: what is missed by much is not noise, nor is a reading that is off by itself.

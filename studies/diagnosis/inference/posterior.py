@@ -48,7 +48,7 @@ class Posterior:
     @classmethod
     def of(cls, nominal: Fit, fits: Sequence[Fit], log_odds: Mapping[Hypothesis, float],
            among: Sequence[Hypothesis]) -> Posterior:
-        """By evidence and prior, that of all hypotheses ``among`` which they are.
+        """Weigh fits by evidence and by prior, that of all hypotheses ``among`` which they are.
 
         ``log_odds``: of some hypotheses, the logarithm of the odds that there is a discrepancy
         beside them, by what they leave (:func:`odds_of_more`); of others those are taken to be as

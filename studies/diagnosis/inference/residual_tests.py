@@ -88,7 +88,7 @@ class ResidualTests:
     @classmethod
     def of(cls, jacobian: Array, columns: dict[str, Array], stated: float = STATED,
            one_sided: frozenset[str] = frozenset()) -> ResidualTests:
-        """For patterns' columns by name and a model's jacobian, both over the noise.
+        """Build for patterns' columns by name and a model's jacobian, both over the noise.
 
         ``stated`` are degrees of freedom of the stated noise, 0 where there is none.
         """
@@ -180,7 +180,7 @@ class ResidualTests:
                           0 if step is None else int(self.readings[step]))
 
     def _ratios(self, residuals: Array, stated: Array) -> dict[str, tuple[Array, int, float]]:
-        """By pattern, ratios of variances of residuals, shape (n,), and their degrees of freedom.
+        """Ratios of variances of residuals, shape (n,), and their degrees of freedom, by pattern.
 
         Of jumps those of each column, shape (columns, n).
         """
@@ -220,7 +220,7 @@ class ResidualTests:
         return ratios
 
     def _mean_square(self, name: str, inner: Array) -> Array:
-        """Of residuals in the smooth basis along a pattern, (n,); less than 0 on its wrong side."""
+        """Mean square of residuals along a pattern, (n,); less than 0 on its wrong side."""
         parts = self._small[name].T @ inner
         squares = np.sum(parts**2, axis=0) / len(parts)
         return np.asarray(squares * np.sign(parts[0]) if name in self.one_sided else squares)

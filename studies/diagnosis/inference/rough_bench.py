@@ -59,7 +59,7 @@ class RoughBench:
     @classmethod
     def of(cls, fits: Sequence[Fit], signatures: Signatures, among: Sequence[Hypothesis],
            widen: float = 1.0) -> RoughBench:
-        """By fits to readings with noise alone, and what small errors change of them in proportion.
+        """Weigh fits to readings with noise alone, and with small errors to first order.
 
         The nominal one is the first. Usual sizes are taken ``widen`` times as large, but not those
         of small errors.
@@ -140,13 +140,13 @@ def near_rivals(named: Fit, others: Sequence[Fit], signatures: Signatures, share
 
 
 def _beside_each(member: Fit, signatures: Signatures) -> list[Fit]:
-    """With small errors of each of the shares."""
+    """Fits with small errors of each of the shares."""
     rough = _beside(member, signatures, 1.0)
     return [replace(rough, beside=rough.beside and rough.beside.scaled(share)) for share in SHARES]
 
 
 def _beside(member: Fit, signatures: Signatures, share: float) -> Fit:
-    """With small errors of every kind but those of its hypothesis."""
+    """Fit with small errors of every kind but those of its hypothesis."""
     columns = [signature for cause, signature in signatures.items()
                if cause not in member.hypothesis]
     if not columns:

@@ -1,4 +1,4 @@
-"""From readings to a verdict: is something wrong, what could it be, does that explain it."""
+"""Verdict by readings: is something wrong, what could it be, does that explain it."""
 
 from __future__ import annotations
 
@@ -156,7 +156,7 @@ class Judgement:
         return self.posterior.fit_of(self.named) or self.posterior.fits[0]
 
     def explained(self, fit: Fit) -> float:
-        """Of the nominal model's χ² beyond noise, the share that a fit takes away."""
+        """Share of the nominal model's χ² beyond noise that a fit takes away."""
         excess = max(self.nominal.chi_squared - len(self.table), 1e-9)
         share = (self.nominal.chi_squared - fit.chi_squared) / excess
         return min(max(share, 0.0), 1.0)
@@ -261,7 +261,7 @@ def _told_by(misfit: NominalMisfit, judged: Judgement) -> Told:
 
 
 def _with_labels(base: Judgement, misfit: NominalMisfit) -> Judgement:
-    """With other labels that explain as much as any effects do, if there are such."""
+    """Judgement with other labels that explain as much as any effects do, if there are such."""
     if not misfit.simulation.loaded:
         return base
     every = (*base.alone, *(base.posterior.fits if base.posterior else ()))

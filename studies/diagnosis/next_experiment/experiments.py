@@ -183,7 +183,7 @@ class Experiment:
 
 
 def _longest(states: States) -> float:
-    """For how long states are held before they are read, at most [s]; 0 where that is not known."""
+    """Longest time that states are held before they are read [s]; 0 where that is not known."""
     ends = states.passages.after[1]
     return float(ends[np.isfinite(ends)].max(initial=0.0))
 
@@ -285,7 +285,7 @@ def _longer_dwell(readout: Readout, factor: float = 10.0) -> ReadingTable | None
 
 
 def _remembering(readout: Readout, table: ReadingTable) -> Readout:
-    """With what films remember of the rows' runs."""
+    """Readout with what films remember of the rows' runs."""
     films = readout.simulation
     memory = FilmMemory.of(films.setup, table, COARSE,
                            *np.exp(readout.nominal.unknowns[FACTORS]).tolist())
@@ -310,7 +310,7 @@ MENU = (
 
 
 def _loss(fit: Fit, difference: Array, jacobian: Array) -> float:
-    """By how much twice the cost grows when a fit moves to meet rows off its predictions.
+    """Growth of twice the cost when a fit moves to meet rows off its predictions.
 
     Predictions are taken as linear and the cost of the old rows as a parabola; unknowns stay within
     their bounds.

@@ -190,7 +190,7 @@ def other_shape(readout: Readout, change: Callable[[Specimen], Specimen | None]
 
 
 def longer(specimen: Specimen) -> Specimen | None:
-    """With an elliptical frame half as long again along x, of a round or elliptical one."""
+    """Specimen with an elliptical frame half as long again along x, if round or elliptical."""
     if not isinstance(specimen.frame, Circle | Ellipse):
         return None
     a, b = specimen.frame.semi_axes
@@ -198,7 +198,7 @@ def longer(specimen: Specimen) -> Specimen | None:
 
 
 def larger_plate(specimen: Specimen) -> Specimen | None:
-    """With a larger plate, if it is round and there is room."""
+    """Specimen with a larger plate, if it is round and there is room."""
     plate = specimen.needed_plate()
     if not isinstance(plate.outline, Circle):
         return None

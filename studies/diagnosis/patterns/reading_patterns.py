@@ -66,7 +66,7 @@ def words_of(name: str) -> str:
 
 
 def patterns(table: ReadingTable, names: Sequence[str], predicted: Array) -> dict[str, Array]:
-    """By name, columns a misfit may be a combination of, in units of the readings.
+    """Columns by name that a misfit may be a combination of, in units of the readings.
 
     ``names`` are the specimens', ``predicted`` what the nominal model says. Those of lengths, then
     those of every other channel.

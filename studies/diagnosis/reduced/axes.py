@@ -73,7 +73,7 @@ class Axis:
         return abs(size) if self.folded else size
 
     def coordinate(self, size: float) -> float:
-        """In which the film is smooth, in standard deviations."""
+        """Interpolation coordinate: size over prior scale, squared if its sign changes nothing."""
         share = size / self.parameter.deviation
         return share**2 if self.folded else share
 

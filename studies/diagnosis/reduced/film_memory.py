@@ -167,7 +167,7 @@ class RememberingFilm:
         return self.nodes[key]
 
     def solved(self, branches: tuple[ViscousBranch, ...], mounted: float | None) -> Array:
-        """As :meth:`hardening`, of any branches, by runs with these very ones."""
+        """Solve :meth:`hardening` of any branches, by runs with these very ones."""
         film = self._with(branches, mounted)
         result = np.zeros((4, len(self.asked)))
         for numbers in self._alike():
@@ -232,7 +232,7 @@ class RememberingFilm:
 
     def _motion(self, film: ReducedFilm, numbers: list[int], histories: Sequence[VoltageHistory]
                 ) -> ReducedMotion:
-        """Of runs; then of these under more load, then of these under more U²."""
+        """Motion of runs; then of these under more load, then of these under more U²."""
         stronger = replace(self.rig, amplifier_gain=(1 + self.rig.amplifier_gain)
                            * (1 + _CHANGE)**0.5 - 1)
         force = np.array([float(self.rig.force(self.runs[number][0])) for number in numbers])
@@ -243,7 +243,7 @@ class RememberingFilm:
 
     @cached_property
     def _tangents(self) -> tuple[Array, Array] | None:
-        """Of films at rest in each state, relaxed, and what a branch of modulus 1 Pa adds at once.
+        """Tangents at each state's equilibrium, relaxed; and what a branch of 1 Pa adds at once.
 
         Shapes (asked, shapes, shapes); None where one of them has no rest.
         """
@@ -271,7 +271,7 @@ class RememberingFilm:
         return np.linalg.inv(relaxed)[:, 0, 0] / np.linalg.inv(whole)[:, 0, 0]
 
     def _eta(self, heave: Array, force: Array, squared: Array) -> Array:
-        """By how much stiffer a film at rest stands there under these loads."""
+        """Relative stiffening that puts a film's equilibrium at a deflection under these loads."""
         film, eta = self._relaxed, np.zeros(len(heave))
         load = force - self.rig.spring * heave
         q = np.zeros((len(heave), film.count))
@@ -339,7 +339,7 @@ class FilmMemory:
     @classmethod
     def of(cls, setup: Setup, table: ReadingTable, settings: Settings, stiffness: float,
            permittivity: float) -> FilmMemory:
-        """For the states in time of a table, films scaled by a fit's factors."""
+        """Memory for the states in time of a table, films scaled by a fit's factors."""
         states, places = table.states, dict[StateKey, int]()
         films: list[RememberingFilm | None] = []
         for number, specimen in enumerate(setup.specimens):

@@ -89,7 +89,7 @@ def _crossing(outline: Outline | Plate, centre: Array, way: Array, far: float) -
 
 @lru_cache
 def _rules() -> tuple[Array, Array]:
-    """From values to coefficients: of Chebyshev polynomials, and of periodic cubic splines."""
+    """Matrices from values to coefficients: Chebyshev polynomials, and periodic cubic splines."""
     nodes = -np.cos(np.pi * np.arange(ALONG) / (ALONG - 1))
     rays = np.eye(AROUND)
     around = 4 / 6 * rays + (np.roll(rays, 1, axis=0) + np.roll(rays, -1, axis=0)) / 6
@@ -98,7 +98,7 @@ def _rules() -> tuple[Array, Array]:
 
 
 def coefficients(values: Array) -> Array:
-    """Of lattice values, shape (..., ALONG, AROUND)."""
+    """Coefficients of lattice values, shape (..., ALONG, AROUND)."""
     along, around = _rules()
     return np.asarray(along @ values @ around.T)
 
@@ -144,13 +144,13 @@ class FilmShape:
 
     @classmethod
     def of(cls, lattice: Lattice, displacement: Array) -> FilmShape:
-        """Of displacements [m] at the lattice's points, shape (3, ALONG, AROUND)."""
+        """Shape by displacements [m] at the lattice's points, shape (3, ALONG, AROUND)."""
         values = np.concatenate([lattice.points, displacement])
         return cls(lattice, coefficients(values), displacement[:, 0])
 
     @cached_property
     def plane(self) -> Array:
-        """Of the plate: its edge's heights are these times 1, x, y."""
+        """Plane of the plate: its edge's heights are these times 1, x, y."""
         design = np.stack([np.ones(AROUND), *(self.lattice.points[:, 0] + self.rim[:2])], axis=1)
         return np.asarray(np.linalg.lstsq(design, self.rim[2], rcond=None)[0])
 

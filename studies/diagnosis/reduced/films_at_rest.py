@@ -124,7 +124,7 @@ class FilmsAtRest:
 
     @cached_property
     def surfaces(self) -> list[tuple[Numbers, ForceSurface]]:
-        """Of each specimen that is read, its states and its film."""
+        """States and film of each specimen that is read."""
         if self._like is not None:
             return self._like.surfaces
         return [(rows, self.films.surface(number, self.hypothesis, self.unknowns))
@@ -168,7 +168,7 @@ class FilmsAtRest:
 
     @cached_property
     def _came(self) -> tuple[Numbers, Array, Array, Mask]:
-        """As ``came``; where plates rest that move that way, or nearest to it; whether they do."""
+        """Index and way as ``came``; where plates stand that move that way; whether at rest."""
         states = self.states
         rubs = any(cause.name in self.films.rubbing_effects for cause in self.hypothesis)
         if not (rubs or self.rig.friction):
@@ -181,7 +181,7 @@ class FilmsAtRest:
 
     @property
     def came(self) -> tuple[Numbers, Array]:
-        """Of each state the one at whose heave the plate stands, and the way it came there.
+        """Index of the state whose deflection a sticking plate keeps, and the way it came there.
 
         1 down, -1 up, 0 and itself where nothing rubs.
         """
@@ -246,14 +246,14 @@ class FilmsAtRest:
 
     @property
     def tension(self) -> Array:
-        """Of the flat films under their voltages, over the nominal films' without, (states,)."""
+        """Stiffness of the flat films under voltage, over the nominal films' without, (states,)."""
         flat = np.zeros(len(self.low))
         outer = self.rig.spring + sum(bias.derivatives(0.0)[2] for bias in self._biases)
         stiffness = self.balance(flat, 0.0)[1] - outer
         return np.maximum(stiffness / self.films.flat_stiffness[self.states.specimen], _SOFT)
 
     def stiffness_at(self, heave: Array) -> Array:
-        """Of film and rig at heaves [m] of the states [N/m], positive, shape (states,)."""
+        """Stiffness of film and rig at the states' deflections [m] [N/m], positive, (states,)."""
         return np.maximum(self.balance(heave, 0.0)[1], _LEAST)
 
     @cached_property
@@ -301,7 +301,7 @@ class FilmsAtRest:
         return solved_loading(acting, COARSE).biases
 
     def _film_force(self, heave: Array) -> tuple[Array, Array]:
-        """Of films of nominal stiffness [N], with its derivative by the heave [N/m]."""
+        """Force of films of nominal stiffness [N], with its derivative by the deflection [N/m]."""
         at = np.clip(heave, self.low, self.high)
         share = at / self.reach
         x = np.where(self.odd, 2 * share**2, 2 * share) - 1
@@ -359,7 +359,7 @@ def resting_place(balance: Balance, low: Array, high: Array) -> tuple[Array, Mas
 
 def play(first: Array, last: Array, runs: Iterable[NDArray[np.int64]],
          begun: Array) -> tuple[NDArray[np.int64], Array]:
-    """Of each state the one at whose heave a rubbing plate stands, and the way it came there.
+    """Index of the state whose deflection a rubbing plate keeps, and the way it came there.
 
     ``first`` and ``last`` are the heaves between which it stays where it is, shape (states,). The
     ``runs`` are states in their order; ``begun`` says which way the first came: 1 down, -1 up.

@@ -140,7 +140,7 @@ class Solver(Protocol):
         """What is at hand at once."""
 
     def solved(self, film: HeldFilm, grid: Grid, near: Sequence[HeldFilm]) -> Array:
-        """At the nodes, beginning where films ``near``, the nearest last, have been solved.
+        """Solve at the nodes, from films ``near`` that have been solved, the nearest last.
 
         An ArithmeticError where there are too few answers to go by.
         """
@@ -183,7 +183,10 @@ class Sampled:
     values: Array
 
     def coefficients(self, grid: Grid, less: Array | None = None) -> Array:
-        """Of polynomials on a grid, ``less`` some others; of what is odd over the heave."""
+        """Coefficients of polynomials on a grid, ``less`` some others.
+
+        What is odd in the deflection is divided by it first.
+        """
         values = self.values.copy()
         if self.grid.odd:
             values[odd_values(len(values))] /= self.grid.nodes[0][:, None]

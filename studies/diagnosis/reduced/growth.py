@@ -250,7 +250,7 @@ def _base(setup: Setup, name: str, law: ForceLaw) -> Chain:
 
 def grown(simulation: AnyFilms, cause: Cause, index: int, side: int,
           workers: int = 1) -> AnyFilms:
-    """With films sampled at a larger size of a parameter of an effect, on side +1 or -1.
+    """Sample films at a larger size of a parameter of an effect, on side +1 or -1.
 
     The same object where nothing changes: the parameter changes no film, or no film bears more.
     """
@@ -276,7 +276,7 @@ def grown(simulation: AnyFilms, cause: Cause, index: int, side: int,
 
 def refined(simulation: AnyFilms, hypothesis: Hypothesis, unknowns: Array,
             workers: int = 1) -> AnyFilms:
-    """With the films solved at the sizes of a hypothesis' unknowns, and their pairs.
+    """Solve the films at the sizes of a hypothesis' unknowns, and their pairs.
 
     The same object where they are, or cannot be.
     """
@@ -298,7 +298,7 @@ def refined(simulation: AnyFilms, hypothesis: Hypothesis, unknowns: Array,
 
 def coupled(simulation: AnyFilms, hypotheses: Sequence[Hypothesis],
             unknowns: Sequence[Array], workers: int = 1) -> AnyFilms:
-    """With a film of every two parameters at once, where none tells what they add to each other.
+    """Solve a film of every two parameters where none tells what they add to each other.
 
     At the sizes of the hypotheses' unknowns. The same object where there are, or can be, none.
     """

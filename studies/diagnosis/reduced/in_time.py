@@ -52,7 +52,7 @@ def behind(states: States, rig: Rig, mass: Array, stiffness: Array, capacitance:
         poles.append(np.full(len(rows), -1 / rig.sensor_lag, complex))
 
     def transfer(s: NDArray[Any], without: int = -1) -> NDArray[Any]:
-        """Of plate and sensor, but for a pole."""
+        """Transfer function of plate and sensor, but for a pole."""
         gain = inertial / rig.sensor_lag if rig.sensor_lag else inertial
         return np.asarray(gain / np.prod([s - pole for number, pole in enumerate(poles)
                                           if number != without], axis=0))

@@ -100,7 +100,7 @@ class Prediction:
         return np.stack(columns, axis=1)
 
     def _change(self, there: Prediction) -> Array:
-        """From the extended rows to those of nearby unknowns, to first order."""
+        """Change from the extended rows to those of nearby unknowns, to first order."""
         table, shift = self.table, self.rest.shift(there.rest)
         change = self._by_heave * shift[table.state]
         # What is counted from another state, or read late, is between two.
@@ -189,7 +189,7 @@ class Prediction:
 
     @cached_property
     def _scanned_films(self) -> dict[int, tuple[ForceSurface, Lattice, Sag | None]]:
-        """Of every specimen, by number, its film, where that lies flat, and how it sags."""
+        """Film, flat lattice and sag of every specimen, by number."""
         films, scanned = self.films, {}
         sags = films.masses.sags if films.masses and self._pressure.any() else ()
         for group, surface in self.rest.surfaces:

@@ -51,14 +51,14 @@ class ReducedFilms:
 
     @cached_property
     def capacitance(self) -> Array:
-        """Of the flat nominal films [F], shape (specimens,)."""
+        """Capacitances of the flat nominal films [F], shape (specimens,)."""
         none = np.zeros(1)
         return np.array([float(law.at(np.zeros(len(law.axes))).capacitance(none, none)[0])
                          for law in self.laws])
 
     @cached_property
     def flat_stiffness(self) -> Array:
-        """Of the flat nominal films without voltage [N/m], shape (specimens,)."""
+        """Stiffness of the flat nominal films without voltage [N/m], shape (specimens,)."""
         none, stiffness = np.zeros(1), []
         for law in self.laws:
             surface = law.at(np.zeros(len(law.axes)))

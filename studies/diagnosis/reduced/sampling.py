@@ -120,7 +120,7 @@ def at_nodes(film: HeldFilm, grid: Grid, near: Nodes | None = None, strict: bool
 
 
 def with_shapes(nodes: Nodes, grid: Grid) -> Nodes:
-    """With the displacements of the lattice's points, shape (3 + COUNT, heaves, voltages)."""
+    """Add the displacements of the lattice's points, shape (3 + COUNT, deflections, voltages)."""
     model, (rows, columns) = nodes.model, grid.numbers
     specimen = model.specimen
     lattice = _lattice_places(model.discretisation, specimen.frame, specimen.plate)
@@ -168,7 +168,7 @@ def _guess(nodes: Nodes, near: Nodes | None, rows: list[int], columns: list[int]
 
 def _solved(model: Model, guess: State | None, last: State | None, heave: float,
             voltage_squared: float, pressure: float) -> Solution | None:
-    """From a guess, else half way from this heave's ``last`` state, else from the flat film."""
+    """Solve from a guess, else half way from this row's ``last`` state, else from the flat film."""
     guess = model.mounted() if guess is None else guess
 
     def at(state: State, squared: float) -> Solution:
@@ -240,7 +240,7 @@ _states: OrderedDict[tuple[HeldFilm, float], Nodes] = OrderedDict()
 
 
 def _key(film: HeldFilm, grid: Grid) -> bytes | None:
-    """Of all that a film's values depend on; its name is not among it."""
+    """Key by all that a film's values depend on; its name is not among it."""
     nameless = replace(film, specimen=replace(film.specimen, name="film"))
     with suppress(TypeError):
         return digest(nameless, grid.nodes, COARSE, (ALONG, AROUND),

@@ -42,7 +42,7 @@ class FlatLattices:
     axes: tuple[Axis, ...]
 
     def lattice(self, sizes: Array) -> Lattice:
-        """At sizes of the axes on the nominal film, shape (axes,)."""
+        """Lattice at sizes of the axes on the nominal film, shape (axes,)."""
         return _lattice(self, tuple((number, float(sizes[number])) for number in self._moving
                                     if sizes[number]))
 

@@ -51,7 +51,7 @@ class SwingingMasses:
 
     @classmethod
     def of(cls, setup: Setup, settings: Settings) -> SwingingMasses:
-        """By one linear solution of each flat film."""
+        """Solve what follows each plate, by one linear solution of its flat film."""
         models = [build_model(specimen, settings, setup.rig.loading)
                   for specimen in setup.specimens]
         return cls(tuple(following(model, model.mounted()) for model in models), setup, settings)

@@ -109,7 +109,7 @@ def _each(record: SampledRun, noise: float | None) -> BlockMeans:
 
 
 def _passages(record: SampledRun, begin: Array, end: Array, switched: Array) -> Passages:
-    """Of the run's beginning, then of blocks."""
+    """Passages of the run's beginning, then of blocks."""
     return Passages.of(VoltageHistory.of(record), np.r_[0.0, begin], np.r_[0.0, end],
                        np.r_[nan, switched])
 
@@ -139,7 +139,7 @@ def _mean(record: SampledRun, block: tuple[int, int], number: int, hold: tuple[i
 
 
 def _rise(read: Array, block: tuple[int, int], hold: tuple[int, int]) -> float:
-    """By how much the deflection rises from the begin of a block to its end, within a hold [m].
+    """Rise of the deflection from the begin of a block to its end, within a hold [m].
 
     A hold begins where its first sample is: a plate that has a mass hardly moves before that, and
     a film without one has moved.

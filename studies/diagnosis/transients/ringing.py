@@ -129,7 +129,7 @@ def _fitted(time: Array, value: Array, frequency: float
 
 
 def _inflation(rest: Array) -> float:
-    """By how much correlation widens a variance: 1 + 2 Σ of what is left's autocorrelation."""
+    """Factor by which correlation widens a variance: 1 + 2 Σ of the residuals' autocorrelation."""
     size = float(rest @ rest)
     total, lag = 1.0, 1
     while lag < len(rest) // 4 and size > 0:
