@@ -101,11 +101,14 @@ def force(case: ForceCase, settings: Settings,
     settings = settings.bounded(alone, loads=max(len(case.voltages), 1))
     path = settings.path
     curves = list(followed_curves(case, alone, path, progress))
-    lines = []
+    lines, short = [], dict[str, str]()
     if case.masses or rig.loading.biases:
         loaded = replace(alone, loading=solved_loading(rig.loading, settings))
         lines = [load_line(loaded, rig, mass, curves, case.displacements, path)
                  for mass in case.masses or (0.0,)]
+        short = {law: f'the mechanism "{law}" of the rig has no force at {1e3 * place:.4g} mm: '
+                      "load lines end before, and nothing is extrapolated"
+                 for place in (case.start, case.to) for law in loaded.loading.ended(place)}
     first = lines[0] if lines else None
     held_at, blocked = _blocked(curves, None if first is None or not first.crossings
                                 else next((crossing.displacement_m for crossing in first.crossings
@@ -120,7 +123,8 @@ def force(case: ForceCase, settings: Settings,
         loops=tuple(loops),
         stroke_m=first.stroke_m if first else None, work_J=first.work_J if first else None,
         blocked_force_N=blocked, blocked_displacement_m=held_at, dofs=alone.unknowns,
-        wall_s=time.perf_counter() - began, warnings=(*left_out(case), *highest.remarks))
+        wall_s=time.perf_counter() - began, warnings=(
+            *left_out(case), *short.values(), *highest.remarks))
 
 
 def followed_curves(case: ForceCase, model: Model, path: PathSettings,

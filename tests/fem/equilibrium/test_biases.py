@@ -25,6 +25,7 @@ from tympan.fem.rig import Rig
 from tympan.fem.toml_writer import rig_to_toml
 from tympan.geometry.errors import InputError
 from tympan.studies.case import Case, solve
+from tympan.studies.force import ForceCase, force
 from tympan.studies.limits import limits
 from tympan.studies.signals import ramp, step
 from tympan.studies.transient import TransientCase, respond
@@ -196,6 +197,9 @@ def test_what_leads_beyond_a_table_says_so() -> None:
     assert re.search(ends.format(r"\d\.\d+"), beyond.warnings[0])
     flat = solve(replace(case, rig=Rig(biases=(away,))), COARSE)
     assert re.search(ends.format("0"), flat.warnings[0])
+    asked = force(ForceCase(circular(), to=3e-3, points=4, rig=case.rig), COARSE)
+    assert re.search('"table" of the rig has no force at 3 mm', asked.warnings[0])
+    assert asked.loads[0].displacement_m == pytest.approx([0.0, 1e-3])
     rising = limits(replace(case, mass=5e-3), COARSE)
     assert re.search(ends.format(r"\d\.\d+"), rising.ended)
     slow = TransientCase(circular(), ramp(0.0, 6e3, 0.3), mass=8e-3, rig=case.rig)
