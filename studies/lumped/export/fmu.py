@@ -87,13 +87,15 @@ def _description(name: str, guid: str, mass: float, states: int) -> bytes:
     _variable(variables, "voltage", 2 * states + 1, "input", start="0")
     _variable(variables, "deflection", 2 * states + 2, "output")
     _variable(variables, "capacitance", 2 * states + 3, "output")
+    _variable(variables, "measured_capacitance", 2 * states + 4, "input", start="0")
+    _variable(variables, "sensed_deflection", 2 * states + 5, "output")
+    outputs = (2 * states + 3, 2 * states + 4, 2 * states + 6)
     structure = Xml.SubElement(root, "ModelStructure")
-    for part, numbers in (("Outputs", range(2 * states + 3, 2 * states + 5)),
+    for part, numbers in (("Outputs", outputs),
                           ("Derivatives", range(states + 1, 2 * states + 1)),
                           ("InitialUnknowns", range(states + 1, 2 * states + 1))):
         listed = Xml.SubElement(structure, part)
-        for number in (*numbers, *(range(2 * states + 3, 2 * states + 5)
-                                   if part == "InitialUnknowns" else ())):
+        for number in (*numbers, *(outputs if part == "InitialUnknowns" else ())):
             Xml.SubElement(listed, "Unknown", index=str(number))
     return b'<?xml version="1.0" encoding="UTF-8"?>\n' + Xml.tostring(root)
 

@@ -165,6 +165,16 @@ def test_fmu_runs_elsewhere_as_the_model_here(fmu: Path, use: str) -> None:
 
 
 @needs_compiler
+@pytest.mark.parametrize("use", ["ModelExchange", "CoSimulation"])
+def test_fmu_senses_the_deflection_of_a_capacitance(fmu: Path, use: str) -> None:
+    read = float(MODELS["ogden, two circles"].actuator(17.9e-3).capacitance(7e-3))
+    motion = fmpy.simulate_fmu(str(fmu), fmi_type=use, stop_time=1e-2, output_interval=1e-3,
+                               start_values={"measured_capacitance": read},
+                               output=["sensed_deflection"])
+    assert motion["sensed_deflection"] == pytest.approx(7e-3, rel=1e-9)
+
+
+@needs_compiler
 def test_co_simulation_steps_as_finely_as_it_must(fmu: Path) -> None:
     """Communicating less than once a swing, at its own tolerance, under steps of the voltage."""
     levels, communication = np.array([0.0, 4e3, 1.5e3, 4.5e3, 0.0]), 0.1
