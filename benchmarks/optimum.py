@@ -45,11 +45,11 @@ def page(problem: OptimiseProblem, whole: OptimiseResult, parts: dict[str, Optim
     head = " | ".join(f"equal frame {optimum['held']}" for optimum in optima)
     lines = [
         "# The ellipse with the largest stroke", "",
-        f"Stroke: deflection at {problem.voltage / 1e3:g} kV minus that at none, under "
-        f"{problem.mass * 1e3:g} g. "
-        "`make optimum` makes this page in about a minute from `studies/optimise/ellipse.toml`; "
-        "the search of it alone is `tympan optimise`.", "",
-        f"To beat: `{reference['specimen']}`, stroke {1e3 * reference['stroke_m']:.4f} mm, "
+        f"Stroke is the deflection at {problem.voltage / 1e3:g} kV minus that without voltage, "
+        f"under {problem.mass * 1e3:g} g. "
+        "`make optimum` makes this page in about a minute from `studies/optimise/ellipse.toml`. "
+        "`tympan optimise` runs the search alone.", "",
+        f"The reference: `{reference['specimen']}`, stroke {1e3 * reference['stroke_m']:.4f} mm, "
         + ", ".join(f"{_words(name)} {_shown(name, value)}"
                     for name, value in reference["limited"].items())
         + ".", "", "![Outlines along the way, stroke and limits](optimum.png)", "",
@@ -71,17 +71,16 @@ def _meaning(optima: list[dict[str, Any]]) -> list[str]:
         x, y = (1e3 * optimum["variables"][f"frame.semi_axes.{axis}"] for axis in range(2))
         shape = f"{x:.1f} by {y:.1f} mm"
         if abs(x / y - 1) < _ROUND:
-            shape += f", the circle but for {abs(x / y - 1):.1%}"
+            shape += f", the circle except for {abs(x / y - 1):.1%}"
         active = [_words(name) for name, limit in optimum["limits"].items() if limit["active"]]
         bounds = ", ".join(optimum["at_bounds"])
-        lines.append(f"* Equal {optimum['held']}: the best frame among ellipses is {shape}; "
-                     + (f"held by the bounds of {bounds}" if bounds
-                        else "no bound of a variable holds it")
-                     + f"; active limits: {', '.join(active) or 'none'}.")
+        lines.append(f"* Equal {optimum['held']}: the best frame among ellipses is {shape}. "
+                     + (f"It is at the bounds of {bounds}" if bounds
+                        else "It is at no bound of a variable")
+                     + f". Active limits: {', '.join(active) or 'none'}.")
     return [*lines,
-            "* How much of the gain is the frame's and how much the plate's: the table above. A "
-            "frame that "
-            "must not be higher than the reference's has that as a bound in `[vary]`."]
+            "* The table above splits the gain between frame and plate. If the frame must not be "
+            "higher than the reference's, state that as a bound in `[vary]`."]
 
 
 def _rows(record: Mapping[str, Any]) -> list[str]:
@@ -123,19 +122,19 @@ def _trust(problem: OptimiseProblem, whole: OptimiseResult) -> list[str]:
     for optimum in whole.record["optima"]:
         short = ", ".join(f"{_words(name)} {share - 1:.1%}"
                           for name, share in _scales(problem, optimum).items())
-        lines.append(f"* Equal {optimum['held']}: the largest nodal values exceed the norms that "
-                     f"stand for them: {short}; "
-                     "the search scales the norms by that, anew on every new mesh.")
+        lines.append(f"* Equal {optimum['held']}: the search uses norms for the largest nodal "
+                     f"values, which exceed these norms: {short}. "
+                     "The search scales the norms by that, again on every new mesh.")
         lines += [f"* Equal {optimum['held']}: {warning}" for warning in optimum["warnings"]]
     return [*lines,
-            "* Slopes are exact for the mesh at hand, which the tests check by Taylor's test. "
-            "Within a step meshes are "
-            "moved, not made anew, so designs compare without the noise of meshing.",
+            "* Derivatives are exact for the mesh at hand; the tests check this by Taylor's test. "
+            "Within a step meshes are moved, not made again. So designs are compared without the "
+            "noise of meshing.",
             *_confirmed(problem, whole),
-            "* The margin is that of the perfect film. Where it thins as it loses tension, that is "
-            "at the plate's edge, and the margin differs between meshes by more than the stroke "
-            "does. So do semi-axes that are all but equal: each place around the plate has a limit "
-            "of its own."]
+            "* The margin is that of the perfect film. A film that thins as it loses tension does "
+            "so at the plate's edge. The margin then differs between meshes by more than the "
+            "stroke does. So do semi-axes that are nearly equal, because each place around the "
+            "plate has a limit of its own."]
 
 
 def _confirmed(problem: OptimiseProblem, whole: OptimiseResult) -> Iterator[str]:
@@ -148,7 +147,7 @@ def _confirmed(problem: OptimiseProblem, whole: OptimiseResult) -> Iterator[str]
         margin, stated = end.voltage_V / problem.voltage, optimum["limits"]["pull_in_margin"]
         yield (f"* Equal {optimum['held']}: `tympan limits` of the optimum's specimen, on a mesh "
                f"of its own, says: {reached.ended}. That is {margin:.4f} times the voltage, "
-               f"± {end.spread:.2%}; the margin stated here is {stated['value']:.4f}.")
+               f"± {end.spread:.2%}; this page states a margin of {stated['value']:.4f}.")
 
 
 def _scales(problem: OptimiseProblem, optimum: dict[str, Any]) -> dict[str, float]:
