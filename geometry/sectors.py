@@ -84,7 +84,7 @@ def _edge_of_band(curve: Curve, width: float) -> Curve:
 
 
 def sectors(specimen: Specimen, planes: frozenset[str]) -> dict[str, list[Loop]] | None:
-    """Around the parts of the rings in every quadrant about the film's centre [m].
+    """Loops around the parts of the rings in every quadrant about the film's centre [m].
 
     ``planes`` are coordinates about whose zero the film is mirrored: only the parts where they are
     positive. None where an electrode's outline cuts the film, a curve crosses one half of an axis
@@ -109,7 +109,7 @@ def sectors(specimen: Specimen, planes: frozenset[str]) -> dict[str, list[Loop]]
 
 
 def _loop(outer: Sequence[Piece], inner: Sequence[Piece], centre: Pair) -> Loop:
-    """Along the outer pieces, an axis inwards, the inner pieces back and an axis outwards."""
+    """Loop along the outer pieces, an axis inwards, the inner pieces back, an axis outwards."""
     back = [piece.backwards() for piece in reversed(inner)]
     first, last = (back[0], back[-1]) if back else (None, None)
     inwards = _on_axis(outer[-1], 1.0, centre), _on_axis(first, 0.0, centre)

@@ -94,7 +94,7 @@ class FlowLaw(Protocol):
     flow: ClassVar[str]
 
     def relative_viscosity(self, stretch: Any, stress_squared: Any) -> Any:
-        """Over that of the branch's time, at tr C_v and (tr X² − (tr X)²/3) μ²/2 [Pa²].
+        """Viscosity over that of the branch's time, at tr C_v and (tr X² − (tr X)²/3) μ²/2 [Pa²].
 
         X = C C_v⁻¹. Positive, and 1 of a dashpot that is not stretched under no stress.
         """

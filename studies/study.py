@@ -321,7 +321,7 @@ def _solved(study: Study, specimen: Specimen, source: str, progress: Progress) -
 
 
 def _force(study: Study, specimen: Specimen, curves: CurveResult) -> ForceResult | None:
-    """Without voltage and at the highest of those asked for that the lightest load bears."""
+    """Forces without voltage and at the highest of those asked for that the lightest load bears."""
     first, table = curves.curves[0], curves.table
     of_first = table["mass"] == first.mass_kg
     borne = of_first & (table["asked"] > 0) & (table["status"] == "equilibrium")

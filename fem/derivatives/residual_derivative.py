@@ -233,7 +233,7 @@ class ResidualDerivative:
         return self._parts_of(self.at.model, self.at.state)
 
     def _parts_of(self, model: Model, state: State) -> list[Part]:
-        """Without wrinkles each material stands for itself."""
+        """Parts of the energy density; without wrinkles, each material is a part of its own."""
         density = model.density(state.voltage_squared)
         return replace(density, wrinkles=model.wrinkles and not self.at.taut).parts
 

@@ -50,7 +50,7 @@ class PlateMotion:
         return float(np.arccos(np.clip(self.rotation[2, 2], -1, 1)))
 
     def moved(self, step: Array) -> PlateMotion:
-        """After a small motion in the six freedoms; rotations compose, so none is singular."""
+        """Motion after a small one in the six freedoms; rotations compose, so none is singular."""
         rotation = _turn(step[3:]) @ self.rotation if step[3:].any() else self.rotation
         return PlateMotion(self.translation + step[:3], rotation)
 

@@ -26,7 +26,7 @@ class Signal(Protocol):
 
 @dataclass(frozen=True)
 class Circuit:
-    """Between source and film: a series ``resistance`` and what ``leakage`` passes by it [Ω]."""
+    """Circuit of source and film: a series ``resistance`` and a ``leakage`` past the film [Ω]."""
 
     resistance: float = 0.0
     leakage: float = np.inf
@@ -37,7 +37,7 @@ class Circuit:
         return 1 / self.resistance + 1 / self.leakage
 
     def current(self, source: float, film: float) -> float:
-        """Into the electrodes [A] at voltages of source and film [V]; 0 without resistance."""
+        """Current to electrodes [A] at voltages of source and film [V]; 0 without resistance."""
         return (source - film) / self.resistance - film / self.leakage if self.resistance else 0.0
 
     def charged(self, charge: float, current: float, source: float, duration: float,

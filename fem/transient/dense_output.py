@@ -18,7 +18,7 @@ Array = NDArray[Any]
 
 
 def spline(times: Sequence[float] | Array, values: Array) -> CubicSpline:
-    """Through values along the first axis, at ascending times; constant where there is one."""
+    """Cubic spline of values along the first axis, at ascending times; constant for one time."""
     if len(times) == 1:
         return CubicSpline([times[0], times[0] + 1.0], np.repeat(values, 2, axis=0))
     return CubicSpline(times, values)

@@ -241,7 +241,7 @@ class Spline(Curved):
         return np.asarray((knots - knots[0]) / (knots[-1] - knots[0]))
 
     def at(self, t: Array) -> Local:
-        """Between two knots ``t`` is a share of the way, also where knots are complex."""
+        """Evaluate the spline; between two knots, complex ones too, ``t`` is a share of the way."""
         coefficients, widths = self._cubics
         k = np.clip(np.searchsorted(self.breaks, t, side="right") - 1, 0, len(widths) - 1)
         a, b, c, d = coefficients[:, k]

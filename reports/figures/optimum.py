@@ -38,7 +38,7 @@ def _compose(result: OptimiseResult) -> Figure:
 
 
 def _outlines(axes: Axes, result: OptimiseResult, measure: str) -> None:
-    """Along the best run from light to dark, and the reference, dashed."""
+    """Draw the outlines of the best run from light to dark, and the reference, dashed."""
     trials = np.unique(result.outlines["trial"][result.outlines["held"] == measure])
     shades = colormaps["Blues"](np.linspace(0.25, 1.0, len(trials)))
     for trial, shade in zip(trials, shades, strict=True):

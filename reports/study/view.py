@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class AxisLine:
-    """Along one line of the film: ``distance`` [mm], largest true stress [kPa]."""
+    """Stress along one line of the film: ``distance`` [mm], largest true ``stress`` [kPa]."""
 
     distance: Array
     stress: Array
@@ -99,13 +99,13 @@ class SpecimenView:
 
     @property
     def short(self) -> AxisLine:
-        """Along the short axis; along y where neither is shorter."""
+        """Line along the short axis; along y where neither is shorter."""
         x_is_short = self.semi_axes[0] < self.semi_axes[1] and not self.round
         return self.along_x if x_is_short else self.along_y
 
     @property
     def long(self) -> AxisLine:
-        """Along the long axis; along x where neither is longer."""
+        """Line along the long axis; along x where neither is longer."""
         return self.along_y if self.short is self.along_x else self.along_x
 
 

@@ -235,7 +235,7 @@ class RunZeros:
         means = np.bincount(state, read) / np.bincount(state)
 
         def about(values: Array) -> Array:
-            """Without the mean of each state."""
+            """Values less the mean of each state."""
             return np.asarray(values - (np.bincount(state, values) / np.bincount(state))[state])
 
         columns = np.stack([about((run == number).astype(float))

@@ -54,7 +54,7 @@ class Shared:
         return np.asarray(self.directions * self.sizes)
 
     def over(self, sigma: Array) -> Shared:
-        """Over standard deviations of these readings, (m,)."""
+        """Errors over standard deviations of these readings, (m,)."""
         if np.ptp(sigma) == 0:
             return replace(self, sizes=self.sizes / sigma[0])
         return self.of(self.rows, self.columns / sigma[:, None])

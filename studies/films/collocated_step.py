@@ -67,7 +67,7 @@ class CollocatedStep:
         return np.asarray(self.motion.signal.within(self.piece, self.stages) ** 2)
 
     def solved(self, guess: Array) -> StepSolution:
-        """Near q at the stages; where its error is far too large not to the last.
+        """Solve for q at the stages; not to the last digit where its error is far too large.
 
         Raises
         ------

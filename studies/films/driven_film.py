@@ -126,7 +126,7 @@ class DrivenFilm:
 
     @cached_property
     def gap(self) -> float:
-        """Between plate and frame [m]."""
+        """Gap between plate and frame [m]."""
         return self.film.specimen.gap
 
     @cached_property

@@ -74,7 +74,7 @@ class FilmLoads:
                     or np.any(self.voltage_squared != other.voltage_squared))
 
     def towards(self, other: FilmLoads, share: float) -> FilmLoads:
-        """Between these and others, whose spring it has."""
+        """Loads a share of the way from these to others, with the others' spring."""
         return FilmLoads(self.force + share * (other.force - self.force),
                      self.voltage_squared + share * (other.voltage_squared - self.voltage_squared),
                      other.spring)

@@ -165,7 +165,7 @@ class ReducedMotion(DrivenFilm):
         return times
 
     def _stiffness(self, moment: ReducedMoment) -> float:
-        """Against heave [N/m], of the stiffest run."""
+        """Stiffness against deflection [N/m], of the stiffest run."""
         flow = moment.memory.step(self.film.strain(moment.q), 0.0)
         _, stiffness = self.film.pull(moment.q, moment.loads.voltage_squared, flow)
         return float(np.abs(stiffness[..., 0, 0]).max())

@@ -39,7 +39,7 @@ def limit_rows(curve: FollowedCurve, deflection: float | None = None) -> list[di
 
 
 def loads_of(scene: Scene) -> str:
-    """Under what the numbers are."""
+    """Voltage and load of the numbers, in words."""
     view = scene.view
     return f"at {view.voltage / 1e3:.6g} kV under {view.mass * 1e3:.6g} g"
 

@@ -163,7 +163,7 @@ class Page:
 
     @property
     def _end(self) -> Limit | None:
-        """Beyond what the film of the view has no equilibrium, where that is known."""
+        """Limit beyond which the film of the view has no equilibrium, where that is known."""
         if self.curve is None or not _same_film(self.curve.view, self.view):
             return None
         return self.curve.curve.curves[0].limits.end

@@ -142,7 +142,7 @@ class Exploration:
         return min((fit.cost for fit in self.fits.values()), default=np.inf)
 
     def _starts(self, hypothesis: Hypothesis) -> list[Array]:
-        """Without effect, and with each parameter large to either side.
+        """Starts of a search: without effect, and with each parameter large to either side.
 
         Where a sign changes nothing there is no way from 0; sizes of which the readings are no sum
         also begin together.

@@ -119,7 +119,7 @@ class FilmsAtRest:
 
     @property
     def capacitance(self) -> Array:
-        """About that of the film of each state [F]."""
+        """Approximate capacitance of the film of each state [F]: that of the flat film."""
         return np.asarray(self.permittivity * self.films.capacitance[self.states.specimen])
 
     @cached_property
