@@ -5,10 +5,18 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import brentq
+
+Array = NDArray[np.float64]
 
 #: Evaluations after which a search by Brent's method has failed; it needs some ten.
 _EVALUATIONS = 200
+
+#: Share of a cubic's largest factor below which a leading one is rounding.
+_VANISHING = 1e-14
+#: Imaginary part up to which a root is real: a double one is split by rounding.
+_REAL = 1e-9
 
 
 class NoValueHere(LookupError):
@@ -46,3 +54,26 @@ def root_between(function: Callable[[float], float], low: float, high: float, xt
     except NoValueHere:
         return None
     return float(root) if search.converged else None
+
+
+def cubic_roots(values: Array, slopes: Array, beside: float = 0.0) -> list[float]:
+    """Where from 0 to 1 the cubic of values and slopes at both ends vanishes, in order.
+
+    Those ``beside`` an end by no more than this are among them; none where a number is not finite.
+
+    Examples
+    --------
+    >>> cubic_roots(np.array([-1.0, 1.0]), np.array([2.0, 2.0]))
+    [0.5]
+    """
+    if not np.isfinite([*values, *slopes]).all():
+        return []
+    change = values[1] - values[0]
+    factors = [slopes[0] + slopes[1] - 2 * change, 3 * change - 2 * slopes[0] - slopes[1],
+               slopes[0], values[0]]
+    scale = max(map(abs, factors)) or 1.0
+    leading = next((number for number, factor in enumerate(factors)
+                    if abs(factor) > _VANISHING * scale), len(factors))
+    roots = np.roots(factors[leading:])
+    real = roots.real[np.abs(roots.imag) <= _REAL]
+    return sorted(real[(real >= -beside) & (real <= 1 + beside)].tolist())

@@ -157,7 +157,7 @@ def _(result: ModesResult, axes: Axes) -> None:
 
 @draw.register
 def _(result: LimitsResult, axes: Axes) -> None:
-    reached = result.limits.reached
+    reached = result.limits.told
     if not reached:
         raise InputError(f"there is nothing to draw: no limit up to {result.limits.ended}")
     axes.barh([limit.state.verb for limit in reached], [limit.voltage_V / 1e3 for limit in reached],

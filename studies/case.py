@@ -18,6 +18,7 @@ from tympan.fem.discretisation.isoparametric import folded
 from tympan.fem.equilibrium.newton import Solution
 from tympan.fem.equilibrium.path_following import PathSettings
 from tympan.fem.equilibrium.ramp import Outcome, Status, in_words
+from tympan.fem.equilibrium.snap import resting
 from tympan.fem.equilibrium.solve import equilibrium
 from tympan.fem.equilibrium.voltage_path import voltage_path
 from tympan.fem.film.admissibility import failures
@@ -202,7 +203,7 @@ class CaseRecord(SpecimenRecord):
 
 
 #: The kinds of :data:`LIMIT_STATES`.
-LimitKind = Literal["tension", "breakdown", "instability", "pull_in"]
+LimitKind = Literal["snap_through", "snap_back", "tension", "breakdown", "instability", "pull_in"]
 
 #: Relative error of a limit from which on it is worth a word. Limits are printed with four digits,
 #: and films scatter more.
@@ -217,8 +218,9 @@ _VAGUE = 1.0
 class Limit:
     """What first happens to a film as its voltage rises, and where in the mounted film."""
 
-    kind: Annotated[LimitKind, Key("what happens there: the film loses tension, breaks down, gives "
-                                   "way in itself, or pulls in")]
+    kind: Annotated[LimitKind, Key("what happens there: a mechanism makes the plate snap through, "
+                                   "or back as the voltage falls; the film loses tension, breaks "
+                                   "down, gives way in itself, or pulls in")]
     voltage_V: Annotated[float, Key("nominal voltage")]
     x_m: Annotated[float, Key("where it begins, in the mounted film: for a pull-in, where the film "
                               "thins fastest")]
@@ -266,9 +268,15 @@ class Limit:
 class Limits:
     """The voltages at which a film under a mass loses tension, breaks down, gives way and pulls in.
 
-    None where that does not happen as far as the voltage was raised.
+    And those at which a mechanism of the rig makes its plate snap, the first time. None where that
+    does not happen as far as the voltage was raised.
     """
 
+    snap_through: Annotated[Limit | None, Key(
+        "where a mechanism of the rig makes the plate jump to another stable equilibrium")] = None
+    snap_back: Annotated[Limit | None, Key(
+        "where it jumps back as the voltage falls; none where it stays there without voltage")] = (
+        None)
     tension: Annotated[Limit | None, Key("where the film first loses tension")] = None
     breakdown: Annotated[Limit | None, Key("where it first breaks down")] = None
     instability: Annotated[Limit | None, Key("where the film itself gives way, before its plate "
@@ -290,9 +298,17 @@ class Limits:
 
     @property
     def reached(self) -> tuple[Limit, ...]:
-        """Those that are reached, in the order in which they come."""
-        limits = [limit for kind in LIMIT_STATES if (limit := getattr(self, kind)) is not None]
+        """Those that are reached as the voltage rises, in the order in which they come."""
+        limits = [limit for kind, state in LIMIT_STATES.items()
+                  if not state.falling and (limit := getattr(self, kind)) is not None]
         return tuple(sorted(limits, key=lambda limit: limit.voltage_V))
+
+    @property
+    def told(self) -> tuple[Limit, ...]:
+        """All of them: those that are met as the voltage falls come last."""
+        falling = [limit for kind, state in LIMIT_STATES.items()
+                   if state.falling and (limit := getattr(self, kind)) is not None]
+        return *self.reached, *falling
 
     @property
     def limit(self) -> Limit | None:
@@ -310,6 +326,15 @@ class Limits:
         beyond = {limit.kind: limit for limit in self.reached if voltage > limit.voltage_V
                   and not (self.thins and limit.kind == PULL_IN.kind)}
         return next((beyond[kind] for kind in reversed(LIMIT_STATES) if kind in beyond), None)
+
+
+@dataclass(frozen=True, kw_only=True)
+class StableEquilibrium:
+    """One of several at which the plate may stay under the same loads."""
+
+    deflection_m: Annotated[float, Key("deflection of the plate, downwards")]
+    reached: Annotated[bool, Key("whether the mounted plate comes to it, loaded slowly and then "
+                                 "charged slowly")]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -342,6 +367,9 @@ class CaseResult(CaseRecord):
     slack_share: Annotated[float | None, Key("its share of the mounted area")] = None
     tilt_rad: Annotated[float | None, Key("tilt of the plate")] = None
     energy_J: Annotated[float | None, Key("energy of the film and its loads")] = None
+    equilibria: Annotated[tuple[StableEquilibrium, ...], Key(
+        "all stable equilibria under these loads, by deflection, where a mechanism of the rig "
+        "makes several; all other results are of the one that is reached")] = ()
     limits: Annotated[Limits | None, Key("limits of the film under this mass, where they were "
                                          "asked for")] = None
     first: Annotated[LimitKind | None, Key("kind of the limit that comes first")] = None
@@ -449,9 +477,21 @@ def _charged_next(model: Model, outcome: Outcome) -> bool:
 def solve(case: Case, settings: Settings, film: bool = False) -> CaseResult:
     """Solve one case; ``film``: with its fields on a surface."""
     model, outcome, result = solved(case, settings)
+    result = replace(result, equilibria=_several(model, outcome, settings))
     if not film or outcome.status != "equilibrium":
         return result
     return replace(result, film=film_surface(model, outcome.state))
+
+
+def _several(model: Model, outcome: Outcome, settings: Settings) -> tuple[StableEquilibrium, ...]:
+    """Stable equilibria under the loads of an outcome, if there are several."""
+    if outcome.status != "equilibrium":
+        return ()
+    found = resting(model, outcome.solution, settings.path.bounded(model))
+    if len(found) == 1:
+        return ()
+    return tuple(StableEquilibrium(deflection_m=model.deflection(each.state),
+                                   reached=each is outcome.solution) for each in found)
 
 
 def solved(case: Case, settings: Settings) -> tuple[Model, Outcome, CaseResult]:

@@ -19,7 +19,7 @@ from tympan.fem.equilibrium.newton import Solution, moved
 from tympan.fem.equilibrium.path_following import PathSettings
 from tympan.fem.equilibrium.ramp import still_slack
 from tympan.fem.equilibrium.solve import held
-from tympan.fem.membrane.biases import JoinedFilm
+from tympan.fem.membrane.biases import Interval, JoinedFilm
 from tympan.fem.membrane.loading import Loading
 from tympan.fem.membrane.model import Model
 from tympan.fem.results.firmness import firmness
@@ -246,6 +246,7 @@ class SolvedFilm:
     """A joined film as a mechanism: what is ``given`` of it may be off the real axis."""
 
     law: ClassVar[str] = JoinedFilm.law
+    softening: ClassVar[tuple[Interval, ...]] = JoinedFilm.softening
     given: JoinedFilm
     curve: HeldForce
 

@@ -16,12 +16,21 @@ from tympan.fem.equilibrium.arc_length import Branch, PathPoint
 from tympan.fem.equilibrium.newton import Solution, moved, newton
 from tympan.fem.equilibrium.path_following import PathSettings, follow_branch
 from tympan.fem.equilibrium.ramp import without_mechanism
+from tympan.fem.equilibrium.snap import snapped
 from tympan.fem.film.tension_field import Tension
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import HEAVE, Load, State
 from tympan.fem.results.fields import Fields, node_fields, whole
 from tympan.fem.results.firmness import edge_firmness, firmness, rough_firmness
-from tympan.fem.results.limit_states import INSTABILITY, LIMIT_STATES, PULL_IN, LimitState, Sign
+from tympan.fem.results.limit_states import (
+    INSTABILITY,
+    LIMIT_STATES,
+    PULL_IN,
+    SNAP_BACK,
+    SNAP_THROUGH,
+    LimitState,
+    Sign,
+)
 from tympan.fem.rig import MOST_VOLTAGE
 from tympan.geometry.errors import InputError
 from tympan.geometry.fields import Key
@@ -88,7 +97,10 @@ _ONWARDS = 1e-4
 #: What may grow along a branch.
 Along = Literal["voltage", "charge", "mass", "pressure"]
 #: What is passed on the way: the ``event`` of each of :data:`LIMIT_STATES`.
-What = Literal["tension lost", "breakdown", "instability", "limit"]
+What = Literal["snap-through", "snap-back", "tension lost", "breakdown", "instability", "limit"]
+
+#: Events at limit points.
+_LIMIT_POINTS = {PULL_IN.event, SNAP_THROUGH.event, SNAP_BACK.event}
 
 #: The load that grows, and the unit in results.
 _GROWING: dict[Along, tuple[Load, str]] = {
@@ -208,7 +220,7 @@ def path(case: Case, settings: Settings, along: Along,
                          given=f"{case.mass * 1e3:g} g and {case.voltage / 1e3:g} kV")
     asked = replace(case, voltage=0.0) if along in ("voltage", "charge") else case
     passed = []
-    for stop in stops(case, model, start.state, along, settings.path):
+    for stop in _with_snaps(stops(case, model, start.state, along, settings.path), settings.path):
         progress(f"{stop.station.deflection_m * 1e3:.2f} mm")
         passed.append(stop)
     return PathResult(
@@ -219,8 +231,25 @@ def path(case: Case, settings: Settings, along: Along,
         dofs=model.unknowns, wall_s=time.perf_counter() - began,
         warnings=(passed[-1].ended if passed else UNFOLLOWED, *asked.remarks),
         limits=tuple(_critical_film(stop.model, stop.point) for stop in passed
-                     if stop.event is not None and stop.event.what == PULL_IN.event),
+                     if stop.event is not None and stop.event.what in _LIMIT_POINTS),
         films=tuple(film_surface(stop.model, stop.point.state) for stop in apart(passed) if films))
+
+
+def _with_snaps(passed: Iterator[Stop], settings: PathSettings) -> Iterator[Stop]:
+    """Stops whose limit points are snaps where a mechanism makes the plate jump.
+
+    At every second limit point what grows turns back: a branch that became unstable by a snap is
+    stable again from there on.
+    """
+    turns, snaps = 0, False
+    for stop in passed:
+        if stop.event is None or stop.event.what != PULL_IN.event or stop.along == "charge":
+            yield stop
+            continue
+        turns += 1
+        if turns % 2:
+            snaps = stop.landed(settings) is not None
+        yield stop.at(SNAP_THROUGH if turns % 2 else SNAP_BACK) if snaps else stop
 
 
 def apart(passed: Sequence[Stop]) -> list[Stop]:
@@ -230,11 +259,11 @@ def apart(passed: Sequence[Stop]) -> list[Stop]:
 
 
 def stops(case: Case, model: Model, start: State, along: Along, settings: PathSettings,
-          most: float = np.inf) -> Iterator[Stop]:
+          most: float = np.inf, falling: bool = False) -> Iterator[Stop]:
     """The equilibria of a case from a state of its model on, while one quantity grows.
 
     What happens between two points of the branch is a stop of its own, so that curves pass through
-    it. A voltage grows to ``most`` across the film [V], if the supply gives that.
+    it. A voltage grows to ``most`` across the film [V], if the supply gives that; or it falls to 0.
     """
     settings = settings.bounded(model, followed=True)
     longest = _STEP * max(abs(model.deflection(start)) / model.high, 1.0)
@@ -245,9 +274,11 @@ def stops(case: Case, model: Model, start: State, along: Along, settings: PathSe
     first: Stop | None = None
     before: Stop | None = None
     # A gas that sucks is made to suck more.
-    sense = -1 if load == "pressure" and start.pressure < 0 else 1
+    sense = -1 if falling or (load == "pressure" and start.pressure < 0) else 1
     for branch, point in follow_branch(model, start, load, stepping, sense, beyond=True):
         here = Stop(branch.model, point, along=along)
+        if falling and point.state.load(load) < 0:
+            return
         if first is not None and before is not None:
             if load == "voltage" and point.state.load(load) > highest:
                 # A stiff film hardly moves on the way there: its load says more than its motion.
@@ -342,6 +373,16 @@ class Stop:
     def thinning(self) -> Array:
         """Thickness a little further along the branch over that here, at the nodes."""
         return np.asarray(self._moved(_ONWARDS).fields.thickness / self.fields.thickness)
+
+    def at(self, state: LimitState) -> Stop:
+        """The same where what happens is another limit state."""
+        assert self.event is not None
+        return replace(self, event=replace(self.event, what=cast(What, state.event)))
+
+    def landed(self, settings: PathSettings) -> Solution | None:
+        """Where the plate comes to rest from here, at a limit point; None if nowhere."""
+        # A film that is kept from wrinkling is none that jumps.
+        return snapped(self.model, self.point, settings) if self.model.wrinkles else None
 
     @property
     def behind(self) -> Stop:

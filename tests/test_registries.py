@@ -95,6 +95,7 @@ class Cubic:
     """A mechanism whose push grows with the third power of the heave."""
 
     law: ClassVar[str] = "dummy_bias"
+    softening: ClassVar[tuple[tuple[float, float], ...]] = ()
     strength: Annotated[float, Key("push at the unit length", "force", NON_NEGATIVE)]
     unit_length: Annotated[float, Key("where it has that push", "length", POSITIVE)] = 1e-3
 

@@ -193,6 +193,7 @@ class Hardening(Stranger):
     spring: float
     length: float
     law: ClassVar[str] = "hardening"
+    softening: ClassVar[tuple[tuple[float, float], ...]] = ()
 
     def derivatives(self, deflection: float) -> tuple[float, float, float]:
         """Energy, its derivative, its second derivative, as of any bias."""

@@ -82,6 +82,8 @@ class Branch:
             if point is None:
                 return
             yield point
+            longest = self.model.loading.step(self.model.deflection(point.state))
+            step = min(step, max(longest / self.model.size, self.arc.shortest))
             while step >= self.arc.shortest:
                 following = self.at(point, step)
                 if following is not None:

@@ -4,14 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
 
 from tympan.fem.equilibrium.constraints import difference, length
+from tympan.fem.equilibrium.held import held
 from tympan.fem.equilibrium.newton import Solution, newton, simplified_newton, tangent_at
 from tympan.fem.equilibrium.path_following import PathSettings
 from tympan.fem.equilibrium.ramp import UNNOTICED
-from tympan.fem.equilibrium.solve import held
 from tympan.fem.equilibrium.span import GivenDeflection, Span
 from tympan.fem.membrane.model import Model
+
+Array = NDArray[np.float64]
 
 #: Most deflections that one step leads over: a cubic must be near those between. Set by trial.
 _LONGEST = 12
@@ -34,6 +40,37 @@ class HeldSpan:
     span: Span
     inner: tuple[Solution, ...] = ()
     stopped: bool = False
+
+    @property
+    def solutions(self) -> tuple[Solution, ...]:
+        """Its equilibria without the first."""
+        return (*self.inner, self.span.end)
+
+    @cached_property
+    def forces(self) -> tuple[Array, Array, Array]:
+        """Deflections [m] of all, the forces that hold them [N], and the slopes of these [N/m].
+
+        Slopes are those of the polynomial through the forces and both ends' slopes.
+        """
+        states = [solution.state for solution in (self.span.start, *self.solutions)]
+        places = np.array([self.span.model.deflection(state) for state in states])
+        forces = np.array([state.force for state in states])
+        ends = np.array([held_stiffness(each) for each in (self.span.start, self.span.end)])
+        if len(places) == 2:
+            return places, forces, ends
+        scale = places[-1] - places[0]
+        t = (places - places[0]) / scale
+        powers = np.arange(len(places) + 2)
+        rise = powers * t[:, None] ** np.maximum(powers - 1, 0)
+        matrix = np.vstack([t[:, None] ** powers, rise[[0, -1]]])
+        factors = np.linalg.solve(matrix, np.concatenate([forces, scale * ends]))
+        return places, forces, np.array([ends[0], *(rise[1:-1] @ factors) / scale, ends[1]])
+
+
+def held_stiffness(solution: Solution) -> float:
+    """Slope of the force that holds the plate [N/m]."""
+    assert solution.tangent is not None
+    return float(solution.tangent.along()[1]["force"])
 
 
 def held_path(model: Model, deflections: Sequence[float], start: Solution,

@@ -76,7 +76,8 @@ class Outcome:
     ``solution`` is the equilibrium, or the last one before the ramp ended. With status
     "no_equilibrium" the film reached its end: ``limit`` is the largest U² [V²], force [N] or
     pressure [Pa], as ``limited`` says, that has an equilibrium on this path, ``critical`` the point
-    of the branch where it has it, and ``kind`` what happens there.
+    of the branch where it has it, and ``kind`` what happens there. ``snapped``: on the way a
+    mechanism made the plate jump.
     """
 
     status: Status
@@ -86,6 +87,7 @@ class Outcome:
     limited: Load | None = None
     critical: PathPoint | None = None
     kind: LimitKind | None = None
+    snapped: bool = False
 
     @property
     def state(self) -> State:

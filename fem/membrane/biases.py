@@ -46,10 +46,21 @@ _MOST_ROWS = 10_000
 _CORRECTIONS = 200
 
 
+#: Two deflections [m], the first below the second; they may be infinite.
+Interval = tuple[float, float]
+
+
 class Bias(Protocol):
     """A mechanism between plate and ground; its energy depends on the deflection alone."""
 
     law: ClassVar[str]
+
+    @property
+    def softening(self) -> tuple[Interval, ...]:
+        """Deflections [m] between which its stiffness may be negative; elsewhere it never is.
+
+        Only there can it make a plate jump.
+        """
 
     def derivatives(self, deflection: float) -> tuple[float, float, float]:
         """Energy [J], its derivative [N] (positive: pushes back), its second derivative [N/m].
@@ -68,6 +79,7 @@ class Spring:
     """A linear spring."""
 
     law: ClassVar[str] = "spring"
+    softening: ClassVar[tuple[Interval, ...]] = ()
     stiffness: Annotated[float, Key("its stiffness", "stiffness per length", NON_NEGATIVE)]
     rest: Annotated[float, Key("deflection at which it is unloaded", "length")] = 0.0
     preload: Annotated[float, Key(
@@ -91,6 +103,7 @@ class Constant:
     """A force that stays the same, as of a weight on a string over a pulley."""
 
     law: ClassVar[str] = "constant"
+    softening: ClassVar[tuple[Interval, ...]] = ()
     force: Annotated[float, Key("positive along the deflection", "force")]
 
     def derivatives(self, deflection: float) -> tuple[float, float, float]:
@@ -111,6 +124,10 @@ class Magnet:
     gap: Annotated[float, Key("gap at the mounted plate", "length", POSITIVE)]
     decay: Annotated[float, Key("d", "length", POSITIVE)]
     power: Annotated[float, Key("n", rule=_POWER)] = 4.0
+
+    @property
+    def softening(self) -> tuple[Interval, ...]:
+        return (-np.inf, float(np.real(self.gap))),
 
     def derivatives(self, deflection: float) -> tuple[float, float, float]:
         # The energy is −F₀ d/(n−1) (1 + g/d)^(1−n).
@@ -155,6 +172,12 @@ class Bistable:
             place = low + 1j * np.imag(ratio) * _peaks(low)[0] / slope
         return place, self.force / _peaks(place)[0]
 
+    @property
+    def softening(self) -> tuple[Interval, ...]:
+        low, high = (float(np.real(self.rest + at * self.travel))
+                     for at in _turns(np.real(self._shape[0])))
+        return (low, high),
+
     def derivatives(self, deflection: float) -> tuple[float, float, float]:
         (middle, factor), s = self._shape, (deflection - self.rest) / self.travel
         return (factor * self.travel * s * s * (middle / 2 + s * (s / 4 - (1 + middle) / 3)),
@@ -164,10 +187,15 @@ class Bistable:
 
 def _peaks(middle: Any) -> tuple[Any, Any]:
     """Largest and, with the other sign, least value of s (s − middle) (s − 1) between 0 and 1."""
+    over, back = (s * (s - middle) * (s - 1) for s in _turns(middle))
+    return over, -back
+
+
+def _turns(middle: Any) -> tuple[Any, Any]:
+    """Where these two are."""
     half = (1 + middle) / 3
     root = (half**2 - middle / 3) ** 0.5
-    over, back = (s * (s - middle) * (s - 1) for s in (half - root, half + root))
-    return over, -back
+    return half - root, half + root
 
 
 @BIASES.register
@@ -200,6 +228,16 @@ class BuckledBeam:
             raise InputError("must be at most 5 % of the length: further the beam's slopes are not "
                              "small", key="compression", given=f"{1e3 * self.compression:g} mm of "
                                                                f"{1e3 * self.length:g} mm")
+
+    @property
+    def softening(self) -> tuple[Interval, ...]:
+        if not np.real(self.derivatives(self.middle)[2]) < 0:
+            return ()
+        # Without axial force a half shortens by 0.6 of the square; further out beams are in
+        # tension.
+        most = float(np.real((self.compression * self.length / 2.4) ** 0.5))
+        middle = float(np.real(self.middle))
+        return (middle - most, middle + most),
 
     def derivatives(self, deflection: float) -> tuple[float, float, float]:
         moved = deflection - self.middle
@@ -344,6 +382,12 @@ class ForceTable:
             raise InputError("must grow from one number to the next: a table has one force at each "
                              "deflection", key="displacement", given=str(self.displacement))
 
+    @property
+    def softening(self) -> tuple[Interval, ...]:
+        places, forces = np.real(self.displacement).tolist(), np.real(self.force).tolist()
+        return tuple((places[number], places[number + 1]) for number in range(len(places) - 1)
+                     if forces[number + 1] < forces[number])
+
     @cached_property
     def _cubics(self) -> tuple[Array, Array, Array]:
         """Breaks, coefficients of the force (4, pieces) and the energy up to each break."""
@@ -451,6 +495,8 @@ class JoinedFilm:
     """
 
     law: ClassVar[str] = "film"
+    #: A taut film pushes back the more the further it is out: no snap is looked for.
+    softening: ClassVar[tuple[Interval, ...]] = ()
     specimen: Annotated[Specimen, Key(
         "the other film: its specimen file, from the folder of this file, or its table",
         discrete=True)]

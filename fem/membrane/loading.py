@@ -10,6 +10,7 @@ of the gas stands here and nowhere else.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
@@ -17,7 +18,7 @@ from numpy.typing import NDArray
 
 from tympan.fem.discretisation.discretisation import Discretisation
 from tympan.fem.membrane.biases import BIASES as BIASES
-from tympan.fem.membrane.biases import Bias
+from tympan.fem.membrane.biases import Bias, Interval
 from tympan.fem.membrane.rigid_plate import Swing
 from tympan.fem.membrane.state import HEAVE, PlateMotion, State
 
@@ -35,6 +36,10 @@ GUIDES: dict[Guide, frozenset[str]] = {
 
 #: Among the plate's six freedoms.
 _UP = np.eye(6)[HEAVE]
+
+#: Part of an interval of negative stiffness that one step may lead over: both ends, and a limit
+#: point at each, are then seen.
+_PART = 0.125
 
 #: Volume of gas that a deflection along the weight adds, per volume that it sweeps.
 _GAS = -1.0
@@ -59,6 +64,22 @@ class Loading:
         """Laws of the mechanisms that cannot be at a deflection [m], such as beyond a table."""
         return tuple(bias.law for bias in self.biases
                      if not np.isfinite(bias.derivatives(deflection)).all())
+
+    @cached_property
+    def softening(self) -> tuple[Interval, ...]:
+        """Deflections [m] between which a mechanism's stiffness may be negative, in order."""
+        merged: list[Interval] = []
+        for low, high in sorted(each for bias in self.biases for each in bias.softening):
+            if merged and low <= merged[-1][1]:
+                merged[-1] = merged[-1][0], max(high, merged[-1][1])
+            else:
+                merged.append((low, high))
+        return tuple(merged)
+
+    def step(self, deflection: float) -> float:
+        """How far [m] a plate may be moved in one step, so that it jumps over no such interval."""
+        return min((max(low - deflection, deflection - high, 0.0) + _PART * (high - low)
+                    for low, high in self.softening), default=np.inf)
 
     def lift(self, plate: PlateMotion) -> Array:
         """Derivative of the height of the weight by the plate's six freedoms."""

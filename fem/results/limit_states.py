@@ -70,10 +70,11 @@ class LimitState:
 
     ``kind`` is its key in results, ``event`` its name along a path. ``field``: at the nodes of
     every element, least where it begins; ``by_element`` the same by each element alone, whose jumps
-    say how certain it is. ``signs``: it happens where the first of them changes. ``verb`` is said
-    of the film, ``noun`` stands alone, ``sentence`` holds a voltage, ``legend`` is for the picture
-    of a path; ``marker`` is matplotlib's. ``ends``: beyond it the film has no equilibrium, or no
-    stable one.
+    say how certain it is. ``signs``: it happens where the first of them changes; a snap, which has
+    none, is a limit point beyond which the plate comes to rest again. ``verb`` is said of the film,
+    ``noun`` stands alone, ``sentence`` holds a voltage, ``legend`` is for the picture of a path;
+    ``marker`` is matplotlib's. ``ends``: beyond it the film has no equilibrium, or no stable one.
+    ``falling``: it is met as the voltage falls, once it was beyond another.
     """
 
     kind: str
@@ -87,6 +88,7 @@ class LimitState:
     marker: str
     legend: str
     ends: bool = False
+    falling: bool = False
 
 
 #: All limit states by kind, the gravest last.
@@ -112,6 +114,16 @@ def _thinning(point: BranchPoint) -> Array:
 def _firmness(point: BranchPoint) -> Array:
     return point.firmness
 
+
+SNAP_THROUGH: LimitState = LIMIT_STATES.register(LimitState(
+    "snap_through", "snap-through", _thinning, _thinning, (),
+    verb="snaps through", noun="snap-through", sentence="snaps through at {}",
+    legend="plate snaps through", marker=">"))
+
+SNAP_BACK: LimitState = LIMIT_STATES.register(LimitState(
+    "snap_back", "snap-back", _thinning, _thinning, (),
+    verb="snaps back", noun="snap-back as the voltage falls", sentence="snaps back at {}",
+    legend="plate snaps back", marker="<", falling=True))
 
 TENSION: LimitState = LIMIT_STATES.register(LimitState(
     "tension", "tension lost", _tension, _tension, (_least(_tension),),

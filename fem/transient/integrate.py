@@ -37,7 +37,10 @@ from tympan.fem.equilibrium.newton import (
     simplified_newton,
     tangent_at,
 )
+from tympan.fem.equilibrium.path_following import PathSettings
 from tympan.fem.equilibrium.ramp import without_mechanism
+from tympan.fem.equilibrium.snap import landed
+from tympan.fem.equilibrium.solve import equilibrium
 from tympan.fem.equilibrium.tangent import Tangent
 from tympan.fem.film.density import from_virgin, small_strain_modulus
 from tympan.fem.film.memory import Memory, determinant
@@ -203,9 +206,31 @@ class Transient:
                     raise Stopped("pull_in", following.time)
                 past = [*past[-2:], following]
             elif duration < settings.shortest * scale:
-                raise self._stopped(past[-1])
+                snapped = self._snapped(past)
+                if snapped is None:
+                    raise self._stopped(past[-1])
+                yield snapped
+                past, tangent, error = [snapped], None, settings.error
+                duration = settings.first * scale
             change = _SAFE * (settings.error / max(error, 1e-300)) ** (1 / 3)
             step = duration * min(max(change, _SHRINK), _GROWTH)
+
+    @property
+    def _at_once(self) -> bool:
+        """Whether a mechanism may make the plate jump at once, as nothing makes that take time."""
+        timed = self.plate is not None or self.damper or self.circuit.resistance
+        return not timed and self.heave is None and bool(self.model.loading.softening)
+
+    def _snapped(self, past: list[Moment]) -> Moment | None:
+        """The moment after a plate jumped that moved as these did; None where it does not."""
+        if not self._at_once or len(past) < 2:
+            return None
+        before, last = (moment.state.plate.deflection for moment in past[-2:])
+        moment = past[-1]
+        model = self.remembering(moment)
+        start = newton(model, moment.state, settings=self.settings.close)
+        rest = landed(model, start, last - before, PathSettings()) if start.converged else None
+        return None if rest is None else replace(moment, state=rest.state)
 
     def _times(self, moment: Moment) -> list[float]:
         """Times that matter [s]: of the branches, of the plate's swing or creep, of charging."""
@@ -277,7 +302,14 @@ class Transient:
             if solution.converged and (solution.stable or heave is not None):
                 state, share, step = solution.state, ahead, 2 * step
             elif (step := step / 2) < _PART:
-                raise self._stopped(moment)
+                start = newton(model, state, settings=self.settings.close)
+                if not (self._at_once and start.converged):
+                    raise self._stopped(moment)
+                outcome = equilibrium(model, self.force, float(np.sqrt(squared)), self.pressure,
+                                      start)
+                if outcome.status != "equilibrium":
+                    raise self._stopped(moment)
+                return outcome.state
         return state
 
     def step(self, past: list[Moment], piece: int, duration: float,

@@ -99,12 +99,14 @@ class VoltageCurve:
     def parts(self) -> tuple[Points, Points, Points]:
         """Which points of the line are before its first limit, beyond it, and beyond its end.
 
+        Beyond a snap the plate is at rest as before it.
         The last are those of a film that thins, were it kept from wrinkling. Each part begins where
         the one before it ends.
         """
         way = self.way
         y = way * self.line[1]
-        ends = self.limits.limit, self.limits.end if self.limits.thins else None
+        first = next((limit for limit in self.limits.reached if limit.state.signs), None)
+        ends = first, self.limits.end if self.limits.thins else None
         low, high = (np.inf if limit is None else way * self.deflection_at(limit)
                      for limit in ends)
         return (y <= low + _SAME, (y >= low - _SAME) & (y <= high + _SAME), y >= high - _SAME)

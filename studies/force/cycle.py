@@ -21,6 +21,7 @@ from tympan.fem.membrane.state import State
 from tympan.fem.results.fields import film_integrals
 from tympan.fem.results.firmness import firmness
 from tympan.fem.rig import Rig
+from tympan.fem.roots import cubic_roots
 from tympan.fem.transient.energy import load_work
 from tympan.studies.force.follow import Followed, at_displacement, near
 from tympan.studies.force.result import Crossing, LoadLine
@@ -103,7 +104,7 @@ def _equilibria(model: Model, load: _Load, curve: Followed, settings: PathSettin
     result: list[_Equilibrium] = []
     for number, span in enumerate(np.diff(where)):
         ends = excess[number : number + 2], rise[number : number + 2]
-        for share in _roots(ends[0], span * ends[1]):
+        for share in cubic_roots(ends[0], span * ends[1], _BESIDE):
             place = where[number] + share * span
             guess = near(curve, place).under(force=load.weight)
             solution = newton(model, guess, settings=settings.newton)
@@ -117,21 +118,6 @@ def _equilibria(model: Model, load: _Load, curve: Followed, settings: PathSettin
                 result.append(_Equilibrium(curve, solution,
                                            solution.tangent.negative == 0 and firm))
     return sorted(result, key=lambda each: each.displacement)
-
-
-def _roots(values: Array, slopes: Array) -> list[float]:
-    """Where from 0 to 1 the cubic of values and slopes at both ends vanishes."""
-    if not np.isfinite([*values, *slopes]).all():
-        return []
-    change = values[1] - values[0]
-    factors = [slopes[0] + slopes[1] - 2 * change, 3 * change - 2 * slopes[0] - slopes[1],
-               slopes[0], values[0]]
-    scale = max(map(abs, factors)) or 1.0
-    leading = next((number for number, factor in enumerate(factors)
-                    if abs(factor) > 1e-14 * scale), len(factors))
-    roots = np.roots(factors[leading:])
-    real = roots.real[np.abs(roots.imag) <= 1e-9]
-    return sorted(real[(real >= -_BESIDE) & (real <= 1 + _BESIDE)].tolist())
 
 
 def _reached(load: _Load, curves: Sequence[Followed], found: Sequence[list[_Equilibrium]]

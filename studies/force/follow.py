@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from tympan.fem.equilibrium.arc_length import PathPoint
 from tympan.fem.equilibrium.constraints import held_plate, length
-from tympan.fem.equilibrium.held_path import HeldSpan, held_path, with_tangent
+from tympan.fem.equilibrium.held_path import HeldSpan, held_path, held_stiffness, with_tangent
 from tympan.fem.equilibrium.newton import Solution, newton
 from tympan.fem.equilibrium.path_following import PathSettings
 from tympan.fem.equilibrium.span import Span
@@ -22,7 +22,6 @@ from tympan.fem.results.fields import film_integrals, node_fields
 from tympan.fem.results.limit_states import (
     INSTABILITY,
     LIMIT_STATES,
-    PULL_IN,
     TENSION,
     LimitState,
     Sign,
@@ -96,10 +95,10 @@ def follow(model: Model, voltage: float, displacements: Sequence[float], start: 
            settings: PathSettings) -> Followed:
     """Follow a film from a state held at the first of some displacements [m], ascending."""
     first = with_tangent(model, start, settings)
-    curve = Followed(model, voltage, [first.state], [_stiffness(first)], [_firm(first)])
+    curve = Followed(model, voltage, [first.state], [held_stiffness(first)], [_firm(first)])
     before = _stop(model, first)
     for state in LIMIT_STATES.values():
-        if state is not PULL_IN and not state.field(before).min() > 0:
+        if any(sign.local for sign in state.signs) and not state.field(before).min() > 0:
             curve.limits.append(_limit(before, state))
     if any(limit.kind == INSTABILITY.kind for limit in curve.limits):
         return Followed(model, voltage, ended=curve.limits[-1])
@@ -152,11 +151,9 @@ def near(curve: Followed, displacement: float) -> State:
 def _add(curve: Followed, step: HeldSpan, gone: tuple[ForceLimit, Solution] | None) -> None:
     """Add a step to a curve, up to where the film is gone."""
     span, model = step.span, curve.model
-    solutions = [*step.inner, span.end]
-    ends = _stiffness(span.start), _stiffness(span.end)
-    places = [span.ends[0], *(model.deflection(solution.state) for solution in solutions)]
-    forces = [solution.state.force for solution in (span.start, *solutions)]
-    slopes = _slopes(np.array(places), np.array(forces), ends)
+    solutions = list(step.solutions)
+    places, _, slopes = step.forces
+    slopes = slopes[1:]
     firm = curve.firm[-1], _firm(span.end)
     firms = [firm[1]] * len(solutions) if firm[0] == firm[1] else [
         _firm(with_tangent(model, solution)) for solution in solutions]
@@ -164,36 +161,17 @@ def _add(curve: Followed, step: HeldSpan, gone: tuple[ForceLimit, Solution] | No
         kept = [number for number, place in enumerate(places[1:])
                 if place < gone[0].displacement_m]
         solutions = [*(solutions[number] for number in kept), gone[1]]
-        slopes = np.array([*(slopes[number] for number in kept), _stiffness(gone[1])])
+        slopes = np.array([*(slopes[number] for number in kept), held_stiffness(gone[1])])
         firms = [*(firms[number] for number in kept), firm[0]]  # up to there
     curve.states.extend(solution.state for solution in solutions)
     curve.stiffness.extend(slopes.tolist())
     curve.firm.extend(firms)
 
 
-def _slopes(places: Array, values: Array, ends: tuple[float, float]) -> Array:
-    """Slopes at places but the first, by the polynomial through values and both ends' slopes."""
-    if len(places) == 2:
-        return np.array([ends[1]])
-    scale = places[-1] - places[0]
-    t = (places - places[0]) / scale
-    powers = np.arange(len(places) + 2)
-    rise = powers * t[:, None] ** np.maximum(powers - 1, 0)
-    matrix = np.vstack([t[:, None] ** powers, rise[[0, -1]]])
-    factors = np.linalg.solve(matrix, np.concatenate([values, scale * np.array(ends)]))
-    return np.append((rise[1:-1] @ factors) / scale, ends[1])
-
-
-def _stiffness(solution: Solution) -> float:
-    """Slope of the force that holds the plate [N/m]."""
-    assert solution.tangent is not None
-    return float(solution.tangent.along()[1]["force"])
-
-
 def _firm(solution: Solution) -> bool:
     """Whether a state is stable with the plate held: its deflection is one motion less."""
     assert solution.tangent is not None
-    return bool(solution.tangent.negative == (_stiffness(solution) < 0))
+    return bool(solution.tangent.negative == (held_stiffness(solution) < 0))
 
 
 def _stop(model: Model, solution: Solution) -> Stop:
@@ -208,8 +186,9 @@ def _stop(model: Model, solution: Solution) -> Stop:
 def _passed(span: Span, before: Stop, after: Stop) -> Iterator[tuple[ForceLimit, Solution]]:
     """Limits between two states of a curve, each with the film there."""
     for state in LIMIT_STATES.values():
-        sign = state.signs[0]
-        if sign.value(before) * sign.value(after) < 0:
+        for sign in state.signs[:1]:
+            if sign.value(before) * sign.value(after) >= 0:
+                continue
             found = _where(span, sign, before, after)
             if found is not None:
                 yield _limit(found, state), found.point.solution

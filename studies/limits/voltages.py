@@ -22,6 +22,8 @@ from tympan.fem.results.limit_states import (
     INSTABILITY,
     LIMIT_STATES,
     PULL_IN,
+    SNAP_BACK,
+    SNAP_THROUGH,
     TENSION,
     LimitState,
 )
@@ -141,12 +143,14 @@ def rise(case: Case, settings: Settings, first: bool = False) -> Rise:
     if start.status != "equilibrium":
         ended = Limits(ended=_before_voltage(case, start, settings))
         return Rise(model, start.status, (), (), ended)
-    passed = list(_to_limit(case, model, start, settings, first))
+    passed = list(_to_limit(case, model, start.state, settings, first))
     flat = _unmoved(case, model, start, settings) if len(passed) <= 1 else None
     if flat is not None:
         return Rise(model, start.status, (replace(case, voltage=0.0),),
                     (Stop(model, _still(start)),), flat)
     reached = _limits(case, passed)
+    if reached.snap_through is not None and not first:
+        reached = replace(reached, snap_back=_snap_back(case, model, passed, settings))
     way = tuple(apart(passed))
     cases = tuple(replace(case, voltage=_nominal(case, stop.station.voltage_V)) for stop in way)
     return Rise(model, start.status, cases, way, replace(reached, ended=_told(reached)))
@@ -244,11 +248,19 @@ def _within(case: Case, settings: Settings, film: bool) -> CaseResult:
     return replace(result, limits=reached, first=reached.first, limit=limit)
 
 
-def _to_limit(case: Case, model: Model, start: Outcome, settings: Settings, first: bool
+def _to_limit(case: Case, model: Model, start: State, settings: Settings, first: bool
               ) -> Iterator[Stop]:
+    """Stops to the film's end; where a mechanism makes the plate snap, on from where it rests."""
     # Of a mesh that does not resolve the branch the limits say how certain they are.
     unchecked = replace(settings.path, unbalanced=np.inf)
-    for stop in stops(case, model, start.state, "voltage", unchecked):
+    for stop in stops(case, model, start, "voltage", unchecked):
+        turns = stop.event is not None and stop.event.what == PULL_IN.event
+        landed = stop.landed(settings.path) if turns else None
+        if landed is not None:
+            yield stop.at(SNAP_THROUGH)
+            if not first:
+                yield from _to_limit(case, model, landed.state, settings, first)
+            return
         yield stop
         if stop.event is None:
             continue
@@ -256,6 +268,23 @@ def _to_limit(case: Case, model: Model, start: Outcome, settings: Settings, firs
         gone = stop.event.what == INSTABILITY.event and not stop.thins
         if first or gone or stop.event.what == PULL_IN.event:
             return
+
+
+def _snap_back(case: Case, model: Model, passed: list[Stop], settings: Settings) -> Limit | None:
+    """Where the plate jumps back as the voltage falls from where it came to rest at its first snap.
+
+    None where it stays there to the last.
+    """
+    snaps = next(number for number, stop in enumerate(passed)
+                 if stop.event is not None and stop.event.what == SNAP_THROUGH.event)
+    if snaps + 1 == len(passed):
+        return None
+    rest = passed[snaps + 1].point.state
+    unchecked = replace(settings.path, unbalanced=np.inf)
+    for stop in stops(case, model, rest, "voltage", unchecked, falling=True):
+        if stop.event is not None and stop.event.what == PULL_IN.event:
+            return _limit(case, stop.at(SNAP_BACK))
+    return None
 
 
 def _highest(case: Case, film_voltage: float) -> bool:
@@ -340,9 +369,7 @@ def _limits(case: Case, passed: list[Stop]) -> Limits:
             continue
         kind = _KINDS[stop.event.what]
         if kind not in reached:
-            reached[kind] = Limit(kind=kind, voltage_V=_nominal(case, stop.station.voltage_V),
-                                  x_m=stop.event.x_m, y_m=stop.event.y_m, spread=stop.event.spread,
-                                  at_edge=stop.on_electrode_edge(LIMIT_STATES[kind]))
+            reached[kind] = _limit(case, stop)
             thins |= kind == INSTABILITY.kind and stop.thins
     ended = passed[-1].ended if passed else UNFOLLOWED
     if passed and ended == UNFOLLOWED:
@@ -356,6 +383,15 @@ def _limits(case: Case, passed: list[Stop]) -> Limits:
             gone = replace(tension, kind="instability")
         reached |= {"tension": tension, "instability": gone}
     return Limits.of(reached, f"no pull-in was found: {ended}", thins)
+
+
+def _limit(case: Case, stop: Stop) -> Limit:
+    """The limit at a stop where one is passed."""
+    assert stop.event is not None
+    kind = _KINDS[stop.event.what]
+    return Limit(kind=kind, voltage_V=_nominal(case, stop.station.voltage_V), x_m=stop.event.x_m,
+                 y_m=stop.event.y_m, spread=stop.event.spread,
+                 at_edge=stop.on_electrode_edge(LIMIT_STATES[kind]))
 
 
 def _same(first: Limit, second: Limit) -> bool:

@@ -131,7 +131,7 @@ def _limits(asked: SolvedCase) -> Record:
     result = limits(asked.case, asked.settings)
     record: Record = {"warnings": [] if result.pull_in and not result.thins else [result.ended],
                       "last_equilibrium_V": result.end.voltage_V if result.end else None}
-    for limit in result.reached:
+    for limit in result.told:
         record |= {f"{limit.kind}_V": limit.voltage_V, f"{limit.kind}_x_m": limit.x_m,
                    f"{limit.kind}_y_m": limit.y_m, f"{limit.kind}_spread": limit.spread}
     return record

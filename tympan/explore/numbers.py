@@ -53,11 +53,11 @@ def _stroke(curve: FollowedCurve, deflection: float | None) -> Iterator[dict[str
 
 def _limits(curve: FollowedCurve) -> Iterator[dict[str, str]]:
     limits = curve.curve.curves[0].limits
-    for limit in limits.reached:
+    for limit in limits.told:
         first = " (the limit)" if limit == limits.limit else ""
         yield _row(limit.kind, limit.state.verb, f"{limit.text}{first}")
     for kind, state in LIMIT_STATES.items():
-        if getattr(limits, kind) is None:
+        if getattr(limits, kind) is None and state.signs:
             yield _row(kind, state.verb, "not reached")
     if curve.readings is not None:
         yield _row("rms", "rms of measured − simulated",

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from itertools import islice, pairwise
+from typing import ClassVar
 
 import numpy as np
 import pytest
@@ -20,6 +21,7 @@ from tympan.fem.equilibrium.arc_length import ArcSettings, Branch, PathPoint
 from tympan.fem.equilibrium.constraints import difference, length
 from tympan.fem.equilibrium.newton import newton
 from tympan.fem.equilibrium.path_following import PathSettings
+from tympan.fem.equilibrium.ramp import Ramp
 from tympan.fem.equilibrium.solve import equilibrium, held
 from tympan.fem.equilibrium.subspace import SmoothSubspace
 from tympan.fem.film.laws import Ogden
@@ -187,6 +189,7 @@ class Stop:
 
     start: float
     stiffness: float
+    softening: ClassVar[tuple[tuple[float, float], ...]] = ()
 
     def derivatives(self, heave: float) -> tuple[float, float, float]:
         """Energy, force, stiffness."""
@@ -272,25 +275,33 @@ def test_between_two_branches_the_last_point_of_the_first_is_given() -> None:
 
 
 def test_hysteresis_of_a_magnet() -> None:
-    """Between the limits the state remembers; above the upper one the ramp says that the plate
-    snaps."""
+    """Between the limits the state remembers; above the upper one the plate has snapped through,
+    and a ramp says where; below the lower one it has snapped back."""
     film = replace(pressed_model(circular(VHB)), loading=Loading((MAGNET, STOP)))
     (near, snap), (far, back) = extremum((1e-3, 3.9e-3)), extremum((3.9e-3, 4.8e-3))
     middle = (snap + back) / 2
     rising = equilibrium(film, LIGHT, middle)
     assert rising.state.plate.deflection < near
-    snapped = equilibrium(film, LIGHT, 1.01 * snap)
-    assert (snapped.status, snapped.limited) == ("no_equilibrium", "voltage")
-    assert np.sqrt(snapped.limit) == pytest.approx(snap, rel=1e-5)
+    assert not rising.snapped
     # However far the target, the ramp does not step over the snap to the state beyond.
-    assert [equilibrium(film, LIGHT, volts).status
-            for volts in (4600.0, 5000.0, 7000.0)] == 3 * ["no_equilibrium"]
+    for volts in (1.01 * snap, 4600.0, 5000.0, 7000.0):
+        ended = Ramp(film, "voltage", volts**2).run(rising.solution)
+        assert (ended.status, ended.limited) == ("no_equilibrium", "voltage")
+        assert np.sqrt(ended.limit) == pytest.approx(snap, rel=1e-5)
+        snapped = equilibrium(film, LIGHT, volts)
+        assert (snapped.status, snapped.snapped) == ("equilibrium", True)
+        heave = snapped.state.plate.deflection
+        assert heave > far
+        assert total(heave, volts)[0] == pytest.approx(LIGHT, rel=1e-5)
     beyond = held(film, 1.15 * far, 1.01 * snap)
     fallen = newton(film, beyond.state.under(force=LIGHT))
     assert fallen.converged
     returning = equilibrium(film, LIGHT, middle, start=fallen)
     assert returning.status == "equilibrium"
     assert returning.state.plate.deflection > far
+    ended = Ramp(film, "voltage", (0.98 * back) ** 2).run(fallen)
+    assert (ended.status, ended.limited) == ("no_equilibrium", "voltage")
+    assert np.sqrt(ended.limit) == pytest.approx(back, rel=1e-5)
     released = equilibrium(film, LIGHT, 0.98 * back, start=fallen)
-    assert (released.status, released.limited) == ("no_equilibrium", "voltage")
-    assert np.sqrt(released.limit) == pytest.approx(back, rel=1e-5)
+    assert (released.status, released.snapped) == ("equilibrium", True)
+    assert released.state.plate.deflection < near

@@ -37,6 +37,26 @@ def test_every_mechanism_has_a_sample() -> None:
     assert {*SAMPLES} == {*BIASES}
 
 
+@pytest.mark.parametrize("law", SAMPLES)
+def test_a_mechanism_softens_only_where_it_says(law: str) -> None:
+    """There the stiffness is negative somewhere, so that each interval is one."""
+    bias = SAMPLES[law]
+    places = np.linspace(-4.9e-3, 11.9e-3, 4001)
+    falls = np.array([bias.derivatives(place)[2] < 0 for place in places])
+    inside = np.zeros(len(places), dtype=bool)
+    for low, high in bias.softening:
+        within = (places > low) & (places < high)
+        assert falls[within].any()
+        inside |= within
+    assert not falls[~inside].any()
+    loading = Rig(biases=(bias, Spring(1.0))).loading
+    assert loading.softening == tuple(sorted(bias.softening))
+    # A step from anywhere stays before an interval, or leads over a part of it only.
+    for place in places[::400]:
+        for low, high in bias.softening:
+            assert loading.step(place) <= max(low - place, place - high, 0.0) + (high - low) / 4
+
+
 def by_least_energy(beam: BuckledBeam, moved: float) -> float:
     """Force [N] on the middle of the beam whose halves take any shape, of least energy.
 
