@@ -106,13 +106,17 @@ def _stated(table: Table, title: str) -> Stated:
 
 @dataclass(frozen=True)
 class Source:
-    """What a column is read from: a ``place`` in each row, or a ``constant``."""
+    """What a column is read from: a ``place`` in each row, or a ``constant``.
+
+    ``per``: the size of the test piece that its numbers were divided by.
+    """
 
     column: Column
     place: int | None
     factor: float = 1.0
     offset: float = 0.0
     constant: str = ""
+    per: str = ""
 
 
 @dataclass(frozen=True)
@@ -360,7 +364,7 @@ class Reader:
                     lacking = meaning.per
                     continue
                 factor /= size
-            return Source(column, 0, factor, meaning.offset)
+            return Source(column, 0, factor, meaning.offset, per=meaning.per)
         return lacking
 
     def _rank(self, column: Column, title: str) -> int:

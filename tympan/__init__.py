@@ -28,9 +28,9 @@ __all__ = [
     "Region", "RegularPolygon", "Result", "Rig", "Rotated", "RoundedRectangle", "Settings",
     "ShearThinning", "Specimen", "Spring", "Stadium", "Superellipse", "ViscousBranch", "Yeoh",
     "__version__",
-    "alpha", "curve", "diagnose", "draw", "fit_material", "force", "limits", "load", "lumped",
-    "material", "modes", "optimise", "path", "response", "sense", "sensitivity", "solve", "study",
-    "sweep", "transient",
+    "alpha", "curve", "data", "diagnose", "draft", "draw", "fit_material", "force", "limits",
+    "load", "lumped", "material", "modes", "optimise", "path", "response", "sense", "sensitivity",
+    "solve", "study", "sweep", "transient",
 ]
 
 

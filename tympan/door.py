@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, TypedDict, Unpack
+from typing import TYPE_CHECKING, Any, Literal, TypedDict, Unpack
 
 from tympan.fem.film.library import LibraryMaterial, library_material, load_specimen
 from tympan.fem.rig import Rig
@@ -322,6 +322,27 @@ def lumped(*specimens: Specimen, settings: Settings = Settings(), rig: Rig = Rig
     from tympan.studies.lumped.build import BuildResult, build
 
     return Result(BuildResult.of([build(specimen, settings, rig=rig) for specimen in specimens]))
+
+
+@names_arguments()
+def data(dataset: File) -> dict[str, Any]:
+    """What is in a dataset, and what to beware of, as ``tympan data --json`` prints it."""
+    from tympan.studies.data.checks import summary
+    from tympan.studies.data.dataset import read_dataset
+
+    return summary(read_dataset(Path(dataset)))
+
+
+@names_arguments()
+def draft(file: File, target: File | None = None, kind: str | None = None) -> Path:
+    """Write a first dataset.toml for a table of yours, beside it or to a ``target``.
+
+    Every line is a guess with its reason. ``kind``: "static", "transient", "force", "coupon",
+    "frequency" or "range", where the guess is wrong.
+    """
+    from tympan.studies.data.draft import write_draft
+
+    return write_draft(Path(file), None if target is None else Path(target), kind)
 
 
 @names_arguments()

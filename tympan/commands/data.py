@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import argparse
+import json
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from tympan.geometry.errors import InputError
 from tympan.options import (
     JSON,
     SEEDS,
@@ -26,15 +28,30 @@ if TYPE_CHECKING:
 
 
 @command("data",
-         argument("dataset", type=Path, metavar="DATASET",
+         argument("dataset", type=Path, metavar="DATASET", nargs="?",
                   help="folder with dataset.toml and static.csv, range.csv, transient.csv, "
-                       "coupon.csv, frequency.csv, field.csv or force.csv"), JSON,
+                       "coupon.csv, frequency.csv, field.csv or force.csv"),
+         argument("--draft", type=Path, metavar="FILE",
+                  help="write a first dataset.toml for a table of yours, beside it or to -o: every "
+                       "line is a guess with its reason, for you to correct"),
+         argument("--kind", metavar="KIND", help="what the table of --draft is: static, transient, "
+                                                 "force, coupon, frequency or range (default: "
+                                                 "guessed)"),
+         argument("-o", "--output", type=Path, metavar="TOML", help="file for --draft"), JSON,
          example="readings")
 def data(options: argparse.Namespace) -> None:
-    """Check a dataset of measurements and say what is in it."""
+    """Check a dataset of measurements and say what is in it; or draft one for a table."""
     from tympan.studies.data.checks import summary
     from tympan.studies.data.dataset import read_dataset
+    from tympan.studies.data.draft import write_draft
 
+    if (options.draft is None) == (options.dataset is None):
+        raise InputError("must be given, or --draft with a table of yours, one of both",
+                         key="DATASET")
+    if options.draft is not None:
+        written = write_draft(options.draft, options.output, options.kind)
+        print(json.dumps({"written": str(written)}) if options.json else written)
+        return
     print_record(options, summary(read_dataset(options.dataset)))
 
 

@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 
 import tympan
-from tests.support.datasets import write_dataset
+from benchmarks.trials.tables import followed, made, wrong
+from tests.support.datasets import SPECIMEN, write_dataset
 from tympan.cli import main
 from tympan.geometry.errors import InputError
 from tympan.geometry.layouts import Layout
@@ -226,3 +227,77 @@ def test_messages_have_the_line_what_was_expected_and_what_to_write(
         static(tmp_path / "a", head, static=text)
     assert message in str(error.value)
     assert len(str(error.value)) < 600
+
+
+def test_made_tables_are_read_right_after_what_their_messages_ask_for(tmp_path: Path) -> None:
+    """Every maker's features by seed; each table needs at most five lines."""
+    for seed in range(1, 31):
+        table = made(seed)
+        folder = tmp_path / str(seed)
+        folder.mkdir()
+        read, written = followed(folder, table)
+        assert list(wrong(read, table)) == [], (seed, table.features, written)
+        assert len(written) <= 5
+
+
+ZUG = """Kraftmessung Aktor 7
+Bediener;Jäger
+
+Spannung [kV];Weg [mm];Bemerkung
+{rows}7,0;---;ausgefallen
+"""
+
+
+def test_a_german_table_of_ones_own_becomes_a_verdict_by_one_edit(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Heights fall as the voltage rises, and the mass stands nowhere: the draft asks for that."""
+    film = SPECIMEN.format(name="oval").replace("[[specimen]]\n", "").replace("[specimen.", "[")
+    (tmp_path / "oval.toml").write_text(film, "utf-8")
+    oval = tympan.load(tmp_path / "oval.toml")
+    rows = ""
+    for number, voltage in enumerate((0.0, 1.0, 2.0, 3.0, 4.0, 0.0, 1.0, 2.0, 3.0, 4.0)):
+        deflection = tympan.solve(oval, mass="17.9 g", voltage=f"{voltage} kV").deflection_m
+        height = -1e3 * deflection + (-1) ** number * 0.002 * (1 + number % 3)
+        rows += f"{voltage:.1f};{height:.4f};\n".replace(".", ",")
+    (tmp_path / "Messung 7.csv").write_bytes(ZUG.format(rows=rows).encode("cp1252"))
+    assert main(["data", "--draft", str(tmp_path / "Messung 7.csv")]) == 0
+    assert capsys.readouterr().out.strip() == str(tmp_path / "dataset.toml")
+    text = (tmp_path / "dataset.toml").read_text("utf-8")
+    assert [line.partition(" ")[0] for line in text.splitlines() if "CORRECT THIS" in line] == [
+        "mass_g", "displacement_mm"]
+    assert 'sign = "up"' in text
+    assert 'file = "oval.toml"' in text
+    assert main(["data", str(tmp_path)]) == 2  # until it is corrected
+    assert "columns.static.mass_g: given '?': must be a number" in capsys.readouterr().err
+    (tmp_path / "dataset.toml").write_text(text.replace('"?"', "17.9"), "utf-8")
+    verdict = tympan.diagnose(tmp_path)
+    assert verdict.verdict == "nothing"
+
+
+def test_a_draft_of_a_tester_has_the_size_of_its_strip(tmp_path: Path) -> None:
+    text = INSTRON.replace("Engineering Strain", "Extension (mm)").replace(
+        "Engineering Stress (MPa)", "Load (N)")
+    file = tmp_path / "strip_uniaxial.csv"
+    file.write_text(text, "utf-8")
+    (tmp_path / "film.toml").write_text(
+        SPECIMEN.format(name="film").replace("[[specimen]]\n", "").replace("[specimen.", "["),
+        "utf-8")
+    target = tympan.draft(file)
+    words = target.read_text("utf-8")
+    assert 'area = "18 mm^2"' in words
+    assert words.count("CORRECT THIS") == 1
+    tests = read_dataset(tmp_path).coupons
+    assert tests is not None
+    assert tests.stress[0] == pytest.approx(0.03 / 18e-6)
+    with pytest.raises(InputError, match="is there already"):
+        tympan.draft(file)
+    assert tympan.data(tmp_path)["specimens"] == ["film"]
+
+
+def test_a_draft_keeps_both_marks_apart(tmp_path: Path) -> None:
+    file = tmp_path / "zahlen.csv"
+    file.write_text(THOUSANDS, "utf-8")
+    assert 'decimal = ","' in tympan.draft(file, tmp_path / "a.toml").read_text("utf-8")
+    file.write_text("a;b\n1;2\n", "utf-8")
+    with pytest.raises(InputError, match="no line with two known headings"):
+        tympan.draft(file, tmp_path / "b.toml")

@@ -1,0 +1,262 @@
+"""A first dataset.toml for somebody's table: every line a guess with its reason, to correct."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from tympan.fem.film.library import load_specimen
+from tympan.geometry.column import NUMBER, Column, Heading
+from tympan.geometry.errors import InputError, did_you_mean
+from tympan.geometry.formats import Row, TwoMarks, read_rows
+from tympan.geometry.layouts import Header, Layout, Reader, Source
+from tympan.geometry.read_file import file_bytes
+from tympan.geometry.units import any_quantity, quantity_text
+from tympan.studies.data.coupon import named_mode
+from tympan.studies.data.dataset import FILES
+from tympan.studies.files import write_text
+
+#: Kinds of files that are guessed, of those that explain as much the first.
+_KINDS = ("static", "transient", "force", "coupon", "frequency", "range")
+#: Readings below which a table with times is a list of states and no run in time.
+_RUN = 30
+#: What one missing column of numbers counts against one that was found.
+_MISSED = 1.0
+#: Correlation below which numbers fall where deflections and forces rise.
+_FALLING = -0.5
+#: Words of preambles for the sizes of a test piece.
+_SIZES = {"thickness": ("thickness", "specimen thickness", "dicke", "probendicke", "epaisseur"),
+          "width": ("width", "specimen width", "breite", "probenbreite", "largeur"),
+          "length": ("gauge length", "length", "specimen length", "messlange", "einspannlange",
+                     "longueur", "longueur initiale", "anfangsmesslange")}
+_CORRECT = "CORRECT THIS: "
+
+
+@dataclass(frozen=True)
+class Draft:
+    """What a table is taken for: its ``kind``, header and rows, and the decimal mark if stated."""
+
+    file: Path
+    kind: str
+    header: Header
+    rows: tuple[Row, ...]
+    decimal: str | None
+    specimen: Path | None
+
+    @cached_property
+    def name(self) -> str:
+        """Name of the specimen, "film" where none is known."""
+        return "film" if self.specimen is None else load_specimen(self.specimen).name
+
+    @property
+    def text(self) -> str:
+        """The lines of a dataset.toml."""
+        lines = ["# A draft: every line is a guess. Correct it, then run: tympan data .",
+                 f"name = {_quoted(self.file.stem)}", "", f"[columns.{self.kind}]",
+                 *self._about(), *self._columns(), "", "[[specimen]]", self._specimen()]
+        return "\n".join(lines) + "\n"
+
+    def _about(self) -> Iterator[str]:
+        if self.file.name != f"{self.kind}.csv":
+            yield f"file = {_quoted(self.file.name)}"
+        yield f"titles_line = {self.header.line}  # the first line with known headings"
+        if self.decimal:
+            yield (f"decimal = {_quoted(self.decimal)}  # {_CORRECT}numbers have both marks; the "
+                   "other one is taken to separate thousands")
+        if words := self._words():
+            yield f"missing = [{', '.join(map(_quoted, words))}]  # cells that are no numbers"
+        left = [title for place, title in enumerate(self.header.titles) if title
+                and place not in {source.place for source in self.header.sources}]
+        if left:
+            yield f"ignore = [{', '.join(map(_quoted, left))}]  # no column is known by these names"
+
+    def _columns(self) -> Iterator[str]:
+        columns = FILES[f"{self.kind}.csv"]
+        found = {source.column.name: source for source in self.header.sources}
+        for size in dict.fromkeys(source.per for source in found.values() if source.per):
+            yield self._size(size)
+        for column in columns:
+            if column.name in found:
+                yield self._found(found[column.name])
+            elif column.required:
+                yield self._absent(column)
+
+    def _found(self, source: Source) -> str:
+        place = source.place
+        if place is None:
+            return ""
+        title, column = self.header.titles[place], source.column
+        unit = Heading.of(title).unit
+        why = f"{title!r} is known as {column.name}"
+        if not column.unit or source.per:
+            return f"{column.title} = {_quoted(title)}  # {why}, by its words and unit"
+        key = f"{column.name}_{unit}" if unit.isalpha() else column.title
+        if not column.claims(key) or abs(column.factor(key) / source.factor - 1) > 1e-9:
+            return f"# {column.title}: {why}; its unit is read from the heading"
+        if column.name in ("displacement", "force") and self._falls(place, column.name):
+            return (f'{key} = {{ from = {_quoted(title)}, sign = "up" }}  # {_CORRECT}the numbers '
+                    f"fall where {column.name}s rise: taken as counted the other way")
+        return f'{key} = {{ from = {_quoted(title)}, sign = "down" }}  # {why}' if (
+            column.name in ("displacement", "force")) else f"{key} = {_quoted(title)}  # {why}"
+
+    def _absent(self, column: Column) -> str:
+        nearest = next((title for title in self.header.titles
+                        if any(Heading.of(title).words in meaning.words
+                               for meaning in column.also)), None)
+        if nearest is not None:
+            return (f"{column.title} = {_quoted(nearest)}  # {_CORRECT}the heading has no unit "
+                    "that fits; the unit is that of the key")
+        if column.choices is not None:
+            value = {"specimen": self.name, "run": "1", "mode": "uniaxial"}.get(column.name, "1")
+            value = named_mode(self.file).get(column.name, value)
+            value = column.choices[0] if column.choices and value not in column.choices else value
+            return f"{column.title} = {{ value = {_quoted(value)} }}  # no heading says it"
+        value = "0" if column.name == "voltage" else '"?"'
+        return (f"{column.title} = {{ value = {value} }}  # {_CORRECT}no heading says it; "
+                "the value of the whole file, or the heading")
+
+    def _size(self, size: str) -> str:
+        sizes = self._preamble()
+        if size == "length" and "length" in sizes:
+            return f"length = {_quoted(quantity_text(sizes['length'], 'length'))}  # the preamble's"
+        if size == "area" and {"thickness", "width"} <= {*sizes}:
+            area = 1e6 * sizes["thickness"] * sizes["width"]
+            return f'area = "{area:g} mm^2"  # thickness times width, from the preamble'
+        usual = {"area": "18 mm^2", "length": "30 mm"}[size]
+        return f'{size} = "{usual}"  # {_CORRECT}of the test piece before it is stretched'
+
+    def _preamble(self) -> dict[str, float]:
+        """Sizes of the test piece [m] in the lines above the headings."""
+        sizes: dict[str, float] = {}
+        for _, cells in self.rows[:self.header.above]:
+            heading = Heading.of(cells[0].rstrip(":"))
+            name = next((key for key, words in _SIZES.items() if heading.words in words), None)
+            value = next((cell for cell in cells[1:] if NUMBER.fullmatch(cell)), None)
+            unit = heading.unit or next((cell for cell in cells[2:] if cell), "mm")
+            known = any_quantity(f"{value} {unit}") if name and value else None
+            if name and known and known[1] == "length":
+                sizes[name] = known[0]
+        return sizes
+
+    def _words(self) -> list[str]:
+        """Cells of columns of numbers that are none."""
+        places = [source.place for source in self.header.sources
+                  if source.place is not None and source.column.choices is None]
+        cells = {cells[place] for _, cells in self._below for place in places}
+        return sorted(cell for cell in cells if not any(mark.isdigit() for mark in cell)
+                      and (cell or any(source.column.required for source in self.header.sources)))
+
+    @cached_property
+    def _below(self) -> list[Row]:
+        return list(self.header.rows(lambda: self.rows))[1:]
+
+    def _falls(self, place: int, name: str) -> bool:
+        """Whether a column falls as the voltage rises, or the force as the displacement does."""
+        along = {"displacement": "voltage", "force": "displacement"}[name]
+        other = next((source.place for source in self.header.sources
+                      if source.column.name == along), None)
+        pairs = [(float(cells[place]), float(cells[other])) for _, cells in self._below
+                 if other is not None and NUMBER.fullmatch(cells[place])
+                 and NUMBER.fullmatch(cells[other])]
+        if len(pairs) < 2 or not np.ptp(pairs, axis=0).all():
+            return False
+        return bool(np.corrcoef(np.transpose(pairs))[0, 1] < _FALLING)
+
+    def _specimen(self) -> str:
+        if self.specimen is None:
+            return (f'file = "specimen.toml"  # {_CORRECT}no file of a specimen stands here; the '
+                    "name of yours")
+        return f"file = {_quoted(self.specimen.name)}  # the only specimen in this folder"
+
+
+def draft(file: Path | str, kind: str | None = None) -> Draft:
+    """What a table is taken for; ``kind`` is the file of a dataset it stands for, such as "force".
+
+    Raises
+    ------
+    InputError
+        Where no line has headings that are known, or the file is no table.
+    """
+    file = Path(file)
+    if kind is not None and f"{kind}.csv" not in FILES:
+        hint = did_you_mean(kind, {name: name for name in _KINDS})
+        raise InputError(f"unknown kind: {hint}known are {', '.join(_KINDS)}", key="kind",
+                         given=kind)
+    rows, decimal = _rows(file)
+    best: tuple[float, str, Header] | None = None
+    for name in _KINDS if kind is None else (kind,):
+        header = _header(file, name, rows)
+        if header is not None:
+            score = _score(file, name, header, len(rows))
+            if best is None or score > best[0]:
+                best = (score, name, header)
+    if best is None or not best[2].sources:
+        raise InputError("has no line with two known headings, such as Weg (mm) or Voltage (kV): "
+                         "give the columns such names", file=file)
+    return Draft(file, best[1], best[2], rows, decimal, _only_specimen(file.parent))
+
+
+def write_draft(file: Path | str, target: Path | str | None = None, kind: str | None = None
+                ) -> Path:
+    """Write the draft of a table beside it, or to a ``target``; nothing is overwritten."""
+    file = Path(file)
+    target = file.parent / "dataset.toml" if target is None else Path(target)
+    text = draft(file, kind).text
+    if target.exists():
+        raise InputError("is there already: name another file with -o", file=target)
+    write_text(target, text)
+    return target
+
+
+def _rows(file: Path) -> tuple[tuple[Row, ...], str | None]:
+    content = file_bytes(file)
+    try:
+        return tuple(read_rows(file, content)), None
+    except TwoMarks as error:
+        decimal = "." if "," in str(error.given) else ","
+        return tuple(read_rows(file, content, decimal)), decimal
+
+
+def _header(file: Path, kind: str, rows: Sequence[Row]) -> Header | None:
+    """The header of a table if it is of that kind, whatever is missing."""
+    columns = [replace(column, required=False) for column in FILES[f"{kind}.csv"]]
+    whole = Layout(area=1.0, length=1.0)
+    with suppress(InputError):
+        header = Reader(file, columns, whole).header(rows)
+        wanted = {column.name: column for column in FILES[f"{kind}.csv"]}
+        sources = tuple(replace(source, column=wanted[source.column.name])
+                        for source in header.sources)
+        return replace(header, sources=sources, foreign=True)
+    return None
+
+
+def _score(file: Path, kind: str, header: Header, count: int) -> float:
+    """How well a kind explains the headings."""
+    if file.stem.lower() == kind:
+        return float("inf")
+    have = {source.column.name for source in header.sources}
+    needed = [column.name for column in FILES[f"{kind}.csv"]
+              if column.required and column.choices is None]
+    missed = sum(name not in have for name in needed)
+    few = kind == "transient" and count < _RUN
+    return sum(name in have for name in needed) - _MISSED * missed - 1.5 * few + 0.1 * len(have)
+
+
+def _only_specimen(folder: Path) -> Path | None:
+    """The file of a specimen in a folder, if there is one and no other."""
+    found = []
+    for file in sorted(folder.glob("*.toml")):
+        with suppress(InputError):
+            load_specimen(file)
+            found.append(file)
+    return found[0] if len(found) == 1 else None
+
+
+def _quoted(text: str) -> str:
+    return json.dumps(text, ensure_ascii=False)
