@@ -97,7 +97,7 @@ def _rows(record: Mapping[str, Any]) -> list[str]:
         rows.append([f"{_words(name)}, limit {_shown(name, limit['bound'])}",
                      *(_kept(name, optimum["limits"][name]) for optimum in stored)])
     rows += [["how the film ends", *(END_VERBS[optimum["end"]] for optimum in stored)],
-             ["stroke for 1 % more of what is held",
+             ["stroke for 1 % more of what is held constant",
               *(f"{optimum['held_multiplier']:+.3f} %" for optimum in stored)],
              ["conditions of optimality miss by, relative",
               *(f"{optimum['kkt_residual']:.1e}" for optimum in stored)],
