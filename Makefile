@@ -5,7 +5,7 @@ PYTHON ?= $(shell for p in python3.12 python3.13 python3.11 python3; do \
   $$p -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))' 2>/dev/null && echo $$p && break; done)
 OUT ?= out
 
-.PHONY: study check test benchmarks scaling verification robustness spreads films-in-time hidden verdict-cases fuzz hostile signals optimum outlines map lumped-build paper coupons coupon-rubbers external house verdict-pictures docs clean
+.PHONY: study check test benchmarks scaling verification robustness spreads films-in-time hidden verdict-cases fuzz hostile drawings signals optimum outlines map lumped-build paper coupons coupon-rubbers external house verdict-pictures docs clean
 
 study: .venv/ready
 	.venv/bin/tympan study -o "$(OUT)"
@@ -60,6 +60,10 @@ fuzz: .venv/ready
 # Commands with bad input: status, seconds, message; counts for each group.
 hostile: .venv/ready
 	.venv/bin/python -m benchmarks.trials.hostile
+
+# Drawings as programs write them, of known shapes: read right, or refused with advice that works.
+drawings: .venv/ready
+	.venv/bin/python -m benchmarks.trials.drawings
 
 # Commands ended by signals at random moments, and killed: statuses, and what was lost or wrong.
 signals: .venv/ready

@@ -22,9 +22,9 @@ from tympan.geometry.errors import InputError
 #: Memory that the process may take [bytes]: no drawing of an outline needs so much, a damaged one
 #: may ask for any.
 _MEMORY = 4 << 30
-#: Time of the processor that the process may take [s]. A damaged drawing may keep a library busy
-#: for ever.
-_SECONDS = 20
+#: Time of the processor that the process may take [s], twice what 100,000 lines take. A damaged
+#: drawing may keep a library busy for ever.
+_SECONDS = 60
 #: Time on the clock until the process is ended [s], for one that waits instead of working. Longer
 #: than its own time, as the machine may be busy.
 _PATIENCE = 120
@@ -63,12 +63,13 @@ def _names_step(file: Path) -> bool:
 
 def _started(kind: str) -> Process:
     code = (f"import sys; sys.path[:] = {sys.path!r}; from {__name__} import answer; "
-            "from tympan.geometry.outlines.drawings import reader, record; answer(reader, record)")
+            "from tympan.geometry.outlines.drawings import load_reader, record; "
+            "answer(load_reader, record)")
     return subprocess.Popen([sys.executable, "-c", code, kind], stdin=subprocess.PIPE,
                             stdout=subprocess.PIPE, stderr=subprocess.PIPE)
 
 
-def read_apart(kind: str, file: str, layer: str) -> dict[str, Any]:
+def read_apart(kind: str, file: str, keys: dict[str, Any]) -> dict[str, Any]:
     """The record of a ``dxf`` or ``step`` drawing, as ``outlines.drawings`` makes it.
 
     Raises
@@ -79,7 +80,7 @@ def read_apart(kind: str, file: str, layer: str) -> dict[str, Any]:
     process = _waiting.pop() if kind == "step" and _waiting else _started(kind)
     with process:
         try:
-            output, _ = process.communicate(json.dumps([file, layer]).encode(), _PATIENCE)
+            output, _ = process.communicate(json.dumps([file, keys]).encode(), _PATIENCE)
         except subprocess.TimeoutExpired:
             process.kill()
             raise InputError(f"cannot be read within {_PATIENCE} s") from None
@@ -114,7 +115,7 @@ def _end_with_parent() -> None:
         ctypes.CDLL(None).prctl(_DEATH_SIGNAL, signal.SIGKILL)
 
 
-def answer(load: Callable[[str], object], record: Callable[..., dict[str, Any]]) -> None:
+def answer(load: Callable[[str], None], record: Callable[..., dict[str, Any]]) -> None:
     """Answer in the process: read the drawing on standard input and print its record as JSON.
 
     What reads drawings of a kind is loaded before it is known which.
@@ -133,6 +134,6 @@ def answer(load: Callable[[str], object], record: Callable[..., dict[str, Any]])
         kind = sys.argv[1]
         with suppress(ImportError):  # said in the record
             load(kind)
-        file, layer = json.load(sys.stdin)
-        json.dump(record(kind, file, layer), output)
+        file, keys = json.load(sys.stdin)
+        json.dump(record(kind, file, keys), output)
     os._exit(0)  # to take apart what was loaded would take longer than to read

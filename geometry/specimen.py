@@ -378,6 +378,14 @@ class Specimen:
                              given=self.membrane.prestretch)
 
     @property
+    def remarks(self) -> tuple[str, ...]:
+        """How its drawings were read: gaps that were closed, curves that were left out, units."""
+        inside = (("plate", self.plate), ("electrode.outline", self.electrode.outline))
+        outlines = [("frame", self.frame), *((key, part.outline) for key, part in inside
+                                             if part is not None)]
+        return tuple(f"{key}: {words}" for key, outline in outlines for words in outline.remarks)
+
+    @property
     def centre(self) -> Pair:
         """The plate's centre, or the frame's where there is no plate [m]."""
         return (0.0, 0.0) if self.plate is None else self.plate.offset

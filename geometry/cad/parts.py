@@ -12,7 +12,7 @@ import numpy as np
 from tympan.geometry.cad.wires import outline_wire, pieces_wire
 from tympan.geometry.errors import InputError
 from tympan.geometry.outlines import Outline
-from tympan.geometry.outlines.drawn import joined
+from tympan.geometry.outlines.contours import closed_curves
 from tympan.geometry.outlines.pieces import Arc, Array, Line, Piece, normals
 from tympan.geometry.outlines.step import edge_pieces
 from tympan.geometry.specimen import Specimen
@@ -122,9 +122,10 @@ def write_svg(shapes: Sequence[cq.Shape], file: Path) -> None:
              f'{width:.6f} {height:.6f}">',
              '<g transform="scale(1 -1)" fill="none" stroke="#ff0000" stroke-width="0.1">']
     for name, wire in wires:
-        loop = joined([piece for edge in wire.Edges() for piece in edge_pieces(edge.wrapped)])
-        start = METRE * loop.segments[0].at(np.zeros(1))[0][0]
-        words = [word for piece in loop.segments for word in _words(piece)]
+        edges = [piece for edge in wire.Edges() for piece in edge_pieces(edge.wrapped)]
+        loop, = closed_curves(edges).closed
+        start = METRE * loop.starts[0]
+        words = [word for piece in loop.pieces for word in _words(piece)]
         lines.append(f'<path class="{name}" d="M {_numbers(start)} {" ".join(words)} Z"/>')
     file.write_text("\n".join([*lines, "</g>", "</svg>", ""]), encoding="utf-8")
 

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from tympan.geometry.outlines.curve import Curve
-from tympan.geometry.outlines.drawn import ClosedSpline, Drawn, DxfFile, StepFile
+from tympan.geometry.outlines.drawings import DxfFile, StepFile
+from tympan.geometry.outlines.drawn import ClosedSpline, Drawn
 from tympan.geometry.outlines.ellipses import Circle, Ellipse, Superellipse
 from tympan.geometry.outlines.outline import OUTLINES, Outline, Rotated, check_outline
 from tympan.geometry.outlines.pieces import Array

@@ -1,21 +1,29 @@
-"""The curves of drawings from outside, as pieces of outlines."""
+"""Outlines from drawings: DXF and STEP files, read once and kept as pieces."""
 
 from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Callable
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, ClassVar, Literal
+
+import numpy as np
 
 from tympan.geometry.errors import InputError
-from tympan.geometry.outlines.pieces import MOST_PIECES, PIECES, Piece
+from tympan.geometry.fields import Key, read
+from tympan.geometry.outlines.contours import MOST_CURVES, Sheet, closed_curves, piece_ends
+from tympan.geometry.outlines.drawn import Drawn
+from tympan.geometry.outlines.outline import OUTLINES, SIZE
+from tympan.geometry.outlines.pieces import MOST_PIECES, PIECES, PLACE, Line, Piece
 from tympan.geometry.read_file import file_bytes
 from tympan.geometry.reader_process import read_apart
 from tympan.geometry.system import missing_library
-from tympan.geometry.toml_reader import Table
+from tympan.geometry.toml_reader import Rule, Table
+from tympan.geometry.units import quantity
 
 #: What DXF calls curves.
 _CURVES = frozenset({b"LINE", b"ARC", b"CIRCLE", b"ELLIPSE", b"SPLINE", b"LWPOLYLINE"})
@@ -23,41 +31,129 @@ _CURVES = frozenset({b"LINE", b"ARC", b"CIRCLE", b"ELLIPSE", b"SPLINE", b"LWPOLY
 #: The head of what a DXF draws, after the definitions of its layers and blocks.
 _ENTITIES = re.compile(rb"SECTION\s+2\s+ENTITIES\b")
 
+_TOLERANCE: Rule = (lambda x: 0 <= x <= 0.1, "must be from 0 to 10 cm")
+@dataclass(frozen=True)
+class Drawing(ABC):
+    """A closed curve of a drawing, read once and kept as pieces."""
 
-def drawing_pieces(file: Path, kind: str, layer: str = "*") -> list[Piece]:
-    """The curves of a ``dxf`` or ``step`` drawing as pieces in any order [m].
+    shape: ClassVar[str]
+    file: Annotated[str, Key("the drawing, from the folder of this file")]
+    curve: Annotated[Literal["outer", "inner", "only"], Key(
+        "which closed curve: the largest, the largest within it, or the only one")] = "only"
+    inside: Annotated[tuple[float, float] | None, Key(
+        "a point of the drawing: the smallest closed curve around it is taken, in place of curve",
+        "length", PLACE)] = None
+    tolerance: Annotated[float | None, Key(
+        "widest gap that is closed, and how far lines that are too many may be moved", "length",
+        _TOLERANCE, default="1e-4 of the drawing's size, at most 0.05 mm")] = None
 
-    Raises
-    ------
-    InputError
-        When it cannot be read, within the limits or at all, or its curves are none.
-    """
-    digest = hashlib.sha256(file_bytes(file)).hexdigest()
-    return list(_pieces(str(file), digest, kind, layer))
+    @classmethod
+    def from_table(cls, table: Table) -> Drawn:
+        """Its pieces, joined."""
+        drawing = read(cls, table)
+        file = Path(table.file).parent / drawing.file
+        try:
+            digest = hashlib.sha256(file_bytes(file)).hexdigest()
+            return _read(str(file), digest, drawing)
+        except InputError as error:
+            raise table.error("file", error.allowed, str(file)) from None
+
+    @property
+    def keys(self) -> dict[str, Any]:
+        """All that :func:`record` needs beside the file."""
+        return {name: value for name, value in vars(self).items() if name != "file"}
+
+    @abstractmethod
+    def sheet(self, file: Path) -> Sheet:
+        """All its curves, in any order."""
+
+
+@OUTLINES.register
+@dataclass(frozen=True)
+class StepFile(Drawing):
+    """A closed curve of a STEP file: of a flat face or wire, or of a flat face of a solid."""
+
+    shape: ClassVar[str] = "step"
+    face: Annotated[Literal["largest", "top", "bottom"], Key(
+        "which flat face of a solid: the largest, or the highest or lowest of those parallel to "
+        "it")] = "largest"
+
+    def sheet(self, file: Path) -> Sheet:
+        from tympan.geometry.outlines.step import step_sheet
+
+        return step_sheet(file, self.face)
+
+
+@OUTLINES.register
+@dataclass(frozen=True)
+class DxfFile(Drawing):
+    """A closed curve of a DXF file: lines, arcs, ellipses, polylines, splines, also in blocks."""
+
+    shape: ClassVar[str] = "dxf"
+    layer: Annotated[str, Key("the layer it is on; * is all that are switched on")] = "*"
+    unit: Annotated[str | None, Key(
+        'length of one unit of the drawing, such as "mm" or "in"',
+        default="what the file says; millimetres where it says nothing")] = None
+
+    @classmethod
+    def from_table(cls, table: Table) -> Drawn:
+        if (unit := table.data.get("unit")) is not None:
+            try:
+                quantity(f"1 {unit}", "length")
+            except InputError:
+                raise table.error("unit", 'must be a unit of length, such as "mm" or "in"',
+                                  unit) from None
+        return super().from_table(table)
+
+    def sheet(self, file: Path) -> Sheet:
+        from tympan.geometry.outlines.dxf import dxf_sheet
+
+        _few(_curves(file.read_bytes()))
+        return dxf_sheet(file, self.layer, self.unit)
+
+
+_KINDS: dict[str, type[Drawing]] = {kind.shape: kind for kind in (DxfFile, StepFile)}
 
 
 @lru_cache(maxsize=64)
-def _pieces(file: str, digest: str, kind: str, layer: str) -> tuple[Piece, ...]:
+def _read(file: str, digest: str, drawing: Drawing) -> Drawn:
     """The digest of its bytes tells a changed file from the one that was read."""
-    answer = read_apart(kind, file, layer)
+    answer = read_apart(drawing.shape, file, drawing.keys)
     if "library" in answer:
         raise missing_library(ImportError(answer["library"]))
     if "error" in answer:
         raise InputError(answer["error"])
     table = Table("", answer, plain=True)
+    return Drawn(tuple(map(_piece, table.tables("pieces"))), tuple(answer["remarks"]))
+
+
+def _piece(table: Table) -> Piece:
     try:
-        return tuple(map(PIECES.read, table.tables("pieces")))
+        piece: Piece = PIECES.read(table)
     except InputError as error:
         raise InputError(f"{error.key}: given {error.given!r}: {error.allowed}") from None
+    return piece
 
 
-def record(kind: str, file: str, layer: str) -> dict[str, Any]:
-    """The ``pieces`` of a drawing, the ``error`` in it, or the ``library`` that is missing."""
+def record(kind: str, file: str, keys: dict[str, Any]) -> dict[str, Any]:
+    """The ``pieces`` and ``remarks`` of an outline, the ``error``, or the ``library`` missing."""
     try:
-        _few(_curves(Path(file).read_bytes()) if (kind, layer) == ("dxf", "*") else 0)
-        pieces = reader(kind)(Path(file), layer)
-        _few(len(pieces))
-        return {"pieces": [PIECES.write(piece, plain=True) for piece in pieces]}
+        drawing: Drawing = _KINDS[kind](file, **keys)
+        sheet = drawing.sheet(Path(file))
+        _few(len(sheet.pieces))
+        _in_range(sheet)
+        contours = closed_curves(sheet.pieces, drawing.tolerance)
+        contours = contours.chosen(drawing.curve, drawing.inside)
+        curve, = contours.closed
+        width, height = (high - low for low, high in curve.box)
+        if not SIZE[0](width / 2) or not SIZE[0](height / 2):
+            raise InputError(f"is {1e3 * width:.4g} x {1e3 * height:.4g} mm: its half extents "
+                             f"{SIZE[1]}{sheet.units}")
+        if len(curve.pieces) > MOST_PIECES:
+            raise InputError(f"has {len(curve.pieces)} lines, arcs and splines: at most "
+                             f"{MOST_PIECES} make an outline; a larger tolerance makes lines fewer")
+        return {"pieces": [PIECES.write(piece, plain=True) for piece in curve.pieces],
+                "remarks": [*sheet.remarks, *contours.remarks]}
     except InputError as error:
         return {"error": str(error)}
     except ImportError as error:
@@ -70,10 +166,25 @@ def record(kind: str, file: str, layer: str) -> dict[str, Any]:
                          f"{type(error).__name__}: {reason}"}
 
 
+def _in_range(sheet: Sheet) -> None:
+    """Refuse numbers that no curve is computed from."""
+    try:
+        for piece in sheet.pieces:
+            if not isinstance(piece, Line):
+                _piece(Table("", {"piece": PIECES.write(piece, plain=True)}, plain=True)
+                       .table("piece"))
+    except InputError as error:
+        raise InputError(f"{error}{sheet.units}") from None
+    ends = piece_ends(sheet.pieces)
+    if not np.abs(ends).max() <= 1e3:
+        x, y = ends.reshape(-1, 2)[np.flatnonzero(~(np.abs(ends).max(axis=2) <= 1e3).ravel())[0]]
+        raise InputError(f"has a line that ends at {x:.4g}, {y:.4g} m: its ends {PLACE[1]}"
+                         f"{sheet.units}")
+
+
 def _few(count: int) -> None:
-    if count > MOST_PIECES:
-        raise InputError(f"has {count} lines, arcs and splines: at most {MOST_PIECES} make an "
-                         "outline")
+    if count > MOST_CURVES:
+        raise InputError(f"has {count} lines, arcs and splines: at most {MOST_CURVES} are read")
 
 
 def _curves(dxf: bytes) -> int:
@@ -84,12 +195,9 @@ def _curves(dxf: bytes) -> int:
     return sum(code == b"0" and name in _CURVES for code, name in pairwise(lines))
 
 
-def reader(kind: str) -> Callable[[Path, str], list[Piece]]:
-    """What reads a layer of a drawing, with its library loaded."""
+def load_reader(kind: str) -> None:
+    """Load the library that reads drawings of a kind."""
     if kind == "dxf":
-        from tympan.geometry.outlines.dxf import dxf_pieces
-
-        return dxf_pieces
-    from tympan.geometry.outlines.step import step_pieces
-
-    return lambda file, layer: step_pieces(file)
+        import tympan.geometry.outlines.dxf
+    else:
+        import tympan.geometry.outlines.step  # noqa: F401

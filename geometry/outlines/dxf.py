@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Iterator
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -11,32 +14,60 @@ import numpy as np
 from ezdxf.enums import InsertUnits
 
 from tympan.geometry.errors import InputError
+from tympan.geometry.outlines.contours import MOST_CURVES, Sheet
 from tympan.geometry.outlines.nurbs import pieces_of_spline
 from tympan.geometry.outlines.pieces import Arc, Line, Piece
+from tympan.geometry.units import quantity
 
-#: How far from the plane z = 0 a point may be [m].
+#: How far points may be from one plane of constant z [m].
 _FLAT = 1e-9
+#: How deep blocks may stand in blocks. No program nests them so deep but one in itself.
+_DEEPEST = 20
+
+_CURVES = ("LINE", "ARC", "CIRCLE", "ELLIPSE", "SPLINE", "LWPOLYLINE", "POLYLINE")
+#: What is written on a drawing and is no part of the shape.
+_NOTES = frozenset((
+    "TEXT", "MTEXT", "ATTDEF", "ATTRIB", "DIMENSION", "ARC_DIMENSION", "LARGE_RADIAL_DIMENSION",
+    "LEADER", "MULTILEADER", "MLEADER", "TOLERANCE", "POINT", "HATCH", "MPOLYGON", "SOLID", "TRACE",
+    "IMAGE", "WIPEOUT", "VIEWPORT", "XLINE", "RAY", "OLE2FRAME", "ACAD_TABLE", "SHAPE", "LIGHT"))
 
 
-def dxf_pieces(file: Path, layer: str) -> list[Piece]:
-    """Pieces of a layer, ``*`` of all; a drawing without units is in millimetres."""
+def dxf_sheet(file: Path, layer: str, unit: str | None) -> Sheet:
+    """Curves of a layer, ``*`` of all that are shown; ``unit`` overrides the file's."""
     document = ezdxf.filemanagement.readfile(file)
+    remarks = list[str]()
     # A drawing without a header gets ezdxf's own, in metres.
     units = document.units if b"$INSUNITS" in file.read_bytes() else 0
-    try:
-        drawn_in = InsertUnits(units or 4)
-    except ValueError:
-        raise InputError("is drawn in units that DXF does not know: $INSUNITS is "
-                         f"{units}") from None
-    unit = ezdxf.units.conversion_factor(drawn_in, InsertUnits.Meters)
+    if unit is not None:
+        length, source = quantity(f"1 {unit}", "length"), ""
+    else:
+        try:
+            drawn_in = InsertUnits(units or 4)
+        except ValueError:
+            raise InputError(f"is drawn in units that DXF does not know: $INSUNITS is {units}: "
+                             'say what its numbers are, such as unit = "mm"') from None
+        length = ezdxf.units.conversion_factor(drawn_in, InsertUnits.Meters)
+        source = (f". The file says that its numbers are in {drawn_in.name.lower()} ($INSUNITS "
+                  f"{units})" if units else ". The file has no units: its numbers were read in mm")
+        source += ': if they are in another unit, add unit = "mm", or whichever it is'
+        if not units:
+            remarks.append('the file has no units and is read in mm: unit = "in" or another '
+                           "overrides that")
     drawing = document.modelspace()
-    entities = [entity for entity in drawing if layer in ("*", _layer(entity))]
-    pieces = [piece for entity in entities for piece in _of_entity(entity, unit)]
+    hidden = {item.dxf.name.lower() for item in document.layers
+              if layer == "*" and (item.is_off() or item.is_frozen())}
+    reading = _Reading(layer, hidden, length)
+    pieces = [piece for entity in drawing for piece in reading.of(entity, _layer(entity))]
     if not pieces:
-        names = sorted({_layer(entity) for entity in drawing})
-        raise InputError("has no lines, arcs or splines on that layer; its layers are "
-                         f"{', '.join(names) or 'empty'}")
-    return pieces
+        names = ", ".join(sorted({_layer(entity) for entity in drawing}))
+        rest = ", ".join(f"{count} {kind}" for kind, count in sorted(reading.left.items()))
+        where = "" if layer == "*" else " on that layer"
+        raise InputError(f"has no lines, arcs or splines{where}; its layers are {names or 'empty'}"
+                         + (f"; it has {rest}, which are no curves: draw the outline with lines, "
+                            "arcs, polylines or splines" if rest else ""))
+    if reading.off:
+        remarks.append(f"left out layers that are switched off: {', '.join(sorted(reading.off))}")
+    return Sheet(pieces, tuple(remarks), source)
 
 
 def _layer(entity: Any) -> str:
@@ -49,44 +80,100 @@ def _layer(entity: Any) -> str:
     return name
 
 
-def _of_entity(entity: Any, unit: float) -> list[Piece]:
-    kind, dxf = entity.dxftype(), entity.dxf
-    if kind in ("LWPOLYLINE", "POLYLINE"):
-        return [piece for part in entity.virtual_entities() for piece in _of_entity(part, unit)]
-    if kind not in ("LINE", "ARC", "CIRCLE", "ELLIPSE", "SPLINE"):
-        if kind in ("TEXT", "MTEXT", "DIMENSION", "POINT", "HATCH"):
-            return []
-        raise InputError(f"holds {kind}: outlines are made of lines, arcs, ellipses, polylines and "
-                         "splines")
+class _Reading:
+    """The wanted layer, the plane of what was read so far, and what was left out."""
 
-    def place(point: Any) -> tuple[float, float]:
-        if abs(point[2]) * unit > _FLAT:
+    def __init__(self, layer: str, hidden: set[str], unit: float) -> None:
+        self.layer, self.hidden, self.unit = layer, hidden, unit
+        self.height: float | None = None
+        self.left, self.off, self.count = Counter[str](), set[str](), 0
+
+    def of(self, entity: Any, layer: str, deep: int = 0) -> Iterator[Piece]:
+        """The pieces of a curve or a block on a layer."""
+        kind = entity.dxftype()
+        if layer.lower() in self.hidden or entity.dxf.get("invisible", 0):
+            self.off.add(layer)
+        elif kind == "INSERT":
+            if deep > _DEEPEST:
+                raise InputError(f"has the block {entity.dxf.name} within itself")
+            copies = entity.multi_insert() if entity.mcount > 1 else [entity]
+            for copy in copies:
+                for part in copy.virtual_entities(skipped_entity_callback=self._refused):
+                    # What is on layer 0 of a block is on the layer of the block.
+                    inner = _layer(part)
+                    yield from self.of(part, layer if inner == "0" else inner, deep + 1)
+        elif self.layer not in ("*", layer):
+            return
+        elif kind in _NOTES:
+            self.left[kind] += 1
+        elif kind in _CURVES:
+            self.count += 1
+            if self.count > MOST_CURVES:
+                raise InputError(f"has more than {MOST_CURVES} lines, arcs and splines, counting "
+                                 "those of its blocks")
+            yield from self._curve(entity, kind)
+        else:
+            self._refused(entity, "")
+
+    def _refused(self, entity: Any, _: str) -> None:
+        raise InputError(f"holds {entity.dxftype()}, which is no curve in a plane: outlines are "
+                         "made of lines, arcs, ellipses, polylines and splines. Delete it or "
+                         "export its edges as such, or name the layer of the outline with layer")
+
+    def _place(self, point: Any, kind: str, mirrored: bool = False) -> tuple[float, float]:
+        height = self.unit * (-point[2] if mirrored else point[2])
+        self.height = height if self.height is None else self.height
+        if abs(height - self.height) > _FLAT:
             raise InputError(f"must be flat: a {kind} has a point at {point[0]:.6g}, "
-                             f"{point[1]:.6g}, {point[2]:.6g}")
-        return unit * point[0], unit * point[1]
+                             f"{point[1]:.6g}, {point[2]:.6g}: export a view from above, or name "
+                             "the layer of the outline with layer")
+        return self.unit * point[0], self.unit * point[1]
 
-    if kind == "LINE":
-        return [Line(place(dxf.start), place(dxf.end))]
-    mirrored = kind != "SPLINE" and _mirrored(entity)
-    if kind in ("ARC", "CIRCLE"):
-        start, end = np.radians((0.0, 360.0) if kind == "CIRCLE"
-                                else (dxf.start_angle, dxf.end_angle))
-        sweep = float(np.mod(end - start, 2 * np.pi)) or 2 * np.pi
-        x, y = place(dxf.center)
-        if mirrored:
-            x, start = -x, np.pi - end
-        return [Arc((x, y), (unit * dxf.radius,) * 2, float(start), sweep)]
-    if kind == "ELLIPSE":
-        x, y = unit * dxf.major_axis[0], unit * dxf.major_axis[1]
-        major = float(np.hypot(x, y))
-        sweep = float(np.mod(dxf.end_param - dxf.start_param, 2 * np.pi)) or 2 * np.pi
-        start = -dxf.end_param if mirrored else dxf.start_param
-        return [Arc(place(dxf.center), (major, major * dxf.ratio), start, sweep,
-                    float(np.arctan2(y, x)))]
-    tool = entity.construction_tool()
-    poles = np.array([place(point) for point in tool.control_points])
-    weights = np.array(tool.weights()) if len(tool.weights()) else np.ones(len(poles))
-    return pieces_of_spline(np.array(tool.knots()), poles, weights, tool.order - 1)
+    def _curve(self, entity: Any, kind: str) -> Iterator[Piece]:
+        dxf, unit = entity.dxf, self.unit
+        if kind == "LINE":
+            yield Line(self._place(dxf.start, kind), self._place(dxf.end, kind))
+        elif kind in ("LWPOLYLINE", "POLYLINE"):
+            yield from self._polyline(entity, kind)
+        elif kind in ("ARC", "CIRCLE"):
+            start, end = np.radians((0.0, 360.0) if kind == "CIRCLE"
+                                    else (dxf.start_angle, dxf.end_angle))
+            sweep = float(np.mod(end - start, 2 * np.pi)) or 2 * np.pi
+            mirrored = _mirrored(entity)
+            x, y = self._place(dxf.center, kind, mirrored)
+            if mirrored:
+                x, start = -x, np.pi - end
+            yield Arc((x, y), (unit * dxf.radius,) * 2, float(start), sweep)
+        elif kind == "ELLIPSE":
+            x, y = unit * dxf.major_axis[0], unit * dxf.major_axis[1]
+            major = float(np.hypot(x, y))
+            sweep = float(np.mod(dxf.end_param - dxf.start_param, 2 * np.pi)) or 2 * np.pi
+            start = -dxf.end_param if _mirrored(entity) else dxf.start_param
+            yield Arc(self._place(dxf.center, kind), (major, major * dxf.ratio), start, sweep,
+                      float(np.arctan2(y, x)))
+        else:
+            tool = entity.construction_tool()
+            poles = np.array([self._place(point, kind) for point in tool.control_points])
+            weights = np.array(tool.weights()) if len(tool.weights()) else np.ones(len(poles))
+            yield from pieces_of_spline(np.array(tool.knots()), poles, weights, tool.order - 1)
+
+    def _polyline(self, entity: Any, kind: str) -> Iterator[Piece]:
+        """Pieces of a polyline; the frame of a fitted spline is left out."""
+        light = kind == "LWPOLYLINE"
+        if not light:
+            if not (entity.is_2d_polyline or entity.is_3d_polyline):
+                self._refused(entity, "")
+            entity.vertices[:] = [item for item in entity.vertices if not item.dxf.flags & 16]
+        if (any(bulge for *_, bulge in entity.get_points("xyb")) if light
+                else any(vertex.dxf.get("bulge", 0) for vertex in entity.vertices)):
+            for part in entity.virtual_entities():
+                yield from self._curve(part, part.dxftype())
+            return
+        points = [self._place(point, kind) for point in
+                  (entity.vertices_in_wcs() if light else entity.points_in_wcs())]
+        if entity.is_closed:
+            points.append(points[0])
+        yield from (Line(start, end) for start, end in pairwise(points))
 
 
 def _mirrored(entity: Any) -> bool:

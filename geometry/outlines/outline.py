@@ -17,7 +17,7 @@ from tympan.geometry.toml_reader import Rule, Table
 
 #: Smallest feature over the larger half extent: shorter pieces, tighter curves and narrower necks
 #: are refused.
-_SMALLEST = 1e-3
+SMALLEST = 1e-3
 _POINTS = 6000
 
 SIZE: Rule = (lambda x: 1e-5 * (1 - 1e-9) <= x <= 10 * (1 + 1e-9),
@@ -61,6 +61,11 @@ class Outline(ABC):
     def mirror_planes(self) -> frozenset[str]:
         """Axes (``"x"``, ``"y"``) whose coordinate may change sign without changing the curve."""
         return frozenset("xy")
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What a reader of the file should know about how the outline was found, in sentences."""
+        return ()
 
     @cached_property
     def curve(self) -> Curve:
@@ -121,6 +126,10 @@ class Rotated(Boxed):
     def simple(self) -> bool:
         return self.outline.simple
 
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        return self.outline.remarks
+
     def pieces(self) -> tuple[Piece, ...]:
         return self.outline.curve.placed(self.rotation).pieces
 
@@ -164,9 +173,9 @@ def _check(outline: Any) -> None:
     curve = outline.curve
     size = float(max(outline.semi_axes))
     lengths = curve.lengths
-    if lengths.min() < _SMALLEST * size:
+    if lengths.min() < SMALLEST * size:
         raise _error(outline, curve.starts[lengths.argmin()],
-                     f"has a piece {lengths.min() * 1e3:.3g} mm long, less than {_SMALLEST:g} of "
+                     f"has a piece {lengths.min() * 1e3:.3g} mm long, less than {SMALLEST:g} of "
                      f"its larger half extent of {size * 1e3:.4g} mm")
     _curvature(outline, curve, size)
     if not outline.simple:
@@ -182,13 +191,13 @@ def _curvature(outline: Outline, curve: Curve, size: float) -> None:
         value, slope, bend = piece.at(np.linspace(0, 1, 8 * len(piece.breaks)))
         squared = (slope * slope).sum(axis=1)
         turn = np.abs(cross(slope, bend))
-        tight = squared**1.5 < _SMALLEST * size * turn
+        tight = squared**1.5 < SMALLEST * size * turn
         if tight.any():
             worst = int(tight.argmax())
             radius = squared[worst] ** 1.5 / turn[worst]
             raise _error(outline, value[worst],
                          f"bends with a radius of {radius * 1e3:.3g} mm, less than "
-                         f"{_SMALLEST:g} of its larger half extent of {size * 1e3:.4g} mm")
+                         f"{SMALLEST:g} of its larger half extent of {size * 1e3:.4g} mm")
 
 
 def _crossing(outline: Outline, curve: Curve, size: float) -> None:
@@ -199,7 +208,7 @@ def _crossing(outline: Outline, curve: Curve, size: float) -> None:
     points = curve.points(count).T
     steps = np.linalg.norm(np.roll(points, -1, axis=0) - points, axis=1)
     along, whole = np.concatenate([[0.0], np.cumsum(steps)[:-1]]), float(steps.sum())
-    near = max(_SMALLEST * size, 0.75 * float(steps.max()))
+    near = max(SMALLEST * size, 0.75 * float(steps.max()))
     pairs = cKDTree(points).query_pairs(near, output_type="ndarray")
     apart = np.abs(along[pairs[:, 0]] - along[pairs[:, 1]])
     apart = np.minimum(apart, whole - apart)

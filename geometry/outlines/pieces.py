@@ -90,6 +90,10 @@ class Line:
         start, end = (tuple(place) for place in self.at(np.array([low, high]))[0].tolist())
         return Line(self.start if low == 0 else start, self.end if high == 1 else end)
 
+    def between(self, start: Array, end: Array) -> Line:
+        """The piece between two points near its ends, which move it by no more than they miss."""
+        return Line((start[0], start[1]), (end[0], end[1]))
+
     def backwards(self) -> Line:
         """The piece from its end to its start."""
         return Line(self.end, self.start)
@@ -123,6 +127,18 @@ class Curved(ABC):
 
         size = float(np.abs(np.diff(self.at(self.breaks)[0], axis=0)).sum())
         knots = graded(curve, self.breaks, size)
+        return spline_through(knots, *curve(knots))
+
+    def between(self, start: Array, end: Array) -> Piece:
+        """A spline; the shift between its ends is that of the ends, in proportion."""
+        before, after = self.at(np.array([0.0, 1.0]))[0]
+        shift, more = start - before, (end - after) - (start - before)
+
+        def curve(t: Array) -> tuple[Array, Array]:
+            value, slope, _ = self.at(t)
+            return value + shift + t[:, None] * more, slope + more
+
+        knots = graded(curve, self.breaks, float(np.ptp(self.at(self.breaks)[0], axis=0).max()))
         return spline_through(knots, *curve(knots))
 
     @cached_property

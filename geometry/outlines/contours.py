@@ -1,0 +1,383 @@
+"""Closed curves among the pieces of a drawing: joined, gaps closed, and the wanted one chosen."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import groupby, pairwise
+
+import numpy as np
+
+from tympan.geometry.errors import InputError
+from tympan.geometry.outlines.curve import Curve
+from tympan.geometry.outlines.outline import SMALLEST
+from tympan.geometry.outlines.pieces import MOST_PIECES, Array, Line, Piece
+
+#: Most curves that a drawing may have. The library takes 0.1 to 0.3 ms for each of them.
+MOST_CURVES = 100_000
+#: How far apart ends of pieces may be and still be one point, over the size of the drawing.
+JOINT = 1e-6
+#: Widest gap that is closed without being asked, over the size of the drawing. CAD programs leave
+#: gaps of 1e-8 to 1e-5 of it.
+_GAP = 1e-4
+#: Widest gap that is closed without being asked [m]: less than a laser cutter's error.
+_WIDEST = 0.05e-3
+#: Widest gap that is taken for a mistake in the drawing, over its size. What such gaps would close
+#: is refused, never left out as a stray curve.
+_MISTAKE = 1e-2
+
+#: Places from which a tree of them is quicker than to load one takes.
+_MANY = 1000
+
+#: Two ends that meet in a gap, and how far they are apart [m].
+Gaps = list[tuple[int, int, float]]
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """Curves as the library read them [m], remarks on what was read, and what to do about units."""
+
+    pieces: list[Piece]
+    remarks: tuple[str, ...] = ()
+    units: str = ""
+
+
+@dataclass(frozen=True)
+class Contours:
+    """Closed curves of a drawing, in ascending order of area, and remarks on what was done."""
+
+    closed: tuple[Curve, ...]
+    remarks: tuple[str, ...] = ()
+
+    def chosen(self, which: str = "only", inside: tuple[float, float] | None = None) -> Contours:
+        """One curve: the ``only`` one, the largest (``outer``), the largest within it (``inner``).
+
+        With ``inside``, a point [m], the smallest curve around that point. The remarks say which
+        curves were left out. A choice that is not one curve is an :class:`InputError`.
+        """
+        *others, outer = self.closed
+        fitting = [outer]
+        if inside is not None:
+            fitting = [curve for curve in self.closed if _around(curve, inside)]
+            if not fitting:
+                raise InputError(f"has no closed curve around {_place(inside)} of the drawing, "
+                                 f"which inside names: it has {_listed(self.closed)}")
+        elif which == "inner":
+            fitting = [curve for curve in reversed(others) if _around(outer, curve.starts[0])]
+            if not fitting:
+                raise InputError(f"has no closed curve within the largest one: it has "
+                                 f"{_listed(self.closed)}")
+        elif which == "only" and others:
+            raise InputError(
+                f"has {len(self.closed)} closed curves: {_listed(self.closed)}. Choose one with "
+                'curve = "outer", curve = "inner" (the largest within the outer one), '
+                'inside = ["x mm", "y mm"] (the smallest around that point) or a layer of its own')
+        left = [curve for curve in self.closed if curve is not fitting[0]]
+        remarks = (f"left out {_counted(len(left), 'other closed curve')}: {_listed(left)}",)
+        return Contours((fitting[0],), self.remarks + remarks * bool(left))
+
+
+def closed_curves(pieces: Sequence[Piece], tolerance: float | None = None) -> Contours:
+    """Join pieces in any order to closed curves; ends within ``tolerance`` [m] are moved together.
+
+    Lines drawn twice count once. Open curves beside the closed ones are left out with a remark.
+    An :class:`InputError` where no curve is closed, one is nearly closed, or curves branch.
+    """
+    ends = piece_ends(pieces)
+    size = float(np.ptp(ends, axis=(0, 1)).max() or np.abs(ends).max())
+    joint = JOINT * size + 1e-12
+    tolerance = min(_GAP * size, _WIDEST) if tolerance is None else tolerance
+    middles = ends.mean(axis=0)
+    reach = np.linalg.norm(ends[1] - ends[0], axis=1)
+    for k, piece in enumerate(pieces):
+        if not isinstance(piece, Line):
+            within = piece.at(np.array([0.3, 0.5]))[0]
+            middles[k] = within[1]
+            reach[k] = max(reach[k], np.linalg.norm(within - ends[0, k], axis=1).max())
+    long = np.flatnonzero(reach > joint)
+    if not len(long):
+        raise InputError("must be one closed curve: all its lines are points")
+    nodes = _clustered(ends, joint)
+    kept = _once(long, nodes, middles, joint)
+    nodes, gaps = _bridged(kept, nodes, ends, reach, tolerance)
+    closed, stray = _pruned(kept, nodes)
+    if stray:
+        _refuse_mistakes(stray, nodes, ends, reach, max(_MISTAKE * size, 2 * tolerance))
+    loops = [_trace(loop, nodes, pieces) for loop in _connected(closed, nodes, ends)]
+    if not loops:
+        first, last = _longest_open(stray, nodes, ends, reach)
+        raise _open(ends, first, last, allowed=False)
+    remarks = [] if not gaps else [_on_gaps(gaps, ends)]
+    if stray:
+        count = len(_connected(stray, nodes, ends, check=False))
+        first, last = _longest_open(stray, nodes, ends, reach)
+        remarks.append(f"left out {_counted(count, 'open curve')}, {'the longest ' * (count > 1)}"
+                       f"from {_place(_point(ends, first))} to {_place(_point(ends, last))}")
+    curves = []
+    for loop in loops:
+        thin, words = _thinned(_closed_up(loop, joint), tolerance)
+        remarks += words
+        curve = Curve(tuple(thin))
+        curves.append(curve if curve.area > 0 else curve.backwards())
+    return Contours(tuple(sorted(curves, key=lambda curve: float(curve.area))), tuple(remarks))
+
+
+def piece_ends(pieces: Sequence[Piece]) -> Array:
+    """Where pieces start and end, shape (2, pieces, 2) [m]."""
+    ends = [(piece.start, piece.end) if isinstance(piece, Line)
+            else piece.at(np.array([0.0, 1.0]))[0] for piece in pieces]
+    return np.array(ends, dtype=float).swapaxes(0, 1)
+
+
+def _near(places: Array, distance: float) -> Array:
+    """Pairs of numbers of places that are no further apart, shape (pairs, 2)."""
+    if len(places) <= _MANY:
+        apart = np.linalg.norm(places[:, None] - places, axis=2)
+        return np.argwhere(np.triu(apart <= distance, 1))
+    from scipy.spatial import cKDTree  # heavy, and few drawings have so many curves
+
+    return np.asarray(cKDTree(places).query_pairs(distance, output_type="ndarray"))
+
+
+def _clustered(ends: Array, joint: float) -> Array:
+    """Numbers of the points that ends make, shape (2, pieces)."""
+    places = ends.reshape(-1, 2)
+    pairs = _near(places, joint)
+    label, before = np.arange(len(places)), np.zeros(0, int)
+    while not np.array_equal(label, before):
+        before = label.copy()
+        least = np.minimum(label[pairs[:, 0]], label[pairs[:, 1]])
+        np.minimum.at(label, pairs[:, 0], least)
+        np.minimum.at(label, pairs[:, 1], least)
+    return label.reshape(2, -1)
+
+
+def _once(kept: Array, nodes: Array, middles: Array, joint: float) -> list[int]:
+    """Pieces of which none is drawn twice."""
+    seen, once = defaultdict[tuple[int, int], list[Array]](list), []
+    for k in kept.tolist():
+        low, high = sorted(nodes[:, k].tolist())
+        alike = seen[low, high]
+        if not any(np.linalg.norm(middles[k] - other) <= 2 * joint for other in alike):
+            once.append(k)
+        alike.append(middles[k])
+    return once
+
+
+def _dangling(kept: Sequence[int], nodes: Array) -> list[int]:
+    """Ends (of both rows of ``nodes``, flat) at points where only one piece ends."""
+    flat = np.concatenate([np.array(kept), np.array(kept) + nodes.shape[1]]).astype(int)
+    _, first, counts = np.unique(nodes.ravel()[flat], return_index=True, return_counts=True)
+    ends: list[int] = flat[first[counts == 1]].tolist()
+    return ends
+
+
+def _bridged(kept: Sequence[int], nodes: Array, ends: Array, reach: Array,
+             widest: float) -> tuple[Array, Gaps]:
+    """Points once ends in gaps are one, nearest first; and these gaps."""
+    dangling = _dangling(kept, nodes)
+    if not dangling:
+        return nodes, []
+    count = nodes.shape[1]
+    places = ends.reshape(-1, 2)[dangling]
+    near = _near(places, widest)
+    away = np.linalg.norm(places[near[:, 0]] - places[near[:, 1]], axis=1)
+    moved, gaps, used = nodes.ravel().copy(), Gaps(), set[int]()
+    for number in np.argsort(away, kind="stable"):
+        first, last = (dangling[k] for k in near[number])
+        itself = first % count == last % count and reach[first % count] <= 2 * widest
+        if itself or used & {first, last}:
+            continue
+        used |= {first, last}
+        moved[last] = moved[first]
+        gaps.append((first, last, float(away[number])))
+    return moved.reshape(2, -1), gaps
+
+
+def _pruned(kept: Sequence[int], nodes: Array) -> tuple[list[int], list[int]]:
+    """Pieces that are part of closed curves, and those of open ones."""
+    at = defaultdict[int, set[int]](set)
+    for k in kept:
+        for node in nodes[:, k].tolist():
+            at[node].add(k)
+    single = {k for k in kept if nodes[0, k] == nodes[1, k]}
+    loose = [node for node, here in at.items() if len(here) == 1 and not here & single]
+    stray = set[int]()
+    while loose:
+        here = at[loose.pop()]
+        if len(here) == 1:
+            k, = here
+            stray.add(k)
+            for node in nodes[:, k].tolist():
+                at[node].discard(k)
+                if len(at[node]) == 1 and not at[node] & single:
+                    loose.append(node)
+    return [k for k in kept if k not in stray], [k for k in kept if k in stray]
+
+
+def _refuse_mistakes(stray: Sequence[int], nodes: Array, ends: Array, reach: Array,
+                     widest: float) -> None:
+    """Refuse open curves that would be closed but for gaps that are small on the drawing."""
+    bridged, gaps = _bridged(stray, nodes, ends, reach, widest)
+    closed, _ = _pruned(stray, bridged)
+    part = set(closed)
+    gaps = [gap for gap in gaps if {end % nodes.shape[1] for end in gap[:2]} <= part]
+    if gaps:
+        first, last, _ = max(gaps, key=lambda item: item[2])
+        raise _open(ends, first, last)
+
+
+def _connected(kept: Sequence[int], nodes: Array, ends: Array, check: bool = True
+               ) -> list[list[int]]:
+    """Pieces of each curve, in order along it; where one branches is an :class:`InputError`."""
+    at = defaultdict[int, list[int]](list)
+    for k in kept:
+        for node in nodes[:, k].tolist():
+            at[node].append(k)
+    if check and (bad := [here for here in at.values() if len(here) > 2]):
+        k = bad[0][0]
+        node = next(node for node in nodes[:, k].tolist() if len(at[node]) > 2)
+        side = int(nodes[1, k] == node)
+        raise InputError(f"must be one closed curve: it branches at {_place(ends[side, k])} of the "
+                         "drawing, where more than two lines end: delete what is not part of the "
+                         "outline, or name the layer of the outline with layer")
+    left, curves = dict.fromkeys(kept), list[list[int]]()
+    while left:
+        k = next(iter(left))
+        chain, ahead = list[int](), [k]
+        while ahead:
+            k = ahead.pop()
+            if k in left:
+                del left[k]
+                chain.append(k)
+                ahead += [other for node in nodes[:, k].tolist() for other in at[node]
+                          if other in left]
+        curves.append(chain)
+    return curves
+
+
+def _longest_open(stray: Sequence[int], nodes: Array, ends: Array, reach: Array
+                  ) -> tuple[int, int]:
+    """Two ends of the longest open curve."""
+    chains = _connected(stray, nodes, ends, check=False)
+    longest = max(chains, key=lambda chain: float(reach[chain].sum()))
+    first, last, *_ = _dangling(longest, nodes)
+    return first, last
+
+
+def _trace(chain: list[int], nodes: Array, pieces: Sequence[Piece]) -> list[Piece]:
+    """Pieces of a closed curve, each turned to run on from the one before it."""
+    loop, node = [pieces[chain[0]]], nodes[1, chain[0]]
+    if len(chain) > 1 and node not in nodes[:, chain[1]]:
+        loop, node = [pieces[chain[0]].backwards()], nodes[0, chain[0]]
+    for k in chain[1:]:
+        ahead = nodes[0, k] == node
+        loop.append(pieces[k] if ahead else pieces[k].backwards())
+        node = nodes[int(ahead), k]
+    return loop
+
+
+def _closed_up(loop: list[Piece], joint: float) -> list[Piece]:
+    """The pieces, their ends moved together where there is a gap."""
+    starts, stops = piece_ends(loop)
+    miss = np.linalg.norm(np.roll(stops, 1, axis=0) - starts, axis=1)
+    if miss.max() <= joint:
+        return loop
+    meet = np.where(miss[:, None] > joint, (np.roll(stops, 1, axis=0) + starts) / 2, starts)
+    ahead = np.where(np.roll(miss, -1)[:, None] > joint, np.roll(meet, -1, axis=0), stops)
+    return [piece.between(meet[k], ahead[k])
+            if max(miss[k], miss[(k + 1) % len(loop)]) > joint else piece
+            for k, piece in enumerate(loop)]
+
+
+def _thinned(loop: list[Piece], tolerance: float) -> tuple[list[Piece], list[str]]:
+    """Straight lines made fewer, within the tolerance, where they are too many or too short."""
+    starts, stops = piece_ends(loop)
+    lines = np.array([isinstance(piece, Line) for piece in loop])
+    short = np.linalg.norm(stops - starts, axis=1) < SMALLEST * np.ptp(starts, axis=0).max() / 2
+    if len(loop) <= MOST_PIECES and not (short & lines).any():
+        return loop, []
+    turn = 0 if lines.all() else int(np.flatnonzero(~lines)[0])
+    loop = loop[turn:] + loop[:turn]
+    thin = list[Piece]()
+    for straight, run in groupby(loop, lambda piece: isinstance(piece, Line)):
+        parts = list(run)
+        if not straight:
+            thin += parts
+            continue
+        points, last = piece_ends(parts)
+        points = np.vstack([points, last[-1:]])
+        keep = _few(points, tolerance)
+        thin += [Line((a[0], a[1]), (b[0], b[1])) for a, b in pairwise(points[keep].tolist())]
+    if len(thin) == len(loop):
+        return loop, []
+    return thin, [f"thinned {len(loop)} lines to {len(thin)}, within {1e3 * tolerance:.3g} mm"]
+
+
+def _few(points: Array, tolerance: float) -> Array:
+    """Numbers of the points that a polyline needs (Douglas and Peucker's method)."""
+    keep = np.zeros(len(points), bool)
+    keep[[0, -1]] = True
+    spans = [(0, len(points) - 1)]
+    while spans:
+        low, high = spans.pop()
+        if high - low < 2:
+            continue
+        chord, away = points[high] - points[low], points[low + 1 : high] - points[low]
+        length = float(np.hypot(*chord))
+        along = np.clip(away @ chord / (length**2 or 1.0), 0, 1)
+        distance = np.linalg.norm(away - along[:, None] * chord, axis=1)
+        worst = int(distance.argmax())
+        if distance[worst] > tolerance:
+            keep[low + 1 + worst] = True
+            spans += [(low, low + 1 + worst), (low + 1 + worst, high)]
+    return np.flatnonzero(keep)
+
+
+def _around(curve: Curve, point: Sequence[float]) -> bool:
+    """Whether a curve runs around a point."""
+    (west, east), (south, north) = curve.box
+    within = west < point[0] < east and south < point[1] < north
+    return bool(within and curve.level(np.array(point[0]), np.array(point[1])) < 0)
+
+
+def _point(ends: Array, end: int) -> Array:
+    return np.asarray(ends.reshape(-1, 2)[end])
+
+
+def _place(point: Sequence[float] | Array) -> str:
+    x, y = (round(1e3 * float(value), 9) + 0.0 for value in point)
+    return f"{x:.6g}, {y:.6g} mm"
+
+
+def _counted(count: int, what: str) -> str:
+    return f"{count} {what}{'s' * (count > 1)}"
+
+
+def _listed(curves: Sequence[Curve]) -> str:
+    """The three largest, and how many more there are."""
+    words = []
+    for curve in sorted(curves, key=lambda curve: -float(curve.area))[:3]:
+        (west, east), (south, north) = curve.box
+        words.append(f"{1e3 * (east - west):.4g} x {1e3 * (north - south):.4g} mm about "
+                     f"{_place(((west + east) / 2, (south + north) / 2))}")
+    more = len(curves) - len(words)
+    return "; ".join(words) + f"; and {more} more" * (more > 0)
+
+
+def _open(ends: Array, first: int, last: int, allowed: bool = True) -> InputError:
+    """What is wrong where a curve is open; the tolerance in its advice is enough."""
+    start, end = _point(ends, first), _point(ends, last)
+    gap = 1e3 * float(np.linalg.norm(start - end))
+    digits = 1 - int(np.floor(np.log10(gap)))
+    enough = np.ceil(1.02 * gap * 10.0**digits) / 10.0**digits
+    advice = f', or allow it with tolerance = "{enough:g} mm"' if allowed else ""
+    return InputError(f"must be one closed curve: it is open at {_place(start)} and {_place(end)} "
+                      f"of the drawing, {gap:.3g} mm apart: close the gap in the drawing{advice}")
+
+
+def _on_gaps(gaps: Gaps, ends: Array) -> str:
+    first, _, gap = max(gaps, key=lambda item: item[2])
+    return (f"closed {_counted(len(gaps), 'gap')}, the widest {1e3 * gap:.3g} mm at "
+            f"{_place(_point(ends, first))} of the drawing")

@@ -1,0 +1,137 @@
+"""Drawings as CAD programs write them: those of the trial, and files that users could not read."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from pathlib import Path
+
+import ezdxf
+import numpy as np
+import pytest
+from scipy.special import ellipe
+
+from benchmarks.trials.drawings import CASES, Case
+from tympan.geometry.errors import InputError
+from tympan.geometry.outlines import OUTLINES, Outline, area, drawings, perimeter
+from tympan.geometry.outlines.contours import closed_curves
+from tympan.geometry.outlines.pieces import Arc, Line
+from tympan.geometry.toml_reader import Table
+
+FILES = Path(__file__).parent / "drawings"
+#: An ellipse of 120 x 80 mm.
+OVAL = np.pi * 60 * 40, 4 * 60 * ellipe(1 - (40 / 60) ** 2)
+
+
+@pytest.fixture(autouse=True)
+def _at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Drawings are read in this process, which is quicker than starting another one."""
+    monkeypatch.setattr(drawings, "read_apart", drawings.record)
+
+
+def read(name: str, **keys: object) -> Outline:
+    table = {"shape": Path(name).suffix[1:], "file": name} | keys
+    return OUTLINES.read(Table(FILES / "specimen.toml", table, "frame"))
+
+
+def sizes(outline: Outline) -> tuple[float, float]:
+    """Area [mm²] and perimeter [mm]."""
+    return 1e6 * area(outline), 1e3 * perimeter(outline)
+
+
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")
+@pytest.mark.parametrize("case", [case for case in CASES if not case.large],
+                         ids=lambda case: f"{case.suffix}: {case.name}")
+def test_a_drawing_is_read_right_or_refused_with_advice_that_works(case: Case, tmp_path: Path
+                                                                   ) -> None:
+    fault, said = case.fault(tmp_path, seed=1)
+    assert not fault, said
+
+
+def test_a_gap_of_a_rounding_is_closed_and_told() -> None:
+    outline = read("gap.dxf")
+    assert sizes(outline) == pytest.approx((80 * 80 + np.pi * 40**2 - 40 * 80,
+                                            2 * 40 + 2 * np.pi * 40), rel=1e-5)
+    assert outline.remarks == ("closed 2 gaps, the widest 0.0003 mm at -20.0003, -40 mm of the "
+                               "drawing",)
+    with pytest.raises(InputError, match=r'0.0003 mm apart: .* tolerance = "0.00031 mm"'):
+        read("gap.dxf", tolerance="0.0001 mm")
+    assert read("gap.dxf", tolerance="0.00031 mm") == outline
+
+
+def test_a_block_is_expanded() -> None:
+    assert sizes(read("block.dxf")) == pytest.approx(OVAL)
+
+
+def test_a_centre_line_is_left_out_and_told() -> None:
+    outline = read("centreline.dxf")
+    assert sizes(outline) == pytest.approx(OVAL)
+    assert outline.remarks == ("left out 1 open curve, from -65, 0 mm to 65, 0 mm",)
+
+
+def test_the_window_of_a_ring_with_screw_holes() -> None:
+    for keys in ({"curve": "inner"}, {"inside": ["10 mm", "0 mm"]}):
+        outline = read("ring_holes.dxf", **keys)
+        assert sizes(outline) == pytest.approx(OVAL)
+        assert outline.remarks[-1].startswith("left out 9 other closed curves: 150 x 110 mm")
+    with pytest.raises(InputError, match=r'150 x 110 mm .* and 7 more. Choose .*curve = "inner"'):
+        read("ring_holes.dxf", curve="only")
+    with pytest.raises(InputError, match="no closed curve around 500, 0 mm"):
+        read("ring_holes.dxf", inside=["500 mm", "0 mm"])
+
+
+def test_a_wrong_unit_is_told_and_overridden() -> None:
+    with pytest.raises(InputError, match=r'its numbers are in meters .* add unit = "mm"'):
+        read("metres.dxf")
+    assert sizes(read("metres.dxf", unit="mm")) == pytest.approx(OVAL)
+    with pytest.raises(InputError, match=r"frame.unit: given 'kg': must be a unit of length"):
+        read("metres.dxf", unit="kg")
+
+
+def test_a_face_of_a_solid_frame() -> None:
+    for face in ("largest", "top", "bottom"):
+        outline = read("ring_solid.step", curve="inner", face=face)
+        assert sizes(outline) == pytest.approx(OVAL)
+        assert f"took the {face} flat face" in outline.remarks[0]
+    with pytest.raises(InputError, match=r'has 2 closed curves.*curve = "inner"'):
+        read("ring_solid.step")
+
+
+def test_a_frame_with_a_gap_is_refused_though_a_hole_in_it_is_closed(tmp_path: Path) -> None:
+    """The hole must not be taken for the outline."""
+    document = ezdxf.new(units=ezdxf.units.MM)
+    document.modelspace().add_circle((0, 0), 5)
+    document.modelspace().add_lwpolyline([(-30, -20), (30, -20), (30, 20), (-30, 20), (-30, -19.8)])
+    document.saveas(tmp_path / "frame.dxf")
+    table = Table(tmp_path / "a.toml", {"shape": "dxf", "file": "frame.dxf"}, "frame")
+    with pytest.raises(InputError, match=r"open at -30, -20 mm and -30, -19.8 mm .* 0.2 mm apart"):
+        OUTLINES.read(table)
+
+
+def test_ends_that_are_moved_together_meet() -> None:
+    """Also those of arcs; nothing else moves by more than the gap."""
+    gap = 0.02e-3
+    pieces = [Line((0.0, 0.0), (0.04, 0.0)), Arc((0.04, 0.01), (0.01, 0.01), -np.pi / 2, np.pi),
+              Line((0.04 - gap, 0.02), (0.0, 0.02)), Arc((0.0, 0.01 - gap), (0.01, 0.01),
+                                                         np.pi / 2, np.pi)]
+    curve, = closed_curves(pieces, 1.1 * gap).closed
+    ends = np.array([piece.at(np.array([0.0, 1.0]))[0] for piece in curve.pieces])
+    assert np.abs(ends[:, 1] - np.roll(ends[:, 0], -1, axis=0)).max() < 1e-15
+    exact = closed_curves([*pieces[:2], Line((0.04, 0.02), (0.0, 0.02)),
+                           Arc((0.0, 0.01), (0.01, 0.01), np.pi / 2, np.pi)]).closed[0]
+    assert np.abs(exact.level(*curve.points(400))).max() < 1.01 * gap
+
+
+def test_lines_are_thinned_within_the_tolerance_and_only_where_they_are_too_many() -> None:
+    def circle(count: int) -> list[Line]:
+        t = 2 * np.pi * np.arange(count + 1) / count
+        p = 0.05 * np.column_stack([np.cos(t), np.sin(t)])
+        return [Line((a[0], a[1]), (b[0], b[1])) for a, b in pairwise(p.tolist())]
+
+    few, many = closed_curves(circle(900)), closed_curves(circle(20_000))
+    assert len(few.closed[0].pieces) == 900
+    assert not few.remarks
+    assert 50 < len(many.closed[0].pieces) < 400
+    assert "thinned 20000 lines to" in many.remarks[0]
+    radii = np.linalg.norm(many.closed[0].points(3000), axis=0)
+    assert radii.min() > 0.05 - 1.01e-5
+    assert radii.max() <= 0.05 + 1e-12
