@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from tympan.fem.rig import Rig
 from tympan.geometry.errors import InputError
 from tympan.geometry.fields import Key, require, takes_units
+from tympan.geometry.meanings import TIMES, VOLTAGES
 from tympan.geometry.toml_reader import POSITIVE, Rule
 from tympan.studies.columns import Column, read_sheet
 
@@ -238,7 +239,8 @@ def read_signal(file: Path | str) -> Pieces:
     What cannot be used is an InputError that names line and column.
     """
     limited: Rule = (lambda x: abs(x) <= _HIGHEST, "must be within 1000 kV")
-    sheet = read_sheet(file, (Column("t", "s"), Column("voltage", "kV", limited)))
+    sheet = read_sheet(file, (Column("t", "s", also=(TIMES,)),
+                              Column("voltage", "kV", limited, also=(VOLTAGES,))))
     time, voltage = sheet["t"], sheet["voltage"]
     for row in np.flatnonzero(np.diff(time) <= 0):
         raise sheet.error(int(row) + 1, "t", f"must be after the line before, {time[row]:g} s")

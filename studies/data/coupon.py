@@ -14,10 +14,7 @@ from numpy.typing import NDArray
 
 from tympan.geometry.errors import InputError
 from tympan.geometry.layouts import Layout, Stated
-from tympan.geometry.toml_reader import POSITIVE, Rule
-from tympan.geometry.units import unit_factor
-from tympan.studies.columns import Column, Sheet, read_sheet
-from tympan.studies.data.meanings import (
+from tympan.geometry.meanings import (
     RUNS,
     SPECIMENS,
     STRESSES,
@@ -26,6 +23,9 @@ from tympan.studies.data.meanings import (
     TIMES,
     VOLTAGES,
 )
+from tympan.geometry.toml_reader import POSITIVE, Rule
+from tympan.geometry.units import unit_factor
+from tympan.studies.columns import Column, Sheet, read_sheet
 
 Array = NDArray[np.float64]
 

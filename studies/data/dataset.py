@@ -18,16 +18,7 @@ from tympan.geometry.errors import InputError, did_you_mean
 from tympan.geometry.fields import Key, read
 from tympan.geometry.formats import FORMATS, Format, format_of, suffixes
 from tympan.geometry.layouts import Layout
-from tympan.geometry.read_file import file_bytes
-from tympan.geometry.specimen import Specimen
-from tympan.geometry.toml_reader import FINITE, NON_NEGATIVE, POSITIVE, Rule, Table
-from tympan.studies.columns import Column, Sheet, read_sheet
-from tympan.studies.data import coupon
-from tympan.studies.data.checked_runs import CheckedRun, checked_runs
-from tympan.studies.data.coupon import Coupons
-from tympan.studies.data.effort import Effort
-from tympan.studies.data.findings import Copies, RunZeros, at_sensor_end
-from tympan.studies.data.meanings import (
+from tympan.geometry.meanings import (
     CAPACITANCES,
     DISPLACEMENTS,
     FORCES,
@@ -38,6 +29,15 @@ from tympan.studies.data.meanings import (
     TIMES,
     VOLTAGES,
 )
+from tympan.geometry.read_file import file_bytes
+from tympan.geometry.specimen import Specimen
+from tympan.geometry.toml_reader import FINITE, NON_NEGATIVE, POSITIVE, Rule, Table
+from tympan.studies.columns import Column, Sheet, read_sheet
+from tympan.studies.data import coupon
+from tympan.studies.data.checked_runs import CheckedRun, checked_runs
+from tympan.studies.data.coupon import Coupons
+from tympan.studies.data.effort import Effort
+from tympan.studies.data.findings import Copies, RunZeros, at_sensor_end
 
 _VOLTAGE: Rule = (lambda x: 0 <= x <= 1e6, "must be from 0 to 1000 kV; the film's pull has no sign")
 _MASS: Rule = (lambda x: 0 <= x <= 100, "must be from 0 to 100 kg")

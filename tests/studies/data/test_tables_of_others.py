@@ -16,6 +16,7 @@ from tympan.geometry.layouts import Layout
 from tympan.studies.columns import Sheet
 from tympan.studies.data.coupon import Coupons, coupon_layout, read_coupons
 from tympan.studies.data.dataset import Dataset, read_dataset
+from tympan.studies.signals import read_signal
 
 STRETCH_STRESS = "Stretch,Stress\n1.1,0.030\n1.5,0.110\n2.0,0.180\n2.5,0.240\n3.0,0.310\n"
 INSTRON = """Specimen Thickness (mm);3;;
@@ -168,6 +169,13 @@ def test_a_french_table_as_it_is(tmp_path: Path) -> None:
     sheet = static(tmp_path / "a", static=FRENCH)
     assert sheet.voltage.tolist() == [0, 3500]
     assert sheet.displacement.tolist() == pytest.approx([2.25e-3, 2.75e-3])
+
+
+def test_a_signal_of_a_recorder(tmp_path: Path) -> None:
+    file = tmp_path / "signal.csv"
+    file.write_bytes("Kanal 1\nZeit (ms);Spannung (V)\n0;0\n500;1500,5\n".encode("utf-16"))
+    signal = read_signal(file)
+    assert (signal.end, signal.voltage.tolist()) == (0.5, [0, 1500.5])
 
 
 def test_forces_and_runs_in_time_of_testers(tmp_path: Path) -> None:
