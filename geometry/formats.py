@@ -283,6 +283,13 @@ def _plain_number(cell: str, decimal: str) -> str:
     return "".join(groups) + (f".{rest}" if rest else "")
 
 
+def _below_titles(rows: Sequence[Row]) -> tuple[list[str], Sequence[Row]]:
+    """The titles, which are the first of the fullest lines below a preamble, and the rows below."""
+    full = [sum(map(bool, cells)) for _, cells in rows[:_LOOKED_AT]]
+    at = full.index(max(full)) if full else 0
+    return (rows[at][1] if rows else []), rows[at + 1:]
+
+
 def _check_marks(file: Path, rows: Sequence[Row]) -> None:
     """Refuse decimal commas and decimal points in one file.
 
@@ -290,9 +297,9 @@ def _check_marks(file: Path, rows: Sequence[Row]) -> None:
     thousands.
     """
     first: dict[tuple[str, bool], tuple[int, int, str]] = {}
-    titles = rows[0][1] if rows else []
+    titles, below = _below_titles(rows)
     units = ["_" in title for title in titles]
-    for line, cells in rows[1:]:
+    for line, cells in below:
         for place, cell in enumerate(cells[:len(titles)]):
             twofold = THOUSANDS.fullmatch(cell) is not None
             if "," in cell and DECIMAL_COMMA.fullmatch(cell):
@@ -313,9 +320,9 @@ def _check_marks(file: Path, rows: Sequence[Row]) -> None:
 
 def _check_rounds(file: Path, rows: Sequence[Row]) -> None:
     """Refuse a column with "1.000" and "500": decimals are left out only where they are none."""
-    titles = rows[0][1] if rows else []
+    titles, below = _below_titles(rows)
     for place in range(len(titles)):
-        column = [(line, cells[place]) for line, cells in rows[1:] if place < len(cells)]
+        column = [(line, cells[place]) for line, cells in below if place < len(cells)]
         shown = next(((line, cell) for line, cell in column if _ROUND.fullmatch(cell)), None)
         whole = shown and next((item for item in column if _HUNDREDS.fullmatch(item[1])), None)
         if shown and whole:

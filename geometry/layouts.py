@@ -312,8 +312,10 @@ class Reader:
             if not stated.heading:
                 sources.append(Source(column, None, factor, constant=stated.value))
                 continue
-            place = next(place for place, title in enumerate(titles)
-                         if title == stated.heading or title.startswith(f"{stated.heading} ("))
+            place = next((place for place, title in enumerate(titles) if title == stated.heading
+                          or title.startswith(f"{stated.heading} (")), None)
+            if place is None:  # in the line that titles_line names
+                raise self._no_heading([(line, [*titles])], {stated.heading})
             sources.append(self._converted(column, place, factor, stated, titles[place]))
         return sources
 

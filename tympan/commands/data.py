@@ -37,7 +37,8 @@ if TYPE_CHECKING:
          argument("--kind", metavar="KIND", help="what the table of --draft is: static, transient, "
                                                  "force, coupon, frequency or range (default: "
                                                  "guessed)"),
-         argument("-o", "--output", type=Path, metavar="TOML", help="file for --draft"), JSON,
+         argument("-o", "--output", type=Path, metavar="TOML", dest="target",  # no folder to lock
+                  help="file for --draft"), JSON,
          example="readings")
 def data(options: argparse.Namespace) -> None:
     """Check a dataset of measurements and say what is in it; or draft one for a table."""
@@ -49,7 +50,7 @@ def data(options: argparse.Namespace) -> None:
         raise InputError("must be given, or --draft with a table of yours, one of both",
                          key="DATASET")
     if options.draft is not None:
-        written = write_draft(options.draft, options.output, options.kind)
+        written = write_draft(options.draft, options.target, options.kind)
         print(json.dumps({"written": str(written)}) if options.json else written)
         return
     print_record(options, summary(read_dataset(options.dataset)))

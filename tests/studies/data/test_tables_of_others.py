@@ -16,6 +16,7 @@ from tympan.geometry.layouts import Layout
 from tympan.studies.columns import Sheet
 from tympan.studies.data.coupon import Coupons, coupon_layout, read_coupons
 from tympan.studies.data.dataset import Dataset, read_dataset
+from tympan.studies.data.draft import write_draft
 from tympan.studies.signals import read_signal
 
 STRETCH_STRESS = "Stretch,Stress\n1.1,0.030\n1.5,0.110\n2.0,0.180\n2.5,0.240\n3.0,0.310\n"
@@ -309,3 +310,29 @@ def test_a_draft_keeps_both_marks_apart(tmp_path: Path) -> None:
     file.write_text("a;b\n1;2\n", "utf-8")
     with pytest.raises(InputError, match="no line with two known headings"):
         tympan.draft(file, tmp_path / "b.toml")
+
+
+def test_two_decimal_marks_below_a_preamble_are_refused_too(tmp_path: Path) -> None:
+    preamble = "Protokoll 12\nDicke;1.000\n"
+    with pytest.raises(InputError, match=r"line 7, column 3 .*can be read as 1000 .*decimal = "):
+        static(tmp_path / "a", static=preamble + THOUSANDS)
+    sheet = static(tmp_path / "b", '[columns.static]\ndecimal = ","\n',
+                   static=preamble + THOUSANDS)
+    assert sheet.voltage.tolist() == [0.0, 500.0, 750.0, 1000.0, 2000.0]
+    rounded = "Weg (mm)\tVoltage (V)\n0.1\t500\n0.2\t1.000\n"
+    with pytest.raises(InputError, match=r"can be read as 1000 .*decimal = "):
+        static(tmp_path / "c", "[columns.static]\nmass_g = { value = 17.9 }\n",
+               static=f"Protokoll 12\n{rounded}")
+
+
+def test_a_line_of_headings_without_a_stated_one(tmp_path: Path) -> None:
+    lines = '[columns.static]\ntitles_line = 1\ndisplacement_um = "Höhe / µm"\n'
+    with pytest.raises(InputError, match="line 1: given 'Höhe / µm': has no line with this"):
+        static(tmp_path, lines, static=GERMAN)
+
+
+def test_a_draft_goes_into_the_file_that_is_named(tmp_path: Path) -> None:
+    file, target = tmp_path / "zahlen.csv", tmp_path / "mine.toml"
+    file.write_text(THOUSANDS, "utf-8")
+    assert main(["data", "--draft", str(file), "-o", str(target)]) == 0
+    assert target.read_text("utf-8") == write_draft(file, tmp_path / "b.toml").read_text("utf-8")
