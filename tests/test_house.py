@@ -180,7 +180,6 @@ LONGER = {
     "docs/hidden-effects-strata.md": 23.3,
     "docs/hidden-effects.md": 21.8,
     "docs/howto/materials.md": 21.4,
-    "docs/howto/specimen.md": 26.2,
     "docs/lumped-build.md": 20.8,
     "docs/paper-in-time.md": 22.5,
     "docs/paper.md": 24.4,
