@@ -179,7 +179,6 @@ LONGER = {
     "docs/external.md": 20.5,
     "docs/hidden-effects-strata.md": 23.3,
     "docs/hidden-effects.md": 21.8,
-    "docs/howto/materials.md": 21.4,
     "docs/lumped-build.md": 20.8,
     "docs/paper-in-time.md": 22.5,
     "docs/paper.md": 24.4,
