@@ -177,7 +177,6 @@ MEAN_WORDS = 20.0
 #: Pages whose sentences are longer, and how long at most; none is added and no number grows.
 LONGER = {
     "docs/external.md": 20.5,
-    "docs/hidden-effects-strata.md": 23.3,
     "docs/hidden-effects.md": 21.8,
     "docs/lumped-build.md": 20.8,
     "docs/paper-in-time.md": 22.5,
