@@ -165,7 +165,8 @@ class Reader:
     """Finds the header of a file that may have some ``columns``.
 
     ``table`` is its name in a dataset.toml, "" of a file read by itself; ``usual`` has what holds
-    where no heading says so, by the names of columns.
+    where no heading says so, by the names of columns. ``lenient``: unknown headings beside ours
+    are left aside.
     """
 
     file: Path
@@ -173,6 +174,7 @@ class Reader:
     layout: Layout = Layout()
     table: str = ""
     usual: Mapping[str, str] = ()  # type: ignore[assignment]
+    lenient: bool = False
 
     def header(self, rows: Iterable[Row]) -> Header:
         """The header of a table whose rows these are.
@@ -203,7 +205,8 @@ class Reader:
         guessed, lacks = self._guessed(line, titles, free, [source.column for source in found])
         found += guessed
         left = [place for place in free if place not in {source.place for source in guessed}]
-        strict = own and not any(stated.heading for stated in self.layout.columns)
+        strict = own and not (self.lenient
+                              or any(stated.heading for stated in self.layout.columns))
         for place in left if strict else ():
             self._refuse(line, titles, place)
         have = {source.column.name for source in found}

@@ -63,6 +63,8 @@ class FilmSurface:
 
         Interpolated linearly within the triangles.
         """
+        known = np.asarray(np.isfinite(places).all(axis=1))
+        places = np.where(known[:, None], places, 0.0)
         corners = self.mounted[self.triangles][:, :, :2]
         count = min(_NEAREST, len(corners))
         near = cKDTree(corners.mean(axis=1)).query(places, count)[1].reshape(len(places), count)
@@ -73,7 +75,7 @@ class FilmSurface:
         best = shares.min(axis=-1).argmax(axis=1)
         rows = np.arange(len(places))
         shares, points = shares[rows, best], self.triangles[near[rows, best]]
-        shares[shares.min(axis=1) < -_AT_EDGE] = np.nan
+        shares[~known | (shares.min(axis=1) < -_AT_EDGE)] = np.nan
         return {name: np.einsum("nc,nc...->n...", shares, values[points])
                 for name, values in self.values.items()}
 

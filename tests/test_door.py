@@ -359,8 +359,8 @@ def test_fields_and_places(oval: tuple[tympan.Specimen, Any]) -> None:
     fields = result.fields
     assert float(fields["stress_1"].max()) == pytest.approx(result.max_true_stress_Pa, rel=0.02)
     assert fields["displacement"].dims == ("point", "component")
-    at = result.at([0.03, 0.1], 0.0)
-    assert np.isfinite(at["stress_1"].values).tolist() == [True, False]
+    at = result.at([0.03, 0.1, np.nan], 0.0)
+    assert np.isfinite(at["stress_1"].values).tolist() == [True, False, False]
     assert np.isnan(result.at("3 mm", "0 mm")["thickness"].values).all()  # the plate's middle
     # The film's height falls from the plate to the frame.
     heights = result.at(np.linspace(0.014, 0.058, 9), 0.0)["displacement"].sel(component="z")

@@ -382,7 +382,7 @@ def fit_material(*files: File, laws: Sequence[str] = (), noise: float | str | No
     from tympan.studies.material.result import fit_coupons
 
     paths = [Path(file) for file in files]
-    folders = [path for path in paths if path.is_dir()]
+    folders = [path for path in paths if path.is_dir() or path.name == "dataset.toml"]
     if not paths or (folders and len(paths) > 1):
         raise InputError("must be one folder, or files of coupons", key="files",
                          given=" ".join(map(str, paths)) or "none")

@@ -228,7 +228,7 @@ def _header(file: Path, kind: str, rows: Sequence[Row]) -> Header | None:
     columns = [replace(column, required=False) for column in FILES[f"{kind}.csv"]]
     whole = Layout(area=1.0, length=1.0)
     with suppress(InputError):
-        header = Reader(file, columns, whole).header(rows)
+        header = Reader(file, columns, whole, lenient=True).header(rows)
         wanted = {column.name: column for column in FILES[f"{kind}.csv"]}
         sources = tuple(replace(source, column=wanted[source.column.name])
                         for source in header.sources)

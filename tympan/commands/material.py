@@ -92,7 +92,7 @@ def material_fit(options: argparse.Namespace) -> None:
     from tympan.studies.data.coupon import coupon_layout
     from tympan.studies.material.result import fit_coupons
 
-    if options.coupons[0].is_dir():
+    if options.coupons[0].is_dir() or options.coupons[0].name == "dataset.toml":
         _fit_actuators(options)
         return
     noise = None if options.noise is None else parse_quantity(options.noise, "stress", "--noise")
@@ -109,6 +109,7 @@ def _fit_actuators(options: argparse.Namespace) -> None:
 
     of_coupons = {"--law": options.law, "--noise": options.noise, "--film": options.film,
                   "--mass": options.mass, "--mode": options.mode, "--unit": options.unit,
+                  "--voltage": None if options.voltage == "0 V" else options.voltage,
                   "--area": options.area, "--length": options.length,
                   "--decimal": options.decimal}
     for key, given in of_coupons.items():

@@ -336,3 +336,12 @@ def test_a_draft_goes_into_the_file_that_is_named(tmp_path: Path) -> None:
     file.write_text(THOUSANDS, "utf-8")
     assert main(["data", "--draft", str(file), "-o", str(target)]) == 0
     assert target.read_text("utf-8") == write_draft(file, tmp_path / "b.toml").read_text("utf-8")
+
+
+def test_a_draft_leaves_out_columns_beside_ours(tmp_path: Path) -> None:
+    file = tmp_path / "own.csv"
+    file.write_text("voltage_kV,displacement_mm,mass_g,comment\n0,1,10,a\n1,1.1,10,b\n", "utf-8")
+    words = tympan.draft(file).read_text("utf-8")
+    assert "[columns.static]" in words
+    assert 'ignore = ["comment"]' in words
+    assert 'mass_g = "mass_g"' in words

@@ -191,8 +191,9 @@ def test_both_doors_answer_the_same(tmp_path: Path, capsys: pytest.CaptureFixtur
         f"uniaxial,{stretch},{20 * (stretch - stretch**-2) + 0.1 * (-1) ** number:.5f}\n"
         for number, stretch in enumerate(np.linspace(1.1, 3, 20).round(3).tolist())),
         encoding="utf-8")
-    for given, words, named in ((data, [], {}), (coupon, ["--law", "neo_hooke", "--noise", "1 kPa"],
-                                                 {"laws": ["neo_hooke"], "noise": "1 kPa"})):
+    for given, words, named in (
+            (data / "dataset.toml", [], {}), (coupon, ["--law", "neo_hooke", "--noise", "1 kPa"],
+                                              {"laws": ["neo_hooke"], "noise": "1 kPa"})):
         assert main(["material", "fit", str(given), *words, "--json"]) == 0
         result = tympan.fit_material(given, **named)
         assert json.loads(json.dumps(result.json())) == json.loads(capsys.readouterr().out)
@@ -207,7 +208,7 @@ def test_both_doors_answer_the_same(tmp_path: Path, capsys: pytest.CaptureFixtur
 
 
 @pytest.mark.parametrize(("more", "words"), [
-    (["--law", "gent"], "--law"), (["other"], "one folder"),
+    (["--law", "gent"], "--law"), (["other"], "one folder"), (["--voltage", "3 kV"], "--voltage"),
     (["--branches", "1"], "no transient.csv")])
 def test_what_is_no_such_dataset_is_refused(tmp_path: Path, more: list[str], words: str,
                                             capsys: pytest.CaptureFixture[str]) -> None:
