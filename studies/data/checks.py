@@ -143,6 +143,8 @@ def _static_warnings(dataset: Dataset) -> Iterator[str]:
         yield WORDS["one_way"].format(way="down" if directions == {"down"} else "up")
     elif not directions:
         yield WORDS["no_direction"]
+    if "down" in directions and dataset.rig.loading.softening:
+        yield WORDS["snaps"]
     if dataset.noise is None and np.isnan(static.sigma).any() and repeat_noise(dataset) is None:
         repeats = (np.bincount(repeat_groups(static)) > 1).any()
         yield WORDS["rounded" if repeats else "no_noise"]

@@ -324,6 +324,7 @@ RAMP = TOP[:-1] + ",order,direction\n" + "".join(
     for order, (volts, way) in enumerate([(0, "up"), (3, "up"), (5, "up"), (3, "down"),
                                           (0, "down")]))
 UP = RAMP.replace("down", "up")
+SNAPS = '[[rig.bias]]\nlaw = "bistable"\nforce = "0.5 N"\ntravel = "6 mm"\n'
 NOISY = HEAD + 'noise = "50 um"\n'
 WARNINGS = [
     ({"static": TOP + ROW, "statics": "x"}, "statics.csv is not read: did you mean static.csv?"),
@@ -340,6 +341,7 @@ WARNINGS = [
      "1 rows are the same as an earlier one in every cell, first line 3 as line 2"),
     ({"static": TOP + ROW + ROW}, "repeats agree to the last digit"),
     ({"static": UP}, "only up ramps: creep looks like"),
+    ({"static": RAMP, "head": HEAD + SNAPS}, "a mechanism of the rig may make plates snap"),
     ({"static": UP.replace("up", "down")}, "only down ramps"),
     ({"static": TOP[:-1] + ",order\nA,1,5,3,2\nA,1,0,1,1\n"}, "only up ramps"),
     ({"static": TOP[:-1] + ",order\nA,1,5,3,1\nA,1,0,1,2\n"}, "direction is not recorded"),
