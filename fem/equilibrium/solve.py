@@ -10,9 +10,12 @@ from tympan.fem.equilibrium.held import held as held
 from tympan.fem.equilibrium.newton import Solution, newton
 from tympan.fem.equilibrium.path_following import PathSettings
 from tympan.fem.equilibrium.ramp import SLACK, Outcome, Ramp, still_slack, without_mechanism
-from tympan.fem.equilibrium.snap import snapped
+from tympan.fem.equilibrium.snap import landed, snapped
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import Load
+
+#: Distance from an unstable equilibrium, relative to the frame, below which a plate is at it.
+_AT_IT = 1e-9
 
 #: Unknowns from which on elements of half the order find the start: below, they save little. Set by
 #: trial.
@@ -39,7 +42,7 @@ def equilibrium(model: Model, force: float, voltage: float, pressure: float = 0.
     settings = settings.bounded(model)
     if start is None and (outcome := _nested(model, force, voltage, pressure, settings)):
         return outcome
-    solution = start or first_shape(model, settings, _sense(model, force, pressure))
+    solution = start or _begun(model, settings, _sense(model, force, pressure))
     outcome = Outcome("equilibrium" if solution.converged else "not_converged", solution,
                       solution.advice)
     if start is None and not solution.converged:
@@ -60,6 +63,19 @@ def equilibrium(model: Model, force: float, voltage: float, pressure: float = 0.
     if changed and still_slack(model, outcome.state):
         return Outcome("not_converged", outcome.solution, SLACK.format("under its loads"))
     return outcome
+
+
+def _begun(model: Model, settings: PathSettings, sense: int) -> Solution:
+    """The first shape; of a plate that a mechanism drives off at once, where it comes to rest."""
+    if model.loading.softening and not model.slack_when_mounted:
+        flat = newton(model, model.mounted(), settings=settings.newton)
+        if flat.converged and not flat.stable:
+            # It is mounted at 0, beside this equilibrium or at it.
+            beside = -model.deflection(flat.state)
+            way = beside if abs(beside) > _AT_IT * model.size else sense
+            if (rest := landed(model, flat, way, settings)) is not None:
+                return rest
+    return first_shape(model, settings, sense)
 
 
 def _ramped(ramp: Ramp, start: Solution) -> Outcome:

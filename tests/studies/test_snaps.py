@@ -18,7 +18,7 @@ from tympan.cli import main
 from tympan.fem.equilibrium import snap
 from tympan.fem.equilibrium.held_path import with_tangent
 from tympan.fem.equilibrium.solve import held
-from tympan.fem.membrane.biases import Bistable, BuckledBeam, Magnet, Spring
+from tympan.fem.membrane.biases import Bistable, BuckledBeam, ForceTable, Magnet, Spring
 from tympan.fem.rig import Rig
 from tympan.fem.transient.integrate import StepSettings
 from tympan.geometry.mesher import MeshSettings
@@ -374,3 +374,18 @@ def test_the_python_door_has_the_same() -> None:
     assert other.state.force == outcome.state.force
     assert other.state.voltage_squared == outcome.state.voltage_squared
     assert with_tangent(model, other).tangent.along()[1]["force"] > 0
+
+
+def test_a_plate_driven_off_its_mounted_place_rests_at_the_first_place_that_holds_it() -> None:
+    """Film and mechanism together hold it at 1.5 and at 4.5 mm, and not where it is mounted."""
+    stiffness = EXACT.small_deflection_force(1.0, 0.0)
+    places = np.array([-3, -1.5, -0.75, 0, 0.75, 1.5, 2.25, 3, 3.75, 4.5, 6, 8, 10]) * 1e-3
+    together = np.array([-0.5, 0, 0.06, 0, -0.06, 0, 0.06, 0, -0.06, 0, 0.3, 1, 2])
+    rig = Rig(biases=(ForceTable(displacement=tuple(places.tolist()), force=tuple(
+        (together - stiffness * places).tolist())),))
+    for mass in (0.0, 1e-3):
+        result = solve(Case(FILM, mass=mass, rig=rig), COARSE)
+        stable = [each.deflection_m for each in result.equilibria]
+        assert len(stable) == 3
+        assert result.deflection_m == stable[1]
+        assert stable[1] == pytest.approx(1.5e-3, abs=0.3e-3)
