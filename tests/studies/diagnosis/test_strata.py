@@ -18,7 +18,13 @@ from benchmarks.trials.record import Record
 from benchmarks.trials.strata import steps
 from benchmarks.trials.strata.evidence import evidence, sheets, write_dataset
 from benchmarks.trials.strata.steps import StepPlan, step_evidence, step_sheets
-from benchmarks.trials.strata.trials import STRATA, without_dwell
+from benchmarks.trials.strata.trials import (
+    STRATA,
+    at_rest,
+    dataset_of,
+    evidence_of,
+    without_dwell,
+)
 from benchmarks.trials.synthetic_trials import FINEST, ROUGH, Truth, draw_rough
 from benchmarks.trials.trial import Lab
 from tests.oracles.axisymmetric import Film, Ogden, solve_deflection
@@ -211,6 +217,18 @@ def test_strata_are_taken_up_again(tmp_path: Path) -> None:
     assert study(lab, counts, 1, keep) == records
     assert all(record.verdict not in ("refused", "raised") for record in records)
     assert max(record.seen for record in records) > SEEN
+
+
+def test_what_readings_at_rest_leave_open_is_named_by_a_tester(tmp_path: Path) -> None:
+    """A spring of 3 N/m beside all films: at rest a zero of the sensor may be it as well."""
+    plan, spring = STRATA["force"].ask(0).plan, Cause("parallel_spring")
+    read = evidence_of(plan, Truth(1.05, 0.97, (spring,), (3.0,), "equations"))
+    dataset = dataset_of(tmp_path / "data", plan, read, 20e-6, 1, False)
+    before, after = (judge_dataset(some, seed=1)[1] for some in (at_rest(dataset), dataset))
+    assert before.verdict == "ambiguous"
+    assert {spring, Cause("sensor_zero")} <= set(before.suspects)
+    assert after.verdict == "named"
+    assert after.named == (spring,)
 
 
 @pytest.mark.parametrize(("name", "size"), [
