@@ -16,6 +16,9 @@ from tympan.fem.membrane.state import HEAVE, State
 #: How far the plate, or the centre, of a film that is slack when mounted is first pushed out,
 #: relative to the frame's half extent.
 _PUSHED = 0.2
+#: What is said of a taut film whose plate a mechanism drives off.
+_DRIVEN = ("a mechanism of the rig drives the plate away from the flat film, and nothing stops it; "
+           "use a weaker one, or a stiffer film")
 
 
 def held(model: Model, deflection: float, voltage: float = 0.0, start: Solution | None = None,
@@ -90,8 +93,8 @@ def first_shape(model: Model, settings: PathSettings, sense: int) -> Solution:
         if pushed and not still_slack(model, solution.state):
             return solution
         if deflection >= settings.reach * model.high:
-            return replace(solution, converged=False,
-                           advice=SLACK.format("when it is pushed out"))
+            return replace(solution, converged=False, advice=(
+                SLACK.format("when it is pushed out") if model.slack_when_mounted else _DRIVEN))
         deflection = min(2 * deflection, settings.reach * model.high)
 
 

@@ -42,6 +42,9 @@ _TENSE = -10.0
 _MOST_HELD = 1.5
 #: Most rows of a table of forces: as many as a list of a file may have.
 _MOST_ROWS = 10_000
+#: Most turns of a measured force: what snaps over has two, one beside another four; noise has one
+#: in every second row.
+_MOST_TURNS = 8
 #: Corrections of the axial force, which hardly ever takes ten.
 _CORRECTIONS = 200
 
@@ -447,6 +450,11 @@ def _measured(file: Path, titles: tuple[str, ...] | None
     order = slice(None, None, int(np.sign(steps[0])))
     where, force = where[order], force[order]
     _check_sign(sheet, where, force)
+    often = int(np.sum(np.diff(np.sign(np.diff(force))) != 0))
+    if often > _MOST_TURNS:
+        raise InputError("must be smoothed: its force turns so often that noise would make the "
+                         "plate snap; keep fewer rows, each the mean of several", file=file,
+                         key="force", given=f"{often} turns, more than {_MOST_TURNS}")
     return tuple(where.tolist()), tuple(force.tolist())
 
 
@@ -477,8 +485,9 @@ def _check_sign(sheet: Sheet, where: Array, force: Array) -> None:
         raise InputError(
             "must be positive where the mechanism pushes the plate back towards smaller "
             f"displacements: this one drives it off from {1e3 * turn:.4g} mm to both sides, to "
-            "no place of rest. Change the sign; one that is meant so has its "
-            "numbers in the lists `displacement` and `force`", file=sheet.file, key="force",
+            "no place of rest. Change the sign of a spring; measure a mechanism that "
+            "snaps beyond its peaks; what is meant so has its numbers in the lists "
+            "`displacement` and `force`", file=sheet.file, key="force",
             given=f"{force[0]:.4g} N at {1e3 * where[0]:.4g} mm, {force[-1]:.4g} N at "
                   f"{1e3 * where[-1]:.4g} mm")
 

@@ -30,7 +30,7 @@ def tables_of_forces() -> Cases:
     yield _of_table("two forces", _HEAD + "0,0\n1,0.1\n1,0.2\n", "line 4, .*'1': .* one run")
     yield _of_table("out and back", _HEAD + "0,0\n1,0.1\n0.5,0\n", "line 4, .*'0.5': .* one run")
     yield _of_table("wrong sign", _HEAD + "-2,0.1\n1,0.02\n4,-0.1\n",
-                    "must be positive where .* Change the sign")
+                    "must be positive where .* Change the sign of a spring")
     yield _of_table("one row", _HEAD + "0,0\n", "from 2 to 10000 rows")
     yield _of_table("no rows", _HEAD, "no readings below")
     yield _of_table("empty", "", "is empty")

@@ -187,6 +187,8 @@ def test_a_law_s_table_in_a_file_gives_the_law_s_results(law: str, tmp_path: Pat
     ("displacement_mm,force_N\n-2,0.1\n1,0.02\n4,-0.1\n", "",
      r"'0.1 N at -2 mm, -0.1 N at 4 mm': must be positive where .* off from 1.5 mm .* sign"),
     ("displacement_mm,force_N\n1,0\n", "", "from 2 to 10000 rows"),
+    ("displacement_mm,force_N\n" + "".join(f"{n},{0.1 * n + (-1)**n * 0.2}\n" for n in range(12)),
+     "", "'10 turns, more than 8': must be smoothed"),
     ("displacement_mm\n1\n2\n", "", "column force_N is missing"),
     ("displacement_mm,force_foo\n0,1\n1,2\n", "", "'force_foo': unknown unit"),
     ("travel_mm,push_N\n0,1\n1,2\n", 'columns = ["travel_mm", "push_mN"]', "push_mN is missing"),
@@ -205,6 +207,13 @@ def test_a_file_that_is_no_table_of_a_mechanism_is_refused(
     "displacement_mm,force_N\n0,0.01\n1,0.08\n2,0\n3,-0.08\n4,-0.01\n"])  # it snaps over
 def test_a_mechanism_that_may_be_meant_so_is_taken(content: str, tmp_path: Path) -> None:
     assert rig_of(tmp_path, content).biases
+
+
+def test_a_taut_film_whose_plate_is_driven_off_is_not_called_slack() -> None:
+    away = ForceTable((-5e-3, 0.0, 5e-3), (0.6, 0.0, -0.6))
+    result = solve(Case(circular(), mass=1e-3, rig=Rig(biases=(away,))), COARSE)
+    assert result.status == "not_converged"
+    assert "slack" not in " ".join(result.warnings)
 
 
 def test_what_leads_beyond_a_table_says_so() -> None:
