@@ -69,7 +69,9 @@ class Loading:
     def softening(self) -> tuple[Interval, ...]:
         """Deflections [m] between which a mechanism's stiffness may be negative, in order."""
         merged: list[Interval] = []
-        for low, high in sorted(each for bias in self.biases for each in bias.softening):
+        # A mechanism of a package may be older than this property: no snap is sought of it.
+        for low, high in sorted(each for bias in self.biases
+                                for each in getattr(bias, "softening", ())):
             if merged and low <= merged[-1][1]:
                 merged[-1] = merged[-1][0], max(high, merged[-1][1])
             else:

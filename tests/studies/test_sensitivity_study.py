@@ -158,7 +158,8 @@ MECHANISMS = [
 
 
 def test_every_mechanism_is_among_them() -> None:
-    assert {bias.law for bias in MECHANISMS} == set(BIASES)
+    """But a joined film, whose own derivatives are tested with it."""
+    assert {bias.law for bias in MECHANISMS} | {"film"} == set(BIASES)
 
 
 @pytest.mark.parametrize("bias", MECHANISMS, ids=lambda bias: bias.law)

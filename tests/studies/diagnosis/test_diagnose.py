@@ -200,7 +200,7 @@ def test_the_page_says_it_in_one_sentence_and_is_rebuilt(
     page = (folder / "diagnosis.html").read_text(encoding="utf-8")
     assert wordless(page) == []
     assert "The electrodes cover less of the film than stated" in page
-    assert "with one that does as much: The electrodes end" in " ".join(page.split())
+    assert "that fit them equally well: The electrodes end" in " ".join(page.split())
     assert "The electrode does not reach the frame" in page
     assert page.index("The electrodes cover") < page.index("The electrodes end") < page.index(
         "Readings, and the models through them")
