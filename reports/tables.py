@@ -63,7 +63,7 @@ def _(result: CaseResult) -> Any:
 @table.register
 def _(result: LimitsResult) -> Any:
     return pd.DataFrame([{"specimen": result.specimen, "mass_kg": result.mass_kg,
-                          "kind": limit.kind, **asdict(limit)} for limit in result.limits.told])
+                          **asdict(limit)} for limit in result.limits.told])
 
 
 @table.register

@@ -129,6 +129,8 @@ class SpecimenResult:
         self.result.film.save(folder / "fields" / f"{self.name}.vtu")
         write_sheet(folder / "lines" / f"{self.name}.csv", LINES, self.lines)
         write_sheet(folder / "curves" / f"{self.name}.csv", CURVES, self.curves.table)
+        remove(folder / "forces", *(f"{self.name}{ForceResult.ending}.{kind}"
+                                    for kind in ForceResult.kinds))
         if self.force is not None:
             self.force.save(folder / "forces")
 

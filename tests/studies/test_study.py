@@ -142,6 +142,14 @@ def test_what_is_loaded_is_saved_as_it_was(finished, tmp_path) -> None:
         assert (tmp_path / file.relative_to(folder)).read_text() == file.read_text()
 
 
+def test_a_film_without_force_curve_leaves_none_of_an_earlier_run(finished, tmp_path) -> None:
+    _, folder, _ = finished
+    first = study.StudyResult.load(folder).specimens[0]
+    first.save(tmp_path)
+    replace(first, force=None).save(tmp_path)
+    assert first.with_files(tmp_path, "specimens[0]").force is None
+
+
 def test_a_load_without_picture_is_said(finished) -> None:
     plan, _, _ = finished
     with pytest.raises(InputError, match=r"circular.*no picture at 17.9 g and 12 kV.*thins"):
