@@ -27,10 +27,11 @@ from tympan.studies.case import Case
 MOST_MASS = 0.1  #: kg
 GRAVITY = 9.80665
 
-#: Every registered law, and every film of the library that is elastic: no draw changes with others.
+#: Every registered law, and every film of the library that is elastic without a range of stretches,
+#: which draws would leave: no draw changes with others.
 MATERIALS_DRAWN: tuple[Material, ...] = (*(sample.law for sample in SAMPLES.values()),
                                          *(entry.material for entry in MATERIALS.values()
-                                           if not entry.branches))
+                                           if not entry.branches and entry.law_range is None))
 
 
 @dataclass(frozen=True)

@@ -24,7 +24,17 @@ from tympan.geometry.specimen import (
     ViscousBranch,
     check_range,
 )
-from tympan.geometry.toml_reader import POSITIVE, Table, one_of
+from tympan.geometry.toml_reader import NON_NEGATIVE, POSITIVE, Table, one_of
+
+
+@dataclass(frozen=True)
+class FilmScatter:
+    """How films of one kind differ: relative standard deviations, None where no source says it."""
+
+    thickness: Annotated[float | None, Key("of the virgin film", rule=NON_NEGATIVE)] = None
+    stiffness: Annotated[float | None, Key("of the whole law", rule=NON_NEGATIVE)] = None
+    permittivity: Annotated[float | None, Key("of the film", rule=NON_NEGATIVE)] = None
+    source: Annotated[str, Key("where they come from")] = ""
 
 
 @dataclass(frozen=True)
@@ -44,6 +54,10 @@ class LibraryMaterial:
     relative_permittivity: Annotated[float | None, Key("of the film")] = None
     breakdown: Annotated[str, Key("name of the film's electric strength")] = ""
     film_source: Annotated[str, Key("where density and permittivity come from")] = ""
+    scatter: Annotated[FilmScatter, Key("how films differ")] = FilmScatter()
+    law_range: Annotated[tuple[float, float] | None, Key(
+        "principal stretches the law was tested at, thickness included", rule=POSITIVE,
+        name="range")] = None
 
     @property
     def of_film(self) -> dict[str, Any]:
@@ -53,7 +67,15 @@ class LibraryMaterial:
             known["strength"] = library_strength(self.breakdown)
         if self.relative_permittivity is not None:
             known["relative_permittivity"] = self.relative_permittivity
+        if self.law_range is not None:
+            known["law_range"] = self.law_range
         return known
+
+    def holds(self, prestretch: tuple[float, float]) -> bool:
+        """Whether the law was tested at a prestretch, or has no range of stretches."""
+        l1, l2 = prestretch
+        low, high = self.law_range or (0.0, float("inf"))
+        return low <= min(l1, l2, 1 / (l1 * l2)) and max(l1, l2) <= high
 
     def __getattr__(self, name: str) -> Any:
         if name.startswith("__") or name == "material":  # asked for while it is unpickled

@@ -119,8 +119,8 @@ class MapSettings:
     """How a map is made: loads of the α, mass [kg] and voltage [V] of the stroke, and places.
 
     The grid spans ``aspects`` and ``ratios``; ``inside`` random places in its range have random
-    materials of the library, ``outside`` ones have aspects up to ``far[0]`` and ratios up to
-    ``far[1]``.
+    materials of the library, of those without a range of stretches, ``outside`` ones have aspects
+    up to ``far[0]`` and ratios up to ``far[1]``.
     """
 
     loads: LoadGrid = field(default_factory=lambda: LoadGrid((17.9e-3, 22.45e-3), (0.0, 2e3, 4e3)))
@@ -139,7 +139,8 @@ class MapSettings:
         Those outside are longer, have a larger plate, or both.
         """
         grid = [Reading(aspect, ratio) for aspect in self.aspects for ratio in self.ratios]
-        rng, names = np.random.default_rng(self.seed), sorted(MATERIALS)
+        rng = np.random.default_rng(self.seed)
+        names = sorted(name for name, entry in MATERIALS.items() if entry.law_range is None)
         inside = [Reading(rng.uniform(self.aspects[0], self.aspects[-1]),
                           rng.uniform(self.ratios[0], self.ratios[-1]),
                           names[rng.integers(len(names))]) for _ in range(self.inside)]

@@ -254,7 +254,8 @@ def uncertainty(specimen: Specimen, settings: Settings, alpha_settings: AlphaSet
                 ) -> dict[str, Ranges | None]:
     """Smallest and largest of each weight of ``nominal``'s membrane circles, by what was changed.
 
-    ``mesh``: elements finer by 1.5. ``material``: each material of the library in the film's place.
+    ``mesh``: elements finer by 1.5. ``material``: each material of the library in the film's place,
+    but for those whose range does not hold its prestretch.
     ``loads``: each mass of the fit alone, and the lower and upper half of its voltages. None where
     nothing could be changed; a change without an equilibrium to fit is left out.
     """
@@ -272,7 +273,8 @@ def uncertainty(specimen: Specimen, settings: Settings, alpha_settings: AlphaSet
         "mesh": [("a finer mesh", specimen, finer, alpha_settings)],
         "material": [(name, replace(specimen, membrane=replace(film, material=entry.material)),
                       settings, alpha_settings)
-                     for name, entry in MATERIALS.items() if entry.material != film.material],
+                     for name, entry in MATERIALS.items()
+                     if entry.material != film.material and entry.holds(film.prestretch)],
         "loads": [(name, specimen, settings, replace(alpha_settings, fit=grid))
                   for name, grid in grids.items()]}
     ranges: dict[str, Ranges | None] = {}

@@ -32,21 +32,24 @@ WEIGHT = 17.9e-3
 
 @pytest.mark.parametrize("name", STRENGTH_LIBRARY)
 def test_library(name: str) -> None:
-    """Every strength has a source and a caveat, and grows with the stretch at one virgin thickness.
+    """Every strength has a source and a caveat, and does not fall with the stretch at one virgin
+    thickness; one that depends on the stretch grows.
     """
     entry = STRENGTH_LIBRARY[name]
     assert entry.source
     assert entry.caveat
     stretch = np.linspace(1, 6, 11)
     fields = entry.strength.field(stretch, stretch, 1e-3 / stretch**2)
-    assert np.all(np.diff(fields) > 0)
-    assert 1e6 < fields[0] < fields[-1] < 1e9
+    assert np.all(np.diff(fields) > 0) or isinstance(entry.strength, ConstantStrength)
+    assert np.all(np.diff(fields) >= 0)
+    assert 1e6 < fields[0] <= fields[-1] < 1e9
 
 
 def test_sources_agree_on_the_exponent_at_one_virgin_thickness() -> None:
     """E_b ∝ h^−0.25 λ^0.63 with h = H/λ² is ∝ λ^1.13: that of Koh et al."""
     stretch = np.array([1.5, 3.0])
-    for entry in STRENGTH_LIBRARY.values():
+    for name in ("vhb-4910", "vhb-4910-embedded"):
+        entry = STRENGTH_LIBRARY[name]
         first, last = entry.strength.field(stretch, stretch, 1e-3 / stretch**2)
         assert np.log(last / first) / np.log(2.0) == pytest.approx(1.13, rel=1e-12)
 
@@ -140,7 +143,7 @@ def test_strength_in_a_file(tmp_path: Path, line: str,
 
 
 @pytest.mark.parametrize(("line", "key", "words"), [
-    ('breakdown = "air"', "membrane.breakdown", "must be one of vhb-4910"),
+    ('breakdown = "air"', "membrane.breakdown", "must be one of .*vhb-4910"),
     ("breakdown = 3", "membrane.breakdown", "must be a table"),
     ('breakdown = { law = "weibull" }', "membrane.breakdown.law", "must be one of constant, power"),
     ('breakdown = { law = "constant", strength = 20 }', "membrane.breakdown.strength",

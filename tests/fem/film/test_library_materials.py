@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 import tympan
+from benchmarks.external import library_laws
 from tests.support.specimens import circular, specimen_toml
 from tympan.fem.film.breakdown import STRENGTH_LIBRARY
 from tympan.fem.film.library import MATERIALS, REFUSED, load_specimen
@@ -36,7 +37,63 @@ def test_a_film_is_the_same_through_both_doors(tmp_path: Path, name: str) -> Non
     assert of_file.strength == (STRENGTH_LIBRARY[entry.breakdown].strength if entry.breakdown
                                 else None)
     assert of_file.relative_permittivity == (entry.relative_permittivity or 4.7)
+    assert of_file.law_range == entry.law_range
     assert tympan.material(name).source == entry.source
+
+
+#: Prestretch, virgin thickness [m] and load [kg] of a film of each kind that moves a plate.
+FILMS = {"vhb": (2.236, 1e-3, 0.01), "ecoflex": (2.0, 0.5e-3, 0.01),
+         "elastosil": (1.2, 100e-6, 0.01), "sylgard": (1.06, 50e-6, 0.01),
+         "natural": (1.5, 200e-6, 0.02)}
+
+
+@pytest.mark.parametrize("name", MATERIALS)
+def test_a_film_of_each_mounts_solves_and_finds_its_limits(name: str) -> None:
+    prestretch, thickness, mass = FILMS[name.partition("-")[0]]
+    entry = MATERIALS[name]
+    given = {} if entry.relative_permittivity else {"relative_permittivity": 3.0}
+    film = tympan.Film(thickness, prestretch, name, **given)
+    specimen = tympan.Specimen(name, tympan.Circle("4.5 cm"), circular().plate, film)
+    rest = tympan.solve(specimen, mass=mass)
+    charged = tympan.solve(specimen, mass=mass, voltage=1000.0)
+    assert 5e-4 < rest.deflection_m < charged.deflection_m < 0.02
+    assert not [text for text in rest.warnings if "range" in text]
+    limits = tympan.limits(specimen, mass=mass).limits
+    assert limits.limit is not None
+    assert 100.0 < limits.limit.voltage_V < 20e3
+    assert (limits.breakdown is not None) <= bool(entry.breakdown)
+
+
+@pytest.mark.parametrize("name", MATERIALS)
+def test_scatter_has_a_source_and_is_a_share(name: str) -> None:
+    scatter = MATERIALS[name].scatter
+    shares = [scatter.thickness, scatter.stiffness, scatter.permittivity]
+    assert bool(scatter.source) == any(share is not None for share in shares)
+    assert all(share is None or 0 < share < 0.5 for share in shares)
+
+
+def test_laws_of_silicones_and_rubber_are_those_of_their_script() -> None:
+    """And what they were not fitted to: another mode, another rubber, hardness."""
+    constants, errors = library_laws.rubber()
+    law = MATERIALS["natural-rubber"].material
+    assert [*law.mu, *law.alpha] == pytest.approx(constants.tolist(), rel=1e-5)
+    assert errors["pure_shear"] < 0.02
+    assert all(0.97 < factor < 1.05
+               for factor in library_laws.other_rubber(constants).values())
+    line, error = library_laws.sylgard()
+    assert MATERIALS["sylgard-184"].material.c == pytest.approx(line.c, rel=1e-5)
+    assert error < 0.011
+    assert MATERIALS["elastosil-2030"].material == library_laws.ELASTOSIL
+    off = {check.what: check.off for check in library_laws.checks()}
+    assert off["initial modulus, from Shore A 27 [Pa]"] == pytest.approx(0.08, abs=0.01)
+    assert off["nominal stress at break, stretch 2.4 [Pa]"] == pytest.approx(-0.27, abs=0.01)
+
+
+def test_a_film_beyond_its_law_s_tests_is_told() -> None:
+    film = tympan.Film(100e-6, 1.6, "elastosil-2030")
+    specimen = tympan.Specimen("far", tympan.Circle("4.5 cm"), circular().plate, film)
+    assert any("outside its range 0.52 to 1.38" in text
+               for text in tympan.solve(specimen, mass=0.01).warnings)
 
 
 def test_what_a_film_says_itself_counts() -> None:
