@@ -186,6 +186,33 @@ def test_what_is_being_typed_stays_while_another_film_arrives(page: Any) -> None
     waited(lambda: page.locator("#slider-stiffness").input_value(), "1.3")
 
 
+#: Boxes of the film, of the curve and of all controls, as top, bottom, left and right [pixels].
+BOXES = """() => ["canvas", "#curve svg", "#controls"].map(name => {
+  const box = document.querySelector(name).getBoundingClientRect();
+  return [box.top, box.bottom, box.left, box.right];
+})"""
+
+
+@pytest.mark.parametrize(("width", "height"), [(1400, 900), (820, 1180)])
+def test_film_curve_and_controls_are_in_view_together(page: Any, width: int, height: int) -> None:
+    page.wait_for_selector("#curve svg .mark", timeout=60_000)
+    page.set_viewport_size({"width": width, "height": height})
+    for scrolled in (0, 100):
+        page.evaluate(f"scrollTo(0, {scrolled})")
+        boxes = page.evaluate(BOXES)
+        film, curve, _ = boxes
+        for top, bottom, left, right in (film, curve):
+            assert 0 <= top < bottom <= height
+            assert 0 <= left < right <= width
+            assert right - left > 300
+            assert bottom - top > 150
+        assert film[1] <= curve[0]
+    page.evaluate("scrollTo(0, 0)")
+    for top, bottom, _, right in page.evaluate(BOXES):
+        assert 0 <= top < bottom <= height
+        assert right <= width
+
+
 def typed(page: Any, key: str, text: str) -> None:
     """Type into a number field."""
     escaped = key.replace(".", r"\.")

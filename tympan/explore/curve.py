@@ -32,6 +32,8 @@ _HIGH = 230
 _GAP = 30
 #: Height of the residuals, a third of the curve's: their axis has few numbers.
 _LOW = 80
+#: Height of a line of words.
+_TEXT = 12
 #: Room below for the numbers and the words of the voltage.
 _BELOW = 38
 
@@ -111,11 +113,16 @@ def _lines(panel: _Panel, line: VoltageCurve) -> Iterator[dict[str, str]]:
             yield {"kind": kind, "path": panel.path(x[part], y[part])}
 
 
-def _limits(panel: _Panel, line: VoltageCurve) -> Iterator[dict[str, Any]]:
-    for limit in line.limits.reached:
-        if len(line.voltage):
-            yield _point(panel, limit.voltage_V / 1e3, line.deflection_at(limit), "mark", 4,
-                         limit.state.verb)
+def _limits(panel: _Panel, line: VoltageCurve) -> list[dict[str, Any]]:
+    """A mark at each limit; the words of those that meet stand in one line."""
+    marks: list[dict[str, Any]] = []
+    for limit in line.limits.reached if len(line.voltage) else ():
+        mark = _point(panel, limit.voltage_V / 1e3, line.deflection_at(limit), "mark", 4,
+                      limit.state.verb)
+        if marks and abs(mark["y"] - marks[-1]["y"]) < _TEXT:
+            mark["word"], marks[-1]["word"] = f"{marks[-1]['word']}, {mark['word']}", ""
+        marks.append(mark)
+    return marks
 
 
 def _readings(panel: _Panel, readings: Readings | None) -> Iterator[dict[str, Any]]:
