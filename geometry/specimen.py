@@ -307,7 +307,8 @@ class Specimen:
         try:
             self._check()
         except InputError as error:
-            raise Unbuildable(error.allowed, key=error.key, given=error.given) from None
+            drawn = "".join(f" ({words})" for words in self.remarks)
+            raise Unbuildable(error.allowed + drawn, key=error.key, given=error.given) from None
 
     @classmethod
     def completed(cls, values: dict[str, Any]) -> dict[str, Any]:

@@ -292,7 +292,10 @@ def _closed_up(loop: list[Piece], joint: float) -> list[Piece]:
 
 
 def _thinned(loop: list[Piece], tolerance: float) -> tuple[list[Piece], list[str]]:
-    """Straight lines made fewer, within the tolerance, where they are too many or too short."""
+    """Lines made fewer, within the tolerance, where they are too many or too short.
+
+    Where arcs and splines are too many, all become lines.
+    """
     starts, stops = piece_ends(loop)
     lines = np.array([isinstance(piece, Line) for piece in loop])
     short = np.linalg.norm(stops - starts, axis=1) < SMALLEST * np.ptp(starts, axis=0).max() / 2
@@ -310,9 +313,32 @@ def _thinned(loop: list[Piece], tolerance: float) -> tuple[list[Piece], list[str
         points = np.vstack([points, last[-1:]])
         keep = _few(points, tolerance)
         thin += [Line((a[0], a[1]), (b[0], b[1])) for a, b in pairwise(points[keep].tolist())]
+    if len(thin) > MOST_PIECES and not lines.all() and tolerance > 0:
+        return _straightened(loop, tolerance)
     if len(thin) == len(loop):
         return loop, []
     return thin, [f"thinned {len(loop)} lines to {len(thin)}, within {1e3 * tolerance:.3g} mm"]
+
+
+def _straightened(loop: list[Piece], tolerance: float) -> tuple[list[Piece], list[str]]:
+    """Arcs, splines and lines as straight lines within the tolerance: half of it each step."""
+    points = np.vstack([*(_chords(piece, tolerance / 2) for piece in loop),
+                        piece_ends(loop)[1][-1:]])
+    keep = _few(points, tolerance / 2)
+    lines: list[Piece] = [Line((a[0], a[1]), (b[0], b[1]))
+                          for a, b in pairwise(points[keep].tolist())]
+    return lines, [f"replaced {len(loop)} arcs, splines and lines by {len(lines)} straight lines, "
+                   f"within {1e3 * tolerance:.3g} mm"]
+
+
+def _chords(piece: Piece, within: float) -> Array:
+    """Points along a piece but its end, whose chords are nowhere further from it than that."""
+    for count in () if isinstance(piece, Line) else (2**power for power in range(1, 15)):
+        points = piece.at(np.linspace(0, 1, 2 * count + 1))[0]
+        middles = (points[:-2:2] + points[2::2]) / 2
+        if np.linalg.norm(points[1::2] - middles, axis=1).max() <= within:
+            return np.asarray(points[:-1:2])
+    return np.asarray(piece_ends([piece])[0])
 
 
 def _few(points: Array, tolerance: float) -> Array:

@@ -44,7 +44,8 @@ class Drawing(ABC):
         "a point of the drawing: the smallest closed curve around it is taken, in place of curve",
         "length", PLACE)] = None
     tolerance: Annotated[float | None, Key(
-        "widest gap that is closed, and how far lines that are too many may be moved", "length",
+        "widest gap that is closed, and how far lines, arcs and splines that are too many may be "
+        "moved", "length",
         _TOLERANCE, default="1e-4 of the drawing's size, at most 0.05 mm")] = None
 
     @classmethod
@@ -151,7 +152,8 @@ def record(kind: str, file: str, keys: dict[str, Any]) -> dict[str, Any]:
                              f"{SIZE[1]}{sheet.units}")
         if len(curve.pieces) > MOST_PIECES:
             raise InputError(f"has {len(curve.pieces)} lines, arcs and splines: at most "
-                             f"{MOST_PIECES} make an outline; a larger tolerance makes lines fewer")
+                             f"{MOST_PIECES} make an outline; a larger tolerance, such as "
+                             f'tolerance = "0.2 mm", makes them fewer')
         return {"pieces": [PIECES.write(piece, plain=True) for piece in curve.pieces],
                 "remarks": [*sheet.remarks, *contours.remarks]}
     except InputError as error:

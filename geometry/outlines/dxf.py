@@ -21,6 +21,9 @@ from tympan.geometry.units import quantity
 
 #: How far points may be from one plane of constant z [m].
 _FLAT = 1e-9
+#: Size of a drawing [m] below which its numbers are rather metres than millimetres: a film of 2 m
+#: would be read as one of 2 mm.
+_TINY = 2e-3
 #: How deep blocks may stand in blocks. No program nests them so deep but one in itself.
 _DEEPEST = 20
 
@@ -50,9 +53,6 @@ def dxf_sheet(file: Path, layer: str, unit: str | None) -> Sheet:
         source = (f". The file says that its numbers are in {drawn_in.name.lower()} ($INSUNITS "
                   f"{units})" if units else ". The file has no units: its numbers were read in mm")
         source += ': if they are in another unit, add unit = "mm", or whichever it is'
-        if not units:
-            remarks.append('the file has no units and is read in mm: unit = "in" or another '
-                           "overrides that")
     drawing = document.modelspace()
     hidden = {item.dxf.name.lower() for item in document.layers
               if layer == "*" and (item.is_off() or item.is_frozen())}
@@ -65,9 +65,20 @@ def dxf_sheet(file: Path, layer: str, unit: str | None) -> Sheet:
         raise InputError(f"has no lines, arcs or splines{where}; its layers are {names or 'empty'}"
                          + (f"; it has {rest}, which are no curves: draw the outline with lines, "
                             "arcs, polylines or splines" if rest else ""))
+    if unit is None and not units:
+        remarks.append('the file has no units and is read in mm: unit = "in" or another '
+                       "overrides that" + _guess(pieces))
     if reading.off:
         remarks.append(f"left out layers that are switched off: {', '.join(sorted(reading.off))}")
     return Sheet(pieces, tuple(remarks), source)
+
+
+def _guess(pieces: list[Piece]) -> str:
+    """What to try where numbers that were read in mm make a drawing too small for a film."""
+    thirds = np.array([0.0, 1 / 3, 2 / 3])
+    size = np.ptp(np.vstack([piece.at(thirds)[0] for piece in pieces]), axis=0).max()
+    return "" if size > _TINY else (f"; the drawing is then less than {1e3 * _TINY:g} mm wide: its "
+                                    'numbers look like metres, unit = "m"')
 
 
 def _layer(entity: Any) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -13,6 +14,7 @@ import numpy as np
 
 from tympan.fem.film.library import load_specimen
 from tympan.geometry.column import NUMBER, Column, Heading
+from tympan.geometry.command_line import command_line, file_word
 from tympan.geometry.errors import InputError, did_you_mean
 from tympan.geometry.formats import Row, TwoMarks, read_rows
 from tympan.geometry.layouts import Header, Layout, Reader, Source
@@ -28,6 +30,8 @@ _KINDS = ("static", "transient", "force", "coupon", "frequency", "range")
 _RUN = 30
 #: What one missing column of numbers counts against one that was found.
 _MISSED = 1.0
+#: What an unlikely reading of a table counts against it: more than a missing column.
+_UNLIKELY = 1.5
 #: Correlation below which numbers fall where deflections and forces rise.
 _FALLING = -0.5
 #: Words of preambles for the sizes of a test piece.
@@ -40,7 +44,10 @@ _CORRECT = "CORRECT THIS: "
 
 @dataclass(frozen=True)
 class Draft:
-    """What a table is taken for: its ``kind``, header and rows, and the decimal mark if stated."""
+    """What a table is taken for: its ``kind``, header and rows, and the decimal mark if stated.
+
+    ``folder`` is where its dataset.toml will stand, ``stated`` whether the kind is no guess.
+    """
 
     file: Path
     kind: str
@@ -48,6 +55,8 @@ class Draft:
     rows: tuple[Row, ...]
     decimal: str | None
     specimen: Path | None
+    folder: Path
+    stated: bool
 
     @cached_property
     def name(self) -> str:
@@ -55,16 +64,70 @@ class Draft:
         return "film" if self.specimen is None else load_specimen(self.specimen).name
 
     @property
+    def score(self) -> float:
+        """How well its kind explains the headings."""
+        if self.stated:
+            return float("inf")
+        have = {source.column.name for source in self.header.sources}
+        needed = [column.name for column in FILES[f"{self.kind}.csv"]
+                  if column.required and column.choices is None]
+        missed = sum(name not in have for name in needed)
+        unlikely = (self.kind == "transient" and len(self.rows) < _RUN,
+                    self.kind == "coupon" and self._of_a_plate)
+        return (sum(name in have for name in needed) - _MISSED * missed
+                - _UNLIKELY * sum(unlikely) + 0.1 * len(have))
+
+    @property
+    def _of_a_tester(self) -> bool:
+        """Whether it has forces and displacements, which strips and plates have."""
+        have = {source.column.name: source for source in self.header.sources}
+        return ({"displacement", "force"} <= {*have} if self.kind == "force"
+                else any(source.per == "area" for source in have.values()))
+
+    @property
+    def _of_a_strip(self) -> bool:
+        """Whether its sizes stand above the headings, or its mode in the file's name."""
+        return bool(self._preamble() or named_mode(self.file))
+
+    @cached_property
+    def _of_a_plate(self) -> bool:
+        """Whether forces may be those on the specimen's plate, and nothing speaks of a strip.
+
+        A strip may be pulled further than the plate is from the frame.
+        """
+        if not self._of_a_tester or self.specimen is None or self._of_a_strip:
+            return False
+        film = load_specimen(self.specimen)
+        lengths = [source for source in self.header.sources if source.per == "length"]
+        moved = [abs(float(cells[source.place])) * source.factor for source in lengths
+                 for _, cells in self._below
+                 if source.place is not None and NUMBER.fullmatch(cells[source.place])]
+        return film.plate is not None and max(moved, default=0.0) < film.gap
+
+    @property
     def text(self) -> str:
         """The lines of a dataset.toml."""
         lines = ["# A draft: every line is a guess. Correct it, then run: tympan data .",
-                 f"name = {_quoted(self.file.stem)}", "", f"[columns.{self.kind}]",
-                 *self._about(), *self._columns(), "", "[[specimen]]", self._specimen()]
+                 f"name = {_quoted(self.file.stem)}", "", *self._other(),
+                 f"[columns.{self.kind}]", *self._about(), *self._columns(), "",
+                 "[[specimen]]", self._specimen()]
         return "\n".join(lines) + "\n"
 
+    def _other(self) -> Iterator[str]:
+        """What else the table may be, where its headings do not decide."""
+        names = {source.column.name for source in self.header.sources}
+        if (self._of_a_tester and "voltage" not in names
+                and not (self.stated or self._of_a_strip)):
+            what, kind, of = (("the plate of an actuator", "coupon", "a strip of film")
+                              if self.kind == "force"
+                              else ("a strip of film", "force", "the plate of an actuator"))
+            yield f"# {_CORRECT}force and displacement without voltage: taken as those of {what}."
+            again = command_line("data", "--draft", file_word(self.file.name), "--kind", kind)
+            yield f"# If {of} was pulled: {again}"
+
     def _about(self) -> Iterator[str]:
-        if self.file.name != f"{self.kind}.csv":
-            yield f"file = {_quoted(self.file.name)}"
+        if self._named(self.file) != f"{self.kind}.csv":
+            yield f"file = {_quoted(self._named(self.file))}"
         yield f"titles_line = {self.header.line}  # the first line with known headings"
         if self.decimal:
             yield (f"decimal = {_quoted(self.decimal)}  # {_CORRECT}numbers have both marks; the "
@@ -172,11 +235,20 @@ class Draft:
         if self.specimen is None:
             return (f'file = "specimen.toml"  # {_CORRECT}no file of a specimen stands here; the '
                     "name of yours")
-        return f"file = {_quoted(self.specimen.name)}  # the only specimen in this folder"
+        return f"file = {_quoted(self._named(self.specimen))}  # the only specimen in its folder"
+
+    def _named(self, file: Path) -> str:
+        """A file's name as dataset.toml has to write it: from its own folder."""
+        try:
+            return Path(os.path.relpath(file, self.folder)).as_posix()
+        except ValueError:  # on another drive
+            return file.resolve().as_posix()
 
 
-def draft(file: Path | str, kind: str | None = None) -> Draft:
+def draft(file: Path | str, kind: str | None = None, folder: Path | None = None) -> Draft:
     """What a table is taken for; ``kind`` is the file of a dataset it stands for, such as "force".
+
+    ``folder``: where dataset.toml will stand, if not beside the table.
 
     Raises
     ------
@@ -189,17 +261,16 @@ def draft(file: Path | str, kind: str | None = None) -> Draft:
         raise InputError(f"unknown kind: {hint}known are {', '.join(_KINDS)}", key="kind",
                          given=kind)
     rows, decimal = _rows(file)
-    best: tuple[float, str, Header] | None = None
-    for name in _KINDS if kind is None else (kind,):
-        header = _header(file, name, rows)
-        if header is not None:
-            score = _score(file, name, header, len(rows))
-            if best is None or score > best[0]:
-                best = (score, name, header)
-    if best is None or not best[2].sources:
+    folder = file.parent if folder is None else folder
+    specimen = _only_specimen(file.parent) or _only_specimen(folder)
+    taken = [Draft(file, name, header, rows, decimal, specimen, folder,
+                   name in (kind, file.stem.lower()))
+             for name in (_KINDS if kind is None else (kind,))
+             if (header := _header(file, name, rows)) is not None and header.sources]
+    if not taken:
         raise InputError("has no line with two known headings, such as Weg (mm) or Voltage (kV): "
                          "give the columns such names", file=file)
-    return Draft(file, best[1], best[2], rows, decimal, _only_specimen(file.parent))
+    return max(taken, key=lambda one: one.score)
 
 
 def write_draft(file: Path | str, target: Path | str | None = None, kind: str | None = None
@@ -207,7 +278,7 @@ def write_draft(file: Path | str, target: Path | str | None = None, kind: str | 
     """Write the draft of a table beside it, or to a ``target``; nothing is overwritten."""
     file = Path(file)
     target = file.parent / "dataset.toml" if target is None else Path(target)
-    text = draft(file, kind).text
+    text = draft(file, kind, target.parent).text
     if target.exists():
         raise InputError("is there already: name another file with -o", file=target)
     write_text(target, text)
@@ -234,18 +305,6 @@ def _header(file: Path, kind: str, rows: Sequence[Row]) -> Header | None:
                         for source in header.sources)
         return replace(header, sources=sources, foreign=True)
     return None
-
-
-def _score(file: Path, kind: str, header: Header, count: int) -> float:
-    """How well a kind explains the headings."""
-    if file.stem.lower() == kind:
-        return float("inf")
-    have = {source.column.name for source in header.sources}
-    needed = [column.name for column in FILES[f"{kind}.csv"]
-              if column.required and column.choices is None]
-    missed = sum(name not in have for name in needed)
-    few = kind == "transient" and count < _RUN
-    return sum(name in have for name in needed) - _MISSED * missed - 1.5 * few + 0.1 * len(have)
 
 
 def _only_specimen(folder: Path) -> Path | None:

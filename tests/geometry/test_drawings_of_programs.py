@@ -11,6 +11,7 @@ import pytest
 from scipy.special import ellipe
 
 from benchmarks.trials.drawings import CASES, Case
+from tympan.fem.film.library import load_specimen
 from tympan.geometry.errors import InputError
 from tympan.geometry.outlines import OUTLINES, Outline, area, drawings, perimeter
 from tympan.geometry.outlines.contours import closed_curves
@@ -135,3 +136,63 @@ def test_lines_are_thinned_within_the_tolerance_and_only_where_they_are_too_many
     radii = np.linalg.norm(many.closed[0].points(3000), axis=0)
     assert radii.min() > 0.05 - 1.01e-5
     assert radii.max() <= 0.05 + 1e-12
+
+
+def test_arcs_that_are_too_many_become_lines_within_the_tolerance() -> None:
+    """A circle of 1,500 arcs, and a wavy one of 3,000, half of them short splines or lines."""
+    turn = 2 * np.pi / 1500
+    arcs = [Arc((0.0, 0.0), (0.05, 0.05), k * turn, turn) for k in range(1500)]
+    contours = closed_curves(arcs)
+    assert contours.remarks[0].startswith("replaced 1500 arcs, splines and lines by ")
+    outline = contours.closed[0]
+    assert len(outline.pieces) < 400
+    radii = np.linalg.norm(outline.points(5000), axis=0)
+    assert radii.min() > 0.05 - 1.01e-5
+    assert radii.max() < 0.05 + 1.01e-5
+    mixed = [piece for k, arc in enumerate(arcs) for piece in (
+        arc.part(0.0, 0.5), arc.part(0.5, 1.0) if k % 2 else Line(
+            *(tuple(end) for end in arc.part(0.5, 1.0).at(np.array([0.0, 1.0]))[0].tolist())))]
+    coarse = closed_curves(mixed, 0.2e-3).closed[0]
+    assert len(coarse.pieces) < len(outline.pieces)
+    radii = np.linalg.norm(coarse.points(5000), axis=0)
+    assert radii.min() > 0.05 - 0.201e-3
+
+
+def test_advice_on_too_many_arcs_helps(tmp_path: Path) -> None:
+    """A coil-like rim of 4,000 deep arcs: refused, and read with the tolerance that is named."""
+    document = ezdxf.new(units=ezdxf.units.MM)
+    turn = 2 * np.pi * np.arange(4001) / 4000
+    rim = 45 + 0.08 * (np.arange(4001) % 2)
+    points = [(r * np.cos(t), r * np.sin(t), 0.5) for r, t in zip(rim, turn, strict=True)][:-1]
+    document.modelspace().add_lwpolyline(points, format="xyb", close=True)
+    document.saveas(tmp_path / "rim.dxf")
+
+    def read_with(**keys: object) -> Outline:
+        table = {"shape": "dxf", "file": "rim.dxf"} | keys
+        return OUTLINES.read(Table(tmp_path / "a.toml", table, "frame"))
+
+    with pytest.raises(InputError, match=r'at most 1000 .* tolerance = "0.2 mm", makes them few'):
+        read_with()
+    outline = read_with(tolerance="0.2 mm")
+    assert sizes(outline)[0] == pytest.approx(np.pi * 45.04**2, rel=0.01)
+
+
+@pytest.mark.parametrize(("unit", "said"), [(None, 'its numbers look like metres, unit = "m"'),
+                                            ("m", "")])
+def test_a_drawing_in_metres_that_does_not_say_so(tmp_path: Path, unit: str | None,
+                                                  said: str) -> None:
+    """The message on the plate, which does not fit into 0.09 mm, names unit and guess."""
+    document = ezdxf.new(units=0)
+    document.modelspace().add_circle((0, 0), 0.045)
+    document.saveas(tmp_path / "frame.dxf")
+    stated = f', unit = "{unit}"' if unit else ""
+    (tmp_path / "film.toml").write_text(
+        f'name = "x"\nframe = {{ shape = "dxf", file = "frame.dxf"{stated} }}\n'
+        'plate = { shape = "circle", radius = "1 cm" }\n[membrane]\nthickness = "1 mm"\n'
+        'prestretch = [2, 2]\nmaterial = "vhb-4910"\n', encoding="utf-8")
+    if said:
+        with pytest.raises(InputError, match="must lie inside the frame") as refused:
+            load_specimen(tmp_path / "film.toml")
+        assert said in str(refused.value)
+    else:
+        assert load_specimen(tmp_path / "film.toml").frame.semi_axes[0] == pytest.approx(0.045)

@@ -303,6 +303,58 @@ def test_a_draft_of_a_tester_has_the_size_of_its_strip(tmp_path: Path) -> None:
     assert tympan.data(tmp_path)["specimens"] == ["film"]
 
 
+def pulled(folder: Path, most: float, head: str = "") -> Path:
+    """A tester's table of force and displacement, to ``most`` [mm], beside a film with a plate."""
+    film = SPECIMEN.format(name="film").replace("[[specimen]]\n", "").replace("[specimen.", "[")
+    (folder / "film.toml").write_text(film, "utf-8")
+    rows = "".join(f"{most * i / 20:.3f},{0.02 * i:.3f}\n" for i in range(21))
+    file = folder / "test 3.csv"
+    file.write_text(f"{head}Extension (mm),Load (N)\n{rows}", "utf-8")
+    return file
+
+
+@pytest.mark.parametrize(("most", "head", "kind"), [
+    (4.0, "", "force"),                              # what a plate can do
+    (90.0, "", "coupon"),                            # further than the plate is from the frame
+    (4.0, "Thickness,1,mm\nWidth,10,mm\n\n", "coupon"),  # a strip's sizes
+])
+def test_force_of_a_plate_is_told_from_that_of_a_strip(tmp_path: Path, most: float, head: str,
+                                                       kind: str) -> None:
+    file = pulled(tmp_path, most, head)
+    words = tympan.draft(file).read_text("utf-8")
+    assert f"[columns.{kind}]" in words
+    other = {"force": "coupon", "coupon": "force"}[kind]
+    assert (f"--draft 'test 3.csv' --kind {other}" in words) == (not head)
+    told = tympan.draft(file, tmp_path / "other.toml", other).read_text("utf-8")
+    assert f"[columns.{other}]" in told
+    assert "--kind" not in told
+
+
+def test_a_drafted_pull_of_a_plate_is_read(tmp_path: Path) -> None:
+    film = pulled(tmp_path, 4.0).parent / "film.toml"
+    exact = tympan.force(tympan.load(film), to="4 mm", points=9).curves[0]
+    rows = "".join(f"{1e3 * w:.5f},{force:.6f}\n"
+                   for w, force in zip(exact.displacement_m, exact.force_N, strict=True))
+    (tmp_path / "test 3.csv").write_text(f"Extension (mm),Load (N)\n{rows}", "utf-8")
+    tympan.draft(tmp_path / "test 3.csv")
+    forces = read_dataset(tmp_path).forces
+    assert forces is not None
+    assert forces.force == pytest.approx(exact.force_N, abs=1e-6)
+    assert set(forces.voltage) == {0.0}
+
+
+def test_a_draft_in_another_folder_finds_table_and_specimen(tmp_path: Path) -> None:
+    raw, mine = tmp_path / "raw data", tmp_path / "work" / "mine"
+    raw.mkdir()
+    target = tympan.draft(pulled(raw, 4.0), mine / "dataset.toml")
+    words = target.read_text("utf-8")
+    assert 'file = "../../raw data/test 3.csv"' in words
+    assert 'file = "../../raw data/film.toml"' in words
+    dataset = read_dataset(mine)
+    assert dataset.forces is not None
+    assert len(dataset.forces.force) == 21
+
+
 def test_a_draft_keeps_both_marks_apart(tmp_path: Path) -> None:
     file = tmp_path / "zahlen.csv"
     file.write_text(THOUSANDS, "utf-8")
