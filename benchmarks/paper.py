@@ -10,7 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from tympan.reports.paper.page import caption, number_text
+from tympan.reports.paper.page import BASES, caption, number_text
+from tympan.reports.template import percent
 from tympan.studies.paper.published import HIGHEST, MASSES, NAMES, SETTLING
 from tympan.studies.replica.figures import Choices
 from tympan.studies.replica.missing_parameters import fit_levels
@@ -62,8 +63,8 @@ def page(content: Any, seeds: list[str]) -> str:
         "# The paper's lumped model, computed again", "",
         "Written by `make paper`; `tympan lumped paper -o DIR` computes it, with figures 7 to 14 "
         "and an HTML page. "
-        "Figure 4 and α from the fields: `make study`. The same measurements by the field model in "
-        "time: [here](paper-in-time.md).", "",
+        "Pictures of the stress (its figure 4): `make study`. The same measurements by the field "
+        "model in time: [here](paper-in-time.md).", "",
         "## What the paper does not say", "", *(f"* {words}" for words in content["chosen"]), "",
         "## Table 2: ranges of motion", "",
         *_table(("actuator", "mass [g]", "paper [mm]", "ends of figure 14's levels [mm]",
@@ -92,6 +93,12 @@ def page(content: Any, seeds: list[str]) -> str:
                   f"{row['range_um']:.1f}",
                   f"{row['gap_percent']:.1f}") for row in content["hysteresis"]["rows"])), "",
         *content["hysteresis"]["why"], "",
+        "## Weights α, found in four ways", "",
+        *_table(("actuator, α from", "α₁", "α₂", "fit error", "held-out error"),
+                ((f"{row['specimen']}, {BASES[row['basis']]}",
+                  *(f"{weight:.4f}" for weight in row["alpha"]), percent(row["fit_error"]),
+                  percent(row["held_out_error"])) for row in content["alpha"])), "",
+        "An α belongs to its kind of circle.", "",
         "## What is wrong or missing in the paper", ""]
     for number, finding in enumerate(content["findings"], 1):
         lines += [f"### {number}. {finding['title']}", ""]

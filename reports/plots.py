@@ -28,8 +28,8 @@ from tympan.reports.figures.sense import draw_capacitance
 from tympan.reports.figures.specimen import draw_to_scale
 from tympan.reports.sweep.figure import draw_over
 from tympan.reports.sweep.view import SweepView
+from tympan.reports.template import percent
 from tympan.studies.alpha import AlphaResult
-from tympan.studies.alpha.weights import Weights
 from tympan.studies.case import CaseResult
 from tympan.studies.diagnosis.film_fit import FilmFit
 from tympan.studies.diagnosis.result import Diagnosis
@@ -208,16 +208,11 @@ def _(result: SensitivityResult, axes: Axes) -> None:
 
 @draw.register
 def _(result: AlphaResult, axes: Axes) -> None:
-    bases: list[tuple[str, Weights]] = [*result.by_basis.items(),
-                                        ("from fields", result.from_fields)]
-    width = 0.8 / len(bases)
-    place = np.arange(len(result.circles))
-    for number, (basis, weights) in enumerate(bases):
-        axes.bar(place + width * (number - (len(bases) - 1) / 2), weights.alpha, width,
-                 color=look.colour_of(number), label=basis.replace("_", " "))
+    weights, place = result.by_basis["membrane"], np.arange(len(result.circles))
+    axes.bar(place, weights.alpha, 0.5, color=look.PALETTE[0])
     axes.set_xticks(place, [f"{1e3 * radius:.4g}" for radius in result.circles])
-    axes.set(xlabel="radius of the circle (mm)", ylabel="α", title=result.specimen)
-    axes.legend()
+    axes.set(xlabel="radius of the circle (mm)", ylabel="α",
+             title=f"{result.specimen}: force error {percent(weights.fit_error)}")
 
 
 @draw.register

@@ -13,7 +13,6 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from tympan.studies.alpha import AlphaResult
-from tympan.studies.alpha.weights import Weights
 from tympan.studies.case import CaseResult
 from tympan.studies.diagnosis.film_fit import FilmFit
 from tympan.studies.diagnosis.result import Diagnosis
@@ -103,11 +102,10 @@ def _(result: SensitivityResult) -> Any:
 
 @table.register
 def _(result: AlphaResult) -> Any:
-    bases: list[tuple[str, Weights]] = [*result.by_basis.items(),
-                                        ("from_fields", result.from_fields)]
-    return pd.DataFrame([{"radius_m": radius}
-                   | {f"alpha_{basis}": weights.alpha[number] for basis, weights in bases}
-                   for number, radius in enumerate(result.circles)])
+    weights = result.by_basis["membrane"]
+    return pd.DataFrame({"radius_m": result.circles, "alpha": weights.alpha,
+                         "fit_error": weights.fit_error,
+                         "held_out_error": weights.held_out_error})
 
 
 @table.register

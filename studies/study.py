@@ -159,9 +159,9 @@ class StudyResult:
     ``python`` the versions it was run on.
     """
 
-    #: Files that are drawn of it.
+    #: Files that are drawn of it; fig4 is what earlier versions called stress.
     pictures: ClassVar[tuple[str, ...]] = tuple(
-        f"{stem}.{suffix}" for stem in ("fig4", "curves", "forces")
+        f"{stem}.{suffix}" for stem in ("stress", "fig4", "curves", "forces")
         for suffix in ("png", "pdf", "svg"))
 
     name: str
@@ -215,7 +215,7 @@ def discard_report(folder: Path) -> None:
 
 
 def default_study() -> Study:
-    """The paper's three actuators under 17.9 g, as in its Fig. 4."""
+    """The paper's three actuators under 17.9 g."""
     return read_study(PAPER)
 
 

@@ -146,7 +146,7 @@ def test_every_study_has_a_picture_and_a_table(tmp_path: Path) -> None:
         "deflection_m": tympan.path(specimen, settings=COARSE, **loads),
         "frequency_Hz": tympan.modes(specimen, settings=COARSE, **loads),
         "elasticity": tympan.sensitivity(specimen, "heave", settings=COARSE, **loads),
-        "alpha_membrane": tympan.alpha(elliptical(60e-3), AlphaSettings(grid, grid), COARSE),
+        "held_out_error": tympan.alpha(elliptical(60e-3), AlphaSettings(grid, grid), COARSE),
         "status": tympan.sweep(tmp_path / "SWEEP.toml", settings=COARSE),
     }
     for column, result in results.items():

@@ -24,6 +24,5 @@ print(f"force off by {100 * best.held_out_error:.3f} % at loads that were not fi
 result.plot()
 
 # %%
-# *membrane* are circles of the same film by finite elements. *cone* are straight cones, too soft by
-# a factor: α runs into its bound. *cone scaled* are cones times one factor, which fit as well with
-# quite another α. An α belongs to its kind of circle.
+# An α belongs to its kind of circle: these are circles of the same film. Other kinds, such as the
+# straight cones of the source paper, have other weights: :doc:`/explanation/alpha`.

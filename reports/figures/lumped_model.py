@@ -19,8 +19,7 @@ _ABOVE = 62.0
 #: Height of the axis of differences below it [mm].
 _BELOW = 34.0
 
-_SHOWN = {"corrected": ("-", "lumped, corrected"), "membrane": (":", "lumped, α alone"),
-          "cone": ("--", "cones, dashes in turn")}
+_SHOWN = {"corrected": ("-", "lumped, corrected"), "membrane": (":", "lumped, α alone")}
 
 
 def draw_built(result: BuildResult, folder: Path) -> list[Path]:
@@ -34,7 +33,7 @@ def _compose(statics: pd.DataFrame) -> Figure:
     for column, (mass, (above, below)) in enumerate(zip(masses, columns, strict=True)):
         for number, name in enumerate(names):
             loads = statics[(statics["specimen"] == name) & (statics["mass"] == mass)]
-            _draw(loads, name, number, len(names), above, below)
+            _draw(loads, name, style.colour_of(number), above, below)
         up, error = ("deflection (mm)", "lumped/field − 1 (%)") if column == 0 else ("", "")
         style.describe(above, "", up, f"{1e3 * mass:g} g", bold=True)
         style.describe(below, "voltage (kV)", error)
@@ -48,18 +47,14 @@ def _compose(statics: pd.DataFrame) -> Figure:
     return figure
 
 
-def _draw(loads: pd.DataFrame, name: str, number: int, of: int, above: Axes, below: Axes) -> None:
-    colour = style.colour_of(number)
+def _draw(loads: pd.DataFrame, name: str, colour: str, above: Axes, below: Axes) -> None:
     voltage, fitted, field = 1e-3 * loads["voltage"], loads["fitted"] == 1, loads["field_mm"]
     for kind, (line, _) in _SHOWN.items():
-        # Cones of several shapes may coincide: their dashes take turns.
-        dashes = (4.0 * number, (4.0, 4.0 * max(1, of - 1))) if kind == "cone" else line
-        above.plot(voltage, loads[f"{kind}_mm"], linestyle=dashes, color=colour, linewidth=0.9)
-        if kind != "cone":
-            error = 100 * (loads[f"{kind}_mm"] / field - 1)
-            below.plot(voltage, error, line, color=colour, linewidth=0.8)
-            if kind == "corrected":
-                below.plot(voltage[fitted], error[fitted], "o", color=colour, markersize=3)
+        above.plot(voltage, loads[f"{kind}_mm"], line, color=colour, linewidth=0.9)
+        error = 100 * (loads[f"{kind}_mm"] / field - 1)
+        below.plot(voltage, error, line, color=colour, linewidth=0.8)
+        if kind == "corrected":
+            below.plot(voltage[fitted], error[fitted], "o", color=colour, markersize=3)
     above.plot(voltage, field, "o", color=colour, markersize=3, markerfacecolor="none", label=name)
 
 

@@ -28,6 +28,12 @@ _HEIGHT = 70.0
 
 _LETTERS = "abcdef"
 
+#: What each set of weights α is found from.
+BASES = {"membrane": "circles of the same film, by finite elements",
+         "cone": "the paper's straight cones, Eq. (5)",
+         "cone_scaled": "these cones times one factor, found on the first circle",
+         "from_fields": "shares of the plate's edge force within 45° of each axis; no fit"}
+
 
 def build_paper_page(result: PaperResult, folder: Path) -> list[Path]:
     """Draw the figures and write folder/paper.html; answers that file."""
@@ -42,7 +48,7 @@ def render_paper(content: Content, pictures: Mapping[str, str]) -> str:
     """The page as text; the figures as data URIs."""
     columns = [f"{name}_{1e3 * mass:g}g_s" for mass in MASSES for name in NAMES]
     return template("reports/paper/paper.html", number_text=number_text).render(
-        paper=content, pictures=pictures, columns=columns,
+        paper=content, pictures=pictures, columns=columns, bases=BASES,
         paper_settling=SETTLING.ravel().tolist(), masses=[1e3 * mass for mass in MASSES],
         names=NAMES)
 

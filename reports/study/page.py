@@ -17,12 +17,12 @@ from tympan.fem.rig import Rig
 from tympan.geometry.fields import fields_of
 from tympan.geometry.units import DIMENSIONS
 from tympan.reports.figures.curve import VoltageCurve
-from tympan.reports.study import curves, figure4, forces
+from tympan.reports.study import curves, forces, stress_figure
 from tympan.reports.study.view import SpecimenView, StudyView, view_study
 from tympan.reports.template import embedded_picture, percent, sentence, template
 from tympan.reports.viewer import viewer
 from tympan.studies.alpha import AlphaResult
-from tympan.studies.files import to_json, write_text
+from tympan.studies.files import replaced, to_json, write_text
 from tympan.studies.limits import LoadGrid
 from tympan.studies.study import StudyResult
 
@@ -39,28 +39,30 @@ def build_study_page(stored: StudyResult, folder: Path) -> list[Path]:
     dimensions.
     """
     run = view_study(stored, folder)
-    figure4.draw_figure4(run, folder)
-    curves.draw_study_curves(run, folder)
-    if pulled := [item.force for item in stored.specimens if item.force is not None]:
-        forces.draw_study_forces(pulled, folder)
+    pulled = [item.force for item in stored.specimens if item.force is not None]
+    with replaced(folder, stored.pictures):
+        stress_figure.draw_stress(run, folder)
+        curves.draw_study_curves(run, folder)
+        if pulled:
+            forces.draw_study_forces(pulled, folder)
     file = folder / "report.html"
     films = {item.name: item.film for item in run.specimens}
-    write_text(file, render_study(run, embedded_picture(folder / "fig4.png"),
+    write_text(file, render_study(run, embedded_picture(folder / "stress.png"),
                                   embedded_picture(folder / "curves.svg"), viewer(films),
                                   embedded_picture(folder / "forces.svg") if pulled else ""))
     return [file]
 
 
-def render_study(run: StudyView, fig4: str, curves_: str, viewer: str = "", forces_: str = ""
+def render_study(run: StudyView, stress: str, curves_: str, viewer: str = "", forces_: str = ""
                  ) -> str:
     """The page as text; the figures as data URIs, and what lets the films be turned as HTML."""
     return template("reports/study/report.html").render(
         run=run, summary=study_summary(run), warnings=study_warnings(run),
-        fig4=fig4, curves=curves_, viewer=viewer, forces=forces_,
+        stress=stress, curves=curves_, viewer=viewer, forces=forces_,
         pulled=[item.force for item in run.stored.specimens if item.force is not None],
         limit_states=LIMIT_STATES,
         curves_of=[(item.name, curve) for item in run.specimens for curve in item.curves],
-        design=figure4.lay_out(run.specimens, run.stress_range),
+        design=stress_figure.lay_out(run.specimens, run.stress_range),
         alphas=[item for item in run.stored.alphas if len(item.circles) > 1],
         circles=[item for item in run.stored.alphas if len(item.circles) == 1],
         settings=list(settings(run.stored)))

@@ -1,4 +1,4 @@
-"""The films of a sweep as in the paper's Fig. 4: all on one scale of size and one of colours."""
+"""The films of a sweep side by side: all on one scale of size and one of colours."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from tympan.reports import look as style
 from tympan.reports.scales import bar_length, round_scale
 from tympan.reports.scene import View, film_picture
-from tympan.reports.study.figure4 import stress_label
+from tympan.reports.study.stress_figure import stress_label
 from tympan.reports.sweep.view import Measure
 from tympan.reports.template import digits
 from tympan.studies.files import replaced

@@ -117,4 +117,4 @@ def _row(outline: Outline, pair: AlphaResult, single: AlphaResult) -> OutlineRow
         weights.fit_error, weights.held_out_error,
         pair.from_fields.alpha[0], pair.from_fields.held_out_error,
         single.circles[0] * 1e3, single.by_basis["membrane"].held_out_error,
-        "; ".join(text for text in pair.warnings if "cones" not in text))
+        "; ".join(pair.warnings))

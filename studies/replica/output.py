@@ -13,8 +13,9 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from tympan.geometry.errors import InputError
+from tympan.studies.alpha import alpha
 from tympan.studies.columns import Column, read_own_sheet
-from tympan.studies.files import from_json, read_json, remove, write_csv, write_json
+from tympan.studies.files import from_json, read_json, remove, to_json, write_csv, write_json
 from tympan.studies.lumped.linear import linearise
 from tympan.studies.paper import published
 from tympan.studies.paper.published import MASSES, NAMES, ranges
@@ -26,6 +27,7 @@ from tympan.studies.replica.missing_parameters import (
     smallest_worst,
     worst_misfit,
 )
+from tympan.studies.study import default_study
 
 Array = NDArray[np.float64]
 #: The columns of the curves' files: what a curve is of, then its abscissa and ordinate.
@@ -141,9 +143,20 @@ def paper_numbers(replica: Replica, seconds: float) -> dict[str, Any]:
             "period_s": replica.period,
             "why": sentences("hysteresis", low=100 * gaps[0, [0, -1]], high=100 * gaps[1, [0, -1]],
                              growth=_ends(growth))},
+        "alpha": list(_weights()),
         "findings": findings(replica),
         "seconds": seconds,
     }
+
+
+def _weights() -> Iterator[dict[str, Any]]:
+    """α of the paper's ellipses at its loads, by circles of the film, cones and the fields."""
+    study = default_study()
+    for specimen in study.specimens:
+        found = alpha(specimen, study.settings, study.alpha, study.rig)
+        if len(found.circles) > 1:
+            for basis, weights in (*found.by_basis.items(), ("from_fields", found.from_fields)):
+                yield {"specimen": found.specimen, "basis": basis, **to_json(weights)}
 
 
 def _chosen(replica: Replica) -> list[str]:

@@ -27,8 +27,7 @@ from tympan.options import (
                   help="of the circles: semi_axes (the frame's half extents and between them), "
                        "sectors (the frame's distance in as many parts of the full angle) or fit"),
          argument("--basis", choices=("membrane", "cone", "cone_scaled"), default="membrane",
-                  help="circles solved as membranes, as the paper's cones, or as cones scaled to "
-                       "the membrane"),
+                  help=argparse.SUPPRESS),
          argument("--uncertainty", action="store_true",
                   help="also how far α changes with the mesh, the material and the range of "
                        "loads"), RIG, JSON, MESH,

@@ -83,7 +83,8 @@ def test_weights_of_the_paper_s_ellipses(long: float) -> None:
     # Cones as the paper writes them are too soft for any mixture, which must be said.
     assert cone.alpha == (1.0, 0.0)
     assert cone.fit_error > 0.4
-    assert any("Eq. (5)" in words for words in result.warnings)
+    assert any("Eq. (5)" in words for words in result.json("cone")["warnings"])
+    assert not any("cone" in words for words in result.warnings)
     assert result.cone_scale == pytest.approx(35 / (10 * np.log(4.5)), rel=5e-3)
     assert scaled.fit_error < 1e-3
     # The share by angle is near one half, more on the short side, and never better than the fit.

@@ -38,25 +38,25 @@ if TYPE_CHECKING:
          argument("--paper", action="store_true",
                   help="the source paper's straight cones instead of membrane circles"),
          argument("--dynamic", action="store_true",
-                  help="also k1, eta1 and eta2 from the responses of transient.csv, Eq. (12); the "
+                  help="also k1, eta1 and eta2 from the responses of transient.csv; the "
                        "static constants are those of static.csv or, where there is none, the "
                        "films' own"),
          argument("--law", choices=("eq8", "film"),
-                  help="the paper's Eq. (8), or one factor on the films' own material (default: "
-                       "film; eq8 with --paper)"),
+                  help="the source paper's law, or one factor on the films' own material "
+                       "(default: film; eq8 with --paper)"),
          argument("--alpha", choices=("each", "shared", "given"),
-                  help="an α of the first circle for each shape, one for all as in Eq. (11), or "
-                       "those of the models (default: given; each with --paper)"),
+                  help="an α of the first circle for each shape, one for all, or those of the "
+                       "models (default: given; each with --paper)"),
          argument("--weights", metavar="A,B",
                   help="with --paper: both α of all shapes, for --dynamic without static.csv "
                        "(default: equal)"),
          argument("--objective", choices=("deflection", "force", "printed"), default="deflection",
-                  help="misfit in deflection, in force as Eq. (11) with the signs of Eq. (5), or "
-                       "as printed"),
+                  help="misfit in deflection or in force; printed: in force with the signs that "
+                       "the source paper prints"),
          argument("--no-limits", action="store_true",
                   help="no profiles of the misfit: linearised limits only, at once"),
          argument("--nelder-mead", action="store_true",
-                  help="also the paper's simplex, to compare"),
+                  help="also by the simplex of Nelder and Mead, to compare"),
          output("write estimates.json as soon as there are any, identify.json and figures"), JSON,
          MESH, example="readings --dynamic -o identified")
 def lumped_identify(options: argparse.Namespace) -> None:

@@ -19,21 +19,22 @@ from tympan.options import (
          output("paper.html, paper.json, figures (PNG, SVG), tables and curves (CSV)",
                 required=True),
          argument("--levels", type=int, default=20, metavar="N", within=(2, 1000),
-                  help="of figure 14, which the paper does not give"),
+                  help="of the random voltage steps, which the paper does not give"),
          argument("--seed", type=int, within=SEEDS,
                   help="of these levels (default: the first one whose levels come within 100 V of "
                        "0 and of 7 kV)"),
          argument("--reading", choices=("rest", "levels"),
-                  help="how Table 2 is read to find the lost parameters: from 0 to 7 kV at rest, "
-                       "or at the ends of figure 14's levels (default: whichever fits it better)"),
+                  help="how the paper's ranges are read to find its lost parameters: from 0 to "
+                       "7 kV in equilibrium, or at the ends of the random steps (default: "
+                       "whichever fits better)"),
          argument("--period",
-                  help="of figure 13's sines, which the paper does not give (default: that at "
+                  help="of the sine voltages, which the paper does not give (default: that at "
                        "which the circle lags most)"),
          argument("--json", action="store_true",
                   help="print one JSON object, which paper.json holds too"),
          example="-o paper")
 def lumped_paper(options: argparse.Namespace) -> None:
-    """The paper's figures 7 to 14 and tables, its numbers beside ours."""
+    """Figures and tables of the source paper, computed again, with its numbers beside ours."""
     import time
 
     from tympan.progress import bar

@@ -47,8 +47,8 @@ _ACTUATORS = (
              help="with --paper: weights of the circles with the short and the long semi-axis, as "
                   "`tympan alpha` finds them (default: equal)"),
     argument("--table-1", type=float, metavar="EPS_R", dest="permittivity",
-             help="with --paper: its Eq. (8) with Table 1's constants instead of the films' "
-                  "material; its ε_r, lost in the paper, must be given"), RIG)
+             help="with --paper: the paper's law with its constants instead of the films' "
+                  "material; ε_r, lost in the paper, must be given"), RIG)
 
 
 def _actuators(options: argparse.Namespace, voltage: float, rig: Rig

@@ -1,4 +1,4 @@
-"""The paper's Fig. 4: deformed membranes in colours of stress, and stress along their axes."""
+"""Deformed membranes side by side in colours of stress, and stress along their axes."""
 
 from __future__ import annotations
 
@@ -65,11 +65,11 @@ class Layout:
     view: View
 
 
-def draw_figure4(run: StudyView, folder: Path) -> list[Path]:
-    """Draw folder/fig4.png, .pdf and .svg; answers the files."""
+def draw_stress(run: StudyView, folder: Path) -> list[Path]:
+    """Draw folder/stress.png, .pdf and .svg; answers the files."""
     design = lay_out(run.specimens, run.stress_range)
     pictures = [specimen_picture(specimen, design.view) for specimen in run.specimens]
-    return style.save_figure(folder, "fig4", lambda: compose_figure4(run, design, pictures),
+    return style.save_figure(folder, "stress", lambda: compose_stress(run, design, pictures),
                              ("png", "pdf", "svg"))
 
 
@@ -96,7 +96,7 @@ def lay_out(specimens: Sequence[SpecimenView], stress: tuple[float, float]) -> L
     return Layout(tuple(rows), columns, paper, 1.03 * reach, view)
 
 
-def compose_figure4(run: StudyView, design: Layout, pictures: Sequence[style.Picture]) -> Figure:
+def compose_stress(run: StudyView, design: Layout, pictures: Sequence[style.Picture]) -> Figure:
     """Put pictures, colour bar and curves on one page."""
     extents = [extent for _, extent in pictures]
     heights = [max(extents[index][3] - extents[index][2] for index in row) * design.paper
