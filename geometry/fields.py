@@ -268,6 +268,30 @@ def names_arguments(*more: str) -> Callable[[F], F]:
     return explained
 
 
+def number(value: Any, dimension: str, key: str) -> float:
+    """One number [SI], given as it is or as a text with its unit.
+
+    Examples
+    --------
+    >>> number("17.9 g", "mass", "mass"), number(2, "mass", "mass")
+    (0.0179, 2.0)
+    """
+    return float(_in_si(Field(key, key, float, Key("", dimension), MISSING), value))
+
+
+def numbers(values: Any, dimension: str, key: str) -> tuple[float, ...]:
+    """Several numbers [SI], or one of them, as :func:`number` takes it.
+
+    Examples
+    --------
+    >>> numbers(["1 kV", 2e3], "voltage", "voltages"), numbers("3 kV", "voltage", "voltages")
+    ((1000.0, 2000.0), (3000.0,))
+    """
+    if isinstance(values, str) or not hasattr(values, "__len__"):
+        values = (values,)
+    return tuple(number(value, dimension, key) for value in values)
+
+
 def _in_si(field: Field, value: Any) -> Any:
     """What a constructor is given, as the dataclass keeps it."""
     if type(value) is float and not field.several:
@@ -418,8 +442,8 @@ def require(value: Any) -> None:
     for field in fields_of(type(value)):
         holds, words = field.says.rule
         part = getattr(value, field.name)
-        for number in part if field.several else (part,):
-            if isinstance(number, int | float | complex) and not holds(number.real):
+        for item in part if field.several and part is not None else (part,):
+            if isinstance(item, int | float | complex) and not holds(item.real):
                 raise InputError(words, key=field.key, given=part)
 
 

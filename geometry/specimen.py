@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import lru_cache
 from math import prod
@@ -492,3 +493,10 @@ def _narrowest(frame: Outline, plate: Plate | None) -> tuple[float, tuple[float,
         least = int(np.argmin(away))
         narrowest.append((float(away[least]), (float(edge[0, least]), float(edge[1, least]))))
     return min(narrowest)
+
+
+def require_different_names(specimens: Iterable[Specimen]) -> None:
+    """Refuse specimens of one name: their results would overwrite each other."""
+    names = [specimen.name for specimen in specimens]
+    if len(set(names)) < len(names):
+        raise InputError("specimens must have different names", key="name", given=", ".join(names))

@@ -129,7 +129,7 @@ def _shown(result: object, choices: dict[str, Any]) -> Axes:
 @singledispatch
 def draw(result: object, axes: Axes) -> None:
     """Draw one kind of result; each kind registers its own."""
-    raise TypeError(f"there is no picture of {type(result).__name__}")
+    raise InputError(f"there is no picture of {type(result).__name__}: see result.to_pandas()")
 
 
 @draw.register

@@ -18,8 +18,10 @@ from tympan.studies.diagnosis.film_fit import FilmFit
 from tympan.studies.diagnosis.result import Diagnosis
 from tympan.studies.film_surface import FIELD_UNITS
 from tympan.studies.force import ForceResult
+from tympan.studies.identify.result import IdentifyResult
 from tympan.studies.limits import CurveResult, LimitsResult
 from tympan.studies.lumped.build import BuildResult
+from tympan.studies.lumped.linear import LinearResult
 from tympan.studies.material.result import MaterialFitResult
 from tympan.studies.modes import ModesResult
 from tympan.studies.optimise.optimise import OptimiseResult
@@ -145,6 +147,18 @@ def _(result: SenseResult) -> Any:
 def _(result: BuildResult) -> Any:
     return result.statics.drop(columns="fitted").rename(
         columns={"mass": "mass_kg", "voltage": "voltage_V"})
+
+
+@table.register
+def _(result: LinearResult) -> Any:
+    return pd.DataFrame([{"specimen": linear.specimen, **pole.json()}
+                         for linear in result.linear for pole in linear.named_poles])
+
+
+@table.register
+def _(result: IdentifyResult) -> Any:
+    return pd.DataFrame([{"fit": kind, **asdict(constant)} for kind, fit in result.fits.items()
+                         for constant in fit.determined.constants])
 
 
 @table.register

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from array import array
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import KW_ONLY, astuple, dataclass, field, replace
 from itertools import islice
 from math import inf
@@ -29,7 +29,7 @@ from tympan.fem.transient.energy import Energy, EnergyBalance
 from tympan.fem.transient.integrate import Moment, StepSettings, Stopped, Transient
 from tympan.geometry.errors import InputError
 from tympan.geometry.fields import Key, require, takes_units
-from tympan.geometry.specimen import Specimen
+from tympan.geometry.specimen import Specimen, require_different_names
 from tympan.geometry.toml_reader import NON_NEGATIVE
 from tympan.studies.case import (
     Case,
@@ -41,9 +41,10 @@ from tympan.studies.case import (
     summaries,
 )
 from tympan.studies.film_surface import FilmSurface, film_surface
+from tympan.studies.limits.loads import usual_masses
 from tympan.studies.limits.voltages import first_limit
 from tympan.studies.modes import carried
-from tympan.studies.signals import Pieces, Signal, Supplied, lagging, nominal, ramp
+from tympan.studies.signals import Pieces, Signal, Supplied, Wave, lagging, nominal, ramp
 from tympan.studies.trace import Response, Responses, Trace, unclosed, with_rest
 
 Array = NDArray[np.float64]
@@ -335,6 +336,31 @@ def respond(case: TransientCase, settings: Settings, interval: float, period: fl
         stopped_s=None if done.stopped is None else done.stopped.time, slack_s=done.slack,
         steps=len(done.time), wall_s=time.perf_counter() - began, warnings=tuple(warnings),
         samples=_samples(case, done, when), loop=loop, films=done.films), done
+
+
+def responses(specimens: Sequence[Specimen], wave: Wave, signal: Signal, settings: Settings, *,
+              mass: float | str | None = None, rest: float | str | None = None,
+              swing: bool = False, films: tuple[float, ...] = (), rig: Rig = Rig(),
+              progress: Callable[..., None] = lambda *words, share=0.0: None) -> Responses:
+    """What films do under the signal of a wave, sampled with its interval.
+
+    Each bears the ``mass``, or one that suits them all. ``films``: times [s] at which each film is
+    kept. ``progress`` is called with a specimen's name, then with the ``share`` of the signal that
+    is over.
+    """
+    def over(share: float) -> None:
+        progress(share=share)
+
+    require_different_names(specimens)
+    carried = (min(usual_masses(specimen, settings, rig)[0] for specimen in specimens)
+               if mass is None else mass)
+    done = []
+    for specimen in specimens:
+        progress(specimen.name)
+        case = TransientCase(specimen, signal, mass=carried, rig=rig, rest=rest, inertia=swing)
+        done.append(respond(case, settings, wave.interval, wave.period, wave.kind == "step", films,
+                            over)[0])
+    return Responses(tuple(done), tuple(specimens), rig)
 
 
 def _samples(case: TransientCase, done: History, when: Array) -> pd.DataFrame:

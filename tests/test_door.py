@@ -392,3 +392,47 @@ def test_limits_and_responses_are_those_of_the_commands(
     curve = tympan.curve(specimen, "17.9 g", voltages=["1 kV", 2e3])
     asked = curve.to_pandas().query("asked > 0")
     assert asked["voltage"].tolist() == [1e3, 2e3]
+
+
+def test_lumped_models_are_those_of_the_commands(tmp_path: Path,
+                                                 capsys: pytest.CaptureFixture[str]) -> None:
+    specimen, file = circular(), tmp_path / "circle.toml"
+    file.write_text(specimen_to_toml(specimen), encoding="utf-8")
+
+    def printed(*arguments: str) -> Any:
+        assert main(["lumped", *arguments, "--json"]) == 0
+        return json.loads(capsys.readouterr().out)
+
+    built = tympan.lumped.build(specimen, masses=["17.9 g", "22 g"], voltages=("0 kV", "4 kV"),
+                                count=5, circles=1)
+    assert built.json() == printed("build", str(file), "--mass", "17.9 g, 22 g", "--voltages",
+                                   "0 kV..4 kV", "--count", "5", "--circles", "1", "-o",
+                                   str(tmp_path))
+    model = str(tmp_path / f"{specimen.name}.lumped.toml")
+    linear = tympan.lumped.linearise(built.models[0], at="2 kV", mass="17.9 g")
+    assert linear.json() == printed("linearise", "--model", model, "--at", "2 kV", "--mass",
+                                    "17.9 g")
+    assert linear.to_scipy().A.tolist() == linear.json()["linear"][0]["A"]
+    assert linear.to_pandas()["name"].tolist() == [
+        pole.name for pole in linear.linear[0].named_poles]
+    both = tympan.lumped.linearise(model, replace(specimen, name="other"), at="2 kV", mass="20 g")
+    assert [each.specimen for each in both.linear] == ["other", specimen.name]
+    with pytest.raises(InputError, match=r"several: choose one by result.linear\[0\]"):
+        both.to_scipy()
+    moved = tympan.lumped.simulate(model, signal="sine", high="3 kV", duration="1 s", count=2,
+                                   mass="17.9 g")
+    said = printed("simulate", "--model", model, "--signal", "sine", "--high", "3 kV", "--duration",
+                   "1 s", "--count", "2", "--mass", "17.9 g")
+    assert json.loads(json.dumps(moved.json())) == said
+    identified = moved.save(tmp_path / "readings")
+    found = tympan.lumped.identify(identified, model=[model], dynamic=True, limits=False)
+    told = printed("identify", str(identified), "--model", model, "--dynamic", "--no-limits")
+    assert found.json()["dynamic"]["constants"] == told["dynamic"]["constants"]
+    assert found.to_pandas()["name"].tolist() == ["k_1", "eta_1", "eta_2"]
+    assert {file.suffix for file in tympan.lumped.export(model, tmp_path)} == {".h", ".c"}
+    with pytest.raises(InputError, match="mass: must be given with --fmu"):
+        tympan.lumped.export(model, tmp_path, fmu=True)
+    with pytest.raises(InputError, match="specimens: give one"):
+        tympan.lumped.build()
+    with pytest.raises(InputError, match=r"alpha.*is for the paper's cones"):
+        tympan.lumped.linearise(specimen, mass="20 g", alpha=(1.0,))

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from tympan.door import *
+    from tympan.lumped_door import lumped as lumped
     from tympan.parts import *
 
     __version__: str
@@ -43,9 +44,10 @@ if not TYPE_CHECKING:  # type checkers know all names, and should object to othe
             return version("tympan")
         if name not in __all__:
             raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-        from tympan import door, parts
+        from tympan import door, lumped_door, parts
 
-        return getattr(parts if hasattr(parts, name) else door, name)
+        return next(getattr(place, name) for place in (parts, lumped_door, door)
+                    if hasattr(place, name))
 
 
 def __dir__() -> list[str]:

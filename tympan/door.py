@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypedDict, Unpack
 from tympan.fem.film.library import LibraryMaterial, library_material, load_specimen
 from tympan.fem.rig import Rig
 from tympan.geometry.errors import InputError as InputError
-from tympan.geometry.fields import names_arguments
+from tympan.geometry.fields import names_arguments, numbers
 from tympan.geometry.mesher import MeshSettings as MeshSettings
 from tympan.geometry.process.folder import alone, temporary_folder
 from tympan.geometry.process.threads import one_thread
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from tympan.studies.diagnosis.result import Diagnosis
     from tympan.studies.force import ForceResult
     from tympan.studies.limits import CurveResult, LimitsResult
-    from tympan.studies.lumped.build import BuildResult
     from tympan.studies.material.result import MaterialFitResult
     from tympan.studies.modes import ModesResult
     from tympan.studies.optimise.optimise import OptimiseResult
@@ -208,32 +207,29 @@ def path(specimen: Specimen, along: Literal["voltage", "charge", "mass", "pressu
 
 @names_arguments(*Waves.__annotations__)
 @one_thread()
-def transient(specimen: Specimen, signal: str = "step", *, mass: float | str | None = None,
-              rest: float | str | None = None, swing: bool = False, films: Sequence[float] = (),
-              rig: Rig = Rig(), settings: Settings = Settings(), **wave: Unpack[Waves]
-              ) -> Result[Responses]:
-    """What a film does in time under a step, ramp, sine, random voltages, or those of a CSV file.
+def transient(specimen: Specimen | Sequence[Specimen], signal: str = "step", *,
+              mass: float | str | None = None, rest: float | str | None = None,
+              swing: bool = False, films: Sequence[float | str] = (), rig: Rig = Rig(),
+              settings: Settings = Settings(), **wave: Unpack[Waves]) -> Result[Responses]:
+    """A film, or several, in time under a step, ramp, sine, random voltages, or a CSV file's.
 
     Before the signal it has rested under mass and first voltage for ``rest``: for ever unless the
     film says when it was mounted. ``swing``: the plate has inertia; else it follows the film at
     once. The mass suits the film where none is given. ``result.responses[0]`` has the numbers,
     ``to_pandas()`` the samples, an ``interval`` apart; ``result.films[0]`` the film at each of the
-    times ``films`` [s]. Of the signal: ``low`` and ``high`` voltage, ``duration`` of step, ramp, a
+    times ``films``. Of the signal: ``low`` and ``high`` voltage, ``duration`` of step, ramp, a
     random level or a period, ``count`` of levels or periods, and a ``seed``.
     """
-    from tympan.studies.limits.loads import usual_masses
     from tympan.studies.signals import Wave
-    from tympan.studies.trace import Responses, sample_count
-    from tympan.studies.transient import TransientCase, respond
+    from tympan.studies.trace import sample_count
+    from tympan.studies.transient import responses
 
+    specimens = (specimen,) if isinstance(specimen, Specimen) else tuple(specimen)
     form = Wave(signal, **wave)
     voltages = form.signal()
-    sample_count(voltages.end, form.interval)
-    carried = usual_masses(specimen, settings, rig)[0] if mass is None else mass
-    case = TransientCase(specimen, voltages, mass=carried, rig=rig, rest=rest, inertia=swing)
-    response, _ = respond(case, settings, form.interval, form.period, signal == "step",
-                          tuple(films))
-    return Result(Responses((response,), (specimen,), rig))
+    sample_count(voltages.end, form.interval, len(specimens))
+    return Result(responses(specimens, form, voltages, settings, mass=mass, rest=rest, swing=swing,
+                            films=numbers(films, "time", "films"), rig=rig))
 
 
 @names_arguments(*Loads.__annotations__)
@@ -312,16 +308,6 @@ def study(file: File | None = None) -> Result[StudyResult]:
     from tympan.studies.study import default_study, read_study, run_study
 
     return Result(run_study(default_study() if file is None else read_study(Path(file))))
-
-
-@names_arguments()
-@one_thread()
-def lumped(*specimens: Specimen, settings: Settings = Settings(), rig: Rig = Rig()
-           ) -> Result[BuildResult]:
-    """Lumped models of specimens from their field models alone."""
-    from tympan.studies.lumped.build import BuildResult, build
-
-    return Result(BuildResult.of([build(specimen, settings, rig=rig) for specimen in specimens]))
 
 
 @names_arguments()

@@ -156,14 +156,13 @@ def read_case(options: argparse.Namespace) -> Case:
                 rig=read_pressed_rig(options))
 
 
-def read_specimens(files: Sequence[Path], *others: str) -> list[Specimen]:
-    """The specimens of files; of different names, or their results would overwrite each other."""
+def read_specimens(files: Sequence[Path]) -> list[Specimen]:
+    """The specimens of files, of different names."""
     from tympan.fem.film.library import load_specimen
+    from tympan.geometry.specimen import require_different_names
 
     specimens = [load_specimen(file) for file in files]
-    names = [*(specimen.name for specimen in specimens), *others]
-    if len(set(names)) < len(names):
-        raise InputError("specimens must have different names", key="name", given=", ".join(names))
+    require_different_names(specimens)
     return specimens
 
 

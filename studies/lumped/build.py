@@ -81,6 +81,13 @@ class BuildSettings:
     def suited(cls, specimens: Sequence[Specimen], settings: Settings, rig: Rig = Rig(),
                count: int = 11, **given: Any) -> BuildSettings:
         """Settings whose loads suit all specimens where none are given, ``count`` voltages."""
+        AlphaSettings(circles=given.get("circles", 2), radii=given.get("radii", "semi_axes"))
+        branched = [item.name for item in specimens if item.membrane.branches]
+        if given.get("viscous") is None:
+            given["viscous"] = Viscous()
+        elif branched:
+            raise InputError("is for films without branches: theirs come from the field model",
+                             key="--viscous", given=", ".join(branched))
         for specimen in specimens:  # refuses a rig that the model does not have
             Actuator.of(specimen, (given.get("masses") or (1.0,))[0], rig=rig)
         if given.get("masses") is None:
@@ -112,6 +119,14 @@ class BuildSettings:
         """Which loads these are, shape (masses, voltages)."""
         return np.outer(np.isin(self.masses, self.fit.masses),
                         np.isin(self.voltages, self.fit.voltages))
+
+
+def evenly(low: float, high: float, count: int) -> tuple[float, ...]:
+    """So many voltages [V] from one to another."""
+    if not 0 <= low < high:
+        raise InputError("must ascend, from 0 kV on", key="voltages",
+                         given=f"{1e-3 * low:g} kV to {1e-3 * high:g} kV")
+    return tuple(low + (high - low) * number / (count - 1) for number in range(count))
 
 
 @dataclass(frozen=True, eq=False)
@@ -337,6 +352,13 @@ class BuildResult:
     numbers: dict[str, Any]
     models: tuple[LumpedModel, ...]
     statics: pd.DataFrame
+
+    @classmethod
+    def built(cls, specimens: Sequence[Specimen], settings: Settings, chosen: BuildSettings,
+              rig: Rig = Rig(), progress: Progress = lambda _: None) -> BuildResult:
+        """The models of specimens of different names, all for the same loads."""
+        return cls.of([build(specimen, settings, chosen, rig, progress)
+                       for specimen in specimens])
 
     @classmethod
     def of(cls, models: Sequence[Built]) -> BuildResult:

@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Literal
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tympan.geometry.errors import InputError
 from tympan.geometry.system import MissingLibrary
+from tympan.studies.files import write_json
 from tympan.studies.lumped.actuator import Actuator
 from tympan.studies.lumped.equilibria import rest
+
+if TYPE_CHECKING:
+    from scipy.signal import StateSpace
 
 Array = NDArray[np.float64]
 
@@ -63,7 +69,8 @@ class Linear:
 
     δu is of the ``driven_by``: the voltage [V] or its square [V²]. ``gain`` is δy/δu at rest [m/V
     or m/V²]. ``film_frequency`` is the plate's on the film alone [Hz], its branches relaxed, as
-    :mod:`tympan.studies.modes` has it; the branches make the oscillation faster.
+    :mod:`tympan.studies.modes` has it; the branches make the oscillation faster. ``specimen`` and
+    ``mass`` [kg] say of which actuator.
     """
 
     a: Array
@@ -75,6 +82,9 @@ class Linear:
     driven_by: Input
     gain: float
     film_frequency: float
+    specimen: str
+    mass: float
+    warnings: tuple[str, ...] = ()
 
     @property
     def states(self) -> list[str]:
@@ -118,7 +128,19 @@ class Linear:
         return control.ss(self.a, self.b, self.c, self.d, inputs=[INPUTS[self.driven_by][0]],
                           outputs=["deflection"], states=self.states)
 
+    def to_scipy(self) -> StateSpace:
+        """The same as a ``scipy.signal.StateSpace``."""
+        from scipy.signal import StateSpace
+
+        return StateSpace(self.a, self.b, self.c, self.d)
+
     def json(self) -> dict[str, Any]:
+        """The motions with what they are of."""
+        return {"specimen": self.specimen, "mass_kg": self.mass, **self.motions(),
+                "warnings": list(self.warnings)}
+
+    def motions(self) -> dict[str, Any]:
+        """State space, poles and gain as a JSON object."""
         _, unit = INPUTS[self.driven_by]
         return {"deflection_m": self.deflection, "voltage_V": self.voltage, "input": self.driven_by,
                 "states": self.states,
@@ -127,6 +149,35 @@ class Linear:
                 "film_frequency_Hz": self.film_frequency,
                 "poles_per_s": [[float(pole.real), float(pole.imag)] for pole in self.poles],
                 "poles": [pole.json() for pole in self.named_poles]}
+
+
+@dataclass(frozen=True, eq=False)
+class LinearResult:
+    """The small motions of several actuators at one voltage."""
+
+    linear: tuple[Linear, ...]
+
+    def to_control(self) -> Any:
+        """The only one as a python-control ``StateSpace``, if that is installed."""
+        return self._only.to_control()
+
+    def to_scipy(self) -> StateSpace:
+        """The only one as a ``scipy.signal.StateSpace``."""
+        return self._only.to_scipy()
+
+    @property
+    def _only(self) -> Linear:
+        if len(self.linear) != 1:
+            raise InputError("there are several: choose one by result.linear[0]", key="linear",
+                             given=len(self.linear))
+        return self.linear[0]
+
+    def json(self) -> dict[str, Any]:
+        return {"linear": [linear.json() for linear in self.linear]}
+
+    def save(self, folder: Path) -> None:
+        """Write linear.json."""
+        write_json(folder / "linear.json", self.json())
 
 
 def _name(pole: complex, plate: float) -> str:
@@ -154,4 +205,5 @@ def linearise(actuator: Actuator, voltage: float, deflection: float | None = Non
     stiffness = float(actuator.balance(at, voltage)[1])
     return Linear(actuator.linear(state, voltage)[1], driven[:, None], seen, np.zeros((1, 1)), at,
                   voltage, by, float(driven[1] * actuator.moved / stiffness),
-                  float(np.sqrt(max(stiffness, 0.0) / actuator.moved) / (2 * np.pi)))
+                  float(np.sqrt(max(stiffness, 0.0) / actuator.moved) / (2 * np.pi)),
+                  actuator.specimen.name, actuator.mass)

@@ -241,7 +241,7 @@ def sample(response: LumpedMotion, interval: float, period: float | None = None,
         hysteresis_area_V_m=None if loop is None else _area(loop),
         pull_in_film_voltage_V=np.nan if limit is None else limit[0], flat_capacitance_F=flat,
         flat_stored_energy_J=flat * float(np.abs(voltage).max()) ** 2 / 2,
-        linear=linearise(actuator, first, by="U" if first else "U2").json(),
+        linear=linearise(actuator, first, by="U" if first else "U2").motions(),
         evaluations=response.evaluations, loop=loop,
         warnings=(*warnings, *origin(actuator), *actuator.case(response.signal.peak).remarks),
         samples=pd.DataFrame({

@@ -9,7 +9,7 @@ from tympan.geometry.errors import InputError
 from tympan.options import SEEDS, argument, parse_quantity
 
 if TYPE_CHECKING:
-    from tympan.studies.signals import Signal
+    from tympan.studies.signals import Signal, Wave
 
 SIGNAL = (
     argument("--signal", default="step", metavar="KIND",
@@ -26,15 +26,19 @@ SIGNAL = (
 )
 
 
-def signal_of(options: argparse.Namespace) -> tuple[Signal, float | None]:
-    """The signal, and the period if it has one [s]."""
+def wave_of(options: argparse.Namespace, count: int) -> tuple[Wave, Signal]:
+    """The wave of the options for so many actuators, and its signal."""
     from tympan.studies.signals import Wave
+    from tympan.studies.trace import sample_count
 
+    interval = duration(options.interval, "--interval")
     wave = Wave(options.signal, low=parse_quantity(options.low, "voltage", "--low"),
                 high=parse_quantity(options.high, "voltage", "--high"),
-                duration=duration(options.duration, "--duration"), count=options.count,
-                seed=options.seed)
-    return wave.signal("--signal"), wave.period
+                duration=duration(options.duration, "--duration"), interval=interval,
+                count=options.count, seed=options.seed)
+    signal = wave.signal("--signal")
+    sample_count(signal.end, interval, count)
+    return wave, signal
 
 
 def duration(text: str, option: str) -> float:

@@ -7,7 +7,7 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
-from tympan.commands.signal import SIGNAL, duration, signal_of
+from tympan.commands.signal import SIGNAL, wave_of
 from tympan.geometry.errors import InputError
 from tympan.options import (
     JSON,
@@ -46,14 +46,10 @@ _FRAMES = 48
 def transient(options: argparse.Namespace) -> None:
     """What films with viscous branches do under a step, ramp, sine, random steps or a CSV file."""
     from tympan.progress import bar
-    from tympan.studies.limits.loads import usual_masses
-    from tympan.studies.trace import Responses, sample_count
-    from tympan.studies.transient import TransientCase, respond
+    from tympan.studies.transient import responses
 
     mass = None if options.mass is None else parse_quantity(options.mass, "mass", "--mass")
-    interval = duration(options.interval, "--interval")
-    signal, period = signal_of(options)
-    sample_count(signal.end, interval, len(options.specimens))
+    wave, signal = wave_of(options, len(options.specimens))
     rest = None if options.rest is None else parse_quantity(options.rest, "time", "--rest")
     films = parse_quantities(options.at or "", "time", "--at")
     rig, settings = read_rig(options.rig), read_settings(options)
@@ -61,33 +57,21 @@ def transient(options: argparse.Namespace) -> None:
         raise InputError("must be given to say where the pictures go", key="-o")
     shown = (tuple(signal.end * number / (_FRAMES - 1) for number in range(_FRAMES))
              if options.animate else ())
-    responses = []
     specimens = read_specimens(options.specimens)
-    if mass is None:
-        mass = min(usual_masses(specimen, settings, rig)[0] for specimen in specimens)
     with bar(len(specimens)) as progress:
-        def over(share: float) -> None:
-            progress(share=share)
-
-        for specimen in specimens:
-            progress(specimen.name)
-            case = TransientCase(specimen, signal, mass=mass, rig=rig, rest=rest,
-                                 inertia=options.swing)
-            response, _ = respond(case, settings, interval, period, options.signal == "step",
-                                  (*films, *shown), over)
-            responses.append(response)
+        result = responses(specimens, wave, signal, settings, mass=mass, rest=rest,
+                           swing=options.swing, films=(*films, *shown), rig=rig, progress=progress)
     moving: list[Moving] = []
     if options.animate:
         from tympan.reports.figures.animation import animate
 
-        for response in responses:
+        for response in result.responses:
             frames = {time: film for time, film in response.films.items() if time in shown}
             file = options.output / f"{response.specimen}.gif"
             moving.append((file, partial(animate, response, frames)))
-    finish(options, Responses(tuple(
+    finish(options, replace(result, responses=tuple(
         replace(response, films={time: film for time, film in response.films.items()
-                                 if time in films}) for response in responses), specimens, rig),
-        moving)
+                                 if time in films}) for response in result.responses)), moving)
 
 
 @command("response",

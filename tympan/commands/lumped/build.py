@@ -49,45 +49,39 @@ if TYPE_CHECKING:
 def lumped_build(options: argparse.Namespace) -> None:
     """The lumped model of specimens from their field model alone."""
     from tympan.progress import bar
-    from tympan.studies.alpha import AlphaSettings
-    from tympan.studies.lumped.build import KINEMATICS, BuildResult, BuildSettings, build
+    from tympan.studies.lumped.build import KINEMATICS, BuildResult, BuildSettings
 
-    with naming_options(options):
-        AlphaSettings(circles=options.circles)
     masses = (parse_quantities(options.mass, "mass", "--mass") if options.mass is not None
               else None)
     voltages = _voltages(options) if options.voltages is not None else None
     settings, rig = read_settings(options), read_rig(options.rig)
     specimens = read_specimens(options.specimens)
-    branched = [item.name for item in specimens if item.membrane.branches]
-    if branched and options.viscous is not None:
-        raise InputError("is for films without branches: theirs come from the field model",
-                         key="--viscous", given=", ".join(branched))
-    chosen = BuildSettings.suited(specimens, settings, rig, masses=masses, voltages=voltages,
-                                  count=options.count, circles=options.circles, radii=options.radii,
-                                  viscous=_viscous(options.viscous))
-    with bar(4 * len(specimens) + len(branched)) as progress:
-        models = [build(specimen, settings, chosen, rig, progress) for specimen in specimens]
-    finish(options, BuildResult.of(models), kinematics=KINEMATICS)
+    with naming_options(options, masses="mass"):
+        chosen = BuildSettings.suited(
+            specimens, settings, rig, masses=masses, voltages=voltages, count=options.count,
+            circles=options.circles, radii=options.radii, viscous=_viscous(options.viscous))
+    with bar(sum(4 + bool(item.membrane.branches) for item in specimens)) as progress:
+        result = BuildResult.built(specimens, settings, chosen, rig, progress)
+    finish(options, result, kinematics=KINEMATICS)
 
 
 def _voltages(options: argparse.Namespace) -> tuple[float, ...]:
+    from tympan.studies.lumped.build import evenly
+
     ends = options.voltages.split("..")
     if len(ends) != 2:
         raise InputError("must be two voltages with two dots between them, such as 0 kV..5 kV",
                          key="--voltages", given=options.voltages)
     low, high = (parse_quantity(end, "voltage", "--voltages") for end in ends)
-    if not 0 <= low < high:
-        raise InputError("must ascend, from 0 kV on", key="--voltages", given=options.voltages)
-    return tuple(low + (high - low) * number / (options.count - 1)
-                 for number in range(options.count))
+    with naming_options(options):
+        return evenly(low, high, options.count)
 
 
-def _viscous(text: str | None) -> Viscous:
+def _viscous(text: str | None) -> Viscous | None:
     from tympan.studies.lumped.actuator import Viscous
 
     if text is None:
-        return Viscous()
+        return None
     parts = text.split(",")
     if len(parts) != 3:
         raise InputError("must be a stress and two viscosities with commas between them",

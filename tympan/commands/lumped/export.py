@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from tympan.geometry.errors import InputError
 from tympan.options import argument, command, output, parse_quantity
 
 
@@ -22,28 +21,14 @@ def lumped_export(options: argparse.Namespace) -> None:
     """A lumped model for a controller: as C99, FMU, or two transfer functions."""
     from tympan.progress import say
     from tympan.studies.case import Case
-    from tympan.studies.lumped.export.c_source import export_c
+    from tympan.studies.lumped.export import export, require_form
     from tympan.studies.lumped.model_file import read_model
 
-    if options.fmu and options.slow_fast:
-        raise InputError("must be one of --fmu and --slow-fast", key="--slow-fast", given="both")
-    if (options.fmu or options.slow_fast) != (options.mass is not None):
-        raise InputError("must be given with --fmu or --slow-fast, and only with them: the C takes "
-                         "any mass", key="--mass", given=options.mass)
+    mass = None if options.mass is None else parse_quantity(options.mass, "mass", "--mass")
+    require_form(mass, options.fmu, options.slow_fast)
     model = read_model(options.model)
-    if options.fmu:
-        from tympan.studies.lumped.export.fmu import export_fmu
-
-        mass = parse_quantity(options.mass, "mass", "--mass")
-        print(export_fmu(model, options.output, mass))
-        for words in Case(model.specimen, mass=mass).remarks:
-            say(f"warning: {words}")
-        return
-    if options.slow_fast:
-        from tympan.studies.lumped.export.slow_fast import export_slow_fast
-
-        print(export_slow_fast(model, options.output,
-                               parse_quantity(options.mass, "mass", "--mass")))
-        return
-    for file in export_c(model, options.output):
+    for file in export(model, options.output, mass, options.fmu, options.slow_fast):
         print(file)
+    warned = Case(model.specimen, mass=mass).remarks if mass is not None and options.fmu else ()
+    for words in warned:
+        say(f"warning: {words}")

@@ -7,7 +7,6 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from tympan.geometry.errors import InputError
 from tympan.options import (
     JSON,
     MESH,
@@ -22,11 +21,7 @@ from tympan.options import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from tympan.studies.case import Settings
-    from tympan.studies.data.dataset import Dataset
-    from tympan.studies.lumped.actuator import Actuator
+    from tympan.studies.identify.identify import Teller
 
 
 @command("lumped identify",
@@ -63,64 +58,26 @@ def lumped_identify(options: argparse.Namespace) -> None:
     """The constants behind a dataset's readings."""
     from tympan.progress import bar
     from tympan.studies.data.dataset import read_dataset
-    from tympan.studies.identify.dynamic import (
-        DynamicProblem,
-        Exact,
-        identify_dynamic,
-        nelder_mead_dynamic,
-    )
-    from tympan.studies.identify.responses import records_of
-    from tympan.studies.identify.result import IdentifyResult
-    from tympan.studies.identify.static import (
-        Law,
-        Sharing,
-        StaticProblem,
-        identify_static,
-        nelder_mead,
-        readings_at_rest,
-    )
+    from tympan.studies.identify.identify import IdentifySettings, identify
+    from tympan.studies.lumped.model_file import read_model
 
     dataset = read_dataset(options.dataset)
-    at_rest = dataset.static is not None or not options.dynamic
+    chosen = IdentifySettings(
+        tuple(map(read_model, options.model)), options.paper, options.dynamic, options.law,
+        options.alpha, parse_numbers(options.weights, "--weights"), options.objective,
+        not options.no_limits, options.nelder_mead)
     with naming_file(options.dataset):
-        records = records_of(dataset) if options.dynamic else ()
-        if at_rest:
-            readings_at_rest(dataset)
-    record: dict[str, Any] = {"dataset": dataset.name}
-    static = dynamic = None
-    with bar((1 + options.dynamic) * (1 + options.nelder_mead)
-             + 4 * len(dataset.specimens)) as progress:
-        actuators = _nominal(options, dataset, at_rest, progress)
-        if at_rest:
-            law: Law = options.law or ("eq8" if options.paper else "film")
-            alpha: Sharing = options.alpha or ("each" if options.paper else "given")
-            problem = StaticProblem.of(dataset, actuators, law, alpha)
-            progress("readings at rest")
-            static = identify_static(problem, options.objective, not options.no_limits,
-                                     _teller(options, record, "static"))
-            record["static"] = static.json()
-            if options.nelder_mead:
-                progress("readings at rest, simplex")
-                record["nelder_mead_static"] = nelder_mead(problem)
-        if options.dynamic:
-            equal = options.paper and options.weights is None
-            responses = DynamicProblem(static or Exact(actuators, equal), records, dataset.noise)
-            progress("responses")
-            dynamic = identify_dynamic(responses, not options.no_limits,
-                                       _teller(options, record, "dynamic"))
-            record["dynamic"] = dynamic.json()
-            if options.nelder_mead:
-                progress("responses, simplex")
-                record["nelder_mead_dynamic"] = nelder_mead_dynamic(responses)
-    finish(options, IdentifyResult.of(record, static, dynamic))
+        chosen.require(dataset)
+    with naming_options(options), bar(chosen.steps(dataset)) as progress:
+        result = identify(dataset, chosen, read_settings(options), progress, _teller(options))
+    finish(options, result)
 
 
-def _teller(options: argparse.Namespace, record: dict[str, Any], kind: str
-            ) -> Callable[[dict[str, float]], None]:
+def _teller(options: argparse.Namespace) -> Teller:
     """Prints and stores estimates of a kind while their limits are still sought."""
     from tympan.studies.files import write_json
 
-    def tell(values: dict[str, float]) -> None:
+    def tell(kind: str, values: dict[str, float], record: dict[str, Any]) -> None:
         words = ", ".join(f"{name} {value:.6g}" for name, value in values.items())
         print(f"{kind}: {words}; limits follow", file=sys.stderr)
         if options.output is not None:
@@ -130,47 +87,3 @@ def _teller(options: argparse.Namespace, record: dict[str, Any], kind: str
                        {"dataset": record["dataset"], **fits, kind: values})
 
     return tell
-
-
-def _nominal(options: argparse.Namespace, dataset: Dataset, at_rest: bool,
-             progress: Callable[[str], None]) -> tuple[Actuator, ...]:
-    """The actuators of a dataset's specimens as they should be, in their order, under any mass."""
-    from tympan.studies.lumped.actuator import paper_cones
-    from tympan.studies.lumped.model_file import read_model
-
-    weights = parse_numbers(options.weights, "--weights")
-    if weights is not None and (at_rest or not options.paper):
-        words = ("is for --dynamic without static.csv, whose readings tell α" if at_rest
-                 else "is for the paper's cones, --paper")
-        raise InputError(words, key="--weights", given=options.weights)
-    if options.paper:
-        if options.model:
-            raise InputError("cannot be given with --paper", key="--model",
-                             given=", ".join(map(str, options.model)))
-        with naming_options(options):
-            return paper_cones(dataset.specimens, weights, dataset.rig)
-    if not options.model:
-        return _suited(dataset, read_settings(options), progress)
-    models = {model.specimen.name: model for model in map(read_model, options.model)}
-    missing = [specimen.name for specimen in dataset.specimens if specimen.name not in models]
-    if missing:
-        raise InputError(f"must hold a model of each specimen: none is of {', '.join(missing)}",
-                         key="--model", given=", ".join(models))
-    return tuple(models[specimen.name].actuator(1.0, dataset.rig)
-                 for specimen in dataset.specimens)
-
-
-def _suited(dataset: Dataset, settings: Settings, progress: Callable[[str], None]
-            ) -> tuple[Actuator, ...]:
-    """Membrane circles built for the largest loads of each specimen's readings."""
-    from tympan.studies.lumped.suited import suited_model
-
-    tables = [table for table in (dataset.static, dataset.transients) if table is not None]
-    actuators = []
-    for specimen in dataset.specimens:
-        loads = [table[name][table.specimen == specimen.name].max(initial=0.0)
-                 for name in ("mass", "voltage") for table in tables]
-        masses, voltages = loads[:len(tables)], loads[len(tables):]
-        actuators.append(suited_model(specimen, float(max(masses)), float(max(voltages)), settings,
-                                      dataset.rig, progress).actuator(1.0, dataset.rig))
-    return tuple(actuators)

@@ -1,0 +1,150 @@
+"""Lumped models under one load, as commands and Python ask for them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import KW_ONLY, dataclass, replace
+from typing import TYPE_CHECKING, Annotated
+
+from tympan.fem.rig import Rig
+from tympan.geometry.errors import InputError
+from tympan.geometry.fields import Key, require, takes_units
+from tympan.geometry.specimen import Specimen, require_different_names
+from tympan.studies.case import Settings
+from tympan.studies.limits.loads import usual_masses
+from tympan.studies.lumped.actuator import Actuator
+from tympan.studies.lumped.film_response import film_response
+from tympan.studies.lumped.linear import Input, LinearResult, linearise
+from tympan.studies.lumped.model_file import LumpedModel
+from tympan.studies.lumped.remarks import origin, remark
+from tympan.studies.lumped.simulate import ModelResponse, sample, simulate
+from tympan.studies.lumped.suited import suited_model
+from tympan.studies.paper.published import MASSES
+from tympan.studies.paper.table1 import eq8
+from tympan.studies.signals import Signal, Wave
+from tympan.studies.trace import Responses
+
+
+@takes_units
+@dataclass(frozen=True)
+class LumpedCase:
+    """Specimens and lumped models under one ``mass`` [kg], by default one that suits all films.
+
+    Membrane circles are built for the specimens. ``paper``: the source paper's cones instead, with
+    its mass where none is given; only then may there be ``alpha``, weights of the circles, and
+    ``table_1``, its relative permittivity for Eq. (8) with Table 1's constants.
+    """
+
+    specimens: tuple[Specimen, ...] = ()
+    models: tuple[LumpedModel, ...] = ()
+    _: KW_ONLY
+    mass: Annotated[float | None, Key("on the plate", "mass")] = None
+    paper: bool = False
+    alpha: Annotated[tuple[float, ...] | None, Key("weights of the paper's circles")] = None
+    table_1: Annotated[float | None, Key("relative permittivity of the paper's film", rule=(
+        lambda x: 1 <= x <= 1000, "must be at least 1 (vacuum) and at most 1000"))] = None
+    rig: Rig = Rig()
+
+    if TYPE_CHECKING:
+        def __init__(self, specimens: tuple[Specimen, ...] = (),
+                     models: tuple[LumpedModel, ...] = (), *, mass: float | str | None = None,
+                     paper: bool = False, alpha: tuple[float, ...] | None = None,
+                     table_1: float | None = None, rig: Rig = Rig()) -> None: ...
+
+    def __post_init__(self) -> None:
+        require(self)
+        if not (self.specimens or self.models):
+            raise InputError("give a specimen, or a model of one", key="specimens")
+        require_different_names([*self.specimens, *(model.specimen for model in self.models)])
+        for key in ("alpha", "table_1"):
+            if not self.paper and getattr(self, key) is not None:
+                raise InputError("is for the paper's cones, --paper: membrane circles have weights "
+                                 "and a film of their own", key=key, given=getattr(self, key))
+
+    def chosen(self, voltage: float, settings: Settings,
+               progress: Callable[[str], None] = lambda words: None) -> ChosenActuators:
+        """The actuators, good up to a voltage [V].
+
+        Raises
+        ------
+        InputError
+            Where a model was built for less, or a film has no equilibrium up to the voltage.
+        """
+        for model in self.models:
+            model.check(self.rig.film_voltage(voltage))
+        remarks: list[str] = []
+        mass = self._mass(settings, remarks)
+        if self.paper:
+            circles = self._cones(mass, remarks)
+        else:
+            circles = [suited_model(specimen, mass, voltage, settings, self.rig, progress
+                                    ).actuator(mass, self.rig) for specimen in self.specimens]
+        circles += [model.actuator(mass, self.rig) for model in self.models]
+        return ChosenActuators(self, tuple(circles), tuple(remarks))
+
+    def _mass(self, settings: Settings, remarks: list[str]) -> float:
+        if self.mass is not None:
+            return self.mass
+        if self.paper:
+            remarks.append(remark("mass", mass=1e3 * MASSES[0]))
+            return MASSES[0]
+        return min(usual_masses(specimen, settings, self.rig)[0] for specimen in (
+            *self.specimens, *(model.specimen for model in self.models)))
+
+    def _cones(self, mass: float, remarks: list[str]) -> list[Actuator]:
+        """Actuators of cones, as the paper has them."""
+        specimens = (self.specimens if self.table_1 is None else
+                     [eq8(specimen, self.table_1) for specimen in self.specimens])
+        try:
+            actuators = [Actuator.of(specimen, mass, self.alpha, rig=self.rig)
+                         for specimen in specimens]
+        except InputError as error:
+            raise error if error.key != "weights" else InputError(
+                error.allowed, key="alpha", given=error.given) from None
+        if self.alpha is None and any(actuator.count > 1 for actuator in actuators):
+            remarks.append(remark("equal_weights"))
+        return actuators
+
+
+@dataclass(frozen=True)
+class ChosenActuators:
+    """The actuators of a case, and how they were chosen, in words."""
+
+    case: LumpedCase
+    actuators: tuple[Actuator, ...]
+    remarks: tuple[str, ...]
+
+    def responses(self, wave: Wave, signal: Signal, swing: bool = False,
+                  progress: Callable[..., None] = lambda *words, share=0.0: None) -> Responses:
+        """What each does under the signal of a wave, sampled with its interval.
+
+        ``swing``: the plate of a model whose film has branches has inertia. ``progress`` is called
+        with a specimen's name, then with the ``share`` of the signal that is over.
+        """
+        def over(share: float) -> None:
+            progress(share=share)
+
+        case, stepped = self.case, wave.kind == "step"
+        films = {model.specimen.name: model for model in case.models if model.film}
+        responses: list[ModelResponse] = []
+        for actuator in self.actuators:
+            progress(actuator.specimen.name)
+            if model := films.get(actuator.specimen.name):
+                responses.append(film_response(model, signal, actuator.mass, case.rig,
+                                               wave.interval, wave.period, stepped, swing, over))
+                continue
+            responses.append(sample(simulate(actuator, signal, progress=over), wave.interval,
+                                    wave.period, stepped, self.remarks))
+        # Eq. (8) with Table 1's constants can be the film of no specimen file.
+        specimens = tuple(actuator.specimen for actuator in self.actuators if case.table_1 is None)
+        return Responses(tuple(responses), specimens, case.rig)
+
+    def linear(self, voltage: float, by: Input = "U") -> LinearResult:
+        """Small motions of each about rest at a voltage [V]."""
+        remarks = [*self.remarks]
+        if voltage == 0 and by == "U":
+            remarks.append(remark("no_voltage"))
+        return LinearResult(tuple(
+            replace(linearise(actuator, voltage, by=by), warnings=(
+                *remarks, *origin(actuator), *actuator.case(voltage).remarks))
+            for actuator in self.actuators))

@@ -1,0 +1,165 @@
+"""Lumped models with ``import tympan``: ``tympan.lumped.build`` and the commands beside it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, Unpack
+
+from tympan.door import File, Waves
+from tympan.fem.rig import Rig
+from tympan.geometry.errors import InputError
+from tympan.geometry.fields import names_arguments, number, numbers
+from tympan.geometry.process.threads import one_thread
+from tympan.geometry.specimen import Specimen, require_different_names
+from tympan.result import Result
+from tympan.studies.case import Settings
+
+if TYPE_CHECKING:
+    from tympan.studies.identify.result import IdentifyResult
+    from tympan.studies.lumped.actuator import Viscous
+    from tympan.studies.lumped.build import BuildResult
+    from tympan.studies.lumped.case import LumpedCase
+    from tympan.studies.lumped.linear import Input, LinearResult
+    from tympan.studies.lumped.model_file import LumpedModel
+    from tympan.studies.trace import Responses
+
+
+@names_arguments()
+@one_thread()
+def build(*specimens: Specimen, masses: float | str | Sequence[float | str] | None = None,
+          voltages: tuple[float | str, float | str] | None = None, count: int = 11,
+          circles: int = 2, radii: Literal["semi_axes", "sectors", "fit"] = "semi_axes",
+          viscous: Viscous | None = None, settings: Settings = Settings(), rig: Rig = Rig()
+          ) -> Result[BuildResult]:
+    """Lumped models of specimens from their field models alone.
+
+    ``result.models`` are what the other commands take. The first of the ``masses`` is fitted, the
+    others are tested; ``voltages`` are the ends of ``count`` voltages. Loads left out suit the
+    films. ``viscous``: the constants of films without branches.
+    """
+    from tympan.studies.lumped.build import BuildResult, BuildSettings, evenly
+
+    if not specimens:
+        raise InputError("give one or several", key="specimens")
+    require_different_names(specimens)
+    loads = None
+    if voltages is not None:
+        low, high = numbers(voltages, "voltage", "voltages")
+        loads = evenly(low, high, count)
+    chosen = BuildSettings.suited(
+        specimens, settings, rig, count, voltages=loads, circles=circles, radii=radii,
+        masses=None if masses is None else numbers(masses, "mass", "masses"), viscous=viscous)
+    return Result(BuildResult.built(specimens, settings, chosen, rig))
+
+
+@names_arguments(*Waves.__annotations__)
+@one_thread()
+def simulate(*actuators: Specimen | LumpedModel | File, signal: str = "step",
+             mass: float | str | None = None, swing: bool = False, paper: bool = False,
+             alpha: Sequence[float] | None = None, table_1: float | None = None,
+             rig: Rig = Rig(), settings: Settings = Settings(), **wave: Unpack[Waves]
+             ) -> Result[Responses]:
+    """Response of lumped models to a step, ramp, sine, random voltages, or those of a CSV file.
+
+    ``actuators`` are specimens, whose models are built, or models: of ``build``, or files
+    NAME.lumped.toml. The rest is as for ``tympan.transient``. ``paper``: the source paper's cones
+    in place of membrane circles, with weights ``alpha`` and relative permittivity ``table_1``.
+    """
+    from tympan.studies.signals import Wave
+    from tympan.studies.trace import sample_count
+
+    form = Wave(signal, **wave)
+    voltages = form.signal()
+    sample_count(voltages.end, form.interval, len(actuators))
+    case = _case(actuators, mass=mass, paper=paper, alpha=alpha, table_1=table_1, rig=rig)
+    return Result(case.chosen(voltages.peak, settings).responses(form, voltages, swing))
+
+
+@names_arguments()
+@one_thread()
+def linearise(*actuators: Specimen | LumpedModel | File, at: float | str = 3e3, input: Input = "U",
+              mass: float | str | None = None, paper: bool = False,
+              alpha: Sequence[float] | None = None, table_1: float | None = None,
+              rig: Rig = Rig(), settings: Settings = Settings()) -> Result[LinearResult]:
+    """Small motions about rest ``at`` a voltage: state space, named poles, gain.
+
+    ``result.to_control()`` is a state space of python-control, ``result.to_scipy()`` one of
+    scipy.signal. ``result.linear`` are all of several. What drives it is the voltage, or with
+    ``input="U2"`` its square. The rest is as for ``simulate``.
+    """
+    voltage = number(at, "voltage", "at")
+    case = _case(actuators, mass=mass, paper=paper, alpha=alpha, table_1=table_1, rig=rig)
+    return Result(case.chosen(abs(voltage), settings).linear(voltage, input))
+
+
+@names_arguments()
+@one_thread()
+def identify(dataset: File, *, model: Sequence[LumpedModel | File] = (), paper: bool = False,
+             dynamic: bool = False, law: Literal["eq8", "film"] | None = None,
+             alpha: Literal["each", "shared", "given"] | None = None,
+             weights: Sequence[float] | None = None,
+             objective: Literal["deflection", "force", "printed"] = "deflection",
+             limits: bool = True, nelder_mead: bool = False, settings: Settings = Settings()
+             ) -> Result[IdentifyResult]:
+    """Constants of lumped models behind a dataset's readings, with 95 % limits.
+
+    ``dynamic``: also those of the responses in transient.csv. ``model``: models of its specimens,
+    in place of those found from the field model. ``law``: one factor on the films' own material, or
+    the paper's Eq. (8). ``limits=False``: linearised limits only, at once.
+    """
+    from tympan.studies.data.dataset import read_dataset
+    from tympan.studies.identify.identify import IdentifySettings
+    from tympan.studies.identify.identify import identify as identified
+
+    chosen = IdentifySettings(tuple(map(_model, model)), paper, dynamic, law, alpha,
+                              None if weights is None else tuple(weights), objective, limits,
+                              nelder_mead)
+    readings = read_dataset(Path(dataset))
+    chosen.require(readings)
+    return Result(identified(readings, chosen, settings))
+
+
+@names_arguments()
+@one_thread()
+def export(model: LumpedModel | File, folder: File, *, fmu: bool = False, slow_fast: bool = False,
+           mass: float | str | None = None) -> list[Path]:
+    """Write a lumped model for a controller, and answer the files.
+
+    As C99; or with a ``mass`` on the plate as ``fmu`` (FMU 2.0), or ``slow_fast``, a polynomial of
+    the voltage before two transfer functions.
+    """
+    from tympan.studies.lumped.export import export, require_form
+
+    carried = None if mass is None else number(mass, "mass", "mass")
+    require_form(carried, fmu, slow_fast)
+    return export(_model(model), Path(folder), carried, fmu, slow_fast)
+
+
+class Lumped:
+    """Lumped models: a mass on circles of film. The object itself is ``build``."""
+
+    build = staticmethod(build)
+    simulate = staticmethod(simulate)
+    linearise = staticmethod(linearise)
+    identify = staticmethod(identify)
+    export = staticmethod(export)
+    __call__ = staticmethod(build)
+
+
+lumped = Lumped()
+
+
+def _model(given: LumpedModel | File) -> LumpedModel:
+    from tympan.studies.lumped.model_file import LumpedModel, read_model
+
+    return given if isinstance(given, LumpedModel) else read_model(Path(given))
+
+
+def _case(actuators: Sequence[Specimen | LumpedModel | File], *,
+          alpha: Sequence[float] | None, **given: Any) -> LumpedCase:
+    from tympan.studies.lumped.case import LumpedCase
+
+    specimens = tuple(item for item in actuators if isinstance(item, Specimen))
+    models = tuple(_model(item) for item in actuators if not isinstance(item, Specimen))
+    return LumpedCase(specimens, models, alpha=None if alpha is None else tuple(alpha), **given)
