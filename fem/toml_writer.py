@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from tympan.fem.film.admissibility import STRETCH_RANGE, inadmissible_stretch
+from tympan.fem.film.library import MATERIALS, material_name
 from tympan.fem.membrane.biases import JoinedFilm
 from tympan.fem.rig import Rig
 from tympan.geometry.errors import InputError
@@ -19,7 +20,9 @@ _RANGES = (STRETCH_RANGE, (0.7, 5.0), (0.8, 4.0), (1.0, 4.0), (1.0, 3.0), (1.0, 
 
 
 def specimen_content(specimen: Specimen, plain: bool = False) -> Content:
-    """The tables of a specimen file, with the material's ``range``: its own, or one it needs.
+    """The tables of a specimen file, with the name of the library's material, if it has one.
+
+    Another law has the ``range`` that it is stated for, or one that it needs.
 
     ``plain``: quantities as SI numbers under keys that end with the unit.
 
@@ -30,6 +33,14 @@ def specimen_content(specimen: Specimen, plain: bool = False) -> Content:
         file can state it.
     """
     content = write(specimen, plain)
+    name = None if plain else material_name(specimen.membrane)
+    if name is not None:
+        film, known = content["membrane"], MATERIALS[name].of_film
+        for key, field in (("branch", "branches"), ("breakdown", "strength")):
+            if getattr(specimen.membrane, field) == known.get(field):
+                film.pop(key, None)
+        film["material"] = name
+        return content
     material, most = specimen.membrane.material, max(specimen.membrane.prestretch)
     stated = specimen.membrane.law_range
     if stated is not None and inadmissible_stretch(material, *stated) is None:

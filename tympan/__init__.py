@@ -24,10 +24,11 @@ if TYPE_CHECKING:
 
 __all__ = [
     "ArrudaBoyce", "Bistable", "BuckledBeam", "Case", "Circle", "ClosedSpline", "Constant",
-    "Electrode", "Ellipse", "Film", "ForceTable", "Gent", "InputError", "JoinedFilm", "Magnet",
-    "MeshSettings", "MooneyRivlin", "NeoHooke", "Ogden", "Patch", "Plate", "Polygon",
-    "Region", "RegularPolygon", "Result", "Rig", "Rotated", "RoundedRectangle", "Settings",
-    "ShearThinning", "Specimen", "Spring", "Stadium", "Superellipse", "ViscousBranch", "Yeoh",
+    "ConstantStrength", "Electrode", "Ellipse", "Film", "ForceTable", "Gent", "InputError",
+    "JoinedFilm", "Magnet", "MeshSettings", "MooneyRivlin", "NeoHooke", "Ogden", "Patch", "Plate",
+    "Polygon", "PowerStrength", "Region", "RegularPolygon", "Result", "Rig", "Rotated",
+    "RoundedRectangle", "Settings", "ShearThinning", "Specimen", "Spring", "Stadium",
+    "Superellipse", "ViscousBranch", "Yeoh",
     "__version__",
     "alpha", "curve", "data", "diagnose", "draft", "draw", "fit_material", "force", "limits",
     "load", "lumped", "material", "modes", "optimise", "path", "response", "sense", "sensitivity",

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from tympan.fem.film.breakdown import ConstantStrength as ConstantStrength
+from tympan.fem.film.breakdown import PowerStrength as PowerStrength
 from tympan.fem.film.flows import ShearThinning as ShearThinning
 from tympan.fem.film.laws import ArrudaBoyce as ArrudaBoyce
 from tympan.fem.film.laws import Gent as Gent

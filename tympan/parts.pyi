@@ -3,6 +3,8 @@
 from collections.abc import Sequence
 from typing import Literal
 
+from tympan.fem.film.breakdown import ConstantStrength as AnyConstantStrength
+from tympan.fem.film.breakdown import PowerStrength as AnyPowerStrength
 from tympan.fem.film.flows import ShearThinning as AnyShearThinning
 from tympan.fem.film.laws import ArrudaBoyce as AnyArrudaBoyce
 from tympan.fem.film.laws import Gent as AnyGent
@@ -41,6 +43,13 @@ from tympan.geometry.specimen import ViscousBranch as AnyViscousBranch
 
 Quantity = float | str
 Pair = tuple[Quantity, Quantity]
+
+class ConstantStrength(AnyConstantStrength):
+    def __init__(self, strength: Quantity) -> None: ...
+
+class PowerStrength(AnyPowerStrength):
+    def __init__(self, strength: Quantity, exponent: float, thickness_exponent: float = ...,
+                 thickness: Quantity = ...) -> None: ...
 
 class ShearThinning(AnyShearThinning):
     def __init__(self, thinning_stress: Quantity, thinning_exponent: float, least_viscosity:

@@ -133,6 +133,22 @@ def library_material(name: str) -> LibraryMaterial:
     return MATERIALS[name]
 
 
+def material_name(film: Film) -> str | None:
+    """The name of the library's material that a film is made of, None if it is of none.
+
+    A file or constructor that gives this name and what the film has beside it makes an equal film.
+    """
+    def shared(entry: LibraryMaterial) -> list[bool]:
+        return [getattr(film, key) == known for key, known in entry.of_film.items()]
+
+    if film.law_range is not None:
+        return None
+    made = [name for name, entry in MATERIALS.items() if entry.material == film.material
+            and all(same or getattr(film, key)  # what a file leaves out would be the library's
+                    for key, same in zip(entry.of_film, shared(entry), strict=True))]
+    return max(made, key=lambda name: sum(shared(MATERIALS[name])), default=None)
+
+
 def library_strength(name: str) -> Strength:
     """The strength of a name; an :class:`InputError` where there is none."""
     if name not in STRENGTH_LIBRARY:

@@ -22,6 +22,7 @@ from tests.support.datasets import write_dataset
 from tests.support.moves import random_views
 from tests.support.specimens import circular, elliptical, skewed, specimen_toml
 from tympan.explore import latest
+from tympan.explore.copied import command_of, python_of
 from tympan.explore.curve import drawn_curve
 from tympan.explore.latest import Latest, Trouble
 from tympan.explore.numbers import limit_rows, result_rows
@@ -36,16 +37,15 @@ from tympan.explore.subject import read_subject
 from tympan.explore.view import (
     FilmView,
     changed,
-    command_of,
     controls,
-    python_of,
     value_of,
 )
 from tympan.fem.film.library import load_specimen
+from tympan.fem.membrane.biases import Constant
 from tympan.fem.rig import Rig
 from tympan.fem.toml_writer import specimen_to_toml
 from tympan.geometry.errors import InputError
-from tympan.geometry.outlines import Circle, Polygon
+from tympan.geometry.outlines import Circle, Polygon, examples
 from tympan.geometry.specimen import Electrode, Plate, Specimen
 from tympan.geometry.toml_reader import Table
 from tympan.reports.colouring import COLOURINGS, MOST_MARGIN
@@ -193,7 +193,7 @@ def test_an_outline_of_many_numbers_has_no_sliders() -> None:
     assert "plate.outline.radius" in keys
 
 
-def test_the_written_file_the_command_and_the_script_give_the_same_film(
+def test_the_written_file_and_the_command_give_the_same_film(
         tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
         ) -> None:
     import shlex
@@ -207,10 +207,54 @@ def test_the_written_file_the_command_and_the_script_give_the_same_film(
     assert load_specimen(Path("oval.toml")) == view.actuator
     main([*shlex.split(command_of(view, "oval.toml"))[1:], "--json"])
     assert json.loads(capsys.readouterr().out)["deflection_m"] == expected
+
+
+def ran(script: str) -> dict[str, Any]:
+    """The names of a script that has run."""
     names: dict[str, Any] = {}
-    exec(python_of(replace(view, rig=Rig(spring=2.0))), names)
+    exec(script, names)
+    return names
+
+
+def test_copied_python_is_eight_lines_through_one_import_and_gives_the_page_s_numbers() -> None:
+    view = changed(FilmView(vhb_oval(), mass=0.0179, voltage=2000.0), "frame.semi_axes.0", 58.2e-3)
+    script = python_of(view)
+    lines = [line for line in script.splitlines() if line]
+    assert len(lines) == 8
+    assert [line for line in lines if "import" in line] == ["import tympan"]
+    assert 'material="vhb-4910"' in script
+    names = ran(script)
     assert names["specimen"] == view.actuator
-    assert names["result"].deflection_m < expected
+    assert names["result"].deflection_m == Session().scene(view).result.deflection_m
+
+
+@pytest.mark.parametrize("film", [
+    vhb_oval(), skewed(), *(replace(skewed(), frame=outline, plate=Plate(Circle(5e-3)),
+                                    electrode=Electrode(margin_frame=1e-3))
+                            for outline in examples().values())],
+    ids=["vhb", "skewed", *examples()])
+def test_copied_python_makes_the_same_film(film: Specimen) -> None:
+    rig = Rig(spring=2.0, sag_voltage=40e3, biases=(Constant(0.01),))
+    for view in (FilmView(film, rig), FilmView(film, rig, stiffness=1.2)):
+        names = ran(python_of(view).partition("result =")[0])
+        assert names["specimen"] == view.actuator
+        assert names["rig"] == rig
+
+
+def test_a_stiffer_film_of_the_library_is_said_to_be_one() -> None:
+    view = FilmView(vhb_oval(), mass=0.0179, stiffness=1.2)
+    script = python_of(view)
+    assert "# vhb-4910, its stresses times 1.2" in script
+    assert "from" not in script
+
+
+def test_a_film_that_is_in_a_file_is_loaded_from_it(tmp_path: Path) -> None:
+    file = tmp_path / "oval.toml"
+    file.write_text(specimen_toml(), encoding="utf-8")
+    view = FilmView(load_specimen(file), mass=0.0179, voltage=1e3)
+    script = python_of(view, str(file))
+    assert len([line for line in script.splitlines() if line]) == 4
+    assert ran(script)["specimen"] == view.specimen
 
 
 @pytest.mark.parametrize("name", [

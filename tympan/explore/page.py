@@ -10,6 +10,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from tympan.explore.copied import command_of, python_of
 from tympan.explore.curve import drawn_curve
 from tympan.explore.latest import Answer, Latest, Trouble
 from tympan.explore.numbers import limit_rows, loads_of, result_rows
@@ -25,9 +26,7 @@ from tympan.explore.view import (
     Control,
     FilmView,
     changed,
-    command_of,
     controls,
-    python_of,
 )
 from tympan.fem.rig import Rig
 from tympan.fem.toml_writer import rig_to_toml, specimen_to_toml

@@ -4,22 +4,19 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass, fields, is_dataclass, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
-from pprint import pformat
-from typing import Any
 
 from tympan.fem.film.laws.stiffened import scaled
 from tympan.fem.film.library import load_specimen
 from tympan.fem.rig import Rig, checked_load
 from tympan.fem.toml_writer import specimen_content
-from tympan.geometry.command_line import command_line, file_word
 from tympan.geometry.errors import InputError
 from tympan.geometry.fields import Field, field_at
 from tympan.geometry.paths import at, numbers, with_number
 from tympan.geometry.specimen import Specimen
 from tympan.geometry.toml_reader import Table
-from tympan.geometry.units import quantity, quantity_text
+from tympan.geometry.units import quantity
 from tympan.studies.case import Case
 
 #: Units of the controls, by dimension, and how many of them make the SI unit.
@@ -235,37 +232,3 @@ def _label(keys: tuple[str, ...], field: Field | None) -> str:
         keys[-1].isdecimal()) else ""
     plain = name in ("prestretch", "relative permittivity")
     return f"{name}{axis}" if plain else f"{part}: {name}{axis}"
-
-
-def command_of(view: FilmView, file: str, rig_file: str = "") -> str:
-    """The command that solves a view whose specimen and rig are in files, quoted for a shell."""
-    rig = ("--rig", file_word(rig_file)) if rig_file else ()
-    return command_line("solve", file_word(file), "--mass", quantity_text(view.mass, "mass"),
-                        "--voltage", quantity_text(view.voltage, "voltage"), *rig)
-
-
-def python_of(view: FilmView) -> str:
-    """A script that solves a view, with all that it holds."""
-    specimen = view.actuator
-    kinds = {kind for part in (specimen, view.rig) for kind in _kinds(part)}
-    imports = sorted(f"from {kind.__module__} import {kind.__qualname__}" for kind in kinds)
-    rig = "" if view.rig == Rig() else ", rig=rig"
-    lines = ["from math import inf", *imports, "", "import tympan", "",
-             f"specimen = {pformat(specimen, width=88, indent=4)}"]
-    if rig:
-        lines += ["", f"rig = {pformat(view.rig, width=88, indent=4)}"]
-    lines += ["", f"result = tympan.solve(specimen, mass={view.mass!r}, "
-                  f"voltage={view.voltage!r}{rig})",
-              "print(result.status, result.deflection_m)", ""]
-    return "\n".join(lines)
-
-
-def _kinds(value: Any) -> Iterator[type]:
-    """Classes of all dataclasses within one."""
-    if isinstance(value, tuple):
-        for item in value:
-            yield from _kinds(item)
-    elif is_dataclass(value) and not isinstance(value, type):
-        yield type(value)
-        for item in fields(value):
-            yield from _kinds(getattr(value, item.name))

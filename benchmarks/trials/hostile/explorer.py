@@ -16,7 +16,8 @@ _NAME = "my film;touch PWNED;$(touch PWNED).toml"
 _COPIED = """
 from pathlib import Path
 from tympan.fem.film.library import load_specimen
-from tympan.explore.view import FilmView, command_of
+from tympan.explore.copied import command_of
+from tympan.explore.view import FilmView
 (name,) = [file.name for file in Path().glob("my*")]
 print(command_of(FilmView(load_specimen(Path(name)), mass=1e-3), name))
 """
