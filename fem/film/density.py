@@ -109,7 +109,7 @@ class FilmDensity:
         if not grease:
             return joined, []
         law, (first, second) = Ogden((grease,), (2.0,)), film.prestretch
-        if first == second:
+        if np.all(first == second):
             return (*joined, Coat(law, self.covered, first)), []
         # Stress-free at a state stretched unequally, it has axes of its own.
         return joined, [(Coat(law, self.covered), (1.0, 1.0))]

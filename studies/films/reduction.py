@@ -22,7 +22,7 @@ from tympan.fem.equilibrium.solve import equilibrium
 from tympan.fem.film.density import from_virgin, principal_stretches
 from tympan.fem.film.memory import Memory
 from tympan.fem.membrane.model import Model
-from tympan.fem.membrane.state import PlateMotion, State
+from tympan.fem.membrane.state import HEAVE, PlateMotion, State
 from tympan.fem.transient.integrate import Moment, StepSettings, Stopped, Transient
 from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Specimen
@@ -74,11 +74,16 @@ IN_TIME = 100
 
 @dataclass(frozen=True, eq=False)
 class Snapshot:
-    """A state of a model, and what its branches remember, None of one without."""
+    """A state of a model, and what its branches remember, None of one without.
+
+    ``rates``: further motions of the nodes about the state that films may make, (rates, nodes, 3)
+    [m], such as those by a change of a load.
+    """
 
     model: Model
     state: State
     memory: Memory | None = None
+    rates: tuple[Array, ...] = ()
 
 
 def reduced_film(model: Model, forces: Sequence[float], voltage: float, spring: float = 0.0,
@@ -224,8 +229,9 @@ class Reduction:
     def of(cls, snapshots: Sequence[Snapshot], motion_left_out: float = _MOTION_LEFT_OUT,
            work_left_out: float = _WORK_LEFT_OUT, most: int = _MOST_SHAPES) -> Reduction:
         """What snapshots of some films make: all move so that it leaves out little of these."""
-        moved = np.array([_moved(shot) for shot in snapshots])
-        heave = np.array([shot.state.plate.deflection for shot in snapshots])
+        motions = [_rigid(shot.model, motion) for shot in snapshots for motion in
+                   (shot.state.positions - shot.model.discretisation.reference, *shot.rates)]
+        moved, heave = (np.array(part) for part in zip(*motions, strict=True))
         shares = _shapes(snapshots, moved, heave, motion_left_out, most)
         shapes = np.tensordot(shares, moved, 1)
         squared = max(shot.state.voltage_squared for shot in snapshots)
@@ -250,18 +256,23 @@ def _gradients(model: Model, shapes: Array) -> Array:
                      for shape in shapes])
 
 
-def _moved(snapshot: Snapshot) -> Array:
-    """Displacements of the nodes [m]; those of the plate's edge as it moves to first order.
+def _rigid(model: Model, motion: Array) -> tuple[Array, float]:
+    """A motion of the nodes [m], that of the plate's edge to first order; the plate's heave in it.
 
     What is left of a tilt, its square, would be a shape of its own, in which the plate stretches.
     """
-    model = snapshot.model
+    edge, moved = model.discretisation.plate_nodes, motion.copy()
+    freedoms = plate_freedoms(model, motion)
+    rigid = PlateMotion.rest().gradient(model.arms)
+    moved[edge] = rigid @ freedoms
+    return moved, float(freedoms[HEAVE])
+
+
+def plate_freedoms(model: Model, motion: Array) -> Array:
+    """The plate's six freedoms to first order in a motion of the nodes, shape (6,) [m, rad]."""
     edge = model.discretisation.plate_nodes
-    moved = snapshot.state.positions - model.discretisation.reference
     rigid = PlateMotion.rest().gradient(model.arms).reshape(-1, 6)
-    freedoms = np.linalg.lstsq(rigid, moved[edge].ravel(), rcond=None)[0]
-    moved[edge] = (rigid @ freedoms).reshape(-1, 3)
-    return np.asarray(moved)
+    return np.asarray(np.linalg.lstsq(rigid, motion[edge].ravel(), rcond=None)[0])
 
 
 def _shapes(snapshots: Sequence[Snapshot], displaced: Array, heave: Array, precision: float,

@@ -1,0 +1,150 @@
+"""The parameters in which films of a family differ, and between which values."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tympan.fem.film.laws.stiffened import scaled
+from tympan.geometry.errors import InputError
+from tympan.geometry.fields import field_at
+from tympan.geometry.paths import at, numbers, with_arrays, with_number
+from tympan.geometry.specimen import Specimen
+
+Array = NDArray[Any]
+
+#: The factor on all stresses of the film's law, a parameter beside the numbers of the specimen.
+STIFFNESS = "stiffness"
+
+#: The law's part of a specimen.
+_LAW = "membrane.material"
+
+#: Parts of a specimen that have numbers a family's films may differ in.
+_PARTS = ("frame", "plate", "membrane", "electrode")
+#: Lengths, which move the mesh, are in these.
+_OUTLINED = ("frame.", "plate.", "electrode.margin", "electrode.outline")
+#: What must be the same for all films, as formulas for many films at once do not have it.
+_SAME = ("membrane.thickness_gradient", "membrane.law_range", "electrode.stiffness",
+         "electrode.patches")
+
+#: How far outside the box a parameter may be, in widths of the box: rounding.
+_ROUNDING = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class Box:
+    """A specimen and the ``names`` of its numbers that vary, from lowest to highest value [SI].
+
+    A name is the path of a number in the specimen, such as "frame.semi_axes.0",
+    "plate.outline.radius" or "membrane.thickness", or "stiffness": a factor on all stresses of the
+    law. Of values ``low`` and ``high`` the shape is (names,); rows of parameters have it last.
+    """
+
+    specimen: Specimen
+    names: tuple[str, ...]
+    low: Array
+    high: Array
+
+    @classmethod
+    def around(cls, specimen: Specimen, limits: Mapping[str, tuple[float, float]]) -> Box:
+        """Limits of numbers of a specimen by name; its own values need not be among them.
+
+        Raises
+        ------
+        InputError
+            When a number is not there or cannot vary, or limits are none.
+        """
+        known = (*varying(specimen), STIFFNESS)
+        for name, (low, high) in limits.items():
+            if name not in known:
+                raise InputError("is no number of the specimen that films of a family may differ "
+                                 f"in; these are {', '.join(known)}", key=name)
+            if not low < high:
+                raise InputError("must be two values, the smaller first", key=name,
+                                 given=(low, high))
+        if STIFFNESS in limits and any(name.startswith(_LAW) for name in limits):
+            raise InputError("varies the law's constants, too: only one of both", key=STIFFNESS)
+        edges = np.array([*limits.values()], dtype=float).reshape(-1, 2)
+        return cls(specimen, tuple(limits), edges[:, 0], edges[:, 1])
+
+    @classmethod
+    def of(cls, specimens: Sequence[Specimen]) -> Box:
+        """The smallest box with some specimens of one :func:`kind_of`; about the middle one."""
+        names = varying(specimens[0])
+        rows = np.array([[at(specimen, name.split(".")) for name in names]
+                         for specimen in specimens], dtype=float)
+        low, high = rows.min(0), rows.max(0)
+        differs = low < high
+        names = tuple(name for name, wide in zip(names, differs, strict=True) if wide)
+        low, high = low[differs], high[differs]
+        away = np.abs((rows[:, differs] - (low + high) / 2) / (high - low)).max(1, initial=0.0)
+        return cls(specimens[int(away.argmin())], names, low, high)
+
+    def row(self, specimen: Specimen) -> Array:
+        """The parameters of a specimen of the family, whose law has factor 1, shape (names,)."""
+        return np.array([1.0 if name == STIFFNESS else at(specimen, name.split("."))
+                         for name in self.names], dtype=float)
+
+    def member(self, row: Array) -> Specimen:
+        """The specimen with these parameters; an :class:`InputError` if it cannot be built."""
+        specimen = self.specimen
+        for name, value in zip(self.names, row.tolist(), strict=True):
+            if name == STIFFNESS:
+                law = scaled(specimen.membrane.material, value)
+                specimen = with_number(specimen, _LAW.split("."), law)
+            else:
+                specimen = with_number(specimen, name.split("."), value)
+        return specimen
+
+    def columns(self, rows: Array) -> dict[str, Array]:
+        """The numbers of the specimen, by path, in which films differ, (films,) each."""
+        columns = {name: rows[:, number] for number, name in enumerate(self.names)}
+        factor = columns.pop(STIFFNESS, None)
+        if factor is not None:
+            columns |= {path: factor * at(self.specimen, path.split("."))
+                        for path in self._stresses}
+        return columns
+
+    @cached_property
+    def _stresses(self) -> tuple[str, ...]:
+        """Paths of the law's constants that are stresses."""
+        paths = numbers(self.specimen.membrane.material, _LAW)
+        fields = {path: field_at(self.specimen, tuple(path.split("."))) for path in paths}
+        return tuple(path for path, field in fields.items()
+                     if field is not None and field.says.dimension == "stress")
+
+    @property
+    def lengths(self) -> tuple[str, ...]:
+        """Names of those that move the mesh."""
+        return tuple(name for name in self.names if name.startswith(_OUTLINED))
+
+    def holds(self, rows: Array) -> NDArray[np.bool_]:
+        """Which films are within it, (films,)."""
+        off = _ROUNDING * (self.high - self.low)
+        return np.asarray(((rows >= self.low - off) & (rows <= self.high + off)).all(-1))
+
+    def scaled(self, rows: Array) -> Array:
+        """Parameters from -1 to 1 within the box."""
+        return np.asarray(2 * (rows - self.low) / (self.high - self.low) - 1)
+
+
+def varying(specimen: Specimen) -> tuple[str, ...]:
+    """Paths of all numbers of a specimen in which films of a family may differ."""
+    return tuple(path for part in _PARTS if getattr(specimen, part) is not None
+                 for path in numbers(getattr(specimen, part), part) if not path.startswith(_SAME))
+
+
+def kind_of(specimen: Specimen) -> object:
+    """All of a specimen but its name and the numbers of :func:`varying`, to be compared.
+
+    Bands that are there or not are no numbers: the mesh has an edge more with each.
+    """
+    arrays = dict.fromkeys(varying(specimen), 0.0) | {"name": ""}
+    electrode = specimen.electrode
+    bands = electrode.margin_frame > 0, electrode.margin_plate > 0
+    return with_arrays(specimen, arrays), bands

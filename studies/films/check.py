@@ -1,0 +1,114 @@
+"""How far a state of a reduced film is from that of finite elements: by what is out of balance.
+
+The residual of the whole mesh at a reduced state has two parts. What of it acts on the shapes is
+the error of the points that stand for all; the shapes' own tangent says how it moves the plate. The
+rest acts on motions that the shapes leave out. To first order these do not move the plate, as far
+as the shapes hold its response to a force; to second order they do by twice their energy over the
+plate's force (as the error of a compliance: Machiels, Maday, Patera, Comput. Methods Appl. Mech.
+Eng. 190, 2001). Their energy is that of a film which is solved, scaled by the plate's stiffness.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tympan.fem.equilibrium.newton import tangent_at
+from tympan.fem.equilibrium.tangent import Tangent
+from tympan.fem.film.density import plane_stress
+from tympan.fem.membrane.model import Model
+from tympan.fem.membrane.state import HEAVE, PlateMotion
+from tympan.studies.films.many_films import Films, FilmsAt
+from tympan.studies.films.reduction import Reduction, Snapshot, plate_freedoms
+
+Array = NDArray[Any]
+
+#: A force [N] that is none, so that nothing is divided by 0.
+_NOTHING = 1e-12
+
+
+@dataclass(frozen=True, eq=False)
+class ResidualCheck:
+    """The tangent of a film of finite elements, and what of it the shapes know."""
+
+    model: Model
+    tangent: Tangent
+    motions: Array
+    stiffness: Array
+
+    @classmethod
+    def of(cls, shot: Snapshot, reduction: Reduction) -> ResidualCheck:
+        """Check by the tangent of a film that was solved."""
+        tangent, _ = tangent_at(shot.model, shot.state)
+        assert tangent is not None
+        model = shot.model
+        allowed = list(model.plate_freedoms)
+        motions = np.array([np.concatenate([
+            shape[model.discretisation.free], plate_freedoms(model, shape)[allowed]])
+            for shape in reduction.shapes])
+        free = model.discretisation.free_count
+        part = model.linearised(shot.state)
+        inner, plate = motions[:, :free], motions[:, free:]
+        coupled = inner @ part.border @ plate.T
+        stiffness = (inner @ (part.inner @ inner.T) + coupled + coupled.T
+                     + plate @ part.corner @ plate.T) * model.discretisation.mirrored
+        return cls(model, tangent, motions, stiffness)
+
+    @cached_property
+    def plate_stiffness(self) -> float:
+        """Stiffness of the solved film against the plate's heave [N/m]."""
+        return float(1 / np.linalg.inv(self.stiffness)[0, 0])
+
+    @cached_property
+    def _rigid(self) -> Array:
+        """Motion of the plate's nodes by its allowed freedoms, (plate nodes, 3, freedoms)."""
+        return PlateMotion.rest().gradient(self.model.arms)[:, :, self.model.plate_freedoms]
+
+    @property
+    def _heave(self) -> int:
+        return self.model.plate_freedoms.index(HEAVE)
+
+    def estimate(self, films: Films, number: Array, q: Array, force: Array, squared: Array,
+                 stiffness: Array) -> Array:
+        """Estimated error of the deflections of states [m], (states,); nan of none."""
+        result = np.full(len(q), np.nan)
+        sound = np.flatnonzero(np.isfinite(q).all(1))
+        at = films.at(films.whole)
+        for part in films.parts(sound, len(films.whole.cells)):
+            some = sound[part]
+            result[some] = self._estimate(films, at, number[some], q[some], force[some],
+                                          squared[some], stiffness[some])
+        return result
+
+    def _estimate(self, films: Films, at: FilmsAt, number: Array, q: Array, force: Array,
+                  squared: Array, stiffness: Array) -> Array:
+        strained = films.strain(at, number, q)
+        density = films.density(number, squared, films.whole.covered)
+        stress = plane_stress(density.material, strained.c, (1.0, 1.0), tangent=False).stress
+        forces = strained.forces(stress.transpose(2, 0, 1) * at.volumes[number])
+        nodal = self._nodal(films, forces) - films.nodal_weight[number]
+        mesh = self.model.discretisation
+        inner = nodal[(slice(None), *mesh.free)]
+        edge = np.einsum("snc,ncf->sf", nodal[:, mesh.plate_nodes], self._rigid)
+        edge[:, self._heave] += films.spring * q[:, 0] - force
+        whole = np.concatenate([inner, edge], 1)
+        on_shapes = whole @ self.motions.T
+        _, tangent = films.pull(number, q, squared)
+        first = np.linalg.solve(tangent, on_shapes[..., None])[:, 0, 0]
+        film, plate = self.tangent.respond((inner.T / mesh.mirrored, edge.T / mesh.mirrored))
+        energy = (film.T * inner).sum(1) + (plate.T * edge).sum(1)
+        known = (on_shapes * np.linalg.solve(self.stiffness, on_shapes.T).T).sum(1)
+        rest = np.maximum(energy - known, 0.0) * self.plate_stiffness / stiffness
+        return np.asarray(np.abs(first) + rest / np.maximum(stiffness * np.abs(q[:, 0]), _NOTHING))
+
+    def _nodal(self, films: Films, forces: Array) -> Array:
+        """Forces on the nodes, (states, nodes, 3), of those against ∂x/∂ξ, (6, states, points)."""
+        sites = films.whole
+        by = forces.reshape(3, 2, *forces.shape[1:])
+        summed = [sites.gather[a] @ by[i, a].T for i in range(3) for a in range(2)]
+        nodal = [summed[2 * i] + summed[2 * i + 1] for i in range(3)]
+        return np.asarray(np.stack(nodal, -1).swapaxes(0, 1))

@@ -1,0 +1,579 @@
+"""A family of films that differ in numbers alone, from a few of finite elements; its error.
+
+    box = {"frame.semi_axes.0": (0.05, 0.08), "membrane.thickness": (0.95e-3, 1.05e-3)}
+    family = FilmFamily.around(specimen, box, force=(0.1, 0.3), voltage=(0.0, 6e3))
+    states = family.states(parameters, forces, voltages)
+
+Films of finite elements are solved at few places of the box, on one mesh that moves with the
+outlines: at random ones, then where the family's own estimate of its error is largest. What they
+say of the film's shapes and of its forces makes the others
+(:class:`tympan.studies.films.reduction.Reduction`). At last some random films are solved, which
+the family was not made from: the estimate is scaled so that it covers the errors of all of these.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import qmc
+
+from tympan.fem.derivatives.shape import motion_between, velocity
+from tympan.fem.equilibrium.newton import Solution, moved, newton
+from tympan.fem.equilibrium.path_following import PathSettings
+from tympan.fem.equilibrium.solve import equilibrium
+from tympan.fem.membrane.biases import Spring
+from tympan.fem.membrane.model import Model
+from tympan.fem.membrane.state import Load, PlateMotion, State
+from tympan.fem.rig import Rig
+from tympan.geometry.errors import InputError
+from tympan.geometry.specimen import Specimen
+from tympan.studies.case import Settings, meshed, solved_loading
+from tympan.studies.films.box import Box
+from tympan.studies.films.check import ResidualCheck
+from tympan.studies.films.many_films import Films
+from tympan.studies.films.reduction import Reduction, Snapshot, plate_freedoms
+from tympan.studies.films.sites import Sites
+
+Array = NDArray[Any]
+
+
+@dataclass(frozen=True)
+class FamilySettings:
+    """How a family is made.
+
+    ``error``: share of the deflection by which films may be off, as far as the estimate says;
+    ``first``: random films that it begins with, and ``more`` for each parameter; ``batch``: films
+    that are added at once where the estimate is largest, ``rounds`` times at most; ``candidates``:
+    random films among which these are sought; ``checks``: random films by which the estimate is
+    scaled. All are drawn with ``seed``.
+    """
+
+    error: float = 2e-5
+    first: int = 12
+    more: int = 2
+    batch: int = 8
+    rounds: int = 6
+    candidates: int = 256
+    checks: int = 40
+    seed: int = 1
+
+
+#: What the shapes leave out of a deformation, over the largest one: some 1e-5 of the deflection,
+#: which is stationary in the shapes.
+_MOTION = 1e-4
+#: What the points leave out of forces, to which the deflection is in proportion.
+_WORK = 2e-5
+#: Most shapes: the cost of a tangent grows with their square.
+_MOST = 24
+
+#: Part of the range of a load by which the rate of a state's motion is scaled as a motion.
+_RATE = 0.3
+
+#: Steps in which loads rise where no guess is near.
+_STEPS = 4
+
+
+#: Films that are computed together: their quadrature points take some 100 MB.
+_BLOCK = 500
+
+#: How near to the largest value of a film, over its range in the film, a node's is that is looked
+#: at: with other numbers it may be the largest.
+_NEARLY = 0.1
+
+#: By how much the estimate is larger than what covers the errors of random films: one film of as
+#: many more would exceed that.
+_MARGIN = 1.5
+
+#: Random films that are solved on meshes of their own.
+_REMESHED = 4
+
+
+@dataclass(frozen=True, eq=False)
+class FamilyStates:
+    """Films of a family under loads; arrays have the shape (films, states), in SI.
+
+    ``deflection`` of the plate, the ``force`` that the film carries, ``capacitance``, ``energy`` of
+    the film, ``stiffness`` of film and spring against the plate; ``error`` of the deflection, which
+    it exceeds in some 1 of 40 films; the largest ``stretch``, true ``stress``, ``electric`` field
+    and share of the strength at ``breakdown``, the least ``tension``. nan where the family
+    ``holds`` no state: outside its box or loads, without a stable equilibrium, or no longer in
+    tension everywhere. Finite elements then say what is there. ``q``: the shapes' amplitudes,
+    (films, states, shapes).
+    """
+
+    deflection: Array
+    force: Array
+    capacitance: Array
+    energy: Array
+    stiffness: Array
+    error: Array
+    stretch: Array
+    stress: Array
+    tension: Array
+    electric: Array
+    breakdown: Array
+    holds: NDArray[np.bool_]
+    q: Array
+
+
+#: The arrays of films and states.
+_NAMES = tuple(item.name for item in fields(FamilyStates) if item.name != "q")
+
+
+@dataclass(frozen=True, eq=False)
+class Ground:
+    """The finite elements of a family: the mesh of one of its films, which moves to the others."""
+
+    box: Box
+    model: Model
+    settings: Settings
+
+    @property
+    def path(self) -> PathSettings:
+        """How equilibria are searched."""
+        return self.settings.path
+
+    @classmethod
+    def of(cls, box: Box, rig: Rig, settings: Settings) -> Ground:
+        """Mesh of the box's specimen, with the mirror planes that all films of the box share."""
+        middle = box.member((box.low + 1.0001 * box.high) / 2.0001) if box.names else box.specimen
+        planes = box.specimen.mirror_planes & middle.mirror_planes
+        require_reducible(box.specimen, rig)
+        model = meshed(box.specimen, settings, planes)
+        return cls(box, replace(model, loading=solved_loading(rig.loading, settings)),
+                   settings)
+
+    def film(self, row: Array) -> Model:
+        """The film with these parameters."""
+        specimen, mesh = self.box.member(row), self.model.discretisation
+        if self.box.lengths:
+            mesh = mesh.moved(self._motion(specimen))
+        return replace(self.model, discretisation=mesh, specimen=specimen)
+
+    def fresh(self, row: Array) -> Model:
+        """The film with these parameters on a mesh of its own."""
+        own = meshed(self.box.member(row), self.settings, self.model.discretisation.planes)
+        return replace(own, loading=self.model.loading)
+
+    def _motion(self, specimen: Specimen) -> Array:
+        return motion_between(self.model.discretisation, self.box.specimen, specimen)
+
+    def nodes(self, rows: Array) -> Array:
+        """Nodes of the films' meshes [m], (films, nodes, 2)."""
+        flat = self.model.discretisation.reference[:, :2]
+        if not self.box.lengths:
+            return np.broadcast_to(flat, (len(rows), *flat.shape))
+        if self._straight is None:
+            return np.array([flat + self._motion(self.box.member(row)) for row in rows])
+        numbers = [self.box.names.index(name) for name in self.box.lengths]
+        change = rows[:, numbers] - self.box.row(self.box.specimen)[numbers]
+        return flat + np.tensordot(change, self._straight, 1)
+
+    @cached_property
+    def _straight(self) -> Array | None:
+        """Motions of the nodes by lengths, (lengths, nodes, 2), None where they are not straight.
+
+        Edges of most outlines move in proportion to their lengths; a band's do not.
+        """
+        mesh, box = self.model.discretisation, self.box
+        by_length = np.array([velocity(mesh, box.specimen, tuple(name.split(".")))
+                              for name in box.lengths])
+        numbers = [box.names.index(name) for name in box.lengths]
+        for share in (0.0, 0.3, 1.0):
+            row = box.row(box.specimen)
+            row[numbers] = (box.low + share * (box.high - box.low))[numbers]
+            motion = self._motion(box.member(row))
+            change = row[numbers] - box.row(box.specimen)[numbers]
+            if np.abs(motion - np.tensordot(change, by_length, 1)).max() > _STRAIGHT * self.size:
+                return None
+        return by_length
+
+    @property
+    def size(self) -> float:
+        """The frame's larger half extent [m]."""
+        return self.model.size
+
+    def solved(self, row: Array, force: float, voltage: float) -> tuple[Model, Solution] | None:
+        """A film of finite elements from the flat film on; None where there is no equilibrium."""
+        try:
+            model = self.film(row)
+        except InputError:
+            return None
+        outcome = equilibrium(model, force, voltage, settings=self.path)
+        if outcome.status != "equilibrium" or not model.in_tension(outcome.state):
+            return None
+        return model, outcome.solution
+
+    def refined(self, row: Array, positions: Array, force: float, squared: float
+                ) -> tuple[Model, Solution] | None:
+        """A film of finite elements from a guess of its nodes' displacements, (nodes, 3)."""
+        try:
+            model = self.film(row)
+        except InputError:
+            return None
+        freedoms = np.zeros(6)
+        allowed = list(model.plate_freedoms)
+        freedoms[allowed] = plate_freedoms(model, positions)[allowed]
+        guess = State(model.discretisation.reference + positions,
+                      PlateMotion.rest().moved(freedoms), squared, force)
+        solution = newton(model, guess, settings=self.path.newton)
+        if not (solution.converged and solution.stable and model.in_tension(solution.state)):
+            return None
+        return model, solution
+
+
+#: How far motions of nodes may be from straight ones, over the frame's half extent.
+_STRAIGHT = 1e-9
+
+
+def require_reducible(specimen: Specimen, rig: Rig) -> None:
+    """Refuse what films of a family do not have, such as gas or a lopsided weight."""
+    specimen.needed_plate()
+    loading = rig.loading
+    electrode = specimen.electrode
+    for key, given in (("membrane.thickness_gradient",
+                        specimen.membrane.thickness_gradient != (0.0, 0.0)),
+                       ("electrode.patch", bool(electrode.patches)),
+                       ("electrode.stiffness", bool(electrode.stiffness)),
+                       ("rig.gas_pressure", bool(rig.gas_pressure)),
+                       ("rig.weight_offset", any(loading.arm)),
+                       ("rig.guide", loading.guide == "fixed"),
+                       ("rig.bias", not all(isinstance(bias, Spring) and not bias.rest
+                                            for bias in loading.biases))):
+        if given:
+            raise InputError("has no reduced film: finite elements solve it", key=key)
+
+
+@dataclass(frozen=True, eq=False)
+class FilmFamily:
+    """Films of a box of parameters, under forces and voltages of a range.
+
+    ``force`` [N] and ``voltage`` [V]: lowest and highest, of the film itself. ``factor`` by which
+    the ``check``'s estimate and the ``usual`` one, a share of the deflection, cover the errors of
+    random films on the family's mesh: an estimate has a sign and happens to be nothing at times.
+    ``remeshed``: the largest share by which films' deflections on meshes of their own differ.
+    ``places``: nodes at which some film is nearly strained or charged most.
+    ``snapshots``: how many states of finite elements it was made from.
+    """
+
+    ground: Ground
+    force: tuple[float, float]
+    voltage: tuple[float, float]
+    reduction: Reduction
+    guess: Guess
+    check: ResidualCheck
+    places: Sites
+    factor: float = 1.0
+    usual: float = 1e-7
+    remeshed: float = 0.0
+    snapshots: int = 0
+
+    @classmethod
+    def around(cls, specimen: Specimen, box: Mapping[str, tuple[float, float]],
+               force: tuple[float, float], voltage: tuple[float, float], rig: Rig = Rig(),
+               settings: Settings = Settings(), family: FamilySettings = FamilySettings()
+               ) -> FilmFamily:
+        """The films of a specimen with these limits of its numbers, by name, and of the loads.
+
+        Names are those of :class:`tympan.studies.films.box.Box`; the force on the plate in N, the
+        voltage across the film in V.
+
+        Raises
+        ------
+        InputError
+            When the specimen or the rig has no reduced film, or no film of the box an equilibrium.
+        """
+        return cls.over(Box.around(specimen, box), force, voltage, rig, settings, family)
+
+    @classmethod
+    def over(cls, box: Box, force: tuple[float, float], voltage: tuple[float, float],
+             rig: Rig = Rig(), settings: Settings = Settings(),
+             family: FamilySettings = FamilySettings()) -> FilmFamily:
+        """The films of a box under such loads."""
+        ground = Ground.of(box, rig, settings)
+        making = _Making(ground, force, voltage, family)
+        return making.made()
+
+    @property
+    def box(self) -> Box:
+        """Its parameters and their limits."""
+        return self.ground.box
+
+    def films(self, rows: Array) -> Films:
+        """The films with these parameters, rows of (films, names)."""
+        return films_of(self.ground, self.reduction, rows)
+
+    def states(self, parameters: Any, forces: Any, voltages: Any, check: bool = True
+               ) -> FamilyStates:
+        """Equilibria of films under forces on their plates [N] and voltages across them [V].
+
+        ``parameters``: (films, names), in the order of ``family.box.names``; forces and voltages
+        are broadcast to (films, states). Without ``check`` no film has an estimate of its own: the
+        error is nan.
+        """
+        rows = np.atleast_2d(np.asarray(parameters, dtype=float))
+        force, voltage = np.broadcast_arrays(np.asarray(forces, float), np.asarray(voltages, float))
+        shape = len(rows), *np.broadcast_shapes(force.shape, (1, 1))[1:]
+        force, voltage = (np.broadcast_to(value, shape) for value in (force, voltage))
+        blocks = [self._states(rows[part], force[part], voltage[part], check) for part in
+                  (slice(start, start + _BLOCK) for start in range(0, len(rows), _BLOCK))]
+        return FamilyStates(*(np.concatenate([getattr(block, item.name) for block in blocks])
+                              for item in fields(FamilyStates)))
+
+    def _states(self, rows: Array, force: Array, voltage: Array, check: bool) -> FamilyStates:
+        shape, films = force.shape, self.films(rows)
+        number = np.repeat(np.arange(len(rows)), shape[1])
+        force, voltage = force.ravel(), voltage.ravel()
+        squared = voltage**2
+        balance = self.guess.balanced(films, self.box.scaled(rows), number, force, squared)
+        holds = balance.sound & self.box.holds(rows)[number] & self._loads_within(force, voltage)
+        q = np.where(holds[:, None], balance.q, np.nan)
+        extremes = films.extremes(films.at(self.places), number, q, squared)
+        holds &= extremes.tension > 0
+        q[~holds] = np.nan
+        capacitance, energy = films.stored(number, q, squared)
+        carried = np.where(holds, force - films.spring * q[:, 0], np.nan)
+        error = np.full(len(q), np.nan)
+        if check:
+            error = self._error(films, number, q, force, squared, balance.stiffness, shape)
+        arrays: tuple[Array, ...] = (q[:, 0], carried, capacitance, energy,
+                  np.where(holds, balance.stiffness, np.nan), error,
+                  *(np.where(holds, value, np.nan) for value in (
+                      extremes.stretch, extremes.stress, extremes.tension, extremes.electric,
+                      extremes.share)), holds)
+        named = dict(zip(_NAMES, (value.reshape(shape) for value in arrays), strict=True))
+        return FamilyStates(**named, q=q.reshape(*shape, -1))
+
+    def _loads_within(self, force: Array, voltage: Array) -> NDArray[np.bool_]:
+        return np.asarray((force >= self.force[0] - 1e-9) & (force <= self.force[1] + 1e-9)
+                          & (np.abs(voltage) <= self.voltage[1] * (1 + 1e-9))
+                          & (np.abs(voltage) >= self.voltage[0] * (1 - 1e-9)))
+
+    def _error(self, films: Films, number: Array, q: Array, force: Array, squared: Array,
+               stiffness: Array, shape: tuple[int, ...]) -> Array:
+        """Errors of deflections [m], (states,): of each film that at its largest deflection."""
+        deflection = np.where(np.isfinite(q[:, 0]), np.abs(q[:, 0]), -1.0)
+        most = deflection.reshape(shape).argmax(1) + shape[1] * np.arange(shape[0])
+        off = self.check.estimate(films, number[most], q[most], force[most], squared[most],
+                                  stiffness[most])
+        off = self.factor * (off + self.usual * deflection[most])
+        off += self.remeshed * deflection[most]
+        return np.where(np.isfinite(q[:, 0]), np.repeat(off, shape[1]), np.nan)
+
+
+def films_of(ground: Ground, reduction: Reduction, rows: Array) -> Films:
+    """The films with these parameters."""
+    mesh = ground.model.discretisation
+    whole = Sites.quadrature(mesh)
+    loading = ground.model.loading
+    spring = sum(bias.stiffness for bias in loading.biases if isinstance(bias, Spring))
+    return Films(ground.box.specimen, ground.box.columns(rows), ground.nodes(rows),
+                 reduction.shapes, whole.some(reduction.points, reduction.shares), whole,
+                 loading.gravity, spring, np.array([ground.box.specimen.gap]))
+
+
+@dataclass(frozen=True, eq=False)
+class Guess:
+    """Amplitudes as a quadratic function of parameters and loads, from states that are solved.
+
+    ``weights`` (terms, shapes); ``most``: the largest amplitudes among these states, (shapes,).
+    """
+
+    force: tuple[float, float]
+    squared: tuple[float, float]
+    weights: Array
+    spread: Array
+
+    @classmethod
+    def of(cls, force: tuple[float, float], squared: tuple[float, float], scaled: Array,
+           forces: Array, squares: Array, q: Array) -> Guess:
+        """Fit to states q, (states, shapes), of films with scaled parameters (states, names)."""
+        made = cls(force, squared, np.zeros((1, q.shape[1])), np.zeros(q.shape[1]))
+        terms = made._terms(scaled, forces, squares)
+        gram = terms.T @ terms
+        ridge = _RIDGE * np.trace(gram) / len(gram) * np.eye(len(gram))
+        weights = np.linalg.solve(gram + ridge, terms.T @ q)
+        return replace(made, weights=weights, spread=np.abs(q - terms @ weights).max(0))
+
+    def _terms(self, scaled: Array, force: Array, squared: Array) -> Array:
+        loads = [2 * (value - low) / max(high - low, 1e-30) - 1 for value, (low, high) in
+                 ((force, self.force), (squared, self.squared))]
+        z = np.column_stack([scaled, *loads])
+        first, second = np.triu_indices(z.shape[1])
+        cubes = [loads[1] ** 3, loads[1] ** 2 * loads[0]]
+        return np.column_stack([np.ones(len(z)), z, z[:, first] * z[:, second], *cubes])
+
+    def balanced(self, films: Films, scaled: Array, number: Array, force: Array, squared: Array
+                 ) -> Any:
+        """States from the guess; where that leads nowhere, or far away, with loads that rise."""
+        guess = self._terms(scaled[number], force, squared) @ self.weights
+        balance = films.balanced(number, force, squared, guess)
+        far = np.abs(balance.q - guess).max(1) > _FAR * np.maximum(
+            np.abs(guess).max(1), 10 * self.spread.max())
+        again = np.flatnonzero(~balance.sound | far)
+        if len(again):
+            slow = films.carried(number[again], force[again], squared[again],
+                                 np.zeros((len(again), films.count)), 2 * _STEPS)
+            balance.q[again], balance.sound[again] = slow.q, slow.sound
+            balance.stiffness[again] = slow.stiffness
+        return balance
+
+
+#: Of the mean square of terms, what is added to the squares of least squares.
+_RIDGE = 1e-9
+#: How far a state may be from its guess, over the guess, before its loads are raised step by step.
+_FAR = 0.3
+
+
+@dataclass(frozen=True, eq=False)
+class _Making:
+    """A family as it is made."""
+
+    ground: Ground
+    force: tuple[float, float]
+    voltage: tuple[float, float]
+    settings: FamilySettings
+
+    @property
+    def squared(self) -> tuple[float, float]:
+        """Lowest and highest U² [V²]."""
+        return self.voltage[0] ** 2, self.voltage[1] ** 2
+
+    def drawn(self, count: int, seed: int) -> tuple[Array, Array, Array]:
+        """Parameters (count, names), forces and U² of random films, even over the box."""
+        box = self.ground.box
+        sequence = qmc.Sobol(len(box.names) + 2, seed=np.random.default_rng(seed))
+        shares = sequence.random_base2((count - 1).bit_length())[:count]
+        low, high = (np.array([*edge, self.force[end], self.squared[end]])
+                     for end, edge in enumerate((box.low, box.high)))
+        points = low + shares * (high - low)
+        return points[:, :-2], points[:, -2], points[:, -1]
+
+    def made(self) -> FilmFamily:
+        """The family."""
+        settings = self.settings
+        count = settings.first + settings.more * len(self.ground.box.names)
+        shots = self._first(*self.drawn(count, settings.seed))
+        rows, forces, squares = self.drawn(settings.candidates, settings.seed + 1)
+        family = self._family(shots, rows, forces, squares)
+        for _ in range(settings.rounds):
+            worst, estimates = self._worst(family, rows, forces, squares)
+            if not len(worst) or estimates[0] <= settings.error:
+                break
+            more = [shot for number in worst if (shot := self._refined(
+                family, rows[number], forces[number], squares[number])) is not None]
+            if not more:
+                break
+            shots = [*shots, *more]
+            family = self._family(shots, rows, forces, squares)
+        return self._scaled(family)
+
+    def _first(self, rows: Array, forces: Array, squares: Array) -> list[Snapshot]:
+        solved = [self.ground.solved(row, force, squared**0.5) for row, force, squared in
+                  zip(rows, forces.tolist(), squares.tolist(), strict=True)]
+        shots = [self._shot(*pair) for pair in solved if pair is not None]
+        if len(shots) < 2:
+            raise InputError("has hardly any equilibrium in tension within the box: take lower "
+                             "loads", key=self.ground.box.specimen.name)
+        return shots
+
+    def _shot(self, model: Model, solution: Solution) -> Snapshot:
+        state, rates = solution.state, []
+        ranges: dict[Load, tuple[float, float]] = {"force": self.force, "voltage": self.squared}
+        for load, (low, high) in ranges.items():
+            wide = (high - low) or max(abs(high), abs(low))
+            if wide:
+                rate = solution.rate(model, load)
+                rates.append(moved(model, state, rate, _RATE * wide).positions - state.positions)
+        return Snapshot(model, state, rates=tuple(rates))
+
+    def _refined(self, family: FilmFamily, row: Array, force: float, squared: float
+                 ) -> Snapshot | None:
+        states = family.states(row, force, squared**0.5, check=False)
+        found = None
+        if states.holds.all():
+            found = self._found(family, states.q[0, 0], row, force, squared)
+        return None if found is None else self._shot(*found)
+
+    def _family(self, shots: Sequence[Snapshot], rows: Array, forces: Array, squares: Array
+                ) -> FilmFamily:
+        reduction = Reduction.of(shots, _MOTION, _WORK, _MOST)
+        films = films_of(self.ground, reduction, rows)
+        number = np.arange(len(rows))
+        balance = films.carried(number, forces, squares, np.zeros((len(rows), films.count)),
+                                _STEPS)
+        some = np.flatnonzero(balance.sound)
+        guess = Guess.of(self.force, self.squared, self.ground.box.scaled(rows[some]),
+                         forces[some], squares[some], balance.q[some])
+        check = ResidualCheck.of(shots[0], reduction)
+        return FilmFamily(self.ground, self.force, self.voltage, reduction, guess, check,
+                          self._places(films, some, balance.q[some], squares[some]),
+                          snapshots=len(shots))
+
+    def _places(self, films: Films, number: Array, q: Array, squared: Array) -> Sites:
+        """Nodes of elements at which some of the films is nearly strained or charged most."""
+        sites = Sites.at_nodes(self.ground.model.discretisation)
+        at = films.at(sites)
+        near = np.zeros(len(sites.cells), dtype=bool)
+        for part in films.parts(number, len(near)):
+            here = films.local(at, number[part], q[part], squared[part])
+            for values in (here.stretch_1, here.stress_1, -here.stress_2, here.electric,
+                           here.share):
+                most = values.max(1, keepdims=True)
+                near |= (values >= most - _NEARLY * (most - values.min(1, keepdims=True))).any(0)
+        return sites.some(np.flatnonzero(near), np.zeros(int(near.sum())))
+
+    def _worst(self, family: FilmFamily, rows: Array, forces: Array, squares: Array
+               ) -> tuple[Array, Array]:
+        """Numbers of films of the largest estimates, and these over the deflection."""
+        states = family.states(rows, forces[:, None], squares[:, None] ** 0.5)
+        share = (states.error / np.abs(states.deflection))[:, 0]
+        share[~np.isfinite(share)] = 0.0
+        order = np.argsort(share)[::-1][: self.settings.batch]
+        return order, share[order]
+
+    def _scaled(self, family: FilmFamily) -> FilmFamily:
+        """The family with its estimate scaled so that it covers the errors of random films."""
+        rows, forces, squares = self.drawn(self.settings.checks, self.settings.seed + 2)
+        voltages = squares[:, None] ** 0.5
+        shares = family.states(rows, forces[:, None], voltages)
+        usual = float(np.nanmean(shares.error / np.abs(shares.deflection)))
+        family = replace(family, usual=usual)
+        states = family.states(rows, forces[:, None], voltages)
+        ratios, solved = [], list[tuple[int, float]]()
+        for number in np.flatnonzero(states.holds[:, 0]).tolist():
+            found = self._found(family, states.q[number, 0], rows[number], forces[number],
+                                squares[number])
+            if found is not None:
+                deflection = found[1].state.plate.deflection
+                solved.append((number, deflection))
+                ratios.append(abs(deflection - states.deflection[number, 0])
+                              / states.error[number, 0])
+        return replace(family, factor=_MARGIN * max([1.0, *ratios]), remeshed=max(
+            (self._remeshed(rows[number], forces[number], squares[number], deflection)
+             for number, deflection in self._outermost(rows, solved)), default=0.0))
+
+    def _found(self, family: FilmFamily, q: Array, row: Array, force: float, squared: float
+               ) -> tuple[Model, Solution] | None:
+        """The film of finite elements that a state of the family is near to."""
+        motion = np.tensordot(q, family.reduction.shapes, 1)
+        return self.ground.refined(row, motion, force, squared)
+
+    def _outermost(self, rows: Array, solved: list[tuple[int, float]]) -> list[tuple[int, float]]:
+        """Those of some films whose lengths are farthest from the box's middle."""
+        box = self.ground.box
+        lengths = [box.names.index(name) for name in box.lengths]
+        far = np.linalg.norm(box.scaled(rows)[:, lengths], axis=1)
+        return sorted(solved, key=lambda pair: -far[pair[0]])[: _REMESHED if lengths else 0]
+
+    def _remeshed(self, row: Array, force: float, squared: float, deflection: float) -> float:
+        """Share by which the deflection of a film is another one on a mesh of its own."""
+        ground = self.ground
+        fresh = ground.fresh(row)
+        outcome = equilibrium(fresh, force, squared**0.5, settings=ground.path)
+        return abs(fresh.deflection(outcome.state) - deflection) / abs(deflection)

@@ -1,0 +1,443 @@
+"""Many films of one reduction under many loads at once.
+
+All films of a family move along the same shapes, on one mesh that moves with their outlines. With
+reference coordinates ξ of the elements a film's ∂x/∂ξ is that of its flat mesh plus Σ q_k ∂φ_k/∂ξ,
+and the second term is the same for all. So what couples the shapes, the residual and the tangent,
+are three products of matrices for all films and states together; the rest is film by point. The
+equations are those of :class:`tympan.studies.films.film.ReducedFilm` with relaxed branches.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from itertools import combinations_with_replacement
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tympan.fem.film.density import FilmDensity, maxwell, plane_stress
+from tympan.geometry.paths import with_arrays
+from tympan.geometry.specimen import Specimen
+from tympan.studies.films.film import ITERATIONS
+from tympan.studies.films.sites import Sites
+
+Array = NDArray[Any]
+Numbers = NDArray[Any]
+
+#: States times points that are computed together: some 60 arrays of them stay in a core's cache.
+_TOGETHER = 8192
+
+#: Root of what may be left of a state over the gap: 1e-8 of it.
+_LAST = 1e-4
+#: Most corrections by the tangent of a state before.
+_CHORDS = 4
+#: A tangent serves again where corrections fall at least so fast.
+_SLOW = 0.2
+
+#: Pairs of the components (ia) of ∂x/∂ξ, 0 ≤ p ≤ q < 6, of a symmetric 6 × 6 matrix.
+_PAIRS = tuple(combinations_with_replacement(range(6), 2))
+
+
+@dataclass(frozen=True, eq=False)
+class ShapesAt:
+    """Shapes of the nodes, (shapes, nodes, 3), at points."""
+
+    sites: Sites
+    shapes: Array
+
+    @cached_property
+    def slopes(self) -> Array:
+        """∂φ/∂ξ, shape (shapes, 6 × points)."""
+        return self.sites.tangents(self.shapes).reshape(len(self.shapes), -1)
+
+    @cached_property
+    def products(self) -> Array:
+        """Products of two shapes' slopes by pairs of components, (21 × points, pairs of shapes)."""
+        slopes = self.slopes.reshape(len(self.shapes), 6, -1)
+        first, second = np.triu_indices(len(slopes))
+        rows = []
+        for p, q in _PAIRS:
+            both = slopes[first, p] * slopes[second, q]
+            rows.append(both if p == q else both + slopes[second, p] * slopes[first, q])
+        return np.ascontiguousarray(np.stack(rows).transpose(0, 2, 1).reshape(-1, len(first)))
+
+
+@dataclass(frozen=True, eq=False)
+class FilmsAt:
+    """Films at points: what of them is there whatever their state.
+
+    ``flat``: ∂X/∂ξ, (films, 4, points); ``frame``: ∂ξ/∂X times the prestretch, (films, 4, points),
+    so that ∂x/∂ξ times it is F of the virgin film; ``volumes`` of virgin film [m³], (films,
+    points). Films turned inside out have no volumes: nan.
+    """
+
+    shapes: ShapesAt
+    flat: Array
+    frame: Array
+    volumes: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Films:
+    """Many films: a ``specimen`` with ``columns`` in place of some of its numbers, (films,) each.
+
+    ``nodes`` of their meshes [m], (films, nodes, 2); ``shapes`` (shapes, nodes, 3) and ``points``,
+    the sites that stand for all; ``gravity`` on the films' own mass, ``spring`` on their plates
+    [N/m].
+    """
+
+    specimen: Specimen
+    columns: Mapping[str, Array]
+    nodes: Array
+    shapes: Array
+    points: Sites
+    whole: Sites
+    gravity: float = 0.0
+    spring: float = 0.0
+    gap: Array = field(default_factory=lambda: np.ones(1))
+
+    def __len__(self) -> int:
+        return len(self.nodes)
+
+    @property
+    def count(self) -> int:
+        """Number of shapes, the deflection's included."""
+        return len(self.shapes)
+
+    def some(self, films: Any) -> Specimen:
+        """The specimen with the columns of some films, each of shape (films, 1)."""
+        arrays = {path: column[films][:, None] for path, column in self.columns.items()}
+        made: Specimen = with_arrays(self.specimen, arrays)
+        return made
+
+    @cached_property
+    def few(self) -> FilmsAt:
+        """The films at the points that stand for all."""
+        return self.at(self.points)
+
+    def at(self, sites: Sites) -> FilmsAt:
+        """The films at points."""
+        flat = sites.tangents(self.nodes)
+        a, b, c, d = flat.transpose(1, 0, 2)
+        area = a * d - b * c
+        sound = (area * sites.turns > 0).all(-1)
+        film = self.some(slice(None)).membrane
+        first, second = film.prestretch
+        frame = np.stack([d / area * first, -b / area * second, -c / area * first,
+                          a / area * second], 1)
+        volumes = np.abs(area) * sites.weights * film.volume_per_area
+        volumes[~sound] = np.nan
+        return FilmsAt(ShapesAt(sites, self.shapes), flat, frame, volumes)
+
+    @cached_property
+    def weight(self) -> Array:
+        """Weight of film and electrodes on the shapes [N], (films, shapes)."""
+        if not self.gravity:
+            return np.zeros((len(self), self.count))
+        heights = self.whole.at(self.shapes)[..., 2]
+        return self.gravity * self._masses @ heights.T
+
+    @cached_property
+    def nodal_weight(self) -> Array:
+        """The same on the nodes of the whole mesh, (films, nodes, 3)."""
+        result = np.zeros((*self.nodes.shape[:2], 3))
+        if self.gravity:
+            result[..., 2] = self.gravity * (self.whole.spread @ self._masses.T).T
+        return result
+
+    @cached_property
+    def _masses(self) -> Array:
+        """Mass at all quadrature points [kg], (films, points)."""
+        specimen = self.some(slice(None))
+        film, electrode = specimen.membrane, specimen.electrode
+        a, b, c, d = self.whole.tangents(self.nodes).transpose(1, 0, 2)
+        per_area: Any = film.density * film.volume_per_area
+        per_area = per_area + film.layers * electrode.mass * self.whole.covered
+        return np.asarray(np.abs(a * d - b * c) * self.whole.weights * per_area)
+
+    @cached_property
+    def inertia(self) -> Array:
+        """Mass matrix of the films' shapes [kg], (films, shapes, shapes); without the plates."""
+        there = self.whole.at(self.shapes)
+        products = np.einsum("kpi,lpi->pkl", there, there).reshape(there.shape[1], -1)
+        return np.asarray((self._masses @ products).reshape(-1, self.count, self.count))
+
+    def parts(self, films: Numbers, points: int) -> Iterator[slice]:
+        """Slices of states that are computed together."""
+        step = max(1, _TOGETHER // points)
+        return (slice(start, start + step) for start in range(0, len(films), step))
+
+    def strain(self, at: FilmsAt, films: Numbers, q: Array) -> Strained:
+        """States q of films, (states, shapes), at points."""
+        x = (q @ at.shapes.slopes).reshape(len(q), 6, -1)
+        x[:, :4] += at.flat[films]
+        frame = at.frame[films].transpose(1, 0, 2)
+        x = x.transpose(1, 0, 2)
+        # Columns of F along the virgin film's axes, component by component.
+        columns = [[x[2 * i] * frame[along] + x[2 * i + 1] * frame[2 + along] for i in range(3)]
+                   for along in range(2)]
+        return Strained(frame, columns[0], columns[1])
+
+    def pull(self, films: Numbers, q: Array, squared: Array) -> tuple[Array, Array]:
+        """Generalised forces of films [N], weight included, and derivatives, by states q."""
+        strained, stress, bend = self._stressed(films, q, squared, tangent=True)
+        moduli = strained.moduli(stress, bend).reshape(len(q), -1)
+        upper = moduli @ self.few.shapes.products
+        first, second = np.triu_indices(self.count)
+        stiffness = np.empty((len(q), self.count, self.count))
+        stiffness[:, first, second] = upper
+        stiffness[:, second, first] = upper
+        stiffness[:, 0, 0] += self.spring
+        return self._forces(films, q, strained, stress), stiffness
+
+    def forces(self, films: Numbers, q: Array, squared: Array) -> Array:
+        """The forces of :meth:`pull` alone."""
+        strained, stress, _ = self._stressed(films, q, squared, tangent=False)
+        return self._forces(films, q, strained, stress)
+
+    def _stressed(self, films: Numbers, q: Array, squared: Array, *, tangent: bool
+                  ) -> tuple[Strained, Array, Any]:
+        """Films at points, S and, if asked, ∂S/∂E, times volumes; both of the virgin film."""
+        at = self.few
+        strained = self.strain(at, films, q)
+        density = self.density(films, squared, at.shapes.sites.covered)
+        stored = plane_stress(density.material, strained.c, (1.0, 1.0), tangent=tangent)
+        volumes = at.volumes[films]
+        bend = stored.tangent.transpose(2, 3, 0, 1) * volumes if tangent else None
+        return strained, stored.stress.transpose(2, 0, 1) * volumes, bend
+
+    def _forces(self, films: Numbers, q: Array, strained: Strained, stress: Array) -> Array:
+        by = strained.forces(stress).transpose(1, 0, 2).reshape(len(q), -1)
+        forces = by @ self.few.shapes.slopes.T - self.weight[films]
+        forces[:, 0] += self.spring * q[:, 0]
+        return np.asarray(forces)
+
+    def density(self, films: Numbers, squared: Array, covered: Array) -> FilmDensity:
+        """Energy density of films that bear any compression, at U², (states,) [V²]."""
+        return FilmDensity(self.some(films), squared[:, None], covered, wrinkles=False)
+
+    def stored(self, films: Numbers, q: Array, squared: Array) -> tuple[Array, Array]:
+        """Capacitance [F] and energy of films [J], (states,) each."""
+        capacitance, energy = np.empty(len(q)), np.empty(len(q))
+        at = self.few
+        covered = at.shapes.sites.covered
+        for part in self.parts(films, len(covered)):
+            some = films[part]
+            stretches = self.strain(at, some, q[part]).stretches
+            density = self.density(some, squared[part], covered)
+            charged = maxwell(self.some(some), 1.0, covered).derivatives(*stretches)[0]
+            volumes = at.volumes[some]
+            capacitance[part] = -2 * (charged * volumes).sum(-1)
+            energy[part] = (density.material.derivatives(*stretches)[0] * volumes).sum(-1)
+        return capacitance, energy
+
+    def extremes(self, at: FilmsAt, films: Numbers, q: Array, squared: Array) -> Extremes:
+        """What is largest or smallest of states at points; nan of states that are none."""
+        values, weakest = np.full((5, len(q)), np.nan), np.zeros(len(q), dtype=np.int64)
+        sound, sites = np.flatnonzero(np.isfinite(q).all(1)), at.shapes.sites
+        for part in self.parts(sound, len(sites.cells)):
+            some = sound[part]
+            here = self.local(at, films[some], q[some], squared[some])
+            values[:, some] = here.extremes
+            weakest[some] = here.share.argmax(1)
+        stretch, stress, tension, electric, share = values
+        return Extremes(stretch, stress, tension, electric, share, weakest)
+
+    def local(self, at: FilmsAt, films: Numbers, q: Array, squared: Array) -> Local:
+        """Stretches, stresses and fields of states at points."""
+        covered = at.shapes.sites.covered
+        strained, film = self.strain(at, films, q), self.some(films).membrane
+        first, second = strained.stretches
+        _, w1, w2, *_ = self.density(films, squared, covered).material.derivatives(first, second)
+        thickness = film.thickness / (first * second)
+        electric = covered * np.sqrt(squared)[:, None] / thickness
+        share: Array = np.zeros_like(electric)
+        if film.strength is not None:
+            share = electric / film.strength.field(first, second, thickness)
+        return Local(first, second, first * w1, second * w2, electric, share)
+
+    def balanced(self, films: Numbers, force: Array, squared: Array, guess: Array,
+                 held: bool = False) -> Balance:
+        """States in equilibrium near a guess, with a ``held`` plate at its deflection.
+
+        One tangent serves as long as corrections by it fall fast.
+        """
+        balance = Balance(guess.copy(), np.zeros(len(guess), dtype=bool),
+                          np.full(len(guess), np.nan))
+        active = np.flatnonzero(np.isfinite(self.few.volumes[films]).all(-1))
+        gap = np.broadcast_to(self.gap, len(self))[films]
+        for _ in range(ITERATIONS):
+            going = [self._approached(balance, active[part], films, force, squared, gap, held)
+                     for part in self.parts(active, len(self.points.cells))]
+            active = np.concatenate(going) if going else active[:0]
+            if not len(active):
+                break
+        return balance
+
+    def _approached(self, balance: Balance, some: Numbers, films: Numbers, force: Array,
+                    squared: Array, gap: Array, held: bool) -> Numbers:
+        """Correct some states by their tangents; those that need others."""
+        with np.errstate(all="ignore"):
+            pull, stiffness = self.pull(films[some], balance.q[some], squared[some])
+            pull[:, 0] -= force[some]
+            if held:
+                pull[:, 0], stiffness[:, 0, :], stiffness[:, :, 0] = 0.0, 0.0, 0.0
+                stiffness[:, 0, 0] = 1.0
+            finite = np.isfinite(stiffness).all((1, 2)) & np.isfinite(pull).all(1)
+            some, pull, stiffness = some[finite], pull[finite], stiffness[finite]
+            firm, inverse = _positive(stiffness), np.linalg.inv(stiffness)
+            balance.stiffness[some] = 1 / inverse[:, 0, 0]
+            going, before = [], np.full(len(some), np.inf)
+            for correction in range(_CHORDS + 1):
+                step = (inverse @ pull[..., None])[..., 0]
+                size = np.abs(step).max(-1) / gap[some]
+                fine = size < 1
+                balance.q[some[fine]] -= step[fine]
+                # Of a fresh tangent's correction the square is left, of others what falls.
+                left = size * (size if not correction else size / before)
+                ready = fine & (left < _LAST**2)
+                balance.sound[some[ready]] = firm[ready]
+                slow = fine & ~ready & (size > _SLOW * before)
+                going.append(some[slow])
+                on = fine & ~ready & ~slow
+                some, firm, inverse, before = some[on], firm[on], inverse[on], size[on]
+                if not len(some) or correction == _CHORDS:
+                    break
+                pull = self.forces(films[some], balance.q[some], squared[some])
+                pull[:, 0] = 0.0 if held else pull[:, 0] - force[some]
+        return np.concatenate([*going, some])
+
+    def carried(self, films: Numbers, force: Array, squared: Array, start: Array, steps: int
+                ) -> Balance:
+        """States after loads rose from none, the force first, in so many steps each."""
+        q, sound = start, np.ones(len(start), dtype=bool)
+        stiffness = np.full(len(start), np.nan)
+        for load in range(2):
+            for share in np.linspace(0, 1, steps + 1)[1:]:
+                some = np.flatnonzero(sound)
+                voltages = squared[some] * (share if load else 0.0)
+                step = self.balanced(films[some], force[some] * (1.0 if load else share),
+                                     voltages, q[some])
+                q[some], sound[some] = step.q, step.sound
+                stiffness[some] = step.stiffness
+        return Balance(q, sound, stiffness)
+
+
+@dataclass(frozen=True, eq=False)
+class Local:
+    """Principal stretches, true stresses [Pa], field [V/m], its share of the strength, at points.
+
+    Shape (states, points).
+    """
+
+    stretch_1: Array
+    stretch_2: Array
+    stress_1: Array
+    stress_2: Array
+    electric: Array
+    share: Array
+
+    @property
+    def extremes(self) -> Array:
+        """Those of :class:`Extremes`, shape (5, states)."""
+        return np.array([self.stretch_1.max(1), self.stress_1.max(1), self.stress_2.min(1),
+                         self.electric.max(1), self.share.max(1)])
+
+
+@dataclass(frozen=True, eq=False)
+class Extremes:
+    """The largest stretch and true stress [Pa], the least tension [Pa], the largest field [V/m].
+
+    And its largest share of the film's strength, with the number of the point where that is; all
+    of shape (states,).
+    """
+
+    stretch: Array
+    stress: Array
+    tension: Array
+    electric: Array
+    share: Array
+    weakest: Numbers
+
+
+@dataclass(frozen=True, eq=False)
+class Balance:
+    """States q, whether each is a stable equilibrium, and the plate's stiffness there [N/m]."""
+
+    q: Array
+    sound: NDArray[np.bool_]
+    stiffness: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Strained:
+    """Films at points: their frame (4, states, points) and both columns of F of the virgin film."""
+
+    frame: Array
+    first: list[Array]
+    second: list[Array]
+
+    @cached_property
+    def c(self) -> tuple[Array, Array, Array]:
+        """C₁₁, C₂₂, C₁₂ of the virgin film."""
+        (a, b, c), (d, e, f) = self.first, self.second
+        return a * a + b * b + c * c, d * d + e * e + f * f, a * d + b * e + c * f
+
+    @property
+    def stretches(self) -> tuple[Array, Array]:
+        """Principal stretches λ₁ ≥ λ₂."""
+        c11, c22, shear = self.c
+        mean, half = (c11 + c22) / 2, (c11 - c22) / 2
+        radius = np.sqrt(half * half + shear * shear)
+        return np.sqrt(mean + radius), np.sqrt(mean - radius)
+
+    def forces(self, stress: Array) -> Array:
+        """What stresses times volumes, (3, states, points), do against ∂x/∂ξ, (6, …)."""
+        along, across, shear = stress
+        a, b, c, d = self.frame
+        result = np.empty((6, *along.shape))
+        for i in range(3):
+            first = self.first[i] * along + self.second[i] * shear
+            second = self.first[i] * shear + self.second[i] * across
+            result[2 * i] = first * a + second * b
+            result[2 * i + 1] = first * c + second * d
+        return result
+
+    def moduli(self, stress: Array, bend: Array) -> Array:
+        """Their derivatives by ∂x/∂ξ, pairs of components once, (states, 21, points).
+
+        ``bend``: ∂S/∂E times volumes, (3, 3, states, points).
+        """
+        a, b, c, d = self.frame
+        strain = []  # E by each component of ∂x/∂ξ, in Voigt form
+        for i in range(3):
+            first, second = self.first[i], self.second[i]
+            for left, right in ((a, b), (c, d)):
+                strain.append((first * left, second * right, first * right + second * left))
+        along, across, shear = stress
+        mixed = {(0, 0): along * a * a + across * b * b + 2 * shear * a * b,
+                 (0, 1): along * a * c + across * b * d + shear * (a * d + b * c),
+                 (1, 1): along * c * c + across * d * d + 2 * shear * c * d}
+        result = np.empty((a.shape[0], len(_PAIRS), a.shape[1]))
+        work: list[list[Array]] = [
+            [bend[0, v] * e[0] + bend[1, v] * e[1] + bend[2, v] * e[2] for v in range(3)]
+            for e in strain]
+        for number, (p, q) in enumerate(_PAIRS):
+            value = work[p][0] * strain[q][0] + work[p][1] * strain[q][1]
+            value += work[p][2] * strain[q][2]
+            if p // 2 == q // 2:
+                value += mixed[p % 2, q % 2]
+            result[:, number] = value
+        return result
+
+
+def _positive(matrices: Array) -> NDArray[np.bool_]:
+    """Which of symmetric matrices (n, n) are positive definite."""
+    try:
+        np.linalg.cholesky(matrices)
+    except np.linalg.LinAlgError:
+        return np.linalg.eigvalsh(matrices)[:, 0] > 0
+    return np.ones(len(matrices), dtype=bool)

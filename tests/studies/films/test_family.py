@@ -1,0 +1,138 @@
+"""A family of films: against finite elements on meshes of their own, its error, what it refuses."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cache
+
+import numpy as np
+import pytest
+
+from tympan.fem.equilibrium.solve import equilibrium
+from tympan.fem.film.laws import Ogden
+from tympan.fem.rig import Rig
+from tympan.geometry.errors import InputError
+from tympan.geometry.outlines import Circle, Ellipse
+from tympan.geometry.specimen import Electrode, Film, Patch, Plate, Specimen
+from tympan.studies.case import Settings, build_model
+from tympan.studies.films.box import Box
+from tympan.studies.films.family import FamilySettings, FilmFamily
+from tympan.studies.films.film import FilmLoads
+
+OVAL = Specimen("oval", Ellipse((60e-3, 45e-3)), Plate(Circle(11e-3)), Film(
+    thickness=1e-3, prestretch=(2.236, 2.236), material=Ogden((18400.0, 210.0), (2.0, 4.0)),
+    relative_permittivity=4.7))
+
+SHAPES = {"frame.semi_axes.0": (45e-3, 75e-3), "frame.semi_axes.1": (40e-3, 45e-3),
+          "plate.outline.radius": (8e-3, 15e-3)}
+SCATTER = {"membrane.thickness": (0.9e-3, 1.1e-3), "membrane.prestretch.0": (2.15, 2.32),
+           "membrane.prestretch.1": (2.15, 2.32), "stiffness": (0.8, 1.2),
+           "membrane.relative_permittivity": (4.4, 5.0), "frame.semi_axes.0": (59e-3, 61e-3)}
+
+FORCE, VOLTAGE = (0.17, 0.23), (0.0, 5e3)
+
+
+@cache
+def family(scatter: bool = False) -> FilmFamily:
+    return FilmFamily.around(OVAL, SCATTER if scatter else SHAPES, FORCE, VOLTAGE)
+
+
+def drawn(box: Box, count: int, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    generator = np.random.default_rng(seed)
+    rows = box.low + generator.random((count, len(box.names))) * (box.high - box.low)
+    return rows, generator.uniform(*FORCE, count), generator.uniform(*VOLTAGE, count)
+
+
+def exact(box: Box, row: np.ndarray, force: float, voltage: float) -> tuple[float, float]:
+    """Deflection [m] and capacitance [F] by finite elements on a mesh of the film's own."""
+    model = build_model(box.member(row), Settings(), Rig().loading)
+    outcome = equilibrium(model, force, voltage)
+    assert outcome.status == "equilibrium"
+    return model.deflection(outcome.state), float(model.capacitance(outcome.state))
+
+
+@pytest.mark.parametrize("scatter", [False, True])
+def test_random_films_are_those_of_finite_elements_and_errors_are_covered(scatter: bool) -> None:
+    films = family(scatter)
+    rows, forces, voltages = drawn(films.box, 40, 11)
+    states = films.states(rows, forces[:, None], voltages[:, None])
+    assert states.holds.all()
+    known = np.array([exact(films.box, *each) for each in zip(rows, forces, voltages, strict=True)])
+    error = np.abs(states.deflection[:, 0] - known[:, 0])
+    assert (error <= 3e-5 * known[:, 0]).all()
+    assert (states.error[:, 0] <= 1e-4 * known[:, 0]).all()
+    assert (error <= states.error[:, 0]).mean() >= 0.95
+    np.testing.assert_allclose(states.capacitance[:, 0], known[:, 1], rtol=2e-5)
+    np.testing.assert_allclose(states.force[:, 0], forces)
+
+
+def test_the_stiffness_is_the_slope_of_the_force() -> None:
+    films = family()
+    rows, _, voltages = drawn(films.box, 5, 3)
+    states = films.states(rows, [[0.199, 0.2, 0.201]], voltages[:, None])
+    slope = 0.002 / (states.deflection[:, 2] - states.deflection[:, 0])
+    np.testing.assert_allclose(states.stiffness[:, 1], slope, rtol=1e-3)
+
+
+def test_many_films_at_once_are_each_alone() -> None:
+    """The same forces and stiffness as of the one film that the same reduction makes."""
+    films = family(True)
+    rows, forces, voltages = drawn(films.box, 4, 7)
+    batch, q = films.films(rows), films.states(rows, forces[:, None], voltages[:, None]).q[:, 0]
+    pull, stiffness = batch.pull(np.arange(4), q, voltages**2)
+    for number, row in enumerate(rows):
+        single = films.reduction.film(films.ground.film(row))
+        forces_alone, stiffness_alone = single.pull(q[number], voltages[number] ** 2)
+        np.testing.assert_allclose(pull[number], forces_alone - batch.weight[number], atol=1e-13)
+        np.testing.assert_allclose(stiffness[number], stiffness_alone, rtol=0, atol=1e-9)
+    alone = films.states(rows[1:2], forces[1], voltages[1])
+    np.testing.assert_allclose(alone.q[0, 0], q[1], rtol=1e-9, atol=1e-15)
+    assert np.isfinite(single.at_rest(FilmLoads(0.2, 0.0))).all()
+
+
+def test_more_snapshots_are_nearer() -> None:
+    def worst(first: int) -> float:
+        made = FilmFamily.around(OVAL, SHAPES, FORCE, VOLTAGE, family=FamilySettings(
+            first=first, more=0, rounds=0, checks=4))
+        rows, forces, voltages = drawn(made.box, 30, 2)
+        states = made.states(rows, forces[:, None], voltages[:, None])
+        known = family().states(rows, forces[:, None], voltages[:, None])
+        return float(np.abs(states.deflection / known.deflection - 1).max())
+
+    few, some, many = map(worst, (3, 6, 14))
+    assert few > 3 * some > 3 * many
+
+
+def test_beyond_the_box_and_beyond_pull_in_nothing_is_said() -> None:
+    films = family()
+    inside = films.box.row(OVAL)
+    outside = inside + np.array([0.02, 0.0, 0.0])
+    states = films.states(np.array([inside, outside]), 0.2, [[0.0, 4e3, 6e3]])
+    assert states.holds.tolist() == [[True, True, False], [False] * 3]
+    assert np.isnan(states.deflection[~states.holds]).all()
+    wide = FilmFamily.around(OVAL, SCATTER, FORCE, (0.0, 8e3))
+    high = wide.states(wide.box.row(OVAL), 0.2, [[3e3, 8e3]])
+    assert equilibrium(build_model(OVAL, Settings(), Rig().loading), 0.2, 8e3).status != (
+        "equilibrium")
+    assert high.holds.tolist() == [[True, False]]
+
+
+@pytest.mark.parametrize(("box", "key"), [
+    ({"frame.radius": (1.0, 2.0)}, "frame.radius"),
+    ({"membrane.thickness": (1e-3, 1e-3)}, "membrane.thickness"),
+    ({"stiffness": (0.9, 1.1), "membrane.material.mu.0": (18e3, 19e3)}, "stiffness")])
+def test_a_box_names_what_is_wrong(box: Mapping[str, tuple[float, float]], key: str) -> None:
+    with pytest.raises(InputError) as caught:
+        FilmFamily.around(OVAL, box, FORCE, VOLTAGE)
+    assert caught.value.key == key
+
+
+@pytest.mark.parametrize(("electrode", "rig", "key"), [
+    (Electrode(), Rig(gas_pressure=10.0), "rig.gas_pressure"),
+    (Electrode(), Rig(weight_offset=(1e-3, 0.0)), "rig.weight_offset"),
+    (Electrode(patches=(Patch((3e-2, 0.0), 5e-3),)), Rig(), "electrode.patch")])
+def test_what_has_no_reduced_film_is_refused(electrode: Electrode, rig: Rig, key: str) -> None:
+    specimen = Specimen("oval", OVAL.frame, OVAL.plate, OVAL.membrane, electrode)
+    with pytest.raises(InputError) as caught:
+        FilmFamily.around(specimen, SHAPES, FORCE, VOLTAGE, rig)
+    assert caught.value.key == key
