@@ -60,7 +60,9 @@ def render_study(run: StudyView, stress: str, curves_: str, viewer: str = "", fo
         run=run, summary=study_summary(run), warnings=study_warnings(run),
         stress=stress, curves=curves_, viewer=viewer, forces=forces_,
         pulled=[item.force for item in run.stored.specimens if item.force is not None],
-        limit_states=LIMIT_STATES,
+        limit_states={kind: state for kind, state in LIMIT_STATES.items()
+                      if any(getattr(curve.limits, kind) for item in run.specimens
+                             for curve in item.curves)},
         curves_of=[(item.name, curve) for item in run.specimens for curve in item.curves],
         design=stress_figure.lay_out(run.specimens, run.stress_range),
         alphas=[item for item in run.stored.alphas if len(item.circles) > 1],
@@ -190,15 +192,18 @@ def study_warnings(run: StudyView) -> list[str]:
 
 
 def curve_warnings(name: str, curve: VoltageCurve) -> Iterator[str]:
-    """Loads without result, and what happens to the film on the way to its end."""
+    """Loads without result, limits that the mesh hardly resolves, a curve without an end.
+
+    Limits themselves stand in the table.
+    """
     unsolved = [voltage for voltage, status in zip(curve.asked, curve.status, strict=True)
                 if status == "not_converged"]
     if unsolved:
         yield _say("no_result", name, curve.mass, unsolved)
-    for limit in curve.limits.reached:
-        yield _say("limited", name, curve.mass, limit.state.sentence.format(limit.text),
-                   limit.place, limit == curve.limits.limit)
-    if curve.limits.thins or curve.limits.pull_in is None:
+    for limit in curve.limits.told:
+        if not limit.resolved:
+            yield _say("unresolved", name, curve.mass, limit.state.sentence.format(limit.text))
+    if curve.limits.end is None and curve.limits.instability is None:
         yield _say("ended", name, curve.mass, curve.limits.ended)
 
 
