@@ -317,7 +317,8 @@ def _strangers(lab: Lab, generator: np.random.Generator, number: int) -> list[Re
     stranger, told = truth.stranger, set() if judgement is None else blamed(judgement)
     if judgement is not None and stranger.family is not None and len(judgement.named) == 1:
         (cause,) = judgement.named
-        if cause.effect.family is stranger.family:
+        if (cause.effect.family is stranger.family
+                and (cause.which is None or cause.which == stranger.at_fault)):
             # Its family is told, and how much of what that measures.
             record = replace(record, named=(), listed=record.named)
     if at_fault := stranger.at_fault:

@@ -18,7 +18,7 @@ from tympan.geometry.specimen import Patch, Plate, Specimen
 from tympan.studies.diagnosis.reading_table import States
 from tympan.studies.effects import Setup
 from tympan.studies.effects.effect import Family
-from tympan.studies.effects.library.families import BARE_FILM
+from tympan.studies.effects.library.families import BARE_FILM, LESS_MOVED
 
 #: Over what angle the edge of a missing sector fades [rad]: 2 mm at 20 mm from the middle.
 _FADES = 0.1
@@ -29,10 +29,16 @@ class OfOne(Stranger):
     """What is wrong with one specimen, or with each of them where none is said."""
 
     which: str | None
+    #: The family of one film's effects that names it as well.
+    alias: ClassVar[Family | None] = None
 
     @property
     def at_fault(self) -> str:
         return self.which or ""
+
+    @property
+    def family(self) -> Family | None:
+        return self.alias
 
 
 @dataclass(frozen=True)
@@ -51,6 +57,7 @@ class Patchy(OfOne):
     """The electrode of one specimen has holes: a share of its permittivity is missing."""
 
     share: float
+    alias: ClassVar[Family | None] = LESS_MOVED
 
     def setup(self, setup: Setup) -> Setup:
         return setup.with_films(lambda film: replace(
@@ -173,7 +180,7 @@ class MissingSector(OfOne):
 
     @property
     def family(self) -> Family | None:
-        return None if self.which else BARE_FILM
+        return LESS_MOVED if self.which else BARE_FILM
 
     def setup(self, setup: Setup) -> Setup:
         def change(specimen: Specimen) -> Specimen:

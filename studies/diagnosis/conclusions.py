@@ -362,7 +362,7 @@ class Conclusions:
         size = family_size(self.judgement.simulation,
                            {other: self._known(self._found(other)) for other in alike})
         return result.FoundFamily(
-            name=family.name, headline=family_finding(family, size), size=_shown(size),
+            name=family.name, headline=family_finding(family, size, cause.which), size=_shown(size),
             members=tuple(effect.name for effect in family.members), member=headline_of(fit, cause))
 
     def _with_more_noise(self) -> float | None:

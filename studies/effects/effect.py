@@ -151,8 +151,10 @@ class Family:
     ``measure`` is what they have in common, ``of(specimen, rig)`` its value. ``alike``: others that
     do as much as one of them have at least and at most so many times its measure, by trial; some
     are no effects of the library. ``told_by``: what must be read to tell them; where that is
-    nothing, each design tells whether its readings do. ``finding`` is what is said of all of them,
-    with the measure as ``{share}`` or ``{size}``, and ``check`` what to do.
+    nothing, each design tells whether its readings do. ``never_told``: no readings do, for causes
+    that are no effects of the library do the same. ``finding`` is what is said of all of them,
+    with the measure as ``{share}`` or ``{size}``, and ``check`` what to do; both with the specimen
+    of an effect on one as ``{which}``.
     """
 
     name: str
@@ -162,6 +164,7 @@ class Family:
     of: Callable[[Specimen, Rig], float]
     alike: tuple[float, float]
     told_by: tuple[Quantity, ...] = ()
+    never_told: bool = False
 
     @property
     def members(self) -> tuple[Effect, ...]:

@@ -109,9 +109,9 @@ def finding(effect: Effect, sizes: Mapping[str, FoundSize], which: str | None) -
     return effect.finding.format(which=which, **sizes)
 
 
-def family_finding(family: Family, size: FoundSize) -> str:
+def family_finding(family: Family, size: FoundSize, which: str | None = None) -> str:
     """The sentence of a family of which one was found: its measure is no better than its limits."""
-    return family.finding.format(share=size.range or size, size=size)
+    return family.finding.format(share=size.range or size, size=size, which=which)
 
 
 def limits_told(effect: Effect, sizes: Mapping[str, FoundSize]) -> str:

@@ -25,7 +25,7 @@ def undecided(cause: Cause, told: set[Quantity], suspects: Collection[Cause] = (
     family = cause.effect.family
     if family is None or (family.told_by and told.issuperset(family.told_by)):
         return ()
-    if family.told_by:
+    if family.told_by or family.never_told:
         return (cause,)
     alike = tuple(other for other in suspects if other.effect.family is family)
     return alike if len(alike) > 1 and cause in alike else ()

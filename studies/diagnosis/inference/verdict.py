@@ -384,7 +384,9 @@ def _weighed(base: Judgement, exploration: Exploration, adequacy: _Adequacy) -> 
     doubted = posterior.discrepancy > DOUBTED * posterior.wrong or (
         alone is not None and len(sure) > 1
         and log_odds_to_smooth(alone, base.nominal, columns, among) < PAIRED)
-    if alone is None or rivals or doubted or not firm or not adequacy.enough(alone):
+    # Two causes that one specimen alone shows may be anything that is wrong with this one.
+    of_one = len(sure) > 1 and weighed.odd_specimen
+    if alone is None or rivals or doubted or of_one or not firm or not adequacy.enough(alone):
         return replace(weighed, verdict="ambiguous")
     return replace(weighed, verdict="named", named=sure, odd_specimen="")
 

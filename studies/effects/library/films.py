@@ -13,7 +13,7 @@ from tympan.fem.film.laws.invariants import first_invariant
 from tympan.geometry.paths import with_change
 from tympan.geometry.specimen import NARROWEST, Film, Patch, Specimen
 from tympan.studies.effects.effect import EffectParameter, Quantity, Setup, effect
-from tympan.studies.effects.library.families import BARE_FILM, STIFFER_FILM
+from tympan.studies.effects.library.families import BARE_FILM, LESS_MOVED, STIFFER_FILM
 
 
 @effect("The film hardens with stretch more (h > 0) or less than the nominal law, with the same "
@@ -87,7 +87,8 @@ def prestretch_anisotropy(setup: Setup, a: Annotated[float, EffectParameter(
         finding="The film of {which} slipped: it is {delta} less stretched than stated",
         check="look for slip where the film of {which} is clamped, and measure the marks drawn on "
               "it before stretching; a thinner film, or an electrode that misses a part of it, "
-              "does nearly the same: measure its thickness and look through it against a light")
+              "does nearly the same: measure its thickness and look through it against a light",
+        family=LESS_MOVED)
 def prestretch_loss(setup: Setup, delta: Annotated[float, EffectParameter(
         "the specimen's stretches are λ(1-delta)", "", width=0.02, low=0.0, high=0.9, reason=(
             "film slipping by 1 mm under a clamp of a 45 mm frame loses 2 % of its stretch; no "

@@ -150,6 +150,17 @@ def test_a_second_invariant_of_mounted_films_is_their_stiffness(lab: Lab, share:
     assert judge(simulation, table, design.causes).verdict == "nothing"
 
 
+@pytest.mark.study
+@pytest.mark.parametrize("number", [31, 40])
+def test_two_effects_that_one_specimen_alone_shows_are_not_named(lab: Lab, number: int) -> None:
+    """Of one film that is thicker, or lacks electrode, a slip and another law leave noise, too."""
+    (record,) = lab.run("strangers", number)
+    assert len(record.ranked) > 1
+    assert record.verdict == "ambiguous"
+    assert not record.named
+    assert record.rows == (1, 1, 0)
+
+
 @pytest.mark.parametrize("stranger", [
     Bend(0.04), Jump(150e-6, 40), pytest.param(Stick(200e-6), marks=pytest.mark.study)])
 def test_strangers_get_no_name(lab: Lab, stranger: Bend | Jump | Stick) -> None:
