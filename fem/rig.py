@@ -13,7 +13,7 @@ import numpy as np
 from tympan.fem.membrane.biases import BIASES, Bias, JoinedFilm, Spring
 from tympan.fem.membrane.loading import Guide, Loading
 from tympan.geometry.errors import InputError
-from tympan.geometry.fields import Key, fields_of, read, takes_units, write
+from tympan.geometry.fields import Key, fields_of, number, read, takes_units, write
 from tympan.geometry.toml_reader import NON_NEGATIVE, POSITIVE, Rule, Table
 
 _GAIN: Rule = (lambda x: -1 < x < 10, "must be above -1 and below 10")
@@ -126,6 +126,15 @@ class Rig:
     def read(cls, file: Path | str) -> Self:
         """The rig of a TOML file."""
         return read(cls, Table.read(file))
+
+    def pressed(self, pressure: float | str | None) -> Rig:
+        """The same rig with the gas below the film at a pressure, where one is given."""
+        if pressure is None:
+            return self
+        value, (holds, words) = number(pressure, "stress", "pressure"), PRESSURES
+        if not holds(value):
+            raise InputError(words, key="pressure", given=pressure)
+        return replace(self, gas_pressure=value)
 
     @property
     def remarks(self) -> tuple[str, ...]:

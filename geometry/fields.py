@@ -22,8 +22,9 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import MISSING, dataclass, is_dataclass
 from dataclasses import fields as dataclass_fields
 from functools import cache, cached_property, wraps
-from inspect import signature
-from numbers import Number
+from inspect import get_annotations, signature, unwrap
+from numbers import Integral, Number
+from os import PathLike
 from types import NoneType, UnionType
 from typing import (
     Annotated,
@@ -39,7 +40,7 @@ from typing import (
 )
 
 from tympan.geometry.errors import InputError, did_you_mean
-from tympan.geometry.toml_reader import FINITE, WHOLE, Rule, Table
+from tympan.geometry.toml_reader import FINITE, WHOLE, Rule, Table, one_of
 from tympan.geometry.units import DIMENSIONS, quantity, quantity_text
 
 T = TypeVar("T")
@@ -218,7 +219,8 @@ class Arguments:
         listed = [item for item in signature(function).parameters.values() if item.name != "self"]
         single = [item for item in listed if item.kind not in (item.VAR_POSITIONAL,
                                                                 item.VAR_KEYWORD)]
-        names = (*(item.name for item in single), *more)
+        alone = [item.name for item in single if item.kind is item.KEYWORD_ONLY]
+        names = (*(item.name for item in single if item.name not in alone), *more, *alone)
         also = {} if declared is None else {
             word: f"{field.name!r} ({field.says.meaning})" for field in fields_of(declared)
             for word in field.says.also}
@@ -250,22 +252,80 @@ class Arguments:
                 raise InputError("is missing", key=name)
 
 
-def names_arguments(*more: str) -> Callable[[F], F]:
-    """Make a function answer a wrong name or a missing argument by an :class:`InputError`.
+def names_arguments(more: Any = None) -> Callable[[F], F]:
+    """Make a function answer wrong arguments by an :class:`InputError` that names them.
 
-    ``more``: names that it hands on to a declared dataclass.
+    That is a wrong name, a missing argument, or one of another type than it is declared with.
+    ``more``: a typed dictionary of those that it hands on to a declared dataclass.
     """
     def explained(function: F) -> F:
-        arguments = Arguments.of(function, None, *more)
+        declared = get_annotations(more) if more else {}
+        arguments = Arguments.of(function, None, *declared)
+        # A quantity that is handed on is looked at by its dataclass, which knows its unit.
+        hints = get_annotations(function) | {
+            name: Any if "float" in str(hint) else hint for name, hint in declared.items()}
+        many = next((name for name, item in signature(function).parameters.items()
+                     if item.kind is item.VAR_POSITIONAL), None)
+        places = getattr(unwrap(function), "__globals__", {})
 
         @wraps(function)
         def checked(*values: Any, **named: Any) -> Any:
-            arguments.require(arguments.named(values, named), arguments.needed)
+            given = arguments.named(values, named)
+            arguments.require(given, arguments.needed)
+            rest = values[len(arguments.positional):] if many else ()
+            for name, value in (*given.items(), *((str(many), value) for value in rest)):
+                _require_type(_type_of(hints[name], places), value, name)
             return function(*values, **named)
 
         return cast(F, checked)
 
     return explained
+
+
+def _type_of(hint: Any, places: Mapping[str, Any]) -> Any:
+    """The type that an annotation means; Any where its names are known to type checkers alone."""
+    hint = getattr(hint, "__forward_arg__", hint)
+    try:
+        return eval(hint, dict(places)) if isinstance(hint, str) else hint
+    except NameError:
+        return Any
+
+
+def _require_type(hint: Any, value: Any, key: str) -> None:
+    """Refuse a value of another type than that of an annotation."""
+    if get_origin(hint) is Literal:
+        if value not in get_args(hint):
+            raise InputError(one_of(value, dict.fromkeys(get_args(hint))), key=key,
+                             given=value)
+        return
+    union = get_origin(hint) in (Union, UnionType)
+    kinds = [get_origin(kind) or kind for kind in (get_args(hint) if union else (hint,))]
+    if Any in kinds or Literal in kinds or any(_is_a(kind, value) for kind in kinds):
+        return
+    words = " or ".join(_TYPES.get(kind, f"a {getattr(kind, '__name__', kind)}") for kind in kinds
+                        if kind is not NoneType)
+    advice = ("; tympan.load(FILE) reads one" if words.startswith("a Specimen")
+              and isinstance(value, str | PathLike) else
+              "; call once for each of several" if float in kinds and hasattr(value, "__len__")
+              else "")
+    raise InputError(f"must be {words}{advice}", key=key, given=value)
+
+
+#: Types of arguments in words.
+_TYPES: dict[Any, str] = {
+    float: "a number", str: "a text", int: "a whole number", bool: "True or False",
+    PathLike: "a path", Sequence: "a list"}
+
+
+def _is_a(kind: Any, value: Any) -> bool:
+    """Whether a value is of a kind; arrays serve as lists, and a text or number as one of them."""
+    if kind is float:
+        return isinstance(value, Number) or getattr(value, "ndim", None) == 0
+    if kind is int:
+        return isinstance(value, Integral) and not isinstance(value, bool)
+    if kind is Sequence:
+        return isinstance(value, str | Number) or hasattr(value, "__len__")
+    return not isinstance(kind, type) or isinstance(value, kind)
 
 
 def number(value: Any, dimension: str, key: str) -> float:
@@ -300,12 +360,26 @@ def _in_si(field: Field, value: Any) -> Any:
         if isinstance(value, str) and field.says.kinds is not None and field.says.kinds.by_name:
             return field.says.kinds.by_name(value)
         if field.item not in (float, int) and get_origin(field.item) is not tuple:
+            _require_part(field, value)
             return tuple(value) if isinstance(value, list) else value
         if value is None and field.default is None:
             return None
         return _numbers(field, value) if field.several else _one_number(field, value)
     except InputError as error:
         raise error.located(key=field.key) from None
+
+
+def _require_part(field: Field, value: Any) -> None:
+    """Refuse what can be no part of an actuator: a text, a number."""
+    if field.several and not isinstance(value, list | tuple):
+        raise InputError("must be a list", given=value)
+    if field.several or not isinstance(value, str | Number) or isinstance(value, bool):
+        return
+    if field.says.kinds is not None:
+        kinds = [kind.__name__ for kind in field.says.kinds.values() if isinstance(kind, type)]
+        raise InputError(f"must be one of {', '.join(kinds)}", given=value)
+    if isinstance(field.item, type) and is_dataclass(field.item):
+        raise InputError(f"must be a {field.item.__name__}", given=value)
 
 
 def _one_number(field: Field, value: Any) -> Any:

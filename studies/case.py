@@ -104,13 +104,15 @@ class Case:
     if TYPE_CHECKING:
         def __init__(self, specimen: Specimen, *, mass: float | str = 0.0,
                      voltage: float | str = 0.0, rig: Rig = Rig(), elapsed: float | str = 0.0,
-                     direction: float = 0.0) -> None: ...
+                     direction: float | str = 0.0) -> None: ...
 
     def __post_init__(self) -> None:
         checked_load(self.mass, self.voltage, self.rig.gas_pressure)
         require(self)
+        if isinstance(self.direction, str) and self.direction in DIRECTIONS:
+            object.__setattr__(self, "direction", DIRECTIONS[self.direction])
         if self.direction not in DIRECTIONS.values():
-            raise InputError("must be 1 (up), -1 (down) or 0 (not known)", key="direction",
+            raise InputError("must be up (1), down (-1) or not known (0)", key="direction",
                              given=self.direction)
         if self.specimen.plate is None:
             self.rig.require_none_of_plate()

@@ -51,6 +51,8 @@ Array = NDArray[np.float64]
 
 #: Where a loop turns, as a share of the first limit, so that the film stays before it.
 _NEAR_LIMIT = 0.95
+#: Films of a loop that are kept where its fields are asked for.
+MOMENTS_OF_LOOP = 25
 #: Samples of a loop, enough for a smooth line.
 _SAMPLES = 2000
 

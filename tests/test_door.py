@@ -290,7 +290,7 @@ def test_loads_are_named_and_carry_their_unit() -> None:
         tympan.solve(circular(), COARSE, "17.9 g")
     with pytest.raises(tympan.InputError, match=r"mass.*must be a mass with its unit"):
         tympan.solve(circular(), COARSE, mass="17.9 kV")
-    with pytest.raises(tympan.InputError, match="must be one of ecoflex-00-30, vhb-4905"):
+    with pytest.raises(tympan.InputError, match=r"must be one of ecoflex-00-30, .*vhb-4905"):
         tympan.material("chewing gum")
 
 
@@ -436,3 +436,64 @@ def test_lumped_models_are_those_of_the_commands(tmp_path: Path,
         tympan.lumped.build()
     with pytest.raises(InputError, match=r"alpha.*is for the paper's cones"):
         tympan.lumped.linearise(specimen, mass="20 g", alpha=(1.0,))
+
+
+@pytest.mark.parametrize(("call", "words"), [
+    (lambda film: tympan.solve("oval.toml"),
+     "specimen: given 'oval.toml': must be a Specimen; tympan.load.FILE. reads one"),
+    (lambda film: tympan.solve(film, 3), "settings: given 3: must be a Settings"),
+    (lambda film: tympan.solve(film, rig="rig.toml"), "rig: given 'rig.toml': must be a Rig"),
+    (lambda film: tympan.solve(film, mass=[1, 2]), "mass.*call once for each of several"),
+    (lambda film: tympan.curve(film, ["1 g"]), "masses.*call once for each of several"),
+    (lambda film: tympan.solve(film, direction="side"), "direction: given 'side': must be up"),
+    (lambda film: tympan.path(film, "volt"), "along.*must be one of .*did you mean 'voltage'"),
+    (lambda film: tympan.modes(film, count=2.5), "count: given 2.5: must be a whole number"),
+    (lambda film: tympan.force(film, to=None), "to: must be a number or a text"),
+    (lambda film: tympan.force(film, too="1 mm"), "too: unknown name: did you mean 'to'"),
+    (lambda film: tympan.load(3), "file: given 3: must be a text or a path"),
+    (lambda film: tympan.Film("1 mm", 2.2, 3), "material: given 3: must be one of NeoHooke"),
+    (lambda film: tympan.Plate("1 cm"), "outline: given '1 cm': must be one of"),
+    (lambda film: tympan.Specimen("a", tympan.Circle(0.04), "1 cm", film.membrane),
+     "plate: given '1 cm': must be a Plate"),
+    (lambda film: tympan.limits(film, pressure="3 kV"), "pressure.*wrong dimension"),
+    (lambda film: tympan.lumped.linearise(3), "given 3: must be a Specimen, a model"),
+    (lambda film: tympan.path(film, to="3 kV"), "to.*rate must be given too"),
+])
+def test_a_wrong_argument_is_one_clear_message(call: Any, words: str) -> None:
+    with pytest.raises(tympan.InputError, match=words):
+        call(circular())
+
+
+def test_options_are_those_of_the_commands(tmp_path: Path,
+                                           capsys: pytest.CaptureFixture[str]) -> None:
+    specimen, file = circular(), str(tmp_path / "circle.toml")
+    Path(file).write_text(specimen_to_toml(specimen), encoding="utf-8")
+
+    def printed(*arguments: str) -> Any:
+        assert main([*arguments, "--json"]) == 0
+        return json.loads(capsys.readouterr().out)
+
+    found = tympan.solve(specimen, mass="17.9 g", voltage="2 kV", pressure="20 Pa", direction="up",
+                         after="1 s")
+    told = printed("solve", file, "--mass", "17.9 g", "--voltage", "2 kV", "--pressure", "20 Pa",
+                   "--direction", "up", "--after", "1 s")
+    assert found.deflection_m == told["deflection_m"]
+    assert tympan.limits(specimen).mass_kg == printed("limits", file)["mass_kg"]
+    told = printed("modes", file, "--mass", "17.9 g", "--point-mass", "10 g", "--count", "2")
+    swung = tympan.modes(specimen, 2, mass="17.9 g", point_mass="10 g")
+    assert [mode.frequency_Hz for mode in swung.modes] == [
+        mode["frequency_Hz"] for mode in told["modes"]]
+    loop = tympan.path(specimen, mass="17.9 g", rate="1 kV/s", to="2 kV", fields=True)
+    told, = printed("path", file, "--mass", "17.9 g", "--rate", "1 kV/s", "--to",
+                    "2 kV")["responses"]
+    assert loop.responses[0].highest_m == told["highest_m"]
+    assert len(loop.films[0]) == 25
+    assert tympan.show_material("vhb-4910").json() == printed("material", "show", "vhb-4910")
+    assert tympan.effects() == printed("effects")
+    assert list(tympan.materials()) == list(printed("materials"))
+    files = tympan.export(specimen, tmp_path / "parts", screw="4 mm")
+    assert {file.suffix for file in files} == {".step", ".dxf", ".svg", ".vtu"}
+    inp, = tympan.export(specimen, tmp_path, inp=True, masses=["10 g"], voltages="1 kV")
+    assert inp.suffix == ".inp"
+    found.save(tmp_path / "solved")
+    assert [file.suffix for file in tympan.report(tmp_path / "solved")]

@@ -30,9 +30,10 @@ __all__ = [
     "RoundedRectangle", "Settings", "ShearThinning", "Specimen", "Spring", "Stadium",
     "Superellipse", "ViscousBranch", "Yeoh",
     "__version__",
-    "alpha", "curve", "data", "diagnose", "draft", "draw", "fit_material", "force", "limits",
-    "load", "lumped", "material", "modes", "optimise", "path", "response", "sense", "sensitivity",
-    "solve", "study", "sweep", "transient",
+    "alpha", "curve", "data", "diagnose", "draft", "draw", "effects", "export", "fit_material",
+    "force", "limits", "load", "lumped", "material", "materials", "modes", "optimise", "path",
+    "plan", "report", "response", "sense", "sensitivity", "show_material", "solve", "study",
+    "sweep", "transient",
 ]
 
 
@@ -47,7 +48,7 @@ if not TYPE_CHECKING:  # type checkers know all names, and should object to othe
             raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
         from tympan import door, lumped_door, parts
 
-        return next(getattr(place, name) for place in (parts, lumped_door, door)
+        return next(getattr(place, name) for place in (parts, door, lumped_door)
                     if hasattr(place, name))
 
 

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypedDict, Unpack
 
 from tympan.fem.film.library import LibraryMaterial, library_material, load_specimen
 from tympan.fem.rig import Rig
 from tympan.geometry.errors import InputError as InputError
-from tympan.geometry.fields import names_arguments, numbers
+from tympan.geometry.fields import names_arguments, number, numbers
 from tympan.geometry.mesher import MeshSettings as MeshSettings
 from tympan.geometry.process.folder import alone, temporary_folder
 from tympan.geometry.process.threads import one_thread
@@ -23,9 +24,11 @@ from tympan.studies.case import Settings as Settings
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+    from tympan.fem.film.law_report import Examination
     from tympan.studies.alpha import AlphaResult, AlphaSettings
     from tympan.studies.diagnosis.film_fit import FilmFit
     from tympan.studies.diagnosis.result import Diagnosis
+    from tympan.studies.diagnosis.self_check import Bench
     from tympan.studies.force import ForceResult
     from tympan.studies.limits import CurveResult, LimitsResult
     from tympan.studies.material.result import MaterialFitResult
@@ -63,6 +66,17 @@ class CouponTable(TypedDict, total=False):
     decimal: Literal[",", "."] | None
 
 
+class PartSizes(TypedDict, total=False):
+    """Sizes of the parts that hold a film, by the options of ``tympan export``."""
+
+    width: float | str
+    frame_height: float | str
+    clamp_height: float | str
+    plate_height: float | str
+    screw: float | str
+    spacing: float | str
+
+
 class Loads(TypedDict, total=False):
     """What acts on a specimen, as :class:`Case` takes it: SI numbers or texts with their unit."""
 
@@ -70,7 +84,15 @@ class Loads(TypedDict, total=False):
     voltage: float | str
     rig: Rig
     elapsed: float | str
-    direction: float
+    direction: float | Literal["up", "down", ""]
+    pressure: float | str | None
+
+
+def _case(specimen: Specimen, loads: Loads) -> Case:
+    """The case of loads, with the gas pressure on its rig."""
+    given: dict[str, Any] = {**loads}
+    rig = given.pop("rig", Rig()).pressed(given.pop("pressure", None))
+    return Case(specimen, rig=rig, **given)
 
 
 @names_arguments()
@@ -108,37 +130,51 @@ def material(name: str) -> LibraryMaterial:
     return library_material(name)
 
 
-@names_arguments(*Loads.__annotations__)
+@names_arguments(Loads)
 @one_thread()
-def solve(specimen: Specimen, settings: Settings = Settings(), **loads: Unpack[Loads]
-          ) -> Result[CaseResult]:
+def solve(specimen: Specimen, settings: Settings = Settings(), *,
+          after: float | str | None = None, **loads: Unpack[Loads]) -> Result[CaseResult]:
     """The equilibrium of a specimen under a mass and a voltage, with its fields and limits.
 
     ``result.status`` is "equilibrium", "no_equilibrium" (past pull-in) or "not_converged"; the
-    numbers of a state that does not exist are None.
+    numbers of a state that does not exist are None. ``after``: so long after the voltage was
+    switched on, for a film with viscous branches; by default in equilibrium again.
     """
     from tympan.studies.limits import solve_within
 
-    return Result(solve_within(Case(specimen, **loads), settings, film=True), specimen)
+    if after is not None:
+        from tympan.studies.transient import solve_after
+
+        passed = number(after, "time", "after")
+        if not 0 <= passed < 1e9:
+            raise InputError("must be 0 or positive", key="after", given=after)
+        return Result(solve_after(_case(specimen, loads), passed, settings, film=True), specimen)
+    return Result(solve_within(_case(specimen, loads), settings, film=True), specimen)
 
 
-@names_arguments(*Loads.__annotations__)
+@names_arguments(Loads)
 @one_thread()
 def limits(specimen: Specimen, settings: Settings = Settings(), **loads: Unpack[Loads]
            ) -> Result[LimitsResult]:
     """How far the voltage can be raised: loss of tension, breakdown, instability, pull-in.
 
-    ``result.limits.limit`` is the first of them, with ``kind`` and ``voltage_V``.
+    ``result.limits.limit`` is the first of them, with ``kind`` and ``voltage_V``. A mass that is
+    left out suits the film.
     """
     from tympan.studies.limits import LimitsResult
+    from tympan.studies.limits.loads import usual_masses
 
-    return Result(LimitsResult.of(Case(specimen, **loads), settings))
+    case = _case(specimen, loads)
+    if specimen.plate is not None and "mass" not in loads:
+        case = replace(case, mass=usual_masses(specimen, settings, case.rig)[0])
+    return Result(LimitsResult.of(case, settings))
 
 
 @names_arguments()
 @one_thread()
 def curve(specimen: Specimen, *masses: float | str, voltages: Sequence[float | str] = (),
-          settings: Settings = Settings(), rig: Rig = Rig()) -> Result[CurveResult]:
+          settings: Settings = Settings(), rig: Rig = Rig(), pressure: float | str | None = None
+          ) -> Result[CurveResult]:
     """Deflection against voltage under each mass to the film's limit; by default under usual ones.
 
     ``voltages`` are rows of their own. ``result.curves[0].limits.limit.voltage_V`` is the first
@@ -147,6 +183,7 @@ def curve(specimen: Specimen, *masses: float | str, voltages: Sequence[float | s
     from tympan.studies.limits import curve
     from tympan.studies.limits.loads import usual_masses
 
+    rig = rig.pressed(pressure)
     given = [Case(specimen, mass=mass).mass for mass in masses]
     usual = () if given else usual_masses(specimen, settings, rig) if specimen.plate else (0.0,)
     marked = sorted(Case(specimen, voltage=voltage).voltage for voltage in voltages)
@@ -158,7 +195,8 @@ def curve(specimen: Specimen, *masses: float | str, voltages: Sequence[float | s
 def force(specimen: Specimen, *, to: float | str, from_: float | str = 0.0,
           voltages: Sequence[float | str] = (0.0,), points: int = 61,
           loads: Sequence[float | str] = (), rate: float | str | None = None, cycles: int = 1,
-          rig: Rig = Rig(), settings: Settings = Settings()) -> Result[ForceResult]:
+          rig: Rig = Rig(), pressure: float | str | None = None, settings: Settings = Settings()
+          ) -> Result[ForceResult]:
     """Force on the plate against its displacement, a curve for each voltage.
 
     The plate is held, as by a tensile tester, at so many ``points`` between two displacements.
@@ -171,7 +209,7 @@ def force(specimen: Specimen, *, to: float | str, from_: float | str = 0.0,
     from tympan.studies.force import ForceCase, force
 
     case = ForceCase(specimen, voltages=voltages, start=from_, to=to, points=points, masses=loads,
-                     rate=rate, cycles=cycles, rig=rig)
+                     rate=rate, cycles=cycles, rig=rig.pressed(pressure))
     return Result(force(case, settings))
 
 
@@ -180,7 +218,8 @@ def force(specimen: Specimen, *, to: float | str, from_: float | str = 0.0,
 def sense(specimen: Specimen, *, voltages: Sequence[float | str] = (0.0,),
           masses: Sequence[float | str] = (), from_: float | str = 0.0,
           to: float | str | None = None, points: int = 21, rig: Rig = Rig(),
-          settings: Settings = Settings()) -> Result[SenseResult]:
+          pressure: float | str | None = None, settings: Settings = Settings()
+          ) -> Result[SenseResult]:
     """Capacitance against deflection at several voltages, and deflection from capacitance.
 
     The plate is displaced between two deflections, or a little further than the ``masses`` deflect
@@ -191,21 +230,37 @@ def sense(specimen: Specimen, *, voltages: Sequence[float | str] = (0.0,),
     from tympan.studies.sense import SenseCase, sense
 
     case = SenseCase(specimen, voltages=voltages, masses=masses, start=from_, to=to, points=points,
-                     rig=rig)
+                     rig=rig.pressed(pressure))
     return Result(sense(case, settings))
 
 
-@names_arguments(*Loads.__annotations__)
+@names_arguments(Loads)
 @one_thread()
 def path(specimen: Specimen, along: Literal["voltage", "charge", "mass", "pressure"] = "voltage",
-         settings: Settings = Settings(), **loads: Unpack[Loads]) -> Result[PathResult]:
-    """The equilibria while one quantity grows from the loads on, and through limit points."""
+         settings: Settings = Settings(), *, rate: float | str | None = None,
+         to: float | str | None = None, fields: bool = False, **loads: Unpack[Loads]
+         ) -> Result[PathResult | Responses]:
+    """Equilibria while one quantity grows from the loads on, and through limit points.
+
+    With a ``rate`` such as "100 V/s": a loop in time, up to a voltage ``to`` and down again, of a
+    film with viscous branches; by default it turns at 95 % of the film's first limit. ``fields``:
+    with the film of every station, or at 25 moments of a loop.
+    """
     from tympan.studies.path import path
 
-    return Result(path(Case(specimen, **loads), settings, along))
+    case = _case(specimen, loads)
+    if rate is None:
+        if to is not None:
+            raise InputError("is where a loop turns: rate must be given too", key="to", given=to)
+        return Result(path(case, settings, along, films=fields))
+    from tympan.studies.transient import MOMENTS_OF_LOOP, loop
+
+    turn = None if to is None else number(to, "voltage", "to")
+    return Result(loop(case, number(rate, "voltage rate", "rate"), turn, settings,
+                       MOMENTS_OF_LOOP if fields else 0))
 
 
-@names_arguments(*Waves.__annotations__)
+@names_arguments(Waves)
 @one_thread()
 def transient(specimen: Specimen | Sequence[Specimen], signal: str = "step", *,
               mass: float | str | None = None, rest: float | str | None = None,
@@ -232,17 +287,21 @@ def transient(specimen: Specimen | Sequence[Specimen], signal: str = "step", *,
                             films=numbers(films, "time", "films"), rig=rig))
 
 
-@names_arguments(*Loads.__annotations__)
+@names_arguments(Loads)
 @one_thread()
-def modes(specimen: Specimen, count: int = 6, settings: Settings = Settings(),
-          **loads: Unpack[Loads]) -> Result[ModesResult]:
-    """Small vibrations about an equilibrium, the voltage held constant."""
+def modes(specimen: Specimen, count: int = 6, settings: Settings = Settings(), *,
+          point_mass: float | str = 0.0, **loads: Unpack[Loads]) -> Result[ModesResult]:
+    """Small vibrations about an equilibrium, the voltage held constant.
+
+    ``point_mass`` of the mass sits in the plate's centre; the rest is spread over the plate.
+    """
     from tympan.studies.modes import modes
 
-    return Result(modes(Case(specimen, **loads), settings, count), specimen)
+    return Result(modes(_case(specimen, loads), settings, count,
+                        number(point_mass, "mass", "point_mass")), specimen)
 
 
-@names_arguments(*Loads.__annotations__)
+@names_arguments(Loads)
 @one_thread()
 def response(specimen: Specimen, *frequencies: float | str, settings: Settings = Settings(),
              **loads: Unpack[Loads]) -> Result[ResponseResult]:
@@ -250,53 +309,66 @@ def response(specimen: Specimen, *frequencies: float | str, settings: Settings =
 
     ``frequencies`` are numbers [Hz] or texts; left out, they suit the film.
     """
-    from tympan.geometry.units import quantity
     from tympan.studies.response import response
 
-    asked = [quantity(frequency, "frequency") if isinstance(frequency, str) else frequency
-             for frequency in frequencies]
-    return Result(response(Case(specimen, **loads), settings, tuple(asked)), specimen)
+    asked = numbers(frequencies, "frequency", "frequencies")
+    return Result(response(_case(specimen, loads), settings, asked), specimen)
 
 
-@names_arguments(*Loads.__annotations__)
+@names_arguments(Loads)
 @one_thread()
 def sensitivity(specimen: Specimen, *quantities: str, settings: Settings = Settings(),
                 **loads: Unpack[Loads]) -> Result[SensitivityResult]:
     """Derivatives of named quantities, "heave" if none is named, by all they depend on."""
     from tympan.studies.sensitivity import sensitivity
 
-    return Result(sensitivity(Case(specimen, **loads), settings, quantities or ("heave",)))
+    return Result(sensitivity(_case(specimen, loads), settings, quantities or ("heave",)))
 
 
 @names_arguments()
 @one_thread()
 def alpha(specimen: Specimen, alpha_settings: AlphaSettings | None = None,
-          settings: Settings = Settings(), rig: Rig = Rig()) -> Result[AlphaResult]:
-    """Weights of the circles that stand for a specimen in a lumped model."""
-    from tympan.studies.alpha import AlphaSettings, alpha
+          settings: Settings = Settings(), rig: Rig = Rig(), *, circles: int = 2,
+          radii: str = "semi_axes", uncertainty: bool = False) -> Result[AlphaResult]:
+    """Weights of the circles that stand for a specimen in a lumped model.
 
-    return Result(alpha(specimen, settings, alpha_settings or AlphaSettings(), rig))
+    So many ``circles``, whose ``radii`` are semi_axes, sectors or fit; loads may be given by
+    ``alpha_settings``. ``uncertainty``: also how far the weights change with mesh, material, loads.
+    """
+    from tympan.studies import alpha as study
+
+    chosen = alpha_settings or study.AlphaSettings(circles=circles, radii=radii)
+    result = study.alpha(specimen, settings, chosen, rig)
+    if uncertainty:
+        result = replace(result, uncertainty=study.uncertainty(specimen, settings, chosen, rig,
+                                                               result))
+    return Result(result)
 
 
 @names_arguments()
 @one_thread()
 def sweep(file: File, folder: File | None = None, workers: int = 1,
-          settings: Settings = Settings(), at: float | str | None = None) -> Result[SweepResult]:
+          settings: Settings = Settings(), at: float | str | None = None, *,
+          scheduler: str | None = None, wait: float | str = 60.0) -> Result[SweepResult]:
     """All cases of SWEEP.toml; what a ``folder`` holds already is not solved again.
 
     Its maps, and ``result.best("stroke", under="max_true_stress < 131 kPa")``, compare films ``at``
     one of its voltages, the highest where it is left out. With more than one worker the calling
-    script needs a main guard.
+    script needs a main guard. ``scheduler``: the address of a Dask cluster that solves instead,
+    which is to have a worker within ``wait``.
     """
     from functools import partial
 
     from tympan.studies.parallel import processes, serial
+    from tympan.studies.sweep.cluster import cluster
     from tympan.studies.sweep.plan import read_sweep
     from tympan.studies.sweep.run import run_sweep
 
     planned = read_sweep(Path(file), settings)
     planned = planned if at is None else planned.compared_at(at)
     pool = serial if workers == 1 else partial(processes, workers=workers)
+    if scheduler is not None:
+        pool = partial(cluster, address=scheduler, wait=number(wait, "time", "wait"), say=print)
     with temporary_folder() as scratch, alone(Path(folder or scratch)):
         return Result(run_sweep(planned, Path(folder or scratch), pool))
 
@@ -333,18 +405,43 @@ def draft(file: File, target: File | None = None, kind: str | None = None) -> Pa
 
 @names_arguments()
 @one_thread()
-def diagnose(dataset: File, workers: int = 1, seed: int = 0) -> Result[Diagnosis]:
-    """What a dataset's readings say the simulation gets wrong, and which effect explains it.
+def diagnose(dataset: File, workers: int = 1, seed: int = 0, *, self_check: int = 0
+             ) -> Result[Diagnosis]:
+    """Diagnosis of a dataset: what the simulation gets wrong, and which effect explains it.
 
-    With more than one worker the calling script needs a main guard.
+    ``self_check``: errors are hidden in so many synthetic sets of such readings, and what is said
+    of them is counted. With more than one worker the calling script needs a main guard.
     """
     from tympan.studies.data.dataset import read_dataset
     from tympan.studies.diagnosis.diagnose import conclude
 
-    return Result(conclude(read_dataset(Path(dataset)), workers, seed).diagnosis(films=True))
+    concluded = conclude(read_dataset(Path(dataset)), workers, seed)
+    checked = _self_check(concluded.bench, self_check, workers, seed)
+    return Result(concluded.diagnosis(films=True, self_check=checked))
 
 
-@names_arguments(*CouponTable.__annotations__)
+@names_arguments()
+@one_thread()
+def plan(dataset: File, workers: int = 1, seed: int = 0, *, self_check: int = 0
+         ) -> dict[str, Any]:
+    """Plan of measurements: what such readings can tell, as ``tympan diagnose --plan`` prints it.
+
+    What is read may be missing from the dataset. The rest is as for ``diagnose``.
+    """
+    from tympan.studies.data.dataset import read_dataset
+    from tympan.studies.diagnosis.diagnose import plan_readings
+
+    record, bench = plan_readings(read_dataset(Path(dataset), True), workers)
+    return record | {"self_check": _self_check(bench, self_check, workers, seed)}
+
+
+def _self_check(bench: Bench, count: int, workers: int, seed: int) -> dict[str, Any] | None:
+    from tympan.studies.diagnosis.self_check import self_checked
+
+    return self_checked(replace(bench, seed=seed), count, workers).json() if count else None
+
+
+@names_arguments(CouponTable)
 @one_thread()
 def fit_material(*files: File, laws: Sequence[str] = (), noise: float | str | None = None,
                  branches: int | None = None, film: Case | None = None,
@@ -395,3 +492,78 @@ def optimise(file: File | None = None, settings: Settings = Settings()) -> Resul
 
     problem = default_problem() if file is None else read_problem(Path(file))
     return Result(optimise(problem, settings))
+
+
+@names_arguments()
+def materials() -> dict[str, LibraryMaterial]:
+    """Materials of the library by name, each with its source; those that :func:`material` takes.
+
+    Examples
+    --------
+    >>> materials()["vhb-4910"].law
+    'ogden'
+    """
+    from tympan.fem.film.library import MATERIALS
+
+    return dict(MATERIALS)
+
+
+@names_arguments()
+def show_material(name: str, held: float | None = None) -> Examination:
+    """True stress of a material against stretch, and where its law fails.
+
+    ``name``: of the library, or a specimen file. ``held``: the stretch across in the second column,
+    by default as mounted.
+
+    Examples
+    --------
+    >>> show_material("vhb-4910").json()["law"]
+    'ogden'
+    """
+    from tympan.fem.film.law_report import examine, subject
+
+    return examine(*subject(name, held))
+
+
+@names_arguments()
+def effects() -> dict[str, Any]:
+    """Effects a model may leave out, with units and priors, as ``tympan effects --json`` prints it.
+
+    Examples
+    --------
+    >>> effects()["sensor_zero"]["on_one_specimen"]
+    False
+    """
+    from tympan.studies.effects.listing import listing
+
+    return listing()
+
+
+@names_arguments(PartSizes)
+def export(specimen: Specimen, folder: File, *, inp: bool = False,
+           masses: float | str | Sequence[float | str] = (),
+           voltages: float | str | Sequence[float | str] = (), settings: Settings = Settings(),
+           **sizes: Unpack[PartSizes]) -> list[Path]:
+    """Write frame, clamp, plate, film and mesh into a folder, and answer the files.
+
+    As STEP, DXF, SVG and VTU; ``sizes`` are those of the parts. ``inp``: instead the film as input
+    of CalculiX or Abaqus, a step for each of the ``masses``, then for each of the ``voltages``.
+    """
+    from tympan.geometry.cad.parts import PartOptions
+    from tympan.studies.export import export, export_input
+
+    if inp:
+        return [export_input(specimen, settings.mesh, Path(folder),
+                             numbers(masses, "mass", "masses"),
+                             sorted(numbers(voltages, "voltage", "voltages")))]
+    chosen = PartOptions(**{name: number(size, "length", name) for name, size in sizes.items()})
+    return list(export(specimen, settings.mesh, Path(folder), chosen))
+
+
+@names_arguments()
+def report(folder: File) -> list[Path]:
+    """Rebuild the figures and pages of what was saved into a folder, and answer them."""
+    from tympan.reports.rebuild import rebuild
+
+    with alone(Path(folder) if Path(folder).is_dir() else None):
+        return rebuild(Path(folder))

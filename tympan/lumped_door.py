@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Unpack
 
@@ -53,7 +54,7 @@ def build(*specimens: Specimen, masses: float | str | Sequence[float | str] | No
     return Result(BuildResult.built(specimens, settings, chosen, rig))
 
 
-@names_arguments(*Waves.__annotations__)
+@names_arguments(Waves)
 @one_thread()
 def simulate(*actuators: Specimen | LumpedModel | File, signal: str = "step",
              mass: float | str | None = None, swing: bool = False, paper: bool = False,
@@ -153,6 +154,8 @@ lumped = Lumped()
 def _model(given: LumpedModel | File) -> LumpedModel:
     from tympan.studies.lumped.model_file import LumpedModel, read_model
 
+    if not isinstance(given, LumpedModel | str | PathLike):
+        raise InputError("must be a Specimen, a model of lumped.build, or its file", given=given)
     return given if isinstance(given, LumpedModel) else read_model(Path(given))
 
 

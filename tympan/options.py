@@ -6,7 +6,7 @@ import argparse
 import json
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -175,15 +175,10 @@ def read_rig(file: Path | None) -> Rig:
 
 def read_pressed_rig(options: argparse.Namespace) -> Rig:
     """The rig of :data:`RIG` with the gas of :data:`PRESSURE`."""
-    from tympan.fem.rig import PRESSURES
-
-    rig = read_rig(options.rig)
-    if options.pressure is None:
-        return rig
-    pressure, (holds, words) = parse_quantity(options.pressure, "stress", "--pressure"), PRESSURES
-    if not holds(pressure):
-        raise InputError(words, key="--pressure", given=options.pressure)
-    return replace(rig, gas_pressure=pressure)
+    pressure = (None if options.pressure is None
+                else parse_quantity(options.pressure, "stress", "--pressure"))
+    with naming_options(options):
+        return read_rig(options.rig).pressed(pressure)
 
 
 def option_name(name: str) -> str:

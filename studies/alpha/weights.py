@@ -141,7 +141,7 @@ class AlphaResult:
     the first circle. ``radii`` says how the circles were chosen. Of all mixtures of membrane
     circles as good as the best, to the settings' tolerance of force, each weight lies in its pair
     of ``ranges``; ``condition`` is that of the circles' relative differences. ``loads`` are those
-    it was fitted and tested on.
+    it was fitted and tested on. ``uncertainty``: of :func:`uncertainty`, where asked for.
     """
 
     specimen: str
@@ -155,6 +155,7 @@ class AlphaResult:
     ranges: Ranges = ()
     condition: float = 1.0
     loads: AlphaLoads | None = None
+    uncertainty: dict[str, Ranges | None] | None = None
 
     def json(self, basis: Basis = "membrane") -> dict[str, Any]:
         """The object of ``alpha --json`` for one basis."""
@@ -166,7 +167,8 @@ class AlphaResult:
             "from_fields": {**plain["from_fields"], "range": plain["field_range"]},
             **{name: plain[name]
                for name in ("cone_scale", "radii", "ranges", "condition", "loads")},
-            "warnings": [*self.warnings, *self._doubts_of(basis)]}
+            "warnings": [*self.warnings, *self._doubts_of(basis)],
+            **({} if self.uncertainty is None else {"uncertainty": plain["uncertainty"]})}
 
     def _doubts_of(self, basis: Basis) -> list[str]:
         """Warnings of one basis alone: no mixture of its circles has the force."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 
 from tympan.options import (
     JSON,
@@ -37,7 +38,6 @@ def alpha(options: argparse.Namespace) -> None:
     from tympan.fem.film.library import load_specimen
     from tympan.progress import bar
     from tympan.studies.alpha import AlphaSettings, alpha, uncertainty
-    from tympan.studies.files import to_json
 
     with naming_options(options):
         chosen = AlphaSettings(circles=options.circles, radii=options.radii)
@@ -45,11 +45,10 @@ def alpha(options: argparse.Namespace) -> None:
     settings = read_settings(options)
     with bar(14 if options.uncertainty else 2) as progress:
         result = alpha(specimen, settings, chosen, rig, progress)
-        record = result.json(options.basis)
         if options.uncertainty:
-            record["uncertainty"] = to_json(uncertainty(specimen, settings, chosen, rig, result,
-                                                        progress))
-    print_record(options, record)
+            result = replace(result, uncertainty=uncertainty(specimen, settings, chosen, rig,
+                                                             result, progress))
+    print_record(options, result.json(options.basis))
 
 
 @command("outlines", output(required=True), JSON, MESH,

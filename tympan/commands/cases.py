@@ -29,9 +29,6 @@ from tympan.options import (
     read_settings,
 )
 
-#: Films of a loop.
-_MOMENTS = 25
-
 if TYPE_CHECKING:
     from tympan.fem.rig import Rig
     from tympan.geometry.specimen import Specimen
@@ -241,12 +238,12 @@ def path(options: argparse.Namespace) -> None:
     if options.fields and options.output is None:
         raise InputError("must be given to say where the fields go", key="-o")
     if options.rate is not None:
-        from tympan.studies.transient import loop
+        from tympan.studies.transient import MOMENTS_OF_LOOP, loop
 
         rate = parse_quantity(options.rate, "voltage rate", "--rate")
         turn = None if options.to is None else parse_quantity(options.to, "voltage", "--to")
         options.command = "transient"  # stored, drawn and told as one
-        moments = _MOMENTS if options.fields else 0
+        moments = MOMENTS_OF_LOOP if options.fields else 0
         finish(options, loop(case, rate, turn, read_settings(options), moments))
         return
     with naming_file(options.rig), bar(1) as progress:
