@@ -1,26 +1,27 @@
-# The two commands of the README. Both make their own environment in .venv from requirements.lock. Where two processes
-# work side by side, each has one thread for its small dense matrices: more only get in each other's way.
+# The commands of the README and the developers' ones. make study makes an environment in .venv from requirements.lock;
+# what needs tests, linters, compilers or Sphinx adds requirements-dev.lock. Where two processes work side by side, each
+# has one thread for its small dense matrices: more only get in each other's way.
 
 PYTHON ?= $(shell for p in python3.12 python3.13 python3.11 python3; do \
   $$p -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))' 2>/dev/null && echo $$p && break; done)
 OUT ?= out
 
-.PHONY: study check test benchmarks scaling verification robustness spreads films-in-time hidden verdict-cases fuzz hostile drawings signals optimum outlines map lumped-build paper coupons coupon-rubbers external house verdict-pictures docs clean
+.PHONY: study check test benchmarks scaling verification robustness spreads films-in-time hidden verdict-cases fuzz hostile drawings signals optimum outlines map lumped-build paper coupons coupon-rubbers external house verdict-pictures docs locks clean
 
 study: .venv/ready
 	.venv/bin/tympan study -o "$(OUT)"
 
 # Style, types, imports and every command once: what one runs before a commit.
-check: .venv/ready
+check: .venv/dev
 	.venv/bin/ruff check .
 	.venv/bin/mypy
 	.venv/bin/lint-imports
 	OPENBLAS_NUM_THREADS=1 .venv/bin/python -m pytest -n 2 -q -m smoke tests/commands/test_smoke.py
 
-test: .venv/ready
+test: .venv/dev
 	OPENBLAS_NUM_THREADS=1 .venv/bin/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder --durations=50
 
-benchmarks: .venv/ready
+benchmarks: .venv/dev
 	.venv/bin/python -m benchmarks.reference_problem
 	.venv/bin/python -m benchmarks.gradient
 	.venv/bin/python -m benchmarks.diagnosis
@@ -30,43 +31,43 @@ benchmarks: .venv/ready
 	.venv/bin/python -m benchmarks.doors
 	.venv/bin/python -m benchmarks.transient
 
-scaling: .venv/ready
+scaling: .venv/dev
 	.venv/bin/python -m benchmarks.scaling --peers
 
-verification: .venv/ready
+verification: .venv/dev
 	.venv/bin/python -m benchmarks.verification
 
-robustness: .venv/ready
+robustness: .venv/dev
 	OPENBLAS_NUM_THREADS=1 .venv/bin/python -m benchmarks.trials.robustness --workers 2 -o docs/robustness.md
 	OPENBLAS_NUM_THREADS=1 .venv/bin/python -m benchmarks.trials.extreme_films --workers 2 --keep extreme-films.jsonl -o docs/robustness.md
 
 # Whether the printed errors of a film's limits hold, on films that are swapped, mirrored and meshed more finely.
-spreads: .venv/ready
+spreads: .venv/dev
 	OPENBLAS_NUM_THREADS=1 .venv/bin/python -m benchmarks.trials.mesh_spreads --workers 2 --keep mesh-spreads.jsonl -o docs/robustness.md
 
-films-in-time: .venv/ready
+films-in-time: .venv/dev
 	OPENBLAS_NUM_THREADS=1 .venv/bin/python -m benchmarks.trials.random_films_in_time --workers 2 -o docs/films-in-time.md
 
-hidden: .venv/ready
+hidden: .venv/dev
 	OPENBLAS_NUM_THREADS=1 .venv/bin/python -m benchmarks.trials.hidden_effects --workers 2 --keep hidden-trials.jsonl -o docs/hidden-effects.md
 
-verdict-cases: .venv/ready
+verdict-cases: .venv/dev
 	.venv/bin/python -m benchmarks.trials.verdict_cases
 
 # Inputs changed at random for MINUTES, from a SEED where one is given; seeds and counts of each kind are printed.
-fuzz: .venv/ready
+fuzz: .venv/dev
 	.venv/bin/python -m benchmarks.trials.fuzz --minutes "$(or $(MINUTES),60)" $(if $(SEED),--seed $(SEED))
 
 # Commands with bad input: status, seconds, message; counts for each group.
-hostile: .venv/ready
+hostile: .venv/dev
 	.venv/bin/python -m benchmarks.trials.hostile
 
 # Drawings as programs write them, of known shapes: read right, or refused with advice that works.
-drawings: .venv/ready
+drawings: .venv/dev
 	.venv/bin/python -m benchmarks.trials.drawings
 
 # Commands ended by signals at random moments, and killed: statuses, and what was lost or wrong.
-signals: .venv/ready
+signals: .venv/dev
 	.venv/bin/python -m benchmarks.trials.signals
 	.venv/bin/python -m benchmarks.trials.signals --kill
 
@@ -76,41 +77,44 @@ outlines: .venv/ready
 map: .venv/ready
 	.venv/bin/tympan map -o "$(OUT)"
 
-paper: .venv/ready
+paper: .venv/dev
 	.venv/bin/tympan lumped paper -o "$(OUT)/paper"
 	.venv/bin/python -m benchmarks.paper "$(OUT)/paper"
 	.venv/bin/python -m benchmarks.paper_in_time -o docs
 
-optimum: .venv/ready
+optimum: .venv/dev
 	.venv/bin/python -m benchmarks.optimum
 
-lumped-build: .venv/ready
+lumped-build: .venv/dev
 	.venv/bin/python -m benchmarks.lumped_build
 
-coupons: .venv/ready
+coupons: .venv/dev
 	.venv/bin/python -m benchmarks.vhb
 
 # Rubbers whose law is known: fits of their coupons, and films by these; some 20 minutes.
-coupon-rubbers: .venv/ready
+coupon-rubbers: .venv/dev
 	.venv/bin/python -m benchmarks.trials.coupons.rubbers
 
-external: .venv/ready
+external: .venv/dev
 	.venv/bin/python -m benchmarks.external -o docs
 
-house: .venv/ready
+house: .venv/dev
 	.venv/bin/python -m benchmarks.house
 
 # The pictures of docs/explanation/verdict.md.
-verdict-pictures: .venv/ready
+verdict-pictures: .venv/dev
 	OPENBLAS_NUM_THREADS=1 .venv/bin/python -m benchmarks.verdict_pictures -o docs
 
 # Without network once its packages are there; warnings are errors.
-docs: .venv/docs
+docs: .venv/dev
 	.venv/bin/python -m sphinx -W --keep-going -q -b html -d build/doctrees docs build/docs
 	@echo build/docs/index.html
 
-.venv/docs: .venv/ready requirements-docs.lock
-	.venv/bin/python -m pip install --quiet --disable-pip-version-check --requirement requirements-docs.lock
+# The locks are whole, so that pip looks for nothing else; Python compiles what is imported, a third of what is there.
+INSTALL = .venv/bin/python -m pip install --quiet --disable-pip-version-check --no-compile --no-deps
+
+.venv/dev: .venv/ready requirements-dev.lock
+	$(INSTALL) --requirement requirements-dev.lock
 	@touch $@
 
 .venv/ready: requirements.lock pyproject.toml
@@ -119,9 +123,16 @@ docs: .venv/docs
 	  { echo "$(PYTHON) cannot make environments: install the Debian package python3-venv"; exit 1; }
 	@$(PYTHON) -m tympan.geometry.system
 	$(PYTHON) -m venv --clear .venv
-	.venv/bin/python -m pip install --quiet --disable-pip-version-check --requirement requirements.lock
-	.venv/bin/python -m pip install --quiet --disable-pip-version-check --no-deps --editable .
+	$(INSTALL) --requirement requirements.lock
+	$(INSTALL) --editable .
 	@touch $@
+
+LOCK = uv pip compile pyproject.toml --quiet --universal --no-header --python-version 3.11
+
+# Both locks again, after a change of pyproject.toml; what is in both has one version.
+locks:
+	$(LOCK) --extra dev --extra docs -o requirements-dev.lock >/dev/null
+	$(LOCK) --extra explore --extra excel --extra completion --constraint requirements-dev.lock --no-annotate -o requirements.lock >/dev/null
 
 clean:
 	rm -rf .venv out build dist tympan.egg-info

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import fcntl
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -34,6 +35,53 @@ wheels = os.path.abspath("by_source")
 os.chdir("source/" + archive.removesuffix(".tar.gz"))
 build_meta.build_wheel(wheels)
 """
+
+#: Run by a name of the lock each line of its input: every module of tympan, without other packages.
+IMPORT_ALL = """
+import importlib, pkgutil, re, sys
+from importlib.machinery import PathFinder
+from importlib.metadata import packages_distributions
+import tympan
+def plain(name): return re.sub("[-_.]+", "-", name).lower()
+allowed = {plain(name) for name in sys.stdin.read().split()} | {"tympan"}
+refused = {package for package, distributions in packages_distributions().items()
+           if not allowed & set(map(plain, distributions))} - sys.modules.keys()
+class Installed(PathFinder):
+    @classmethod
+    def find_spec(cls, name, *rest):
+        return None if name.split(".")[0] in refused else super().find_spec(name, *rest)
+sys.meta_path[sys.meta_path.index(PathFinder)] = Installed
+for module in pkgutil.walk_packages(tympan.__path__, "tympan."):
+    if not module.name.endswith("__main__"):
+        importlib.import_module(module.name)
+assert "cadquery" in sys.modules
+"""
+
+
+def _pins(lock: str) -> dict[str, str]:
+    """Versions in a lock, with their conditions, by name."""
+    lines = (ROOT / lock).read_text(encoding="utf-8").splitlines()
+    return dict(line.split("==", 1) for line in lines if "==" in line and line[0].isalnum())
+
+
+def test_a_user_s_lock_is_part_of_the_developers() -> None:
+    user, developer = _pins("requirements.lock"), _pins("requirements-dev.lock")
+    assert user.items() < developer.items()
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    left_out = {line.split(";")[0] for line in project["tool"]["uv"]["override-dependencies"]}
+    assert not left_out & developer.keys()
+    extras = project["project"]["optional-dependencies"]
+    named = {re.split("[>=]", line)[0] for line in (*extras["dev"], *extras["docs"],
+                                                    *project["project"]["dependencies"])}
+    assert named <= developer.keys()
+
+
+def test_what_a_user_s_lock_installs_is_enough() -> None:
+    """What is optional is imported where it is used, and named there if it is missing."""
+    done = subprocess.run([sys.executable, "-c", IMPORT_ALL], cwd=ROOT, text=True,
+                          input="\n".join(_pins("requirements.lock")), capture_output=True,
+                          check=False)
+    assert done.returncode == 0, done.stderr
 
 
 def _python(*arguments: str, cwd: Path, path: Path | None = None
