@@ -444,9 +444,9 @@ def _self_check(bench: Bench, count: int, workers: int, seed: int) -> dict[str, 
 @names_arguments(CouponTable)
 @one_thread()
 def fit_material(*files: File, laws: Sequence[str] = (), noise: float | str | None = None,
-                 branches: int | None = None, film: Case | None = None,
-                 settings: Settings = Settings(), **table: Unpack[CouponTable]
-                 ) -> Result[MaterialFitResult | FilmFit]:
+                 branches: int | None = None, constants: Sequence[str] = (),
+                 film: Case | None = None, settings: Settings = Settings(),
+                 **table: Unpack[CouponTable]) -> Result[MaterialFitResult | FilmFit]:
     """Laws fitted to coupon tests, or a film fitted to readings of its actuators.
 
     ``files`` are one set of coupon tests; ``result.best`` is the law to take, ``result.fits`` all
@@ -454,9 +454,10 @@ def fit_material(*files: File, laws: Sequence[str] = (), noise: float | str | No
     stress; ``film``: what it does by the fitted laws is ``result.numbers.numbers["film"]``. Or one
     folder of a dataset, whose law keeps its form: ``result.stiffness_factor`` and
     ``result.permittivity_factor`` have 95 % limits, and ``result.not_told`` says what readings do
-    not tell. ``branches``: how many viscous ones, by default as many as the tests tell.
-    ``table``: what a tester's headings leave open: ``mode``, ``unit`` of stresses, ``area`` and
-    ``length`` of the strip before the test, ``decimal`` mark.
+    not tell. ``constants``: keys of its law, such as ``["mu"]``, or ``["all"]``, that are fitted
+    each by itself: ``result.law.constants``. ``branches``: how many viscous ones, by default as
+    many as the tests tell. ``table``: what a tester's headings leave open: ``mode``, ``unit`` of
+    stresses, ``area`` and ``length`` of the strip before the test, ``decimal`` mark.
     """
     from tympan.geometry.units import quantity
     from tympan.studies.data.coupon import coupon_layout
@@ -470,6 +471,9 @@ def fit_material(*files: File, laws: Sequence[str] = (), noise: float | str | No
         raise InputError("must be one folder, or files of coupons", key="files",
                          given=" ".join(map(str, paths)) or "none")
     if not folders:
+        if constants:
+            raise InputError("is for a dataset: of coupons every constant is fitted",
+                             key="constants", given=str(constants))
         stress = quantity(noise, "stress") if isinstance(noise, str) else noise
         return Result(fit_coupons(paths, laws, stress, branches, film, settings,
                                   coupon_layout(**table)))
@@ -477,7 +481,7 @@ def fit_material(*files: File, laws: Sequence[str] = (), noise: float | str | No
         if given not in (None, ()):
             raise InputError("is for coupons: a dataset's specimens have their law and their noise",
                              key=key, given=str(given))
-    return Result(fit_film(read_dataset(paths[0]), branches))
+    return Result(fit_film(read_dataset(paths[0]), branches, constants=constants))
 
 
 @names_arguments()

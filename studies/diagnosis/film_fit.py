@@ -8,8 +8,8 @@ diagnosis has, with no other effect beside them.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from itertools import combinations
 from pathlib import Path
 from typing import Annotated
@@ -20,7 +20,9 @@ from scipy.special import chdtrc
 from tympan.fem.toml_writer import specimen_to_toml
 from tympan.geometry.errors import InputError
 from tympan.geometry.fields import Key
+from tympan.geometry.specimen import Material
 from tympan.studies.data.dataset import Dataset
+from tympan.studies.diagnosis.calibration import Calibration
 from tympan.studies.diagnosis.diagnose import (
     calibrated_readings,
     judge_coupons,
@@ -34,6 +36,8 @@ from tympan.studies.diagnosis.fits.fitting import nominal_fit
 from tympan.studies.diagnosis.hypothesis import FACTORS, Cause
 from tympan.studies.diagnosis.inference.exploration import COUNT, Exploration
 from tympan.studies.diagnosis.inference.nominal import with_noise_found
+from tympan.studies.diagnosis.law_fit import fit_law
+from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.result import Factor, Json
 from tympan.studies.diagnosis.sentences import found_sizes
 from tympan.studies.effects.findings import FoundSize
@@ -41,6 +45,9 @@ from tympan.studies.files import remove, to_json, words_beside, write_json, writ
 
 #: Sentences, by key.
 WORDS = words_beside(__file__)
+
+#: Deviations of 95 % limits.
+TWO_SIDED = 1.96
 
 #: Most branches.
 MOST = 2
@@ -79,6 +86,24 @@ class FittedBranch:
     time_s: Annotated[FittedConstant, Key("its time")]
 
 
+@dataclass(frozen=True)
+class LawConstant(FittedConstant):
+    """A constant of the law; ``value`` has the factor on stiffness in it."""
+
+    name: Annotated[str, Key("key of the law, numbered where it is a list")]
+    unit: Annotated[str, Key("of the value: Pa, or none")]
+
+
+@dataclass(frozen=True)
+class FittedForm:
+    """The law with its constants fitted, each by itself."""
+
+    constants: Annotated[tuple[LawConstant, ...], Key("of the law, those that were kept too")]
+    permittivity_factor: Annotated[Factor, Key("on the permittivity of every film, beside them")]
+    misfit: Annotated[float, Key("root of χ² per degree of freedom, at least 1")]
+    p_value: Annotated[float, Key("probability by noise alone of what the fit leaves, or more")]
+
+
 @dataclass(frozen=True, kw_only=True)
 class FilmFit:
     """What ``material fit`` prints of a dataset; ``files`` are specimens by name."""
@@ -88,6 +113,9 @@ class FilmFit:
     stiffness_factor: Annotated[Factor, Key("on the law of every film")]
     permittivity_factor: Annotated[Factor, Key("on the permittivity of every film")]
     branches: Annotated[tuple[FittedBranch, ...], Key("beside the law, the fastest first")]
+    law: Annotated[FittedForm | None, Key(
+        "the law's constants, where they were asked for; factors, misfit and p_value beside it are "
+        "those of the law as stated", may_miss=True)] = None
     misfit: Annotated[float, Key("root of χ² per degree of freedom, at least 1: limits are widened "
                                  "by it")]
     p_value: Annotated[float, Key("probability by noise alone of what the fit leaves, or more")]
@@ -101,8 +129,9 @@ class FilmFit:
         branches = [each for number, branch in enumerate(self.branches, 1)
                     for each in ((f"modulus of branch {number}", "Pa", branch.modulus_Pa),
                                  (f"time of branch {number}", "s", branch.time_s))]
+        law = [(each.name, each.unit, each) for each in (self.law.constants if self.law else ())]
         return [("stiffness factor", "", self.stiffness_factor),
-                ("permittivity factor", "", self.permittivity_factor), *branches]
+                ("permittivity factor", "", self.permittivity_factor), *branches, *law]
 
     def json(self) -> Json:
         """Fit as a JSON object."""
@@ -117,13 +146,15 @@ class FilmFit:
         write_json(folder / "film_fit.json", self.json())
 
 
-def fit_film(dataset: Dataset, branches: int | None = None, seed: int = 0) -> FilmFit:
+def fit_film(dataset: Dataset, branches: int | None = None, seed: int = 0,
+             constants: Sequence[str] = ()) -> FilmFit:
     """Fit one factor on stiffness, one on permittivity and viscous branches to all readings.
 
     ``branches``: how many; None: as many as are more probable than fewer, at most :data:`MOST`, and
     none without runs in time. Noise that nothing states is what the fit's scatter tells. ``seed``
-    is that of the draws with which coupons are judged. An :class:`InputError` where readings tell
-    no such branch, or are of coupons alone.
+    is that of the draws with which coupons are judged. ``constants``: keys of the law, such as
+    ``mu``, or "all", whose constants are fitted each by itself, to readings at rest alone. An
+    :class:`InputError` where readings tell no such branch, or are of coupons alone.
     """
     if of_coupons_alone(dataset):
         raise InputError("must have readings of an actuator; of coupons alone give the file "
@@ -134,6 +165,8 @@ def fit_film(dataset: Dataset, branches: int | None = None, seed: int = 0) -> Fi
     if branches is not None and branches > MOST:
         raise InputError(f"must be from 0 to {MOST} for a dataset's transients", key="--branches",
                          given=branches)
+    if constants:
+        _law_may_be_fitted(dataset)
     readings, nominal, _ = calibrated_readings(dataset)
     table = readings.table
     simulation: Model = nominal.simulation
@@ -157,7 +190,55 @@ def fit_film(dataset: Dataset, branches: int | None = None, seed: int = 0) -> Fi
                 raise InputError("must be fewer: these readings tell no such branch",
                                  key="--branches", given=branches)
             best = fits[branches]
-    return _result(dataset, simulation, best, readings.remarks)
+    result = _result(dataset, simulation, best, readings.remarks)
+    return _with_law(result, dataset, table, constants) if constants else result
+
+
+def _law_may_be_fitted(dataset: Dataset) -> None:
+    """Refuse datasets whose films have several laws, and readings that tell of more than a law."""
+    if len({specimen.membrane.material for specimen in dataset.specimens}) > 1:
+        raise InputError("must not be given: the specimens have different laws", key="--constants")
+    for there, name, what in ((dataset.coupons, "coupon.csv", "laws are fitted to that file by "
+                               "itself"), (dataset.transients, "transient.csv", "what creeps would "
+                                           "be taken for the law")):
+        if there is not None:
+            raise InputError(f"must not be given: there is {name}: {what}", key="--constants")
+
+
+def _with_law(result: FilmFit, dataset: Dataset, table: ReadingTable, kinds: Sequence[str]
+              ) -> FilmFit:
+    """The result with the constants of the law, and the films that they make."""
+    first = dataset.specimens[0].membrane
+
+    def calibrated(law: Material) -> Calibration:
+        films = tuple(replace(specimen, membrane=replace(specimen.membrane, material=law))
+                      for specimen in dataset.specimens)
+        return calibrated_readings(replace(dataset, specimens=films))[1]
+
+    try:
+        found = fit_law(first.material, first.prestretch, kinds,
+                        lambda law: nominal_fit(calibrated(law).simulation, table))
+    except ArithmeticError as failure:
+        raise InputError(str(failure), key="readings", given=f"{len(table)} readings") from None
+    fit, constants = found.fit, []
+    for name, stress, value, deviation in zip(
+            found.constants.names, found.constants.stress, found.values.tolist(),
+            found.deviations.tolist(), strict=True):
+        around = (value - TWO_SIDED * deviation, value + TWO_SIDED * deviation)
+        constants.append(LawConstant(value, *around, name, "Pa" if stress else ""))
+    freedom = max(len(fit.residual) - len(fit.unknowns) - np.count_nonzero(found.told), 1)
+    known = fit.louder(fit.misfit)
+    form = FittedForm(tuple(constants), Factor(*np.exp(interval(known, 1)).tolist()), fit.misfit,
+                      float(chdtrc(freedom, fit.chi_squared)))
+    hardly = [WORDS["beforehand"].format(name=name) for name, told
+              in zip(found.constants.names, found.told, strict=True) if told > _BEFOREHAND]
+    either = [WORDS["either"].format(name=each.name) for each in constants
+              if each.low is not None and each.high is not None and each.low < 0 < each.high]
+    specimens = calibrated(found.law).simulation.extended(fit.hypothesis, fit.unknowns).specimens
+    return replace(result, law=form, not_told=(*result.not_told, *hardly, *either),
+                   warnings=tuple(words for words in result.warnings if words != WORDS["form"]),
+                   files={f"{specimen.name}.toml": specimen_to_toml(specimen)
+                          for specimen in specimens})
 
 
 def _result(dataset: Dataset, simulation: Model, fit: Fit, remarks: tuple[str, ...]) -> FilmFit:

@@ -68,6 +68,9 @@ def material_show(options: argparse.Namespace) -> None:
                   help="viscous branches beside each law, where a run has several times (t_s); "
                        "left out, as few as foretell about best the runs of a stretch level or a "
                        "rate that are held out; 0 takes readings as elastic"),
+         argument("--constants", action="append", metavar="KEY",
+                  help="of a dataset: also fit the law's constants of this key, such as mu; "
+                       "may be given several times; all fits every one"),
          argument("--film", type=Path, metavar="SPECIMEN.toml",
                   help="also say how far this film deflects by the fitted law, with 95 % "
                        "limits: what the tests leave open of it"),
@@ -95,6 +98,9 @@ def material_fit(options: argparse.Namespace) -> None:
     if options.coupons[0].is_dir() or options.coupons[0].name == "dataset.toml":
         _fit_actuators(options)
         return
+    if options.constants:
+        raise InputError("is for a dataset: of coupons every constant is fitted",
+                         key="--constants", given=" ".join(options.constants))
     noise = None if options.noise is None else parse_quantity(options.noise, "stress", "--noise")
     with naming_options(options):
         layout = coupon_layout(options.mode, options.unit, options.area, options.length,
@@ -120,7 +126,7 @@ def _fit_actuators(options: argparse.Namespace) -> None:
     if others:
         raise InputError("must be one folder, or files of coupons", key="DATASET",
                          given=" ".join(map(str, options.coupons)))
-    result = fit_film(read_dataset(folder), options.branches)
+    result = fit_film(read_dataset(folder), options.branches, constants=options.constants or ())
     if options.output is not None:
         result.save(options.output)
     print_record(options, result.json(), result=result)
