@@ -351,6 +351,8 @@ class CaseResult(CaseRecord):
 
     status: Existence
     deflection_m: Deflection = None
+    stroke_m: Annotated[float | None, Key("deflection less that without voltage, under the same "
+                                          "mass; none without voltage")] = None
     reading_m: Annotated[float | None, Key("what the rig's sensor shows of the deflection")] = None
     reaction_N: Annotated[float | None, Key("force that the film carries")] = None
     capacitance_F: Annotated[float | None, Key("capacitance of the film as it is")] = None

@@ -223,6 +223,9 @@ def solve_after(case: Case, after: float, settings: Settings, film: bool = False
     outcome = Outcome(status, Solution(moment.state, True, 0, None), advice)
     (result, _), = summaries(model, [(case, outcome)])
     result = replace(result, warnings=(*result.warnings, *_left_out(case.rig)))
+    if (case.voltage and result.deflection_m is not None
+            and creep.rested == inf):
+        result = replace(result, stroke_m=result.deflection_m - transient.model.deflection(state))
     if film and status == "equilibrium":
         result = replace(result, film=film_surface(model, moment.state))
     return replace(result, wall_s=time.perf_counter() - began)

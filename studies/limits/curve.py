@@ -40,11 +40,16 @@ CURVES: tuple[Column, ...] = (
     Column("asked"),
     Column.labels("status"),
     Column("deflection", "mm", required=False),
+    Column("stroke", "mm", required=False),
     Column("capacitance", "pF", required=False),
     Column("slack_share", required=False),
     Column("breakdown_margin", required=False),
     Column.labels("beyond", LIMIT_STATES, required=False),
 )
+#: Place of the stroke among these columns.
+_STROKE = [column.name for column in CURVES].index("stroke")
+#: Place of the limit that a row is beyond.
+_BEYOND = [column.name for column in CURVES].index("beyond")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,6 +58,8 @@ class MassCurve:
 
     mass_kg: Annotated[float, Key("nominal load on the plate")]
     limits: Annotated[Limits, Key("limits of the film under this mass")]
+    stroke_m: Annotated[float | None, Key("deflection at the first limit, or as far as the film "
+                                          "was followed, less that without voltage")] = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,17 +107,20 @@ def curve(specimen: Specimen, masses: Sequence[float], settings: Settings, rig: 
     for mass in masses:
         progress(f"{specimen.name}: {mass * 1e3:g} g")
         ascent = rise(Case(specimen, mass=mass, rig=rig), settings)
-        curves.append(MassCurve(mass_kg=mass, limits=ascent.limits))
-        dofs = ascent.model.unknowns
+        dofs, begin = ascent.model.unknowns, len(cells)
         # The film's model changes where it is followed on as one kept from wrinkling.
         for model, way in groupby(zip(ascent.cases, ascent.stops, strict=True),
                                   lambda pair: pair[1].model):
             solved = ((case, Outcome("equilibrium", stop.point.solution)) for case, stop in way)
-            cells += [_row(False, result, ascent.limits)
+            cells += [_row(False, result, ascent)
                       for result, _ in summaries(model, solved, 0.0)]
+        strokes = [row[_STROKE] for row in cells[begin:]
+                   if not row[_BEYOND] and row[_STROKE] is not None]
+        curves.append(MassCurve(mass_kg=mass, limits=ascent.limits,
+                                stroke_m=strokes[-1] if strokes else None))
         for result in _asked(ascent, mass, rig, voltages, settings):
             progress(f"{specimen.name}: {mass * 1e3:g} g, {result.voltage_V / 1e3:g} kV")
-            cells.append(_row(True, result, ascent.limits))
+            cells.append(_row(True, result, ascent))
     heaviest = Case.greatest(specimen, masses, voltages, rig)
     table = {column.name: np.array([row[number] for row in cells],
                                    float if column.choices is None else str)
@@ -119,10 +129,12 @@ def curve(specimen: Specimen, masses: Sequence[float], settings: Settings, rig: 
                        wall_s=time.perf_counter() - began, warnings=heaviest.remarks, table=table)
 
 
-def _row(asked: bool, result: CaseResult, limits: Limits) -> tuple[Any, ...]:
+def _row(asked: bool, result: CaseResult, ascent: Rise) -> tuple[Any, ...]:
     """What :data:`CURVES` says of a result."""
-    beyond = limits.beyond(result.voltage_V)
-    return (result.mass_kg, result.voltage_V, asked, result.status, result.deflection_m,
+    beyond = ascent.limits.beyond(result.voltage_V)
+    stroke = (None if result.deflection_m is None or ascent.rest is None
+              else result.deflection_m - ascent.rest)
+    return (result.mass_kg, result.voltage_V, asked, result.status, result.deflection_m, stroke,
             result.capacitance_F, result.slack_share, result.breakdown_margin,
             beyond.kind if beyond else "")
 

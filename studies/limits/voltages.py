@@ -83,6 +83,11 @@ class Rise:
     limits: Limits
 
     @property
+    def rest(self) -> float | None:
+        """Deflection without voltage [m]."""
+        return (float(self.model.deflection(self.stops[0].point.state)) if self.stops else None)
+
+    @property
     def warnings(self) -> list[str]:
         """Whether the film visits stretches on its way that its law is not meant for."""
         if not self.stops:
@@ -245,7 +250,10 @@ def _within(case: Case, settings: Settings, film: bool) -> CaseResult:
     result = solve(case, settings, film)
     if limit is not None and limit.kind == INSTABILITY.kind and result.status != "equilibrium":
         result = replace(result, warnings=(reached.ended, *result.warnings))
-    return replace(result, limits=reached, first=reached.first, limit=limit)
+    stroke = (result.deflection_m - within.rest
+              if case.voltage and result.deflection_m is not None and within.rest is not None
+              else None)
+    return replace(result, stroke_m=stroke, limits=reached, first=reached.first, limit=limit)
 
 
 def _to_limit(case: Case, model: Model, start: State, settings: Settings, first: bool

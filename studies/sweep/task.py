@@ -192,5 +192,5 @@ def _hash(value: Any) -> str:
 #: Columns of a result beside the inputs: those of ``solve --json`` that do not depend on the clock.
 COLUMNS: tuple[str, ...] = tuple(
     item.name for item in fields(CaseResult)
-    if item.name not in ("specimen", "mass_kg", "voltage_V", "wall_s", "film", "limits", "limit",
-                         "equilibria"))
+    if item.name not in ("specimen", "mass_kg", "voltage_V", "stroke_m", "wall_s", "film", "limits",
+                         "limit", "equilibria"))

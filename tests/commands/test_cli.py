@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import os
+import re
 import subprocess
 import sys
 import time
@@ -65,6 +67,37 @@ def test_solve_past_pull_in(tmp_path, capsys) -> None:
     limits = result["limits"]
     assert 6.6e3 < limits["tension"]["voltage_V"] == limits["instability"]["voltage_V"] < 6.7e3
     assert limits["instability"]["voltage_V"] < limits["pull_in"]["voltage_V"] < 7e3
+
+
+def test_stroke_is_the_deflection_less_that_without_voltage(capsys, tmp_path: Path) -> None:
+    loaded = [str(ACTUATORS["circular"]), "--mass", "17.9 g", "--refine", "0.5"]
+    deflections = []
+    for voltage in ("0 kV", "4 kV"):
+        assert main(["solve", *loaded, "--voltage", voltage, "--json"]) == 0
+        result = printed(capsys)
+        deflections.append(result["deflection_m"])
+    assert result["stroke_m"] == pytest.approx(deflections[1] - deflections[0], rel=1e-9)
+    assert main(["curve", *loaded, "--voltage", "4 kV", "--json", "-o", str(tmp_path)]) == 0
+    curve, = printed(capsys)["curves"]
+    with (tmp_path / "circular-curve.csv").open() as stream:
+        rows = list(csv.DictReader(stream))
+    asked, = (row for row in rows if row["asked"] == "1")
+    assert float(asked["stroke_mm"]) == pytest.approx(1e3 * result["stroke_m"], rel=1e-6)
+    within = [float(row["stroke_mm"]) for row in rows if row["asked"] == "0" and not row["beyond"]]
+    assert 1e3 * curve["stroke_m"] == pytest.approx(max(within), rel=1e-9)
+
+
+def test_solve_prints_what_its_user_needs(capsys, tmp_path: Path) -> None:
+    """No unknowns, seconds or share of slack film; a reading where it is not the deflection."""
+    loaded = [str(ACTUATORS["circular"]), "--mass", "17.9 g", "--refine", "0.5"]
+    assert main(["solve", *loaded]) == 0
+    text = capsys.readouterr().out
+    assert "deflection" in text
+    assert not re.search(r"^(dofs|wall|slack|reading|stroke)", text, re.MULTILINE)
+    rig = tmp_path / "rig.toml"
+    rig.write_text('sensor_zero = "30 um"')
+    assert main(["solve", *loaded, "--rig", str(rig)]) == 0
+    assert re.search(r"^reading  ", capsys.readouterr().out, re.MULTILINE)
 
 
 @pytest.mark.parametrize("name", ACTUATORS)
