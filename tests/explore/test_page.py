@@ -266,7 +266,7 @@ def test_bad_values_are_told_in_place_and_the_last_film_stays(page: Any) -> None
     assert page.locator("#curve svg .mark").count() >= 1
 
 
-def test_what_is_written_is_what_the_command_solves(
+def test_what_is_saved_is_what_the_command_solves_and_nothing_else_is_written(
         page: Any, folder: Path, monkeypatch: pytest.MonkeyPatch,
         capsys: pytest.CaptureFixture[str]) -> None:
     import json
@@ -275,9 +275,21 @@ def test_what_is_written_is_what_the_command_solves(
     began = deflection(page)
     typed(page, "stiffness", "1.1")
     waited(lambda: deflection(page) != began, True)
-    waited(lambda: "oval-2.toml" in (page.text_content("#command-text") or ""), True)
-    page.click("#write")
-    waited(lambda: (folder / "oval-2.toml").exists(), True)
+    waited(lambda: "save the film first" in page.inner_text("#unsaved"), True)
+    assert page.input_value("#name") == "oval-2"
+    page.click("#copy-command")
+    page.click("#copy-python")
+    (folder / "films").mkdir()
+    page.fill("#name", "stiff one")
+    page.fill("#folder", str(folder / "films"))
+    assert {file.name for file in folder.iterdir()} == {"oval.toml", "films"}
+    page.click("#save")
+    waited(lambda: (folder / "films" / "stiff one.toml").exists(), True)
+    waited(lambda: "stiff one.toml" in (page.text_content("#command-text") or ""), True)
+    assert page.inner_text("#unsaved") == ""
+    page.fill("#name", "stiff one")
+    page.click("#save")
+    waited(lambda: "Not saved" in page.inner_text("#written"), True)
     shown = deflection(page)
     monkeypatch.chdir(folder)
     command = page.text_content("#command-text")

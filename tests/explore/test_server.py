@@ -193,7 +193,7 @@ def closing(server: Serving, page: str, *frames: bytes) -> int:
     frame(b"{}"), frame(b"[]"), frame(b"1"), said(["slid"]), said(None), said("nothing"),
     said("close"), said("_begin", 0), said("typed", "voltage"), said("slid", "voltage", 3),
     said("slid", "voltage", "3", "4"), said("choose", "0"), said("choose", 0.0),
-    said("choose", True), said("choose", float("nan")), said("write", "file"),
+    said("choose", True), said("choose", float("nan")), said("save", "file"),
     said("typed", "voltage", "9" * 70_000),
     b"\xff\xff\xff\xff", frame(b"x", kind=3), frame(200 * b"x", kind=9), b"\x82\x05hello",
     b"\x81\xff" + b"\x7f" + 7 * b"\xff" + b"mask"])

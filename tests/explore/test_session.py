@@ -488,3 +488,40 @@ def test_each_specimen_begins_as_it_was_read_and_its_sliders_stay_where_they_are
         page.close()
 
     asyncio.run(run())
+
+
+def test_a_film_is_saved_by_name_and_folder_and_never_over_another(
+        tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(latest, "_PRELOADED", [])
+    monkeypatch.chdir(tmp_path)
+    Path("oval.toml").write_text(specimen_toml(), encoding="utf-8")
+    before = Path("oval.toml").read_bytes()
+    subject = replace(read_subject(Path("oval.toml")), rig=Rig(spring=2.0))
+
+    async def run() -> None:
+        page = Page(subject, subject.view(0, 0.0179))
+        page.hear("typed", "stiffness", "1.2")
+        for name, folder, words in (
+                ("oval", ".", "is there already"), ("../up", ".", "must serve as a file name"),
+                ("new", "none", "is no folder"),
+                ("new", "~nobody/x", "is no folder"), ("new", "a\0b", "is no folder"),
+                ("", ".", "name")):
+            page.hear("save", name, folder)
+            assert page.state["written"].startswith("Not saved: ")
+            assert words in page.state["written"]
+        assert [file.name for file in tmp_path.iterdir()] == ["oval.toml"]
+        page.hear("save", "new", str(tmp_path))
+        assert page.state["written"] == f"Saved in {tmp_path}: new.toml, rig-of-new.toml"
+        saved = load_specimen(Path("new.toml"))
+        assert saved == replace(page.view.actuator, name="new")
+        assert Path("new.toml").read_text(encoding="utf-8").startswith("# vhb-4910, its stresses")
+        assert Rig.read("rig-of-new.toml") == subject.rig
+        assert "new.toml" in page.state["command"]
+        assert page.state["unsaved"] == ""
+        page.hear("reset")
+        page.hear("save", "same", ".")
+        assert 'material = "vhb-4910"' in Path("same.toml").read_text(encoding="utf-8")
+        page.close()
+
+    asyncio.run(run())
+    assert Path("oval.toml").read_bytes() == before

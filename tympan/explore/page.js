@@ -2,7 +2,7 @@
 "use strict";
 const part = (id) => document.getElementById(id);
 const state = {};
-let socket, typing = null;
+let socket, typing = null, named = false;
 const say = (...words) => socket.send(JSON.stringify(words));
 const showFilm = filmViewer(document.querySelector(".viewer"));
 
@@ -36,6 +36,8 @@ const SHOWS = {
   chosen: () => showChoice("specimen", state.names.length > 1,
                            state.names.map((name, index) => new Option(name, index)), state.chosen),
   masses: showMasses,
+  target: (name) => { if (!named) part("name").value = name; },  // what is typed stays
+  folder: (path) => { part("folder").value = path; },
 };
 
 function show(parts) {
@@ -109,11 +111,12 @@ function showText({key, unit}) {  // what is being typed stays
 part("specimen").addEventListener("change", (event) => say("choose", Number(event.target.value)));
 part("measured").addEventListener("change", (event) => say("typed", "mass", event.target.value));
 part("reset").addEventListener("click", () => say("reset"));
-part("write").addEventListener("click", () => say("write"));
-part("copy-command").addEventListener("click", () => {
-  say("named");
-  navigator.clipboard.writeText(state.command);
+part("name").addEventListener("input", () => { named = true; });
+part("save").addEventListener("click", () => {
+  named = false;
+  say("save", part("name").value, part("folder").value);
 });
+part("copy-command").addEventListener("click", () => navigator.clipboard.writeText(state.command));
 part("copy-python").addEventListener("click", () => navigator.clipboard.writeText(state.python));
 
 function connect() {

@@ -10,7 +10,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from tympan.explore.copied import command_of, python_of
+from tympan.explore.copied import command_of, python_of, remark
 from tympan.explore.curve import drawn_curve
 from tympan.explore.latest import Answer, Latest, Trouble
 from tympan.explore.numbers import limit_rows, loads_of, result_rows
@@ -25,6 +25,7 @@ from tympan.explore.subject import Subject
 from tympan.explore.view import (
     Control,
     FilmView,
+    as_read,
     changed,
     controls,
 )
@@ -135,8 +136,8 @@ class Page:
         masses = self.subject.masses(number)
         mass = None if masses else self._first.mass
         self.start = self.subject.view(number, mass) if number else self._first
-        self.tell(title=self.subject.name, chosen=number, written="", film=None, curve="", loads="",
-                  numbers=[], limits=[], following=False,
+        self.tell(title=self.subject.name, chosen=number, written="", folder=str(Path.cwd()),
+                  film=None, curve="", loads="", numbers=[], limits=[], following=False,
                   names=[specimen.name for specimen in self.subject.specimens],
                   masses=[f"{mass * 1e3:.6g} g" for mass in masses])
         self._say("")
@@ -254,7 +255,7 @@ class Page:
     def _rest(self) -> None:
         """The controls rest: say how the view is written, and follow its curve."""
         self._resting = None
-        self.tell(busy=self._scenes.busy, python=python_of(self.view))
+        self.tell(busy=self._scenes.busy)
         self._name()
         if self._asked is None or not _same_film(self._asked, self.view):
             self.tell(following=True)
@@ -293,11 +294,18 @@ class Page:
         self._show(self.start)
 
     def _name(self) -> None:
-        """What the file of the view is, or would be; and the command with it."""
+        """Tell a free name to save the view under, and its script and command."""
         target = _free(self.view.specimen.name)
-        file = self._file or target
-        rig = self.subject.rig_file or ("" if self.view.rig == Rig() else f"rig-of-{file}")
-        self.tell(target=target, command=command_of(self.view, file, rig))
+        file = self._file or f"{target}.toml"
+        self.tell(target=target, command=command_of(self.view, file, self._rig_file(file)),
+                  python=python_of(self.view, self._file if _drawn_outlines(self.view) else ""),
+                  unsaved="" if self._file else f"The command reads {file}: save the film first.")
+
+    def _rig_file(self, file: str) -> str:
+        """The file of the rig beside that of a specimen; "" of an ideal rig."""
+        ideal = self.view.rig == Rig()
+        return self.subject.rig_file or (
+            "" if ideal else str(Path(file).with_name(f"rig-of-{Path(file).name}")))
 
     @property
     def _file(self) -> str:
@@ -309,33 +317,37 @@ class Page:
         same = there and actuator == self.subject.specimens[self._number]
         return self.subject.files[self._number] if same else ""
 
-    def _write(self) -> None:
-        """Write the actuator, and the rig where it is in no file, to the current folder."""
-        file = _free(self.view.specimen.name)
+    def _save(self, name: str, folder: str) -> None:
+        """Write the actuator, and the rig where it is in no file; never over another file."""
         try:
-            write_text(Path(file), specimen_to_toml(self.view.actuator))
-            words = file
-            if self.view.rig != Rig() and not self.subject.rig_file:
-                write_text(Path(f"rig-of-{file}"), rig_to_toml(self.view.rig))
-                words += f", rig-of-{file}"
-        except (InputError, OSError) as error:
-            self.tell(written=str(error))
+            named = as_read(replace(self.view.actuator, name=name))
+            place = Path(folder).expanduser()
+            if not place.is_dir():
+                raise InputError("is no folder", key="folder", given=folder)
+            file = f"{name}.toml" if place.samefile(Path.cwd()) else str(place / f"{name}.toml")
+            rig = self._rig_file(file)
+            texts = {file: f"# {remark(self.view)}\n" * bool(remark(self.view))
+                     + specimen_to_toml(named)}
+            if rig and not self.subject.rig_file:
+                texts[rig] = rig_to_toml(self.view.rig)
+            if taken := [path for path in texts if Path(path).exists()]:
+                raise InputError("is there already: choose another name", given=taken[0])
+            for path, text in texts.items():
+                write_text(Path(path), text)
+        except (InputError, OSError, ValueError, RuntimeError) as error:
+            self.tell(written=f"Not saved: {error}")
             return
         self._written = self.view.actuator, file
-        self.tell(written=f"written to {Path.cwd()}: {words}")
+        self.tell(written=f"Saved in {place.absolute()}: "
+                          f"{', '.join(Path(path).name for path in texts)}")
         self._name()
-
-    def _named(self) -> None:
-        """The command is copied: its file must be there."""
-        if not self._file:
-            self._write()
 
 
 def _free(name: str) -> str:
-    """A file of the current folder that is not there yet."""
-    names: Iterator[str] = (f"{name}{end}.toml" for end in
+    """A name under which the current folder has no specimen yet."""
+    names: Iterator[str] = (f"{name}{end}" for end in
                             ("", *(f"-{number}" for number in range(2, 10_000))))
-    return next(file for file in names if not Path(file).exists())
+    return next(name for name in names if not Path(f"{name}.toml").exists())
 
 
 def _same_film(view: FilmView, other: FilmView) -> bool:

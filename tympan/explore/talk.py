@@ -13,8 +13,8 @@ from tympan.explore.page import Page
 
 #: What a browser may say, and what each word after it has to be.
 SAID: dict[str, tuple[type, ...]] = {
-    "slid": (str, str), "typed": (str, str), "choose": (int,), "reset": (), "write": (),
-    "named": ()}
+    "slid": (str, str), "typed": (str, str), "choose": (int,), "reset": (),
+    "save": (str, str)}
 
 
 def checked_message(text: str) -> tuple[str, list[Any]]:

@@ -148,9 +148,7 @@ def changed(view: FilmView, key: str, value: float) -> FilmView:
         When such a film cannot be: as reading it from a file would say.
     """
     if key not in _LOADS:
-        specimen = with_number(view.specimen, key.split("."), value)
-        # As its own file reads, where all limits of its keys are looked at.
-        return replace(view, specimen=load_specimen(Table("", specimen_content(specimen))))
+        return replace(view, specimen=as_read(with_number(view.specimen, key.split("."), value)))
     if key == "stiffness":
         if not 0.01 <= value <= 100:
             raise InputError("must be from 0.01 to 100", key=key, given=f"{value:g}")
@@ -160,6 +158,11 @@ def changed(view: FilmView, key: str, value: float) -> FilmView:
         return replace(view, mass=value)
     checked_load(0.0, value)
     return replace(view, voltage=value)
+
+
+def as_read(specimen: Specimen) -> Specimen:
+    """A specimen as its own file reads, where all limits of its keys are looked at."""
+    return load_specimen(Table("", specimen_content(specimen)))
 
 
 def controls(view: FilmView, most_voltage: float = _VOLTAGE, most_mass: float = 0.0
