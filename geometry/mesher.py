@@ -61,7 +61,7 @@ _CELLS = {1: ("line", "triangle"), 2: ("line3", "triangle6"), 3: ("line4", "tria
 
 @dataclass(frozen=True)
 class MeshSettings:
-    """How finely the film is meshed.
+    """Fineness of the film's mesh.
 
     ``order`` of the curved elements, ``around_plate`` elements around the whole plate; away from
     the plate the element size grows by ``growth`` metres per metre and never exceeds ``across`` of

@@ -125,7 +125,7 @@ class ConstantFlow:
 @takes_units
 @dataclass(frozen=True)
 class Region:
-    """What lies within an outline; ``offset`` of its centre from the frame's [m]."""
+    """Region within an outline; ``offset`` of its centre from the frame's [m]."""
 
     outline: Annotated[Outline, Key("its shape", kinds=OUTLINES, inline=True)]
     offset: Annotated[Pair, Key("of its centre from the frame's", "length")] = (0.0, 0.0)
@@ -258,7 +258,7 @@ class Patch:
 @takes_units
 @dataclass(frozen=True)
 class Electrode:
-    """What conducts on the film: what is between two uncovered bands and within an outline, if any.
+    """Electrode on the film: between two uncovered bands, and within an outline if there is one.
 
     The outline may cross frame and plate, or lie beside the plate.
     """

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from functools import partial, singledispatch
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -55,6 +56,9 @@ _HEIGHT = 75.0
 #: Width of a picture in a file [mm].
 _WIDTH = 100.0
 
+#: Resolution of a picture in a notebook's answer [dpi]; a finer one is `plot()`.
+_SMALL = 100
+
 _SHOWN = 12  #: bars of a chart of sensitivities
 
 
@@ -95,6 +99,20 @@ def plot(result: object, target: Axes | str | os.PathLike[str] | None = None, **
         else:
             write_atomically(file, partial(figure.savefig, dpi=look.DPI))
     return axes
+
+
+def png(result: object) -> bytes | None:
+    """A small picture of a result; None where there is nothing to draw."""
+    with look.figure_style():
+        figure = look.new_figure(_HEIGHT, _WIDTH)
+        try:
+            draw(result, figure.add_subplot())
+        except InputError:
+            return None
+        figure.tight_layout()
+        content = BytesIO()
+        figure.savefig(content, format="png", dpi=_SMALL)
+    return content.getvalue()
 
 
 def _animate(result: object, file: Path) -> None:

@@ -12,6 +12,7 @@ import pandas as pd
 import xarray as xr
 from numpy.typing import NDArray
 
+from tympan.geometry.units import unit_of
 from tympan.studies.alpha import AlphaResult
 from tympan.studies.case import CaseResult
 from tympan.studies.diagnosis.film_fit import FilmFit
@@ -48,6 +49,62 @@ def labelled(values: Mapping[str, NDArray[np.float64]], along: str,
     where = {name: xr.Variable(along, value, {"units": "m"}) for name, value in places.items()}
     return xr.Dataset({name: variable(name, value) for name, value in values.items()},
                       where | {"component": ["x", "y", "z"]})
+
+
+#: Columns that are dimensions, by kind of result: what was varied, or what rows are of.
+_DIMENSIONS: dict[type, tuple[str, ...]] = {
+    AlphaResult: ("radius_m",),
+    BuildResult: ("specimen", "mass_kg", "voltage_V"),
+    CurveResult: ("specimen", "mass", "voltage"),
+    FilmFit: ("constant",),
+    ForceResult: ("voltage_V", "displacement_m"),
+    LimitsResult: ("kind",),
+    ResponseResult: ("frequency_Hz",),
+    SenseResult: ("voltage_V", "displacement_m"),
+    SensitivityResult: ("quantity", "parameter"),
+}
+
+
+def dataset(result: object) -> xr.Dataset:
+    """A result as an xarray dataset with dimensions and units."""
+    if isinstance(result, SweepResult):
+        return result.table
+    if isinstance(result, CaseResult):
+        return _state(result)
+    rows = table(result)
+    keys = [name for name in _DIMENSIONS.get(type(result), ()) if name in rows]
+    found: xr.Dataset = (rows.set_index(keys) if keys and not rows.duplicated(keys).any()
+                         else rows).to_xarray()
+    for name, variable in found.variables.items():
+        variable.attrs |= _units(str(name))
+    return found
+
+
+def _state(result: CaseResult) -> xr.Dataset:
+    """Numbers of one state, and the fields of its film."""
+    film = result.film
+    fields = xr.Dataset() if film is None else labelled(
+        film.values, "point", x=film.mounted[:, 0], y=film.mounted[:, 1])
+    numbers = {name: xr.Variable((), np.nan if value is None else value, _units(name))
+               for name, value in result.json().items() if not isinstance(value, dict | list)}
+    return fields.assign(numbers).assign_attrs(warnings=" | ".join(result.warnings))
+
+
+def _units(name: str) -> dict[str, str]:
+    unit = unit_of(name)
+    return {} if unit is None else {"units": unit}
+
+
+def html(result: object) -> str:
+    """Table of names, values and units; columns of several rows have their unit in their name."""
+    rows, digits = table(result), "{:.6g}".format
+    if len(rows) != 1:
+        return str(rows.to_html(index=False, max_rows=12, border=0, na_rep="",
+                                float_format=digits))
+    row = pd.json_normalize(rows.to_dict("records")).iloc[0].dropna()
+    listed = pd.DataFrame([(name, value, unit_of(str(name)) or "") for name, value in row.items()],
+                          columns=["name", "value", "unit"])
+    return str(listed.to_html(index=False, border=0, float_format=digits))
 
 
 @singledispatch

@@ -73,7 +73,7 @@ Warnings = Annotated[tuple[str, ...], Key("what limits the result, in sentences"
 
 @dataclass(frozen=True)
 class Settings:
-    """How cases are computed: mesh, path, and whether mirror symmetry may be used."""
+    """Settings of a computation: mesh, path, and whether mirror symmetry may be used."""
 
     mesh: MeshSettings = field(default_factory=MeshSettings)
     path: PathSettings = field(default_factory=PathSettings)

@@ -6,6 +6,7 @@ from __future__ import annotations
 import json
 import os
 import pickle
+import re
 import subprocess
 import sys
 from dataclasses import asdict, replace
@@ -497,3 +498,24 @@ def test_options_are_those_of_the_commands(tmp_path: Path,
     assert inp.suffix == ".inp"
     found.save(tmp_path / "solved")
     assert [file.suffix for file in tympan.report(tmp_path / "solved")]
+
+
+def test_notebooks_and_datasets_have_units(solved: tympan.Result[CaseResult]) -> None:
+    shown = solved._repr_html_()
+    cells = re.sub(r"\s+", "", shown)
+    assert f"<td>deflection_m</td><td>{solved.deflection_m:.6g}</td><td>m</td>" in cells
+    assert "data:image/png;base64" in shown
+    state = solved.to_xarray()
+    assert state["deflection_m"].attrs["units"] == "m"
+    assert state["stress_1"].dims == ("point",)
+    pushed = tympan.force(circular(), to="2 mm", voltages=["0 kV", "2 kV"], points=3,
+                          settings=COARSE)
+    curves = pushed.to_xarray()
+    assert dict(curves.sizes) == {"voltage_V": 2, "displacement_m": 3}
+    assert curves["force_N"].attrs["units"] == "N"
+    assert curves["voltage_V"].attrs["units"] == "V"
+    for voltage, curve in zip((0.0, 2e3), pushed.curves, strict=True):
+        assert curves["force_N"].sel(voltage_V=voltage).values == pytest.approx(curve.force_N)
+    assert "<th>displacement_m</th>" in pushed._repr_html_()
+    linear = tympan.sensitivity(circular(), "heave", settings=COARSE, mass="17.9 g").to_xarray()
+    assert set(linear.dims) == {"quantity", "parameter"}

@@ -156,7 +156,7 @@ def solve(specimen: Specimen, settings: Settings = Settings(), *,
 @one_thread()
 def limits(specimen: Specimen, settings: Settings = Settings(), **loads: Unpack[Loads]
            ) -> Result[LimitsResult]:
-    """How far the voltage can be raised: loss of tension, breakdown, instability, pull-in.
+    """Limits of the voltage: loss of tension, breakdown, instability, pull-in.
 
     ``result.limits.limit`` is the first of them, with ``kind`` and ``voltage_V``. A mass that is
     left out suits the film.
@@ -384,7 +384,7 @@ def study(file: File | None = None) -> Result[StudyResult]:
 
 @names_arguments()
 def data(dataset: File) -> dict[str, Any]:
-    """What is in a dataset, and what to beware of, as ``tympan data --json`` prints it."""
+    """Contents of a dataset, and what to beware of, as ``tympan data --json`` prints it."""
     from tympan.studies.data.checks import summary
     from tympan.studies.data.dataset import read_dataset
 

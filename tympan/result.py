@@ -63,15 +63,19 @@ class Result(Generic[Numbers]):
         return plot(self.numbers, target, **choices)
 
     def _repr_html_(self) -> str:
-        """Table of the result for a notebook, cut where it is long; a single row goes down."""
-        from pandas import json_normalize
+        """Table of names, values and units for a notebook, with the picture where there is one.
 
-        table, digits = self.to_pandas(), "{:.6g}".format
-        if len(table) != 1:
-            return str(table.to_html(index=False, max_rows=12, border=0, na_rep="",
-                                     float_format=digits))
-        row = json_normalize(table.to_dict("records")).iloc[0].dropna()
-        return str(row.to_frame().to_html(header=False, border=0, float_format=digits))
+        A long table is cut; a single row goes down.
+        """
+        from base64 import b64encode
+
+        from tympan.reports.plots import png
+        from tympan.reports.tables import html
+
+        drawn = png(self.numbers)
+        picture = "" if drawn is None else (
+            f'<img src="data:image/png;base64,{b64encode(drawn).decode()}" alt="">')
+        return html(self.numbers) + picture
 
     def save(self, target: str | os.PathLike[str]) -> Path:
         """Write what the command writes into a folder; into NAME.json or NAME.csv numbers alone.
@@ -162,6 +166,11 @@ class Result(Generic[Numbers]):
         return film
 
     def to_xarray(self) -> xr.Dataset:
-        """The same as an xarray dataset; a sweep's has specimen, mass and voltage as dimensions."""
-        grid: xr.Dataset | None = getattr(self.numbers, "table", None)
-        return self.to_pandas().to_xarray() if grid is None else grid
+        """The same as an xarray dataset, with dimensions and units.
+
+        The dimensions are what was varied: of a sweep specimen, mass and voltage, of a force curve
+        voltage and displacement. One state has numbers, and its fields by ``point``.
+        """
+        from tympan.reports.tables import dataset
+
+        return dataset(self.numbers)
