@@ -11,12 +11,12 @@ OUT ?= out
 study: .venv/ready
 	.venv/bin/tympan study -o "$(OUT)"
 
-# Style, types, imports and every command once: what one runs before a commit.
+# Style, types, imports, readability and every command once: what one runs before a commit.
 check: .venv/dev
 	.venv/bin/ruff check .
 	.venv/bin/mypy
 	.venv/bin/lint-imports
-	OPENBLAS_NUM_THREADS=1 .venv/bin/python -m pytest -n 2 -q -m smoke tests/commands/test_smoke.py
+	OPENBLAS_NUM_THREADS=1 .venv/bin/python -m pytest -n 2 -q -m "not study" tests/commands/test_smoke.py tests/test_readability.py
 
 test: .venv/dev
 	OPENBLAS_NUM_THREADS=1 .venv/bin/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder --durations=50

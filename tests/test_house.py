@@ -12,8 +12,6 @@ from pathlib import Path
 
 import pytest
 
-from tests.support.sentences import mean_length, sentences
-
 ROOT = Path(__file__).parent.parent
 PRODUCT = ("geometry", "fem", "studies", "reports", "tympan")
 LINT = "from importlinter.cli import lint_imports_command; lint_imports_command()"
@@ -170,32 +168,3 @@ def test_a_docstring_begins_with_a_phrase_that_stands_alone() -> None:
     assert not [f"{file.relative_to(ROOT)}: {said.strip()}" for folder in PRODUCT
                 for file in sorted((ROOT / folder).rglob("*.py"))
                 for said in DANGLING.findall(file.read_text(encoding="utf-8"))]
-
-
-#: Words in a sentence of a page, on average: what is read once, quickly, at a bench.
-MEAN_WORDS = 20.0
-#: Pages whose sentences are longer, and how long at most; none is added and no number grows.
-LONGER = {
-    "docs/external.md": 20.5,
-    "docs/hidden-effects.md": 21.8,
-    "docs/lumped-build.md": 20.8,
-    "docs/paper-in-time.md": 22.5,
-    "docs/paper.md": 24.4,
-}
-
-
-def test_sentences_are_told_apart() -> None:
-    page = ("# A heading\n\nThe film sinks by 2.5 mm. A `tympan solve` says so:\n\n    no prose\n"
-            "\n| no | prose |\n\n- One [item of a list](link.md)\n- Ok\n")
-    assert list(map(len, sentences(page))) == [6, 4, 5]
-    assert mean_length(page) == pytest.approx(5)
-
-
-def test_sentences_of_pages_are_short() -> None:
-    pages = [ROOT / "README.md", *(page for page in sorted((ROOT / "docs").rglob("*.md"))
-                                   if "tutorials" not in page.parts and page.name != "commands.md")]
-    means = {str(page.relative_to(ROOT)): mean_length(page.read_text(encoding="utf-8"))
-             for page in pages}
-    assert not [f"{page}: {words:.1f} words a sentence, more than {LONGER.get(page, MEAN_WORDS)}"
-                for page, words in means.items() if words > LONGER.get(page, MEAN_WORDS)]
-    assert not LONGER.keys() - means.keys()
