@@ -616,17 +616,23 @@ def field_warnings(fields: Fields, loss: LostTension, film: Film | None,
         warnings.append(f"the film loses tension and wrinkles{over}, most at "
                         f"{place_text(float(x), float(y))}")
     weakest = int(np.argmax(fields.breakdown_share))
-    share = fields.breakdown_share[weakest]
-    if share * LEAST_MARGIN >= 1:
-        x, y, _ = fields.position[weakest]
-        field_MV_per_m = fields.electric_field[weakest] / 1e6
-        strength_MV_per_m = fields.breakdown_strength[weakest] / 1e6
-        what = "would break down" if share > 1 else f"is near breakdown (margin {1 / share:.2f})"
-        warnings.append(f"the film {what} at {place_text(float(x), float(y))}: field "
-                        f"{field_MV_per_m:.3g} of {strength_MV_per_m:.3g} MV/m")
+    x, y, _ = fields.position[weakest]
+    warnings += breakdown_warning(
+        fields.breakdown_share[weakest], fields.electric_field[weakest],
+        fields.breakdown_strength[weakest], float(x), float(y))
     if film is None:
         return warnings
     return warnings + failures(film, fields.position, fields.stretch_1, fields.stretch_2)
+
+
+def breakdown_warning(share: float, electric: float, strength: float, x: float, y: float
+                      ) -> list[str]:
+    """Warning of a field [V/m] that is a large share of the film's strength, at a place [m]."""
+    if not share * LEAST_MARGIN >= 1:
+        return []
+    what = "would break down" if share > 1 else f"is near breakdown (margin {1 / share:.2f})"
+    return [f"the film {what} at {place_text(x, y)}: field {electric / 1e6:.3g} of "
+            f"{strength / 1e6:.3g} MV/m"]
 
 
 def failure_reason(outcome: Outcome) -> str:

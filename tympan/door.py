@@ -349,8 +349,12 @@ def alpha(specimen: Specimen, alpha_settings: AlphaSettings | None = None,
 @one_thread()
 def sweep(file: File, folder: File | None = None, workers: int = 1,
           settings: Settings = Settings(), at: float | str | None = None, *,
-          scheduler: str | None = None, wait: float | str = 60.0) -> Result[SweepResult]:
+          scheduler: str | None = None, wait: float | str = 60.0, exact: bool = False
+          ) -> Result[SweepResult]:
     """All cases of SWEEP.toml; what a ``folder`` holds already is not solved again.
+
+    Many specimens that differ in numbers alone are solved by a reduced film, with its error in each
+    row; ``exact``: all by finite elements.
 
     Its maps, and ``result.best("stroke", under="max_true_stress < 131 kPa")``, compare films ``at``
     one of its voltages, the highest where it is left out. With more than one worker the calling
@@ -364,7 +368,7 @@ def sweep(file: File, folder: File | None = None, workers: int = 1,
     from tympan.studies.sweep.plan import read_sweep
     from tympan.studies.sweep.run import run_sweep
 
-    planned = read_sweep(Path(file), settings)
+    planned = read_sweep(Path(file), settings, exact)
     planned = planned if at is None else planned.compared_at(at)
     pool = serial if workers == 1 else partial(processes, workers=workers)
     if scheduler is not None:

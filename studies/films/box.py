@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tympan.fem.film.laws.stiffened import scaled
 from tympan.geometry.errors import InputError
 from tympan.geometry.fields import field_at
-from tympan.geometry.paths import at, numbers, with_arrays, with_number
+from tympan.geometry.paths import at, numbers, with_arrays
 from tympan.geometry.specimen import Specimen
 
 Array = NDArray[Any]
@@ -92,14 +91,10 @@ class Box:
 
     def member(self, row: Array) -> Specimen:
         """The specimen with these parameters; an :class:`InputError` if it cannot be built."""
-        specimen = self.specimen
-        for name, value in zip(self.names, row.tolist(), strict=True):
-            if name == STIFFNESS:
-                law = scaled(specimen.membrane.material, value)
-                specimen = with_number(specimen, _LAW.split("."), law)
-            else:
-                specimen = with_number(specimen, name.split("."), value)
-        return specimen
+        numbers = {path: column.item() for path, column in self.columns(row[None]).items()}
+        # Checked once, as a whole.
+        made: Specimen = replace(with_arrays(self.specimen, numbers))
+        return made
 
     def columns(self, rows: Array) -> dict[str, Array]:
         """The numbers of the specimen, by path, in which films differ, (films,) each."""

@@ -100,7 +100,9 @@ class FamilyStates:
     ``deflection`` of the plate, the ``force`` that the film carries, ``capacitance``, ``energy`` of
     the film, ``stiffness`` of film and spring against the plate; ``error`` of the deflection, which
     it exceeds in some 1 of 40 films; the largest ``stretch``, true ``stress``, ``electric`` field
-    and share of the strength at ``breakdown``, the least ``tension``. nan where the family
+    and share of the strength at ``breakdown``, with the place in the mounted film, (films, states,
+    2), field and strength there (``weakest``), the least ``tension``, the plate's ``tilt``;
+    whether the film is ``sound``: firm in itself, its law within its range. nan where the family
     ``holds`` no state: outside its box or loads, without a stable equilibrium, or no longer in
     tension everywhere. Finite elements then say what is there. ``q``: the shapes' amplitudes,
     (films, states, shapes).
@@ -117,12 +119,13 @@ class FamilyStates:
     tension: Array
     electric: Array
     breakdown: Array
+    weakest: Array
+    weakest_field: Array
+    weakest_strength: Array
+    tilt: Array
+    sound: NDArray[np.bool_]
     holds: NDArray[np.bool_]
     q: Array
-
-
-#: The arrays of films and states.
-_NAMES = tuple(item.name for item in fields(FamilyStates) if item.name != "q")
 
 
 @dataclass(frozen=True, eq=False)
@@ -341,13 +344,25 @@ class FilmFamily:
         error = np.full(len(q), np.nan)
         if check:
             error = self._error(films, number, q, force, squared, balance.stiffness, shape)
-        arrays: tuple[Array, ...] = (q[:, 0], carried, capacitance, energy,
-                  np.where(holds, balance.stiffness, np.nan), error,
-                  *(np.where(holds, value, np.nan) for value in (
-                      extremes.stretch, extremes.stress, extremes.tension, extremes.electric,
-                      extremes.share)), holds)
-        named = dict(zip(_NAMES, (value.reshape(shape) for value in arrays), strict=True))
-        return FamilyStates(**named, q=q.reshape(*shape, -1))
+        place = self.places.at(films.nodes)[number, extremes.weakest]
+        values = {"deflection": q[:, 0], "force": carried, "capacitance": capacitance,
+                  "energy": energy, "stiffness": balance.stiffness, "error": error,
+                  "stretch": extremes.stretch, "stress": extremes.stress,
+                  "tension": extremes.tension, "electric": extremes.electric,
+                  "breakdown": extremes.share, "weakest_field": extremes.weakest_field,
+                  "weakest_strength": extremes.weakest_strength, "tilt": self._tilt(q)}
+        masked = {name: np.where(holds, value, np.nan).reshape(shape)
+                  for name, value in values.items()}
+        return FamilyStates(**masked, weakest=place.reshape(*shape, 2), holds=holds.reshape(shape),
+                            sound=extremes.sound.reshape(shape), q=q.reshape(*shape, -1))
+
+    def _tilt(self, q: Array) -> Array:
+        """Tilts of the plates [rad]."""
+        turns = np.array([plate_freedoms(self.ground.model, shape)[3:5]
+                          for shape in self.reduction.shapes])
+        if self.ground.model.discretisation.planes == {"x", "y"}:
+            return np.zeros(len(q))
+        return np.asarray(np.arcsin(np.minimum(np.hypot(*(q @ turns).T), 1.0)))
 
     def _loads_within(self, force: Array, voltage: Array) -> NDArray[np.bool_]:
         return np.asarray((force >= self.force[0] - 1e-9) & (force <= self.force[1] + 1e-9)

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tympan.fem.film.admissibility import lawful, strong_ellipticity
 from tympan.fem.film.density import FilmDensity, maxwell, plane_stress
 from tympan.geometry.paths import with_arrays
 from tympan.geometry.specimen import Specimen
@@ -236,28 +237,36 @@ class Films:
 
     def extremes(self, at: FilmsAt, films: Numbers, q: Array, squared: Array) -> Extremes:
         """What is largest or smallest of states at points; nan of states that are none."""
-        values, weakest = np.full((5, len(q)), np.nan), np.zeros(len(q), dtype=np.int64)
+        values, weakest = np.full((7, len(q)), np.nan), np.zeros(len(q), dtype=np.int64)
+        sure = np.zeros(len(q), dtype=bool)
         sound, sites = np.flatnonzero(np.isfinite(q).all(1)), at.shapes.sites
         for part in self.parts(sound, len(sites.cells)):
             some = sound[part]
             here = self.local(at, films[some], q[some], squared[some])
-            values[:, some] = here.extremes
             weakest[some] = here.share.argmax(1)
-        stretch, stress, tension, electric, share = values
-        return Extremes(stretch, stress, tension, electric, share, weakest)
+            rows = np.arange(len(some)), weakest[some]
+            values[:, some] = [here.stretch_1.max(1), here.stress_1.max(1), here.stress_2.min(1),
+                               here.electric.max(1), here.share[rows], here.electric[rows],
+                               here.strength[rows]]
+            sure[some] = here.sound.all(1)
+        stretch, stress, tension, electric, share, *there = values
+        return Extremes(stretch, stress, tension, electric, share, there[0], there[1], weakest,
+                        sure)
 
     def local(self, at: FilmsAt, films: Numbers, q: Array, squared: Array) -> Local:
         """Stretches, stresses and fields of states at points."""
         covered = at.shapes.sites.covered
         strained, film = self.strain(at, films, q), self.some(films).membrane
         first, second = strained.stretches
-        _, w1, w2, *_ = self.density(films, squared, covered).material.derivatives(first, second)
+        whole = self.density(films, squared, covered).material.derivatives(first, second)
+        sound = (strong_ellipticity(first, second, whole) > 0) & lawful(film, first, second)
+        _, w1, w2, *_ = whole
         thickness = film.thickness / (first * second)
         electric = covered * np.sqrt(squared)[:, None] / thickness
-        share: Array = np.zeros_like(electric)
+        strength = np.full_like(electric, np.inf)
         if film.strength is not None:
-            share = electric / film.strength.field(first, second, thickness)
-        return Local(first, second, first * w1, second * w2, electric, share)
+            strength[:] = film.strength.field(first, second, thickness)
+        return Local(first, second, first * w1, second * w2, electric, strength, sound)
 
     def balanced(self, films: Numbers, force: Array, squared: Array, guess: Array,
                  held: bool = False) -> Balance:
@@ -328,9 +337,9 @@ class Films:
 
 @dataclass(frozen=True, eq=False)
 class Local:
-    """Principal stretches, true stresses [Pa], field [V/m], its share of the strength, at points.
+    """Principal stretches, true stresses [Pa], field and the film's strength [V/m] at points.
 
-    Shape (states, points).
+    And whether the film is firm there and its law holds; all of shape (states, points).
     """
 
     stretch_1: Array
@@ -338,21 +347,22 @@ class Local:
     stress_1: Array
     stress_2: Array
     electric: Array
-    share: Array
+    strength: Array
+    sound: NDArray[np.bool_]
 
     @property
-    def extremes(self) -> Array:
-        """Those of :class:`Extremes`, shape (5, states)."""
-        return np.array([self.stretch_1.max(1), self.stress_1.max(1), self.stress_2.min(1),
-                         self.electric.max(1), self.share.max(1)])
+    def share(self) -> Array:
+        """Field over strength."""
+        return self.electric / self.strength
 
 
 @dataclass(frozen=True, eq=False)
 class Extremes:
     """The largest stretch and true stress [Pa], the least tension [Pa], the largest field [V/m].
 
-    And its largest share of the film's strength, with the number of the point where that is; all
-    of shape (states,).
+    And the largest share of the film's strength, with field and strength there [V/m], and the
+    point's number; whether the film is firm at all points and its law holds. All of shape
+    (states,).
     """
 
     stretch: Array
@@ -360,7 +370,10 @@ class Extremes:
     tension: Array
     electric: Array
     share: Array
+    weakest_field: Array
+    weakest_strength: Array
     weakest: Numbers
+    sound: NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)

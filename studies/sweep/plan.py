@@ -25,6 +25,7 @@ from tympan.geometry.units import DIMENSIONS, any_quantity, quantity
 from tympan.studies.alpha import AlphaSettings
 from tympan.studies.case import Case, Settings
 from tympan.studies.sweep.asked import QUANTITIES, Ask
+from tympan.studies.sweep.reduced import in_families
 from tympan.studies.sweep.task import SweepTask, solver
 
 #: Raw TOML values by dotted key: what one specimen of a sweep differs in.
@@ -107,8 +108,11 @@ class Sweep:
         return sum(len(entry.masses) * len(entry.voltages) for entry in self.entries)
 
 
-def read_sweep(file: Path, settings: Settings = Settings()) -> Sweep:
+def read_sweep(file: Path, settings: Settings = Settings(), exact: bool = False) -> Sweep:
     """The sweep of a file; files it names lie beside it.
+
+    Many specimens that differ in numbers alone are left to a reduced film of them all, unless they
+    are to be ``exact``.
 
     Unknown keys, wrong units and values out of range, of the sweep and of all its specimens, are
     errors; a combination of allowed values that cannot be built is an entry without a task instead,
@@ -165,6 +169,10 @@ def read_sweep(file: Path, settings: Settings = Settings()) -> Sweep:
     if all(entry.task is None for entry in entries):
         raise InputError(f"none of the specimens can be built; the first one: {entries[0].reason}",
                          file=file)
+    if not exact:
+        related = in_families([entry.task for entry in entries])
+        entries = tuple(replace(entry, task=task)
+                        for entry, task in zip(entries, related, strict=True))
     return Sweep(entries, file_text(file), grid, ask, figures)
 
 

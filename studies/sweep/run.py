@@ -24,15 +24,22 @@ from tympan.studies.files import (
 from tympan.studies.parallel import NoValue
 from tympan.studies.sweep.best import Best, best
 from tympan.studies.sweep.plan import Sweep
+from tympan.studies.sweep.reduced import Batch, batches
 from tympan.studies.sweep.table import dataset, read_table, write_tables
-from tympan.studies.sweep.task import SweepTask, TaskResult, solver, without_result
+from tympan.studies.sweep.task import (
+    BY_ELEMENTS,
+    SweepTask,
+    TaskResult,
+    solver,
+    without_result,
+)
 
 if TYPE_CHECKING:
     import xarray as xr
 
-#: Runs a function of tasks, by id, in any order.
-Pool = Callable[[Callable[[SweepTask], TaskResult], Mapping[str, SweepTask]],
-                Iterator[tuple[str, TaskResult | NoValue]]]
+#: Runs a function of batches of tasks, by id, in any order.
+Pool = Callable[[Callable[[Batch], dict[str, TaskResult]], Mapping[str, Batch]],
+                Iterator[tuple[str, dict[str, TaskResult] | NoValue]]]
 
 #: Called with the number of cases that are ready and of those that were so from the start.
 Progress = Callable[[int, int], None]
@@ -134,7 +141,9 @@ class Checkpoint:
             return None
         try:
             content = json.loads(body)
-            result = TaskResult(content["rows"], content.get("answers", {}), content["wall_s"])
+            rows = [{"by": BY_ELEMENTS, "deflection_error_m": None} | row
+                    for row in content["rows"]]  # what was kept before there were others
+            result = TaskResult(rows, content.get("answers", {}), content["wall_s"])
             whole = (content["task"] == task.id and result.answers_all(task)
                      and all(fields_file(self.folder, case_id).exists()
                              for case_id in content["fields"]))
@@ -186,19 +195,21 @@ def run_sweep(sweep: Sweep, folder: Path, pool: Pool,
     def so_far() -> SweepResult:
         return _result(sweep, results, done - kept, kept)
 
-    for task_id, answer in pool(methodcaller("run"), missing):
-        task = tasks[task_id]
-        if isinstance(answer, NoValue):  # not kept: another run may have more luck
-            answer = without_result(task.ids, task.ask, task.loads, answer.reason)
-        else:
-            checkpoint.put(task, answer)
-        results[task_id] = answer
-        done += len(answer.rows)
+    together = batches(missing)
+    for first, answer in pool(methodcaller("run"), together):
+        for task in together[first].tasks:
+            if isinstance(answer, NoValue):  # not kept: another run may have more luck
+                result = without_result(task.ids, task.ask, task.loads, answer.reason)
+            else:
+                result = answer[task.id]
+                checkpoint.put(task, result)
+            results[task.id] = result
+            done += len(result.rows)
         progress(done, kept)
         watch(so_far)
-    result = so_far()
-    result.save(folder)
-    return result
+    whole = so_far()
+    whole.save(folder)
+    return whole
 
 
 def unsolved(sweep: Sweep) -> SweepResult:

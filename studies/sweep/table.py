@@ -74,7 +74,8 @@ def dataset(sweep: Sweep, results: Mapping[str, TaskResult]) -> xr.Dataset:
         return names, _column(values).reshape(shape)
 
     data = {name: variable(axes, [row[name] for result in kept for row in result.rows])
-            for name in ("id", *COLUMNS)}
+            for name in ("id", *COLUMNS) if name != "by"}
+    data["by"] = variable(axes, [row["by"] or "" for result in kept for row in result.rows])
     for name in sweep.ask.names:
         quantity = QUANTITIES[name]
         records = [record for result in kept for record in result.answers[name]]

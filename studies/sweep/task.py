@@ -83,8 +83,9 @@ class SweepTask:
     """A specimen on a rig, its masses [kg] and voltages [V], ascending, and what else is asked.
 
     ``fields``: keep those of all equilibria; ``figures``: keep what a picture of the first case
-    needs. ``solver`` is who is to solve it: results of different versions must not meet in one
-    table.
+    needs. ``family`` is the id of the family of films whose reduced film may solve it, ``kin`` that
+    family; without, all is by finite elements. ``solver`` is who is to solve it: results of
+    different versions must not meet in one table.
     """
 
     specimen: Specimen
@@ -96,6 +97,8 @@ class SweepTask:
     solver: str
     figures: bool = False
     ask: Ask = field(default_factory=Ask)
+    family: str = ""
+    kin: Any = field(default=None, compare=False, repr=False)
 
     @cached_property
     def ids(self) -> tuple[str, ...]:
@@ -107,16 +110,17 @@ class SweepTask:
         content["membrane"]["material"] = _constants(self.specimen.membrane.material)
         if self.specimen.membrane.law_range is not None:  # of which results warn
             content["membrane"]["law_range"] = self.specimen.membrane.law_range
-        head = _hash({"specimen": {**content, "name": "any"}, "rig": self.rig.record(),
-                      "settings": asdict(self.settings), "solver": self.solver})
-        return tuple(_hash([head, mass, voltage]) for mass in self.masses
+        head = digest_of({"specimen": {**content, "name": "any"}, "rig": self.rig.record(),
+                      "settings": asdict(self.settings), "solver": self.solver}
+                     | ({"family": self.family} if self.family else {}))
+        return tuple(digest_of([head, mass, voltage]) for mass in self.masses
                      for voltage in self.voltages)
 
     @cached_property
     def id(self) -> str:
         """The hash of its cases and of what is kept of them."""
         more = [self.figures, asdict(self.ask)] if self.figures or self.ask.names else []
-        return _hash([*self.ids, self.fields, *more])
+        return digest_of([*self.ids, self.fields, *more])
 
     @property
     def loads(self) -> dict[str, int]:
@@ -142,7 +146,8 @@ class SweepTask:
         solved = solve_grid(model, self.masses, self.voltages, self.rig, self.settings.path)
         for number, (case_id, (result, outcome)) in enumerate(zip(self.ids, solved, strict=True)):
             record = result.json()
-            solution.rows.append({"id": case_id} | {name: record[name] for name in COLUMNS})
+            solution.rows.append({"id": case_id, "by": BY_ELEMENTS, "deflection_error_m": None}
+                                 | {name: record[name] for name in _OF_CASE})
             asked = SolvedCase(Case(self.specimen, mass=result.mass_kg, voltage=result.voltage_V,
                                rig=self.rig), self.settings, model, outcome, self.ask.circles)
             for name, records in solution.answers.items():
@@ -160,7 +165,7 @@ class SweepTask:
 def _of_its_kind(record: Mapping[str, Any]) -> bool:
     """Whether a record has numbers, or none, beside its id, its status and texts of warnings."""
     return all(all(isinstance(text, str) for text in value) if name == "warnings"
-               else isinstance(value, str) if name in ("id", "status")
+               else isinstance(value, str) if name in ("id", "status", "by")
                else value is None or isinstance(value, int | float)
                for name, value in record.items())
 
@@ -169,7 +174,7 @@ def without_result(ids: Sequence[str], ask: Ask, loads: Mapping[str, int], reaso
                    status: str = FAILED) -> TaskResult:
     """Rows of cases, by id, and answers that say why there is no result."""
     rows: list[Row] = [{**dict.fromkeys(COLUMNS), "id": case_id, "status": status,
-                        "warnings": [reason]} for case_id in ids]
+                        "by": "", "warnings": [reason]} for case_id in ids]
     answers = {name: [{"warnings": [reason]}] * (len(ids) // QUANTITIES[name].every(loads))
                for name in ask.names}
     return TaskResult(rows, answers)
@@ -184,13 +189,22 @@ def _constants(law: Any) -> Any:
     return {"law": law.law, **{name: _constants(part) for name, part in vars(law).items()}}
 
 
-def _hash(value: Any) -> str:
+def digest_of(value: Any) -> str:
+    """Hash of what JSON can hold."""
     text = json.dumps(value, sort_keys=True, default=str)
     return hashlib.sha256(text.encode()).hexdigest()[:24]
 
 
 #: Columns of a result beside the inputs: those of ``solve --json`` that do not depend on the clock.
-COLUMNS: tuple[str, ...] = tuple(
+_OF_CASE: tuple[str, ...] = tuple(
     item.name for item in fields(CaseResult)
     if item.name not in ("specimen", "mass_kg", "voltage_V", "stroke_m", "wall_s", "film", "limits",
                          "limit", "equilibria"))
+
+#: With what a row is by, and the estimated error of its deflection where that is a reduced film's.
+COLUMNS: tuple[str, ...] = (*_OF_CASE, "by", "deflection_error_m")
+
+#: A row by finite elements.
+BY_ELEMENTS = "finite elements"
+#: A row by a reduced film.
+BY_REDUCED = "reduced"

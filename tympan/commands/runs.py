@@ -61,6 +61,9 @@ def study(options: argparse.Namespace) -> None:
          argument("--under", metavar="CONDITION", action="append", default=[],
                   help='that they keep at every voltage up to that, such as "max_true_stress < '
                        '131 kPa, breakdown_margin > 1.5"'),
+         argument("--exact", action="store_true",
+                  help="solve every row by finite elements; without, many specimens that differ in "
+                       "numbers alone are solved by a reduced film, its error in each row"),
          argument("--wait", metavar="TIME", default="60 s",
                   help="for a worker of the cluster where there is none"), JSON, MESH,
          example="SWEEP.toml -o sweep")
@@ -77,7 +80,7 @@ def sweep(options: argparse.Namespace) -> None:
     wait = parse_quantity(options.wait, "time", "--wait")
     if wait < 0:
         raise InputError("must not be negative", key="--wait", given=options.wait)
-    planned = read_sweep(options.file, read_settings(options))
+    planned = read_sweep(options.file, read_settings(options), options.exact)
     if options.under and options.best is None:
         raise InputError("needs --best: conditions on the best cases", key="--under",
                          given=", ".join(options.under))

@@ -1,0 +1,116 @@
+"""Sweeps by a reduced film: against finite elements, gone on with, and when it is not asked."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from tympan.studies.parallel import serial
+from tympan.studies.sweep.plan import Sweep, read_sweep
+from tympan.studies.sweep.reduced import EXACT
+from tympan.studies.sweep.run import run_sweep
+
+SPECIMEN = """name = "oval"
+[frame]
+shape = "ellipse"
+semi_axes = ["6 cm", "4.5 cm"]
+[plate]
+shape = "circle"
+radius = "1 cm"
+[membrane]
+thickness = "1 mm"
+prestretch = [2.2360679775, 2.2360679775]
+relative_permittivity = 4.7
+material = "vhb-4910"
+"""
+
+SWEEP = """specimen = "oval.toml"
+mass = ["17.9 g", "22.45 g"]
+voltage = {{ from = "0 kV", to = "{highest} kV", count = 11 }}
+[sample]
+method = "sobol"
+count = {count}
+[sample.ranges]
+"frame.semi_axes.0" = ["4.5 cm", "7.5 cm"]
+"plate.radius" = ["8 mm", "15 mm"]
+"membrane.thickness" = ["0.9 mm", "1.1 mm"]
+"""
+
+#: Specimens that are solved by finite elements, too.
+SOME = slice(None, None, 12)
+
+
+def planned(folder: Path, count: int = 110, highest: float = 7.0, exact: bool = False) -> Sweep:
+    folder.joinpath("oval.toml").write_text(SPECIMEN)
+    folder.joinpath("SWEEP.toml").write_text(SWEEP.format(count=count, highest=highest))
+    return read_sweep(folder / "SWEEP.toml", exact=exact)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder of a finished sweep, in "out"."""
+    folder = tmp_path_factory.mktemp("reduced")
+    run_sweep(planned(folder), folder / "out", serial)
+    return folder
+
+
+def table(folder: Path) -> xr.Dataset:
+    return xr.load_dataset(folder / "sweep.nc", engine="h5netcdf")
+
+
+def test_a_reduced_table_is_that_of_finite_elements(folder: Path) -> None:
+    plan = planned(folder, exact=True)
+    exact = run_sweep(replace(plan, entries=plan.entries[SOME]), folder / "exact", serial).table
+    assert (exact["by"] == "finite elements").all()
+    assert exact["deflection_error_m"].isnull().all()
+    near = table(folder / "out").isel(specimen=SOME)
+    reduced = near["by"].values == "reduced"
+    assert reduced.mean() > 0.9
+    assert (near["status"].values == exact["status"].values).all()
+    assert (near["warnings"].values == exact["warnings"].values).all()
+    off = np.abs(near["deflection_m"] - exact["deflection_m"]).values
+    assert np.nanmax(off / exact["deflection_m"].values) < EXACT
+    assert (off[reduced] <= near["deflection_error_m"].values[reduced]).mean() >= 0.95
+    for name, most in (("capacitance_F", 2e-5), ("reaction_N", 1e-6), ("energy_J", 2e-5),
+                       ("max_stretch", 5e-3), ("max_true_stress_Pa", 1e-2),
+                       ("max_field_V_per_m", 5e-3), ("breakdown_margin", 5e-3)):
+        np.testing.assert_allclose(near[name], exact[name], rtol=most, err_msg=name)
+
+
+def test_what_is_missing_is_solved_with_the_same_numbers(folder: Path) -> None:
+    before = table(folder / "out")
+    files = sorted((folder / "out" / "tasks").rglob("*.json"))
+    for file in files[::3]:
+        file.unlink()
+    again = run_sweep(planned(folder), folder / "out", serial)
+    assert again.solved == 22 * len(files[::3])
+    for name in before.data_vars:
+        if before[name].dtype.kind == "f":
+            np.testing.assert_allclose(again.table[name], before[name], rtol=1e-9, err_msg=name)
+        else:
+            assert (again.table[name].values == before[name].values).all()
+
+
+def test_rows_beyond_pull_in_are_those_of_finite_elements(tmp_path: Path) -> None:
+    plan = planned(tmp_path, highest=11.0)
+    part = replace(plan, entries=plan.entries[:3])
+    result = run_sweep(part, tmp_path / "out", serial).table
+    missing = result["status"] != "equilibrium"
+    assert missing.any()
+    assert (result["by"].where(missing, "finite elements") == "finite elements").all()
+    exact = planned(tmp_path, highest=11.0, exact=True)
+    known = run_sweep(replace(exact, entries=exact.entries[:3]), tmp_path / "exact", serial).table
+    assert (known["status"].values == result["status"].values).all()
+    np.testing.assert_allclose(result["deflection_m"], known["deflection_m"], rtol=EXACT)
+
+
+def test_few_specimens_and_exact_ones_keep_the_ids_of_finite_elements(tmp_path: Path) -> None:
+    few, exact, many = (planned(tmp_path, *arguments) for arguments in
+                        ((20,), (110, 7.0, True), (110,)))
+    ids = [[entry.task.id for entry in plan.entries if entry.task] for plan in (few, exact, many)]
+    assert ids[0] == ids[1][:20]
+    assert not set(ids[1]) & set(ids[2])
