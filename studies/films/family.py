@@ -78,6 +78,11 @@ _RATE = 0.3
 _STEPS = 4
 
 
+#: Halvings of the range of U² in which a limit is looked for: voltages to some 1e-4.
+_HALVINGS = 14
+#: Relative difference of voltages that are the same as far as these halvings tell.
+_SAME = 1e-3
+
 #: Films that are computed together: their quadrature points take some 100 MB.
 _BLOCK = 500
 
@@ -355,6 +360,59 @@ class FilmFamily:
                   for name, value in values.items()}
         return FamilyStates(**masked, weakest=place.reshape(*shape, 2), holds=holds.reshape(shape),
                             sound=extremes.sound.reshape(shape), q=q.reshape(*shape, -1))
+
+    def frequency(self, parameters: Any, forces: Any, voltages: Any, masses: Any) -> Array:
+        """Lowest frequency [Hz] at which plates swing along the load, (films, states).
+
+        ``masses`` of the plates [kg], broadcast as forces and voltages; the voltage is held
+        constant, and there is no air. nan where the family holds no state.
+        """
+        rows = np.atleast_2d(np.asarray(parameters, dtype=float))
+        states = self.states(rows, forces, voltages, check=False)
+        shape, result = states.holds.shape, np.full(states.holds.size, np.nan)
+        films, number = self.films(rows), np.repeat(np.arange(len(rows)), shape[1])
+        squared, mass = (np.broadcast_to(np.asarray(values, float), shape).ravel()
+                         for values in (np.square(voltages), masses))
+        some = np.flatnonzero(states.holds)
+        _, stiffness = films.pull(number[some], states.q.reshape(-1, films.count)[some],
+                                  squared[some])
+        inertia = films.inertia[number[some]]
+        inertia[:, 0, 0] += mass[some]
+        # Of K v = w² M v the largest 1/w², as the eigenvalue of a symmetric matrix.
+        root = np.linalg.inv(np.linalg.cholesky(stiffness))
+        slow = np.linalg.eigvalsh(root @ inertia @ root.swapaxes(-1, -2))[:, -1]
+        result[some] = 1 / (2 * np.pi * np.sqrt(slow))
+        return result.reshape(shape)
+
+    def limits(self, parameters: Any, forces: Any) -> tuple[Array, Array]:
+        """Voltages [V] at which films break down, and up to which they are taut and stable.
+
+        Forces [N] are broadcast to (films, forces), the shape of both. The second is that of the
+        first loss of tension or of pull-in, whichever comes first; finite elements say which.
+        Infinite where it is not met within the family's voltages, nan where there is no state at
+        the lowest of these, or where a film stops being taut before it breaks down.
+        """
+        rows = np.atleast_2d(np.asarray(parameters, dtype=float))
+        force = np.broadcast_to(np.asarray(forces, float), (len(rows), np.shape(forces)[-1]
+                                                            if np.ndim(forces) else 1))
+        low, high = (np.full(force.shape, voltage**2) for voltage in self.voltage)
+
+        def met(squared: Array, broken: bool) -> Array:
+            states = self.states(rows, force, np.sqrt(squared), check=False)
+            return ~states.holds | (broken & (states.breakdown >= 1))
+
+        found = []
+        for broken in (True, False):
+            first, last = low.copy(), high.copy()
+            for _ in range(_HALVINGS):
+                middle = (first + last) / 2
+                beyond = met(middle, broken)
+                last, first = np.where(beyond, middle, last), np.where(beyond, first, middle)
+            voltage = np.where(met(high, broken), np.sqrt((first + last) / 2), np.inf)
+            found.append(np.where(met(low, False), np.nan, voltage))
+        breakdown, taut = found
+        return np.where(breakdown < taut * (1 - _SAME), breakdown,
+                        np.where(np.isinf(taut), breakdown, np.nan)), taut
 
     def _tilt(self, q: Array) -> Array:
         """Tilts of the plates [rad]."""

@@ -3,21 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
 import pytest
 
 from tympan.fem.equilibrium.solve import equilibrium
+from tympan.fem.film.breakdown import PowerStrength
 from tympan.fem.film.laws import Ogden
 from tympan.fem.rig import Rig
 from tympan.geometry.errors import InputError
 from tympan.geometry.outlines import Circle, Ellipse
 from tympan.geometry.specimen import Electrode, Film, Patch, Plate, Specimen
-from tympan.studies.case import Settings, build_model
+from tympan.studies.case import Case, Settings, build_model
 from tympan.studies.films.box import Box
 from tympan.studies.films.family import FamilySettings, FilmFamily
 from tympan.studies.films.film import FilmLoads
+from tympan.studies.limits import limits
+from tympan.studies.modes import heave_frequency
 
 OVAL = Specimen("oval", Ellipse((60e-3, 45e-3)), Plate(Circle(11e-3)), Film(
     thickness=1e-3, prestretch=(2.236, 2.236), material=Ogden((18400.0, 210.0), (2.0, 4.0)),
@@ -74,6 +78,31 @@ def test_the_stiffness_is_the_slope_of_the_force() -> None:
     np.testing.assert_allclose(states.stiffness[:, 1], slope, rtol=1e-3)
 
 
+def test_frequencies_are_those_of_finite_elements() -> None:
+    films = family()
+    rows, _, voltages = drawn(films.box, 6, 9)
+    mass = 0.02
+    hertz = films.frequency(rows, Rig().force(mass), voltages[:, None], mass)
+    known = [heave_frequency(Case(films.box.member(row), mass=mass, voltage=voltage), Settings())
+             for row, voltage in zip(rows, voltages, strict=True)]
+    np.testing.assert_allclose(hertz[:, 0], known, rtol=1e-3)
+
+
+def test_limits_are_those_of_finite_elements() -> None:
+    """Films that break down and then lose tension or pull in."""
+    strong = replace(OVAL, membrane=replace(OVAL.membrane, strength=PowerStrength(
+        strength=24e6, exponent=0.5, thickness_exponent=0.0, thickness=1e-3)))
+    wide = FilmFamily.around(strong, SCATTER, FORCE, (0.0, 9.5e3))
+    rows, _, _ = drawn(wide.box, 3, 4)
+    mass = 0.02
+    breakdown, taut = wide.limits(rows, Rig().force(mass))
+    for row, *voltages in zip(rows, breakdown[:, 0], taut[:, 0], strict=True):
+        known = limits(Case(wide.box.member(row), mass=mass), Settings())
+        assert known.breakdown is not None
+        end = min(limit.voltage_V for limit in known.reached if limit.kind != "breakdown")
+        np.testing.assert_allclose(voltages, [known.breakdown.voltage_V, end], rtol=5e-3)
+
+
 def test_many_films_at_once_are_each_alone() -> None:
     """The same forces and stiffness as of the one film that the same reduction makes."""
     films = family(True)
@@ -110,7 +139,7 @@ def test_beyond_the_box_and_beyond_pull_in_nothing_is_said() -> None:
     states = films.states(np.array([inside, outside]), 0.2, [[0.0, 4e3, 6e3]])
     assert states.holds.tolist() == [[True, True, False], [False] * 3]
     assert np.isnan(states.deflection[~states.holds]).all()
-    wide = FilmFamily.around(OVAL, SCATTER, FORCE, (0.0, 8e3))
+    wide = FilmFamily.around(OVAL, SCATTER, FORCE, (0.0, 9.5e3))
     high = wide.states(wide.box.row(OVAL), 0.2, [[3e3, 8e3]])
     assert equilibrium(build_model(OVAL, Settings(), Rig().loading), 0.2, 8e3).status != (
         "equilibrium")
