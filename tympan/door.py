@@ -78,7 +78,10 @@ class PartSizes(TypedDict, total=False):
 
 
 class Loads(TypedDict, total=False):
-    """What acts on a specimen, as :class:`Case` takes it: SI numbers or texts with their unit."""
+    """What acts on a specimen, as :class:`Case` takes it: SI numbers or texts with their unit.
+
+    A voltage may also be "80 %", of the first limit.
+    """
 
     mass: float | str
     voltage: float | str
@@ -88,11 +91,14 @@ class Loads(TypedDict, total=False):
     pressure: float | str | None
 
 
-def _case(specimen: Specimen, loads: Loads) -> Case:
+def _case(specimen: Specimen, loads: Loads, settings: Settings) -> Case:
     """The case of loads, with the gas pressure on its rig."""
+    from tympan.studies.limits import charged
+
     given: dict[str, Any] = {**loads}
     rig = given.pop("rig", Rig()).pressed(given.pop("pressure", None))
-    return Case(specimen, rig=rig, **given)
+    voltage = given.pop("voltage", 0.0)
+    return charged(Case(specimen, rig=rig, **given), voltage, settings)
 
 
 @names_arguments()
@@ -142,14 +148,15 @@ def solve(specimen: Specimen, settings: Settings = Settings(), *,
     """
     from tympan.studies.limits import solve_within
 
+    case = _case(specimen, loads, settings)
     if after is not None:
         from tympan.studies.transient import solve_after
 
         passed = number(after, "time", "after")
         if not 0 <= passed < 1e9:
             raise InputError("must be 0 or positive", key="after", given=after)
-        return Result(solve_after(_case(specimen, loads), passed, settings, film=True), specimen)
-    return Result(solve_within(_case(specimen, loads), settings, film=True), specimen)
+        return Result(solve_after(case, passed, settings, film=True), specimen)
+    return Result(solve_within(case, settings, film=True), specimen)
 
 
 @names_arguments(Loads)
@@ -164,7 +171,7 @@ def limits(specimen: Specimen, settings: Settings = Settings(), **loads: Unpack[
     from tympan.studies.limits import LimitsResult
     from tympan.studies.limits.loads import usual_masses
 
-    case = _case(specimen, loads)
+    case = _case(specimen, loads, settings)
     if specimen.plate is not None and "mass" not in loads:
         case = replace(case, mass=usual_masses(specimen, settings, case.rig)[0])
     return Result(LimitsResult.of(case, settings))
@@ -248,7 +255,7 @@ def path(specimen: Specimen, along: Literal["voltage", "charge", "mass", "pressu
     """
     from tympan.studies.path import path
 
-    case = _case(specimen, loads)
+    case = _case(specimen, loads, settings)
     if rate is None:
         if to is not None:
             raise InputError("is where a loop turns: rate must be given too", key="to", given=to)
@@ -297,7 +304,7 @@ def modes(specimen: Specimen, count: int = 6, settings: Settings = Settings(), *
     """
     from tympan.studies.modes import modes
 
-    return Result(modes(_case(specimen, loads), settings, count,
+    return Result(modes(_case(specimen, loads, settings), settings, count,
                         number(point_mass, "mass", "point_mass")), specimen)
 
 
@@ -312,7 +319,7 @@ def response(specimen: Specimen, *frequencies: float | str, settings: Settings =
     from tympan.studies.response import response
 
     asked = numbers(frequencies, "frequency", "frequencies")
-    return Result(response(_case(specimen, loads), settings, asked), specimen)
+    return Result(response(_case(specimen, loads, settings), settings, asked), specimen)
 
 
 @names_arguments(Loads)
@@ -322,7 +329,7 @@ def sensitivity(specimen: Specimen, *quantities: str, settings: Settings = Setti
     """Derivatives of named quantities, "heave" if none is named, by all they depend on."""
     from tympan.studies.sensitivity import sensitivity
 
-    return Result(sensitivity(_case(specimen, loads), settings, quantities or ("heave",)))
+    return Result(sensitivity(_case(specimen, loads, settings), settings, quantities or ("heave",)))
 
 
 @names_arguments()

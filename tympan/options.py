@@ -131,7 +131,8 @@ def case_arguments(*, mass: str = "on the plate",
     """Specimen, load, voltage, rig and mesh, for :func:`read_case` and :func:`read_settings`."""
     return (SPECIMEN, argument("--mass", help=f'{mass}, such as "17.9 g"; none of a film without '
                                               "plate"),
-            argument("--voltage", default="0 kV", help=f'{voltage}, such as "3.5 kV"'), PRESSURE,
+            argument("--voltage", default="0 kV", help=f'{voltage}, such as "3.5 kV", or "80 %" '
+                                                         "of the first limit"), PRESSURE,
             RIG, MESH)
 
 
@@ -147,13 +148,17 @@ def read_case(options: argparse.Namespace) -> Case:
     """The case of the options that :func:`case_arguments` adds."""
     from tympan.fem.film.library import load_specimen
     from tympan.studies.case import Case
+    from tympan.studies.limits import charged
 
     specimen = load_specimen(options.specimen)
     if options.mass is None and specimen.plate is not None:
         raise InputError('must be given, such as "17.9 g": the film has a plate', key="--mass")
-    return Case(specimen=specimen, mass=parse_quantity(options.mass or "0 g", "mass", "--mass"),
-                voltage=parse_quantity(options.voltage, "voltage", "--voltage"),
+    case = Case(specimen=specimen, mass=parse_quantity(options.mass or "0 g", "mass", "--mass"),
                 rig=read_pressed_rig(options))
+    share = options.voltage.strip().endswith("%")
+    voltage = options.voltage if share else parse_quantity(options.voltage, "voltage", "--voltage")
+    with naming_options(options):
+        return charged(case, voltage, read_settings(options))
 
 
 def read_specimens(files: Sequence[Path]) -> list[Specimen]:

@@ -10,6 +10,7 @@ from tympan.studies.case import Limits as Limits
 from tympan.studies.limits.curve import CurveResult as CurveResult
 from tympan.studies.limits.curve import curve as curve
 from tympan.studies.limits.loads import LoadGrid as LoadGrid
+from tympan.studies.limits.loads import charged as charged
 from tympan.studies.limits.voltages import LimitsResult as LimitsResult
 from tympan.studies.limits.voltages import limits as limits
 from tympan.studies.limits.voltages import rise as rise

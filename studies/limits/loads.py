@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated
 
 import numpy as np
@@ -76,6 +76,32 @@ def usual_voltages(specimen: Specimen, mass: float, settings: Settings, rig: Rig
                          key="voltage", given=specimen.name)
     highest = _rounded(_APPLIED * first.voltage_V)
     return tuple(round(share * highest, 6) for share in over)
+
+
+def charged(case: Case, voltage: float | str, settings: Settings) -> Case:
+    """The case at a voltage: a number [V], a text with its unit, or "80 %" of its first limit.
+
+    A share takes the film's way from 0 V to this limit; anything else takes no work.
+
+    Raises
+    ------
+    InputError
+        For a share that is no number from 0 to 100 %, and where the film has no first limit.
+    """
+    if not (isinstance(voltage, str) and voltage.strip().endswith("%")):
+        return replace(case, voltage=voltage)
+    try:
+        share = float(voltage.strip().removesuffix("%")) / 100
+    except ValueError:
+        share = np.nan
+    if not 0 <= share <= 1:
+        raise InputError('must be from 0 to 100 %, such as "80 %", or a voltage with its unit',
+                         key="voltage", given=voltage)
+    first = first_limit(case, settings)
+    if first is None or not np.isfinite(first.voltage_V):
+        raise InputError("there is no first limit to take a share of: give a voltage with its unit",
+                         key="voltage", given=voltage)
+    return replace(case, voltage=share * first.voltage_V)
 
 
 def _rounded(value: float) -> float:

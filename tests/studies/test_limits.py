@@ -16,6 +16,7 @@ from tests.support.specimens import ROOT5, circular, elliptical
 from tympan.fem.film.laws import Gent, NeoHooke
 from tympan.fem.film.library import MATERIALS
 from tympan.fem.rig import Rig
+from tympan.geometry.errors import InputError
 from tympan.geometry.mesher import MeshSettings
 from tympan.geometry.outlines import Circle, Ellipse, RoundedRectangle
 from tympan.geometry.specimen import Electrode, Film, Plate, Region, Specimen
@@ -23,7 +24,7 @@ from tympan.studies.alpha import AlphaSettings, LoadGrid, alpha
 from tympan.studies.case import Case, CaseResult, Settings, solve
 from tympan.studies.files import from_json
 from tympan.studies.limits import Limits, curve, limits, solve_within
-from tympan.studies.limits.loads import usual_masses, usual_voltages
+from tympan.studies.limits.loads import charged, usual_masses, usual_voltages
 from tympan.studies.path import path
 
 COARSE = Settings(MeshSettings(order=3).refined(0.7))
@@ -55,6 +56,16 @@ def test_a_limit_is_as_certain_as_it_says(soft: Limits) -> None:
     for limit in (soft.tension, soft.pull_in):
         assert limit is not None
         assert abs(limit.voltage_V / exact[limit.kind] - 1) < 2 * limit.spread < 4e-3
+
+
+def test_a_share_of_the_first_limit_is_that_of_the_equations() -> None:
+    """Half the voltage at which the equations have the film lose tension; no other text is one."""
+    case = charged(Case(SOFT, mass=17.9e-3), "50 %", Settings())
+    assert case.voltage == pytest.approx(0.5 * slack_voltage(ORACLE, FORCE, 6800.0), rel=5e-4)
+    assert charged(case, "2 kV", Settings()).voltage == 2000.0
+    for wrong in ("120 %", "-1 %", "some %", "%"):
+        with pytest.raises(InputError, match="from 0 to 100 %"):
+            charged(case, wrong, Settings())
 
 
 def test_the_first_loss_of_tension_is_where_the_rim_is(soft: Limits) -> None:
