@@ -70,7 +70,7 @@ class Ellipse(Outline):
 @OUTLINES.register
 @dataclass(frozen=True)
 class Superellipse(Outline):
-    """The curve |x/a|ⁿ + |y/b|ⁿ = 1, as splines within 1e-9 of its size."""
+    """The curve ``|x/a|ⁿ + |y/b|ⁿ = 1``, as splines within 1e-9 of its size."""
 
     shape: ClassVar[str] = "superellipse"
     semi_axes: Annotated[tuple[float, float], SEMI_AXES]
