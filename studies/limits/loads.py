@@ -11,7 +11,7 @@ import numpy as np
 from tympan.fem.equilibrium.solve import held
 from tympan.fem.rig import MOST_MASS, VOLTAGES, Rig
 from tympan.geometry.errors import InputError
-from tympan.geometry.fields import Key
+from tympan.geometry.fields import Key, number
 from tympan.geometry.specimen import Specimen
 from tympan.geometry.toml_reader import Rule
 from tympan.studies.case import Case, Settings, equilibrate
@@ -89,7 +89,7 @@ def charged(case: Case, voltage: float | str, settings: Settings) -> Case:
         For a share that is no number from 0 to 100 %, and where the film has no first limit.
     """
     if not (isinstance(voltage, str) and voltage.strip().endswith("%")):
-        return replace(case, voltage=voltage)
+        return replace(case, voltage=number(voltage, "voltage", "voltage"))
     try:
         share = float(voltage.strip().removesuffix("%")) / 100
     except ValueError:
