@@ -21,6 +21,7 @@ __all__ = [
     "OUTLINES", "Circle", "ClosedSpline", "Curve", "Drawn", "DxfFile", "Ellipse", "Outline",
     "Polygon", "RegularPolygon", "Rotated", "RoundedRectangle", "Stadium", "StepFile",
     "Superellipse", "area", "check_outline", "examples", "moments", "perimeter",
+    "reshaped",
 ]
 
 #: Corners of the polygon whose moments stand for an outline's: the relative error falls as their
@@ -34,6 +35,36 @@ def examples() -> dict[str, Outline]:
     """A typical outline of every shape, 45 mm high and 45 to 75 mm wide from the centre."""
     table = Table.read(Path(__file__).with_name("examples.toml"))
     return {name: OUTLINES.read(table.table(name)) for name in table.data}
+
+
+def reshaped(outline: Outline, template: Outline) -> Outline:
+    """An outline of a template's shape, as large as another and turned as that is.
+
+    It has the other's half extents where its file states them. Else all lengths of the template are
+    scaled until the smaller half extents are equal.
+    """
+    if isinstance(template, Rotated):
+        template = template.outline
+    if isinstance(outline, Rotated):
+        made = reshaped(outline.outline, template)
+        return made if template.shape == "circle" else Rotated(made, outline.rotation)
+    factor = min(outline.semi_axes) / min(template.semi_axes)
+    content = _scaled(OUTLINES.write(template, plain=True), factor)
+    if "semi_axes_m" in content:
+        content["semi_axes_m"] = list(outline.semi_axes)
+    made = OUTLINES.read(Table("", content, plain=True))
+    assert isinstance(made, Outline)
+    return made
+
+
+def _scaled(content: Any, factor: float, length: bool = False) -> Any:
+    """Tables with all lengths in them times a factor."""
+    if isinstance(content, dict):
+        return {key: _scaled(value, factor, key.endswith("_m")) for key, value in content.items()}
+    if isinstance(content, list):
+        return [_scaled(value, factor, length) for value in content]
+    # Twelve digits: a size is not shown as 9.9999999999 mm.
+    return float(f"{factor * content:.12g}") if length and factor != 1 else content
 
 
 def area(outline: Outline) -> Any:

@@ -33,7 +33,7 @@ from tympan.explore.session import (
     Session,
     followed,
 )
-from tympan.explore.subject import read_subject
+from tympan.explore.subject import Subject, read_subject
 from tympan.explore.view import (
     FilmView,
     changed,
@@ -45,7 +45,7 @@ from tympan.fem.membrane.biases import Constant
 from tympan.fem.rig import Rig
 from tympan.fem.toml_writer import specimen_to_toml
 from tympan.geometry.errors import InputError
-from tympan.geometry.outlines import Circle, Polygon, examples
+from tympan.geometry.outlines import Circle, Polygon, Rotated, Stadium, examples, reshaped
 from tympan.geometry.specimen import Electrode, Plate, Specimen
 from tympan.geometry.toml_reader import Table
 from tympan.reports.colouring import COLOURINGS, MOST_MARGIN
@@ -485,6 +485,54 @@ def test_each_specimen_begins_as_it_was_read_and_its_sliders_stay_where_they_are
             page.hear("typed", "voltage", "2")
             assert json.loads(await anext(news))["sliders"]["voltage"] == 2.0
         assert not page._browsers
+        page.close()
+
+    asyncio.run(run())
+
+
+@pytest.mark.parametrize("shape", examples())
+def test_every_shape_is_as_large_as_the_one_before_and_the_way_back_is_exact(shape: str) -> None:
+    template = examples()[shape]
+    for outline in (Circle(30e-3), *examples().values()):
+        made = reshaped(outline, template)
+        assert made.shape == shape
+        assert min(made.semi_axes) == pytest.approx(min(outline.semi_axes), rel=1e-9)
+        again = reshaped(made, outline)
+        assert min(again.semi_axes) == pytest.approx(min(outline.semi_axes), rel=1e-9)
+    assert reshaped(template, template) == template
+    turned = reshaped(Rotated(Polygon(((0.03, 0.0), (0.0, 0.04), (-0.03, 0.0), (0.0, -0.04))), 0.3),
+                      template)
+    assert turned.shape == shape
+    assert isinstance(turned, Rotated) == (shape != "circle")
+
+
+def test_a_shape_is_chosen_and_one_that_does_not_fit_is_refused(
+        monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(latest, "_PRELOADED", [])
+
+    async def run() -> None:
+        start = FilmView(vhb_oval(), mass=0.0179)
+        page = Page(Subject("oval", (start.specimen,), Rig()), start)
+        semi_axes = start.specimen.frame.semi_axes
+        page.hear("shape", "frame", "stadium")
+        assert page.view.specimen.frame == Stadium(semi_axes)
+        assert page.view.mass == start.mass
+        page.hear("typed", "frame.semi_axes.0", "70")
+        page.hear("shape", "frame", "rounded_rectangle")
+        assert page.view.specimen.frame.semi_axes == (70e-3, semi_axes[1])
+        assert "frame.corner_radius" in page.state["texts"]
+        page.hear("shape", "frame", start.specimen.frame.shape)
+        assert page.view.specimen.frame.semi_axes == (70e-3, semi_axes[1])
+        page.hear("shape", "frame", "nonsense")
+        page.hear("shape", "nonsense", "circle")
+        page.hear("typed", "plate.offset.0", "40")
+        before = page.view
+        page.hear("shape", "frame", "circle")
+        assert page.view == before
+        assert "must lie inside" in page.state["errors"]["frame"]
+        page.hear("reset")
+        assert page.view == start
+        assert page.state["errors"] == {}
         page.close()
 
     asyncio.run(run())

@@ -20,12 +20,17 @@ const SHOWS = {
   curve: (picture) => { part("curve").innerHTML = picture; },
   numbers: (rows) => list("numbers", "result", rows),
   limits: (rows) => list("limits", "limit", rows),
+  shapes: (parts) => part("shapes").replaceChildren(...parts.map(newShape)),
   controls: showControls,
   texts: () => { for (const control of state.controls) showText(control); showMasses(); },
   sliders: (places) => {
     for (const key in places) part(`slider-${key}`).value = places[key];
   },
   errors: (words) => {
+    for (const {key} of state.shapes) {
+      part(`error-${key}`).textContent = words[key] ?? "";
+      part(`error-${key}`).hidden = !words[key];
+    }
     for (const control of state.controls) {
       const error = part(`error-${control.key}`);
       error.textContent = words[control.key] ?? "";
@@ -100,6 +105,18 @@ function newControl({key, label, unit}) {
     say("typed", key, number.value);
   });
   number.addEventListener("blur", () => { typing = null; showText({key, unit}); });
+  return item;
+}
+
+function newShape({key, label, shapes, chosen}) {
+  const item = document.createElement("label"), choice = document.createElement("select");
+  const error = document.createElement("p");
+  choice.id = `shape-${key}`; error.id = `error-${key}`; error.className = "error"; error.role = "alert";
+  error.hidden = true;
+  choice.replaceChildren(...shapes.map((name) => new Option(name.replaceAll("_", " "), name)));
+  choice.value = chosen;
+  choice.addEventListener("change", () => say("shape", key, choice.value));
+  item.append(`${label} `, choice, error);
   return item;
 }
 

@@ -23,15 +23,20 @@ from tympan.explore.session import (
 )
 from tympan.explore.subject import Subject
 from tympan.explore.view import (
+    SHAPED,
     Control,
     FilmView,
     as_read,
     changed,
     controls,
+    outline_of,
+    shape_of,
+    with_shape,
 )
 from tympan.fem.rig import Rig
 from tympan.fem.toml_writer import rig_to_toml, specimen_to_toml
 from tympan.geometry.errors import InputError
+from tympan.geometry.outlines import examples
 from tympan.geometry.specimen import Specimen
 from tympan.reports.viewer.payload import record_of
 from tympan.studies.case import Limit
@@ -81,7 +86,7 @@ class Page:
 
     def __init__(self, subject: Subject, start: FilmView) -> None:
         self.subject, self._first = subject, start
-        self.start = start
+        self.start = self.base = start
         self.view = start
         self.state: dict[str, Any] = {}
         #: The parts of the state that each browser has not been told, and a sign that some are.
@@ -142,18 +147,23 @@ class Page:
                   masses=[f"{mass * 1e3:.6g} g" for mass in masses])
         self._say("")
         self.scene = self.curve = self._asked = None
+        # A shape that was left comes back with its own numbers.
+        self._outlines = {part: examples() | {shape_of(self.start, part): outline_of(
+            self.start, part)} for part in SHAPED}
         self._show(self.start)
 
     def _show(self, view: FilmView) -> None:
         """Put a view on the controls and have it solved."""
-        self.view = view
+        self.view = self.base = view
         self._list_controls()
-        self.tell(errors={}, drawn=_drawn_outlines(view),
+        self.tell(errors={}, shapes=[
+            {"key": part, "label": part.partition(".")[0], "shapes": list(self._outlines[part]),
+             "chosen": shape_of(view, part)} for part in SHAPED], drawn=_drawn_outlines(view),
                   sliders={control.key: control.position(view) for control in self.controls})
         self._change()
 
     def _list_controls(self) -> None:
-        self.controls = controls(self.start, self._reach())
+        self.controls = controls(self.base, self._reach())
         self.tell(controls=[asdict(control) | {"unit": control.unit} for control in self.controls])
 
     def _reach(self) -> float:
@@ -177,6 +187,20 @@ class Page:
         """A number was typed; the slider follows."""
         if control := self._taken(key, text):
             self.tell(sliders=self.state["sliders"] | {key: control.position(self.view)})
+
+    def _shape(self, part: str, shape: str) -> None:
+        """Another shape of frame or plate was chosen; its sliders reach about where it is."""
+        template = self._outlines.get(part, {}).get(shape)
+        if template is None:
+            return
+        self._outlines[part][shape_of(self.view, part)] = outline_of(self.view, part)
+        try:
+            view = with_shape(self.view, part, template)
+        except InputError as error:
+            self._show(self.view)
+            self.tell(errors={part: f"{error.key}: {error.allowed}"})
+            return
+        self._show(view)
 
     def _taken(self, key: str, text: str) -> Control | None:
         """The control that was given a value, None where something is wrong with that.

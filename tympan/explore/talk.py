@@ -13,7 +13,7 @@ from tympan.explore.page import Page
 
 #: What a browser may say, and what each word after it has to be.
 SAID: dict[str, tuple[type, ...]] = {
-    "slid": (str, str), "typed": (str, str), "choose": (int,), "reset": (),
+    "slid": (str, str), "typed": (str, str), "choose": (int,), "reset": (), "shape": (str, str),
     "save": (str, str)}
 
 

@@ -13,6 +13,7 @@ from tympan.fem.rig import Rig, checked_load
 from tympan.fem.toml_writer import specimen_content
 from tympan.geometry.errors import InputError
 from tympan.geometry.fields import Field, field_at
+from tympan.geometry.outlines import Outline, reshaped
 from tympan.geometry.paths import at, numbers, with_number
 from tympan.geometry.specimen import Specimen
 from tympan.geometry.toml_reader import Table
@@ -41,6 +42,9 @@ _VOLTAGE = 10e3
 
 #: Keys of a view that are none of its specimen.
 _LOADS = ("mass", "voltage", "stiffness")
+
+#: Parts whose shape can be chosen.
+SHAPED = ("frame", "plate.outline")
 
 #: Positions of a slider from end to end, about.
 _POSITIONS = 400
@@ -165,6 +169,29 @@ def as_read(specimen: Specimen) -> Specimen:
     return load_specimen(Table("", specimen_content(specimen)))
 
 
+def outline_of(view: FilmView, part: str) -> Outline:
+    """The outline of a part of :data:`SHAPED`."""
+    outline: Outline = at(view.specimen, part.split("."))
+    return outline
+
+
+def shape_of(view: FilmView, part: str) -> str:
+    """The name of its shape."""
+    return outline_of(view, part).shape
+
+
+def with_shape(view: FilmView, part: str, template: Outline) -> FilmView:
+    """A view whose frame or plate has a template's shape, as large as it was.
+
+    Raises
+    ------
+    InputError
+        When such a film cannot be.
+    """
+    outline = reshaped(outline_of(view, part), template)
+    return replace(view, specimen=as_read(with_number(view.specimen, part.split("."), outline)))
+
+
 def controls(view: FilmView, most_voltage: float = _VOLTAGE, most_mass: float = 0.0
              ) -> tuple[Control, ...]:
     """The controls of a film, about where it is; ``most_...`` [SI] end the sliders of its loads."""
@@ -182,7 +209,7 @@ def _paths(specimen: Specimen) -> Iterator[str]:
     yield "membrane.prestretch.1"
     yield "membrane.relative_permittivity"
     yield "membrane.thickness"
-    for part in ("frame", "plate.outline"):
+    for part in SHAPED:
         inner = numbers(at(specimen, part.split(".")), part)
         if len(inner) <= _MOST_NUMBERS:
             yield from inner
