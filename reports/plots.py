@@ -14,6 +14,7 @@ from matplotlib.tri import Triangulation
 
 from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Specimen
+from tympan.geometry.toml_reader import one_of
 from tympan.reports import look
 from tympan.reports.diagnosis.page import cause_label
 from tympan.reports.figures.coupon import draw_laws
@@ -27,6 +28,7 @@ from tympan.reports.figures.force import draw_force_curves
 from tympan.reports.figures.path import draw_stations
 from tympan.reports.figures.sense import draw_capacitance
 from tympan.reports.figures.specimen import draw_to_scale
+from tympan.reports.figures.tolerance import draw_histogram
 from tympan.reports.sweep.figure import draw_over
 from tympan.reports.sweep.view import SweepView
 from tympan.reports.template import percent
@@ -49,6 +51,7 @@ from tympan.studies.sensitivity import SensitivityResult
 from tympan.studies.study import StudyResult
 from tympan.studies.sweep.run import SweepResult
 from tympan.studies.sweep.table import column_name, frame
+from tympan.studies.tolerance.result import ToleranceResult
 from tympan.studies.trace import Responses
 
 #: Height of a picture in a file [mm].
@@ -273,6 +276,13 @@ def _(result: ForceResult, axes: Axes) -> None:
 @draw.register
 def _(result: SenseResult, axes: Axes) -> None:
     draw_capacitance(axes, result)
+
+
+@draw.register
+def _(result: ToleranceResult, axes: Axes, of: str = "deflection_m") -> None:
+    if of not in result.quantities:
+        raise InputError(one_of(of, result.quantities), key="of", given=of)
+    draw_histogram(axes, of, result.quantities[of])
 
 
 def _curve(axes: Axes, number: int, voltage: Any, deflection: Any, specimen: str, mass: float

@@ -18,6 +18,8 @@ KINDS = {
     "curve": ("*-curve.json", "figures.curve:draw_curves", "limits.curve:CurveResult"),
     "force": ("*-force.json", "figures.force:draw_force", "force:ForceResult"),
     "sense": ("*-sense.json", "figures.sense:draw_sense", "sense:SenseResult"),
+    "tolerance": ("*-tolerance.json", "figures.tolerance:draw_tolerance",
+                  "tolerance.result:ToleranceResult"),
     "outlines": ("outlines.json", "figures.alpha:draw_outlines", "alpha.table:OutlineTable"),
     "map": ("alpha-map.json", "figures.alpha:draw_map", "alpha.map:AlphaMap"),
     "sweep": ("sweep.json", "sweep.page:build_sweep_page", "sweep.run:SweepResult"),

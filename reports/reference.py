@@ -35,6 +35,7 @@ from tympan.geometry.units import DIMENSIONS, quantity_text
 from tympan.reports.template import template
 from tympan.studies.effects import EFFECTS, listing
 from tympan.studies.sweep.asked import QUANTITIES
+from tympan.studies.tolerance.given import LengthScatter, Scatter, Tolerances
 
 #: Where the kinds of a table are listed.
 _SECTIONS: tuple[tuple[str, Registry[Any]], ...] = (
@@ -48,6 +49,8 @@ def page(rig: type[Rig] = Rig) -> str:
               ("[plate]", Plate), ("[membrane]", Film),
               ("[[membrane.branch]]: any flow, and", ViscousBranch), ("[electrode]", Electrode),
               ("[electrode.outline]", Region), ("rig.toml", rig),
+              ("TOLERANCES.toml", Tolerances), ("[thickness] and other shares", Scatter),
+              ("[frame], [plate], [offset], [margin]", LengthScatter),
               ("[columns.static] and others of dataset.toml", Layout),
               ("a column there, by its name with the unit of the file's numbers", Stated))
     return template("reports/reference.txt", summary=_summary, named=listing.named).render(

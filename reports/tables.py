@@ -33,6 +33,7 @@ from tympan.studies.sensitivity import SensitivityResult
 from tympan.studies.study import StudyResult
 from tympan.studies.sweep.run import SweepResult
 from tympan.studies.sweep.table import frame
+from tympan.studies.tolerance.result import ToleranceResult
 from tympan.studies.trace import Responses
 
 
@@ -62,6 +63,7 @@ _DIMENSIONS: dict[type, tuple[str, ...]] = {
     ResponseResult: ("frequency_Hz",),
     SenseResult: ("voltage_V", "displacement_m"),
     SensitivityResult: ("quantity", "parameter"),
+    ToleranceResult: ("quantity",),
 }
 
 
@@ -198,6 +200,14 @@ def _(result: SenseResult) -> Any:
              "per_percent_permittivity": "m"}
     return pd.DataFrame(result.table).rename(
         columns={name: f"{name}_{unit}" for name, unit in units.items()})
+
+
+@table.register
+def _(result: ToleranceResult) -> Any:
+    return pd.DataFrame([{"quantity": name, **{key: getattr(spread, key) for key in (
+        "nominal", "median", "low", "high", "deviation", "within_batch")},
+        **{f"share_{share.label.replace(', ', '_')}": share.alone for share in spread.shares},
+        "interactions": spread.interactions} for name, spread in result.quantities.items()])
 
 
 @table.register

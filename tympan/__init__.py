@@ -25,15 +25,15 @@ if TYPE_CHECKING:
 __all__ = [
     "ArrudaBoyce", "Bistable", "BuckledBeam", "Case", "Circle", "ClosedSpline", "Constant",
     "ConstantStrength", "Electrode", "Ellipse", "Film", "ForceTable", "Gent", "InputError",
-    "JoinedFilm", "Magnet", "MeshSettings", "MooneyRivlin", "NeoHooke", "Ogden", "Patch", "Plate",
-    "Polygon", "PowerStrength", "Region", "RegularPolygon", "Result", "Rig", "Rotated",
-    "RoundedRectangle", "Settings", "ShearThinning", "Specimen", "Spring", "Stadium",
-    "Superellipse", "ViscousBranch", "Yeoh",
+    "JoinedFilm", "LengthScatter", "Magnet", "MeshSettings", "MooneyRivlin", "NeoHooke", "Ogden",
+    "Patch", "Plate", "Polygon", "PowerStrength", "Region", "RegularPolygon", "Result", "Rig",
+    "Rotated", "RoundedRectangle", "Scatter", "Settings", "ShearThinning", "Specimen", "Spring",
+    "Stadium", "Superellipse", "Tolerances", "ViscousBranch", "Yeoh",
     "__version__",
     "alpha", "curve", "data", "diagnose", "draft", "draw", "effects", "export", "fit_material",
     "force", "limits", "load", "lumped", "material", "materials", "modes", "optimise", "path",
     "plan", "report", "response", "sense", "sensitivity", "show_material", "solve", "study",
-    "sweep", "transient",
+    "sweep", "tolerance", "transient",
 ]
 
 

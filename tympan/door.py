@@ -40,6 +40,8 @@ if TYPE_CHECKING:
     from tympan.studies.sensitivity import SensitivityResult
     from tympan.studies.study import StudyResult
     from tympan.studies.sweep.run import SweepResult
+    from tympan.studies.tolerance.given import Tolerances
+    from tympan.studies.tolerance.result import ToleranceResult
     from tympan.studies.trace import Responses
 
 File = str | os.PathLike[str]
@@ -239,6 +241,29 @@ def sense(specimen: Specimen, *, voltages: Sequence[float | str] = (0.0,),
     case = SenseCase(specimen, voltages=voltages, masses=masses, start=from_, to=to, points=points,
                      rig=rig.pressed(pressure))
     return Result(sense(case, settings))
+
+
+@names_arguments()
+@one_thread()
+def tolerance(specimen: Specimen, tolerances: Tolerances | File | None = None, *,
+              mass: float | str | None = None, voltage: float | str | None = None,
+              films: int = 10_000, seed: int = 1, rig: Rig = Rig(), settings: Settings = Settings()
+              ) -> Result[ToleranceResult]:
+    """Scatter of deflection, stroke, blocked force and capacitance from film to film, and why.
+
+    ``tolerances``: a file, :class:`Tolerances`, or the defaults of the film's material. Mass and
+    voltage suit the film where they are not given. ``result.quantities["stroke_m"]`` has the
+    median, the 5 and 95 % quantiles and the shares of the variance; ``result.reached`` the
+    probability that a film bears the voltage.
+    """
+    from tympan.studies.tolerance.given import Tolerances
+    from tympan.studies.tolerance.tolerance import ToleranceCase, tolerance
+
+    given = tolerances if isinstance(tolerances, Tolerances) else (
+        Tolerances() if tolerances is None else Tolerances.read(Path(tolerances)))
+    case = ToleranceCase(specimen, mass=mass, voltage=voltage, tolerances=given, films=films,
+                         seed=seed, rig=rig)
+    return Result(tolerance(case, settings))
 
 
 @names_arguments(Loads)

@@ -40,6 +40,9 @@ from tympan.geometry.specimen import Plate as AnyPlate
 from tympan.geometry.specimen import Region as AnyRegion
 from tympan.geometry.specimen import Specimen as Specimen
 from tympan.geometry.specimen import ViscousBranch as AnyViscousBranch
+from tympan.studies.tolerance.given import LengthScatter as AnyLengthScatter
+from tympan.studies.tolerance.given import Scatter as Scatter
+from tympan.studies.tolerance.given import Tolerances as Tolerances
 
 Quantity = float | str
 Pair = tuple[Quantity, Quantity]
@@ -169,3 +172,6 @@ class Region(AnyRegion):
 
 class ViscousBranch(AnyViscousBranch):
     def __init__(self, modulus: Quantity, time: Quantity, flow: FlowLaw = ...) -> None: ...
+
+class LengthScatter(AnyLengthScatter):
+    def __init__(self, film: Quantity = ..., batch: Quantity = ...) -> None: ...

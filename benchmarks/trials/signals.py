@@ -91,6 +91,7 @@ FILES = {"oval.toml": OVAL, "round.toml": ROUND, "viscous.toml": VISCOUS, "SWEEP
 COMMANDS = {
     "solve": "solve oval.toml --mass '20 g' --voltage '2 kV'",
     "curve": "curve round.toml --mass '20 g'",
+    "tolerance": "tolerance round.toml --mass '17.9 g' --voltage '2 kV'",
     "sense": "sense round.toml --voltage '0 kV, 2 kV' --to '5 mm'",
     "force": "force round.toml --voltage '0 kV, 2 kV' --to '5 mm' --load '20 g'",
     "path": "path round.toml --mass '20 g' --refine 0.5",

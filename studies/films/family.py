@@ -333,6 +333,21 @@ class FilmFamily:
         return FamilyStates(*(np.concatenate([getattr(block, item.name) for block in blocks])
                               for item in fields(FamilyStates)))
 
+    def held_forces(self, parameters: Array, q: Array, voltages: Array) -> Array:
+        """Forces [N] that hold films' plates where states q have them, under voltages [V].
+
+        ``q``: (films, shapes), of one state each; nan where there is no equilibrium.
+        """
+        result = np.full(len(parameters), np.nan)
+        for start in range(0, len(parameters), _BLOCK):
+            there = start + np.flatnonzero(np.isfinite(q[start:start + _BLOCK]).all(1))
+            films, number = self.films(parameters[there]), np.arange(len(there))
+            squared = voltages[there] ** 2
+            balance = films.balanced(number, np.zeros(len(there)), squared, q[there], held=True)
+            forces = films.forces(number, balance.q, squared)[:, 0]
+            result[there] = np.where(balance.sound, forces, np.nan)
+        return result
+
     def _states(self, rows: Array, force: Array, voltage: Array, check: bool) -> FamilyStates:
         shape, films = force.shape, self.films(rows)
         number = np.repeat(np.arange(len(rows)), shape[1])

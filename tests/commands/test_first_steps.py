@@ -198,6 +198,8 @@ def test_without_a_cache_films_are_meshed_again(folder: str, meshing: Mock,
 @pytest.mark.parametrize(("words", "pictures"), [
     (("solve", *MASS), ["oval.png", "oval.svg"]),
     (("curve", *MASS), ["oval-curve.png", "oval-curve.svg"]),
+    (("tolerance", "--mass", "17.9 g", "--voltage", "2 kV", "--films", "100"),
+     ["oval-tolerance.png", "oval-tolerance.svg"]),
     (("sense", "--to", "4 mm", "--points", "5"), ["oval-sense.png", "oval-sense.svg"]),
     (("force", "--to", "4 mm"), ["oval-force.png", "oval-force.svg"]),
     (("path", *MASS), ["oval-path.png", "oval-path.svg"]),

@@ -131,6 +131,8 @@ RUNS: dict[str, Callable[[Path], None]] = {
     "path": of_specimen("path", *LOADED),
     "solve": of_specimen("solve", "--voltage", "3 kV", *LOADED),
     "curve": of_specimen("curve", "--voltage", "1 kV", *LOADED),
+    "tolerance": of_specimen("tolerance", "--mass", "17.9 g", "--voltage", "2 kV", "--films",
+                              "100", "--refine", "0.5"),
     "sense": of_specimen("sense", "--to", "4 mm", "--points", "5", "--refine", "0.5"),
     "force": of_specimen("force", "--to", "4 mm", "--load", "20 g", "--refine", "0.5"),
     "outlines": outlines,

@@ -84,6 +84,8 @@ MESHED = [
     ("solve", "solve oval.toml", ("--mass", "17.9 g", "--voltage", "40 kV")),
     ("limits", "limits oval.toml", ("--mass", "17.9 g")),
     ("curve", "curve oval.toml", ("--mass", "17.9 g", "--voltage", "1 kV")),
+    ("tolerance", "tolerance oval.toml",
+     ("--mass", "17.9 g", "--voltage", "2 kV", "--films", "100")),
     ("sense", "sense oval.toml", ("--mass", "20 g", "--voltage", "0 kV, 3 kV", "--points", "7")),
     ("force", "force oval.toml", ("--to", "6 mm", "--voltage", "0 kV, 3 kV", "--load", "20 g")),
     ("force", "force creep.toml", ("--to", "2 mm", "--rate", "2 mm/s")),

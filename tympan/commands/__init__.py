@@ -21,9 +21,9 @@ from tympan.commands.lumped import response as lumped_response
 #: Every command in the order of ``tympan --help``, under what they are for.
 HEADINGS = {
     "do": (
-        cases.solve, cases.limits, cases.curve, cases.force, cases.sense, cases.path, cases.modes,
-        cases.sensitivity, transient.transient, transient.response, alpha.alpha, runs.study,
-        runs.sweep, runs.optimise, alpha.outlines, alpha.alpha_map),
+        cases.solve, cases.limits, cases.curve, cases.force, cases.sense, cases.tolerance,
+        cases.path, cases.modes, cases.sensitivity, transient.transient, transient.response,
+        alpha.alpha, runs.study, runs.sweep, runs.optimise, alpha.outlines, alpha.alpha_map),
     "look": (
         drawing.draw, explore.explore, export.export, runs.report, material.materials,
         material.material_show, data.effects, doctor.doctor),

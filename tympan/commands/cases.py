@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from tympan.geometry.errors import InputError
@@ -12,6 +13,7 @@ from tympan.options import (
     MESH,
     PRESSURE,
     RIG,
+    SEEDS,
     SPECIMEN,
     Moving,
     argument,
@@ -26,6 +28,7 @@ from tympan.options import (
     print_record,
     read_case,
     read_pressed_rig,
+    read_rig,
     read_settings,
 )
 
@@ -208,6 +211,46 @@ def sense(options: argparse.Namespace) -> None:
         with bar(len(voltages) + (len(voltages) > 1)) as progress:
             result = sense(case, read_settings(options), progress)
     finish(options, result)
+
+
+@command("tolerance", SPECIMEN,
+         argument("--tolerances", type=Path, metavar="FILE",
+                  help="standard deviations, as docs/howto/tolerance.md has them (default: those "
+                       "of the film's material, and assumed ones)"),
+         argument("--mass", help='on the plate, such as "17.9 g" (default: one that suits the '
+                                 "film)"),
+         argument("--voltage", help='which the films must reach, such as "3.5 kV" (default: 60 % '
+                                    "of the film's first limit)"),
+         argument("--films", type=int, default=10_000, metavar="N", within=(100, 1_000_000),
+                  help="how many are drawn, about"),
+         argument("--seed", type=int, default=1, metavar="N", within=SEEDS,
+                  help="of the random numbers"),
+         RIG,
+         output("also store the numbers (JSON) and a picture (PNG, SVG)"), JSON, MESH,
+         example='oval.toml --mass "17.9 g" --voltage "3.5 kV" -o tolerance')
+def tolerance(options: argparse.Namespace) -> None:
+    """Distributions of deflection, stroke, force and capacitance where a film's numbers scatter.
+
+    Median, 5 and 95 % of the films, the probability that one bears the voltage, and which tolerance
+    makes which share of the variance.
+    """
+    from tympan.fem.film.library import load_specimen
+    from tympan.progress import bar
+    from tympan.studies.tolerance.given import Tolerances
+    from tympan.studies.tolerance.result import QUANTITIES
+    from tympan.studies.tolerance.tolerance import ToleranceCase, tolerance
+
+    specimen, rig = load_specimen(options.specimen), read_rig(options.rig)
+    given = Tolerances() if options.tolerances is None else Tolerances.read(options.tolerances)
+    with naming_options(options), naming_file(options.tolerances):
+        case = ToleranceCase(
+            specimen, tolerances=given, films=options.films, seed=options.seed, rig=rig,
+            mass=None if options.mass is None else parse_quantity(options.mass, "mass", "--mass"),
+            voltage=None if options.voltage is None
+            else parse_quantity(options.voltage, "voltage", "--voltage"))
+    with naming_options(options), bar(1) as progress:
+        result = tolerance(case, read_settings(options), progress)
+    finish(options, result, quantities=QUANTITIES)
 
 
 @command("path",

@@ -1,0 +1,193 @@
+"""How far the numbers of a film and its rig scatter: a file's tolerances, or defaults with reasons.
+
+A scatter has two parts: from film to film, and from batch to batch. Films of one batch (one roll,
+one jig, one amplifier) share the second.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self
+
+from tympan.fem.film.library import MATERIALS, material_name
+from tympan.geometry.errors import InputError
+from tympan.geometry.fields import Key, field_at, read, require, takes_units
+from tympan.geometry.specimen import Specimen
+from tympan.geometry.toml_reader import Rule, Table
+from tympan.studies.films.box import STIFFNESS, varying
+
+_SHARE: Rule = (lambda x: 0 <= x <= 0.3, "must be a relative standard deviation from 0 to 0.3")
+_LENGTH: Rule = (lambda x: 0 <= x <= 0.1, "must be a standard deviation from 0 to 10 cm")
+
+#: The factor on the load, a number beside those of the specimen.
+LOAD = "load"
+#: The factor on the film's voltage, likewise.
+AMPLIFIER = "amplifier"
+
+#: Most lengths of an outline that scatter each by itself: drawn outlines have hundreds.
+_MOST_LENGTHS = 6
+#: Largest default scatter of a length over the gap: of a film of 1 mm nobody cuts 0.1 mm.
+_OF_GAP = 0.01
+
+
+@takes_units
+@dataclass(frozen=True)
+class Scatter:
+    """Relative standard deviations (of the logarithm) of a number."""
+
+    film: Annotated[float, Key("from film to film", rule=_SHARE)] = 0.0
+    batch: Annotated[float, Key("from batch to batch: films of one batch share it",
+                                rule=_SHARE)] = 0.0
+
+    def __post_init__(self) -> None:
+        require(self)
+
+
+@takes_units
+@dataclass(frozen=True)
+class LengthScatter:
+    """Standard deviations of a length."""
+
+    film: Annotated[float, Key("from film to film", "length", _LENGTH)] = 0.0
+    batch: Annotated[float, Key("from batch to batch: films of one batch share it", "length",
+                                _LENGTH)] = 0.0
+
+    def __post_init__(self) -> None:
+        require(self)
+
+
+@dataclass(frozen=True)
+class Tolerances:
+    """Scatter of a film and its rig, as a tolerances file has it; the rest has its default."""
+
+    thickness: Annotated[Scatter | None, Key("of the virgin film",
+                                             default="the library's, of batches")] = None
+    stiffness: Annotated[Scatter | None, Key("of the whole law",
+                                             default="the library's, of batches")] = None
+    permittivity: Annotated[Scatter | None, Key("of the film",
+                                                default="the library's, of batches")] = None
+    prestretch: Annotated[Scatter | None, Key("of each axis by itself",
+                                              default="0.01 from film to film")] = None
+    frame: Annotated[LengthScatter | None, Key(
+        "each length of the frame's outline by itself",
+        default="0.1 mm from film to film, at most 1 % of the gap")] = None
+    plate: Annotated[LengthScatter | None, Key(
+        "each length of the plate's outline by itself",
+        default="0.1 mm from film to film, at most 1 % of the gap")] = None
+    offset: Annotated[LengthScatter | None, Key("of the plate's centre along x and y",
+                                                default="none")] = None
+    margin: Annotated[LengthScatter | None, Key(
+        "of each uncovered band that the electrode has",
+        default="0.5 mm from film to film, at most 1 % of the gap")] = None
+    load: Annotated[Scatter | None, Key("mass on the plate",
+                                        default="0.005 from film to film")] = None
+    amplifier: Annotated[Scatter | None, Key("factor on the voltage",
+                                             default="0.01 of batches")] = None
+
+    @classmethod
+    def read(cls, file: Path | str) -> Self:
+        """The tolerances of a TOML file."""
+        return read(cls, Table.read(file))
+
+
+
+
+@dataclass(frozen=True)
+class Cause:
+    """Numbers that scatter for one reason, each by itself, with one standard deviation.
+
+    ``targets``: names of a family's parameters, "load" or "amplifier".
+    """
+
+    name: str
+    scope: Literal["film", "batch"]
+    deviation: float
+    relative: bool
+    targets: tuple[str, ...]
+    source: str
+    reason: str
+
+    @property
+    def label(self) -> str:
+        """Name for people."""
+        return self.name + ", batch" * (self.scope == "batch")
+
+
+def causes(specimen: Specimen, tolerances: Tolerances) -> tuple[tuple[Cause, ...], list[str]]:
+    """All that scatters of a specimen and its rig; sentences about what does not.
+
+    Raises
+    ------
+    InputError
+        When a number scatters that the specimen has not, or nothing scatters.
+    """
+    found, words = list[Cause](), list[str]()
+    usual = _defaults(specimen)
+    for item in fields(Tolerances):
+        name, given = item.name, getattr(tolerances, item.name)
+        targets = _targets(specimen, name)
+        if given is not None and not targets and (given.film or given.batch):
+            raise InputError("has no place: the specimen has no such number, or its outline has "
+                             f"more than {_MOST_LENGTHS} lengths", key=name)
+        scatter, source, reason = usual[name] if given is None else (given, "given", "")
+        if scatter is None:
+            words.append(f"{name} does not scatter: {reason}")
+            continue
+        if targets:
+            relative = isinstance(scatter, Scatter)
+            found += [Cause(name, scope, size, relative, targets, source, reason)
+                      for scope in ("film", "batch") if (size := getattr(scatter, scope)) > 0]
+    if not found:
+        raise InputError("lets nothing scatter: give one number a standard deviation above 0",
+                         key="tolerances")
+    return tuple(found), words
+
+
+def _targets(specimen: Specimen, name: str) -> tuple[str, ...]:
+    """Names of the numbers that a tolerance is of; none where the specimen has none."""
+    known, film = varying(specimen), "membrane."
+    electrode = specimen.electrode
+    if name in ("frame", "plate"):
+        within = "frame." if name == "frame" else "plate.outline."
+        lengths = tuple(path for path in known if path.startswith(within)
+                        and _is_length(specimen, path))
+        return lengths if len(lengths) <= _MOST_LENGTHS else ()
+    targets = {"thickness": (f"{film}thickness",), "stiffness": (STIFFNESS,),
+               "permittivity": (f"{film}relative_permittivity",),
+               "prestretch": (f"{film}prestretch.0", f"{film}prestretch.1"),
+               "offset": ("plate.offset.0", "plate.offset.1"),
+               "margin": tuple(f"electrode.{edge}" for edge in ("margin_frame", "margin_plate")
+                               if getattr(electrode, edge) > 0)}
+    return targets.get(name, (name,))
+
+
+def _is_length(specimen: Specimen, path: str) -> bool:
+    field = field_at(specimen, tuple(path.split(".")))
+    return field is not None and field.says.dimension == "length"
+
+
+def _defaults(specimen: Specimen) -> dict[str, tuple[Any, str, str]]:
+    """Scatter of each number where a file says nothing, or None; its source and reason."""
+    name, most = material_name(specimen.membrane), _OF_GAP * specimen.gap
+    known = MATERIALS[name].scatter if name is not None else None
+    of_film = dict[str, tuple[Any, str, str]]()
+    for key in ("thickness", "stiffness", "permittivity"):
+        size = None if known is None else getattr(known, key)
+        of_film[key] = (None, "library", f"the library has no source for this film; give [{key}]")
+        if known is not None and size is not None:
+            words = " ".join(known.source.split())
+            of_film[key] = Scatter(batch=size), f"library, {name}", words
+    cut = LengthScatter(film=min(1e-4, most))
+    return of_film | {
+        "prestretch": (Scatter(film=0.01), "assumed", "1 mm of marks 100 mm apart, set by hand"),
+        "frame": (cut, "assumed", "cut or milled to 0.2 mm, as two standard deviations"),
+        "plate": (cut, "assumed", "cut or milled to 0.2 mm, as two standard deviations"),
+        "offset": (None, "assumed", "the deflection changes with its square; give [offset] where "
+                                    "the gap is narrow"),
+        "margin": (LengthScatter(film=min(5e-4, most)), "assumed",
+                   "brushed along a mask to 1 mm, as two standard deviations"),
+        "load": (Scatter(film=0.005), "assumed", "0.1 g of 20 g"),
+        "amplifier": (Scatter(batch=0.01), "assumed",
+                      "gain known to 2 %, as two standard deviations; one amplifier drives a "
+                      "batch")}

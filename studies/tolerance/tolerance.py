@@ -1,0 +1,238 @@
+"""Films whose numbers scatter, solved by a family of reduced films."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import KW_ONLY, dataclass
+from typing import TYPE_CHECKING, Annotated, Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import binomtest
+
+from tympan.fem.rig import MASSES, VOLTAGES, Rig
+from tympan.geometry.errors import InputError
+from tympan.geometry.fields import Key, require, takes_units
+from tympan.geometry.outlines import area
+from tympan.geometry.specimen import Specimen
+from tympan.geometry.toml_reader import Rule
+from tympan.studies.case import Case, Settings
+from tympan.studies.films.family import FamilySettings, FamilyStates, FilmFamily
+from tympan.studies.limits.loads import usual_masses, usual_voltages
+from tympan.studies.tolerance.drawn import Scattered, split
+from tympan.studies.tolerance.given import Cause, Tolerances, causes
+from tympan.studies.tolerance.result import (
+    QUANTITIES,
+    Chance,
+    GivenTolerance,
+    Spread,
+    ToleranceResult,
+    VarianceShare,
+)
+from tympan.studies.tolerance.shares import Design
+
+Array = NDArray[Any]
+
+_FILMS: Rule = (lambda x: x == int(x) and 100 <= x <= 1_000_000,
+                "must be a whole number from 100 to 1000000")
+_SEED: Rule = (lambda x: x == int(x) and 0 <= x < 2**63, "must be a whole number, 0 or more")
+
+#: Films where their number is not given: quantiles of 5 % are then known to some 0.02 of the
+#: standard deviation.
+USUAL_FILMS = 10_000
+#: How near the family is to finite elements, relative: far below what films scatter.
+_ERROR = 1e-4
+#: Films whose error is estimated.
+_CHECKED = 200
+#: Quantiles that are told.
+_TOLD = (0.05, 0.5, 0.95)
+#: Share of films that may miss a voltage where the shares of variance are still told.
+_MISSED = 0.05
+#: Bins of a histogram.
+_BINS = 40
+
+
+@takes_units
+@dataclass(frozen=True)
+class ToleranceCase:
+    """A specimen whose numbers scatter, under a nominal ``mass`` [kg] and ``voltage`` [V].
+
+    Mass and voltage suit the film where they are not given. About so many ``films`` are drawn, by
+    a ``seed``: their number is a power of two times two more than there are tolerances.
+    """
+
+    specimen: Specimen
+    _: KW_ONLY
+    mass: Annotated[float | None, Key("nominal load on the plate", "mass", MASSES)] = None
+    voltage: Annotated[float | None, Key("nominal voltage", "voltage", VOLTAGES)] = None
+    tolerances: Tolerances = Tolerances()
+    films: Annotated[int, Key("how many are drawn, about", rule=_FILMS)] = USUAL_FILMS
+    seed: Annotated[int, Key("of the random numbers", rule=_SEED)] = 1
+    rig: Rig = Rig()
+
+    if TYPE_CHECKING:
+        def __init__(self, specimen: Specimen, *, mass: float | str | None = ...,
+                     voltage: float | str | None = ..., tolerances: Tolerances = ...,
+                     films: int = ..., seed: int = ..., rig: Rig = ...) -> None: ...
+
+    def __post_init__(self) -> None:
+        require(self)
+        self.specimen.needed_plate()
+        causes(self.specimen, self.tolerances)
+
+    def loaded(self, settings: Settings) -> tuple[float, float]:
+        """Mass and voltage, given or such that they suit the film."""
+        mass = self.mass
+        if mass is None:
+            mass = usual_masses(self.specimen, settings, self.rig)[0]
+        if self.voltage is not None:
+            return mass, self.voltage
+        return mass, usual_voltages(self.specimen, mass, settings, self.rig)[-1]
+
+
+def tolerance(case: ToleranceCase, settings: Settings,
+              progress: Callable[[str], None] = lambda words: None) -> ToleranceResult:
+    """Draw films, solve them at rest without and under the voltage, and divide their variance."""
+    began = time.perf_counter()
+    found, words = causes(case.specimen, case.tolerances)
+    mass, voltage = case.loaded(settings)
+    if not voltage > 0:
+        raise InputError("must be above 0: films are compared without and under it", key="voltage",
+                         given=f"{voltage:g} V")
+    drawn = Drawn.of(case, found, mass, voltage, settings)
+    made = time.perf_counter()
+    progress(f"{drawn.films} films")
+    values = drawn.solved()
+    reached = drawn.reached(values)
+    warnings = [*Case(case.specimen, mass=mass, voltage=voltage, rig=case.rig).remarks, *words]
+    return ToleranceResult(
+        specimen=case.specimen.name, mass_kg=mass, voltage_V=voltage, films=drawn.films,
+        seed=case.seed, tolerances=tuple(map(_stated, found)), reached=_chance(reached),
+        quantities=drawn.spreads(values, reached), error=drawn.error(),
+        made_s=made - began, wall_s=time.perf_counter() - began,
+        warnings=(*warnings, *_missed(reached)))
+
+
+@dataclass(frozen=True, eq=False)
+class Drawn:
+    """Films that are drawn, and the family that solves them.
+
+    ``rows`` (films, parameters), ``forces`` [N] and ``voltages`` across the film [V], (films,); the
+    first film is the nominal one, the others are the design's.
+    """
+
+    family: FilmFamily
+    causes: tuple[Cause, ...]
+    design: Design
+    rows: Array
+    forces: Array
+    voltages: Array
+
+    @classmethod
+    def of(cls, case: ToleranceCase, found: tuple[Cause, ...], mass: float, voltage: float,
+           settings: Settings) -> Drawn:
+        """The films of a case, and their family."""
+        scattered = Scattered(case.specimen, found)
+        design = scattered.design(case.films, case.seed)
+        around = scattered.around()
+        middle = np.full((1, design.uniform.shape[2]), 0.5)
+        names, rows, load, amplifier = split(scattered.values(
+            np.concatenate([middle, design.points])))
+        size, rig = float(area(case.specimen.needed_plate().outline)), case.rig
+        forces = rig.force(mass * load, size)
+        across = float(rig.film_voltage(voltage)) * amplifier
+        _, _, loads, amplifiers = split({name: np.array(ends) for name, ends in around.items()})
+        low, high = rig.force(mass * loads, size)
+        family = FilmFamily.around(
+            case.specimen, {name: around[name] for name in names}, (low, high),
+            (0.0, float(rig.film_voltage(voltage)) * float(amplifiers[-1])), rig, settings,
+            FamilySettings(error=_ERROR))
+        return cls(family, found, design, rows, forces, across)
+
+    @property
+    def films(self) -> int:
+        """How many there are beside the nominal one."""
+        return len(self.rows) - 1
+
+    def solved(self) -> dict[str, Array]:
+        """Quantities of all films by key; nan of those that do not reach the voltage."""
+        states = self._states(slice(None))
+        holds = self._holds(states)
+        rest, deflection = states.deflection.T
+        held = self.family.held_forces(self.rows, states.q[:, 0], self.voltages)
+        values = {"deflection_m": deflection, "stroke_m": deflection - rest,
+                  "blocked_force_N": self.forces - held, "capacitance_F": states.capacitance[:, 1]}
+        return {key: np.where(holds, value, np.nan) for key, value in values.items()}
+
+    def _states(self, films: slice, check: bool = False) -> FamilyStates:
+        voltages = np.column_stack([np.zeros(len(self.rows)), self.voltages])
+        return self.family.states(self.rows[films], self.forces[films, None], voltages[films],
+                                  check=check)
+
+    @staticmethod
+    def _holds(states: FamilyStates) -> NDArray[np.bool_]:
+        return np.asarray(states.holds.all(1) & (states.breakdown[:, 1] < 1))
+
+    @staticmethod
+    def reached(values: dict[str, Array]) -> NDArray[np.bool_]:
+        """Which of the films reach the voltage, the nominal one left out."""
+        return np.isfinite(values["deflection_m"][1:])
+
+    def error(self) -> float:
+        """Largest estimated error of the deflection of the first films, relative."""
+        states = self._states(slice(0, _CHECKED), check=True)
+        share = states.error / np.abs(states.deflection)
+        return float(np.nanmax(share)) if np.isfinite(share).any() else float("nan")
+
+    def spreads(self, values: dict[str, Array], reached: NDArray[np.bool_]) -> dict[str, Spread]:
+        """Distributions by key; none where hardly any film reaches the voltage."""
+        if reached.sum() < _BINS:
+            return {}
+        told = bool(reached.mean() >= 1 - _MISSED)
+        return {key: self._spread(values[key], told) for key in QUANTITIES}
+
+    def _spread(self, values: Array, told: bool) -> Spread:
+        nominal, films = float(values[0]), values[1:]
+        there = films[np.isfinite(films)]
+        low, median, high = np.quantile(there, _TOLD)
+        counts, bins = np.histogram(there, _BINS)
+        deviation = float(there.std())
+        shares, apart, rest = self._shares(films) if told else ((), None, None)
+        return Spread(
+            nominal=nominal if np.isfinite(nominal) else None, median=float(median),
+            low=float(low), high=float(high), deviation=deviation,
+            within_batch=None if apart is None else deviation * apart**0.5,
+            shares=shares, interactions=rest, bins=tuple(bins.tolist()),
+            counts=tuple(counts.tolist()))
+
+    def _shares(self, films: Array) -> tuple[tuple[VarianceShare, ...], float, float]:
+        """Shares of the causes, that of all that films of a batch do not share, and the rest."""
+        found = self.design.shares(films)
+        each = zip(self.causes, found.alone, found.total, found.low, found.high, strict=False)
+        shares = [VarianceShare(name=cause.name, scope=cause.scope, alone=float(alone),
+                                total=float(total), low=float(low), high=float(high))
+                  for cause, alone, total, low, high in each]
+        rest = 1 - sum(share.alone for share in shares)
+        return (tuple(sorted(shares, key=lambda share: -share.alone)), float(found.total[-1]),
+                float(rest))
+
+
+def _stated(cause: Cause) -> GivenTolerance:
+    return GivenTolerance(name=cause.name, scope=cause.scope, source=cause.source,
+                          reason=cause.reason,
+                          relative=cause.deviation if cause.relative else None,
+                          deviation_m=None if cause.relative else cause.deviation)
+
+
+def _chance(reached: NDArray[np.bool_]) -> Chance:
+    interval = binomtest(int(reached.sum()), len(reached)).proportion_ci(method="wilson")
+    return Chance(probability=float(reached.mean()), low=float(interval.low),
+                  high=float(interval.high))
+
+
+def _missed(reached: NDArray[np.bool_]) -> list[str]:
+    if reached.mean() >= 1 - _MISSED:
+        return []
+    return ["more than 5 % of the films do not reach the voltage: the distributions are of those "
+            "that do, and no shares of variance are told"]

@@ -1,0 +1,158 @@
+"""Tolerances: shares against known indices, films against closed form and finite elements."""
+
+from __future__ import annotations
+
+import tomllib
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.support.specimens import specimen_toml
+from tympan.fem.equilibrium.solve import equilibrium, held
+from tympan.fem.film.library import load_specimen
+from tympan.geometry.errors import InputError
+from tympan.geometry.specimen import Specimen
+from tympan.geometry.toml_reader import Table
+from tympan.studies.case import Case, Settings, build_model
+from tympan.studies.limits.voltages import first_limit
+from tympan.studies.tolerance.given import LengthScatter, Scatter, Tolerances, causes
+from tympan.studies.tolerance.shares import Design
+from tympan.studies.tolerance.tolerance import Drawn, ToleranceCase, tolerance
+
+NONE, NO_LENGTH = Scatter(), LengthScatter()
+STILL = Tolerances(NONE, NONE, NONE, NONE, NO_LENGTH, NO_LENGTH, NO_LENGTH, NO_LENGTH, NONE, NONE)
+MASS, VOLTAGE = 17.9e-3, 3500.0
+
+
+@cache
+def oval() -> Specimen:
+    return load_specimen(Table("oval.toml", tomllib.loads(specimen_toml())))
+
+
+def test_shares_of_ishigami_s_function() -> None:
+    """Ishigami, Homma (1990) with a = 7, b = 0.1: indices in closed form."""
+    design = Design.drawn([[True, False, False], [False, True, False], [False, False, True],
+                           [True, False, True]], 6 * 2**13, seed=3)
+    x = np.pi * (2 * design.points - 1)
+    found = design.shares(np.sin(x[:, 0]) + 7 * np.sin(x[:, 1]) ** 2
+                          + 0.1 * x[:, 2] ** 4 * np.sin(x[:, 0]))
+    np.testing.assert_allclose(found.alone, [0.3139, 0.4424, 0.0, 0.5576], atol=0.01)
+    np.testing.assert_allclose(found.total, [0.5576, 0.4424, 0.2437, 0.5576], atol=0.01)
+    assert (found.low <= found.alone).all()
+    assert (found.alone <= found.high).all()
+
+
+def test_films_that_are_missing_do_not_count() -> None:
+    design = Design.drawn(np.eye(2, dtype=bool).tolist(), 4 * 2**11, seed=1)
+    values = design.points @ [1.0, 2.0]
+    values[::50] = np.nan
+    np.testing.assert_allclose(design.shares(values).alone, [0.2, 0.8], atol=0.05)
+
+
+def test_small_loads_scatter_as_products_of_lognormal_numbers() -> None:
+    """The deflection of a hardly loaded neo-Hookean film goes as F / (μ T): closed form."""
+    film = load_specimen(Table("soft.toml", tomllib.loads(specimen_toml(
+        film='material = "vhb-4910-neo-hooke"'))))
+    sizes = {"thickness": 0.05, "stiffness": 0.1, "load": 0.08}
+    given = Tolerances(**{**vars(STILL), "thickness": Scatter(film=0.05),
+                          "stiffness": Scatter(batch=0.1), "load": Scatter(film=0.08)})
+    result = tolerance(ToleranceCase(film, mass=1e-5, voltage=1.0, tolerances=given, films=9000),
+                       Settings())
+    spread = result.quantities["deflection_m"]
+    whole = np.sqrt(sum(size**2 for size in sizes.values()))
+    assert spread.median == pytest.approx(spread.nominal, rel=0.01)
+    assert spread.high / spread.median == pytest.approx(np.exp(1.645 * whole), rel=0.015)
+    assert spread.low / spread.median == pytest.approx(np.exp(-1.645 * whole), rel=0.015)
+    within = np.sqrt(0.05**2 + 0.08**2) / whole
+    assert spread.within_batch == pytest.approx(within * spread.deviation, rel=0.05)
+    shares = {share.name: share for share in spread.shares}
+    variance = np.exp(whole**2) - 1
+    for name, size in sizes.items():
+        assert shares[name].alone == pytest.approx((np.exp(size**2) - 1) / variance, abs=0.04)
+    assert sum(share.alone for share in spread.shares) + spread.interactions == pytest.approx(1)
+
+
+def exact(drawn: Drawn, film: int) -> dict[str, float]:
+    """The quantities of a film by finite elements on a mesh of its own."""
+    case = Case(drawn.family.box.member(drawn.rows[film]))
+    model = build_model(case.specimen, Settings(), case.rig.loading)
+    force, voltage = float(drawn.forces[film]), float(drawn.voltages[film])
+    rest, charged = (equilibrium(model, force, across) for across in (0.0, voltage))
+    first, last = (model.deflection(outcome.state) for outcome in (rest, charged))
+    blocked = held(model, first, voltage, rest.solution)
+    return {"deflection_m": last, "stroke_m": last - first,
+            "blocked_force_N": force - float(blocked.state.force),
+            "capacitance_F": float(model.capacitance(charged.state))}
+
+
+@cache
+def drawn_films() -> tuple[Drawn, dict[str, np.ndarray]]:
+    given = Tolerances(permittivity=Scatter(batch=0.03), offset=LengthScatter(film=5e-4))
+    case = ToleranceCase(oval(), tolerances=given, films=1000, seed=4)
+    drawn = Drawn.of(case, causes(oval(), given)[0], MASS, VOLTAGE, Settings())
+    return drawn, drawn.solved()
+
+
+def compared(count: int) -> dict[str, np.ndarray]:
+    """Quantities by finite elements of some of the films, drawn at random."""
+    drawn, values = drawn_films()
+    chosen = np.random.default_rng(2).choice(len(drawn.rows), count, replace=False)
+    known = [exact(drawn, int(film)) for film in chosen]
+    for key, found in values.items():
+        expected = np.array([each[key] for each in known])
+        # A stroke is the difference of two deflections ten times as large.
+        np.testing.assert_allclose(found[chosen], expected, rtol=1e-3, err_msg=key)
+    return {key: np.array([each[key] for each in known]) for key in values}
+
+
+def test_some_films_are_those_of_finite_elements() -> None:
+    compared(6)
+
+
+@pytest.mark.study
+def test_quantiles_are_those_of_500_films_of_finite_elements() -> None:
+    known, (drawn, values) = compared(500), drawn_films()
+    for key, expected in known.items():
+        ranks = np.array([(expected < np.nanquantile(values[key][1:], share)).mean()
+                          for share in (0.05, 0.5, 0.95)])
+        shares = np.array([0.05, 0.5, 0.95])
+        # Three standard deviations of a binomial share, and of that of the films drawn.
+        off = 3 * np.sqrt(shares * (1 - shares) * (1 / 500 + 1 / drawn.films))
+        assert (np.abs(ranks - shares) <= off).all(), key
+
+
+def test_half_of_the_films_reach_the_nominal_film_s_limit() -> None:
+    given = Tolerances(**{**vars(STILL), "thickness": Scatter(film=0.02)})
+    limit = first_limit(Case(oval(), mass=MASS), Settings())
+    assert limit is not None
+    found = [tolerance(ToleranceCase(oval(), mass=MASS, voltage=share * limit.voltage_V,
+                                     tolerances=given, films=400), Settings())
+             for share in (0.9, 1.0)]
+    assert found[0].reached.probability > 0.98
+    assert found[1].reached.probability == pytest.approx(0.5, abs=0.06)
+    assert found[1].reached.low < 0.5 < found[1].reached.high
+    assert not found[1].quantities["stroke_m"].shares
+    assert any("do not reach" in words for words in found[1].warnings)
+
+
+@pytest.mark.parametrize(("text", "message"), [
+    ("[thicknes]\nfilm = 0.1", r"thicknes: unknown key: did you mean 'thickness'"),
+    ("[thickness]\nfilm = 5", r"thickness\.film: given 5: must be a relative standard deviation"),
+    ("[thickness]\nfilm = '5 mm'", r"thickness\.film: .*must be a number without a unit"),
+    ("[frame]\nfilm = 0.1", r"frame\.film: given 0\.1: .*unit"),
+    ("[frame]\nroll = '1 mm'", r"frame\.roll: unknown key: .*known here: batch, film")])
+def test_a_wrong_file_is_one_message(tmp_path: Path, text: str, message: str) -> None:
+    (tmp_path / "T.toml").write_text(text)
+    with pytest.raises(InputError, match=rf"T\.toml: {message}"):
+        Tolerances.read(tmp_path / "T.toml")
+
+
+def test_what_cannot_scatter_is_refused() -> None:
+    with pytest.raises(InputError, match="margin: has no place"):
+        ToleranceCase(oval(), tolerances=Tolerances(margin=LengthScatter(film=1e-4)))
+    with pytest.raises(InputError, match="lets nothing scatter"):
+        ToleranceCase(oval(), tolerances=STILL)
+    with pytest.raises(InputError, match="voltage"):
+        tolerance(ToleranceCase(oval(), mass=MASS, voltage=0.0), Settings())
