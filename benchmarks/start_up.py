@@ -130,6 +130,7 @@ material fit coupon.csv
 lumped build round.toml -o built
 lumped simulate --model models/round.lumped.toml --mass 20g --signal step --high 3kV
 lumped linearise --model models/round.lumped.toml --mass 20g
+lumped control --model models/round.lumped.toml --mass 20g --high 2kV --supply 3kV --duration 1s
 lumped identify readings --model models/round.lumped.toml --no-limits
 lumped export models/round.lumped.toml -o controller
 lumped paper --help

@@ -17,6 +17,7 @@ from tympan.geometry.specimen import Specimen
 from tympan.geometry.toml_reader import one_of
 from tympan.reports import look
 from tympan.reports.diagnosis.page import cause_label
+from tympan.reports.figures.control import draw_deflections
 from tympan.reports.figures.coupon import draw_laws
 from tympan.reports.figures.curve import (
     draw_curve,
@@ -41,6 +42,7 @@ from tympan.studies.film_surface import FilmSurface
 from tympan.studies.force import ForceResult
 from tympan.studies.limits import CurveResult, LimitsResult
 from tympan.studies.lumped.build import BuildResult
+from tympan.studies.lumped.control.result import ControlResult
 from tympan.studies.material.result import MaterialFitResult
 from tympan.studies.modes import ModesResult
 from tympan.studies.optimise.optimise import OptimiseResult
@@ -213,6 +215,15 @@ def _(result: Responses, axes: Axes) -> None:
     voltages = 1e-3 * np.append(first.samples["voltage"], first.first_voltage_V)
     axes.set(xlabel="time (s)", ylabel="displacement read (mm)",
              title=f"voltage between {voltages.min():.4g} and {voltages.max():.4g} kV")
+    axes.legend()
+
+
+@draw.register
+def _(result: ControlResult, axes: Axes) -> None:
+    film = result.films[0]
+    draw_deflections(axes, film)
+    axes.set(xlabel="time (s)", ylabel="displacement (mm)",
+             title=f"{film.specimen}: {1e3 * film.mass_kg:.4g} g")
     axes.legend()
 
 

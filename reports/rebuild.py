@@ -34,6 +34,8 @@ KINDS = {
     "lumped paper": ("paper.json", "paper.page:build_paper_page", "replica.output:PaperResult"),
     "lumped simulate": ("simulate.json", "figures.response:draw_simulated",
                         "lumped.simulate:ModelResponse"),
+    "lumped control": ("control.json", "figures.control:draw_control",
+                       "lumped.control.result:ControlResult"),
     "transient": ("transient.json", "figures.response:draw_simulated",
                   "transient:FieldResponse"),
     "response": ("*-response.json", "figures.harmonic:draw_response", "response:ResponseResult"),

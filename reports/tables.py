@@ -22,6 +22,7 @@ from tympan.studies.force import ForceResult
 from tympan.studies.identify.result import IdentifyResult
 from tympan.studies.limits import CurveResult, LimitsResult
 from tympan.studies.lumped.build import BuildResult
+from tympan.studies.lumped.control.result import ControlResult
 from tympan.studies.lumped.linear import LinearResult
 from tympan.studies.material.result import MaterialFitResult
 from tympan.studies.modes import ModesResult
@@ -220,6 +221,12 @@ def _(result: BuildResult) -> Any:
 def _(result: LinearResult) -> Any:
     return pd.DataFrame([{"specimen": linear.specimen, **pole.json()}
                          for linear in result.linear for pole in linear.named_poles])
+
+
+@table.register
+def _(result: ControlResult) -> Any:
+    return pd.DataFrame([{"specimen": film.specimen, **asdict(step)} for film in result.films
+                         for step in film.steps])
 
 
 @table.register

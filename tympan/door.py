@@ -47,15 +47,20 @@ if TYPE_CHECKING:
 File = str | os.PathLike[str]
 
 
-class Waves(TypedDict, total=False):
+class Voltages(TypedDict, total=False):
     """What makes a signal of its kind, as :class:`~tympan.studies.signals.Wave` takes it."""
 
     low: float | str
     high: float | str
     duration: float | str
-    interval: float | str
     count: int
     seed: int
+
+
+class Waves(Voltages, total=False):
+    """A signal with the interval of its samples."""
+
+    interval: float | str
 
 
 class CouponTable(TypedDict, total=False):

@@ -7,7 +7,7 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Unpack
 
-from tympan.door import File, Waves
+from tympan.door import File, Voltages, Waves
 from tympan.fem.rig import Rig
 from tympan.geometry.errors import InputError
 from tympan.geometry.fields import names_arguments, number, numbers
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from tympan.studies.lumped.actuator import Viscous
     from tympan.studies.lumped.build import BuildResult
     from tympan.studies.lumped.case import LumpedCase
+    from tympan.studies.lumped.control.result import ControlResult
     from tympan.studies.lumped.linear import Input, LinearResult
     from tympan.studies.lumped.model_file import LumpedModel
     from tympan.studies.trace import Responses
@@ -94,6 +95,28 @@ def linearise(*actuators: Specimen | LumpedModel | File, at: float | str = 3e3, 
     return Result(case.chosen(abs(voltage), settings).linear(voltage, input))
 
 
+@names_arguments(Voltages)
+@one_thread()
+def control(*actuators: Specimen | LumpedModel | File, signal: str = "step",
+            interval: float | str = 10e-3, supply: float | str = 7e3,
+            sensor_lag: float | str = 0.0, mass: float | str | None = None, paper: bool = False,
+            alpha: Sequence[float] | None = None, table_1: float | None = None, rig: Rig = Rig(),
+            settings: Settings = Settings(), **wave: Unpack[Voltages]) -> Result[ControlResult]:
+    """Closed loop of voltage and deflection: a PI controller with feed-forward, margins, a run.
+
+    The plate is to follow the deflections at rest of the ``signal``'s voltages. ``interval`` is the
+    sampling interval, ``supply`` the highest voltage (the lowest is 0), ``sensor_lag`` the time by
+    which the sensor lags. The rest is as for ``simulate``.
+    """
+    from tympan.studies.lumped.control.run import ControlSettings, controlled
+    from tympan.studies.signals import Wave
+
+    loop = ControlSettings(supply=supply, interval=interval, sensor_lag=sensor_lag)
+    voltages = Wave(signal, interval=loop.interval, **wave).signal()
+    case = _case(actuators, mass=mass, paper=paper, alpha=alpha, table_1=table_1, rig=rig)
+    return Result(controlled(case.chosen(loop.supply, settings), voltages, loop))
+
+
 @names_arguments()
 @one_thread()
 def identify(dataset: File, *, model: Sequence[LumpedModel | File] = (), paper: bool = False,
@@ -143,6 +166,7 @@ class Lumped:
     build = staticmethod(build)
     simulate = staticmethod(simulate)
     linearise = staticmethod(linearise)
+    control = staticmethod(control)
     identify = staticmethod(identify)
     export = staticmethod(export)
     __call__ = staticmethod(build)

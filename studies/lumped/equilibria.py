@@ -83,7 +83,7 @@ def rest_curve(actuator: Actuator, voltages: Any) -> Array:
     if start is None:
         return np.full(squared.shape, np.nan)
     y = np.linspace(start, actuator.reach if limit is None else limit[1], _GRID)
-    holding = np.append(0.0, _squared(actuator, y[1:]))
+    holding = np.append(0.0, squared_at(actuator, y[1:]))
     below = np.searchsorted(holding, squared, "right") - 1
     inside = squared <= (holding[-1] if limit is None else limit[0] ** 2)
     # Below the rest and near it, from where Newton's method climbs to it.
@@ -114,19 +114,19 @@ def pull_in(actuator: Actuator) -> tuple[float, float] | None:
     """Film voltage [V] and deflection [m] where the rest that begins without voltage ends, or None.
 
     The balance is linear in the squared film voltage, so every rest lies on u²(y) = (elastic force
-    − weight)/(electric force per V²), :func:`_squared`, and pull-in is its first maximum.
+    − weight)/(electric force per V²), :func:`squared_at`, and pull-in is its first maximum.
     """
     start = _start(actuator)
     if start is None:
         return None
     y = np.linspace(start, actuator.reach, _GRID)
-    turning = np.flatnonzero(np.diff(_squared(actuator, y)) < 0)
+    turning = np.flatnonzero(np.diff(squared_at(actuator, y)) < 0)
     if not len(turning):
         return None
     first = max(int(turning[0]), 1)
-    top = float(minimize_scalar(lambda at: -float(_squared(actuator, at)), method="bounded",
+    top = float(minimize_scalar(lambda at: -float(squared_at(actuator, at)), method="bounded",
                                 bounds=(y[first - 1], y[first + 1]), options={"xatol": 1e-12}).x)
-    return float(np.sqrt(max(float(_squared(actuator, top)), 0.0))), top
+    return float(np.sqrt(max(float(squared_at(actuator, top)), 0.0))), top
 
 
 def highest(actuator: Actuator) -> float:
@@ -134,7 +134,7 @@ def highest(actuator: Actuator) -> float:
     limit = pull_in(actuator)
     if limit is not None:
         return limit[0]
-    return float(np.sqrt(max(float(_squared(actuator, actuator.reach)), 0.0)))
+    return float(np.sqrt(max(float(squared_at(actuator, actuator.reach)), 0.0)))
 
 
 def limit_words(actuator: Actuator) -> str:
@@ -147,5 +147,6 @@ def limit_words(actuator: Actuator) -> str:
     return f"{end} is at {highest(actuator) / 1e3:.5g} kV across the film"
 
 
-def _squared(actuator: Actuator, y: Array | float) -> Array:
+def squared_at(actuator: Actuator, y: Array | float) -> Array:
+    """U² across the film [V²] at which deflections [m] are at rest."""
     return np.asarray((actuator.elastic(y)[1] - actuator.load) / -actuator.electric(y)[1])

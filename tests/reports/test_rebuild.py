@@ -146,6 +146,8 @@ RUNS: dict[str, Callable[[Path], None]] = {
     "lumped paper": paper,
     "lumped simulate": of_specimen("lumped simulate", "--signal", "sine", "--duration", "2 s",
                                    "--interval", "20 ms"),
+    "lumped control": of_specimen("lumped control", "--high", "2 kV", "--supply", "3 kV",
+                                  "--duration", "1 s"),
     "transient": of_specimen("transient", "--signal", "sine", "--duration", "2 s", "--interval",
                              "20 ms", "--refine", "0.5"),
     "response": of_specimen("response", "--voltage", "3 kV", *LOADED),

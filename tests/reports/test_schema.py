@@ -118,6 +118,8 @@ PLAIN = [
     ("lumped_linearise", "lumped linearise --model models/oval.lumped.toml", ()),
     ("lumped_linearise", "lumped linearise --model models/creep.lumped.toml",
      ("--at", "0 kV", "--input", "U2")),
+    ("lumped_control", "lumped control --model models/oval.lumped.toml",
+     ("--mass", "17.9 g", "--high", "2 kV", "--supply", "3 kV", "--duration", "1 s")),
     ("lumped_identify", "lumped identify readings", ("--paper", "--law", "film", "--nelder-mead")),
 ]
 PRINTED = [*((name, command, (*options, *COARSE)) for name, command, options in MESHED), *PLAIN]

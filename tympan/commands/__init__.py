@@ -13,6 +13,7 @@ from tympan.commands import (
     transient,
 )
 from tympan.commands.lumped import build as lumped_build
+from tympan.commands.lumped import control as lumped_control
 from tympan.commands.lumped import export as lumped_export
 from tympan.commands.lumped import identify as lumped_identify
 from tympan.commands.lumped import paper as lumped_paper
@@ -30,8 +31,9 @@ HEADINGS = {
     "data": (data.data, data.diagnose, material.material_fit),
     "lumped": (
         lumped_build.lumped_build, lumped_response.lumped_simulate,
-        lumped_response.lumped_linearise, lumped_identify.lumped_identify,
-        lumped_export.lumped_export, lumped_paper.lumped_paper),
+        lumped_response.lumped_linearise, lumped_control.lumped_control,
+        lumped_identify.lumped_identify, lumped_export.lumped_export,
+        lumped_paper.lumped_paper),
 }
 COMMANDS = tuple(command for commands in HEADINGS.values() for command in commands)
 #: What the first words of two are for.

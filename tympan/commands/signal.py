@@ -11,7 +11,8 @@ from tympan.options import SEEDS, argument, parse_quantity
 if TYPE_CHECKING:
     from tympan.studies.signals import Signal, Wave
 
-SIGNAL = (
+#: All of a signal but its interval.
+VOLTAGES = (
     argument("--signal", default="step", metavar="KIND",
              help="step, ramp (up and down), sine, random, or a CSV file with t_s, "
                   "voltage_kV"),
@@ -22,8 +23,8 @@ SIGNAL = (
     argument("--count", type=int, metavar="N", within=(1, 10_000),
              help="random levels (default: 20); cycles of a sine (3)"),
     argument("--seed", type=int, default=0, within=SEEDS, help="of the random levels"),
-    argument("--interval", default="1 ms", help="between samples written"),
 )
+SIGNAL = (*VOLTAGES, argument("--interval", default="1 ms", help="between samples written"))
 
 
 def wave_of(options: argparse.Namespace, count: int) -> tuple[Wave, Signal]:

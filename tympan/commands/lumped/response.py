@@ -28,8 +28,8 @@ from tympan.options import (
 if TYPE_CHECKING:
     from tympan.studies.lumped.case import ChosenActuators, LumpedCase
 
-#: Which actuators, for :func:`_case`.
-_ACTUATORS = (
+#: Which actuators, for :func:`read_case`.
+ACTUATORS = (
     argument("specimens", type=Path, nargs="*", metavar="SPECIMEN.toml",
              help="its membrane circles are found from its field model, and kept"),
     argument("--model", type=Path, nargs="+", default=[], metavar="NAME.lumped.toml",
@@ -46,7 +46,8 @@ _ACTUATORS = (
                   "material; ε_r, lost in the paper, must be given"), RIG)
 
 
-def _case(options: argparse.Namespace) -> LumpedCase:
+def read_case(options: argparse.Namespace) -> LumpedCase:
+    """The actuators and the load that are asked for."""
     from tympan.studies.lumped.case import LumpedCase
     from tympan.studies.lumped.model_file import read_model
 
@@ -61,7 +62,8 @@ def _case(options: argparse.Namespace) -> LumpedCase:
                           rig=read_rig(options.rig))
 
 
-def _chosen(options: argparse.Namespace, case: LumpedCase, voltage: float) -> ChosenActuators:
+def chosen_actuators(options: argparse.Namespace, case: LumpedCase, voltage: float
+                     ) -> ChosenActuators:
     """The actuators asked for, good up to a voltage [V]."""
     from tympan.progress import bar
 
@@ -69,7 +71,7 @@ def _chosen(options: argparse.Namespace, case: LumpedCase, voltage: float) -> Ch
         return case.chosen(voltage, read_settings(options), progress)
 
 
-@command("lumped simulate", *_ACTUATORS, *SIGNAL,
+@command("lumped simulate", *ACTUATORS, *SIGNAL,
          argument("--swing", action="store_true",
                   help="the plate of a model whose film has branches has inertia; else it follows "
                        "the film at once"),
@@ -80,13 +82,13 @@ def lumped_simulate(options: argparse.Namespace) -> None:
     from tympan.progress import bar
 
     wave, signal = wave_of(options, len(options.specimens) + len(options.model))
-    chosen = _chosen(options, _case(options), signal.peak)
+    chosen = chosen_actuators(options, read_case(options), signal.peak)
     with bar(len(chosen.actuators)) as progress:
         result = chosen.responses(wave, signal, options.swing, progress)
     finish(options, result)
 
 
-@command("lumped linearise", *_ACTUATORS,
+@command("lumped linearise", *ACTUATORS,
          argument("--at", default="3 kV", metavar="VOLTAGE", help="about rest at this voltage"),
          argument("--input", choices=("U", "U2"), default="U",
                   help="what drives it: the voltage, or its square, with which the film's pull "
@@ -95,5 +97,5 @@ def lumped_simulate(options: argparse.Namespace) -> None:
 def lumped_linearise(options: argparse.Namespace) -> None:
     """Small motions about a rest: state space A, B, C, D, poles by name, gain."""
     voltage = parse_quantity(options.at, "voltage", "--at")
-    chosen = _chosen(options, _case(options), abs(voltage))
+    chosen = chosen_actuators(options, read_case(options), abs(voltage))
     print_record(options, chosen.linear(voltage, options.input).json())

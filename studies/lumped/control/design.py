@@ -1,0 +1,102 @@
+"""A PI controller for a lumped model: most integral gain at a bounded sensitivity.
+
+As Åström and Hägglund design PI controllers (*Advanced PID Control*, 2006, §7.3: the integral gain
+is the inverse of what a slow disturbance leaves behind), here over the whole range of deflections.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tympan.geometry.errors import Failure
+from tympan.studies.lumped.actuator import Actuator
+from tympan.studies.lumped.control.controller import Controller, StaticInverse
+from tympan.studies.lumped.control.loop import Complex, Margins, Sampled, frequencies, lags
+from tympan.studies.lumped.linear import linearise
+
+Array = NDArray[np.float64]
+
+#: Voltages of the range about which the model is linearised.
+_RESTS = 9
+#: Largest sensitivity: a gain margin of 2.7 and a phase margin of 36° at least (Åström, Hägglund:
+#: 1.4 to 2).
+SENSITIVITY = 1.6
+#: Times of the lags over that of the swing's radian that are tried, besides none. The longest
+#: leaves 6 % of a swing; longer ones only slow the loop.
+_LAGS = np.geomspace(0.25, 4.0, 20)
+#: Ratios K_p/K_i that are tried [s], over the swing's time.
+_RATIOS = np.append(0.0, np.geomspace(0.05, 500.0, 20))
+#: Integral gains that are tried, over the swing's frequency: a step is 8 %.
+_GAINS = np.geomspace(1e-4, 1e2, 180)
+
+
+@dataclass(frozen=True, eq=False)
+class Design:
+    """A controller with what it was designed on: the plant about rests over the range."""
+
+    controller: Controller
+    plants: tuple[Sampled, ...]
+
+    def loops(self) -> tuple[list[Complex], Array]:
+        """Open loops, and their frequencies [rad/s]."""
+        controller = self.controller
+        omega = frequencies(controller.interval_s)
+        z = np.exp(1j * omega * controller.interval_s)
+        shape = lags(z, controller.share) * (
+            controller.proportional
+            + controller.integral_per_s * controller.interval_s / (1 - 1 / z))
+        return [shape * plant.response(z) for plant in self.plants], omega
+
+    @property
+    def margins(self) -> Margins:
+        """The worst over the range."""
+        return Margins.of(*self.loops())
+
+
+def design(actuator: Actuator, supply: float, interval: float, sensor_lag: float = 0.0) -> Design:
+    """The controller of an actuator from 0 to a supply's voltage [V], sampled each interval [s].
+
+    ``sensor_lag``: time of the sensor's lag [s].
+
+    Raises
+    ------
+    Failure
+        Where no gain that is tried is stable over the range.
+    """
+    # Driven by U², which has an effect without voltage, too.
+    linear = [linearise(actuator, float(voltage), by="U2")
+              for voltage in np.linspace(0.0, supply, _RESTS)]
+    plants = tuple(Sampled.of(each, interval, sensor_lag) for each in linear)
+    omega = frequencies(interval)[::3]
+    swing = max(max(abs(pole.value) for pole in each.named_poles) for each in linear)
+    z = np.exp(1j * omega * interval)
+    responses = np.array([plant.response(z) for plant in plants])
+    best = (0.0, 0.0, 0.0)
+    for lag in (0.0, *(_LAGS / swing)):
+        share = -np.expm1(-interval / lag) if lag else 1.0
+        lagged = responses * lags(z, share)
+        for ratio in _RATIOS / swing:
+            gain = _highest_gain(lagged * (ratio + interval / (1 - 1 / z)), _GAINS * swing)
+            best = max(best, (gain, ratio, lag))
+    gain, ratio, lag = best
+    if not gain:
+        raise Failure("no controller of this sampling holds the film: sample it more often "
+                      "(--interval)")
+    inverse = StaticInverse.of(actuator, supply)
+    return Design(Controller(inverse=inverse, supply_V=supply, interval_s=interval,
+                             filter_s=float(lag), proportional=float(gain * ratio),
+                             integral_per_s=float(gain)), plants)
+
+
+def _highest_gain(loops: Complex, gains: Array) -> float:
+    """The last of ascending gains up to which 1 + L stays away from 0 in all loops.
+
+    Without gain the loop is stable, and it stays so as long as L does not pass −1.
+    """
+    least = np.array([np.abs(1 + gain * loops).min() for gain in gains])
+    bad = np.flatnonzero(least < 1 / SENSITIVITY)
+    last = int(bad[0]) - 1 if len(bad) else len(gains) - 1
+    return float(gains[last]) if last >= 0 else 0.0

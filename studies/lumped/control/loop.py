@@ -1,0 +1,97 @@
+"""The loop of a controller and small motions about a rest, sampled: response, margins, poles."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import block_diag, expm
+
+from tympan.studies.lumped.linear import Linear
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+#: Frequencies of a response, over which a swing of 1 % damping is resolved to a hundredth.
+_FREQUENCIES = 1500
+#: Lowest frequency over the sampling's highest: far below any creep.
+_LOWEST = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Sampled:
+    """A plant about a rest, x⁺ = A x + b v, y = c x, once an interval [s].
+
+    v is the deflection at rest that the voltage is for [m], so that y = v at rest.
+    """
+
+    a: Array
+    b: Array
+    c: Array
+    interval: float
+
+    @classmethod
+    def of(cls, linear: Linear, interval: float, sensor_lag: float = 0.0) -> Sampled:
+        """Small motions driven by U², the voltage held between samples, a sensor's lag [s]."""
+        a, b, c = linear.a, linear.b / linear.gain, linear.c
+        if sensor_lag:
+            a = block_diag(a, -1 / sensor_lag)
+            a[-1, 0] = 1 / sensor_lag
+            b, c = np.vstack([b, [[0.0]]]), np.eye(len(a))[-1:]
+        whole = np.zeros((len(a) + 1, len(a) + 1))
+        whole[:-1, :-1], whole[:-1, -1:] = a, b
+        passed = expm(interval * whole)
+        return cls(passed[:-1, :-1], passed[:-1, -1:], c, interval)
+
+    def response(self, z: Complex) -> Complex:
+        """y/v at points of the z-plane."""
+        size = len(self.a)
+        matrices = z[:, None, None] * np.eye(size) - self.a
+        return np.asarray((self.c @ np.linalg.solve(matrices, np.broadcast_to(
+            self.b, (len(z), size, 1))))[:, 0, 0])
+
+
+def frequencies(interval: float) -> Array:
+    """Frequencies [rad/s] up to the sampling's highest."""
+    return np.geomspace(_LOWEST, 1.0, _FREQUENCIES) * np.pi / interval
+
+
+def lags(z: Complex, share: Any) -> Complex:
+    """Response of the two lags of a controller, which take so large a share an interval."""
+    return np.asarray((share / (1 - (1 - share) / z)) ** 2)
+
+
+@dataclass(frozen=True)
+class Margins:
+    """Margins of loops, of each the worst.
+
+    ``gain``: by which factor the loop's gain may grow; ``phase`` [°]; ``delay`` [s] that may be
+    added; ``sensitivity``: largest |1/(1 + L)|. Infinite where there is no limit.
+    """
+
+    gain: float
+    phase: float
+    delay: float
+    sensitivity: float
+
+    @classmethod
+    def of(cls, loops: Sequence[Complex], omega: Array) -> Margins:
+        """Margins of open loops L at frequencies [rad/s]."""
+        found = np.array([cls._one(loop, omega) for loop in loops])
+        gain, phase, delay = found[:, :3].min(axis=0).tolist()
+        return cls(gain, phase, delay, float(found[:, 3].max()))
+
+    @staticmethod
+    def _one(loop: Complex, omega: Array) -> tuple[float, float, float, float]:
+        turned = np.flatnonzero((np.diff(np.sign(loop.imag)) != 0)
+                                & (loop.real[1:] < 0) & (loop.real[:-1] < 0))
+        gain = min((1 / abs(loop[i:i + 2].real.mean()) for i in turned
+                    if abs(loop[i:i + 2].real.mean()) < 1), default=np.inf)
+        unit = np.flatnonzero(np.diff(np.sign(np.abs(loop) - 1)) != 0)
+        phases = np.abs(180 + np.degrees(np.angle(loop[unit])) % -360)
+        delays = np.radians(phases) / omega[unit]
+        return (float(gain), float(phases.min(initial=np.inf)), float(delays.min(initial=np.inf)),
+                float((1 / np.abs(1 + loop)).max()))

@@ -1,0 +1,129 @@
+"""A closed loop as it is stored: the controller, its margins, each step, and the run."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import pandas as pd
+
+from tympan.geometry.column import Column
+from tympan.geometry.fields import Key
+from tympan.studies.case import Warnings
+from tympan.studies.columns import read_own_sheet, write_sheet
+from tympan.studies.files import from_json, read_json, remove, to_json, write_json
+from tympan.studies.lumped.control.controller import Controller
+
+#: Columns of control.csv: the run, and beside it the same without feedback.
+COLUMNS: tuple[Column, ...] = (
+    Column.labels("specimen"),
+    Column("t", "s"),
+    Column("wanted", "mm"),
+    Column("displacement", "mm"),
+    Column("voltage", "kV"),
+    Column("open_displacement", "mm"),
+    Column("open_voltage", "kV"),
+)
+
+#: What keeps a step from being quicker.
+Limit = Literal["supply", "swing", "creep", "sampling"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ControlStep:
+    """A step of the wanted deflection."""
+
+    start_s: Annotated[float, Key("when it is wanted")]
+    from_m: Annotated[float, Key("deflection wanted before")]
+    to_m: Annotated[float, Key("deflection wanted from then on")]
+    settled_s: Annotated[float | None, Key(
+        "time after which the deflection stays within 2 % of the step; none where the next step "
+        "comes first")]
+    open_settled_s: Annotated[float | None, Key(
+        "the same without feedback, with the voltage that holds the deflection at rest")]
+    times_as_soon: Annotated[float | None, Key(
+        "the second over the first, at least: where the film without feedback does not settle, the "
+        "time to the next step stands for it")]
+    overshoot: Annotated[float, Key("how far beyond the wanted deflection it goes, over the step")]
+    limited_by: Annotated[Limit, Key(
+        "what keeps it from being quicker: the voltage is at an end of the supply; the plate "
+        "swings; the film creeps, which feedback must outrun; a settling of few samples")]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Disturbance:
+    """A mass that is put on the plate and stays, while the wanted deflection does."""
+
+    mass_kg: Annotated[float, Key("mass that is put on")]
+    open_m: Annotated[float, Key("deflection by it at rest without feedback")]
+    largest_m: Annotated[float, Key("largest deflection from the wanted one with feedback")]
+    settled_s: Annotated[float | None, Key(
+        "time after which it stays within 2 % of that without feedback; none where it does not "
+        "within the run")]
+
+
+@dataclass(frozen=True, kw_only=True)
+class LoopMargins:
+    """Margins of the sampled loop, the worst over the range of deflections."""
+
+    gain: Annotated[float | None, Key("factor by which the loop's gain may grow; none: any")]
+    phase_deg: Annotated[float | None, Key("phase margin [°]; none where there is none to lose")]
+    delay_s: Annotated[float | None, Key("delay that may be added")]
+    sensitivity: Annotated[float, Key("largest sensitivity |1/(1 + L)|")]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ControlledFilm:
+    """One actuator with its controller, and what limits it.
+
+    Pairs are without voltage and at the supply's.
+    """
+
+    specimen: Annotated[str, Key("name of the specimen")]
+    mass_kg: Annotated[float, Key("nominal load on the plate")]
+    controller: Annotated[Controller, Key("the controller")]
+    margins: Annotated[LoopMargins, Key("margins on the linearised model")]
+    travel_m: Annotated[tuple[float, float], Key("deflections at rest between which it works")]
+    swing_Hz: Annotated[tuple[float, float], Key("frequency of the plate's swing; 0: overdamped")]
+    damping_ratio: Annotated[tuple[float, float], Key("damping ratio of the swing")]
+    creep_share: Annotated[tuple[float, float], Key(
+        "share of the deflection by voltage that comes by creep")]
+    creep_s: Annotated[tuple[float | None, float | None], Key(
+        "time of the slowest creep; none without any")]
+    lowest_V: Annotated[float, Key("lowest voltage of the run")]
+    highest_V: Annotated[float, Key("highest voltage of the run")]
+    error_rms_m: Annotated[float, Key("root mean square of wanted less reached deflection")]
+    open_error_rms_m: Annotated[float, Key("the same without feedback")]
+    steps: Annotated[tuple[ControlStep, ...], Key("steps of the wanted deflection")]
+    disturbance: Annotated[Disturbance, Key("a mass put on the plate in the middle of its travel")]
+    warnings: Warnings
+    samples: pd.DataFrame = field(default_factory=pd.DataFrame, repr=False, compare=False)
+
+
+@dataclass(frozen=True, eq=False)
+class ControlResult:
+    """Closed loops of actuators beside each other."""
+
+    films: tuple[ControlledFilm, ...]
+
+    def json(self) -> dict[str, Any]:
+        """Closed loops as a JSON object, without samples."""
+        return {"films": to_json(self.films)}
+
+    def save(self, folder: Path) -> None:
+        """Write control.csv, and the numbers last, control.json."""
+        remove(folder, "control.json")
+        write_sheet(folder / "control.csv", COLUMNS, pd.concat([film.samples
+                                                                for film in self.films]))
+        write_json(folder / "control.json", self.json())
+
+    @classmethod
+    def load(cls, folder: Path) -> ControlResult:
+        """What was saved; what is missing or damaged is an InputError."""
+        file = folder / "control.json"
+        films = from_json(tuple[ControlledFilm, ...], dict(read_json(file)).get("films"), file,
+                          "films")
+        samples = pd.DataFrame(read_own_sheet(folder / "control.csv", COLUMNS))
+        return cls(tuple(replace(film, samples=samples[samples["specimen"] == film.specimen])
+                         for film in films))

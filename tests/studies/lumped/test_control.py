@@ -1,0 +1,194 @@
+"""A closed loop on the lumped model: its parts against other ways, and what it must reach."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.signal import cont2discrete
+
+import tympan
+from tests.support.lumped import MODELS, OVAL
+from tympan.geometry.errors import InputError
+from tympan.studies.lumped.actuator import Actuator
+from tympan.studies.lumped.case import ChosenActuators, LumpedCase
+from tympan.studies.lumped.control.controller import ControllerState, StaticInverse
+from tympan.studies.lumped.control.design import SENSITIVITY, Design, design
+from tympan.studies.lumped.control.plants import LumpedPlant
+from tympan.studies.lumped.control.result import ControlResult
+from tympan.studies.lumped.control.run import (
+    ControlSettings,
+    Sensor,
+    closed_loop,
+    controlled,
+    settled,
+)
+from tympan.studies.lumped.equilibria import rest, rest_curve
+from tympan.studies.lumped.linear import linearise
+from tympan.studies.lumped.model_file import LumpedModel, write_model
+from tympan.studies.lumped.simulate import simulate
+from tympan.studies.signals import random_steps, step
+
+SUPPLY, INTERVAL = 7e3, 10e-3
+#: Membrane circles of the paper's large ellipse, as `tympan lumped build` finds them.
+MODEL = LumpedModel(OVAL, (45e-3, 75e-3), (0.61, 0.39), 2.2e-9, SUPPLY)
+
+
+def actuator() -> Actuator:
+    return MODEL.actuator(17.9e-3)
+
+
+@cache
+def designed(sensor_lag: float = 0.0) -> Design:
+    return design(actuator(), SUPPLY, INTERVAL, sensor_lag)
+
+
+def test_the_inverse_tells_the_voltage_of_a_rest() -> None:
+    for name in ("membrane circles", "permittivity that falls"):
+        one = MODELS[name]
+        inverse = StaticInverse.of(one, 4e3)
+        voltages = np.linspace(0, 4e3, 23)
+        squared = inverse.squared(rest_curve(one, voltages))
+        assert squared == pytest.approx(voltages**2, abs=2e-6 * 4e3**2), name
+
+
+def test_a_plant_moves_as_the_simulation_says() -> None:
+    """Steps as long as samples against collocation over the whole run."""
+    one, duration = actuator(), 0.6
+    exact = simulate(one, step(2e3, 5e3, 0.0, duration)).deflection(
+        np.linspace(0, duration, 61)[1:])
+    plant, reached = LumpedPlant.resting(one, 2e3), []
+    for _ in range(60):
+        plant = plant.after(5e3, INTERVAL)
+        reached.append(float(plant.deflection))
+    assert reached == pytest.approx(exact, abs=1e-5 * float(np.ptp(exact)))
+
+
+def test_several_films_move_as_each_alone() -> None:
+    softer = np.array([1.0, 0.9, 1.1])
+    many = LumpedPlant.resting(replace(actuator(), stiffness=softer), 1e3).after(4e3, INTERVAL)
+    for number, factor in enumerate(softer):
+        one = LumpedPlant.resting(replace(actuator(), stiffness=factor), 1e3).after(4e3, INTERVAL)
+        assert many.deflection[number] == pytest.approx(float(one.deflection), rel=1e-11)
+
+
+def closed(controller_gain: float, voltage: float, sensor_lag: float) -> float:
+    """Largest pole of the sampled loop, written out in state space, its gain so many times."""
+    c = designed(sensor_lag).controller
+    linear = linearise(actuator(), voltage, by="U2")
+    a, b, out = linear.a, linear.b / linear.gain, linear.c
+    if sensor_lag:
+        a = np.block([[a, np.zeros((len(a), 1))], [out / sensor_lag, -1 / sensor_lag]])
+        b, out = np.vstack([b, [[0.0]]]), np.eye(len(a))[-1:]
+    ad, bd, *_ = cont2discrete((a, b, out, np.zeros((1, 1))), INTERVAL)
+    n, p = len(ad), 1 - np.exp(-INTERVAL / c.filter_s)
+    # x, two lags of the reading and the integral; the reading is of the state before the step.
+    whole = np.zeros((n + 3, n + 3))
+    first, second, integral = (np.zeros(n + 3) for _ in range(3))
+    first[:n], first[n] = p * out[0], 1 - p
+    second[:] = p * first
+    second[n + 1] += 1 - p
+    kp, ki = controller_gain * c.proportional, controller_gain * c.integral_per_s
+    integral[:] = -ki * INTERVAL * second
+    integral[n + 2] += 1
+    driven = integral - kp * second
+    whole[:n, :n] = ad
+    whole[:n] += bd * driven
+    whole[n], whole[n + 1], whole[n + 2] = first, second, integral
+    return float(np.abs(np.linalg.eigvals(whole)).max())
+
+
+@pytest.mark.parametrize("lag", [0.0, 5e-3])
+def test_margins_are_where_the_loop_turns_unstable(lag: float) -> None:
+    margins = designed(lag).margins
+    voltages = np.linspace(0, SUPPLY, 9).tolist()
+    assert margins.sensitivity < 1.03 * SENSITIVITY  # between the frequencies of the search
+    assert margins.phase > 2 * np.degrees(np.arcsin(0.5 / margins.sensitivity)) - 0.5
+    assert max(closed(1.0, voltage, lag) for voltage in voltages) < 1
+    assert max(closed(0.97 * margins.gain, voltage, lag) for voltage in voltages) < 1
+    assert max(closed(1.03 * margins.gain, voltage, lag) for voltage in voltages) > 1
+
+
+def test_a_late_sensor_reads_what_the_equation_says() -> None:
+    lag, slope = 20e-3, 3.0
+    sensor, times = Sensor(lag, np.array(0.0)), np.linspace(0, 0.1, 11)
+    for before, now in pairwise(times):
+        sensor = sensor.after(slope * before, slope * now, now - before)
+    # The solution of r' = (s t - r)/T from 0.
+    exact = slope * (times[-1] - lag * (1 - np.exp(-times[-1] / lag)))
+    assert float(sensor.reading) == pytest.approx(exact, rel=1e-12)
+
+
+def chosen() -> ChosenActuators:
+    return ChosenActuators(LumpedCase((), (MODEL,)), (actuator(),), ())
+
+
+def test_random_steps_settle_three_times_as_soon_or_the_supply_ends() -> None:
+    signal = random_steps(0.0, SUPPLY, 12.0, 6, 3)
+    film, = controlled(chosen(), signal, ControlSettings()).films
+    assert film.lowest_V >= 0
+    assert film.highest_V <= SUPPLY
+    assert len(film.steps) == 5  # it rests at the first level
+    for each in film.steps:
+        if each.limited_by != "supply":
+            assert each.times_as_soon is not None
+            assert each.times_as_soon >= 3
+    assert sum(each.limited_by != "supply" for each in film.steps) >= 3
+    assert film.error_rms_m < film.open_error_rms_m
+    assert film.disturbance.settled_s is not None
+
+
+def test_scattered_films_are_held() -> None:
+    """Fifty films, stiffness and permittivity 10 % off: stable, and without offset."""
+    made = np.random.default_rng(45)
+    films = replace(actuator(), stiffness=1 + 0.1 * made.normal(size=50),
+                    permittivity=1 + 0.1 * made.normal(size=50))
+    one = actuator()
+    levels = [rest(one, voltage) for voltage in (3e3, 4.5e3, 3.5e3)]
+    wanted = np.repeat(levels, 600)
+    run = closed_loop(designed().controller, LumpedPlant.resting(films), rest(one, 0.0), wanted)
+    late, voltage = (values.reshape(3, 600, 50)[:, -50:] for values in (
+        np.abs(run.deflection - wanted[:, None]), run.voltage))
+    within = ((voltage > 10) & (voltage < SUPPLY - 10)).all(axis=1)
+    assert within.mean() > 0.8  # the others cannot reach it with this supply
+    assert late.max(axis=1)[within].max() < 0.02 * (levels[1] - levels[0])
+    assert np.ptp(late, axis=1).max() < 0.02 * (levels[1] - levels[0])  # nor do those swing
+
+
+def test_the_integral_does_not_wind_up() -> None:
+    """A deflection beyond the supply, for long; then one within, reached as soon as ever."""
+    controller, one = designed().controller, actuator()
+    low, high = rest(one, 2e3), rest(one, 4e3)
+    beyond = 2 * rest(one, SUPPLY)
+    state = ControllerState.resting(low, low)
+    for _ in range(3000):
+        voltage, state = controller.voltage(state, beyond, high)
+    assert voltage == pytest.approx(SUPPLY, rel=1e-5)
+    for _ in range(40):
+        voltage, state = controller.voltage(state, low, high)
+    assert voltage < 4e3
+
+
+def test_settling() -> None:
+    way = np.array([0.0, 0.9, 1.1, 1.01, 0.99, 1.0])
+    assert settled(way, 1.0, 0.02, 0.5) == 1.5
+    assert settled(way, 1.0, 0.2, 0.5) == 0.5
+    assert settled(way, 2.0, 0.02, 0.5) is None
+
+
+def test_python_and_files(tmp_path: Path) -> None:
+    write_model(tmp_path / "oval.lumped.toml", MODEL)
+    result = tympan.lumped.control(tmp_path / "oval.lumped.toml", mass="17.9 g", high="3 kV",
+                                   duration="1 s")
+    result.save(tmp_path)
+    again = ControlResult.load(tmp_path)
+    assert again.json() == result.json()
+    assert len(again.films[0].samples) == 101
+    assert list(result.to_pandas()["limited_by"]) == [again.films[0].steps[0].limited_by]
+    with pytest.raises(InputError, match="within the supply"):
+        tympan.lumped.control(tmp_path / "oval.lumped.toml", mass="17.9 g", high="6 kV",
+                              supply="5 kV")

@@ -1,0 +1,49 @@
+"""``tympan lumped control``: a closed loop of voltage and deflection."""
+
+from __future__ import annotations
+
+import argparse
+
+from tympan.commands.lumped.response import ACTUATORS, chosen_actuators, read_case
+from tympan.commands.signal import VOLTAGES, wave_of
+from tympan.options import (
+    JSON,
+    MESH,
+    argument,
+    command,
+    finish,
+    naming_options,
+    output,
+    parse_quantity,
+)
+
+
+@command("lumped control", *ACTUATORS, *VOLTAGES,
+         argument("--interval", default="10 ms", help="sampling interval of the controller"),
+         argument("--supply", default="7 kV", metavar="VOLTAGE",
+                  help="highest voltage of the supply; the lowest is 0"),
+         argument("--sensor-lag", default="0 s", metavar="TIME",
+                  help="time by which the sensor lags, by a factor e"),
+         output("store the run (CSV), the controller with its margins (JSON) and a picture (PNG, "
+                "SVG)"), JSON, MESH,
+         example='oval.toml --mass "17.9 g" --high "3 kV" --duration "2 s" --supply "5 kV" '
+                 "-o control")
+def lumped_control(options: argparse.Namespace) -> None:
+    """PI controller with feed-forward: its margins, and a run beside one without feedback.
+
+    The plate is to follow the deflections at rest of the signal's voltages. The controller is
+    designed on the lumped model, linearised from no voltage to the supply's.
+    """
+    from tympan.progress import bar
+    from tympan.studies.lumped.control.run import ControlSettings, controlled
+
+    _, signal = wave_of(options, len(options.specimens) + len(options.model))
+    with naming_options(options):
+        settings = ControlSettings(
+            supply=parse_quantity(options.supply, "voltage", "--supply"),
+            interval=parse_quantity(options.interval, "time", "--interval"),
+            sensor_lag=parse_quantity(options.sensor_lag, "time", "--sensor-lag"))
+    chosen = chosen_actuators(options, read_case(options), settings.supply)
+    with naming_options(options), bar(len(chosen.actuators)) as progress:
+        result = controlled(chosen, signal, settings, progress)
+    finish(options, result)
