@@ -77,7 +77,7 @@ class ControllerState:
 
     @classmethod
     def resting(cls, reference: Any, reading: Any) -> ControllerState:
-        """At rest so long that all lags are over."""
+        """Memory after so long a rest that all lags are over."""
         return cls((reference, reference), (reading, reading), 0.0 * (reference + reading))
 
 

@@ -45,7 +45,7 @@ class LumpedPlant:
 
     @classmethod
     def resting(cls, actuator: Actuator, voltage: float = 0.0) -> LumpedPlant:
-        """At rest at a voltage [V]."""
+        """The plant at rest at a voltage [V]."""
         y = settle(lambda at: actuator.balance(at, voltage), actuator.flat)
         if not np.isfinite(y).all():
             raise Failure(f"the film does not rest at {voltage / 1e3:g} kV")
@@ -56,7 +56,7 @@ class LumpedPlant:
         return np.asarray(self.state[..., 0])
 
     def after(self, voltage: Any, duration: float) -> LumpedPlant:
-        """By Radau's rule, in steps that resolve the swing."""
+        """Step by Radau's rule, as finely as the swing needs."""
         slopes = self.actuator.linear(self.state, np.asarray(voltage))[1]
         swing = np.sqrt(np.abs(slopes[..., 1, 0]).max())
         count = max(1, int(np.ceil(duration * swing / _RADIANS)))
