@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from importlib import resources
+from string import Template
 from typing import Annotated, Any
 
 import numpy as np
@@ -13,6 +15,7 @@ from tympan.geometry.errors import Failure
 from tympan.geometry.fields import Key
 from tympan.studies.lumped.actuator import Actuator
 from tympan.studies.lumped.equilibria import rest, squared_at
+from tympan.studies.lumped.export.c_source import identifier
 
 Array = NDArray[np.float64]
 
@@ -102,6 +105,17 @@ class Controller:
     def share(self) -> float:
         """What a lag takes in an interval of the way that is left to it."""
         return float(-np.expm1(-self.interval_s / self.filter_s)) if self.filter_s else 1.0
+
+    def c_source(self, name: str) -> str:
+        """The same as functions of C99, named after a specimen."""
+        text = resources.files("tympan.studies.lumped.control").joinpath("source.txt")
+        inverse = self.inverse
+        return Template(text.read_text(encoding="utf-8")).substitute(
+            title=name, name=identifier(name), interval=repr(self.interval_s),
+            series=", ".join(map(repr, inverse.coefficients_V2)), lowest=repr(inverse.lowest_m),
+            highest=repr(inverse.highest_m), supply=repr(float(self.supply_V)),
+            proportional=repr(self.proportional), share=repr(self.share),
+            gain=repr(self.integral_per_s * self.interval_s))
 
     def voltage(self, state: ControllerState, reference: Any, reading: Any
                 ) -> tuple[Any, ControllerState]:

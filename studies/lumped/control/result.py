@@ -12,7 +12,7 @@ from tympan.geometry.column import Column
 from tympan.geometry.fields import Key
 from tympan.studies.case import Warnings
 from tympan.studies.columns import read_own_sheet, write_sheet
-from tympan.studies.files import from_json, read_json, remove, to_json, write_json
+from tympan.studies.files import from_json, read_json, remove, to_json, write_json, write_text
 from tympan.studies.lumped.control.controller import Controller
 
 #: Columns of control.csv: the run, and beside it the same without feedback.
@@ -112,8 +112,11 @@ class ControlResult:
         return {"films": to_json(self.films)}
 
     def save(self, folder: Path) -> None:
-        """Write control.csv, and the numbers last, control.json."""
+        """Write control.csv, each ``NAME-control.c``, and the numbers last, control.json."""
         remove(folder, "control.json")
+        for film in self.films:
+            write_text(folder / f"{film.specimen}-control.c",
+                       film.controller.c_source(film.specimen))
         write_sheet(folder / "control.csv", COLUMNS, pd.concat([film.samples
                                                                 for film in self.films]))
         write_json(folder / "control.json", self.json())

@@ -40,7 +40,7 @@ def export_c(model: LumpedModel, folder: Path) -> list[Path]:
     if model.film is not None:
         raise InputError("must have [viscous]: the reduced film of a specimen with branches of its "
                          "own is not exported", key="film", given=model.specimen.name)
-    name = _identifier(model.specimen.name)
+    name = identifier(model.specimen.name)
     words = _words(model, name)
     files = []
     for kind, text in (("h", "header"), ("c", "source")):
@@ -91,7 +91,7 @@ def even_series(function: Callable[[Floats], Floats], reach: float) -> tuple[Flo
                   f"misses {error:.1g} of the largest force")
 
 
-def _identifier(name: str) -> str:
+def identifier(name: str) -> str:
     """A name that C allows."""
     text = re.sub(r"[^A-Za-z0-9_]", "_", name)
     return text if text[0].isalpha() else f"model_{text}"

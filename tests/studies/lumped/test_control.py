@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import ctypes
+import shutil
+import subprocess
 from dataclasses import replace
 from functools import cache
 from itertools import pairwise
@@ -171,6 +174,31 @@ def test_the_integral_does_not_wind_up() -> None:
     for _ in range(40):
         voltage, state = controller.voltage(state, low, high)
     assert voltage < 4e3
+
+
+@pytest.mark.skipif(shutil.which("cc") is None, reason="there is no C compiler")
+def test_the_c_gives_the_same_voltages_in_the_loop(tmp_path: Path) -> None:
+    """A loop that C drives, through both ends of the supply; the two never see each other."""
+    controller, one, source = designed().controller, actuator(), tmp_path / "loop.c"
+    source.write_text(controller.c_source("2 ovals"), encoding="utf-8")
+    subprocess.run(["cc", "-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic", "-shared",
+                    "-fPIC", "-ffp-contract=off", str(source), "-o", str(tmp_path / "loop.so"),
+                    "-lm"], check=True)
+    library, memory = ctypes.CDLL(str(tmp_path / "loop.so")), (ctypes.c_double * 5)()
+    begin, in_c = library.model_2_ovals_controller_rest, library.model_2_ovals_controller_voltage
+    begin.argtypes, begin.restype = (ctypes.c_void_p, ctypes.c_double), None
+    in_c.argtypes, in_c.restype = (ctypes.c_void_p, *2 * [ctypes.c_double]), ctypes.c_double
+    plant = LumpedPlant.resting(one, 2e3)
+    wanted = np.repeat([rest(one, voltage) for voltage in (4e3, 6.9e3, 0.0, 3e3)], 60)
+    ours = closed_loop(controller, plant, float(plant.deflection), wanted).voltage
+    begin(memory, float(plant.deflection))
+    driven = []
+    for each in wanted:
+        driven.append(in_c(memory, each, float(plant.deflection)))
+        plant = plant.after(driven[-1], INTERVAL)
+    assert ours.max() > 0.999 * SUPPLY
+    assert ours.min() < 10
+    assert driven == pytest.approx(ours, rel=1e-9, abs=1e-9 * SUPPLY)
 
 
 def test_settling() -> None:

@@ -24,8 +24,8 @@ from tympan.options import (
                   help="highest voltage of the supply; the lowest is 0"),
          argument("--sensor-lag", default="0 s", metavar="TIME",
                   help="time by which the sensor lags, by a factor e"),
-         output("store the run (CSV), the controller with its margins (JSON) and a picture (PNG, "
-                "SVG)"), JSON, MESH,
+         output("store the run (CSV), the controller with its margins (JSON) and as C99, and a "
+                "picture (PNG, SVG)"), JSON, MESH,
          example='oval.toml --mass "17.9 g" --high "3 kV" --duration "2 s" --supply "5 kV" '
                  "-o control")
 def lumped_control(options: argparse.Namespace) -> None:
