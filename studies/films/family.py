@@ -333,6 +333,20 @@ class FilmFamily:
         return FamilyStates(*(np.concatenate([getattr(block, item.name) for block in blocks])
                               for item in fields(FamilyStates)))
 
+    def rests(self, parameters: Array, forces: Array, voltages: Array) -> Array:
+        """Amplitudes q of equilibria, (films, shapes), whether or not films are in tension.
+
+        Forces [N] and voltages [V] have the shape (films,); nan where there is no equilibrium.
+        """
+        blocks = []
+        for start in range(0, len(parameters), _BLOCK):
+            part = slice(start, start + _BLOCK)
+            rows, number = parameters[part], np.arange(len(parameters[part]))
+            balance = self.guess.balanced(self.films(rows), self.box.scaled(rows), number,
+                                          forces[part], voltages[part] ** 2)
+            blocks.append(np.where(balance.sound[:, None], balance.q, np.nan))
+        return np.concatenate(blocks)
+
     def held_forces(self, parameters: Array, q: Array, voltages: Array) -> Array:
         """Forces [N] that hold films' plates where states q have them, under voltages [V].
 

@@ -158,21 +158,18 @@ class Drawn:
     def solved(self) -> dict[str, Array]:
         """Quantities of all films by key; nan of those that do not reach the voltage."""
         states = self._states(slice(None))
-        holds = self._holds(states)
-        rest, deflection = states.deflection.T
-        held = self.family.held_forces(self.rows, states.q[:, 0], self.voltages)
-        values = {"deflection_m": deflection, "stroke_m": deflection - rest,
-                  "blocked_force_N": self.forces - held, "capacitance_F": states.capacitance[:, 1]}
+        deflection, capacitance = states.deflection[:, 0], states.capacitance[:, 0]
+        rest = self.family.rests(self.rows, self.forces, np.zeros(len(self.rows)))
+        held = self.family.held_forces(self.rows, rest, self.voltages)
+        values = {"deflection_m": deflection, "stroke_m": deflection - rest[:, 0],
+                  "blocked_force_N": self.forces - held, "capacitance_F": capacitance}
+        holds = states.holds[:, 0] & (states.breakdown[:, 0] < 1) & np.isfinite(rest[:, 0])
         return {key: np.where(holds, value, np.nan) for key, value in values.items()}
 
     def _states(self, films: slice, check: bool = False) -> FamilyStates:
-        voltages = np.column_stack([np.zeros(len(self.rows)), self.voltages])
-        return self.family.states(self.rows[films], self.forces[films, None], voltages[films],
-                                  check=check)
-
-    @staticmethod
-    def _holds(states: FamilyStates) -> NDArray[np.bool_]:
-        return np.asarray(states.holds.all(1) & (states.breakdown[:, 1] < 1))
+        """Films under the voltage."""
+        return self.family.states(self.rows[films], self.forces[films, None],
+                                  self.voltages[films, None], check=check)
 
     @staticmethod
     def reached(values: dict[str, Array]) -> NDArray[np.bool_]:
