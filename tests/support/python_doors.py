@@ -72,6 +72,9 @@ NAMES = {"material show": "show_material", "material fit": "fit_material"}
 def door(command: str) -> Any:
     """The Python function of a command, by its name; "lumped build" is lumped.build."""
     found: Any = tympan
+    if (first := command.split()[0]) not in tympan.__all__ and command not in NAMES:
+        # A package below tympan that something has imported is no door.
+        raise AttributeError(first)
     for part in NAMES.get(command, command).split():
         found = getattr(found, part)
     return found
