@@ -40,9 +40,9 @@ def _compose(result: ControlResult) -> Figure:
 def draw_deflections(axes: Axes, film: ControlledFilm) -> None:
     """Wanted deflection, that with and that without feedback."""
     samples = film.samples
-    for name, words, look in (
-            ("open_displacement", "without feedback", {"color": style.GREY}),
-            ("displacement", "with feedback", {"color": style.colour_of(0)}),
-            ("wanted", "wanted", {"color": "black", "linestyle": "--"})):
-        axes.plot(samples["t"], 1e3 * samples[name], linewidth=0.8, label=words,
-                  **look)  # type: ignore[arg-type]
+    for name, words, colour, line in (
+            ("open_displacement", "without feedback", style.GREY, "-"),
+            ("displacement", "with feedback", style.colour_of(0), "-"),
+            ("wanted", "wanted", "black", "--")):
+        axes.plot(samples["t"], 1e3 * samples[name], line, color=colour, linewidth=0.8,
+                  label=words)

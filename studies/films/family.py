@@ -483,7 +483,7 @@ def films_of(ground: Ground, reduction: Reduction, rows: Array) -> Films:
 class Guess:
     """Amplitudes as a quadratic function of parameters and loads, from states that are solved.
 
-    ``weights`` (terms, shapes); ``most``: the largest amplitudes among these states, (shapes,).
+    ``weights`` (terms, shapes); ``spread``: by how much it misses these states at most, (shapes,).
     """
 
     force: tuple[float, float]
