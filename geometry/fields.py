@@ -359,11 +359,11 @@ def _in_si(field: Field, value: Any) -> Any:
     try:
         if isinstance(value, str) and field.says.kinds is not None and field.says.kinds.by_name:
             return field.says.kinds.by_name(value)
+        if value is None and field.default is None:
+            return None
         if field.item not in (float, int) and get_origin(field.item) is not tuple:
             _require_part(field, value)
             return tuple(value) if isinstance(value, list) else value
-        if value is None and field.default is None:
-            return None
         return _numbers(field, value) if field.several else _one_number(field, value)
     except InputError as error:
         raise error.located(key=field.key) from None

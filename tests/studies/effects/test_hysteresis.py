@@ -90,7 +90,7 @@ def test_arrays_are_followed_as_numbers_are(readings: list[tuple[float, float]],
 
 def test_a_direction_is_up_down_or_none(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for direction in (2.0, float("nan")):
-        with pytest.raises(InputError, match=r"direction.*must be 1"):
+        with pytest.raises(InputError, match=r"direction.*must be up \(1\), down \(-1\)"):
             Case(NOMINAL.specimens[0], mass=17.9e-3, voltage=3e3, direction=direction)
     films, rig = tmp_path / "film.toml", tmp_path / "rig.toml"
     films.write_text(specimen_to_toml(NOMINAL.specimens[0]), encoding="utf-8")
