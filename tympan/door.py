@@ -252,9 +252,10 @@ def sense(specimen: Specimen, *, voltages: Sequence[float | str] = (0.0,),
 @one_thread()
 def tolerance(specimen: Specimen, tolerances: Tolerances | File | None = None, *,
               mass: float | str | None = None, voltage: float | str | None = None,
-              films: int = 10_000, seed: int = 1, rig: Rig = Rig(), settings: Settings = Settings()
+              films: int = 10_000, seed: int = 1, rig: Rig = Rig(),
+              pressure: float | str | None = None, settings: Settings = Settings()
               ) -> Result[ToleranceResult]:
-    """Scatter of deflection, stroke, blocked force and capacitance from film to film, and why.
+    """Scatter of deflection, stroke, force, frequency and others from film to film, and why.
 
     ``tolerances``: a file, :class:`Tolerances`, or the defaults of the film's material. Mass and
     voltage suit the film where they are not given. ``result.quantities["stroke_m"]`` has the
@@ -267,7 +268,7 @@ def tolerance(specimen: Specimen, tolerances: Tolerances | File | None = None, *
     given = tolerances if isinstance(tolerances, Tolerances) else (
         Tolerances() if tolerances is None else Tolerances.read(Path(tolerances)))
     case = ToleranceCase(specimen, mass=mass, voltage=voltage, tolerances=given, films=films,
-                         seed=seed, rig=rig)
+                         seed=seed, rig=rig.pressed(pressure))
     return Result(tolerance(case, settings))
 
 

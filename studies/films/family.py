@@ -106,8 +106,9 @@ class FamilyStates:
     the film, ``stiffness`` of film and spring against the plate; ``error`` of the deflection, which
     it exceeds in some 1 of 40 films; the largest ``stretch``, true ``stress``, ``electric`` field
     and share of the strength at ``breakdown``, with the place in the mounted film, (films, states,
-    2), field and strength there (``weakest``), the least ``tension``, the plate's ``tilt``;
-    whether the film is ``sound``: firm in itself, its law within its range. nan where the family
+    2), field and strength there (``weakest``), the least ``tension``, the plate's ``tilt``, the
+    lowest ``frequency`` [Hz] along the load, nan where no masses were given; whether the film is
+    ``sound``: firm in itself, its law within its range. nan where the family
     ``holds`` no state: outside its box or loads, without a stable equilibrium, or no longer in
     tension everywhere. Finite elements then say what is there. ``q``: the shapes' amplitudes,
     (films, states, shapes).
@@ -128,6 +129,7 @@ class FamilyStates:
     weakest_field: Array
     weakest_strength: Array
     tilt: Array
+    frequency: Array
     sound: NDArray[np.bool_]
     holds: NDArray[np.bool_]
     q: Array
@@ -316,20 +318,22 @@ class FilmFamily:
         """The films with these parameters, rows of (films, names)."""
         return films_of(self.ground, self.reduction, rows)
 
-    def states(self, parameters: Any, forces: Any, voltages: Any, check: bool = True
-               ) -> FamilyStates:
+    def states(self, parameters: Any, forces: Any, voltages: Any, check: bool = True,
+               masses: Any = None) -> FamilyStates:
         """Equilibria of films under forces on their plates [N] and voltages across them [V].
 
-        ``parameters``: (films, names), in the order of ``family.box.names``; forces and voltages
-        are broadcast to (films, states). Without ``check`` no film has an estimate of its own: the
-        error is nan.
+        ``parameters``: (films, names), in the order of ``family.box.names``; forces, voltages and
+        ``masses`` that swing with the plates [kg] are broadcast to (films, states). Without
+        ``check`` no film has an estimate of its own: the error is nan.
         """
         rows = np.atleast_2d(np.asarray(parameters, dtype=float))
-        force, voltage = np.broadcast_arrays(np.asarray(forces, float), np.asarray(voltages, float))
-        shape = len(rows), *np.broadcast_shapes(force.shape, (1, 1))[1:]
-        force, voltage = (np.broadcast_to(value, shape) for value in (force, voltage))
-        blocks = [self._states(rows[part], force[part], voltage[part], check) for part in
-                  (slice(start, start + _BLOCK) for start in range(0, len(rows), _BLOCK))]
+        loads = np.broadcast_arrays(*(np.asarray(np.nan if value is None else value, float)
+                                      for value in (forces, voltages, masses)))
+        shape = len(rows), *np.broadcast_shapes(loads[0].shape, (1, 1))[1:]
+        force, voltage, mass = (np.broadcast_to(value, shape) for value in loads)
+        blocks = [self._states(rows[part], force[part], voltage[part], mass[part], check)
+                  for part in (slice(start, start + _BLOCK)
+                               for start in range(0, len(rows), _BLOCK))]
         return FamilyStates(*(np.concatenate([getattr(block, item.name) for block in blocks])
                               for item in fields(FamilyStates)))
 
@@ -362,10 +366,11 @@ class FilmFamily:
             result[there] = np.where(balance.sound, forces, np.nan)
         return result
 
-    def _states(self, rows: Array, force: Array, voltage: Array, check: bool) -> FamilyStates:
+    def _states(self, rows: Array, force: Array, voltage: Array, mass: Array, check: bool
+                ) -> FamilyStates:
         shape, films = force.shape, self.films(rows)
         number = np.repeat(np.arange(len(rows)), shape[1])
-        force, voltage = force.ravel(), voltage.ravel()
+        force, voltage, mass = force.ravel(), voltage.ravel(), mass.ravel()
         squared = voltage**2
         balance = self.guess.balanced(films, self.box.scaled(rows), number, force, squared)
         holds = balance.sound & self.box.holds(rows)[number] & self._loads_within(force, voltage)
@@ -378,13 +383,15 @@ class FilmFamily:
         error = np.full(len(q), np.nan)
         if check:
             error = self._error(films, number, q, force, squared, balance.stiffness, shape)
-        place = self.places.at(films.nodes)[number, extremes.weakest]
+        corners = films.nodes[number[:, None], self.places.nodes[extremes.weakest]]
+        place = np.einsum("slc,sl->sc", corners, self.places.values[extremes.weakest])
         values = {"deflection": q[:, 0], "force": carried, "capacitance": capacitance,
                   "energy": energy, "stiffness": balance.stiffness, "error": error,
                   "stretch": extremes.stretch, "stress": extremes.stress,
                   "tension": extremes.tension, "electric": extremes.electric,
                   "breakdown": extremes.share, "weakest_field": extremes.weakest_field,
-                  "weakest_strength": extremes.weakest_strength, "tilt": self._tilt(q)}
+                  "weakest_strength": extremes.weakest_strength, "tilt": self._tilt(q),
+                  "frequency": _frequency(films, number, q, squared, mass)}
         masked = {name: np.where(holds, value, np.nan).reshape(shape)
                   for name, value in values.items()}
         return FamilyStates(**masked, weakest=place.reshape(*shape, 2), holds=holds.reshape(shape),
@@ -396,22 +403,7 @@ class FilmFamily:
         ``masses`` of the plates [kg], broadcast as forces and voltages; the voltage is held
         constant, and there is no air. nan where the family holds no state.
         """
-        rows = np.atleast_2d(np.asarray(parameters, dtype=float))
-        states = self.states(rows, forces, voltages, check=False)
-        shape, result = states.holds.shape, np.full(states.holds.size, np.nan)
-        films, number = self.films(rows), np.repeat(np.arange(len(rows)), shape[1])
-        squared, mass = (np.broadcast_to(np.asarray(values, float), shape).ravel()
-                         for values in (np.square(voltages), masses))
-        some = np.flatnonzero(states.holds)
-        _, stiffness = films.pull(number[some], states.q.reshape(-1, films.count)[some],
-                                  squared[some])
-        inertia = films.inertia[number[some]]
-        inertia[:, 0, 0] += mass[some]
-        # Of K v = w² M v the largest 1/w², as the eigenvalue of a symmetric matrix.
-        root = np.linalg.inv(np.linalg.cholesky(stiffness))
-        slow = np.linalg.eigvalsh(root @ inertia @ root.swapaxes(-1, -2))[:, -1]
-        result[some] = 1 / (2 * np.pi * np.sqrt(slow))
-        return result.reshape(shape)
+        return self.states(parameters, forces, voltages, check=False, masses=masses).frequency
 
     def limits(self, parameters: Any, forces: Any) -> tuple[Array, Array]:
         """Voltages [V] at which films break down, and up to which they are taut and stable.
@@ -466,6 +458,21 @@ class FilmFamily:
         off = self.factor * (off + self.usual * deflection[most])
         off += self.remeshed * deflection[most]
         return np.where(np.isfinite(q[:, 0]), np.repeat(off, shape[1]), np.nan)
+
+
+def _frequency(films: Films, number: Array, q: Array, squared: Array, mass: Array) -> Array:
+    """Lowest frequencies [Hz] of plates with a mass in states q, nan without."""
+    result = np.full(len(q), np.nan)
+    some = np.flatnonzero(np.isfinite(q).all(1) & np.isfinite(mass))
+    if len(some):
+        _, stiffness = films.pull(number[some], q[some], squared[some])
+        inertia = films.inertia[number[some]]
+        inertia[:, 0, 0] += mass[some]
+        # Of K v = w² M v the largest 1/w², as the eigenvalue of a symmetric matrix.
+        root = np.linalg.inv(np.linalg.cholesky(stiffness))
+        slow = np.linalg.eigvalsh(root @ inertia @ root.swapaxes(-1, -2))[:, -1]
+        result[some] = 1 / (2 * np.pi * np.sqrt(slow))
+    return result
 
 
 def films_of(ground: Ground, reduction: Reduction, rows: Array) -> Films:

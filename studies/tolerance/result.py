@@ -15,6 +15,7 @@ QUANTITIES = {
     "stroke_m": ("stroke", "mm", 1e3),
     "blocked_force_N": ("blocked force", "mN", 1e3),
     "capacitance_F": ("capacitance", "pF", 1e12),
+    "frequency_Hz": ("frequency", "Hz", 1.0),
 }
 
 
@@ -96,8 +97,8 @@ class ToleranceResult(CaseRecord):
     seed: Annotated[int, Key("of the random numbers")]
     tolerances: Annotated[tuple[GivenTolerance, ...], Key("what scatters")]
     reached: Annotated[Chance, Key(
-        "films with a stable equilibrium at the voltage, in tension everywhere and below their "
-        "electric strength")]
+        "films with a stable equilibrium at the voltage, firm and in tension everywhere and below "
+        "their electric strength")]
     quantities: Annotated[Mapping[str, Spread], Key("distributions, by quantity and unit")]
     error: Annotated[float, Key(
         "largest estimated error of the reduced films' deflection, relative, of some of them")]

@@ -93,7 +93,7 @@ class ToleranceCase:
 
 def tolerance(case: ToleranceCase, settings: Settings,
               progress: Callable[[str], None] = lambda words: None) -> ToleranceResult:
-    """Draw films, solve them at rest without and under the voltage, and divide their variance."""
+    """Draw films, solve them without and under the voltage, and divide their variance."""
     began = time.perf_counter()
     found, words = causes(case.specimen, case.tolerances)
     mass, voltage = case.loaded(settings)
@@ -111,15 +111,15 @@ def tolerance(case: ToleranceCase, settings: Settings,
         seed=case.seed, tolerances=tuple(map(_stated, found)), reached=_chance(reached),
         quantities=drawn.spreads(values, reached), error=drawn.error(),
         made_s=made - began, wall_s=time.perf_counter() - began,
-        warnings=(*warnings, *_missed(reached)))
+        warnings=(*warnings, *_missed(reached), *_without_air(case.rig)))
 
 
 @dataclass(frozen=True, eq=False)
 class Drawn:
     """Films that are drawn, and the family that solves them.
 
-    ``rows`` (films, parameters), ``forces`` [N] and ``voltages`` across the film [V], (films,); the
-    first film is the nominal one, the others are the design's.
+    ``rows`` (films, parameters), ``forces`` [N], ``masses`` that swing [kg] and ``voltages`` across
+    the film [V], (films,); the first film is the nominal one, the others are the design's.
     """
 
     family: FilmFamily
@@ -127,6 +127,7 @@ class Drawn:
     design: Design
     rows: Array
     forces: Array
+    masses: Array
     voltages: Array
 
     @classmethod
@@ -141,6 +142,7 @@ class Drawn:
             np.concatenate([middle, design.points])))
         size, rig = float(area(case.specimen.needed_plate().outline)), case.rig
         forces = rig.force(mass * load, size)
+        masses = mass * load + rig.unaccounted_mass + rig.added_mass
         across = float(rig.film_voltage(voltage)) * amplifier
         _, _, loads, amplifiers = split({name: np.array(ends) for name, ends in around.items()})
         low, high = rig.force(mass * loads, size)
@@ -148,7 +150,7 @@ class Drawn:
             case.specimen, {name: around[name] for name in names}, (low, high),
             (0.0, float(rig.film_voltage(voltage)) * float(amplifiers[-1])), rig, settings,
             FamilySettings(error=_ERROR))
-        return cls(family, found, design, rows, forces, across)
+        return cls(family, found, design, rows, forces, masses, across)
 
     @property
     def films(self) -> int:
@@ -162,14 +164,16 @@ class Drawn:
         rest = self.family.rests(self.rows, self.forces, np.zeros(len(self.rows)))
         held = self.family.held_forces(self.rows, rest, self.voltages)
         values = {"deflection_m": deflection, "stroke_m": deflection - rest[:, 0],
-                  "blocked_force_N": self.forces - held, "capacitance_F": capacitance}
-        holds = states.holds[:, 0] & (states.breakdown[:, 0] < 1) & np.isfinite(rest[:, 0])
+                  "blocked_force_N": self.forces - held, "capacitance_F": capacitance,
+                  "frequency_Hz": states.frequency[:, 0]}
+        holds = (states.holds & states.sound & (states.breakdown < 1)).all(1)
+        holds &= np.isfinite(rest[:, 0])
         return {key: np.where(holds, value, np.nan) for key, value in values.items()}
 
     def _states(self, films: slice, check: bool = False) -> FamilyStates:
         """Films under the voltage."""
         return self.family.states(self.rows[films], self.forces[films, None],
-                                  self.voltages[films, None], check=check)
+                                  self.voltages[films, None], check, self.masses[films, None])
 
     @staticmethod
     def reached(values: dict[str, Array]) -> NDArray[np.bool_]:
@@ -226,6 +230,10 @@ def _chance(reached: NDArray[np.bool_]) -> Chance:
     interval = binomtest(int(reached.sum()), len(reached)).proportion_ci(method="wilson")
     return Chance(probability=float(reached.mean()), low=float(interval.low),
                   high=float(interval.high))
+
+
+def _without_air(rig: Rig) -> list[str]:
+    return ["frequencies are those without air: the rig's air makes them lower"] if rig.air else []
 
 
 def _missed(reached: NDArray[np.bool_]) -> list[str]:

@@ -28,7 +28,6 @@ from tympan.options import (
     print_record,
     read_case,
     read_pressed_rig,
-    read_rig,
     read_settings,
 )
 
@@ -225,11 +224,11 @@ def sense(options: argparse.Namespace) -> None:
                   help="how many are drawn, about"),
          argument("--seed", type=int, default=1, metavar="N", within=SEEDS,
                   help="of the random numbers"),
-         RIG,
+         PRESSURE, RIG,
          output("also store the numbers (JSON) and a picture (PNG, SVG)"), JSON, MESH,
          example='oval.toml --mass "17.9 g" --voltage "3.5 kV" -o tolerance')
 def tolerance(options: argparse.Namespace) -> None:
-    """Distributions of deflection, stroke, force and capacitance where a film's numbers scatter.
+    """Distributions of deflection, stroke, force, frequency and others where a film scatters.
 
     Median, 5 and 95 % of the films, the probability that one bears the voltage, and which tolerance
     makes which share of the variance.
@@ -240,7 +239,7 @@ def tolerance(options: argparse.Namespace) -> None:
     from tympan.studies.tolerance.result import QUANTITIES
     from tympan.studies.tolerance.tolerance import ToleranceCase, tolerance
 
-    specimen, rig = load_specimen(options.specimen), read_rig(options.rig)
+    specimen, rig = load_specimen(options.specimen), read_pressed_rig(options)
     given = Tolerances() if options.tolerances is None else Tolerances.read(options.tolerances)
     with naming_options(options), naming_file(options.tolerances):
         case = ToleranceCase(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tomllib
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -16,7 +17,9 @@ from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Specimen
 from tympan.geometry.toml_reader import Table
 from tympan.studies.case import Case, Settings, build_model
+from tympan.studies.limits import solve_within
 from tympan.studies.limits.voltages import first_limit
+from tympan.studies.modes import carried, heaving_frequency
 from tympan.studies.tolerance.given import LengthScatter, Scatter, Tolerances, causes
 from tympan.studies.tolerance.shares import Design
 from tympan.studies.tolerance.tolerance import Drawn, ToleranceCase, tolerance
@@ -24,6 +27,10 @@ from tympan.studies.tolerance.tolerance import Drawn, ToleranceCase, tolerance
 NONE, NO_LENGTH = Scatter(), LengthScatter()
 STILL = Tolerances(NONE, NONE, NONE, NONE, NO_LENGTH, NO_LENGTH, NO_LENGTH, NO_LENGTH, NONE, NONE)
 MASS, VOLTAGE = 17.9e-3, 3500.0
+
+
+def film_of(material: str) -> Specimen:
+    return load_specimen(Table("film.toml", tomllib.loads(specimen_toml(film=material))))
 
 
 @cache
@@ -53,8 +60,7 @@ def test_films_that_are_missing_do_not_count() -> None:
 
 def test_small_loads_scatter_as_products_of_lognormal_numbers() -> None:
     """The deflection of a hardly loaded neo-Hookean film goes as F / (μ T): closed form."""
-    film = load_specimen(Table("soft.toml", tomllib.loads(specimen_toml(
-        film='material = "vhb-4910-neo-hooke"'))))
+    film = film_of('material = "vhb-4910-neo-hooke"')
     sizes = {"thickness": 0.05, "stiffness": 0.1, "load": 0.08}
     given = Tolerances(**{**vars(STILL), "thickness": Scatter(film=0.05),
                           "stiffness": Scatter(batch=0.1), "load": Scatter(film=0.08)})
@@ -82,9 +88,12 @@ def exact(drawn: Drawn, film: int) -> dict[str, float]:
     rest, charged = (equilibrium(model, force, across) for across in (0.0, voltage))
     first, last = (model.deflection(outcome.state) for outcome in (rest, charged))
     blocked = held(model, first, voltage, rest.solution)
+    plate = carried(replace(case, mass=float(drawn.masses[film])))
+    frequency = heaving_frequency(model, charged.state, plate)
+    assert frequency is not None
     return {"deflection_m": last, "stroke_m": last - first,
             "blocked_force_N": force - float(blocked.state.force),
-            "capacitance_F": float(model.capacitance(charged.state))}
+            "capacitance_F": float(model.capacitance(charged.state)), "frequency_Hz": frequency}
 
 
 @cache
@@ -135,6 +144,20 @@ def test_half_of_the_films_reach_the_nominal_film_s_limit() -> None:
     assert found[1].reached.low < 0.5 < found[1].reached.high
     assert not found[1].quantities["stroke_m"].shares
     assert any("do not reach" in words for words in found[1].warnings)
+
+
+def test_films_beyond_the_range_of_their_law_do_not_count() -> None:
+    """Of films with a law up to the nominal film's stretch half are within it."""
+    soft = '[membrane.material]\nlaw = "neo_hooke"\nmu = "20 kPa"'
+    most = solve_within(Case(film_of(soft), mass=MASS, voltage=VOLTAGE), Settings(),
+                        film=False).max_stretch
+    assert most is not None
+    # Ends of a range are taken as rounded, to 1 %.
+    film = film_of(f"{soft}\nrange = [0.1, {most / 1.01}]")
+    given = Tolerances(**{**vars(STILL), "stiffness": Scatter(film=0.05)})
+    found = tolerance(ToleranceCase(film, mass=MASS, voltage=VOLTAGE, tolerances=given, films=400),
+                      Settings())
+    assert found.reached.probability == pytest.approx(0.5, abs=0.06)
 
 
 @pytest.mark.parametrize(("text", "message"), [
