@@ -23,6 +23,7 @@ from dataclasses import MISSING, dataclass, is_dataclass
 from dataclasses import fields as dataclass_fields
 from functools import cache, cached_property, wraps
 from inspect import get_annotations, signature, unwrap
+from itertools import chain
 from numbers import Integral, Number
 from os import PathLike
 from types import NoneType, UnionType
@@ -406,7 +407,10 @@ def _numbers(field: Field, value: Any) -> tuple[Any, ...]:
             or (field.count is not None and len(value) != field.count)):
         what = "numbers" if get_origin(field.item) is not tuple else "pairs of numbers"
         raise InputError(f"must be {field.count or 'a list of'} {what}", given=value)
-    # Outlines have hundreds of numbers: no call for each.
+    # Outlines have hundreds of numbers: no call for each, and no look at each where they are made.
+    if {float} >= set(map(type, value)) or (
+            {tuple} == set(map(type, value)) and {float} >= set(map(type, chain(*value)))):
+        return tuple(value)
     return tuple([item if isinstance(item, float) else
                   tuple([_one_number(field, part) for part in item])
                   if isinstance(item, list | tuple) else _one_number(field, item)

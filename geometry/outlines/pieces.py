@@ -260,23 +260,23 @@ class Spline(Curved):
         """Evaluate the spline; between two knots, complex ones too, ``t`` is a share of the way."""
         coefficients, widths = self._cubics
         k = np.clip(np.searchsorted(self.breaks, t, side="right") - 1, 0, len(widths) - 1)
-        a, b, c, d = coefficients[:, k]
-        width = widths[k][:, None]
-        u = (t[:, None] - self.breaks[k][:, None]) / width
-        return (a + u * (b + u * (c + u * d)), (b + u * (2 * c + 3 * u * d)) / width,
-                (2 * c + 6 * u * d) / width**2)
+        a, b, c, d = coefficients.take(k, axis=2)
+        width = widths[k]
+        u = (t - self.breaks[k]) / width
+        return ((a + u * (b + u * (c + u * d))).T, ((b + u * (2 * c + 3 * u * d)) / width).T,
+                ((2 * c + 6 * u * d) / width**2).T)
 
     @cached_property
     def _cubics(self) -> tuple[Array, Array]:
-        """Coefficients between knots, shape (4, intervals, 2), and shares of the whole way."""
+        """Coefficients between knots, shape (4, 2, intervals), and shares of the whole way."""
         knots: Array = np.array(self.knots)
         points: Array = np.array(self.points)
         step, rise = np.diff(knots)[:, None], np.diff(points, axis=0)
         slopes = np.vstack([np.array(self.slopes[:1]), self._inner_slopes(step, rise),
                             np.array(self.slopes[1:])])
         start, end = slopes[:-1] * step, slopes[1:] * step
-        return np.stack([points[:-1], start, 3 * rise - 2 * start - end,
-                         start + end - 2 * rise]), np.diff(self.breaks)
+        parts = points[:-1], start, 3 * rise - 2 * start - end, start + end - 2 * rise
+        return np.array([part.T for part in parts]), np.diff(self.breaks)
 
     def _inner_slopes(self, step: Array, rise: Array) -> Array:
         """Derivatives at the inner knots that make the curvature continuous."""
