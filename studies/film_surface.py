@@ -35,6 +35,13 @@ FIELD_UNITS = {
     "displacement": "m", "thickness": "m", "electric_field": "V/m", **dict.fromkeys(
         (name for name in STORED if "stress" in name), "Pa")}
 
+#: A VTU has z upwards, so that a picture of it is the right way up. In the program z is along the
+#: load: what is written and read is turned over by these factors of x, y and z.
+_TURNED_OVER = np.array([1.0, 1.0, -1.0])
+#: Field of a VTU alone [m], positive along the load. A file without it is of an older version,
+#: which wrote z along the load.
+_DEFLECTION = "deflection"
+
 #: Triangles tried for a place: those whose middles are nearest.
 _NEAREST = 12
 #: A place so far outside its triangle, relative to that, is at the film's edge, which is curved.
@@ -45,8 +52,8 @@ _AT_EDGE = 0.1
 class FilmSurface:
     """The deformed film: ``points`` [m], shape (n, 3), ``triangles``, shape (m, 3), values by name.
 
-    Values have shape (n,) or (n, 3), in SI. Elements share no points, so jumps between them stay
-    visible.
+    Values have shape (n,) or (n, 3), in SI; z is along the load. Elements share no points, so jumps
+    between them stay visible.
     """
 
     points: Array
@@ -79,17 +86,27 @@ class FilmSurface:
         return {name: np.einsum("nc,nc...->n...", shares, values[points])
                 for name, values in self.values.items()}
 
+    @property
+    def turned_over(self) -> FilmSurface:
+        """The same film with z the other way."""
+        def turned(values: Array) -> Array:
+            return values * _TURNED_OVER + 0.0 if values.ndim == 2 else values  # no -0.0
+
+        return FilmSurface(turned(self.points), self.triangles,
+                           {name: turned(values) for name, values in self.values.items()})
+
     def save(self, file: Path) -> None:
-        """Write a VTU file."""
+        """Write a VTU file: z upwards, and ``deflection``, positive downwards, among the fields."""
         import meshio
 
-        mesh = meshio.Mesh(self.points, [("triangle", self.triangles)],
-                           point_data=dict(self.values))
+        film, deflection = self.turned_over, self.values["displacement"][:, 2]
+        mesh = meshio.Mesh(film.points, [("triangle", film.triangles)],
+                           point_data={_DEFLECTION: deflection, **film.values})
         write_atomically(file, partial(meshio.write, mesh=mesh, file_format="vtu"))
 
     @classmethod
     def load(cls, file: Path) -> FilmSurface:
-        """Read what :meth:`save` wrote."""
+        """Read what :meth:`save` wrote, in this version or an older one."""
         from meshio import vtu
 
         if not file.is_file():
@@ -112,7 +129,9 @@ class FilmSurface:
                              file=file) from None
         if not all(np.isfinite(value).all() for value in (points, *values.values())):
             raise InputError("holds values that are not finite", file=file)
-        return cls(points, triangles, values)
+        upwards = values.pop(_DEFLECTION, None) is not None
+        film = cls(points, triangles, values)
+        return film.turned_over if upwards else film
 
 
 def save_series(folder: Path, name: str, films: Sequence[tuple[float, FilmSurface]]) -> None:
