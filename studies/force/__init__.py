@@ -5,5 +5,6 @@ stored of it, ``cycle.py`` what loads do on the curves, and ``force.py`` puts th
 """
 
 from tympan.studies.force.force import ForceCase as ForceCase
+from tympan.studies.force.force import blocked_force as blocked_force
 from tympan.studies.force.force import force as force
 from tympan.studies.force.result import ForceResult as ForceResult

@@ -182,6 +182,19 @@ def _require_start(case: ForceCase, model: Model, found: bool, solution: Solutio
                      given=f"{1e3 * case.start:g} mm")
 
 
+def blocked_force(model: Model, rest: Solution, voltage: float, path: PathSettings
+                  ) -> float | None:
+    """Force [N] by which a plate pulls less at its holder under a voltage across the film [V].
+
+    It is held where it is at ``rest`` under its load without voltage. None where no such state is
+    found.
+    """
+    outcome = held(model, model.deflection(rest.state), voltage, rest, path)
+    if outcome.status != "equilibrium":
+        return None
+    return float(rest.state.force - outcome.state.force)
+
+
 def _blocked(curves: Sequence[Followed], rest: float | None, path: PathSettings
              ) -> tuple[float | None, float | None]:
     """Where the plate is held [m], and by how much its force falls from first to last curve [N]."""

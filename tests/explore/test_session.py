@@ -25,8 +25,8 @@ from tympan.explore import latest
 from tympan.explore.copied import command_of, python_of
 from tympan.explore.curve import drawn_curve
 from tympan.explore.latest import Latest, Trouble
-from tympan.explore.numbers import limit_rows, result_rows
-from tympan.explore.page import Page, scene_answers
+from tympan.explore.numbers import blocked_rows, curve_rows, limit_rows, result_rows
+from tympan.explore.page import Page, Picture, scene_answers
 from tympan.explore.session import (
     Question,
     Scene,
@@ -310,7 +310,7 @@ def test_colours_are_those_numbers() -> None:
 @pytest.mark.parametrize("voltage", [0.0, 2000.0])
 def test_what_is_drawn_lies_where_the_film_does(voltage: float) -> None:
     scene = Session().scene(replace(START, voltage=voltage))
-    drawn, = scene_answers()(scene.view)
+    drawn, _ = scene_answers()(scene.view)
     assert scene.film is not None
     assert drawn.film is not None
     assert drawn.scene.result == scene.result
@@ -365,13 +365,83 @@ def test_the_curve_ends_where_limits_says_and_meets_the_readings(tmp_path: Path)
     drawn = drawn_curve(curve, (3.0, 1e3 * expected[1]))
     assert drawn.count('class="reading"') == 3 + 2  # and what is left of two
     assert 'class="here"' in drawn
-    assert "stroke" not in {row["key"] for row in limit_rows(curve)}
-    rows_shown = {row["key"]: row["text"] for row in limit_rows(curve, 1e3 * expected[1])}
+    rows_shown = {row["key"]: str(row["text"])
+                  for row in (*limit_rows(curve), *curve_rows(curve, expected[1]))}
     stroke, unit = rows_shown["stroke"].split()
     assert (float(stroke), unit) == (pytest.approx(1e3 * (expected[1] - expected[0]), rel=1e-3),
                                      "mm")
+    assert reached.limit is not None
+    assert rows_shown["first"] == f"{reached.limit.state.verb} at {reached.limit.text}"
+    assert rows_shown[reached.limit.kind].endswith("(the limit)")
+    of_another = {row["key"]: row for row in curve_rows(curve, expected[1], stale=True)}
+    assert all(row["stale"] for row in of_another.values())
+    assert of_another["stroke"]["text"] == "…"
     assert rows_shown["rms"].endswith("µm")
     assert float(rows_shown["alpha-1"]) == pytest.approx(1.0, abs=1e-3)  # a circle is itself
+
+
+@pytest.mark.parametrize("rig", [Rig(), Rig(spring=3.0)])
+def test_the_blocked_force_is_that_of_the_force_study_whatever_was_shown_before(rig: Rig) -> None:
+    from tympan.studies.force import ForceCase, force
+
+    session, view = Session(), replace(OVAL, rig=rig)
+    rest = solve(replace(view, voltage=0.0).case, SETTINGS).deflection_m
+    assert rest is not None
+    case = ForceCase(view.specimen, voltages=(0.0, view.voltage), to=2 * rest,
+                     masses=(view.mass,), rig=rig)
+    expected = force(case, SETTINGS)
+    assert expected.blocked_displacement_m == pytest.approx(rest, rel=1e-6)
+    for before in (view, replace(view, mass=0.03), replace(view, voltage=4e3)):
+        session.scene(before)
+        session.blocked(before)
+        session.scene(view)
+        shown = session.blocked(view)
+        assert shown.force == pytest.approx(expected.blocked_force_N, rel=1e-6)
+    row, = blocked_rows(shown)
+    assert float(str(row["text"]).split()[0]) == pytest.approx(shown.force, rel=1e-4)
+    assert session.blocked(replace(view, voltage=0.0)).force == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_plate_that_cannot_move_has_no_blocked_force() -> None:
+    view = replace(OVAL, rig=Rig(guide="fixed"))
+    session = Session()
+    session.scene(view)
+    assert not blocked_rows(session.blocked(view))
+
+
+def test_numbers_of_the_film_before_are_marked(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(latest, "_PRELOADED", [])
+    session, other = Session(), replace(OVAL, mass=0.02)
+    curve = next(iter(followed(Question(OVAL))))
+
+    async def run() -> None:
+        page = Page(Subject("oval", (OVAL.specimen,), Rig()), OVAL)
+
+        def stale() -> dict[str, bool]:
+            return {row["key"]: row["stale"] for row in page.state["numbers"]}
+
+        def show(view: FilmView) -> None:
+            page._solved(Picture(session.scene(view), {}), True)
+
+        assert page.state["following"]
+        show(OVAL)
+        page._solved(session.blocked(OVAL), True)
+        page._followed(curve, True)
+        assert not page.state["following"]
+        assert {"blocked", "stroke", "first"} <= set(stale())
+        assert not any(stale().values())
+        page.hear("typed", "mass", "20")
+        assert page.state["following"]
+        show(other)
+        assert {key for key, is_old in stale().items() if is_old} == {"blocked", "stroke", "first"}
+        page._solved(session.blocked(other), True)
+        assert {key for key, is_old in stale().items() if is_old} == {"stroke", "first"}
+        page._followed(Trouble("it is slack"), True)
+        assert not any(stale().values())
+        assert page.state["curve"] == ""
+        page.close()
+
+    asyncio.run(run())
 
 
 def test_numbers_carry_their_units() -> None:

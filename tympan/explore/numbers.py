@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import TypeAlias
 
-from tympan.explore.session import FollowedCurve, Scene
+from tympan.explore.session import Blocked, FollowedCurve, Scene
 from tympan.fem.results.limit_states import LIMIT_STATES
 from tympan.geometry.units import BENCH, unit_of
 from tympan.reports.figures.curve import voltage_curves
@@ -21,8 +22,11 @@ SHOWN = {
 
 _DIGITS = 5
 
+#: A row of numbers as the page takes it.
+Row: TypeAlias = dict[str, str | bool]
 
-def result_rows(scene: Scene) -> list[dict[str, str]]:
+
+def result_rows(scene: Scene) -> list[Row]:
     """Numbers of an equilibrium."""
     rows = []
     for key, words in SHOWN.items():
@@ -33,9 +37,29 @@ def result_rows(scene: Scene) -> list[dict[str, str]]:
     return rows
 
 
-def limit_rows(curve: FollowedCurve, deflection: float | None = None) -> list[dict[str, str]]:
-    """Stroke to the deflection shown [mm], limits, what readings leave, and α of the circles."""
-    return [*_stroke(curve, deflection), *_limits(curve), *_weights(curve.circles)]
+def blocked_rows(blocked: Blocked, stale: bool = False) -> list[Row]:
+    """What the plate of an equilibrium would push with; ``stale``: of another one."""
+    if blocked.force is None:
+        return []
+    return [_row("blocked", "blocked force where it rests at 0 kV",
+                 f"{digits(blocked.force, _DIGITS)} N", stale)]
+
+
+def curve_rows(curve: FollowedCurve, deflection: float, stale: bool = False) -> list[Row]:
+    """Stroke to a deflection [m] of a curve, and its first limit; ``stale``: of another film."""
+    line, = voltage_curves(curve.curve)
+    rows = []
+    if len(line.voltage) and line.voltage[0] == 0:
+        stroke = digits(1e3 * deflection - float(line.deflection[0]), _DIGITS)
+        rows.append(_row("stroke", "stroke from 0 kV", "…" if stale else f"{stroke} mm", stale))
+    first = line.limits.limit
+    text = line.end if first is None else f"{first.state.verb} at {first.text}"
+    return [*rows, _row("first", "first limit", text, stale)]
+
+
+def limit_rows(curve: FollowedCurve) -> list[Row]:
+    """Limits, what readings leave, and α of the circles."""
+    return [*_limits(curve), *_weights(curve.circles)]
 
 
 def loads_of(scene: Scene) -> str:
@@ -44,14 +68,7 @@ def loads_of(scene: Scene) -> str:
     return f"at {view.voltage / 1e3:.6g} kV under {view.mass * 1e3:.6g} g"
 
 
-def _stroke(curve: FollowedCurve, deflection: float | None) -> Iterator[dict[str, str]]:
-    line, = voltage_curves(curve.curve)
-    if deflection is not None and len(line.voltage) and line.voltage[0] == 0:
-        yield _row("stroke", "stroke from 0 kV",
-                   f"{digits(deflection - float(line.deflection[0]), _DIGITS)} mm")
-
-
-def _limits(curve: FollowedCurve) -> Iterator[dict[str, str]]:
+def _limits(curve: FollowedCurve) -> Iterator[Row]:
     limits = curve.curve.curves[0].limits
     for limit in limits.told:
         first = " (the limit)" if limit == limits.limit else ""
@@ -64,7 +81,7 @@ def _limits(curve: FollowedCurve) -> Iterator[dict[str, str]]:
                    f"{digits(1e6 * curve.readings.rms)} µm")
 
 
-def _weights(circles: AlphaResult | str | None) -> Iterator[dict[str, str]]:
+def _weights(circles: AlphaResult | str | None) -> Iterator[Row]:
     if circles is None:
         return
     if isinstance(circles, str):
@@ -76,5 +93,5 @@ def _weights(circles: AlphaResult | str | None) -> Iterator[dict[str, str]]:
                                           f"{digits(1e3 * radius)} mm", digits(weight))
 
 
-def _row(key: str, name: str, text: str) -> dict[str, str]:
-    return {"key": key, "name": name, "text": text.strip()}
+def _row(key: str, name: str, text: str, stale: bool = False) -> Row:
+    return {"key": key, "name": name, "text": text.strip(), "stale": stale}

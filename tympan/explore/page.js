@@ -15,7 +15,7 @@ const SHOWS = {
   following: (is) => {
     part("following").hidden = !is;
     part("deflections").setAttribute("aria-busy", is);
-    part("curve").classList.toggle("stale", is);
+    for (const id of ["curve", "limits"]) part(id).classList.toggle("stale", is);
   },
   curve: (picture) => { part("curve").innerHTML = picture; },
   numbers: (rows) => list("numbers", "result", rows),
@@ -58,6 +58,7 @@ function list(id, prefix, rows) {
   part(id).replaceChildren(...rows.flatMap((row) => {
     const name = document.createElement("dt"), text = document.createElement("dd");
     name.textContent = row.name; text.textContent = row.text; text.id = `${prefix}-${row.key}`;
+    text.classList.toggle("stale", row.stale);
     return [name, text];
   }));
 }

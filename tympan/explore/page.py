@@ -13,8 +13,15 @@ from typing import Any
 from tympan.explore.copied import command_of, python_of, remark
 from tympan.explore.curve import drawn_curve
 from tympan.explore.latest import Answer, Latest, Trouble
-from tympan.explore.numbers import limit_rows, loads_of, result_rows
+from tympan.explore.numbers import (
+    blocked_rows,
+    curve_rows,
+    limit_rows,
+    loads_of,
+    result_rows,
+)
 from tympan.explore.session import (
+    Blocked,
     FollowedCurve,
     Question,
     Scene,
@@ -67,10 +74,12 @@ def scene_answers() -> Answer:
     """What solves views and draws them, in its own process."""
     session = Session()
 
-    def answer(view: FilmView) -> Iterator[Picture]:
+    def answer(view: FilmView) -> Iterator[Picture | Blocked]:
         scene = session.scene(view)
         film = None if scene.film is None else record_of({_described(scene): scene.film}, even=True)
         yield Picture(replace(scene, film=None), film)
+        if film is not None:
+            yield session.blocked(view)
 
     return answer
 
@@ -94,6 +103,7 @@ class Page:
         self.controls: tuple[Control, ...] = controls(start)
         self._number = 0
         self.scene: Scene | None = None
+        self.blocked: Blocked | None = None
         self.curve: FollowedCurve | None = None
         self._written: tuple[Specimen, str] | None = None
         self._resting: asyncio.TimerHandle | None = None
@@ -146,7 +156,7 @@ class Page:
                   names=[specimen.name for specimen in self.subject.specimens],
                   masses=[f"{mass * 1e3:.6g} g" for mass in masses])
         self._say("")
-        self.scene = self.curve = self._asked = None
+        self.scene = self.blocked = self.curve = self._asked = None
         # A shape that was left comes back with its own numbers.
         self._outlines = {part: examples() | {shape_of(self.start, part): outline_of(
             self.start, part)} for part in SHAPED}
@@ -224,11 +234,17 @@ class Page:
 
     def _change(self) -> None:
         """Solve the view; what is not of the picture can wait until the controls rest."""
-        self.tell(texts={control.key: control.text(self.view) for control in self.controls})
+        self.tell(texts={control.key: control.text(self.view) for control in self.controls},
+                  following=not self._is_followed)
         self._solve()
         if self._resting is not None:
             self._resting.cancel()
         self._resting = asyncio.get_running_loop().call_later(_REST, self._rest)
+
+    @property
+    def _is_followed(self) -> bool:
+        """Whether the curve is that of the view's film."""
+        return self.curve is not None and _same_film(self.curve.view, self.view)
 
     def _solve(self) -> None:
         end = self._end
@@ -250,7 +266,11 @@ class Page:
     def _say(self, words: str, trouble: bool = False) -> None:
         self.tell(message=words, trouble=trouble, busy=self._scenes.busy)
 
-    def _solved(self, part: Picture | Trouble, newest: bool) -> None:
+    def _solved(self, part: Picture | Blocked | Trouble, newest: bool) -> None:
+        if isinstance(part, Blocked):
+            self.blocked = part
+            self._list_numbers()
+            return
         if isinstance(part, Trouble):
             if newest:
                 self._say(f"{part.words}. {self._kept}", trouble=True)
@@ -263,9 +283,23 @@ class Page:
                           f"{words}. {self._kept}", trouble=True)
             return
         self.scene = scene
-        self.tell(film=part.film, loads=loads_of(scene), numbers=result_rows(scene), busy=False,
+        self.tell(film=part.film, loads=loads_of(scene), busy=False,
                   message="; ".join(scene.result.warnings), trouble=False)
+        self._list_numbers()
         self._draw_curve()
+
+    def _list_numbers(self) -> None:
+        """The numbers of the film that is shown; those that are still another one's are stale."""
+        scene, blocked, curve = self.scene, self.blocked, self.curve
+        if scene is None:
+            return
+        rows = result_rows(scene)
+        if blocked is not None:
+            rows += blocked_rows(blocked, blocked.view != scene.view)
+        if curve is not None:
+            rows += curve_rows(curve, scene.result.deflection_m or 0.0,
+                               not _same_film(curve.view, scene.view))
+        self.tell(numbers=rows)
 
     def _draw_curve(self) -> None:
         if self.curve is None:
@@ -273,8 +307,7 @@ class Page:
         here = None
         if self.scene is not None and _same_film(self.curve.view, self.scene.view):
             here = (self.scene.view.voltage / 1e3, 1e3 * (self.scene.result.deflection_m or 0.0))
-        self.tell(curve=drawn_curve(self.curve, here),
-                  limits=limit_rows(self.curve, here and here[1]))
+        self.tell(curve=drawn_curve(self.curve, here), limits=limit_rows(self.curve))
 
     def _rest(self) -> None:
         """The controls rest: say how the view is written, and follow its curve."""
@@ -282,21 +315,23 @@ class Page:
         self.tell(busy=self._scenes.busy)
         self._name()
         if self._asked is None or not _same_film(self._asked, self.view):
-            self.tell(following=True)
             self._asked = self.view
             self._curves.ask(Question(self.view, self.subject.static))
 
     def _followed(self, part: FollowedCurve | Trouble, newest: bool) -> None:
         if not newest:
             return
-        self.tell(following=False)
         if isinstance(part, Trouble):
-            self.tell(limits=[])
+            self.curve = None
+            self.tell(curve="", limits=[], following=False)
+            self._list_numbers()
             if self.scene is None:
                 self._say(part.words, trouble=True)
             return
         self.curve = part
+        self.tell(following=not self._is_followed)
         self._reached()
+        self._list_numbers()
         self._draw_curve()
 
     def _reached(self) -> None:

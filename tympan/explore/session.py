@@ -16,6 +16,7 @@ from tympan.fem.equilibrium.newton import Solution
 from tympan.fem.equilibrium.ramp import Outcome
 from tympan.fem.equilibrium.solve import equilibrium
 from tympan.fem.membrane.model import Model
+from tympan.fem.membrane.state import HEAVE
 from tympan.fem.rig import DIRECTIONS, Rig
 from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Specimen
@@ -31,12 +32,21 @@ from tympan.studies.case import (
 )
 from tympan.studies.columns import Sheet
 from tympan.studies.film_surface import FilmSurface, film_surface
+from tympan.studies.force import blocked_force
 from tympan.studies.limits import CurveResult, curve
 
 Array = NDArray[Any]
 
 #: Every element of a film is drawn as so many triangles, squared.
 _PARTS = 3
+
+
+@dataclass(frozen=True, eq=False)
+class Blocked:
+    """Force of a view's plate if it is blocked where it rests without voltage [N]; None of none."""
+
+    view: FilmView
+    force: float | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,6 +73,7 @@ class Session:
         self._needs: object = None
         self._model: Model | None = None
         self._start: tuple[Specimen, Rig, Solution] | None = None
+        self._rest: tuple[FilmView, Solution] | None = None
 
     def scene(self, view: FilmView) -> Scene:
         """The film of a view.
@@ -79,6 +90,23 @@ class Session:
         if outcome.status != "equilibrium":
             return Scene(view, result)
         return Scene(view, result, film_surface(model, outcome.state, _PARTS))
+
+    def blocked(self, view: FilmView) -> Blocked:
+        """What the plate of a view pushes with."""
+        model, rest = self._meshed(view.case), replace(view, voltage=0.0)
+        if HEAVE not in model.plate_freedoms:
+            return Blocked(view, None)
+        if self._rest is None or self._rest[0] != rest:
+            start = self._start
+            if model.loading.softening:
+                self._start = None  # from there it may come to rest elsewhere
+            outcome = self._equilibrium(model, rest.case)
+            self._start = start
+            if outcome.status != "equilibrium":
+                return Blocked(view, None)
+            self._rest = rest, outcome.solution
+        return Blocked(view, blocked_force(model, self._rest[1], view.case.film_voltage,
+                                           self.settings.path))
 
     def _meshed(self, case: Case) -> Model:
         specimen, loading = case.specimen, case.rig.loading
