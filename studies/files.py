@@ -90,6 +90,20 @@ def write_csv(file: Path, header: Iterable[str], rows: Iterable[Iterable[object]
     write_atomically(file, write)
 
 
+def write_arrays(file: Path, arrays: Mapping[str, Any]) -> None:
+    """Write arrays by name atomically: for MATLAB into NAME.mat, for NumPy into NAME.npz."""
+    def write(path: Path) -> None:
+        with path.open("wb") as stream:
+            if file.suffix == ".mat":
+                savemat(stream, dict(arrays), long_field_names=True)
+            else:
+                np.savez(stream, **arrays)
+
+    from scipy.io import savemat
+
+    write_atomically(file, write)
+
+
 def read_text(file: Path, most: int = STORED) -> str:
     """The text of a result in UTF-8, of no more than so many bytes."""
     if not file.exists():

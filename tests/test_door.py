@@ -14,11 +14,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
 from matplotlib import pyplot
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
+from scipy.io import loadmat
 
 import tympan
 from tests.support import parts_stub
@@ -395,6 +397,23 @@ def test_limits_and_responses_are_those_of_the_commands(
     assert asked["voltage"].tolist() == [1e3, 2e3]
 
 
+def matrices(file: Path) -> tuple[Any, ...]:
+    """A, B, C and D of a file, as its user reads them."""
+    if file.suffix == ".csv":
+        block = pd.read_csv(file, index_col=0)
+        assert list(block.index[:2]) == ["rate of deflection", "rate of speed"]
+        assert block.columns[-1] == "voltage"
+        table = block.to_numpy()
+        return table[:-1, :-1], table[:-1, -1:], table[-1:, :-1], table[-1:, -1:]
+    if file.suffix == ".json":
+        stored: Any = json.loads(file.read_text(encoding="utf-8"))["linear"][0]
+    else:
+        stored = np.load(file) if file.suffix == ".npz" else loadmat(file)
+        assert stored["voltage_V"].item() == 2e3
+        assert [str(name).strip() for name in stored["states"]][:2] == ["deflection", "speed"]
+    return tuple(np.array(stored[name]) for name in "ABCD")
+
+
 def test_lumped_models_are_those_of_the_commands(tmp_path: Path,
                                                  capsys: pytest.CaptureFixture[str]) -> None:
     specimen, file = circular(), tmp_path / "circle.toml"
@@ -420,6 +439,18 @@ def test_lumped_models_are_those_of_the_commands(tmp_path: Path,
     assert [each.specimen for each in both.linear] == ["other", specimen.name]
     with pytest.raises(InputError, match=r"several: choose one by result.linear\[0\]"):
         both.to_scipy()
+    with pytest.raises(InputError, match=r"several: choose one by result.linear\[0\]"):
+        both.save(tmp_path / "both.mat")
+    with pytest.raises(InputError, match=r"be a folder, or end in .json, .csv, .npz or .mat"):
+        linear.save(tmp_path / "linear.txt")
+    for ending in ("json", "csv", "npz", "mat"):
+        file = linear.save(tmp_path / f"python.{ending}")
+        same = tmp_path / f"command.{ending}"
+        printed("linearise", "--model", model, "--at", "2 kV", "--mass", "17.9 g", "--save",
+                str(same))
+        for found in (matrices(file), matrices(same)):
+            for name, matrix in zip("abcd", found, strict=True):
+                assert matrix == pytest.approx(getattr(linear.linear[0], name), rel=1e-11)
     moved = tympan.lumped.simulate(model, signal="sine", high="3 kV", duration="1 s", count=2,
                                    mass="17.9 g")
     said = printed("simulate", "--model", model, "--signal", "sine", "--high", "3 kV", "--duration",

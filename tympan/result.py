@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, Literal, Protocol, TypeVar
@@ -32,6 +33,23 @@ class _Numbers(Protocol):
 
 
 Numbers = TypeVar("Numbers", bound=_Numbers)
+
+
+def file_writers(kind: type, file: Path, key: str = "file"
+                 ) -> Mapping[str, Callable[[Any, Path], None]]:
+    """What a kind of numbers writes by itself, by the ending of a file's name.
+
+    Raises
+    ------
+    InputError
+        When the file's name ends in nothing that can be written of them.
+    """
+    writers: Mapping[str, Callable[[Any, Path], None]] = getattr(kind, "writers", {})
+    *others, last = dict.fromkeys((".json", ".csv", *writers))
+    if file.suffix not in (*others, last):
+        folder = "be a folder, or " * (key == "file")
+        raise InputError(f"must {folder}end in {', '.join(others)} or {last}", key=key, given=file)
+    return writers
 
 
 @dataclass(frozen=True)
@@ -80,6 +98,8 @@ class Result(Generic[Numbers]):
     def save(self, target: str | os.PathLike[str]) -> Path:
         """Write what the command writes into a folder; into NAME.json or NAME.csv numbers alone.
 
+        The matrices of ``lumped.linearise`` also go into NAME.mat or NAME.npz.
+
         Raises
         ------
         InputError
@@ -88,12 +108,14 @@ class Result(Generic[Numbers]):
         from tympan.studies.files import replaced, write_json, write_text
 
         target = Path(target)
-        if target.suffix == ".json":
-            write_json(target, self.numbers.json())
-        elif target.suffix == ".csv":
-            write_text(target, self.to_pandas().to_csv(index=False))
-        elif target.suffix:
-            raise InputError("must be a folder, or end in .json or .csv", key="file", given=target)
+        if target.suffix:
+            writers = file_writers(type(self.numbers), target)
+            if target.suffix in writers:
+                writers[target.suffix](self.numbers, target)
+            elif target.suffix == ".json":
+                write_json(target, self.numbers.json())
+            else:
+                write_text(target, self.to_pandas().to_csv(index=False))
         else:
             with (alone(target, _PATIENCE),
                   replaced(target, getattr(self.numbers, "pictures", ()))):

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tympan.geometry.errors import InputError
 from tympan.geometry.system import MissingLibrary
-from tympan.studies.files import write_json
+from tympan.studies.files import write_arrays, write_csv, write_json
 from tympan.studies.lumped.actuator import Actuator
 from tympan.studies.lumped.equilibria import rest
 
@@ -134,6 +135,21 @@ class Linear:
 
         return StateSpace(self.a, self.b, self.c, self.d)
 
+    def write_csv(self, file: Path) -> None:
+        """Write A, B, C and D as one table: a row for each rate of a state, and for the output.
+
+        Columns are the states, then what drives the model.
+        """
+        table = np.block([[self.a, self.b], [self.c, self.d]])
+        names = [*(f"rate of {state}" for state in self.states), "deflection"]
+        write_csv(file, ["", *self.states, INPUTS[self.driven_by][0]],
+                  [[name, *map(float, row)] for name, row in zip(names, table, strict=True)])
+
+    def write_arrays(self, file: Path) -> None:
+        """Write A, B, C, D and the numbers beside them by name, as NAME.mat or NAME.npz."""
+        write_arrays(file, {name: np.array(value) for name, value in self.motions().items()
+                            if name != "poles"})
+
     def json(self) -> dict[str, Any]:
         """The motions with what they are of."""
         return {"specimen": self.specimen, "mass_kg": self.mass, **self.motions(),
@@ -156,6 +172,12 @@ class LinearResult:
     """The small motions of several actuators at one voltage."""
 
     linear: tuple[Linear, ...]
+
+    #: What writes the matrices of the only one, by the ending of a file's name.
+    writers: ClassVar[Mapping[str, Callable[[LinearResult, Path], None]]] = {
+        ".csv": lambda result, file: result._only.write_csv(file),
+        ".npz": lambda result, file: result._only.write_arrays(file),
+        ".mat": lambda result, file: result._only.write_arrays(file)}
 
     def to_control(self) -> Any:
         """The only one as a python-control ``StateSpace``, if that is installed."""

@@ -62,6 +62,7 @@ OWN = {
     ("material fit", "coupons"): "`tympan.fit_material(FILE, ...)`",
     ("material fit", "mass"): "`film=tympan.Case(specimen, mass=...)`",
     ("material fit", "voltage"): "`film=tympan.Case(specimen, voltage=...)`",
+    ("lumped linearise", "save"): "`result.save(FILE)`",
     ("lumped export", "output"): "`folder=`",
     ("lumped identify", "no_limits"): "`limits=False`",
 }
