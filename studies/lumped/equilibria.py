@@ -147,6 +147,7 @@ def limit_words(actuator: Actuator) -> str:
     return f"{end} is at {highest(actuator) / 1e3:.5g} kV across the film"
 
 
-def squared_at(actuator: Actuator, y: Array | float) -> Array:
-    """U² across the film [V²] at which deflections [m] are at rest."""
-    return np.asarray((actuator.elastic(y)[1] - actuator.load) / -actuator.electric(y)[1])
+def squared_at(actuator: Actuator, y: Array | float, strains: Any = None) -> Array:
+    """U² across the film [V²] at which deflections [m] are at rest, as in `Actuator.balance`."""
+    force = actuator.balance(y, 0.0, strains)[0]
+    return np.asarray(force / -actuator.electric(y)[1])

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from tympan.fem.transient.collocation import radau
 from tympan.geometry.errors import Failure
 from tympan.studies.lumped.actuator import Actuator
-from tympan.studies.lumped.equilibria import settle
+from tympan.studies.lumped.equilibria import settle, squared_at
 
 Array = NDArray[np.float64]
 
@@ -38,10 +38,14 @@ class Plant(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class LumpedPlant:
-    """The lumped model of an actuator, or of an array of them, in a state."""
+    """The lumped model of an actuator, or of an array of them, in a state.
+
+    ``past``: the length of its last step [s], and the states at its start and its stages.
+    """
 
     actuator: Actuator
     state: Array
+    past: tuple[float, Array] | None = None
 
     @classmethod
     def resting(cls, actuator: Actuator, voltage: float = 0.0) -> LumpedPlant:
@@ -55,20 +59,30 @@ class LumpedPlant:
     def deflection(self) -> Array:
         return np.asarray(self.state[..., 0])
 
+    def holds(self, deflection: Any, voltage: Any) -> Any:
+        """Whether a nominal voltage [V] holds a deflection [m], or pulls beyond it, as it crept."""
+        needed = squared_at(self.actuator, deflection, self.state[..., 2:])
+        return needed <= self.actuator.rig.film_voltage(voltage) ** 2
+
     def after(self, voltage: Any, duration: float) -> LumpedPlant:
         """Step by Radau's rule, as finely as the swing needs."""
-        slopes = self.actuator.linear(self.state, np.asarray(voltage))[1]
+        held = np.asarray(voltage)
+        if self.past and self.past[0] == duration:
+            return self._stepped(held, duration)
+        slopes = self.actuator.linear(self.state, held)[1]
         swing = np.sqrt(np.abs(slopes[..., 1, 0]).max())
         count = max(1, int(np.ceil(duration * swing / _RADIANS)))
-        state = self.state
+        plant = self
         for _ in range(count):
-            state = self._stepped(state, np.asarray(voltage), duration / count)
-        return replace(self, state=state)
+            plant = plant._stepped(held, duration / count)
+        return plant
 
-    def _stepped(self, state: Array, voltage: Any, duration: float) -> Array:
-        rule, size = radau(_STAGES), state.shape[-1]
+    def _stepped(self, voltage: Any, duration: float) -> LumpedPlant:
+        rule, state, size = radau(_STAGES), self.state, self.state.shape[-1]
         weights = duration * rule.matrix
-        stages = np.repeat(state[None], _STAGES, 0)  # stages first: actuators broadcast behind
+        # Stages first: actuators broadcast behind them.
+        stages = np.tensordot(rule.beyond(1.0), self.past[1], 1) \
+            if self.past and self.past[0] == duration else np.repeat(state[None], _STAGES, 0)
         identity = np.eye(_STAGES * size)
         for _ in range(_CORRECTIONS):
             rates, slopes = self.actuator.linear(stages, voltage)
@@ -80,4 +94,5 @@ class LumpedPlant:
             stages = stages - np.moveaxis(moved, -2, 0)
             if not np.abs(moved[..., 0]).max() > _LAST:
                 break
-        return np.asarray(stages[-1])
+        return replace(self, state=stages[-1],
+                       past=(duration, np.concatenate([state[None], stages])))

@@ -42,13 +42,16 @@ class ControlStep:
         "comes first")]
     open_settled_s: Annotated[float | None, Key(
         "the same without feedback, with the voltage that holds the deflection at rest")]
+    soonest_s: Annotated[float | None, Key(
+        "time before which no controller can: until then the supply at its end does not hold the "
+        "deflection within 2 %; none where that is longer than the step lasts")]
     times_as_soon: Annotated[float | None, Key(
-        "the second over the first, at least: where the film without feedback does not settle, the "
-        "time to the next step stands for it")]
+        "settled_s without feedback over that with it, at least: where the film without feedback "
+        "does not settle, the time to the next step stands for it")]
     overshoot: Annotated[float, Key("how far beyond the wanted deflection it goes, over the step")]
     limited_by: Annotated[Limit, Key(
-        "what keeps it from being quicker: the voltage is at an end of the supply; the plate "
-        "swings; the film creeps, which feedback must outrun; a settling of few samples")]
+        "what keeps it from being quicker: the supply, which needs half of the time at least; the "
+        "plate swings; the film creeps, which feedback must outrun; a settling of few samples")]
 
 
 @dataclass(frozen=True, kw_only=True)

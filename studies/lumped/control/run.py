@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import KW_ONLY, dataclass, replace
+from collections.abc import Callable, Container, Mapping, Sequence
+from dataclasses import KW_ONLY, dataclass, field, replace
+from itertools import pairwise
 from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
@@ -30,6 +31,7 @@ from tympan.studies.lumped.control.result import (
 from tympan.studies.lumped.equilibria import rest, rest_curve
 from tympan.studies.lumped.linear import Linear, linearise
 from tympan.studies.lumped.remarks import origin
+from tympan.studies.lumped.simulate import simulate
 from tympan.studies.signals import Signal, nominal
 from tympan.studies.trace import sample_count
 
@@ -37,10 +39,8 @@ Array = NDArray[np.float64]
 
 #: Share of a step within which it has settled.
 WITHIN = 0.02
-#: Share of the settling time for which the voltage must be at an end of the supply to limit it.
-_AT_END = 0.5
-#: How near to an end of the supply a voltage counts as there, over its highest.
-_NEAR = 1e-3
+#: Share of the settling time that the supply must need at least to limit it.
+_NEEDED = 0.5
 #: Samples of a settling that are too few to shape it.
 _FEW = 10
 #: A step of the wanted deflection over the travel that is worth a row.
@@ -89,22 +89,26 @@ class Sensor:
 
 @dataclass(frozen=True, eq=False)
 class LoopRun:
-    """Samples of a loop: deflections [m] and voltages [V] at times [s], (times, …)."""
+    """Samples of a loop: deflections [m] and voltages [V] at times [s], (times, …).
+
+    ``plants`` as they were at the samples that were to be kept.
+    """
 
     time: Array
     wanted: Array
     deflection: Array
     voltage: Array
+    plants: Mapping[int, Any] = field(default_factory=dict)
 
 
 def closed_loop(controller: Controller, plant: Plant, before: float, wanted: Array,
-                sensor_lag: float = 0.0, progress: Callable[[float], None] = lambda share: None
-                ) -> LoopRun:
+                sensor_lag: float = 0.0, progress: Callable[[float], None] = lambda share: None,
+                keep: Container[int] = ()) -> LoopRun:
     """A plant that begins at rest, at each sample's wanted deflection [m], and ``before`` them.
 
-    The voltage of a sample holds until the next.
+    The voltage of a sample holds until the next. ``keep``: samples at which the plant is kept.
     """
-    reached, voltages = [], []
+    reached, voltages, plants = [], [], dict[int, Plant]()
     begin = plant.deflection
     state = ControllerState.resting(before + 0 * begin, begin)
     sensor = Sensor(sensor_lag, begin)
@@ -112,21 +116,14 @@ def closed_loop(controller: Controller, plant: Plant, before: float, wanted: Arr
         voltage, state = controller.voltage(state, each + 0 * begin, sensor.reading)
         reached.append(plant.deflection)
         voltages.append(voltage)
+        if number in keep:
+            plants[number] = plant
         before = plant.deflection
         plant = plant.after(voltage, controller.interval_s)
         sensor = sensor.after(before, plant.deflection, controller.interval_s)
         progress((number + 1) / len(wanted))
     time = _times(len(wanted), controller.interval_s)
-    return LoopRun(time, wanted, np.array(reached), np.array(voltages))
-
-
-def open_loop(plant: Plant, wanted: Array, voltage: Array, interval: float) -> LoopRun:
-    """The same under given voltages [V], without feedback."""
-    reached = []
-    for each in voltage:
-        reached.append(plant.deflection)
-        plant = plant.after(each, interval)
-    return LoopRun(_times(len(wanted), interval), wanted, np.array(reached), voltage)
+    return LoopRun(time, wanted, np.array(reached), np.array(voltages), plants)
 
 
 def controlled(chosen: ChosenActuators, signal: Signal, settings: ControlSettings,
@@ -159,8 +156,14 @@ def _controlled(chosen: ChosenActuators, actuator: Actuator, signal: Signal,
     wanted = rest_curve(actuator, voltages)
     begin = LumpedPlant.resting(actuator, abs(signal.first))
     before = float(begin.deflection)
-    run = closed_loop(controller, begin, before, wanted, settings.sensor_lag, progress)
-    free = open_loop(begin, wanted, voltages, settings.interval)
+    parts = _parts(wanted, before, controller)
+    run = closed_loop(controller, begin, before, wanted, settings.sensor_lag, progress,
+                      {part.start for part in parts})
+    motion = simulate(actuator, signal)
+    if motion.drawn_in is not None:
+        raise InputError("pulls in on its way without feedback: lower its voltages",
+                         key=actuator.label, given=f"{signal.peak / 1e3:g} kV")
+    free = LoopRun(time, wanted, motion.deflection(time), voltages)
     ends = [linearise(actuator, voltage, by="U2") for voltage in (0.0, settings.supply)]
     swings = [_swing(each) for each in ends]
     return ControlledFilm(
@@ -172,7 +175,7 @@ def _controlled(chosen: ChosenActuators, actuator: Actuator, signal: Signal,
         creep_s=(_creep(ends[0])[1], _creep(ends[1])[1]),
         lowest_V=float(run.voltage.min()), highest_V=float(run.voltage.max()),
         error_rms_m=_rms(run), open_error_rms_m=_rms(free),
-        steps=tuple(_steps(run, free, controller, before)),
+        steps=tuple(_step(run, free, controller, part, before) for part in parts),
         disturbance=_disturbed(controller, actuator, settings),
         warnings=(*chosen.remarks, *origin(actuator), *actuator.case(settings.supply).remarks),
         samples=pd.DataFrame({
@@ -220,44 +223,57 @@ def settled(deflection: Array, wanted: float, band: float, interval: float) -> f
     return float(interval * (away[-1] + 1)) if len(away) else 0.0
 
 
-def _steps(run: LoopRun, free: LoopRun, controller: Controller, before: float
-           ) -> Sequence[ControlStep]:
-    """Where the wanted deflection jumps, and what follows until it jumps again."""
-    travel = controller.inverse.highest_m - controller.inverse.lowest_m
-    heights = np.diff(run.wanted, prepend=before)
-    jumps = np.flatnonzero(np.abs(heights) > _STEP * travel)
-    found = []
-    for start, end in zip(jumps, [*jumps[1:], len(run.wanted)], strict=True):
-        if np.ptp(run.wanted[start:end]) > _STEP * travel or end - start < 2:
-            continue  # no step, but a part of a curve
-        height, target = float(heights[start]), float(run.wanted[start])
-        part = slice(start, end)
-        times = [settled(each.deflection[part], target, WITHIN * abs(height),
-                         controller.interval_s) for each in (run, free)]
-        length = controller.interval_s * float(end - start)
-        ratio = None if times[0] is None else (times[1] or length) / max(
-            times[0], controller.interval_s)
-        beyond = np.sign(height) * (run.deflection[part] - target) / abs(height)
-        found.append(ControlStep(
-            start_s=float(run.time[start]), from_m=target - height, to_m=target,
-            settled_s=times[0], open_settled_s=times[1], times_as_soon=ratio,
-            overshoot=max(0.0, float(beyond.max())),
-            limited_by=_limit(run, part, times[0], controller, target, abs(height))))
-    return found
+def _parts(wanted: Array, before: float, controller: Controller) -> Sequence[slice]:
+    """Samples from each jump of the wanted deflection to the next, where it stays between them."""
+    least = _STEP * (controller.inverse.highest_m - controller.inverse.lowest_m)
+    jumps = np.flatnonzero(np.abs(np.diff(wanted, prepend=before)) > least).tolist()
+    return [slice(start, end) for start, end in pairwise([*jumps, len(wanted)])
+            if end - start > 1 and np.ptp(wanted[start:end]) <= least]
 
 
-def _limit(run: LoopRun, part: slice, time: float | None, controller: Controller, target: float,
-           height: float) -> Limit:
-    count = part.stop - part.start if time is None else max(round(time / controller.interval_s), 1)
-    voltage = run.voltage[part][:count]
-    top = controller.supply_V
-    if np.mean((voltage < _NEAR * top) | (voltage > (1 - _NEAR) * top)) > _AT_END:
+def _step(run: LoopRun, free: LoopRun, controller: Controller,
+          part: slice, before: float) -> ControlStep:
+    interval, target = controller.interval_s, float(run.wanted[part.start])
+    height = target - (float(run.wanted[part.start - 1]) if part.start else before)
+    band = WITHIN * abs(height)
+    time, open_time = (settled(each.deflection[part], target, band, interval)
+                       for each in (run, free))
+    length = interval * (part.stop - part.start)
+    soonest = _soonest(run.plants[part.start], target, height, controller, length)
+    beyond = np.sign(height) * (run.deflection[part] - target) / abs(height)
+    return ControlStep(
+        start_s=float(run.time[part.start]), from_m=target - height, to_m=target, settled_s=time,
+        open_settled_s=open_time, soonest_s=soonest,
+        times_as_soon=None if time is None else (open_time or length) / max(time, interval),
+        overshoot=max(0.0, float(beyond.max())),
+        limited_by=_limit(run.deflection[part] - target, time, soonest, interval))
+
+
+def _soonest(plant: LumpedPlant, target: float, height: float, controller: Controller,
+             length: float) -> float | None:
+    """Time for which the supply at its end cannot hold the plate as near as settled yet [s].
+
+    No voltage within the supply brings the film's creep on faster. The plate's swing is left out:
+    it passes, but does not stay. None where the supply needs longer than the step lasts.
+    """
+    near, up = target - WITHIN * height, height > 0
+    voltage = controller.supply_V if up else 0.0
+    for number in range(round(length / controller.interval_s)):
+        if bool(plant.holds(near, voltage)) == up:
+            return number * controller.interval_s
+        plant = plant.after(voltage, controller.interval_s)
+    return None
+
+
+def _limit(missed: Array, time: float | None, soonest: float | None, interval: float) -> Limit:
+    """What limits a step that misses its target so far [m]."""
+    if soonest is None or soonest > _NEEDED * (len(missed) * interval if time is None else time):
         return "supply"
+    count = len(missed) if time is None else max(round(time / interval), 1)
     if count < _FEW:
         return "sampling"
     # A swing leaves the band on both sides, or on its last way back; creep on one side alone.
-    error = (run.deflection[part][:count] - target) / height
-    late = error[count // 2:]
+    late = missed[:count][count // 2:]
     return "swing" if (late > 0).any() and (late < 0).any() else "creep"
 
 
