@@ -127,6 +127,18 @@ def test_the_python_page_works_as_it_stands(folder: Path, capsys) -> None:
     assert Path("crept/transient.csv").is_file()
 
 
+def test_the_dataset_of_the_data_page_is_judged_as_it_says(folder: Path, capsys) -> None:
+    page = ROOT / "docs/howto/data.md"
+    start, = (block for block in blocks(ROOT / "docs/start.md") if block.startswith("name ="))
+    about, = (block for block in blocks(page) if block.startswith("name ="))
+    readings, = (block for block in blocks(page) if block.startswith("specimen,"))
+    told, = (block for block in blocks(page) if block.startswith("The simulation"))
+    for name, text in (("oval.toml", start), ("dataset.toml", about), ("static.csv", readings)):
+        Path(name).write_text(text, encoding="utf-8")
+    assert main(["diagnose", "."]) == 0
+    assert capsys.readouterr().out == told
+
+
 def anchors(page: Path) -> set[str]:
     """What the headings of a page are linked by."""
     headings = re.findall(r"^#+ (.*)$", page.read_text(encoding="utf-8"), re.MULTILINE)

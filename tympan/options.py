@@ -126,7 +126,7 @@ WORKERS = argument("--workers", type=int, default=2, metavar="N", help="processe
 SEEDS = (0, 2**63 - 1)
 
 
-def case_arguments(*, mass: str = "on the plate",
+def case_arguments(*, mass: str = "of plate, hook and weight",
                    voltage: str = "across the film") -> tuple[Argument, ...]:
     """Specimen, load, voltage, rig and mesh, for :func:`read_case` and :func:`read_settings`."""
     return (SPECIMEN, argument("--mass", help=f'{mass}, such as "17.9 g"; none of a film without '

@@ -51,7 +51,8 @@ if TYPE_CHECKING:
 def solve(options: argparse.Namespace) -> None:
     """One specimen under one load and voltage, and how far the voltage can be raised.
 
-    Deflection is positive downwards, along the load.
+    Deflection is positive downwards, along the load. It is 0 where the film is flat, before
+    anything hangs on it. The mass is all that hangs on the film, the plate included.
     """
     from dataclasses import replace
 
@@ -73,8 +74,9 @@ def solve(options: argparse.Namespace) -> None:
     finish(options, solve_after(case, after, settings, film), specimen=case.specimen)
 
 
-@command("limits", SPECIMEN, argument("--mass", help='on the plate, such as "17.9 g" (default: one '
-                                      "that pulls the plate down a tenth of its gap)"), PRESSURE,
+@command("limits", SPECIMEN, argument("--mass", help='of plate, hook and weight, such as "17.9 g" '
+                                      "(default: one that pulls the plate down a tenth of its "
+                                      "gap)"), PRESSURE,
          RIG, MESH, JSON,
          example='oval.toml --mass "17.9 g"', also=("limit", "pull-in", "breakdown"))
 def limits(options: argparse.Namespace) -> None:
@@ -92,8 +94,8 @@ def limits(options: argparse.Namespace) -> None:
 
 
 @command("curve", SPECIMEN,
-         argument("--mass", help='on the plate, one or several, such as "10 g, 20 g" (default: '
-                  "some that suit the film)"),
+         argument("--mass", help='of plate, hook and weight, one or several, such as "10 g, 20 g" '
+                                "(default: some that suit the film)"),
          argument("--voltage", help='voltages to mark, such as "1 kV, 2 kV" (default: none)'),
          PRESSURE, RIG,
          output("also store the curves (CSV), their limits (JSON) and a picture (PNG, SVG)"), JSON,
@@ -216,8 +218,8 @@ def sense(options: argparse.Namespace) -> None:
          argument("--tolerances", type=Path, metavar="FILE",
                   help="standard deviations, as docs/howto/tolerance.md has them (default: those "
                        "of the film's material, and assumed ones)"),
-         argument("--mass", help='on the plate, such as "17.9 g" (default: one that suits the '
-                                 "film)"),
+         argument("--mass", help='of plate, hook and weight, such as "17.9 g" (default: one that '
+                                 "suits the film)"),
          argument("--voltage", help='which the films must reach, such as "3.5 kV" (default: 60 % '
                                     "of the film's first limit)"),
          argument("--films", type=int, default=10_000, metavar="N", within=(100, 1_000_000),
@@ -253,7 +255,7 @@ def tolerance(options: argparse.Namespace) -> None:
 
 
 @command("path",
-         *case_arguments(mass="on the plate at the start", voltage="across the film at the start"),
+         *case_arguments(mass="of plate, hook and weight at the start", voltage="across the film at the start"),
          argument("--along", choices=("voltage", "charge", "mass", "pressure"), default="voltage",
                   help="what grows; a gas pressure lifts the film, one below 0 falls further"),
          argument("--rate", metavar="RATE",

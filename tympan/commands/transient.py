@@ -32,7 +32,7 @@ _FRAMES = 48
 
 
 @command("transient", argument("specimens", type=Path, nargs="+", metavar="SPECIMEN.toml"), *SIGNAL,
-         argument("--mass", help="on the plate (default: one that suits the film)"),
+         argument("--mass", help="of plate, hook and weight (default: one that suits the film)"),
          argument("--rest", metavar="TIME",
                   help="under the mass and the first voltage before the signal (default: for ever, "
                        "or not at all where the film says when it was mounted)"),

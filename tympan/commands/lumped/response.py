@@ -34,7 +34,7 @@ ACTUATORS = (
              help="its membrane circles are found from its field model, and kept"),
     argument("--model", type=Path, nargs="+", default=[], metavar="NAME.lumped.toml",
              help="models that `tympan lumped build` made, instead of specimens or beside them"),
-    argument("--mass", help="on the plate (default: one that suits the film)"),
+    argument("--mass", help="of plate, hook and weight (default: one that suits the film)"),
     argument("--paper", action="store_true",
              help="the source paper's straight cones instead of membrane circles, 2 to 3 times as "
                   "soft; its 17.9 g where no mass is given"),

@@ -1,0 +1,85 @@
+"""Pictures of the pages that explain: where zero is, and curves with their limits.
+
+    python -m benchmarks.page_pictures [-o docs]
+"""
+
+from __future__ import annotations
+
+import argparse
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
+
+from tympan.reports import look
+from tympan.studies.files import write_atomically
+
+#: Dots to an inch: pages show pictures as wide as their text.
+DPI = 160
+#: Height of the drawing [mm].
+HEIGHT = 37.0
+#: Half width of the frame's opening and of the plate, in the drawing [mm].
+OPENING, PLATE = 30.0, 7.0
+#: How far the plate of the drawing is down, without and with a voltage [mm].
+HUNG, CHARGED = 7.0, 13.0
+
+
+def draw_zero(figure: Figure) -> None:
+    """A cut through an actuator: the flat film, under its mass, and under a voltage as well."""
+    titles = ("flat, nothing hangs on it", "under the mass", "under the mass and a voltage")
+    for place, (title, deflection) in enumerate(zip(titles, (0.0, HUNG, CHARGED), strict=True)):
+        axes = figure.add_axes((place / 3, 0, 1 / 3, 1))
+        axes.set(xlim=(-44, 44), ylim=(-42, 9), aspect="equal", anchor="C")
+        axes.axis("off")
+        axes.text(0, 6, title, ha="center", weight="bold")
+        _actuator(axes, deflection, place > 0)
+        if place == 0:
+            axes.text(0, -14, "displacement = 0", color=look.PALETTE[0], ha="center", va="top")
+            axes.text(0, -3, "plate", ha="center", va="top")
+            axes.text(-18, -3, "film", ha="center", va="top")
+            axes.text(-34, -3.5, "frame", ha="center", va="top")
+        else:
+            axes.annotate("", (19, -deflection), (19, 0), arrowprops={
+                "arrowstyle": "-|>", "color": look.PALETTE[0], "shrinkA": 0, "shrinkB": 0})
+            axes.plot([PLATE, 22], [-deflection] * 2, color=look.PALETTE[0], lw=0.6)
+            axes.text(25, -deflection - 1.5, "displacement\n> 0", color=look.PALETTE[0],
+                      ha="center", va="top")
+    figure.axes[1].text(-8, -HUNG - 12, "mass:\nplate, hook\nand weight", color=look.PALETTE[1],
+                        ha="right", va="center")
+
+
+def _actuator(axes: Axes, deflection: float, hung: bool) -> None:
+    """The frame, the film with its plate so far down, and what hangs on it."""
+    axes.plot([-OPENING, OPENING], [0, 0], ":", color=look.GREY, lw=0.8)
+    for side in (-1, 1):
+        axes.add_patch(Rectangle((side * OPENING, -2.5), side * 8, 5, color=look.GREY))
+        along = np.linspace(0.0, 1.0, 30)
+        axes.plot(side * (PLATE + (OPENING - PLATE) * along),
+                  -deflection * (1 - np.log1p(3 * along) / np.log(4)), color="black")
+    orange = {"color": look.PALETTE[1]} if hung else {"color": "#b9bfca"}
+    axes.add_patch(Rectangle((-PLATE, -deflection - 0.8), 2 * PLATE, 1.6, **orange))
+    if hung:
+        axes.plot([0, 0], [-deflection, -deflection - 14], color=look.PALETTE[1], lw=1)
+        axes.add_patch(Rectangle((-5, -deflection - 24), 10, 10, **orange))
+
+
+PICTURES = {"zero": (HEIGHT, draw_zero)}
+
+
+def main() -> None:
+    """Write all pictures."""
+    parser = argparse.ArgumentParser(description="Pictures of the pages that explain.")
+    parser.add_argument("-o", "--output", type=Path, default=Path("docs"))
+    folder = parser.parse_args().output
+    for name, (height, draw) in PICTURES.items():
+        with look.figure_style():
+            figure = look.new_figure(height, look.WIDTH)
+            draw(figure)
+            write_atomically(folder / f"{name}.png", partial(figure.savefig, dpi=DPI))
+
+
+if __name__ == "__main__":
+    main()
