@@ -255,7 +255,8 @@ def tolerance(options: argparse.Namespace) -> None:
 
 
 @command("path",
-         *case_arguments(mass="of plate, hook and weight at the start", voltage="across the film at the start"),
+         *case_arguments(mass="of plate, hook and weight at the start",
+                         voltage="across the film at the start"),
          argument("--along", choices=("voltage", "charge", "mass", "pressure"), default="voltage",
                   help="what grows; a gas pressure lifts the film, one below 0 falls further"),
          argument("--rate", metavar="RATE",
