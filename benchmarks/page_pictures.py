@@ -1,6 +1,8 @@
 """Pictures of the pages that explain: where zero is, and curves with their limits.
 
     python -m benchmarks.page_pictures [-o docs]
+
+`make page-pictures` writes them beside the pages.
 """
 
 from __future__ import annotations
