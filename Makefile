@@ -6,7 +6,7 @@ PYTHON ?= $(shell for p in python3.12 python3.13 python3.11 python3; do \
   $$p -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))' 2>/dev/null && echo $$p && break; done)
 OUT ?= out
 
-.PHONY: study check test benchmarks scaling verification robustness spreads films-in-time hidden verdict-cases fuzz hostile drawings signals optimum outlines map lumped-build paper coupons coupon-rubbers external house verdict-pictures page-pictures docs locks clean
+.PHONY: study check test benchmarks scaling verification robustness spreads films-in-time hidden verdict-cases fuzz hostile drawings signals optimum outlines map lumped-build paper coupons coupon-rubbers external house verdict-pictures page-pictures doc-pictures docs locks clean
 
 study: .venv/ready
 	.venv/bin/tympan study -o "$(OUT)"
@@ -108,6 +108,10 @@ verdict-pictures: .venv/dev
 # Those that explain pages: where zero is, curves with their limits.
 page-pictures: .venv/dev
 	OPENBLAS_NUM_THREADS=1 .venv/bin/python -m benchmarks.page_pictures -o docs
+
+# The hero and the thumbnails in space, docs/hero.webp and docs/thumbnails/; some two minutes of processor time.
+doc-pictures: .venv/dev
+	OPENBLAS_NUM_THREADS=1 .venv/bin/python -m benchmarks.doc_pictures -o docs
 
 # Without network once its packages are there; warnings are errors.
 docs: .venv/dev

@@ -73,7 +73,7 @@ def page(builds: Sequence[Built], others: Sequence[tuple[str, Built]]) -> str:
     circle = builds[0]
     worst = max(built.worst("corrected", held_out=True) or np.inf for built in builds)
     lines = [
-        "# From the field model to a lumped one", "",
+        "# Accuracy of a lumped model built from the field", "",
         "`tympan lumped build SPECIMEN.toml … -o DIR` makes the lumped model of each specimen "
         "from its field model "
         "alone: α of membrane circles (`tympan alpha`), the film's own law in a membrane's "

@@ -44,7 +44,7 @@ def page(problem: OptimiseProblem, whole: OptimiseResult, parts: dict[str, Optim
     optima = record["optima"]
     head = " | ".join(f"equal frame {optimum['held']}" for optimum in optima)
     lines = [
-        "# The ellipse with the largest stroke", "",
+        "# Example of an optimum: the ellipse with the largest stroke", "",
         f"Stroke is the deflection at {problem.voltage / 1e3:g} kV minus that without voltage, "
         f"under {problem.mass * 1e3:g} g. "
         "`make optimum` makes this page in about a minute from `studies/optimise/ellipse.toml`. "

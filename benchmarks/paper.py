@@ -60,7 +60,7 @@ def page(content: Any, seeds: list[str]) -> str:
     ranges, settling = content["table_2"], content["settling"]
     columns = [(name, f"{1e3 * mass:g}") for mass in MASSES for name in NAMES]
     lines = [
-        "# The paper's lumped model, computed again", "",
+        "# The source paper's lumped model, computed again", "",
         "Written by `make paper`; `tympan lumped paper -o DIR` computes it, with figures 7 to 14 "
         "and an HTML page. "
         "Pictures of the stress (its figure 4): `make study`. The same measurements by the field "

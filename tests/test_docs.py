@@ -10,10 +10,12 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 import pyvista
 from matplotlib import pyplot
+from PIL import Image
 
 from tests.support.checks.accessible import wordless
 from tympan import cli
@@ -164,6 +166,18 @@ def test_every_picture_has_words(page: Path) -> None:
     assert not wordless(text)
 
 
+def test_pictures_in_space_are_there_and_small() -> None:
+    hero = ROOT / "docs/hero.webp"
+    assert hero.stat().st_size < 1_000_000
+    with Image.open(hero) as turning:
+        assert getattr(turning, "n_frames", 1) > 30
+    for script in SCRIPTS:
+        name, = re.findall(r'# sphinx_gallery_thumbnail_path = "(.*)"', script.read_text("utf-8"))
+        assert Path(name).stem == script.stem[:6]
+        with Image.open(ROOT / "docs" / name) as picture:
+            assert picture.size == (800, 560)
+
+
 def test_start_up_times_are_of_every_command() -> None:
     page = (ROOT / "docs/benchmarks.md").read_text(encoding="utf-8")
     table = page[page.index("## Start-up"):].split("```")[1]
@@ -180,20 +194,39 @@ def test_every_page_is_in_a_table_of_contents() -> None:
     assert docs - listed == {ROOT / "docs/index.md"}
 
 
-@pytest.mark.study
-def test_the_site_is_built_without_warnings(tmp_path: Path) -> None:
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The site as ``make docs`` builds it."""
     pytest.importorskip("sphinx")  # make docs installs it
+    folder = tmp_path_factory.mktemp("docs")
     done = subprocess.run([sys.executable, "-m", "sphinx", "-W", "--keep-going", "-q", "-b", "html",
-                           "-d", str(tmp_path / "doctrees"), "docs", str(tmp_path / "site")],
+                           "-d", str(folder / "doctrees"), "docs", str(folder / "site")],
                           cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
+    return folder / "site"
+
+
+@pytest.mark.study
+def test_the_site_is_built_without_warnings(site: Path) -> None:
     for name in ("index", "commands", "api", "tutorials/plot_5_own_data_diagnosed"):
-        assert (tmp_path / f"site/{name}.html").stat().st_size > 5000
-    site = {page: page.read_text(encoding="utf-8") for page in (tmp_path / "site").rglob("*.html")}
-    pages = "".join(site.values())
-    assert not [picture for page in site.values() for picture in wordless(page)
+        assert (site / f"{name}.html").stat().st_size > 5000
+    read = {page: page.read_text(encoding="utf-8") for page in site.rglob("*.html")}
+    pages = "".join(read.values())
+    assert not [picture for page in read.values() for picture in wordless(page)
                 if picture.startswith("<img")]
     assert not re.findall(r"<(?:script|link|img)[^>]+(?:src|href)=\"https?://[^\"]+", pages)
+
+
+@pytest.mark.study
+@pytest.mark.parametrize("words", ["force displacement", "blocked force", "hysteresis"])
+def test_a_search_finds_the_page_of_forces(words: str, site: Path, browser: Any) -> None:
+    page = browser.new_page()
+    page.goto(f"{(site / 'search.html').as_uri()}?q={words.replace(' ', '+')}")
+    page.wait_for_selector("#search-results .search-summary:has-text('found')")
+    found = [link.get_attribute("href").partition("?")[0].partition("#")[0]
+             for link in page.locator("#search-results li > a").all()]
+    page.close()
+    assert "howto/force.html" in found[:5], found
 
 
 def test_the_example_notebook_is_the_first_tutorial() -> None:

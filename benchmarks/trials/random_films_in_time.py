@@ -261,7 +261,7 @@ def main() -> None:
     print(table(records))
 
 
-PAGE = """# Random films in time
+PAGE = """# Robustness on random films in time
 
 Does every motion end with an answer, and is its energy conserved? This is what `make
 films-in-time` printed in one run. The films are the random specimens of

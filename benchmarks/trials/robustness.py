@@ -388,7 +388,7 @@ def write_section(page: Path, text: str) -> None:
     page.write_text("\n".join(part.rstrip() + "\n" for part in others), encoding="utf-8")
 
 
-PAGE = """# Random specimens
+PAGE = """# Robustness on random specimens
 
 Does every random specimen get a correct answer? This is what `make robustness` printed in one run.
 

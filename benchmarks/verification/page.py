@@ -20,7 +20,7 @@ CHAPTERS = {references: "The references themselves", closed_forms: "Closed forms
 
 Judged = dict[Claim, list[tuple[Pair, bool]]]
 
-_INTRODUCTION = """# Verification
+_INTRODUCTION = """# Verification against exact solutions
 
 Written by `make verification`, which runs every claim, and fails if one does. The test suite runs
 the same claims at the same tolerances. An error is relative, unless the reference is 0 or an

@@ -124,7 +124,7 @@ def in_python(command: str, option: str) -> str | None:
 
 def page() -> str:
     """The page of every command."""
-    rows = ["# Commands in Python", "",
+    rows = ["# Commands as Python functions", "",
             "Every command has its function in `import tympan`, by the same names. Where an option "
             "is something else in Python, the table says what.",
             "Quantities are SI numbers or texts with their unit.", ""]
