@@ -9,11 +9,11 @@ from itertools import accumulate
 from pathlib import Path
 
 import numpy as np
-from matplotlib import style
+from matplotlib import colormaps, style
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.cm import ScalarMappable
-from matplotlib.colors import Normalize
+from matplotlib.colors import Normalize, to_hex
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
@@ -154,9 +154,11 @@ def colour_bar(figure: Figure, left_edge: float, top: float, size: tuple[float, 
     bar.set_label(words, labelpad=2)
 
 
-def colour_of(number: int) -> str:
-    """Colour of the curve of this number, in turns."""
-    return PALETTE[number % len(PALETTE)]
+def colour_of(number: int, count: int = 1) -> str:
+    """Colour of the curve of this number, in turns; of many curves each has its own."""
+    if count <= len(PALETTE):
+        return PALETTE[number % len(PALETTE)]
+    return to_hex(colormaps[COLOURS](0.92 * number / (count - 1)))  # its yellow is pale on white
 
 
 def marker_of(number: int) -> str:

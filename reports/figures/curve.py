@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from textwrap import wrap
+from typing import Any
 
 import numpy as np
+from matplotlib import rcParams
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.font_manager import FontProperties
 from matplotlib.text import Annotation
-from matplotlib.transforms import Bbox
+from matplotlib.transforms import Bbox, ScaledTranslation
 from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
@@ -30,6 +34,9 @@ _HEIGHT = 70.0
 #: Room above for the title [mm].
 _TOP = 8.0
 
+#: Room below a legend [mm]: letters are wider and higher on a screen of few pixels.
+_FOOT = 3.0
+
 #: Where words are from their mark [points]: at its left, a little above.
 _BESIDE = (-4.0, 2.0)
 #: How far above that they are still beside it [points].
@@ -47,6 +54,19 @@ _PAPER = {"facecolor": "white", "alpha": 0.75, "linewidth": 0.0, "pad": 0.5}
 _BEYOND = "beyond its first limit"
 #: Opacity of a curve there, so that it is seen to be no film's for certain.
 _FAINT = 0.65
+
+#: More entries of a legend than these are names alone: the rest stands at the curves and in tables.
+_TOLD = 8
+#: The same within axes, where it takes room from the curves.
+_WITHIN = 3
+#: Width of a letter over the size of the font, on average.
+_LETTER = 0.52
+#: Width of a legend's line and room over the size of the font.
+_HANDLE = 5.0
+#: Letters of that line and of the room between two columns.
+_GAP = 10
+#: Letters in a line of the legend, at least: axes may be narrow.
+_SHORTEST = 12
 
 #: Deflections [mm] that are one.
 _SAME = 1e-9
@@ -157,24 +177,45 @@ def draw_curves(result: CurveResult, folder: Path) -> list[Path]:
 
 def _compose(result: CurveResult) -> Figure:
     figure = style.new_figure(_TOP + _HEIGHT + style.AXIS, style.LEFT + _WIDTH + style.RIGHT)
-    draw_voltage_curves(style.place_axes(figure, style.LEFT, _TOP, _WIDTH, _HEIGHT), result)
+    axes = style.place_axes(figure, style.LEFT, _TOP, _WIDTH, _HEIGHT)
+    draw_voltage_curves(axes, result, below=True)
+    make_room(figure, [[axes]], _TOP)
     return figure
 
 
-def draw_voltage_curves(axes: Axes, result: CurveResult) -> None:
-    """All curves of one specimen, with a legend of where they end."""
+def draw_voltage_curves(axes: Axes, result: CurveResult, below: bool = False) -> None:
+    """All curves of one specimen, with a legend of where they end, in or below the axes."""
     curves = list(voltage_curves(result))
     for number, curve in enumerate(curves):
-        draw_curve(axes, curve, number, f"{curve.mass:g} g: {curve.end}")
+        draw_curve(axes, curve, number, f"{curve.mass:g} g: {curve.end}", len(curves))
     style.describe(axes, "voltage (kV)", "deflection (mm)", result.specimen, bold=True)
-    frame_curves(axes, curves)
+    frame_curves(axes, curves, below=below)
 
 
-def frame_curves(axes: Axes, curves: list[VoltageCurve], *others: Axes) -> None:
+def make_room(figure: Figure, rows: Sequence[Sequence[Axes]], title: float) -> None:
+    """Make a figure as high as rows of axes with the legends below them, ``title`` [mm] above."""
+    pixels = figure.dpi * style.MM
+    tall = []
+    for row in rows:
+        legends = [legend for axes in row if (legend := axes.get_legend()) is not None]
+        room = max((legend.get_window_extent().height for legend in legends), default=0.0) / pixels
+        tall.append((row[0].get_window_extent().height / pixels, style.AXIS + room + _FOOT))
+    places = [[axes.get_position().bounds for axes in row] for row in rows]
+    height = sum(title + axis + below for axis, below in tall)
+    figure.set_size_inches(figure.get_figwidth(), height * style.MM)
+    top = 0.0
+    for row, place, (axis, below) in zip(rows, places, tall, strict=True):
+        for axes, (left, _, width, _) in zip(row, place, strict=True):
+            axes.set_position((left, 1 - (top + title + axis) / height, width, axis / height))
+        top += title + axis + below
+
+
+def frame_curves(axes: Axes, curves: list[VoltageCurve], *others: Axes, below: bool = False
+                 ) -> None:
     """Limits of axes that show curves whole: with no deflection, and with room for a legend.
 
     ``others`` show curves of the same limits. Equal words beside each other are said once, others
-    moved apart.
+    moved apart. The legend is ``below`` the axes, or within; it is as wide as these.
     """
     panels = axes, *others
     right = max((float(part.max()) for curve in curves for part in (curve.voltage, curve.asked)
@@ -185,7 +226,7 @@ def frame_curves(axes: Axes, curves: list[VoltageCurve], *others: Axes) -> None:
     bottom = low - 0.05 * high if low < 0 else 0.0
     for panel in panels:
         panel.set(xlim=(-0.02 * right, 1.06 * right), ylim=(bottom, top + 0.15 * high))
-        panel.legend(loc="upper left")
+        _legend(panel, below)
         _say_once(panel)
     for _ in range(_TRIES):
         for panel in panels:
@@ -195,6 +236,30 @@ def frame_curves(axes: Axes, curves: list[VoltageCurve], *others: Axes) -> None:
         for panel in panels:
             bottom, top = panel.get_ylim()
             panel.set_ylim(bottom, top + 0.08 * (top - bottom))
+
+
+def _legend(axes: Axes, below: bool) -> None:
+    """A legend as wide as the axes: long words in lines, of many curves their names alone."""
+    # What lines of every colour mean comes last.
+    entries = sorted(zip(*axes.get_legend_handles_labels(), strict=True),
+                     key=lambda entry: entry[1] in (_BEYOND, _KEPT))
+    size = FontProperties(size=rcParams["legend.fontsize"]).get_size_in_points()
+    width = axes.get_window_extent().width * 72 / axes.figure.dpi
+    letters, columns = int((width / size - _HANDLE) / _LETTER), 1
+    names = [label.partition(": ")[0] for _, label in entries if label not in (_BEYOND, _KEPT)]
+    if len(names) > (_TOLD if below else _WITHIN):
+        if below:
+            columns = max(1, (letters + _GAP) // (max(map(len, names)) + _GAP))
+            letters = (letters + _GAP) // columns - _GAP
+        entries = [(handle, label.partition(": ")[0]) for handle, label in entries]
+    handles, labels = zip(*((handle, "\n".join(wrap(label, max(_SHORTEST, letters))))
+                            for handle, label in entries), strict=True)
+    down = ScaledTranslation(0.0, -style.AXIS * style.MM, axes.figure.dpi_scale_trans)
+    place: dict[str, Any] = {"loc": "upper left"}
+    if below:
+        place |= {"bbox_to_anchor": (0.0, 0.0), "bbox_transform": axes.transAxes + down,
+                  "borderaxespad": 0.0}
+    axes.legend(handles, labels, ncols=columns, **place)
 
 
 def _crowded(axes: Axes) -> bool:
@@ -251,9 +316,9 @@ def _words(axes: Axes) -> list[Annotation]:
     return sorted(texts, key=lambda text: text.get_window_extent().y0)
 
 
-def draw_curve(axes: Axes, curve: VoltageCurve, number: int, label: str) -> None:
-    """One curve in the colour of its number, with its limits and its end in a word."""
-    colour = style.colour_of(number)
+def draw_curve(axes: Axes, curve: VoltageCurve, number: int, label: str, count: int = 1) -> None:
+    """One curve in the colour of its number, of ``count``, with its limits and end in a word."""
+    colour = style.colour_of(number, count)
     if not len(curve.voltage):
         axes.plot([], [], color=colour, label=label)
         return

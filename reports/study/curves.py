@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from itertools import chain
 from pathlib import Path
 
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from tympan.reports import look as style
-from tympan.reports.figures.curve import draw_curve, frame_curves
+from tympan.reports.figures.curve import draw_curve, frame_curves, make_room
 from tympan.reports.scales import rows_of
 from tympan.reports.study.view import StudyView
 
@@ -15,8 +17,6 @@ from tympan.reports.study.view import StudyView
 _TITLE = 7.0
 #: Height of an axis [mm].
 _PANEL = 60.0
-#: Room below an axis for its numbers and words [mm].
-_AXIS = 11.0
 
 #: Room on the left of an axis for its numbers and words [mm].
 _LEFT = 13.0
@@ -39,17 +39,20 @@ def compose_curves(run: StudyView) -> Figure:
     rows = rows_of(len(masses), most=2)
     width = (style.WIDTH - _LEFT - _RIGHT - _GAP) / 2 if len(rows[0]) > 1 else 110.0
     lefts = style.centred([width] * len(rows[0]), _GAP, _LEFT, _RIGHT)
-    height = _TITLE + _PANEL + _AXIS
-    figure, panels = style.new_figure(len(rows) * height), []
+    height = _TITLE + _PANEL + style.AXIS
+    figure = style.new_figure(len(rows) * height)
+    placed: list[list[Axes]] = [[] for _ in rows]
     for number, row in enumerate(rows):
         for column, panel in enumerate(row):
             axes = style.place_axes(figure, lefts[column], number * height + _TITLE, width, _PANEL)
             for index, name, curve in curves:
                 if curve.mass == masses[panel]:
-                    draw_curve(axes, curve, index, f"{name}: {curve.end}")
+                    draw_curve(axes, curve, index, f"{name}: {curve.end}", len(run.specimens))
             style.describe(axes, "voltage (kV)", "deflection (mm)" if column == 0 else "",
                            f"{masses[panel]:g} g", bold=True)
             axes.tick_params(labelleft=column == 0)
-            panels.append(axes)
-    frame_curves(panels[0], [curve for *_, curve in curves], *panels[1:])
+            placed[number].append(axes)
+    first, *others = chain.from_iterable(placed)
+    frame_curves(first, [curve for *_, curve in curves], *others, below=True)
+    make_room(figure, placed, _TITLE)
     return figure

@@ -527,6 +527,27 @@ def test_words_at_limits_lie_over_nothing(ends: tuple[tuple[float, bool], ...],
         assert words is None or not any(box.count_contains(line) for line in lines)
 
 
+@pytest.mark.parametrize("count", [2, 6, 20])
+def test_a_legend_is_as_wide_as_its_axes_and_covers_nothing(stored: StudyView, count: int) -> None:
+    films = [replace(stored.specimens[0], name=f"elliptical-{number}",
+                     curves=(curve_to(5 + 3 * number / count, number % 2 == 0),))
+             for number in range(count)]
+    with style.figure_style():
+        figure = curves.compose_curves(replace(stored, specimens=tuple(films)))
+        axes, = figure.axes
+        legend = axes.get_legend()
+        assert legend is not None
+        box, frame = legend.get_window_extent(), axes.get_window_extent()
+        texts = " ".join(text.get_text() for text in legend.get_texts())
+        colours = {line.get_color() for line in legend.get_lines()}
+    assert frame.x0 <= box.x0 < box.x1 <= frame.x1
+    assert 0 <= box.y0 < box.y1 < frame.y0
+    assert figure.get_figheight() < 6
+    assert all(film.name in texts for film in films)
+    assert ("(the" in texts) == (count <= 6)
+    assert len(colours) >= count
+
+
 @pytest.mark.parametrize(("low", "high"), [
     (96.53, 98.68), (98.5, 98.5), (0.0, 0.0), (0.0, 41.0), (30.0, 31.0), (-3.0, 12.0),
     (96513.6999, 96513.7001),
