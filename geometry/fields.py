@@ -197,6 +197,14 @@ def takes_units(cls: Any) -> Any:
     return cls
 
 
+class FieldsAlone:
+    """A dataclass that is pickled by its fields: what follows from them may be much longer."""
+
+    def __getstate__(self) -> dict[str, Any]:
+        declared = {item.name for item in dataclass_fields(cast(Any, self))}
+        return {name: value for name, value in vars(self).items() if name in declared}
+
+
 @dataclass(frozen=True)
 class Arguments:
     """The arguments of a function as a message knows them.

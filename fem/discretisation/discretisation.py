@@ -23,13 +23,14 @@ from tympan.fem.discretisation.isoparametric import (
 from tympan.fem.discretisation.recovery import Recovery
 from tympan.fem.linear_solver.direct import Analysis, analyse
 from tympan.fem.linear_solver.dissection import elimination_order
+from tympan.geometry.fields import FieldsAlone
 from tympan.geometry.mesh import ELEMENTS, CurvedTriangles, curved_mesh
 
 Array = NDArray[Any]
 
 
 @dataclass(frozen=True, eq=False)
-class Unknowns:
+class Unknowns(FieldsAlone):
     """Which nodal components are solved for, and what all their tangents have in common.
 
     Their order is one of elimination that fills in little. Meshes that differ in their nodes'
@@ -70,7 +71,7 @@ class Unknowns:
 
 
 @dataclass(frozen=True, eq=False)
-class Discretisation:
+class Discretisation(FieldsAlone):
     """A mesh of the flat mounted film with its basis functions, quadrature and unknowns.
 
     Node positions, not displacements, are the unknowns; all nodal arrays have shape (nodes, 3).

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import TYPE_CHECKING, Annotated, Any, cast
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 
 from tympan.geometry.errors import InputError
-from tympan.geometry.fields import Content, Key, Registry, takes_units, write
+from tympan.geometry.fields import Content, FieldsAlone, Key, Registry, takes_units, write
 from tympan.geometry.outlines.curve import Curve
 from tympan.geometry.outlines.pieces import MOST_PIECES, TURN, Array, Piece, cross
 from tympan.geometry.toml_reader import Rule, Table
@@ -28,7 +28,7 @@ SEMI_AXES = Key("half extents along x and y", "length", SIZE,
                 also=("width", "height", "half_axes", "axes", "size", "radius", "diameter"))
 
 
-class Outline(ABC):
+class Outline(FieldsAlone, ABC):
     """A closed curve whose bounding box is centred on the origin, counterclockwise.
 
     ``shape`` is its name in specimen files, ``semi_axes`` are its half extents along x and y [m].
@@ -42,11 +42,6 @@ class Outline(ABC):
 
         @property
         def semi_axes(self) -> tuple[float, float]: ...
-
-    def __getstate__(self) -> dict[str, Any]:
-        """Its numbers alone: what follows from them can be sixty times as long."""
-        numbers = {item.name for item in fields(cast(Any, self))}
-        return {name: value for name, value in vars(self).items() if name in numbers}
 
     @abstractmethod
     def pieces(self) -> tuple[Piece, ...]:

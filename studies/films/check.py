@@ -21,7 +21,8 @@ from tympan.fem.equilibrium.newton import tangent_at
 from tympan.fem.equilibrium.tangent import Tangent
 from tympan.fem.film.density import plane_stress
 from tympan.fem.membrane.model import Model
-from tympan.fem.membrane.state import HEAVE, PlateMotion
+from tympan.fem.membrane.state import HEAVE, PlateMotion, State
+from tympan.geometry.fields import FieldsAlone
 from tympan.studies.films.many_films import Films, FilmsAt
 from tympan.studies.films.reduction import Reduction, Snapshot, plate_freedoms
 
@@ -32,19 +33,17 @@ _NOTHING = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
-class ResidualCheck:
-    """The tangent of a film of finite elements, and what of it the shapes know."""
+class ResidualCheck(FieldsAlone):
+    """A film of finite elements in equilibrium, and what of its tangent the shapes know."""
 
     model: Model
-    tangent: Tangent
+    state: State
     motions: Array
     stiffness: Array
 
     @classmethod
     def of(cls, shot: Snapshot, reduction: Reduction) -> ResidualCheck:
         """Check by the tangent of a film that was solved."""
-        tangent, _ = tangent_at(shot.model, shot.state)
-        assert tangent is not None
         model = shot.model
         allowed = list(model.plate_freedoms)
         motions = np.array([np.concatenate([
@@ -56,7 +55,14 @@ class ResidualCheck:
         coupled = inner @ part.border @ plate.T
         stiffness = (inner @ (part.inner @ inner.T) + coupled + coupled.T
                      + plate @ part.corner @ plate.T) * model.discretisation.mirrored
-        return cls(model, tangent, motions, stiffness)
+        return cls(model, shot.state, motions, stiffness)
+
+    @cached_property
+    def tangent(self) -> Tangent:
+        """The film's tangent."""
+        tangent, _ = tangent_at(self.model, self.state)
+        assert tangent is not None
+        return tangent
 
     @cached_property
     def plate_stiffness(self) -> float:

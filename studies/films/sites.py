@@ -16,13 +16,14 @@ from scipy.sparse import coo_matrix, csr_matrix
 
 from tympan.fem.discretisation.discretisation import Discretisation
 from tympan.fem.discretisation.isoparametric import middles, quadrature, tabulated
+from tympan.geometry.fields import FieldsAlone
 from tympan.geometry.mesh import ELEMENTS
 
 Array = NDArray[Any]
 
 
 @dataclass(frozen=True, eq=False)
-class Sites:
+class Sites(FieldsAlone):
     """Points of elements, and what is known of them whatever the film.
 
     ``cells``: number of the element of each, (points,); ``nodes`` of these elements, (points,

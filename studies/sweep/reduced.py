@@ -10,9 +10,8 @@ from __future__ import annotations
 
 import time
 from collections import defaultdict
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -52,6 +51,8 @@ _MESH = 8
 
 #: Specimens that are solved together, so that what is finished is kept often enough.
 _TOGETHER = 50
+#: Batches of one family, to which it is sent each time, before these become larger.
+_MOST_BATCHES = 500
 
 
 @dataclass(frozen=True)
@@ -78,20 +79,15 @@ class Kin:
         return cls(replace(box.specimen, name="family"), tuple(named), (min(forces), max(forces)),
                    (min(voltages), max(voltages)), tasks[0].rig, tasks[0].settings)
 
-    @property
-    def family(self) -> FilmFamily | None:
-        """The family, None where it cannot be made; each process makes it once."""
-        return _family(self)
-
-
-@lru_cache(maxsize=4)
-def _family(kin: Kin) -> FilmFamily | None:
-    names, low, high = zip(*kin.box, strict=True)
-    box = Box(kin.specimen, names, np.array(low), np.array(high))
-    try:
-        return FilmFamily.over(box, kin.force, kin.voltage, kin.rig, kin.settings)
-    except InputError:
-        return None
+    def made(self) -> FilmFamily | None:
+        """The family, None where it cannot be made."""
+        names, low, high = zip(*self.box, strict=True)
+        box = Box(self.specimen, names, np.array(low), np.array(high))
+        try:
+            with one_thread():
+                return FilmFamily.over(box, self.force, self.voltage, self.rig, self.settings)
+        except InputError:
+            return None
 
 
 def forces_of(task: SweepTask) -> list[float]:
@@ -148,6 +144,7 @@ class Batch:
     """Tasks of one family, solved together; a task of no family is a batch of its own."""
 
     tasks: tuple[SweepTask, ...]
+    family: FilmFamily | None = None
 
     @property
     def cases(self) -> int:
@@ -156,9 +153,7 @@ class Batch:
 
     def run(self) -> dict[str, TaskResult]:
         """Results by the tasks' ids."""
-        first = self.tasks[0]
-        with one_thread():
-            family = first.kin.family if isinstance(first.kin, Kin) else None
+        family = self.family
         if family is None:
             return {task.id: task.run() for task in self.tasks}
         with one_thread():
@@ -172,51 +167,60 @@ class Batch:
             # Of states that are none comparisons are false.
             sure = (states.holds & (states.error <= EXACT * np.abs(states.deflection))
                     & (states.tension > _TENSE * states.stress) & states.sound)
-            made = [list(_rows(task, family, states, number))
-                    for number, task in enumerate(self.tasks)]
+            made = _rows(self.tasks, family, states)
             took = (time.perf_counter() - began) / len(self.tasks)
         return {task.id: _completed(task, made[number], sure[number], took)
                 for number, task in enumerate(self.tasks)}
 
 
 def batches(tasks: Mapping[str, SweepTask]) -> dict[str, Batch]:
-    """Tasks in batches, by the id of their first."""
+    """Tasks in batches, by the id of their first; families are made here, once."""
     groups = defaultdict[str, list[SweepTask]](list)
     for task in tasks.values():
         groups[task.family or task.id].append(task)
-    return {members[start].id: Batch(tuple(members[start:start + _TOGETHER]))
-            for members in groups.values() for start in range(0, len(members), _TOGETHER)}
+    together: dict[str, Batch] = {}
+    for members in groups.values():
+        kin = members[0].kin
+        family = kin.made() if isinstance(kin, Kin) else None
+        size = max(_TOGETHER, len(members) // _MOST_BATCHES) if family else 1
+        together |= {members[start].id: Batch(tuple(members[start:start + size]), family)
+                     for start in range(0, len(members), size)}
+    return together
 
 
-def _rows(task: SweepTask, family: FilmFamily, states: FamilyStates, film: int) -> Iterator[Row]:
-    """The rows of a task as its family has them; nan where it has none."""
-    rig, specimen, highest = task.rig, task.specimen, max(task.voltages, key=abs)
-    unknowns = family.ground.model.unknowns
-    for number, case_id in enumerate(task.ids):
-        mass = task.masses[number // len(task.voltages)]
-        if number % len(task.voltages) == 0:
-            remarks = list(Case(specimen, mass=mass, voltage=highest, rig=rig).remarks)
-        share = float(states.breakdown[film, number])
-        place = states.weakest[film, number].tolist()
-        electric, strength = (float(values[film, number]) for values in (
-            states.weakest_field, states.weakest_strength))
-        warned = breakdown_warning(share, electric, strength, *place)
-        deflection = float(states.deflection[film, number])
-        yield {**dict.fromkeys(COLUMNS), "id": case_id, "status": "equilibrium",
-               "deflection_m": deflection, "reading_m": float(rig.reading(deflection)),
-               "reaction_N": float(states.force[film, number]),
-               "capacitance_F": float(states.capacitance[film, number]),
-               "max_stretch": float(states.stretch[film, number]),
-               "max_true_stress_Pa": float(states.stress[film, number]),
-               "max_field_V_per_m": float(states.electric[film, number]),
-               "breakdown_margin": 1 / share if share else None,
-               "breakdown_x_m": place[0] if share else None,
-               "breakdown_y_m": place[1] if share else None,
-               "slack_area_m2": 0.0, "slack_share": 0.0,
-               "tilt_rad": float(states.tilt[film, number]),
-               "energy_J": float(states.energy[film, number]), "dofs": unknowns,
-               "warnings": [*warned, *remarks], "by": BY_REDUCED,
-               "deflection_error_m": float(states.error[film, number])}
+def _rows(tasks: Sequence[SweepTask], family: FilmFamily, states: FamilyStates) -> list[list[Row]]:
+    """The rows of each task as their family has them; nan where it has none."""
+    share = states.breakdown
+    numbers = {"deflection_m": states.deflection,
+               "reading_m": tasks[0].rig.reading(states.deflection),
+               "reaction_N": states.force, "capacitance_F": states.capacitance,
+               "max_stretch": states.stretch, "max_true_stress_Pa": states.stress,
+               "max_field_V_per_m": states.electric,
+               "breakdown_margin": 1 / np.where(share > 0, share, np.nan),
+               "breakdown_x_m": states.weakest[..., 0], "breakdown_y_m": states.weakest[..., 1],
+               "tilt_rad": states.tilt, "energy_J": states.energy,
+               "deflection_error_m": states.error}
+    columns = [values.tolist() for values in numbers.values()]
+    blank = dict.fromkeys(COLUMNS) | {
+        "status": "equilibrium", "slack_area_m2": 0.0, "slack_share": 0.0,
+        "dofs": family.ground.model.unknowns, "by": BY_REDUCED}
+    near = zip(share.tolist(), states.weakest_field.tolist(), states.weakest_strength.tolist(),
+               states.weakest.tolist(), strict=True)
+    made = []
+    for task, warned, *values in zip(tasks, near, *columns, strict=True):
+        highest = max(task.voltages, key=abs)
+        remarks = [remark for mass in task.masses for remark in [list(Case(
+            task.specimen, mass=mass, voltage=highest, rig=task.rig).remarks)] * len(task.voltages)]
+        rows = []
+        for case_id, remark, (part, electric, strength, place), *row in zip(
+                task.ids, remarks, zip(*warned, strict=True), *values, strict=True):
+            rows.append(blank | dict(zip(numbers, row, strict=True)) | {
+                "id": case_id,
+                "warnings": [*breakdown_warning(part, electric, strength, *place), *remark]})
+            if not part:
+                rows[-1] |= dict.fromkeys(("breakdown_margin", "breakdown_x_m", "breakdown_y_m"))
+        made.append(rows)
+    return made
 
 
 def _completed(task: SweepTask, rows: list[Row], sure: Array, took: float) -> TaskResult:

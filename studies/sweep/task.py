@@ -113,8 +113,9 @@ class SweepTask:
         head = digest_of({"specimen": {**content, "name": "any"}, "rig": self.rig.record(),
                       "settings": asdict(self.settings), "solver": self.solver}
                      | ({"family": self.family} if self.family else {}))
-        return tuple(digest_of([head, mass, voltage]) for mass in self.masses
-                     for voltage in self.voltages)
+        masses, voltages = map(json.dumps, self.masses), [*map(json.dumps, self.voltages)]
+        return tuple(_digest(f'["{head}", {mass}, {voltage}]') for mass in masses
+                     for voltage in voltages)
 
     @cached_property
     def id(self) -> str:
@@ -191,7 +192,10 @@ def _constants(law: Any) -> Any:
 
 def digest_of(value: Any) -> str:
     """Hash of what JSON can hold."""
-    text = json.dumps(value, sort_keys=True, default=str)
+    return _digest(json.dumps(value, sort_keys=True, default=str))
+
+
+def _digest(text: str) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:24]
 
 
