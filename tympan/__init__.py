@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from tympan.door import *
+    from tympan.families import FilmFamily as FilmFamily
     from tympan.lumped_door import lumped as lumped
     from tympan.parts import *
 
@@ -24,11 +25,11 @@ if TYPE_CHECKING:
 
 __all__ = [
     "ArrudaBoyce", "Bistable", "BuckledBeam", "Case", "Circle", "ClosedSpline", "Constant",
-    "ConstantStrength", "Electrode", "Ellipse", "Film", "ForceTable", "Gent", "InputError",
-    "JoinedFilm", "LengthScatter", "Magnet", "MeshSettings", "MooneyRivlin", "NeoHooke", "Ogden",
-    "Patch", "Plate", "Polygon", "PowerStrength", "Region", "RegularPolygon", "Result", "Rig",
-    "Rotated", "RoundedRectangle", "Scatter", "Settings", "ShearThinning", "Specimen", "Spring",
-    "Stadium", "Superellipse", "Tolerances", "ViscousBranch", "Yeoh",
+    "ConstantStrength", "Electrode", "Ellipse", "Film", "FilmFamily", "ForceTable", "Gent",
+    "InputError", "JoinedFilm", "LengthScatter", "Magnet", "MeshSettings", "MooneyRivlin",
+    "NeoHooke", "Ogden", "Patch", "Plate", "Polygon", "PowerStrength", "Region", "RegularPolygon",
+    "Result", "Rig", "Rotated", "RoundedRectangle", "Scatter", "Settings", "ShearThinning",
+    "Specimen", "Spring", "Stadium", "Superellipse", "Tolerances", "ViscousBranch", "Yeoh",
     "__version__",
     "alpha", "curve", "data", "diagnose", "draft", "draw", "effects", "export", "fit_material",
     "force", "limits", "load", "lumped", "material", "materials", "modes", "optimise", "path",
@@ -46,10 +47,12 @@ if not TYPE_CHECKING:  # type checkers know all names, and should object to othe
             return version("tympan")
         if name not in __all__:
             raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-        from tympan import door, lumped_door, parts
+        from importlib import import_module
 
-        return next(getattr(place, name) for place in (parts, door, lumped_door)
-                    if hasattr(place, name))
+        # The last is slow to load, and few need it.
+        places = (import_module(f"tympan.{place}") for place in (
+            "parts", "door", "lumped_door", "families"))
+        return next(getattr(place, name) for place in places if hasattr(place, name))
 
 
 def __dir__() -> list[str]:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from tympan.geometry.errors import InputError
 from tympan.geometry.fields import field_at
+from tympan.geometry.fields import numbers as quantities
 from tympan.geometry.paths import at, numbers, with_arrays
 from tympan.geometry.specimen import Specimen
 
@@ -30,6 +31,9 @@ _OUTLINED = ("frame.", "plate.", "electrode.margin", "electrode.outline")
 #: What must be the same for all films, as formulas for many films at once do not have it.
 _SAME = ("membrane.thickness_gradient", "membrane.law_range", "electrode.stiffness",
          "electrode.patches")
+
+#: What limits are.
+_BETWEEN = "must be two values, the smaller first"
 
 #: How far outside the box a parameter may be, in widths of the box: rounding.
 _ROUNDING = 1e-9
@@ -50,7 +54,7 @@ class Box:
     high: Array
 
     @classmethod
-    def around(cls, specimen: Specimen, limits: Mapping[str, tuple[float, float]]) -> Box:
+    def around(cls, specimen: Specimen, limits: Mapping[str, Sequence[float | str]]) -> Box:
         """Limits of numbers of a specimen by name; its own values need not be among them.
 
         Raises
@@ -58,18 +62,19 @@ class Box:
         InputError
             When a number is not there or cannot vary, or limits are none.
         """
-        known = (*varying(specimen), STIFFNESS)
-        for name, (low, high) in limits.items():
+        known, edges = (*varying(specimen), STIFFNESS), []
+        for name, given in limits.items():
             if name not in known:
                 raise InputError("is no number of the specimen that films of a family may differ "
                                  f"in; these are {', '.join(known)}", key=name)
-            if not low < high:
-                raise InputError("must be two values, the smaller first", key=name,
-                                 given=(low, high))
+            field = field_at(specimen, tuple(name.split(".")))
+            edges.append(between(given, field.says.dimension if field else "", name))
+            if edges[-1][0] == edges[-1][1]:
+                raise InputError(_BETWEEN, key=name, given=given)
         if STIFFNESS in limits and any(name.startswith(_LAW) for name in limits):
             raise InputError("varies the law's constants, too: only one of both", key=STIFFNESS)
-        edges = np.array([*limits.values()], dtype=float).reshape(-1, 2)
-        return cls(specimen, tuple(limits), edges[:, 0], edges[:, 1])
+        low, high = np.array(edges, dtype=float).reshape(-1, 2).T
+        return cls(specimen, tuple(limits), low, high)
 
     @classmethod
     def of(cls, specimens: Sequence[Specimen]) -> Box:
@@ -126,6 +131,14 @@ class Box:
     def scaled(self, rows: Array) -> Array:
         """Parameters from -1 to 1 within the box."""
         return np.asarray(2 * (rows - self.low) / (self.high - self.low) - 1)
+
+
+def between(values: Sequence[float | str], dimension: str, key: str) -> tuple[float, float]:
+    """Lowest and highest of a number [SI], given as they are or as texts with their unit."""
+    low, *high = quantities(values, dimension, key)
+    if len(high) != 1 or not low <= high[0]:
+        raise InputError(_BETWEEN, key=key, given=values)
+    return low, high[0]
 
 
 def varying(specimen: Specimen) -> tuple[str, ...]:

@@ -20,7 +20,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import qmc
 
 from tympan.fem.derivatives.shape import motion_between, velocity
 from tympan.fem.equilibrium.newton import Solution, moved, newton
@@ -33,7 +32,7 @@ from tympan.fem.rig import Rig
 from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Settings, meshed, solved_loading
-from tympan.studies.films.box import Box
+from tympan.studies.films.box import Box, between
 from tympan.studies.films.check import ResidualCheck
 from tympan.studies.films.many_films import Films
 from tympan.studies.films.reduction import Reduction, Snapshot, plate_freedoms
@@ -208,33 +207,31 @@ class Ground:
         """The frame's larger half extent [m]."""
         return self.model.size
 
-    def solved(self, row: Array, force: float, voltage: float) -> tuple[Model, Solution] | None:
-        """A film of finite elements from the flat film on; None where there is no equilibrium."""
-        try:
-            model = self.film(row)
-        except InputError:
-            return None
-        outcome = equilibrium(model, force, voltage, settings=self.path)
-        if outcome.status != "equilibrium" or not model.in_tension(outcome.state):
-            return None
-        return model, outcome.solution
+    def solved(self, row: Array, force: float, squared: float, motion: Array | None = None
+               ) -> tuple[Model, Solution] | None:
+        """A film of finite elements, taut and stable; None where there is none.
 
-    def refined(self, row: Array, positions: Array, force: float, squared: float
-                ) -> tuple[Model, Solution] | None:
-        """A film of finite elements from a guess of its nodes' displacements, (nodes, 3)."""
+        From the flat film on, or from a guess of its nodes' displacements, (nodes, 3).
+        """
         try:
             model = self.film(row)
         except InputError:
             return None
+        if motion is None:
+            outcome = equilibrium(model, force, squared**0.5, settings=self.path)
+            solution, found = outcome.solution, outcome.status == "equilibrium"
+        else:
+            solution = newton(model, self._near(model, motion, force, squared),
+                              settings=self.path.newton)
+            found = solution.converged and solution.stable
+        return (model, solution) if found and model.in_tension(solution.state) else None
+
+    def _near(self, model: Model, motion: Array, force: float, squared: float) -> State:
         freedoms = np.zeros(6)
         allowed = list(model.plate_freedoms)
-        freedoms[allowed] = plate_freedoms(model, positions)[allowed]
-        guess = State(model.discretisation.reference + positions,
-                      PlateMotion.rest().moved(freedoms), squared, force)
-        solution = newton(model, guess, settings=self.path.newton)
-        if not (solution.converged and solution.stable and model.in_tension(solution.state)):
-            return None
-        return model, solution
+        freedoms[allowed] = plate_freedoms(model, motion)[allowed]
+        return State(model.discretisation.reference + motion,
+                     PlateMotion.rest().moved(freedoms), squared, force)
 
 
 #: How far motions of nodes may be from straight ones, over the frame's half extent.
@@ -284,21 +281,23 @@ class FilmFamily:
     snapshots: int = 0
 
     @classmethod
-    def around(cls, specimen: Specimen, box: Mapping[str, tuple[float, float]],
-               force: tuple[float, float], voltage: tuple[float, float], rig: Rig = Rig(),
+    def around(cls, specimen: Specimen, box: Mapping[str, Sequence[float | str]],
+               force: Sequence[float | str], voltage: Sequence[float | str], rig: Rig = Rig(),
                settings: Settings = Settings(), family: FamilySettings = FamilySettings()
                ) -> FilmFamily:
         """The films of a specimen with these limits of its numbers, by name, and of the loads.
 
-        Names are those of :class:`tympan.studies.films.box.Box`; the force on the plate in N, the
-        voltage across the film in V.
+        A name is the path of a number in the specimen, such as "frame.semi_axes.0" or
+        "membrane.thickness", or "stiffness", a factor on all stresses of the law; ``force`` acts on
+        the plate, ``voltage`` across the film. All are lowest and highest, in SI or with a unit.
 
         Raises
         ------
         InputError
             When the specimen or the rig has no reduced film, or no film of the box an equilibrium.
         """
-        return cls.over(Box.around(specimen, box), force, voltage, rig, settings, family)
+        return cls.over(Box.around(specimen, box), between(force, "force", "force"),
+                        between(voltage, "voltage", "voltage"), rig, settings, family)
 
     @classmethod
     def over(cls, box: Box, force: tuple[float, float], voltage: tuple[float, float],
@@ -555,6 +554,8 @@ class _Making:
 
     def drawn(self, count: int, seed: int) -> tuple[Array, Array, Array]:
         """Parameters (count, names), forces and U² of random films, even over the box."""
+        from scipy.stats import qmc  # half a second, and no need of one who is sent a family
+
         box = self.ground.box
         sequence = qmc.Sobol(len(box.names) + 2, seed=np.random.default_rng(seed))
         shares = sequence.random_base2((count - 1).bit_length())[:count]
@@ -583,7 +584,7 @@ class _Making:
         return self._scaled(family)
 
     def _first(self, rows: Array, forces: Array, squares: Array) -> list[Snapshot]:
-        solved = [self.ground.solved(row, force, squared**0.5) for row, force, squared in
+        solved = [self.ground.solved(row, force, squared) for row, force, squared in
                   zip(rows, forces.tolist(), squares.tolist(), strict=True)]
         shots = [self._shot(*pair) for pair in solved if pair is not None]
         if len(shots) < 2:
@@ -671,7 +672,7 @@ class _Making:
                ) -> tuple[Model, Solution] | None:
         """The film of finite elements that a state of the family is near to."""
         motion = np.tensordot(q, family.reduction.shapes, 1)
-        return self.ground.refined(row, motion, force, squared)
+        return self.ground.solved(row, force, squared, motion)
 
     def _outermost(self, rows: Array, solved: list[tuple[int, float]]) -> list[tuple[int, float]]:
         """Those of some films whose lengths are farthest from the box's middle."""

@@ -70,6 +70,22 @@ def test_random_films_are_those_of_finite_elements_and_errors_are_covered(scatte
     np.testing.assert_allclose(states.force[:, 0], forces)
 
 
+def test_errors_of_films_with_plates_off_centre_are_covered() -> None:
+    offsets = {"plate.offset.0": (0.0, "3 mm"), "plate.offset.1": ("-2 mm", "2 mm"),
+               "membrane.thickness": ("0.9 mm", "1.1 mm")}
+    films = FilmFamily.around(OVAL, offsets, FORCE, ("0 kV", "5 kV"))
+    assert films.voltage == VOLTAGE
+    rows, forces, voltages = drawn(films.box, 40, 5)
+    states = films.states(rows, forces[:, None], voltages[:, None])
+    assert states.holds.all()
+    known = np.array([exact(films.box, *each)[0]
+                      for each in zip(rows, forces, voltages, strict=True)])
+    error = np.abs(states.deflection[:, 0] - known)
+    assert (error <= 2e-4 * known).all()
+    assert (error <= states.error[:, 0]).mean() >= 0.9
+    assert (states.error[:, 0] <= 3e-4 * known).all()
+
+
 def test_the_stiffness_is_the_slope_of_the_force() -> None:
     films = family()
     rows, _, voltages = drawn(films.box, 5, 3)
@@ -149,6 +165,8 @@ def test_beyond_the_box_and_beyond_pull_in_nothing_is_said() -> None:
 @pytest.mark.parametrize(("box", "key"), [
     ({"frame.radius": (1.0, 2.0)}, "frame.radius"),
     ({"membrane.thickness": (1e-3, 1e-3)}, "membrane.thickness"),
+    ({"membrane.thickness": ("1 mm", "9 kV")}, "membrane.thickness"),
+    ({"membrane.thickness": (1e-3, 2e-3, 3e-3)}, "membrane.thickness"),
     ({"stiffness": (0.9, 1.1), "membrane.material.mu.0": (18e3, 19e3)}, "stiffness")])
 def test_a_box_names_what_is_wrong(box: Mapping[str, tuple[float, float]], key: str) -> None:
     with pytest.raises(InputError) as caught:
