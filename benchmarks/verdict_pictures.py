@@ -39,11 +39,12 @@ DPI = 160
 
 #: What is asked in turn, what a yes leads to, and what that means for the person who asked.
 QUESTIONS = (
-    ("Are the residuals of the\nbaseline model noise?", "nothing", "agrees: go on"),
-    ("Does one cause, or one\npair, stand out?", "named",
-     "check it at the bench"),
-    ("Do several causes\nleave only noise?", "ambiguous", "do the next experiment"),
-    ("No cause does.", "unexplained", "look where the misfit is"),
+    ("Does the baseline model\nleave only noise, with\nordinary factors?", "nothing",
+     "use the model where\nyou measured"),
+    ("Does one cause, or one\npair, stand out?", "named", "check it at the bench"),
+    ("Does at least one cause\nor pair leave only noise?", "ambiguous",
+     "do the next experiment"),
+    ("No cause does, or the\ndataset looks wrong.", "unexplained", "look where the misfit is"),
 )
 
 
@@ -71,13 +72,15 @@ def draw_model(figure: Figure, table: ReadingTable, judgement: Judgement) -> Non
         for mass, colour in zip(np.unique(states.mass), look.PALETTE, strict=False):
             rows = np.flatnonzero((states.specimen == number) & (states.mass == mass))
             kilovolts = 1e-3 * states.voltage[rows]
-            axes.plot(kilovolts, 1e3 * stated[rows], ":", color=look.GREY, lw=1)
-            axes.plot(kilovolts, 1e3 * fitted[rows], "-", color=colour, lw=1)
+            axes.plot(kilovolts, 1e3 * fitted[rows], "-", color=colour, lw=2, alpha=0.5)
+            axes.plot(kilovolts, 1e3 * stated[rows], "--", color="black", lw=0.8)
             axes.plot(kilovolts, 1e3 * table.value[rows], "o", color=colour, ms=2.5)
+            if number == 0:
+                axes.plot([], [], "o", color=colour, ms=2.5, label=f"{1e3 * mass:.4g} g")
         axes.set(title=specimen.name, xlabel="voltage [kV]")
     figure.axes[0].set_ylabel("deflection [mm]")
-    figure.axes[0].plot([], [], ":", color=look.GREY, label="as stated")
-    figure.axes[0].plot([], [], "-", color=look.GREY, label="two factors fitted")
+    figure.axes[0].plot([], [], "--", color="black", lw=0.8, label="as stated")
+    figure.axes[0].plot([], [], "-", color=look.GREY, lw=2, alpha=0.5, label="two factors fitted")
     figure.axes[0].legend(frameon=False)
 
 
@@ -85,14 +88,19 @@ def draw_noise(figure: Figure, table: ReadingTable, judgement: Judgement) -> Non
     """What the fitted model misses in the order of reading, and the reading that does not count."""
     fitted = judgement.simulation.predict((), judgement.nominal.unknowns, table)
     missed, off = 1e6 * (table.value - fitted), judgement.told.off > 0
-    order = np.arange(len(missed))
-    for place, rows, title in ((1, order >= 0, "every reading"), (2, ~off, "without the outlier")):
+    order = 1 + np.arange(len(missed))
+    names = [specimen.name for specimen in judgement.simulation.setup.specimens]
+    for place, rows, title in ((1, order > 0, "every reading"), (2, ~off, "without the outlier")):
         axes = figure.add_subplot(1, 2, place)
         axes.axhspan(-2e6 * NOISE, 2e6 * NOISE, color=look.FAINT)
-        axes.plot(order[rows & ~off], missed[rows & ~off], "o", color=look.PALETTE[0], ms=2.5)
+        for number, name in enumerate(names):
+            those = rows & ~off & (table.specimen == number)
+            axes.plot(order[those], missed[those], "o", color=look.PALETTE[2 * number], ms=2.5,
+                      label=name)
         axes.plot(order[rows & off], missed[rows & off], "x", color=look.PALETTE[1], ms=6)
-        axes.set(title=title, xlabel="reading, in the order of reading")
+        axes.set(title=title, xlabel="number of the reading")
     figure.axes[0].set_ylabel("residual [µm]")
+    figure.axes[0].legend()
 
 
 def draw_tried(figure: Figure, table: ReadingTable, judgement: Judgement) -> None:
@@ -167,6 +175,9 @@ def main() -> None:
                 figure.tight_layout()
             write_atomically(folder / f"verdict-{name}.png", partial(figure.savefig, dpi=DPI))
     print(judgement.verdict, *judgement.named, "p", judgement.test.p_value)
+    if judgement.posterior is not None:
+        print({str(cause): f"{share:.0%}" for cause, share
+               in judgement.posterior.of_causes().items()})
 
 
 if __name__ == "__main__":
