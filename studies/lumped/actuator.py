@@ -26,14 +26,18 @@ _STEP = 1e-30  # of a derivative by a complex step
 
 @dataclass(frozen=True)
 class Viscous:
-    """A spring k₁ [Pa] with a damper η₁ [Pa s] in series, a damper η₂ beside: Eqs. (9), (10)."""
+    """A spring k₁ [Pa] with a damper η₁ [Pa s] in series, a damper η₂ beside: Eqs. (9), (10).
 
-    k1: float = field(default_factory=lambda: known("k_1"))
-    eta1: float = field(default_factory=lambda: known("eta_1"))
-    eta2: float = field(default_factory=lambda: known("eta_2"))
+    Numbers, or arrays of an array of actuators.
+    """
+
+    k1: Any = field(default_factory=lambda: known("k_1"))
+    eta1: Any = field(default_factory=lambda: known("eta_1"))
+    eta2: Any = field(default_factory=lambda: known("eta_2"))
 
     def __post_init__(self) -> None:
-        if not (min(np.real([self.k1, self.eta2])) >= 0 and np.real(self.eta1) > 0):
+        if not (min(np.min(np.real(each)) for each in (self.k1, self.eta2)) >= 0
+                and np.min(np.real(self.eta1)) > 0):
             raise InputError("k1 and eta2 must not be negative, eta1 must be positive",
                              key="viscous", given=f"{self.k1}, {self.eta1}, {self.eta2}")
 
@@ -186,7 +190,7 @@ class Actuator:
         slopes[..., 0, 1] = 1.0
         slopes[..., 1, 0] = -by_y / self.moved
         slopes[..., 1, 1] = -damping / self.moved
-        slopes[..., 1, 2:] = lever * v.k1 / _each(self.moved)
+        slopes[..., 1, 2:] = lever * _each(v.k1 / self.moved)
         slopes[..., 2:, 0] = self._creep(phi)
         slopes[..., branches, branches] = self._creep(-1.0)
         acceleration = -(force + damping * speed) / self.moved
@@ -216,7 +220,8 @@ class Actuator:
         """What each circle's branch and damper pull with for a weight of 1 [N], (…, circles)."""
         y, speed, strains = state[..., 0], state[..., 1], state[..., 2:]
         stretch, phi, _ = self.circles.stretch(_each(y))
-        stress = self.viscous.k1 * (stretch - 1 - strains) + self.viscous.eta2 * phi * _each(speed)
+        stress = (_each(self.viscous.k1) * (stretch - 1 - strains)
+                  + phi * _each(self.viscous.eta2 * speed))
         return self.circles.volume * phi / stretch * stress
 
     def capacitance(self, y: Any) -> Any:
@@ -234,7 +239,7 @@ class Actuator:
         return phi, bend, stretch - 1 - strains, lever, change
 
     def _creep(self, behind: Any) -> Any:
-        return self.viscous.k1 / self.viscous.eta1 * behind
+        return _each(self.viscous.k1 / self.viscous.eta1) * behind
 
     def _mixed(self, parts: tuple[Any, Any, Any], factor: Any) -> tuple[Any, Any, Any]:
         energy, force, stiffness = (factor * np.sum(self.weights * part, axis=-1)

@@ -190,7 +190,8 @@ def slow_ends(actuator: Actuator, signal: Signal) -> Array:
     """
     y = settle(lambda at: actuator.balance(at, signal.first), actuator.flat)
     strains = actuator.rest(y)[..., 2:]
-    rate, shape = actuator.viscous.k1 / actuator.viscous.eta1, strains.shape
+    viscous, shape = actuator.viscous, strains.shape
+    rate = np.asarray(viscous.k1 / viscous.eta1)[..., None]
     deflections = [y]
 
     def settled(voltage: float, start: Array, strains: Array) -> Array:

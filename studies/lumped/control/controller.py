@@ -106,6 +106,18 @@ class Controller:
         """What a lag takes in an interval of the way that is left to it."""
         return float(-np.expm1(-self.interval_s / self.filter_s)) if self.filter_s else 1.0
 
+    @property
+    def feedback(self) -> tuple[Array, Array, Array]:
+        """s⁺ = A s + b y and v = c s⁺: what is asked for by a reading y, with nothing wanted [m].
+
+        The memory s is the reading behind either lag, and the integral.
+        """
+        p, gain = self.share, self.integral_per_s * self.interval_s
+        first, second = np.array([1 - p, 0.0, 0.0, p]), np.array([0.0, 1 - p, 0.0, 0.0])
+        second += p * first
+        rows = np.array([first, second, np.array([0.0, 0.0, 1.0, 0.0]) - gain * second])
+        return rows[:, :3], rows[:, 3:], np.array([[0.0, -self.proportional, 1.0]])
+
     def c_source(self, name: str) -> str:
         """The same as functions of C99, named after a specimen."""
         text = resources.files("tympan.studies.lumped.control").joinpath("source.txt")

@@ -7,6 +7,7 @@ is the inverse of what a slow disturbance leaves behind), here over the whole ra
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +16,8 @@ from tympan.geometry.errors import Failure
 from tympan.studies.lumped.actuator import Actuator
 from tympan.studies.lumped.control.controller import Controller, StaticInverse
 from tympan.studies.lumped.control.loop import Complex, Margins, Sampled, frequencies, lags
-from tympan.studies.lumped.linear import linearise
+from tympan.studies.lumped.equilibria import settle
+from tympan.studies.lumped.linear import Linear, linearise
 
 Array = NDArray[np.float64]
 
@@ -39,6 +41,8 @@ class Design:
 
     controller: Controller
     plants: tuple[Sampled, ...]
+    linear: tuple[Linear, ...]
+    sensor_lag: float
 
     def loops(self) -> tuple[list[Complex], Array]:
         """Open loops, and their frequencies [rad/s]."""
@@ -49,6 +53,27 @@ class Design:
             controller.proportional
             + controller.integral_per_s * controller.interval_s / (1 - 1 / z))
         return [shape * plant.response(z) for plant in self.plants], omega
+
+    def largest_pole(self, films: Actuator) -> Array:
+        """Largest pole of the sampled loop of each of an array of films; below 1 it is stable.
+
+        At the voltages about which the model was linearised; at those where a film has no rest the
+        others count, and one without any rest is unstable.
+        """
+        a, b, c = self.controller.feedback
+        largest = np.zeros(films.flat.shape)
+        for linear in self.linear:
+            y = settle(partial(films.balance, voltage=linear.voltage), films.flat)
+            state = films.rest(np.nan_to_num(y))
+            driven = films.by_voltage(state, linear.voltage, squared=True)[..., None]
+            plant = Sampled.of(films.linear(state, linear.voltage)[1], driven / linear.gain,
+                               self.controller.interval_s, self.sensor_lag)
+            loop = np.block([[plant.a + plant.b @ (c @ b @ plant.c), plant.b @ (c @ a)],
+                             [np.broadcast_to(b @ plant.c, (*y.shape, len(b), plant.a.shape[-1])),
+                              np.broadcast_to(a, (*y.shape, *a.shape))]])
+            pole = np.abs(np.linalg.eigvals(loop)).max(axis=-1)
+            largest = np.fmax(largest, np.where(np.isfinite(y), pole, np.nan))
+        return np.where(largest > 0, largest, np.inf)
 
     @property
     def margins(self) -> Margins:
@@ -69,7 +94,8 @@ def design(actuator: Actuator, supply: float, interval: float, sensor_lag: float
     # Driven by U², which has an effect without voltage, too.
     linear = [linearise(actuator, float(voltage), by="U2")
               for voltage in np.linspace(0.0, supply, _RESTS)]
-    plants = tuple(Sampled.of(each, interval, sensor_lag) for each in linear)
+    plants = tuple(Sampled.of(each.a, each.b / each.gain, interval, sensor_lag)
+                   for each in linear)
     omega = frequencies(interval)[::3]
     swing = max(max(abs(pole.value) for pole in each.named_poles) for each in linear)
     z = np.exp(1j * omega * interval)
@@ -88,7 +114,7 @@ def design(actuator: Actuator, supply: float, interval: float, sensor_lag: float
     inverse = StaticInverse.of(actuator, supply)
     return Design(Controller(inverse=inverse, supply_V=supply, interval_s=interval,
                              filter_s=float(lag), proportional=float(gain * ratio),
-                             integral_per_s=float(gain)), plants)
+                             integral_per_s=float(gain)), plants, tuple(linear), sensor_lag)
 
 
 def _highest_gain(loops: Complex, gains: Array) -> float:

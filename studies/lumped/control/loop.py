@@ -8,9 +8,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import block_diag, expm
-
-from tympan.studies.lumped.linear import Linear
+from scipy.linalg import expm
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -23,7 +21,7 @@ _LOWEST = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Sampled:
-    """A plant about a rest, x⁺ = A x + b v, y = c x, once an interval [s].
+    """A plant about a rest, x⁺ = A x + b v, y = c x, once an interval [s]; or an array of them.
 
     v is the deflection at rest that the voltage is for [m], so that y = v at rest.
     """
@@ -34,17 +32,19 @@ class Sampled:
     interval: float
 
     @classmethod
-    def of(cls, linear: Linear, interval: float, sensor_lag: float = 0.0) -> Sampled:
-        """Small motions driven by U², the voltage held between samples, a sensor's lag [s]."""
-        a, b, c = linear.a, linear.b / linear.gain, linear.c
+    def of(cls, a: Array, b: Array, interval: float, sensor_lag: float = 0.0) -> Sampled:
+        """Small motions ẋ = A x + b v, the voltage held between samples, a sensor's lag [s]."""
+        seen = 0
         if sensor_lag:
-            a = block_diag(a, -1 / sensor_lag)
-            a[-1, 0] = 1 / sensor_lag
-            b, c = np.vstack([b, [[0.0]]]), np.eye(len(a))[-1:]
-        whole = np.zeros((len(a) + 1, len(a) + 1))
-        whole[:-1, :-1], whole[:-1, -1:] = a, b
+            seen = a.shape[-1]
+            wide = [*[(0, 0)] * (a.ndim - 2), (0, 1), (0, 1)]
+            a, b = np.pad(a, wide), np.pad(b, [*wide[:-1], (0, 0)])
+            a[..., -1, 0], a[..., -1, -1] = 1 / sensor_lag, -1 / sensor_lag
+        size = a.shape[-1]
+        whole = np.zeros((*a.shape[:-2], size + 1, size + 1))
+        whole[..., :-1, :-1], whole[..., :-1, -1:] = a, b
         passed = expm(interval * whole)
-        return cls(passed[:-1, :-1], passed[:-1, -1:], c, interval)
+        return cls(passed[..., :-1, :-1], passed[..., :-1, -1:], np.eye(size)[[seen]], interval)
 
     def response(self, z: Complex) -> Complex:
         """y/v at points of the z-plane."""

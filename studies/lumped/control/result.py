@@ -77,6 +77,19 @@ class LoopMargins:
 
 
 @dataclass(frozen=True, kw_only=True)
+class ScatteredFilms:
+    """Films that differ from the one of the design, under its controller.
+
+    Standard deviations: 10 % of stiffness and of permittivity, 5 % of the mass, 20 % of each
+    viscous constant.
+    """
+
+    films: Annotated[int, Key("how many")]
+    stable: Annotated[int, Key("how many of them are stable at all voltages of the design at which "
+                               "they have a rest")]
+
+
+@dataclass(frozen=True, kw_only=True)
 class ControlledFilm:
     """One actuator with its controller, and what limits it.
 
@@ -99,6 +112,7 @@ class ControlledFilm:
     error_rms_m: Annotated[float, Key("root mean square of wanted less reached deflection")]
     open_error_rms_m: Annotated[float, Key("the same without feedback")]
     steps: Annotated[tuple[ControlStep, ...], Key("steps of the wanted deflection")]
+    scattered: Annotated[ScatteredFilms, Key("films that differ from this one")]
     disturbance: Annotated[Disturbance, Key("a mass put on the plate in the middle of its travel")]
     warnings: Warnings
     samples: pd.DataFrame = field(default_factory=pd.DataFrame, repr=False, compare=False)

@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 from tympan.geometry.errors import InputError
 from tympan.geometry.fields import Key, require, takes_units
 from tympan.geometry.toml_reader import NON_NEGATIVE, POSITIVE
-from tympan.studies.lumped.actuator import Actuator
+from tympan.studies.lumped.actuator import Actuator, Viscous
 from tympan.studies.lumped.case import ChosenActuators
 from tympan.studies.lumped.control.controller import Controller, ControllerState
-from tympan.studies.lumped.control.design import design
+from tympan.studies.lumped.control.design import Design, design
 from tympan.studies.lumped.control.loop import Margins
 from tympan.studies.lumped.control.plants import LumpedPlant, Plant
 from tympan.studies.lumped.control.result import (
@@ -27,6 +27,7 @@ from tympan.studies.lumped.control.result import (
     Disturbance,
     Limit,
     LoopMargins,
+    ScatteredFilms,
 )
 from tympan.studies.lumped.equilibria import rest, rest_curve
 from tympan.studies.lumped.linear import Linear, linearise
@@ -47,6 +48,14 @@ _FEW = 10
 _STEP = 1e-3
 #: Mass that is put on the plate over that which is on it: in steps of the weight as films differ.
 _DISTURBED = 0.05
+#: Scattered films on which the loop is tried.
+_FILMS = 1000
+#: Standard deviation of their stiffness and permittivity: a workshop's films differ so.
+_FILM_SCATTER = 0.1
+#: That of their mass: weights of one set and glue.
+_MASS_SCATTER = 0.05
+#: That of their viscous constants, which are known least.
+_VISCOUS_SCATTER = 0.2
 #: Times in which a swing falls by a factor e that a disturbance is followed: to 1e-4.
 _DECAYS = 10.0
 
@@ -176,12 +185,36 @@ def _controlled(chosen: ChosenActuators, actuator: Actuator, signal: Signal,
         lowest_V=float(run.voltage.min()), highest_V=float(run.voltage.max()),
         error_rms_m=_rms(run), open_error_rms_m=_rms(free),
         steps=tuple(_step(run, free, controller, part, before) for part in parts),
+        scattered=_scattered(designed, actuator),
         disturbance=_disturbed(controller, actuator, settings),
         warnings=(*chosen.remarks, *origin(actuator), *actuator.case(settings.supply).remarks),
         samples=pd.DataFrame({
             "specimen": actuator.specimen.name, "t": time, "wanted": wanted,
             "displacement": run.deflection, "voltage": run.voltage,
             "open_displacement": free.deflection, "open_voltage": free.voltage}))
+
+
+def scattered_films(actuator: Actuator, count: int, seed: int = 0) -> Actuator:
+    """An array of films that differ from one in stiffness, permittivity, mass, viscous constants.
+
+    Each by a factor whose logarithm is normal.
+    """
+    made, viscous = np.random.default_rng(seed), actuator.viscous
+
+    def factor(deviation: float) -> Array:
+        return np.exp(deviation * made.normal(size=count))
+
+    return replace(
+        actuator, stiffness=actuator.stiffness * factor(_FILM_SCATTER),
+        permittivity=actuator.permittivity * factor(_FILM_SCATTER),
+        mass=actuator.mass * factor(_MASS_SCATTER), viscous=Viscous(
+            *(each * factor(_VISCOUS_SCATTER)
+              for each in (viscous.k1, viscous.eta1, viscous.eta2))))
+
+
+def _scattered(designed: Design, actuator: Actuator) -> ScatteredFilms:
+    poles = designed.largest_pole(scattered_films(actuator, _FILMS))
+    return ScatteredFilms(films=_FILMS, stable=int((poles < 1).sum()))
 
 
 def _times(count: int, interval: float) -> Array:
