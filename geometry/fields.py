@@ -62,9 +62,11 @@ class Key:
     ``needs`` names another key, without which (or where that is 0) this one has no place. A
     ``discrete`` field has no derivatives. ``default`` says what a missing key means, where the
     dataclass finds that out itself, in ``completed``. ``also``: what people write instead of the
-    key. ``repeats``: one number stands for all of a list. Of results: ``printed`` is the key where
-    it is not the field's name; ``in_unit``: it ends in the unit that the whole result has, such as
-    ``noise_um``; ``may_miss``: there is no key where a result of its kind has no such thing, None;
+    key. ``doubled``: a word for twice each of its numbers, as a width is of a half extent; all of
+    them may stand in place of the key. ``repeats``: one number stands for all of a list. Of
+    results: ``printed`` is the key where it is not the field's name; ``in_unit``: it ends in the
+    unit that the whole result has, such as ``noise_um``; ``may_miss``: there is no key where a
+    result of its kind has no such thing, None;
     nan is null, where there happens to be none.
     """
 
@@ -79,6 +81,7 @@ class Key:
     least: int = 1
     default: str = ""
     also: tuple[str, ...] = ()
+    doubled: tuple[str, ...] = ()
     repeats: bool = False
     printed: str = ""
     in_unit: bool = False
@@ -181,13 +184,18 @@ def takes_units(cls: Any) -> Any:
     names the key: a wrong unit, an array in place of a number, an unknown or a missing name.
     """
     of_numbers = cls.__init__
-    arguments = Arguments.of(of_numbers, cls)
+    halves = [field for field in fields_of(cls) if field.says.doubled]
+    arguments = Arguments.of(of_numbers, cls, *(word for field in halves
+                                                for word in field.says.doubled))
 
     @wraps(of_numbers)
     def of_texts(self: Any, *values: Any, **named: Any) -> None:
         declared, required = _by_name(cls)
+        given = arguments.named(values, named)
+        for field in halves:
+            given = _halved(field, given)
         given = {name: _in_si(declared[name], value) if name in declared else value
-                 for name, value in arguments.named(values, named).items()}
+                 for name, value in given.items()}
         arguments.require(given, required)
         given = getattr(cls, "completed", dict)(given)
         arguments.require(given, arguments.needed)
@@ -425,6 +433,24 @@ def _numbers(field: Field, value: Any) -> tuple[Any, ...]:
                   for item in value])
 
 
+def _halved(field: Field, given: Content) -> Content:
+    """Arguments with a field in place of the words for twice its numbers."""
+    words = [word for word in field.says.doubled if word in given]
+    if not words:
+        return given
+    if field.name in given:
+        raise InputError(_either(field), key=words[0], given=given[words[0]])
+    lacking = next((word for word in field.says.doubled if word not in given), None)
+    if lacking is not None:
+        raise InputError("is missing", key=lacking)
+    half = tuple(number(given[word], field.says.dimension, word) / 2 for word in words)
+    return {name: value for name, value in given.items() if name not in words} | {field.name: half}
+
+
+def _either(field: Field) -> str:
+    return f"give {' and '.join(field.says.doubled)}, or {field.key}, not both"
+
+
 class Registry(dict[str, T]):
     """All kinds of one thing by the name that files know them by.
 
@@ -486,6 +512,8 @@ def read(cls: type[T], table: Table, special: Special | None = None) -> T:
         if not field.says.inline:
             table.knows(table.spelled(field.key, field.says.dimension), field.says.also,
                         field.says.meaning)
+            for word in field.says.doubled:
+                table.knows(table.spelled(word, field.says.dimension))
     for field in sorted(fields_of(cls), key=lambda item: item.says.inline):
         if special and (cls, field.name) in special:
             values[field.name] = special[cls, field.name](table, field.key)
@@ -537,9 +565,9 @@ def _stands(field: Field, table: Table, values: Content) -> bool:
     says = field.says
     if says.needs and not values.get(says.needs):
         return False
-    key = table.spelled(field.key, says.dimension)
-    table.asked.add(key)
-    return says.inline or key in table or field.required or bool(says.needs)
+    keys = {table.spelled(word, says.dimension) for word in (field.key, *says.doubled)}
+    table.asked |= keys
+    return (says.inline or not keys.isdisjoint(table.data) or field.required or bool(says.needs))
 
 
 def _read(field: Field, table: Table, special: Special | None) -> Any:
@@ -564,6 +592,13 @@ def _read(field: Field, table: Table, special: Special | None) -> Any:
     if get_origin(item) is tuple:
         return table.places(key, says.least, field.count, says.rule)
     rule = WHOLE if item is int and says.rule is FINITE else says.rule
+    doubled = [table.spelled(word, says.dimension) for word in says.doubled]
+    for word in doubled:
+        if word in table and key in table:
+            raise table.error(word, _either(field), table.data[word])
+    if any(word in table for word in doubled):
+        half: Rule = (lambda size: rule[0](size / 2), f"half of it {rule[1]}")
+        return tuple(table.number(word, says.dimension, rule=half) / 2 for word in says.doubled)
     single = says.repeats and not isinstance(table.value(key), list | tuple)
     if single and field.count:
         return (table.number(field.key, says.dimension, rule=rule),) * field.count

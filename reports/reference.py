@@ -66,8 +66,14 @@ def _rows(cls: type) -> Iterator[list[str]]:
     for field in fields_of(cls):
         if not field.says.inline and not (cls is Rotated and field.says.kinds):
             cells = (f"`{field.key}`", _form(field), _default(field), _limits(field),
-                     field.says.meaning)
+                     field.says.meaning + _instead(field))
             yield [cell.replace("|", "&#124;") for cell in cells]
+
+
+def _instead(field: Field) -> str:
+    """The keys that may stand in its place."""
+    words = " and ".join(f"`{word}`" for word in field.says.doubled)
+    return f"; or {words}, twice as much" if words else ""
 
 
 def _form(field: Field) -> str:

@@ -1,7 +1,7 @@
 """The parts as type checkers see them: quantities are SI numbers or texts with their unit."""
 
 from collections.abc import Sequence
-from typing import Literal
+from typing import Literal, overload
 
 from tympan.fem.film.breakdown import ConstantStrength as AnyConstantStrength
 from tympan.fem.film.breakdown import PowerStrength as AnyPowerStrength
@@ -138,7 +138,10 @@ class Rotated(AnyRotated):
     def __init__(self, outline: Outline, rotation: Quantity = ...) -> None: ...
 
 class RoundedRectangle(AnyRoundedRectangle):
+    @overload
     def __init__(self, semi_axes: Pair, corner_radius: Quantity) -> None: ...
+    @overload
+    def __init__(self, *, width: Quantity, height: Quantity, corner_radius: Quantity) -> None: ...
 
 class Stadium(AnyStadium):
     def __init__(self, semi_axes: Pair) -> None: ...

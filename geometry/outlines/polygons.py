@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
@@ -49,7 +49,7 @@ class RoundedRectangle(Outline):
 
     shape: ClassVar[str] = "rounded_rectangle"
     also: ClassVar[tuple[str, ...]] = ("rectangle", "square", "box")
-    semi_axes: Annotated[tuple[float, float], SEMI_AXES]
+    semi_axes: Annotated[tuple[float, float], replace(SEMI_AXES, doubled=("width", "height"))]
     corner_radius: Annotated[float, Key("of the corners; 0 leaves them sharp", "length", _ROUNDING,
                                         also=("radius", "fillet"))]
 

@@ -45,6 +45,46 @@ def test_a_key_is_asked_about(tmp_path: Path, old: str, new: str, words: str) ->
     assert words in str(wrong.value)
 
 
+RECTANGLE = 'shape = "rounded_rectangle"\ncorner_radius = "1 cm"\n'
+
+
+def rectangle(folder: Path, sizes: str) -> tympan.RoundedRectangle:
+    """The frame of a specimen file that gives the sizes of a rectangle so."""
+    file = folder / "rectangle.toml"
+    file.write_text(specimen_toml().replace(OVAL, RECTANGLE + sizes))
+    frame: tympan.RoundedRectangle = load_specimen(file).frame
+    return frame
+
+
+def test_a_rectangle_may_have_width_and_height(tmp_path: Path) -> None:
+    frame = rectangle(tmp_path, 'width = "12 cm"\nheight = "90 mm"')
+    assert frame == rectangle(tmp_path, AXES) == tympan.RoundedRectangle((0.06, 0.045), 0.01)
+    assert frame == tympan.RoundedRectangle(width="12 cm", height=0.09, corner_radius="1 cm")
+
+
+@pytest.mark.parametrize(("sizes", "words"), [
+    ({"width": "12 cm"}, "height: is missing"),
+    ({"width": "12 cm", "height": "9 cm", "semi_axes": ["6 cm", "4.5 cm"]},
+     "width: given '12 cm': give width and height, or semi_axes, not both"),
+    ({"width": "12 g", "height": "9 cm"}, "width: given '12 g': wrong dimension"),
+    ({"width": "12 cm", "hight": "9 cm"}, "did you mean"),
+    ({}, "semi_axes: is missing"),
+])
+def test_a_rectangle_has_one_kind_of_size(tmp_path: Path, sizes: dict[str, object],
+                                          words: str) -> None:
+    with pytest.raises(InputError) as wrong:
+        rectangle(tmp_path, "\n".join(f"{name} = {value!r}" for name, value in sizes.items()))
+    assert words in str(wrong.value)
+    with pytest.raises(InputError) as wrong:
+        tympan.RoundedRectangle(corner_radius=0.01, **sizes)
+    assert words in str(wrong.value)
+
+
+def test_half_a_width_must_be_a_size(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"frame.width: given '30 m': half of it must be positive"):
+        rectangle(tmp_path, 'width = "30 m"\nheight = "9 cm"')
+
+
 def test_what_is_far_from_any_key_is_not_guessed(tmp_path: Path) -> None:
     file = tmp_path / "oval.toml"
     file.write_text(specimen_toml().replace(OVAL, 'shape = "ellipse"\ncolour = "red"'))

@@ -7,6 +7,7 @@ import ast
 import dataclasses
 import inspect
 import textwrap
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Literal, get_args, get_origin
 
@@ -19,7 +20,7 @@ HEAD = '''\
 """The parts as type checkers see them: quantities are SI numbers or texts with their unit."""
 
 from collections.abc import Sequence
-from typing import Literal
+from typing import Literal, overload
 
 {imports}
 
@@ -37,7 +38,7 @@ def stub() -> str:
             "FlowLaw, Material, Strength": "tympan.geometry.specimen",
             LibraryMaterial.__name__: LibraryMaterial.__module__}
     imports += [f"from {module} import {name}" for name, module in used.items()]
-    classes = [f"\nclass {name}(Any{name}):\n    def __init__({arguments(name)}) -> None: ...\n"
+    classes = [f"\nclass {name}(Any{name}):\n{constructors(name)}"
                for name in places if fields(name)]
     return HEAD.format(imports="\n".join(sorted(imports))) + "".join(classes)
 
@@ -56,14 +57,25 @@ def fields(name: str) -> tuple[Field, ...]:
     return declared if any(field.says.dimension for field in declared) else ()
 
 
-def arguments(name: str) -> str:
-    """Those of the constructor."""
+def constructors(name: str) -> str:
+    """Its constructor; two where words for twice the numbers may stand in place of a field."""
+    halves = [field for field in fields(name) if field.says.doubled]
+    if not halves:
+        return f"    def __init__({arguments(name)}) -> None: ...\n"
+    return "".join(f"    @overload\n    def __init__({arguments(name, doubled)}) -> None: ...\n"
+                   for doubled in ((), halves))
+
+
+def arguments(name: str, doubled: Sequence[Field] = ()) -> str:
+    """Those of the constructor; words for twice as much in place of the ``doubled`` fields."""
     declared = {field.name: field for field in fields(name)}
-    listed = [f"{item.name}: {annotation(declared[item.name])}"
+    halves = {field.name for field in doubled}
+    words = ["*", *(f"{word}: Quantity" for field in doubled for word in field.says.doubled)]
+    listed = words * bool(doubled) + [f"{item.name}: {annotation(declared[item.name])}"
               f"{'' if declared[item.name].required else ' = ...'}"
               if item.name in declared else f"{item.name}: {item.type}"
               f"{'' if item.default is dataclasses.MISSING else ' = ...'}"
-              for item in dataclasses.fields(getattr(parts, name))]
+              for item in dataclasses.fields(getattr(parts, name)) if item.name not in halves]
     return textwrap.fill(", ".join(["self", *listed]), 80, subsequent_indent=" " * 17)
 
 
