@@ -478,6 +478,12 @@ def _charged_next(model: Model, outcome: Outcome) -> bool:
             and outcome.state.voltage_squared == 0)
 
 
+def deflection_without_voltage(case: Case, settings: Settings) -> float | None:
+    """Deflection of a case in equilibrium without its voltage [m]; None where there is none."""
+    model, outcome = equilibrate(replace(case, voltage=0.0), settings)
+    return model.deflection(outcome.state) if outcome.status == "equilibrium" else None
+
+
 def solve(case: Case, settings: Settings, film: bool = False) -> CaseResult:
     """Solve one case; ``film``: with its fields on a surface."""
     model, outcome, result = solved(case, settings)

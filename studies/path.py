@@ -42,6 +42,7 @@ from tympan.studies.case import (
     Unknowns,
     WallTime,
     Warnings,
+    deflection_without_voltage,
     equilibrate,
     failure_reason,
     mounted_place,
@@ -115,6 +116,9 @@ class Station:
     """One equilibrium of a branch, in SI."""
 
     deflection_m: Annotated[float, Key("deflection of the plate, downwards")]
+    stroke_m: Annotated[float | None, Key(
+        "deflection less that without voltage, under the same mass; none where mass or pressure "
+        "grows")] = None
     force_N: Annotated[float, Key("force that the film carries")]
     voltage_V: Annotated[float, Key("nominal voltage")]
     pressure_Pa: Annotated[float, Key("pressure of the gas below the film; positive lifts it")]
@@ -223,16 +227,28 @@ def path(case: Case, settings: Settings, along: Along,
     for stop in _with_snaps(stops(case, model, start.state, along, settings.path), settings.path):
         progress(f"{stop.station.deflection_m * 1e3:.2f} mm")
         passed.append(stop)
+    stations = [stop.station for stop in apart(passed)]
+    rest = None
+    if along in ("voltage", "charge") and stations:
+        rest = (deflection_without_voltage(case, settings) if case.voltage
+                else stations[0].deflection_m)
     return PathResult(
         specimen=case.specimen.name, mass_kg=case.mass, voltage_V=case.voltage,
         pressure_Pa=case.rig.gas_pressure or None, along=along,
-        unit=_GROWING[along][1], stations=tuple(stop.station for stop in apart(passed)),
-        events=tuple(stop.event for stop in passed if stop.event is not None),
+        unit=_GROWING[along][1],
+        stations=tuple(_with_stroke(station, rest) for station in stations),
+        events=tuple(replace(stop.event, station=_with_stroke(stop.event.station, rest))
+                     for stop in passed if stop.event is not None),
         dofs=model.unknowns, wall_s=time.perf_counter() - began,
         warnings=(passed[-1].ended if passed else UNFOLLOWED, *asked.remarks),
         limits=tuple(_critical_film(stop.model, stop.point) for stop in passed
                      if stop.event is not None and stop.event.what in _LIMIT_POINTS),
         films=tuple(film_surface(stop.model, stop.point.state) for stop in apart(passed) if films))
+
+
+def _with_stroke(station: Station, rest: float | None) -> Station:
+    """A station with its stroke, from a deflection without voltage [m]."""
+    return station if rest is None else replace(station, stroke_m=station.deflection_m - rest)
 
 
 def _with_snaps(passed: Iterator[Stop], settings: PathSettings) -> Iterator[Stop]:

@@ -37,6 +37,7 @@ from tympan.studies.case import (
     Settings,
     WallTime,
     build_model,
+    deflection_without_voltage,
     failure_reason,
     summaries,
 )
@@ -290,6 +291,9 @@ class FieldResponse(Response):
     writer = "tympan transient -o"
     drawn = ("gif", "mp4")
 
+    stroke_m: Annotated[float | None, Key(
+        "largest deflection less that without voltage, in equilibrium under the same mass; none "
+        "without voltage, or where the film did not rest before the signal")] = None
     lowest_s: Annotated[float, Key("when the deflection is smallest")]
     highest_s: Annotated[float, Key("when it is largest")]
     hysteresis_area_error_V_m: Annotated[float | None, Key(
@@ -331,16 +335,26 @@ def respond(case: TransientCase, settings: Settings, interval: float, period: fl
     if period is not None and done.stopped is None:
         loop, area = done.last_loop(case.signal, period, done.deflection)
         warnings += unclosed(loop)
+    rest = _without_voltage(case, done, settings)
     return FieldResponse.of(
         case.signal, when, deflection, low, high, step and case.inertia,
         specimen=case.specimen.name, mass_kg=case.mass,
         status="done" if done.stopped is None else done.stopped.kind,
+        stroke_m=None if rest is None else high - rest,
         lowest_s=low_s, highest_s=high_s, hysteresis_area_V_m=area,
         highest_film_voltage_V=float(done.voltage.max()),
         highest_current_A=float(np.abs(done.current).max()), energy=done.balance,
         stopped_s=None if done.stopped is None else done.stopped.time, slack_s=done.slack,
         steps=len(done.time), wall_s=time.perf_counter() - began, warnings=tuple(warnings),
         samples=_samples(case, done, when), loop=loop, films=done.films), done
+
+
+def _without_voltage(case: TransientCase, done: History, settings: Settings) -> float | None:
+    """Deflection without voltage [m], of a film that rested until a signal with voltage began."""
+    if case.rested != inf or not case.signal.peak:
+        return None
+    return (deflection_without_voltage(case.highest, settings) if case.signal.first
+            else done.before)
 
 
 def responses(specimens: Sequence[Specimen], wave: Wave, signal: Signal, settings: Settings, *,
@@ -398,11 +412,13 @@ def loop(case: Case, rate: float, turn: float | None, settings: Settings, films:
     if turn is None:
         first = first_limit(case, settings)
         if first is None:
-            raise InputError("must be given: the film has no limit to turn before", key="--to")
+            raise InputError("must be given: the film has no limit to turn before", key="to")
         turn = _NEAR_LIMIT * first.voltage_V
-    if not (0 < rate < inf and turn > case.voltage):
-        raise InputError("must be positive, and the voltage it turns at above where it begins",
-                         key="--rate, --to", given=f"{rate:g} V/s, {turn:g} V")
+    if not 0 < rate < inf:
+        raise InputError("must be positive", key="rate", given=f"{rate:g} V/s")
+    if not case.voltage < turn < inf:
+        raise InputError("must be above the voltage where the loop begins, "
+                         f"{case.voltage / 1e3:g} kV", key="to", given=f"{turn / 1e3:g} kV")
     duration = 2 * (turn - case.voltage) / rate
     ramped = TransientCase(case.specimen, ramp(case.voltage, turn, duration), mass=case.mass,
                            rig=case.rig)

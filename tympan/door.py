@@ -153,17 +153,10 @@ def solve(specimen: Specimen, settings: Settings = Settings(), *,
     numbers of a state that does not exist are None. ``after``: so long after the voltage was
     switched on, for a film with viscous branches; by default in equilibrium again.
     """
-    from tympan.studies.limits import solve_within
+    from tympan import solving
 
-    case = _case(specimen, loads, settings)
-    if after is not None:
-        from tympan.studies.transient import solve_after
-
-        passed = number(after, "time", "after")
-        if not 0 <= passed < 1e9:
-            raise InputError("must be 0 or positive", key="after", given=after)
-        return Result(solve_after(case, passed, settings, film=True), specimen)
-    return Result(solve_within(case, settings, film=True), specimen)
+    return Result(solving.solve(_case(specimen, loads, settings), settings, after, film=True),
+                  specimen)
 
 
 @names_arguments(Loads)
@@ -284,18 +277,10 @@ def path(specimen: Specimen, along: Literal["voltage", "charge", "mass", "pressu
     film with viscous branches; by default it turns at 95 % of the film's first limit. ``fields``:
     with the film of every station, or at 25 moments of a loop.
     """
-    from tympan.studies.path import path
+    from tympan import solving
 
-    case = _case(specimen, loads, settings)
-    if rate is None:
-        if to is not None:
-            raise InputError("is where a loop turns: rate must be given too", key="to", given=to)
-        return Result(path(case, settings, along, films=fields))
-    from tympan.studies.transient import MOMENTS_OF_LOOP, loop
-
-    turn = None if to is None else number(to, "voltage", "to")
-    return Result(loop(case, number(rate, "voltage rate", "rate"), turn, settings,
-                       MOMENTS_OF_LOOP if fields else 0))
+    return Result(solving.follow(_case(specimen, loads, settings), settings, along, rate, to,
+                                 fields))
 
 
 @names_arguments(Waves)

@@ -30,7 +30,7 @@ from tympan.studies.case import (
     voltage_ramp,
 )
 from tympan.studies.columns import Column, read_own_sheet, write_sheet
-from tympan.studies.limits.voltages import Rise, rise
+from tympan.studies.limits.voltages import Rise, StrokeToLimit, rise
 
 #: The columns of a curve's CSV. ``asked`` is 1 at voltages that were asked for, 0 on the way to the
 #: limit; ``beyond`` is the gravest limit that the voltage is beyond, blank up to the first.
@@ -46,10 +46,6 @@ CURVES: tuple[Column, ...] = (
     Column("breakdown_margin", required=False),
     Column.labels("beyond", LIMIT_STATES, required=False),
 )
-#: Place of the stroke among these columns.
-_STROKE = [column.name for column in CURVES].index("stroke")
-#: Place of the limit that a row is beyond.
-_BEYOND = [column.name for column in CURVES].index("beyond")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,8 +54,7 @@ class MassCurve:
 
     mass_kg: Annotated[float, Key("nominal load on the plate")]
     limits: Annotated[Limits, Key("limits of the film under this mass")]
-    stroke_m: Annotated[float | None, Key("deflection at the first limit, or as far as the film "
-                                          "was followed, less that without voltage")] = None
+    stroke_m: StrokeToLimit = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -107,17 +102,14 @@ def curve(specimen: Specimen, masses: Sequence[float], settings: Settings, rig: 
     for mass in masses:
         progress(f"{specimen.name}: {mass * 1e3:g} g")
         ascent = rise(Case(specimen, mass=mass, rig=rig), settings)
-        dofs, begin = ascent.model.unknowns, len(cells)
+        dofs = ascent.model.unknowns
         # The film's model changes where it is followed on as one kept from wrinkling.
         for model, way in groupby(zip(ascent.cases, ascent.stops, strict=True),
                                   lambda pair: pair[1].model):
             solved = ((case, Outcome("equilibrium", stop.point.solution)) for case, stop in way)
             cells += [_row(False, result, ascent)
                       for result, _ in summaries(model, solved, 0.0)]
-        strokes = [row[_STROKE] for row in cells[begin:]
-                   if not row[_BEYOND] and row[_STROKE] is not None]
-        curves.append(MassCurve(mass_kg=mass, limits=ascent.limits,
-                                stroke_m=strokes[-1] if strokes else None))
+        curves.append(MassCurve(mass_kg=mass, limits=ascent.limits, stroke_m=ascent.stroke))
         for result in _asked(ascent, mass, rig, voltages, settings):
             progress(f"{specimen.name}: {mass * 1e3:g} g, {result.voltage_V / 1e3:g} kV")
             cells.append(_row(True, result, ascent))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Any, Literal, cast
+from typing import Annotated, Any, Literal, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +29,7 @@ from tympan.fem.results.limit_states import (
 )
 from tympan.fem.rig import AGAINST_THE_WAY, MOST_VOLTAGE
 from tympan.fem.roots import root_between
+from tympan.geometry.fields import Key
 from tympan.studies.case import (
     Case,
     CaseResult,
@@ -68,6 +69,11 @@ _SAME = 1e-6
 _FLAT = 1e-6
 
 
+#: A field that several results have.
+StrokeToLimit = Annotated[float | None, Key("deflection at the first limit, or as far as the film "
+                                            "was followed, less that without voltage")]
+
+
 @dataclass(frozen=True, eq=False)
 class Rise:
     """The equilibria of a case as its voltage rises from 0 until the film ends; its limits.
@@ -86,6 +92,15 @@ class Rise:
     def rest(self) -> float | None:
         """Deflection without voltage [m]."""
         return (float(self.model.deflection(self.stops[0].point.state)) if self.stops else None)
+
+    @property
+    def stroke(self) -> float | None:
+        """Deflection at the first limit, or at the end, less that without voltage [m]."""
+        within = [stop for case, stop in zip(self.cases, self.stops, strict=True)
+                  if self.limits.beyond(case.voltage) is None]
+        if not within or self.rest is None:
+            return None
+        return float(within[-1].model.deflection(within[-1].point.state)) - self.rest
 
     @property
     def warnings(self) -> list[str]:
@@ -108,19 +123,20 @@ class LimitsResult(SpecimenRecord):
 
     mass_kg: float
     limits: Limits
+    stroke_m: StrokeToLimit = None
     warnings: Warnings = ()
 
     def json(self) -> dict[str, Any]:
         """Result as a JSON object: the limits stand beside specimen and mass."""
         return {"specimen": self.specimen, "mass_kg": self.mass_kg, **to_json(self.limits),
-                "warnings": list(self.warnings)}
+                "stroke_m": self.stroke_m, "warnings": list(self.warnings)}
 
     @classmethod
     def of(cls, case: Case, settings: Settings) -> LimitsResult:
         """How far the voltage of a case can be raised from 0."""
         risen = rise(case, settings)
         return cls(specimen=case.specimen.name, mass_kg=case.mass, limits=risen.limits,
-                   warnings=(*risen.warnings, *case.remarks))
+                   stroke_m=risen.stroke, warnings=(*risen.warnings, *case.remarks))
 
 
 def limits(case: Case, settings: Settings) -> Limits:

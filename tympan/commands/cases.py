@@ -56,22 +56,16 @@ def solve(options: argparse.Namespace) -> None:
     """
     from dataclasses import replace
 
+    from tympan import solving
     from tympan.fem.rig import DIRECTIONS
-    from tympan.studies.limits import solve_within
 
     case = replace(read_case(options),
                    elapsed=parse_quantity(options.elapsed, "time", "--elapsed"),
                    direction=DIRECTIONS[options.direction])
-    settings, film = read_settings(options), options.output is not None
-    if options.after is None:
-        finish(options, solve_within(case, settings, film), specimen=case.specimen)
-        return
-    from tympan.studies.transient import solve_after
-
-    after = parse_quantity(options.after, "time", "--after")
-    if not 0 <= after < 1e9:
-        raise InputError("must be 0 or positive", key="--after", given=options.after)
-    finish(options, solve_after(case, after, settings, film), specimen=case.specimen)
+    with naming_options(options):
+        result = solving.solve(case, read_settings(options), options.after,
+                               film=options.output is not None)
+    finish(options, result, specimen=case.specimen)
 
 
 @command("limits", SPECIMEN, argument("--mass", help='of plate, hook and weight, such as "17.9 g" '
@@ -273,26 +267,17 @@ def tolerance(options: argparse.Namespace) -> None:
          example='oval.toml --mass "17.9 g" -o path')
 def path(options: argparse.Namespace) -> None:
     """Equilibria through limit points, stable or not, by arc length; or a loop in time."""
+    from tympan import solving
     from tympan.progress import bar
-    from tympan.studies.path import path
 
     case = read_case(options)
-    if options.to is not None and options.rate is None:
-        raise InputError("is where a loop turns: --rate must be given too", key="--to",
-                         given=options.to)
     if options.fields and options.output is None:
         raise InputError("must be given to say where the fields go", key="-o")
+    with naming_file(options.rig), naming_options(options), bar(1) as progress:
+        result = solving.follow(case, read_settings(options), options.along, options.rate,
+                                options.to, options.fields, progress)
     if options.rate is not None:
-        from tympan.studies.transient import MOMENTS_OF_LOOP, loop
-
-        rate = parse_quantity(options.rate, "voltage rate", "--rate")
-        turn = None if options.to is None else parse_quantity(options.to, "voltage", "--to")
         options.command = "transient"  # stored, drawn and told as one
-        moments = MOMENTS_OF_LOOP if options.fields else 0
-        finish(options, loop(case, rate, turn, read_settings(options), moments))
-        return
-    with naming_file(options.rig), bar(1) as progress:
-        result = path(case, read_settings(options), options.along, progress, options.fields)
     finish(options, result)
 
 

@@ -1,0 +1,54 @@
+"""One case, or a path from it on, in equilibrium or in time, for commands and for Python.
+
+Quantities are SI numbers or texts with their unit; what is wrong with one is said of its name.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Literal
+
+from tympan.geometry.errors import InputError
+from tympan.geometry.fields import number
+
+if TYPE_CHECKING:
+    from tympan.studies.case import Case, CaseResult, Settings
+    from tympan.studies.path import PathResult
+    from tympan.studies.trace import Responses
+
+#: Longest time after the voltage was switched on [s], some thirty years.
+_LONGEST = 1e9
+
+
+def solve(case: Case, settings: Settings, after: float | str | None, film: bool) -> CaseResult:
+    """A case in equilibrium with its limits, or so long ``after`` its voltage was switched on."""
+    if after is None:
+        from tympan.studies.limits import solve_within
+
+        return solve_within(case, settings, film)
+    from tympan.studies.transient import solve_after
+
+    passed = number(after, "time", "after")
+    if not 0 <= passed < _LONGEST:
+        raise InputError("must be 0 or positive", key="after", given=after)
+    return solve_after(case, passed, settings, film)
+
+
+def follow(case: Case, settings: Settings, along: Literal["voltage", "charge", "mass", "pressure"],
+           rate: float | str | None, to: float | str | None, fields: bool,
+           progress: Callable[[str], None] = lambda words: None) -> PathResult | Responses:
+    """Equilibria from a case on; or, at a ``rate``, a loop in time that turns at a voltage ``to``.
+
+    ``fields``: with the film of every station, or at moments of the loop.
+    """
+    if rate is None:
+        from tympan.studies.path import path
+
+        if to is not None:
+            raise InputError("is where a loop turns: rate must be given too", key="to", given=to)
+        return path(case, settings, along, progress, fields)
+    from tympan.studies.transient import MOMENTS_OF_LOOP, loop
+
+    turn = None if to is None else number(to, "voltage", "to")
+    return loop(case, number(rate, "voltage rate", "rate"), turn, settings,
+                MOMENTS_OF_LOOP if fields else 0)
