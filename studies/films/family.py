@@ -24,10 +24,12 @@ from numpy.typing import NDArray
 from tympan.fem.derivatives.shape import motion_between, velocity
 from tympan.fem.equilibrium.newton import Solution, moved, newton
 from tympan.fem.equilibrium.path_following import PathSettings
+from tympan.fem.equilibrium.ramp import Outcome
 from tympan.fem.equilibrium.solve import equilibrium
 from tympan.fem.membrane.biases import Spring
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import Load, PlateMotion, State
+from tympan.fem.results.fields import node_fields
 from tympan.fem.rig import Rig
 from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Specimen
@@ -107,10 +109,11 @@ class FamilyStates:
     and share of the strength at ``breakdown``, with the place in the mounted film, (films, states,
     2), field and strength there (``weakest``), the least ``tension``, the plate's ``tilt``, the
     lowest ``frequency`` [Hz] along the load, nan where no masses were given; whether the film is
-    ``sound``: firm in itself, its law within its range. nan where the family
-    ``holds`` no state: outside its box or loads, without a stable equilibrium, or no longer in
-    tension everywhere. Finite elements then say what is there. ``q``: the shapes' amplitudes,
-    (films, states, shapes).
+    ``sound``: firm in itself, its law within its range. ``stress_error``: by how much the largest
+    stress differs at most from that on a mesh of the film's own. nan where the family ``holds`` no
+    state: outside its box or loads, without a stable equilibrium, or no longer in tension
+    everywhere, which is ``slack``. Finite elements then say what is there. ``q``: the shapes'
+    amplitudes, (films, states, shapes).
     """
 
     deflection: Array
@@ -132,6 +135,27 @@ class FamilyStates:
     sound: NDArray[np.bool_]
     holds: NDArray[np.bool_]
     q: Array
+    stress_error: Array
+    slack: NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class FamilyLimits:
+    """Voltages [V] at which films break down, lose tension or pull in, (films, forces) each.
+
+    Infinite where that does not happen within the family's voltages, or a pull-in comes first; nan
+    where it is not looked for: without a state at the lowest of these, and beyond the loss of
+    tension.
+    """
+
+    breakdown: Array
+    tension: Array
+    pull_in: Array
+
+    @property
+    def taut(self) -> Array:
+        """Up to which voltages films are taut and stable [V]."""
+        return np.asarray(np.fmin(self.tension, self.pull_in))
 
 
 @dataclass(frozen=True, eq=False)
@@ -263,7 +287,8 @@ class FilmFamily:
     ``force`` [N] and ``voltage`` [V]: lowest and highest, of the film itself. ``factor`` by which
     the ``check``'s estimate and the ``usual`` one, a share of the deflection, cover the errors of
     random films on the family's mesh: an estimate has a sign and happens to be nothing at times.
-    ``remeshed``: the largest share by which films' deflections on meshes of their own differ.
+    ``remeshed``: the largest share by which films' deflections on meshes of their own differ, and
+    ``restressed`` the same of their largest stresses.
     ``places``: nodes at which some film is nearly strained or charged most.
     ``snapshots``: how many states of finite elements it was made from.
     """
@@ -278,6 +303,7 @@ class FilmFamily:
     factor: float = 1.0
     usual: float = 1e-7
     remeshed: float = 0.0
+    restressed: float = 0.0
     snapshots: int = 0
 
     @classmethod
@@ -375,7 +401,8 @@ class FilmFamily:
         holds = balance.sound & self.box.holds(rows)[number] & self._loads_within(force, voltage)
         q = np.where(holds[:, None], balance.q, np.nan)
         extremes = films.extremes(films.at(self.places), number, q, squared)
-        holds &= extremes.tension > 0
+        slack = holds & ~(extremes.tension > 0)
+        holds &= ~slack
         q[~holds] = np.nan
         capacitance, energy = films.stored(number, q, squared)
         carried = np.where(holds, force - films.spring * q[:, 0], np.nan)
@@ -390,11 +417,13 @@ class FilmFamily:
                   "tension": extremes.tension, "electric": extremes.electric,
                   "breakdown": extremes.share, "weakest_field": extremes.weakest_field,
                   "weakest_strength": extremes.weakest_strength, "tilt": self._tilt(q),
-                  "frequency": _frequency(films, number, q, squared, mass)}
+                  "frequency": _frequency(films, number, q, squared, mass),
+                  "stress_error": self.restressed * extremes.stress}
         masked = {name: np.where(holds, value, np.nan).reshape(shape)
                   for name, value in values.items()}
         return FamilyStates(**masked, weakest=place.reshape(*shape, 2), holds=holds.reshape(shape),
-                            sound=extremes.sound.reshape(shape), q=q.reshape(*shape, -1))
+                            slack=slack.reshape(shape), sound=extremes.sound.reshape(shape),
+                            q=q.reshape(*shape, -1))
 
     def frequency(self, parameters: Any, forces: Any, voltages: Any, masses: Any) -> Array:
         """Lowest frequency [Hz] at which plates swing along the load, (films, states).
@@ -408,10 +437,15 @@ class FilmFamily:
         """Voltages [V] at which films break down, and up to which they are taut and stable.
 
         Forces [N] are broadcast to (films, forces), the shape of both. The second is that of the
-        first loss of tension or of pull-in, whichever comes first; finite elements say which.
+        first loss of tension or of pull-in, whichever comes first: :meth:`ends` says which.
         Infinite where it is not met within the family's voltages, nan where there is no state at
         the lowest of these, or where a film stops being taut before it breaks down.
         """
+        ends = self.ends(parameters, forces)
+        return ends.breakdown, ends.taut
+
+    def ends(self, parameters: Any, forces: Any) -> FamilyLimits:
+        """Voltages at which films break down, lose tension or pull in; forces as :meth:`limits`."""
         rows = np.atleast_2d(np.asarray(parameters, dtype=float))
         force = np.broadcast_to(np.asarray(forces, float), (len(rows), np.shape(forces)[-1]
                                                             if np.ndim(forces) else 1))
@@ -421,7 +455,7 @@ class FilmFamily:
             states = self.states(rows, force, np.sqrt(squared), check=False)
             return ~states.holds | (broken & (states.breakdown >= 1))
 
-        found = []
+        found, slack = [], np.zeros(force.shape, dtype=bool)
         for broken in (True, False):
             first, last = low.copy(), high.copy()
             for _ in range(_HALVINGS):
@@ -430,9 +464,13 @@ class FilmFamily:
                 last, first = np.where(beyond, middle, last), np.where(beyond, first, middle)
             voltage = np.where(met(high, broken), np.sqrt((first + last) / 2), np.inf)
             found.append(np.where(met(low, False), np.nan, voltage))
+            slack = self.states(rows, force, np.sqrt(last), check=False).slack
         breakdown, taut = found
-        return np.where(breakdown < taut * (1 - _SAME), breakdown,
-                        np.where(np.isinf(taut), breakdown, np.nan)), taut
+        breakdown = np.where(breakdown < taut * (1 - _SAME), breakdown,
+                             np.where(np.isinf(taut), breakdown, np.nan))
+        kept = np.where(np.isnan(taut), np.nan, np.inf)
+        return FamilyLimits(breakdown, np.where(slack, taut, kept),
+                            np.where(slack & np.isfinite(taut), np.nan, taut))
 
     def _tilt(self, q: Array) -> Array:
         """Tilts of the plates [rad]."""
@@ -655,18 +693,23 @@ class _Making:
         usual = float(np.nanmean(shares.error / np.abs(shares.deflection)))
         family = replace(family, usual=usual)
         states = family.states(rows, forces[:, None], voltages)
-        ratios, solved = [], list[tuple[int, float]]()
+        ratios, solved, stresses = [], list[tuple[int, float]](), [0.0]
         for number in np.flatnonzero(states.holds[:, 0]).tolist():
             found = self._found(family, states.q[number, 0], rows[number], forces[number],
                                 squares[number])
             if found is not None:
-                deflection = found[1].state.plate.deflection
+                deflection, stress = _moved(*found)
                 solved.append((number, deflection))
                 ratios.append(abs(deflection - states.deflection[number, 0])
                               / states.error[number, 0])
-        return replace(family, factor=_MARGIN * max([1.0, *ratios]), remeshed=max(
-            (self._remeshed(rows[number], forces[number], squares[number], deflection)
-             for number, deflection in self._outermost(rows, solved)), default=0.0))
+                stresses.append(abs(stress / states.stress[number, 0] - 1))
+        remeshed = [0.0]
+        for number, deflection in self._outermost(rows, solved):
+            apart, stress = self._remeshed(rows[number], forces[number], squares[number])
+            remeshed.append(abs(apart - deflection) / abs(deflection))
+            stresses.append(abs(stress / states.stress[number, 0] - 1))
+        return replace(family, factor=_MARGIN * max([1.0, *ratios]), remeshed=max(remeshed),
+                       restressed=_MARGIN * max(stresses))
 
     def _found(self, family: FilmFamily, q: Array, row: Array, force: float, squared: float
                ) -> tuple[Model, Solution] | None:
@@ -681,9 +724,14 @@ class _Making:
         far = np.linalg.norm(box.scaled(rows)[:, lengths], axis=1)
         return sorted(solved, key=lambda pair: -far[pair[0]])[: _REMESHED if lengths else 0]
 
-    def _remeshed(self, row: Array, force: float, squared: float, deflection: float) -> float:
-        """Share by which the deflection of a film is another one on a mesh of its own."""
+    def _remeshed(self, row: Array, force: float, squared: float) -> tuple[float, float]:
+        """Deflection [m] and largest stress [Pa] of a film on a mesh of its own."""
         ground = self.ground
         fresh = ground.fresh(row)
-        outcome = equilibrium(fresh, force, squared**0.5, settings=ground.path)
-        return abs(fresh.deflection(outcome.state) - deflection) / abs(deflection)
+        return _moved(fresh, equilibrium(fresh, force, squared**0.5, settings=ground.path))
+
+
+def _moved(model: Model, solved: Solution | Outcome) -> tuple[float, float]:
+    """Deflection [m] and largest stress [Pa] of a film of finite elements."""
+    there, = node_fields(model, [solved.state])
+    return model.deflection(solved.state), float(there.stress_1.max())

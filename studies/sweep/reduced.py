@@ -199,7 +199,8 @@ def _rows(tasks: Sequence[SweepTask], family: FilmFamily, states: FamilyStates) 
                "breakdown_margin": 1 / np.where(share > 0, share, np.nan),
                "breakdown_x_m": states.weakest[..., 0], "breakdown_y_m": states.weakest[..., 1],
                "tilt_rad": states.tilt, "energy_J": states.energy,
-               "deflection_error_m": states.error}
+               "deflection_error_m": states.error,
+               "max_true_stress_error_Pa": states.stress_error}
     columns = [values.tolist() for values in numbers.values()]
     blank = dict.fromkeys(COLUMNS) | {
         "status": "equilibrium", "slack_area_m2": 0.0, "slack_share": 0.0,

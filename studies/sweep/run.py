@@ -27,7 +27,7 @@ from tympan.studies.sweep.plan import Sweep
 from tympan.studies.sweep.reduced import Batch, batches
 from tympan.studies.sweep.table import dataset, read_table, write_tables
 from tympan.studies.sweep.task import (
-    BY_ELEMENTS,
+    EXACT_ROW,
     SweepTask,
     TaskResult,
     solver,
@@ -141,8 +141,8 @@ class Checkpoint:
             return None
         try:
             content = json.loads(body)
-            rows = [{"by": BY_ELEMENTS, "deflection_error_m": None} | row
-                    for row in content["rows"]]  # what was kept before there were others
+            # What was kept before there were others.
+            rows = [EXACT_ROW | row for row in content["rows"]]
             result = TaskResult(rows, content.get("answers", {}), content["wall_s"])
             whole = (content["task"] == task.id and result.answers_all(task)
                      and all(fields_file(self.folder, case_id).exists()

@@ -147,7 +147,7 @@ class SweepTask:
         solved = solve_grid(model, self.masses, self.voltages, self.rig, self.settings.path)
         for number, (case_id, (result, outcome)) in enumerate(zip(self.ids, solved, strict=True)):
             record = result.json()
-            solution.rows.append({"id": case_id, "by": BY_ELEMENTS, "deflection_error_m": None}
+            solution.rows.append({"id": case_id} | EXACT_ROW
                                  | {name: record[name] for name in _OF_CASE})
             asked = SolvedCase(Case(self.specimen, mass=result.mass_kg, voltage=result.voltage_V,
                                rig=self.rig), self.settings, model, outcome, self.ask.circles)
@@ -205,10 +205,14 @@ _OF_CASE: tuple[str, ...] = tuple(
     if item.name not in ("specimen", "mass_kg", "voltage_V", "stroke_m", "wall_s", "film", "limits",
                          "limit", "equilibria"))
 
-#: With what a row is by, and the estimated error of its deflection where that is a reduced film's.
-COLUMNS: tuple[str, ...] = (*_OF_CASE, "by", "deflection_error_m")
-
 #: A row by finite elements.
 BY_ELEMENTS = "finite elements"
 #: A row by a reduced film.
 BY_REDUCED = "reduced"
+
+#: What a row of finite elements says it is by, and no errors of its deflection and largest stress:
+#: those are of reduced films.
+EXACT_ROW: Row = {"by": BY_ELEMENTS, "deflection_error_m": None, "max_true_stress_error_Pa": None}
+
+#: With these.
+COLUMNS: tuple[str, ...] = (*_OF_CASE, *EXACT_ROW)

@@ -105,18 +105,26 @@ def test_frequencies_are_those_of_finite_elements() -> None:
 
 
 def test_limits_are_those_of_finite_elements() -> None:
-    """Films that break down and then lose tension or pull in."""
+    """Films that break down and then lose tension, before they pull in."""
     strong = replace(OVAL, membrane=replace(OVAL.membrane, strength=PowerStrength(
         strength=24e6, exponent=0.5, thickness_exponent=0.0, thickness=1e-3)))
     wide = FilmFamily.around(strong, SCATTER, FORCE, (0.0, 9.5e3))
     rows, _, _ = drawn(wide.box, 3, 4)
     mass = 0.02
     breakdown, taut = wide.limits(rows, Rig().force(mass))
+    ends = wide.ends(rows, Rig().force(mass))
+    np.testing.assert_array_equal(ends.tension, taut)
+    assert np.isnan(ends.pull_in).all()
     for row, *voltages in zip(rows, breakdown[:, 0], taut[:, 0], strict=True):
         known = limits(Case(wide.box.member(row), mass=mass), Settings())
         assert known.breakdown is not None
-        end = min(limit.voltage_V for limit in known.reached if limit.kind != "breakdown")
-        np.testing.assert_allclose(voltages, [known.breakdown.voltage_V, end], rtol=5e-3)
+        assert known.tension is not None
+        assert known.tension.voltage_V == min(limit.voltage_V for limit in known.reached
+                                              if limit.kind != "breakdown")
+        np.testing.assert_allclose(voltages, [known.breakdown.voltage_V, known.tension.voltage_V],
+                                   rtol=5e-3)
+    low = family(True).ends(rows, Rig().force(mass))
+    assert np.isinf([low.tension, low.pull_in, low.taut]).all()
 
 
 def test_many_films_at_once_are_each_alone() -> None:

@@ -75,6 +75,10 @@ def test_a_reduced_table_is_that_of_finite_elements(folder: Path) -> None:
     off = np.abs(near["deflection_m"] - exact["deflection_m"]).values
     assert np.nanmax(off / exact["deflection_m"].values) < EXACT
     assert (off[reduced] <= near["deflection_error_m"].values[reduced]).mean() >= 0.95
+    apart = np.abs(near["max_true_stress_Pa"] - exact["max_true_stress_Pa"]).values[reduced]
+    error = near["max_true_stress_error_Pa"].values[reduced]
+    assert (apart <= error).mean() >= 0.95
+    assert (error <= 0.02 * near["max_true_stress_Pa"].values[reduced]).all()
     for name, most in (("capacitance_F", 2e-5), ("reaction_N", 1e-6), ("energy_J", 2e-5),
                        ("max_stretch", 5e-3), ("max_true_stress_Pa", 1e-2),
                        ("max_field_V_per_m", 5e-3), ("breakdown_margin", 5e-3)):
