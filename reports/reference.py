@@ -35,7 +35,12 @@ from tympan.geometry.units import DIMENSIONS, quantity_text
 from tympan.reports.template import template
 from tympan.studies.effects import EFFECTS, listing
 from tympan.studies.sweep.asked import QUANTITIES
-from tympan.studies.tolerance.given import LengthScatter, Scatter, Tolerances
+from tympan.studies.tolerance.given import (
+    LengthScatter,
+    Scatter,
+    StrengthScatter,
+    Tolerances,
+)
 
 #: Where the kinds of a table are listed.
 _SECTIONS: tuple[tuple[str, Registry[Any]], ...] = (
@@ -51,6 +56,7 @@ def page(rig: type[Rig] = Rig) -> str:
               ("[electrode.outline]", Region), ("rig.toml", rig),
               ("TOLERANCES.toml", Tolerances), ("[thickness] and other shares", Scatter),
               ("[frame], [plate], [offset], [margin]", LengthScatter),
+              ("[strength]", StrengthScatter),
               ("[columns.static] and others of dataset.toml", Layout),
               ("a column there, by its name with the unit of the file's numbers", Stated))
     return template("reports/reference.txt", summary=_summary, named=listing.named).render(

@@ -37,4 +37,5 @@ from tympan.geometry.specimen import Specimen as Specimen
 from tympan.geometry.specimen import ViscousBranch as ViscousBranch
 from tympan.studies.tolerance.given import LengthScatter as LengthScatter
 from tympan.studies.tolerance.given import Scatter as Scatter
+from tympan.studies.tolerance.given import StrengthScatter as StrengthScatter
 from tympan.studies.tolerance.given import Tolerances as Tolerances

@@ -42,6 +42,7 @@ from tympan.geometry.specimen import Specimen as Specimen
 from tympan.geometry.specimen import ViscousBranch as AnyViscousBranch
 from tympan.studies.tolerance.given import LengthScatter as AnyLengthScatter
 from tympan.studies.tolerance.given import Scatter as Scatter
+from tympan.studies.tolerance.given import StrengthScatter as AnyStrengthScatter
 from tympan.studies.tolerance.given import Tolerances as Tolerances
 
 Quantity = float | str
@@ -178,3 +179,6 @@ class ViscousBranch(AnyViscousBranch):
 
 class LengthScatter(AnyLengthScatter):
     def __init__(self, film: Quantity = ..., batch: Quantity = ...) -> None: ...
+
+class StrengthScatter(AnyStrengthScatter):
+    def __init__(self, shape: float, area: Quantity | None = ...) -> None: ...

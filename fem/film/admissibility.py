@@ -185,13 +185,12 @@ def failures(film: Film, position: Array, l1: Array, l2: Array) -> list[str]:
     return result + beyond_range(film, position, l1, l2)
 
 
-def lawful(film: Film, l1: Any, l2: Any) -> NDArray[np.bool_]:
+def lawful(film: Film, l1: Any, l2: Any, derivatives: tuple[Any, ...]) -> NDArray[np.bool_]:
     """Where a film's law fails no criterion and is within its range, of the stretches' shape.
 
-    ``film`` may have arrays in place of numbers.
+    ``film`` may have arrays in place of numbers; ``derivatives`` are those of its law there.
     """
-    derivatives = _derivatives(film.material, l1, l2)
-    holds = np.all([margin(*derivatives) > 0 for margin in CRITERIA.values()], axis=0)
+    holds = np.all([margin(l1, l2, derivatives) > 0 for margin in CRITERIA.values()], axis=0)
     if film.law_range is not None:
         low, high = film.law_range
         visited = [l1, l2, *([1 / (l1 * l2)] if low <= _ROUNDED * high**-0.5 else [])]

@@ -13,7 +13,7 @@ the family was not made from: the estimate is scaled so that it covers the error
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Any
@@ -36,6 +36,7 @@ from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Settings, meshed, solved_loading
 from tympan.studies.films.box import Box, between
 from tympan.studies.films.check import ResidualCheck
+from tympan.studies.films.first_limits import KINDS, FirstLimits, Margins, first_limits
 from tympan.studies.films.many_films import Films
 from tympan.studies.films.reduction import Reduction, Snapshot, plate_freedoms
 from tympan.studies.films.sites import Sites
@@ -78,11 +79,6 @@ _RATE = 0.3
 #: Steps in which loads rise where no guess is near.
 _STEPS = 4
 
-
-#: Halvings of the range of U² in which a limit is looked for: voltages to some 1e-4.
-_HALVINGS = 14
-#: Relative difference of voltages that are the same as far as these halvings tell.
-_SAME = 1e-3
 
 #: Films that are computed together: their quadrature points take some 100 MB.
 _BLOCK = 500
@@ -357,8 +353,7 @@ class FilmFamily:
         shape = len(rows), *np.broadcast_shapes(loads[0].shape, (1, 1))[1:]
         force, voltage, mass = (np.broadcast_to(value, shape) for value in loads)
         blocks = [self._states(rows[part], force[part], voltage[part], mass[part], check)
-                  for part in (slice(start, start + _BLOCK)
-                               for start in range(0, len(rows), _BLOCK))]
+                  for part in _blocks(len(rows))]
         return FamilyStates(*(np.concatenate([getattr(block, item.name) for block in blocks])
                               for item in fields(FamilyStates)))
 
@@ -449,28 +444,49 @@ class FilmFamily:
         rows = np.atleast_2d(np.asarray(parameters, dtype=float))
         force = np.broadcast_to(np.asarray(forces, float), (len(rows), np.shape(forces)[-1]
                                                             if np.ndim(forces) else 1))
-        low, high = (np.full(force.shape, voltage**2) for voltage in self.voltage)
+        each = np.repeat(rows, force.shape[1], axis=0), force.ravel()
+        whole, first = (self.first_limits(*each, strength, firm=False)
+                        for strength in (np.inf, 1.0))
+        taut, none = whole.voltage, np.where(np.isnan(whole.voltage), np.nan, np.inf)
+        slack = (whole.kind == KINDS.index("tension")) & np.isfinite(taut)
+        broken = (first.kind == KINDS.index("breakdown")) & np.isfinite(first.voltage)
+        breakdown = np.where(broken, first.voltage, np.where(np.isinf(taut), taut, np.nan))
+        return FamilyLimits(*(voltage.reshape(force.shape) for voltage in (
+            breakdown, np.where(slack, taut, none), np.where(slack, np.nan, taut))))
 
-        def met(squared: Array, broken: bool) -> Array:
-            states = self.states(rows, force, np.sqrt(squared), check=False)
-            return ~states.holds | (broken & (states.breakdown >= 1))
+    def first_limits(self, parameters: Array, forces: Array, strengths: Any = 1.0, *,
+                     firm: bool = True) -> FirstLimits:
+        """First limits of films, (films, names), as the voltage rises under forces [N], (films,).
 
-        found, slack = [], np.zeros(force.shape, dtype=bool)
-        for broken in (True, False):
-            first, last = low.copy(), high.copy()
-            for _ in range(_HALVINGS):
-                middle = (first + last) / 2
-                beyond = met(middle, broken)
-                last, first = np.where(beyond, middle, last), np.where(beyond, first, middle)
-            voltage = np.where(met(high, broken), np.sqrt((first + last) / 2), np.inf)
-            found.append(np.where(met(low, False), np.nan, voltage))
-            slack = self.states(rows, force, np.sqrt(last), check=False).slack
-        breakdown, taut = found
-        breakdown = np.where(breakdown < taut * (1 - _SAME), breakdown,
-                             np.where(np.isinf(taut), breakdown, np.nan))
-        kept = np.where(np.isnan(taut), np.nan, np.inf)
-        return FamilyLimits(breakdown, np.where(slack, taut, kept),
-                            np.where(slack & np.isfinite(taut), np.nan, taut))
+        ``strengths``: factors on the films' electric strength, (films,) or one; ``firm``: also
+        where films give way in themselves.
+        """
+        strength = np.broadcast_to(np.asarray(strengths, float), len(parameters))
+
+        def found(some: Array, squared: Array, near: Array | None) -> Margins:
+            parts = [self._margins(parameters[part], forces[part], squared[at], strength[part],
+                                   None if near is None else near[at], firm)
+                     for at in _blocks(len(some)) for part in (some[at],)]
+            return Margins(*(np.concatenate([getattr(part, item.name) for part in parts])
+                             for item in fields(Margins)))
+
+        low, high = (voltage**2 for voltage in self.voltage)
+        return first_limits(found, len(parameters), low, high)
+
+    def _margins(self, rows: Array, force: Array, squared: Array, strength: Array,
+                 near: Array | None, firm: bool) -> Margins:
+        films, number = self.films(rows), np.arange(len(rows))
+        if near is None:
+            balance = self.guess.balanced(films, self.box.scaled(rows), number, force, squared)
+        else:
+            balance = films.balanced(number, force, squared, near)
+        holds = balance.sound & self.box.holds(rows) & self._loads_within(force, squared**0.5)
+        q = np.where(holds[:, None], balance.q, np.nan)
+        extremes = films.extremes(films.at(self.places), number, q, squared)
+        stiffness = np.where(holds, balance.stiffness, np.nan)
+        return Margins(np.stack([extremes.tension, stiffness**2,
+                                 1 - (extremes.share / strength) ** 2], 1),
+                       extremes.sound | (not firm), q)
 
     def _tilt(self, q: Array) -> Array:
         """Tilts of the plates [rad]."""
@@ -495,6 +511,11 @@ class FilmFamily:
         off = self.factor * (off + self.usual * deflection[most])
         off += self.remeshed * deflection[most]
         return np.where(np.isfinite(q[:, 0]), np.repeat(off, shape[1]), np.nan)
+
+
+def _blocks(count: int) -> Iterator[slice]:
+    """Slices of films that are computed together."""
+    return (slice(start, start + _BLOCK) for start in range(0, count, _BLOCK))
 
 
 def _frequency(films: Films, number: Array, q: Array, squared: Array, mass: Array) -> Array:

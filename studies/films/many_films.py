@@ -13,6 +13,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import combinations_with_replacement
+from operator import add
 from typing import Any
 
 import numpy as np
@@ -258,8 +259,10 @@ class Films:
         covered = at.shapes.sites.covered
         strained, film = self.strain(at, films, q), self.some(films).membrane
         first, second = strained.stretches
-        whole = self.density(films, squared, covered).material.derivatives(first, second)
-        sound = (strong_ellipticity(first, second, whole) > 0) & lawful(film, first, second)
+        law = film.material.derivatives(first, second)
+        charged = self.density(films, squared, covered).maxwell.derivatives(first, second)
+        whole = tuple(map(add, law, charged))
+        sound = (strong_ellipticity(first, second, whole) > 0) & lawful(film, first, second, law)
         _, w1, w2, *_ = whole
         thickness = film.thickness / (first * second)
         electric = covered * np.sqrt(squared)[:, None] / thickness

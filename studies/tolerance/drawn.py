@@ -2,28 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import truncnorm
 
 from tympan.geometry.specimen import Specimen
 from tympan.studies.films.box import Box
-from tympan.studies.tolerance.given import AMPLIFIER, LOAD, Cause
+from tympan.studies.tolerance.given import FACTORS, Cause
 from tympan.studies.tolerance.shares import Design
 
 Array = NDArray[Any]
-
-#: Standard deviations beyond which there is no film: a workshop throws it away.
-_FARTHEST = 3.0
-#: The normal distribution within these, of standard deviation 1.
-_WIDTH = float(truncnorm.std(-_FARTHEST, _FARTHEST))
-
-#: Factors that are no numbers of the specimen.
-_FACTORS = (LOAD, AMPLIFIER)
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,32 +38,41 @@ class Scattered:
 
     def around(self) -> dict[str, tuple[float, float]]:
         """Lowest and highest value of all numbers, by name; of load and amplifier the factor."""
-        edge = np.full(len(self._inputs), _FARTHEST / _WIDTH)
-        low, high = self._moved(-edge[None]), self._moved(edge[None])
-        return {name: (float(low[name][0]), float(high[name][0])) for name in low}
+        bounded = [cause for cause in self.causes if cause.weibull is None]
+        ends = Scattered(self.specimen, tuple(bounded))
+        found = ends.values(np.outer([0.0, 1.0], np.ones(len(ends._inputs))))
+        return {name: (float(low), float(high)) for name, (low, high) in found.items()}
 
     def values(self, points: Array) -> dict[str, Array]:
         """The numbers at points (films, inputs) from 0 to 1, by name, (films,) each."""
-        return self._moved(truncnorm.ppf(points, -_FARTHEST, _FARTHEST) / _WIDTH)
-
-    def _moved(self, normal: Array) -> dict[str, Array]:
         values: dict[str, Array] = {}
-        for (cause, target), deviation in zip(self._inputs, normal.T, strict=True):
-            before = values.get(target, self._nominal(target))
-            change = cause.deviation * deviation
-            values[target] = before * np.exp(change) if cause.relative else before + change
+        for (cause, target), shares in zip(self._inputs, points.T, strict=True):
+            values[target] = cause.moved(values.get(target, self._nominal(target)), shares)
         return values
 
     def _nominal(self, target: str) -> float:
-        if target in _FACTORS:
+        if target in FACTORS:
             return 1.0
         return float(Box.around(self.specimen, {target: (0.0, 1.0)}).row(self.specimen)[0])
 
 
-def split(values: dict[str, Array]) -> tuple[Sequence[str], Array, Array, Array]:
-    """Names and rows of a family's parameters, and the factors of load and voltage."""
-    names = [name for name in values if name not in _FACTORS]
-    count = len(next(iter(values.values())))
-    rows = np.array([values[name] for name in names]).reshape(len(names), count).T
-    load, amplifier = (values.get(name, np.ones(count)) for name in _FACTORS)
-    return names, rows, load, amplifier
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """Films by a family's parameters ``names``: ``rows`` (films, names).
+
+    And factors of load, voltage and electric strength, (films,) each.
+    """
+
+    names: Sequence[str]
+    rows: Array
+    load: Array
+    amplifier: Array
+    strength: Array
+
+    @classmethod
+    def of(cls, values: Mapping[str, Array]) -> Self:
+        """Those of numbers by name."""
+        names = [name for name in values if name not in FACTORS]
+        count = len(next(iter(values.values())))
+        rows = np.array([values[name] for name in names]).reshape(len(names), count).T
+        return cls(names, rows, *(values.get(name, np.ones(count)) for name in FACTORS))

@@ -16,6 +16,7 @@ QUANTITIES = {
     "blocked_force_N": ("blocked force", "mN", 1e3),
     "capacitance_F": ("capacitance", "pF", 1e12),
     "frequency_Hz": ("frequency", "Hz", 1.0),
+    "limit_V": ("first limit", "kV", 1e-3),
 }
 
 
@@ -85,6 +86,17 @@ class Chance:
 
 
 @dataclass(frozen=True, kw_only=True)
+class FilmLimits:
+    """Which limit films meet first as the voltage rises."""
+
+    films: Annotated[int, Key("films whose first limit was sought, of all")]
+    highest_V: Annotated[float, Key("nominal voltage up to which it was sought")]
+    kinds: Annotated[Mapping[str, float], Key(
+        "share of these films by the kind of their first limit, the largest first; the rest has "
+        "none up to that voltage")]
+
+
+@dataclass(frozen=True, kw_only=True)
 class ToleranceResult(CaseRecord):
     """Distributions of what films have whose numbers scatter, SI."""
 
@@ -99,7 +111,10 @@ class ToleranceResult(CaseRecord):
     reached: Annotated[Chance, Key(
         "films with a stable equilibrium at the voltage, firm and in tension everywhere and below "
         "their electric strength")]
-    quantities: Annotated[Mapping[str, Spread], Key("distributions, by quantity and unit")]
+    quantities: Annotated[Mapping[str, Spread], Key(
+        "distributions, by quantity and unit; limit_V, the nominal voltage of the first limit, is "
+        "of the films of limits.films that have one")]
+    limits: Annotated[FilmLimits, Key("first limits")]
     error: Annotated[float, Key(
         "largest estimated error of the reduced films' deflection, relative, of some of them")]
     made_s: Annotated[float, Key("time that making the family of films took, of wall_s")]

@@ -7,7 +7,7 @@ and for each group of inputs one that has this group of B and all else of A.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -45,6 +45,13 @@ class Design:
     def points(self) -> Array:
         """All points, (samples × size, inputs)."""
         return self.uniform.reshape(-1, self.uniform.shape[2])
+
+    def part(self, share: float) -> tuple[Design, NDArray[np.int64]]:
+        """The first of the points, a power of two's part of them, and their numbers."""
+        samples, size, _ = self.uniform.shape
+        count = max(16, round(share * size))
+        numbers = size * np.arange(samples)[:, None] + np.arange(count)
+        return replace(self, uniform=self.uniform[:, :count]), numbers.ravel()
 
     def shares(self, values: Array, seed: int = 0) -> Shares:
         """Shares of the variance of values at all points; nan where there is none.

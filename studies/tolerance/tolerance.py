@@ -19,12 +19,14 @@ from tympan.geometry.specimen import Specimen
 from tympan.geometry.toml_reader import Rule
 from tympan.studies.case import Case, Settings
 from tympan.studies.films.family import FamilySettings, FamilyStates, FilmFamily
+from tympan.studies.films.first_limits import KINDS
 from tympan.studies.limits.loads import usual_masses, usual_voltages
-from tympan.studies.tolerance.drawn import Scattered, split
-from tympan.studies.tolerance.given import Cause, Tolerances, causes
+from tympan.studies.limits.voltages import first_limit
+from tympan.studies.tolerance.drawn import Rows, Scattered
+from tympan.studies.tolerance.given import AMPLIFIER, LOAD, Cause, Tolerances, causes
 from tympan.studies.tolerance.result import (
-    QUANTITIES,
     Chance,
+    FilmLimits,
     GivenTolerance,
     Spread,
     ToleranceResult,
@@ -49,6 +51,13 @@ _CHECKED = 200
 _TOLD = (0.05, 0.5, 0.95)
 #: Share of films that may miss a voltage where the shares of variance are still told.
 _MISSED = 0.05
+#: Part of the films whose limits are sought: each takes some five states.
+_LIMITED = 1 / 8
+#: How far above the nominal film's first limit films' limits are sought: with the library's scatter
+#: of VHB, which is large, it is that of 1 film in 300.
+_ABOVE = 1.4
+#: Share of films without a limit from which on it is worth a word.
+_FEW = 0.005
 #: Bins of a histogram.
 _BINS = 40
 
@@ -105,23 +114,27 @@ def tolerance(case: ToleranceCase, settings: Settings,
     progress(f"{drawn.films} films")
     values = drawn.solved()
     reached = drawn.reached(values)
+    limits = drawn.limits()
     warnings = [*Case(case.specimen, mass=mass, voltage=voltage, rig=case.rig).remarks, *words]
     return ToleranceResult(
         specimen=case.specimen.name, mass_kg=mass, voltage_V=voltage, films=drawn.films,
         seed=case.seed, tolerances=tuple(map(_stated, found)), reached=_chance(reached),
-        quantities=drawn.spreads(values, reached), error=drawn.error(),
+        quantities=drawn.spreads(values, reached) | limits.spread(), limits=limits.record(),
+        error=drawn.error(),
         made_s=made - began, wall_s=time.perf_counter() - began,
-        warnings=(*warnings, *_missed(reached), *_without_air(case.rig)))
+        warnings=(*warnings, *_missed(reached), *limits.warnings, *_without_air(case.rig)))
 
 
 @dataclass(frozen=True, eq=False)
 class Drawn:
     """Films that are drawn, and the family that solves them.
 
-    ``rows`` (films, parameters), ``forces`` [N], ``masses`` that swing [kg] and ``voltages`` across
-    the film [V], (films,); the first film is the nominal one, the others are the design's.
+    ``rows`` (films, parameters), ``forces`` [N], ``masses`` that swing [kg], ``voltages`` across
+    the film [V], factors ``strength`` and ``amplifier``, (films,); the first film is the nominal
+    one, the others are the design's.
     """
 
+    rig: Rig
     family: FilmFamily
     causes: tuple[Cause, ...]
     design: Design
@@ -129,6 +142,8 @@ class Drawn:
     forces: Array
     masses: Array
     voltages: Array
+    strength: Array
+    amplifier: Array
 
     @classmethod
     def of(cls, case: ToleranceCase, found: tuple[Cause, ...], mass: float, voltage: float,
@@ -138,19 +153,20 @@ class Drawn:
         design = scattered.design(case.films, case.seed)
         around = scattered.around()
         middle = np.full((1, design.uniform.shape[2]), 0.5)
-        names, rows, load, amplifier = split(scattered.values(
-            np.concatenate([middle, design.points])))
+        drawn = Rows.of(scattered.values(np.concatenate([middle, design.points])))
         size, rig = float(area(case.specimen.needed_plate().outline)), case.rig
-        forces = rig.force(mass * load, size)
-        masses = mass * load + rig.unaccounted_mass + rig.added_mass
-        across = float(rig.film_voltage(voltage)) * amplifier
-        _, _, loads, amplifiers = split({name: np.array(ends) for name, ends in around.items()})
-        low, high = rig.force(mass * loads, size)
+        across = float(rig.film_voltage(voltage))
+        loads, amplifiers = (around.get(name, (1.0, 1.0)) for name in (LOAD, AMPLIFIER))
+        low, high = rig.force(mass * np.array(loads), size)
+        first = first_limit(Case(case.specimen, mass=mass, rig=rig), settings)
+        limit = 0.0 if first is None else _ABOVE * float(rig.film_voltage(first.voltage_V))
         family = FilmFamily.around(
-            case.specimen, {name: around[name] for name in names}, (low, high),
-            (0.0, float(rig.film_voltage(voltage)) * float(amplifiers[-1])), rig, settings,
-            FamilySettings(error=_ERROR))
-        return cls(family, found, design, rows, forces, masses, across)
+            case.specimen, {name: around[name] for name in drawn.names}, (low, high),
+            (0.0, max(across * amplifiers[1], limit)), rig, settings, FamilySettings(error=_ERROR))
+        return cls(rig, family, found, design, drawn.rows, rig.force(mass * drawn.load, size),
+                   mass * drawn.load + rig.unaccounted_mass + rig.added_mass,
+                   across * drawn.amplifier, drawn.strength * _median(family, drawn.rows, found),
+                   drawn.amplifier)
 
     @property
     def films(self) -> int:
@@ -166,9 +182,9 @@ class Drawn:
         values = {"deflection_m": deflection, "stroke_m": deflection - rest[:, 0],
                   "blocked_force_N": self.forces - held, "capacitance_F": capacitance,
                   "frequency_Hz": states.frequency[:, 0]}
-        holds = (states.holds & states.sound & (states.breakdown < 1)).all(1)
-        holds &= np.isfinite(rest[:, 0])
-        return {key: np.where(holds, value, np.nan) for key, value in values.items()}
+        holds = states.holds & states.sound & (states.breakdown < self.strength[:, None])
+        holds &= np.isfinite(rest[:, :1])
+        return {key: np.where(holds[:, 0], value, np.nan) for key, value in values.items()}
 
     def _states(self, films: slice, check: bool = False) -> FamilyStates:
         """Films under the voltage."""
@@ -190,16 +206,27 @@ class Drawn:
         """Distributions by key; none where hardly any film reaches the voltage."""
         if reached.sum() < _BINS:
             return {}
-        told = bool(reached.mean() >= 1 - _MISSED)
-        return {key: self._spread(values[key], told) for key in QUANTITIES}
+        return {key: self.spread(value, self.design) for key, value in values.items()}
 
-    def _spread(self, values: Array, told: bool) -> Spread:
+    def limits(self) -> Limited:
+        """The first limits of some of the films."""
+        design, numbers = self.design.part(_LIMITED)
+        some = np.array([0, *(1 + numbers)])
+        found = self.family.first_limits(self.rows[some], self.forces[some], self.strength[some])
+        across = found.voltage / self.amplifier[some]
+        nominal = [self.rig.nominal_voltage(voltage) if np.isfinite(voltage) else voltage
+                   for voltage in across.tolist()]
+        return Limited(self, design, np.array(nominal), found.kind)
+
+    def spread(self, values: Array, design: Design) -> Spread:
+        """How values of the nominal film and those of a design scatter, nan left out."""
         nominal, films = float(values[0]), values[1:]
         there = films[np.isfinite(films)]
         low, median, high = np.quantile(there, _TOLD)
-        counts, bins = np.histogram(there, _BINS)
+        counts, bins = np.histogram(there, min(_BINS, round(len(there) ** 0.5 / 2)))
         deviation = float(there.std())
-        shares, apart, rest = self._shares(films) if told else ((), None, None)
+        told = len(there) >= (1 - _MISSED) * len(films)
+        shares, apart, rest = self._shares(films, design) if told else ((), None, None)
         return Spread(
             nominal=nominal if np.isfinite(nominal) else None, median=float(median),
             low=float(low), high=float(high), deviation=deviation,
@@ -207,9 +234,10 @@ class Drawn:
             shares=shares, interactions=rest, bins=tuple(bins.tolist()),
             counts=tuple(counts.tolist()))
 
-    def _shares(self, films: Array) -> tuple[tuple[VarianceShare, ...], float, float]:
+    def _shares(self, films: Array, design: Design
+                ) -> tuple[tuple[VarianceShare, ...], float, float]:
         """Shares of the causes, that of all that films of a batch do not share, and the rest."""
-        found = self.design.shares(films)
+        found = design.shares(films)
         each = zip(self.causes, found.alone, found.total, found.low, found.high, strict=False)
         shares = [VarianceShare(name=cause.name, scope=cause.scope, alone=float(alone),
                                 total=float(total), low=float(low), high=float(high))
@@ -217,6 +245,58 @@ class Drawn:
         rest = 1 - sum(share.alone for share in shares)
         return (tuple(sorted(shares, key=lambda share: -share.alone)), float(found.total[-1]),
                 float(rest))
+
+
+@dataclass(frozen=True, eq=False)
+class Limited:
+    """First limits of films of a design, nominal voltages and numbers of their kinds, (films,)."""
+
+    drawn: Drawn
+    design: Design
+    voltage: Array
+    kind: Array
+
+    @property
+    def _met(self) -> NDArray[np.bool_]:
+        return np.asarray(np.isfinite(self.voltage[1:]))
+
+    def record(self) -> FilmLimits:
+        """What is stored."""
+        shares = {kind: float((self._met & (self.kind[1:] == number)).mean())
+                  for number, kind in enumerate(KINDS)}
+        return FilmLimits(
+            films=len(self._met),
+            highest_V=self.drawn.rig.nominal_voltage(self.drawn.family.voltage[1]),
+            kinds={kind: share for kind, share in sorted(shares.items(), key=lambda item: -item[1])
+                   if share})
+
+    def spread(self) -> dict[str, Spread]:
+        """Distribution by its key; none where more than a few films have no limit."""
+        if self._met.mean() < 1 - _MISSED:
+            return {}
+        values = np.where(np.isfinite(self.voltage), self.voltage, np.nan)
+        return {"limit_V": self.drawn.spread(values, self.design)}
+
+    @property
+    def warnings(self) -> list[str]:
+        """What its reader must know."""
+        highest, missing = self.record().highest_V / 1e3, 1 - self._met.mean()
+        if missing <= _FEW:
+            return []
+        return [f"{100 * missing:.2g} % of the films have no limit up to {highest:.3g} kV: the "
+                "distribution of the first limit is without them"]
+
+
+def _median(family: FilmFamily, rows: Array, found: tuple[Cause, ...]) -> float:
+    """Factor on the electric strength that the electrode's area makes."""
+    weibull = next((cause.weibull for cause in found if cause.weibull is not None), None)
+    if weibull is None:
+        return 1.0
+    films = family.films(rows[:1])
+    mounted = films.at(films.whole).volumes[0] @ films.whole.covered
+    # A stack is so many films, each of which may break down.
+    return weibull.median(float(mounted / family.box.specimen.membrane.thickness
+                                * family.box.specimen.membrane.area_prestretch))
 
 
 def _stated(cause: Cause) -> GivenTolerance:

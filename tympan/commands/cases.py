@@ -230,6 +230,7 @@ def tolerance(options: argparse.Namespace) -> None:
     makes which share of the variance.
     """
     from tympan.fem.film.library import load_specimen
+    from tympan.fem.results.limit_states import LIMIT_STATES
     from tympan.progress import bar
     from tympan.studies.tolerance.given import Tolerances
     from tympan.studies.tolerance.result import QUANTITIES
@@ -245,7 +246,7 @@ def tolerance(options: argparse.Namespace) -> None:
             else parse_quantity(options.voltage, "voltage", "--voltage"))
     with naming_options(options), bar(1) as progress:
         result = tolerance(case, read_settings(options), progress)
-    finish(options, result, quantities=QUANTITIES)
+    finish(options, result, quantities=QUANTITIES, limit_states=LIMIT_STATES)
 
 
 @command("path",

@@ -12,20 +12,30 @@ import pytest
 
 from tests.support.specimens import specimen_toml
 from tympan.fem.equilibrium.solve import equilibrium, held
+from tympan.fem.film.breakdown import ConstantStrength
 from tympan.fem.film.library import load_specimen
+from tympan.fem.rig import Rig
 from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Specimen
 from tympan.geometry.toml_reader import Table
 from tympan.studies.case import Case, Settings, build_model
+from tympan.studies.films.first_limits import KINDS
 from tympan.studies.limits import solve_within
 from tympan.studies.limits.voltages import first_limit
 from tympan.studies.modes import carried, heaving_frequency
-from tympan.studies.tolerance.given import LengthScatter, Scatter, Tolerances, causes
+from tympan.studies.tolerance.given import (
+    LengthScatter,
+    Scatter,
+    StrengthScatter,
+    Tolerances,
+    causes,
+)
 from tympan.studies.tolerance.shares import Design
 from tympan.studies.tolerance.tolerance import Drawn, ToleranceCase, tolerance
 
 NONE, NO_LENGTH = Scatter(), LengthScatter()
-STILL = Tolerances(NONE, NONE, NONE, NONE, NO_LENGTH, NO_LENGTH, NO_LENGTH, NO_LENGTH, NONE, NONE)
+STILL = Tolerances(NONE, NONE, NONE, NONE, NO_LENGTH, NO_LENGTH, NO_LENGTH, NO_LENGTH, NONE, NONE,
+                   StrengthScatter(shape=0))
 MASS, VOLTAGE = 17.9e-3, 3500.0
 
 
@@ -78,6 +88,53 @@ def test_small_loads_scatter_as_products_of_lognormal_numbers() -> None:
     for name, size in sizes.items():
         assert shares[name].alone == pytest.approx((np.exp(size**2) - 1) / variance, abs=0.04)
     assert sum(share.alone for share in spread.shares) + spread.interactions == pytest.approx(1)
+
+
+def test_strengths_are_weibull_s_and_fall_with_the_electrode_s_area() -> None:
+    """A hardly loaded film has one field everywhere, so what breaks down is in closed form."""
+    shape, strength, share = 8.0, 5e6, 0.9
+    film = oval()
+    film = replace(film, membrane=replace(film.membrane, strength=ConstantStrength(strength)))
+    electrode = np.pi * (0.06 * 0.045 - 0.01**2)
+    given = replace(STILL, strength=StrengthScatter(shape=shape, area=electrode / 4))
+    # The field is U λ² / T.
+    voltage = share * strength * film.membrane.thickness / film.membrane.area_prestretch
+    result = tolerance(ToleranceCase(film, mass=1e-5, voltage=voltage, tolerances=given,
+                                     films=8000), Settings())
+    bears = 0.5 ** (4 * share**shape)
+    assert result.reached.low < bears < result.reached.high
+    assert result.reached.high - result.reached.low < 0.03
+    spread = result.quantities["limit_V"]
+    assert set(result.limits.kinds) == {"breakdown"}
+    expected = voltage / share * 4 ** (-1 / shape)
+    assert spread.nominal == pytest.approx(expected, rel=2e-3)
+    shares = np.array([0.05, 0.5, 0.95])
+    np.testing.assert_allclose([spread.low, spread.median, spread.high],
+                               expected * (-np.log2(1 - shares)) ** (1 / shape), rtol=0.01)
+    assert spread.shares[0].name == "strength"
+    assert spread.shares[0].alone == pytest.approx(1.0, abs=0.02)
+
+
+@pytest.mark.parametrize(("strength", "kind"), [(30e6, "breakdown"), (200e6, "tension")])
+def test_first_limits_are_those_of_finite_elements(strength: float, kind: str) -> None:
+    film = oval()
+    film = replace(film, membrane=replace(film.membrane, strength=ConstantStrength(strength)))
+    drawn = Drawn.of(ToleranceCase(film, films=1000), causes(film, Tolerances())[0], MASS, VOLTAGE,
+                     Settings())
+    found = drawn.limits()
+    assert next(iter(found.record().kinds)) == kind
+    _, numbers = drawn.design.part(1 / 8)
+    for film_number in np.random.default_rng(5).choice(len(numbers), 3, replace=False):
+        row = 1 + numbers[film_number]
+        member = drawn.family.box.member(drawn.rows[row])
+        scattered = ConstantStrength(strength * float(drawn.strength[row]))
+        member = replace(member, membrane=replace(member.membrane, strength=scattered))
+        known = first_limit(Case(member, mass=float(drawn.masses[row]),
+                                 rig=Rig(amplifier_gain=float(drawn.amplifier[row]) - 1)),
+                            Settings())
+        assert known is not None
+        assert KINDS[found.kind[1 + film_number]] == known.kind
+        assert found.voltage[1 + film_number] == pytest.approx(known.voltage_V, rel=3e-3)
 
 
 def exact(drawn: Drawn, film: int) -> dict[str, float]:

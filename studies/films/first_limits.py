@@ -1,0 +1,115 @@
+"""The voltages at which many films of a family first meet a limit, and which.
+
+As U² rises, the least tension, the square of the plate's stiffness and what the largest field
+leaves of the strength fall smoothly, to 0 at a loss of tension, at pull-in, at breakdown. So each
+limit is foreseen from the last three states, and the next state is taken most of the way to it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tympan.studies.case import LimitKind
+
+Array = NDArray[Any]
+
+#: What is met, in the order of the margins; a film that gives way in itself has no margin.
+KINDS: tuple[LimitKind, ...] = ("tension", "pull_in", "breakdown", "instability")
+
+#: Part of the range of U² of the first state above the lowest.
+_FIRST = 0.25
+#: Part of the way to a limit that is foreseen at which the next state is: beyond a pull-in there is
+#: none.
+_ON = np.array([1.0, 0.93, 1.0])
+#: How near to a state a limit is foreseen at last, relative in U².
+_NEAR = 1e-2
+#: Most states of a film.
+_MOST = 14
+
+
+@dataclass(frozen=True, eq=False)
+class FirstLimits:
+    """Voltages [V] of films' first limits, (films,), and the numbers of their :data:`KINDS`.
+
+    Infinite where none is met within the family's voltages, nan where there is no state at the
+    lowest of these.
+    """
+
+    voltage: Array
+    kind: NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class Margins:
+    """States q of films at some U²: margins (films, 3), nan without a state; whether it is firm."""
+
+    values: Array
+    firm: NDArray[np.bool_]
+    q: Array
+
+
+#: States of some films, by their numbers, at a U² of each, near states q where these are given.
+Find = Callable[[Array, Array, Array | None], Margins]
+
+
+def first_limits(find: Find, count: int, low: float, high: float) -> FirstLimits:
+    """First limits of so many films between U² of ``low`` and ``high``."""
+    start = find(np.arange(count), np.full(count, low), None)
+    some = np.flatnonzero((start.values > 0).all(1) & start.firm)
+    voltage, kind = np.full(count, np.nan), np.zeros(count, dtype=np.int64)
+    below, beyond = np.full(count, low), np.full(count, np.inf)
+    gives_way = np.zeros(count, dtype=bool)
+    # U², margins and states of the last three that there are, the last one first.
+    x = np.full((3, count), low)
+    margins, q = np.array([start.values] * 3), np.array([start.q] * 3)
+    tried = np.full(count, low + _FIRST * (high - low))
+    for _ in range(_MOST):
+        found = find(some, tried[some], _carried(x, q, tried, some))
+        there, sound = np.isfinite(found.values).all(1), (found.values > 0).all(1)
+        on = some[there]
+        for kept, new in ((x, tried[on]), (margins, found.values[there]), (q, found.q[there])):
+            kept[1:, on], kept[0, on] = kept[:2, on], new
+        gives_way[some] = sound & ~found.firm
+        sound &= found.firm
+        below[some[sound]], beyond[some[~sound]] = tried[some[sound]], tried[some[~sound]]
+        ahead = _ahead(x[:, some], margins[:, some])
+        foreseen = x[0, some] + ahead.min(1)
+        # What is met before it was foreseen is between two states.
+        inside = (foreseen > below[some]) & (foreseen < beyond[some])
+        middle = np.where(np.isfinite(beyond[some]), (below[some] + beyond[some]) / 2, high)
+        kind[some] = np.where(gives_way[some], 3, ahead.argmin(1))
+        end = np.where(inside, foreseen, middle)
+        voltage[some] = np.sqrt(end)
+        near = np.where(inside, np.abs(end - x[0, some]), beyond[some] - below[some])
+        ready = (near < _NEAR * end) | (below[some] >= high)
+        tried[some] = np.minimum(np.where(inside, x[0, some] + (_ON * ahead).min(1), end), high)
+        some = some[~ready]
+        if not len(some):
+            break
+    voltage[below >= high] = np.inf
+    return FirstLimits(voltage, kind)
+
+
+def _carried(x: Array, q: Array, tried: Array, some: Array) -> Array:
+    """States q of some films carried on along the last two to another U²."""
+    with np.errstate(all="ignore"):
+        rate = (q[0, some] - q[1, some]) / (x[0, some] - x[1, some])[:, None]
+    step = (tried[some] - x[0, some])[:, None]
+    return np.asarray(q[0, some] + step * np.where(np.isfinite(rate), rate, 0.0))
+
+
+def _ahead(x: Array, margins: Array) -> Array:
+    """How far ahead in U² margins are 0, (films, 3): where the parabola of the last three is."""
+    last, before, first = margins
+    with np.errstate(all="ignore"):
+        slope = (last - before) / (x[0] - x[1])[:, None]
+        bend = (slope - (before - first) / (x[1] - x[2])[:, None]) / (x[0] - x[2])[:, None]
+        bend = np.where(np.isfinite(bend), bend, 0.0)
+        slope = slope + bend * (x[0] - x[1])[:, None]
+        root = np.sqrt(np.maximum(slope**2 - 4 * bend * last, 0.0)) - slope
+        return np.asarray(np.where(root > 0, 2 * last / root, np.inf))
