@@ -26,13 +26,13 @@ Array = NDArray[np.float64]
 
 
 def film_deflections(film: ReducedFilm, signals: Sequence[Signal], masses: Sequence[float],
-                     when: Array, rig: Rig = Rig()) -> Array:
+                     when: Array, rig: Rig = Rig(), inertia: bool = False) -> Array:
     """Deflections [m] at times [s] of many runs, each under a signal and a mass [kg].
 
     Shape (runs, times); nan from where a film has pulled in. The signals must have the same breaks,
-    so that the runs share their steps: thirty cost about three.
+    so that the runs share their steps: thirty cost about three. ``inertia``: their plates swing.
     """
-    motions = [film_motion(film, signal, mass, rig)
+    motions = [film_motion(film, signal, mass, rig, inertia)
                for signal, mass in zip(signals, masses, strict=True)]
     return _deflections(motions, when)
 

@@ -8,10 +8,17 @@ from typing import Any, Protocol, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from tympan.fem.rig import Rig
 from tympan.fem.transient.collocation import radau
-from tympan.geometry.errors import Failure
-from tympan.studies.lumped.actuator import Actuator
+from tympan.geometry.errors import Failure, InputError
+from tympan.studies.films.driven_film import ReducedMoment
+from tympan.studies.films.film import ReducedFilm
+from tympan.studies.lumped.actuator import Actuator, Viscous
 from tympan.studies.lumped.equilibria import settle, squared_at
+from tympan.studies.lumped.film_response import film_deflections, film_motion
+from tympan.studies.lumped.model_file import LumpedModel
+from tympan.studies.lumped.simulate import simulate
+from tympan.studies.signals import Pieces, Signal
 
 Array = NDArray[np.float64]
 
@@ -34,6 +41,18 @@ class Plant(Protocol):
 
     def after(self, voltage: Any, duration: float) -> Self:
         """The same after a nominal voltage [V] was held for a time [s]."""
+
+    def holds(self, deflection: Any, voltage: Any) -> Any:
+        """Whether a nominal voltage [V] holds a deflection [m], or pulls beyond it, as it crept."""
+
+    def under(self, mass: Any) -> Self:
+        """The same in motion under another mass [kg]."""
+
+    def rested(self, voltage: float) -> Self:
+        """The same at rest at a nominal voltage [V]."""
+
+    def driven(self, signal: Signal, time: Array) -> Array:
+        """Deflections [m] at times [s] under a signal, from rest at its first voltage."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,8 +78,19 @@ class LumpedPlant:
     def deflection(self) -> Array:
         return np.asarray(self.state[..., 0])
 
+    def rested(self, voltage: float) -> LumpedPlant:
+        return self.resting(self.actuator, voltage)
+
+    def driven(self, signal: Signal, time: Array) -> Array:
+        motion = simulate(self.actuator, signal)
+        if motion.drawn_in is not None:
+            raise _pulls_in(self.actuator.label, signal)
+        return motion.deflection(time)
+
+    def under(self, mass: Any) -> LumpedPlant:
+        return LumpedPlant(replace(self.actuator, mass=mass), self.state)
+
     def holds(self, deflection: Any, voltage: Any) -> Any:
-        """Whether a nominal voltage [V] holds a deflection [m], or pulls beyond it, as it crept."""
         needed = squared_at(self.actuator, deflection, self.state[..., 2:])
         return needed <= self.actuator.rig.film_voltage(voltage) ** 2
 
@@ -96,3 +126,88 @@ class LumpedPlant:
                 break
         return replace(self, state=stages[-1],
                        past=(duration, np.concatenate([state[None], stages])))
+
+
+@dataclass(frozen=True, eq=False)
+class FilmPlant:
+    """A reduced film in time, whose plate of a nominal mass [kg] swings, on a rig."""
+
+    film: ReducedFilm
+    mass: float
+    rig: Rig
+    moment: ReducedMoment
+
+    @classmethod
+    def resting(cls, film: ReducedFilm, mass: float, rig: Rig, voltage: float = 0.0) -> FilmPlant:
+        """The plant at rest at a voltage [V]."""
+        begin = film_motion(film, _held(voltage, 1.0), mass, rig, inertia=True).begin
+        return cls(film, mass, rig, begin)
+
+    @property
+    def deflection(self) -> float:
+        return float(self.moment.heave)
+
+    def rested(self, voltage: float) -> FilmPlant:
+        return self.resting(self.film, self.mass, self.rig, voltage)
+
+    def driven(self, signal: Signal, time: Array) -> Array:
+        deflections = film_deflections(self.film, [signal], [self.mass], time, self.rig,
+                                       inertia=True)[0]
+        if np.isnan(deflections).any():
+            raise _pulls_in(self.film.specimen.name, signal)
+        return np.asarray(deflections)
+
+    def under(self, mass: float) -> FilmPlant:
+        return replace(self, mass=mass)
+
+    def holds(self, deflection: float, voltage: float) -> bool:
+        """Where the plate would be at once if it had no inertia."""
+        film, moment = self.film.tabulated, self.moment
+        flow = moment.memory.step(film.strain(moment.q), 0.0)
+        loads = replace(moment.loads,
+                        voltage_squared=float(self.rig.film_voltage(voltage)) ** 2)
+        return bool(film.carried(moment.q, moment.loads, loads, flow)[0] >= deflection)
+
+    def after(self, voltage: float, duration: float) -> FilmPlant:
+        motion = film_motion(self.film, _held(float(voltage), duration), self.mass, self.rig,
+                             inertia=True)
+        *_, last = motion.moments(replace(self.moment, time=0.0))
+        return replace(self, moment=last)
+
+
+def creeping_circles(model: LumpedModel, mass: float, rig: Rig, voltage: float) -> Actuator:
+    """Circles of a model whose film has branches, with one branch that stands for them.
+
+    It stiffens the plate at rest at a voltage [V] as they do at once, and has the mean of their
+    times, weighted with their moduli.
+    """
+    film, still = model.film, model.actuator(mass, rig)
+    assert film is not None
+    plant = FilmPlant.resting(film, mass, rig, voltage)
+    moment = plant.moment
+    at_once = moment.memory.step(film.strain(moment.q), 0.0)
+    frozen, relaxed = (_along_plate(film.pull(moment.q, moment.loads.voltage_squared, flow)[1])
+                       for flow in (at_once, None))
+    y = plant.deflection
+    unit = replace(still, viscous=Viscous(1.0, 1.0, 0.0))
+    strains = unit.rest(y)[2:]
+    of_one = unit.balance(y, voltage, strains)[1] - unit.balance(y, voltage)[1]
+    k1 = float((frozen - relaxed) / of_one)
+    branches = film.specimen.membrane.branches
+    time = np.average([branch.time for branch in branches],
+                      weights=[branch.modulus for branch in branches])
+    return replace(still, viscous=Viscous(k1, k1 * float(time), 0.0))
+
+
+def _along_plate(stiffness: Array) -> float:
+    """Stiffness against the plate's deflection, the other shapes in balance [N/m]."""
+    return float(1 / np.linalg.inv(stiffness)[0, 0])
+
+
+def _pulls_in(name: str, signal: Signal) -> InputError:
+    return InputError("pulls in on its way without feedback: lower its voltages", key=name,
+                      given=f"{signal.peak / 1e3:g} kV")
+
+
+def _held(voltage: float, duration: float) -> Pieces:
+    return Pieces(np.array([0.0, duration]), np.array([voltage, voltage]))

@@ -19,7 +19,12 @@ from tympan.studies.lumped.case import ChosenActuators
 from tympan.studies.lumped.control.controller import Controller, ControllerState
 from tympan.studies.lumped.control.design import Design, design
 from tympan.studies.lumped.control.loop import Margins
-from tympan.studies.lumped.control.plants import LumpedPlant, Plant
+from tympan.studies.lumped.control.plants import (
+    FilmPlant,
+    LumpedPlant,
+    Plant,
+    creeping_circles,
+)
 from tympan.studies.lumped.control.result import (
     ControlledFilm,
     ControlResult,
@@ -29,10 +34,10 @@ from tympan.studies.lumped.control.result import (
     LoopMargins,
     ScatteredFilms,
 )
-from tympan.studies.lumped.equilibria import rest, rest_curve
+from tympan.studies.lumped.equilibria import rest_curve
 from tympan.studies.lumped.linear import Linear, linearise
+from tympan.studies.lumped.model_file import LumpedModel
 from tympan.studies.lumped.remarks import origin
-from tympan.studies.lumped.simulate import simulate
 from tympan.studies.signals import Signal, nominal
 from tympan.studies.trace import sample_count
 
@@ -145,34 +150,36 @@ def controlled(chosen: ChosenActuators, signal: Signal, settings: ControlSetting
         raise InputError("must be within the supply", key="high", given=f"{signal.peak / 1e3:g} kV")
     count = sample_count(signal.end, settings.interval, len(chosen.actuators))
     films = []
+    models = {model.specimen.name: model for model in chosen.case.models if model.film}
     for actuator in chosen.actuators:
         progress(actuator.specimen.name)
         if not actuator.viscous.eta2 and not actuator.rig.plate_damping:
-            raise InputError("must have viscous constants: nothing damps the swing of its plate",
-                             key=actuator.specimen.name)
-        films.append(_controlled(chosen, actuator, signal, settings, count,
-                                 lambda share: progress(share=share)))
+            raise InputError("must have viscous constants, or its rig plate_damping: nothing damps "
+                             "the swing of its plate", key=actuator.specimen.name)
+        films.append(_controlled(chosen, actuator, models.get(actuator.specimen.name), signal,
+                                 settings, count, lambda share: progress(share=share)))
     return ControlResult(tuple(films))
 
 
-def _controlled(chosen: ChosenActuators, actuator: Actuator, signal: Signal,
-                settings: ControlSettings, count: int, progress: Callable[[float], None]
-                ) -> ControlledFilm:
+def _controlled(chosen: ChosenActuators, actuator: Actuator, model: LumpedModel | None,
+                signal: Signal, settings: ControlSettings, count: int,
+                progress: Callable[[float], None]) -> ControlledFilm:
+    """A controller designed on circles, run on them, or on a model's film in time."""
+    if model is not None:
+        actuator = creeping_circles(model, actuator.mass, actuator.rig, settings.supply / 2)
     designed = design(actuator, settings.supply, settings.interval, settings.sensor_lag)
     controller = designed.controller
     time = _times(count, settings.interval)
     voltages = np.abs(nominal(signal, time))
     wanted = rest_curve(actuator, voltages)
-    begin = LumpedPlant.resting(actuator, abs(signal.first))
-    before = float(begin.deflection)
+    begin: Plant = LumpedPlant.resting(actuator, abs(signal.first))
+    if model is not None and model.film is not None:
+        begin = FilmPlant.resting(model.film, actuator.mass, actuator.rig, abs(signal.first))
+    before = float(rest_curve(actuator, abs(signal.first)))
     parts = _parts(wanted, before, controller)
     run = closed_loop(controller, begin, before, wanted, settings.sensor_lag, progress,
                       {part.start for part in parts})
-    motion = simulate(actuator, signal)
-    if motion.drawn_in is not None:
-        raise InputError("pulls in on its way without feedback: lower its voltages",
-                         key=actuator.label, given=f"{signal.peak / 1e3:g} kV")
-    free = LoopRun(time, wanted, motion.deflection(time), voltages)
+    free = LoopRun(time, wanted, begin.driven(signal, time), voltages)
     ends = [linearise(actuator, voltage, by="U2") for voltage in (0.0, settings.supply)]
     swings = [_swing(each) for each in ends]
     return ControlledFilm(
@@ -186,8 +193,9 @@ def _controlled(chosen: ChosenActuators, actuator: Actuator, signal: Signal,
         error_rms_m=_rms(run), open_error_rms_m=_rms(free),
         steps=tuple(_step(run, free, controller, part, before) for part in parts),
         scattered=_scattered(designed, actuator),
-        disturbance=_disturbed(controller, actuator, settings),
-        warnings=(*chosen.remarks, *origin(actuator), *actuator.case(settings.supply).remarks),
+        disturbance=_disturbed(controller, actuator, begin, settings),
+        warnings=(*chosen.remarks, *([] if model else origin(actuator)),
+                  *actuator.case(settings.supply).remarks),
         samples=pd.DataFrame({
             "specimen": actuator.specimen.name, "t": time, "wanted": wanted,
             "displacement": run.deflection, "voltage": run.voltage,
@@ -282,7 +290,7 @@ def _step(run: LoopRun, free: LoopRun, controller: Controller,
         limited_by=_limit(run.deflection[part] - target, time, soonest, interval))
 
 
-def _soonest(plant: LumpedPlant, target: float, height: float, controller: Controller,
+def _soonest(plant: Plant, target: float, height: float, controller: Controller,
              length: float) -> float | None:
     """Time for which the supply at its end cannot hold the plate as near as settled yet [s].
 
@@ -310,20 +318,20 @@ def _limit(missed: Array, time: float | None, soonest: float | None, interval: f
     return "swing" if (late > 0).any() and (late < 0).any() else "creep"
 
 
-def _disturbed(controller: Controller, actuator: Actuator, settings: ControlSettings
-               ) -> Disturbance:
+def _disturbed(controller: Controller, actuator: Actuator, plant: Plant,
+               settings: ControlSettings) -> Disturbance:
     """A mass put on the plate in the middle of its travel, until the swing is over."""
     inverse = controller.inverse
     voltage = float(np.sqrt(inverse.squared((inverse.lowest_m + inverse.highest_m) / 2)))
-    begin = LumpedPlant.resting(actuator, voltage)
-    target, mass = float(begin.deflection), _DISTURBED * float(actuator.moved)
-    heavier = replace(actuator, mass=actuator.mass + mass)
-    swing, ratio = _swing(linearise(heavier, voltage, by="U2"))
+    begin, mass = plant.rested(voltage), _DISTURBED * float(actuator.moved)
+    target, heavier = float(begin.deflection), begin.under(actuator.mass + mass)
+    swing, ratio = _swing(linearise(replace(actuator, mass=actuator.mass + mass), voltage,
+                                    by="U2"))
     length = _DECAYS / (2 * np.pi * swing * ratio or controller.integral_per_s)
-    run = closed_loop(controller, LumpedPlant(heavier, begin.state), target,
+    run = closed_loop(controller, heavier, target,
                       np.full(int(length / controller.interval_s) + 1, target),
                       settings.sensor_lag)
-    shifted = rest(heavier, voltage) - target
+    shifted = float(heavier.rested(voltage).deflection) - target
     return Disturbance(mass_kg=mass, open_m=shifted,
                        largest_m=float(np.abs(run.deflection - target).max()),
                        settled_s=settled(run.deflection, target, WITHIN * abs(shifted),

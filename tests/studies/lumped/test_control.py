@@ -16,12 +16,20 @@ from scipy.signal import cont2discrete, detrend
 
 import tympan
 from tests.support.lumped import MODELS, OVAL
+from tests.support.specimens import elliptical
+from tympan.fem.film.laws import NeoHooke
+from tympan.fem.film.laws.stiffened import scaled
+from tympan.fem.rig import Rig
 from tympan.geometry.errors import InputError
+from tympan.geometry.specimen import ViscousBranch
+from tympan.studies.case import Settings, build_model
+from tympan.studies.films.film import ReducedFilm
+from tympan.studies.films.reduction import reduced_film
 from tympan.studies.lumped.actuator import Actuator, Viscous
 from tympan.studies.lumped.case import ChosenActuators, LumpedCase
 from tympan.studies.lumped.control.controller import ControllerState, StaticInverse
 from tympan.studies.lumped.control.design import SENSITIVITY, Design, design
-from tympan.studies.lumped.control.plants import LumpedPlant
+from tympan.studies.lumped.control.plants import FilmPlant, LumpedPlant, creeping_circles
 from tympan.studies.lumped.control.result import ControlledFilm, ControlResult
 from tympan.studies.lumped.control.run import (
     ControlSettings,
@@ -33,11 +41,11 @@ from tympan.studies.lumped.control.run import (
 )
 from tympan.studies.lumped.equilibria import rest, rest_curve
 from tympan.studies.lumped.linear import linearise
-from tympan.studies.lumped.model_file import LumpedModel, write_model
+from tympan.studies.lumped.model_file import STILL, LumpedModel, write_model
 from tympan.studies.lumped.simulate import simulate
 from tympan.studies.paper.table1 import paper_actuators
 from tympan.studies.replica.figures import Choices
-from tympan.studies.signals import Pieces, random_steps, step
+from tympan.studies.signals import Pieces, random_steps, step, through
 
 SUPPLY, INTERVAL = 7e3, 10e-3
 #: Membrane circles of the paper's large ellipse, as `tympan lumped build` finds them.
@@ -229,6 +237,78 @@ def test_the_papers_random_steps(shape: int, count: int) -> None:
                        ControlSettings()).films
     assert len(film.steps) == 19
     assert three_times_as_soon(film, signal) == count
+
+
+@cache
+def branched_model() -> LumpedModel:
+    """The large ellipse with the film that was fitted to the paper's Table 2, in time."""
+    plain = elliptical(75e-3, NeoHooke(27.7e3))
+    specimen = replace(plain, membrane=replace(
+        plain.membrane, branches=(ViscousBranch(4.3e6, 14.0),), relative_permittivity=8.41))
+    film = reduced_film(build_model(specimen, Settings()), (0.1755, 0.22), SUPPLY)
+    return LumpedModel(specimen, (45e-3, 75e-3), (0.608, 0.392), 3.83e-9, SUPPLY,
+                       viscous=STILL, film=film)
+
+
+DAMPED = Rig(plate_damping=0.1)
+
+
+def film_plant(film: ReducedFilm | None, voltage: float, mass: float = 17.9e-3) -> FilmPlant:
+    assert film is not None
+    return FilmPlant.resting(film, mass, DAMPED, voltage)
+
+
+def test_a_film_moves_as_its_motion_says() -> None:
+    """Sample by sample against steps of its own length."""
+    plant = film_plant(branched_model().film, 2e3)
+    whole = plant.driven(step(2e3, 5e3, 0.0, 0.5), np.linspace(0, 0.5, 51))
+    reached = [plant.deflection]
+    for _ in range(50):
+        plant = plant.after(5e3, INTERVAL)
+        reached.append(plant.deflection)
+    assert np.array(reached) == pytest.approx(whole, abs=2e-3 * float(np.ptp(whole)))
+    # It creeps on, so that ever less voltage holds where it is.
+    assert not plant.holds(plant.rested(5e3).deflection, 5e3)
+    assert plant.holds(plant.rested(2e3).deflection, 5e3)
+
+
+def test_circles_creep_as_the_film_they_stand_for() -> None:
+    model, times = branched_model(), np.linspace(0, 60, 241)
+    circles = creeping_circles(model, 17.9e-3, DAMPED, 3.5e3)
+    signal = step(3e3, 4e3, 0.0, 60.0)
+    film, lumped = (plant.driven(signal, times) for plant in (
+        film_plant(model.film, 3e3), LumpedPlant.resting(circles, 3e3)))
+    assert lumped == pytest.approx(film, abs=0.05 * float(np.ptp(film)))
+
+
+def test_a_controller_of_circles_holds_films_in_time() -> None:
+    """The film of the design, then films that differ in stiffness, permittivity and mass."""
+    model = branched_model()
+    case = ChosenActuators(LumpedCase((), (model,)), (model.actuator(17.9e-3, DAMPED),), ())
+    signal = through(np.array([0, 3, 3, 6, 6, 9.0]), np.repeat([3e3, 4.5e3, 3.5e3], 2))
+    result, = controlled(case, signal, ControlSettings()).films
+    assert result.lowest_V >= 0
+    assert result.highest_V <= SUPPLY
+    assert [each.times_as_soon is not None and each.times_as_soon >= 3
+            for each in result.steps] == [True, True]
+    assert result.disturbance.settled_s is not None
+    wanted = result.samples["wanted"].to_numpy()
+    height, film = abs(result.steps[1].to_m - result.steps[1].from_m), model.film
+    assert film is not None
+    membrane, made = film.specimen.membrane, np.random.default_rng(45)
+    for softer, stronger, heavier in np.exp([0.1, 0.1, 0.05] * made.normal(size=(4, 3))):
+        other = replace(film, specimen=replace(film.specimen, membrane=replace(
+            membrane, material=scaled(membrane.material, float(softer)),
+            branches=tuple(replace(each, modulus=each.modulus * float(softer))
+                           for each in membrane.branches),
+            relative_permittivity=membrane.relative_permittivity * float(stronger))))
+        plant = film_plant(other, 3e3, 17.9e-3 * float(heavier))
+        run = closed_loop(result.controller, plant, float(wanted[0]), wanted)
+        late = slice(len(wanted) - 50, None)
+        inside = (run.voltage[late] > 10).all() and (run.voltage[late] < SUPPLY - 10).all()
+        missed = np.abs(run.deflection - wanted)[late]
+        assert not inside or missed.max() < 0.02 * height
+        assert np.ptp(detrend(missed)) < 0.005 * height
 
 
 @pytest.mark.skipif(shutil.which("cc") is None, reason="there is no C compiler")
