@@ -2,8 +2,9 @@
 
     python -m benchmarks.doc_pictures [-o docs]
 
-The hero, a film that turns while its voltage rises and falls, and a picture for each tutorial.
-Deflections are true to scale. Colours are the larger principal true stress unless said otherwise.
+The hero, a film that turns while its voltage rises and falls, a picture for each tutorial, and the
+explorer as Chromium shows it. Deflections are true to scale. Colours are the larger principal true
+stress unless said otherwise.
 """
 
 from __future__ import annotations
@@ -14,6 +15,8 @@ from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
 
 import numpy as np
 import pyvista as pv
@@ -21,6 +24,8 @@ from numpy.typing import NDArray
 from PIL import Image
 
 import tympan
+from benchmarks.explore.__main__ import OVAL
+from benchmarks.explore.browser import browsing, chromium, exploring
 from tympan.reports import look
 from tympan.reports.scales import round_scale
 from tympan.reports.scene import View, downsampled, film_rims, placed_surface
@@ -44,6 +49,10 @@ HIGHEST = 5000.0
 
 #: Width and height of a thumbnail [pixels], twice those on the page.
 THUMBNAIL = (800, 560)
+#: Width and height of the picture of the explorer [pixels].
+EXPLORER = (1440, 900)
+#: How long the explorer's curve and limits take at most [ms].
+SETTLED = 20_000
 #: Samples across a pixel.
 SAMPLES = 2
 #: Height of the camera above the frame's plane [degrees].
@@ -343,13 +352,40 @@ def thumbnails(folder: Path) -> None:
                                                                optimize=True))
 
 
+def explorer(file: Path) -> None:
+    """The live page with the film of a benchmark at 5.5 kV."""
+    executable = chromium()
+    if executable is None:
+        raise SystemExit("Chromium is not installed: the explorer is not drawn")
+    with TemporaryDirectory() as folder:
+        Path(folder, "oval.toml").write_text(OVAL, encoding="utf-8")
+        with (exploring(Path(folder), "oval.toml", "--mass", "17.9 g", "--voltage", "5.5 kV") as
+              server, browsing(executable) as browser):
+            page = browser.new_page(viewport={"width": EXPLORER[0], "height": EXPLORER[1]})
+            page.goto(server.address)
+            page.wait_for_load_state("networkidle")
+            page.wait_for_timeout(SETTLED)
+            write_atomically(file, partial(_screenshot, page))
+
+
+def _screenshot(page: Any, file: Path) -> None:
+    file.write_bytes(page.screenshot(type="png"))
+
+
+#: What is drawn, by name, in the order of its cost.
+PICTURES = {"explore": lambda folder: explorer(folder / "explore.png"),
+            "thumbnails": lambda folder: thumbnails(folder / "thumbnails"),
+            "hero": lambda folder: hero(folder / "hero.webp")}
+
+
 def main() -> None:
-    """Write the hero and the thumbnails."""
+    """Write the pictures, all or those that are named."""
     parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("names", nargs="*", choices=[*PICTURES, []])
     parser.add_argument("-o", "--output", type=Path, default=Path("docs"))
-    folder = parser.parse_args().output
-    thumbnails(folder / "thumbnails")
-    hero(folder / "hero.webp")
+    arguments = parser.parse_args()
+    for name in arguments.names or PICTURES:
+        PICTURES[name](arguments.output)
 
 
 if __name__ == "__main__":

@@ -220,10 +220,9 @@ def _reach(built: Built) -> list[str]:
           for mass, row in zip(built.settings.masses, errors, strict=True)), "",
         "The field model loses tension and thins without bound at "
         + " and ".join(f"{1e-3 * end.voltage_V:.2f}" for end in ends if end) + " kV. "
-        "A file therefore knows the highest voltage it was compared at, and `simulate --model` refuses more; `build` refuses "
-        "voltages at which the field "
-        "model has no equilibrium, with the voltage of that limit. The film's own mass is not in "
-        "the model."]
+        "A file therefore knows the highest voltage it was compared at, and `simulate --model` "
+        "refuses more; `build` refuses voltages at which the field model has no "
+        "equilibrium, with the voltage of that limit. The film's own mass is not in the model."]
 
 
 def _percent(value: float | None) -> str:
