@@ -28,6 +28,11 @@ pyvista.global_theme.window_size = [1000, 700]
 GALLERY = ROOT / "build" / "gallery"
 shutil.rmtree(GALLERY, ignore_errors=True)
 shutil.copytree(ROOT / "docs" / "gallery", GALLERY)
+for script in GALLERY.glob("plot_*.py"):  # within code: a block of its own would be shown, empty
+    picture = f"thumbnails/{script.stem[:6]}.png"
+    text = script.read_text(encoding="utf-8").replace(
+        "\nimport tympan\n", f'\nimport tympan\n# sphinx_gallery_thumbnail_path = "{picture}"\n', 1)
+    script.write_text(text, encoding="utf-8")
 
 project = "tympan"
 author = "the tympan authors"
@@ -99,7 +104,14 @@ def name_thumbnails(app: Any, doctree: Any, _: str) -> None:
             image["alt"] = app.env.titles[f"tutorials/{name}"].astext()
 
 
+def hide_factories(*event: Any) -> tuple[str | None, str | None]:
+    """A default that is made for each object is three dots."""
+    signature, answer = event[-2:]
+    return signature and signature.replace("<factory>", "..."), answer
+
+
 def setup(app: Any) -> None:
     """Sphinx calls it."""
+    app.connect("autodoc-process-signature", hide_factories)
     app.connect("builder-inited", write_commands, priority=1)
     app.connect("doctree-resolved", name_thumbnails)

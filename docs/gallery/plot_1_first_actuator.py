@@ -5,7 +5,6 @@ The first actuator
 A film in an oval frame, carbon grease on both sides, a plate with 17.9 g in its middle: how far
 does it sink, how far does a voltage move it, and where does that end?
 """
-# sphinx_gallery_thumbnail_path = "thumbnails/plot_1.png"
 
 # %%
 # Parts

@@ -5,7 +5,6 @@ A shape of your own, from a drawing
 Frame, plate and electrode may come from a DXF or STEP file. Here an egg is drawn first, since a
 tutorial needs one; yours comes from your CAD program.
 """
-# sphinx_gallery_thumbnail_path = "thumbnails/plot_2.png"
 
 # %%
 # A drawing

@@ -5,7 +5,6 @@ A sweep, and a map of it
 What does the shape do to the stroke? Frames of one area and several aspect ratios, each with plates
 of three sizes.
 """
-# sphinx_gallery_thumbnail_path = "thumbnails/plot_3.png"
 
 # %%
 # The plan

@@ -5,7 +5,6 @@
 A lumped model knows circles only. α says with which weights two circular actuators stand for
 another shape; what it means, and what not, is in :doc:`/explanation/alpha`.
 """
-# sphinx_gallery_thumbnail_path = "thumbnails/plot_4.png"
 
 # %%
 # A stadium, twice as long as it is wide.

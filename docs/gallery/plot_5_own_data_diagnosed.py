@@ -5,7 +5,6 @@ Your data, diagnosed
 Readings that the simulation does not foretell: what is wrong with it, or with them? Here the
 readings are made up, with every load 2 g heavier than its label, so that the answer is known.
 """
-# sphinx_gallery_thumbnail_path = "thumbnails/plot_5.png"
 
 # %%
 # A dataset

@@ -4,7 +4,6 @@ A lumped model, for a controller
 
 A controller wants a few equations, not a mesh. ``lumped`` makes them from the field model alone.
 """
-# sphinx_gallery_thumbnail_path = "thumbnails/plot_6.png"
 
 # %%
 # The model

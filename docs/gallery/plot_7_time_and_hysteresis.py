@@ -5,7 +5,6 @@ Time and hysteresis
 Acrylic films creep. A viscous branch beside the law of the film gives it a memory; :doc:`/time`
 says what must be known before a number in time means anything.
 """
-# sphinx_gallery_thumbnail_path = "thumbnails/plot_7.png"
 
 # %%
 # A film with a branch: a spring of 1 MPa that relaxes in 30 s.

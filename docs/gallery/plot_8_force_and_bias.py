@@ -6,7 +6,6 @@ A film pulls the plate back, a weight pulls it down, and a voltage makes the fil
 the plate moves depends on what pulls: a weight pulls the same everywhere. Buckled beams push on
 more the further they are pushed.
 """
-# sphinx_gallery_thumbnail_path = "thumbnails/plot_8.png"
 
 # %%
 # The film alone
