@@ -16,7 +16,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
+import tympan
 from tympan.reports import look
+from tympan.reports.figures.curve import draw_voltage_curves
 from tympan.studies.files import write_atomically
 
 #: Dots to an inch: pages show pictures as wide as their text.
@@ -68,7 +70,16 @@ def _actuator(axes: Axes, deflection: float, hung: bool) -> None:
         axes.add_patch(Rectangle((-5, -deflection - 24), 10, 10, **orange))
 
 
-PICTURES = {"zero": (HEIGHT, draw_zero)}
+def draw_limits(figure: Figure) -> None:
+    """Deflection against voltage of the silicone film on the page of limits."""
+    film = tympan.Film("100 um", 1.1, tympan.material("elastosil-2030"))
+    silicone = tympan.Specimen("silicone", tympan.Circle("4.5 cm"),
+                               tympan.Plate(tympan.Circle("1 cm")), film)
+    result = tympan.curve(silicone, "20 g").numbers
+    draw_voltage_curves(look.place_axes(figure, look.LEFT, look.TITLE, 158.0, 62.0), result)
+
+
+PICTURES = {"zero": (HEIGHT, draw_zero), "limits": (82.0, draw_limits)}
 
 
 def main() -> None:

@@ -323,7 +323,7 @@ class Limits:
         return self.instability if self.thins else self.pull_in
 
     def beyond(self, voltage: float) -> Limit | None:
-        """The gravest that a nominal voltage [V] is beyond."""
+        """The most severe that a nominal voltage [V] is beyond."""
         # Where a film that thins would pull in is no limit of what it is.
         beyond = {limit.kind: limit for limit in self.reached if voltage > limit.voltage_V
                   and not (self.thins and limit.kind == PULL_IN.kind)}
@@ -377,7 +377,7 @@ class CaseResult(CaseRecord):
     limits: Annotated[Limits | None, Key("limits of the film under this mass, where they were "
                                          "asked for")] = None
     first: Annotated[LimitKind | None, Key("kind of the limit that comes first")] = None
-    limit: Annotated[Limit | None, Key("the gravest limit that the voltage is beyond")] = None
+    limit: Annotated[Limit | None, Key("the most severe limit that the voltage is beyond")] = None
     dofs: Unknowns
     wall_s: WallTime
     warnings: Warnings

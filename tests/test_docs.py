@@ -129,16 +129,40 @@ def test_the_python_page_works_as_it_stands(folder: Path, capsys) -> None:
     assert Path("crept/transient.csv").is_file()
 
 
-def test_the_dataset_of_the_data_page_is_judged_as_it_says(folder: Path, capsys) -> None:
-    page = ROOT / "docs/howto/data.md"
-    start, = (block for block in blocks(ROOT / "docs/start.md") if block.startswith("name ="))
-    about, = (block for block in blocks(page) if block.startswith("name ="))
-    readings, = (block for block in blocks(page) if block.startswith("specimen,"))
-    told, = (block for block in blocks(page) if block.startswith("The simulation"))
-    for name, text in (("oval.toml", start), ("dataset.toml", about), ("static.csv", readings)):
-        Path(name).write_text(text, encoding="utf-8")
-    assert main(["diagnose", "."]) == 0
-    assert capsys.readouterr().out == told
+def files(page: Path) -> Iterator[tuple[str, str]]:
+    """Names and texts of the input files that stand on a page."""
+    for block in blocks(page):
+        if block.startswith("specimen,"):
+            yield "static.csv", block
+        elif name := re.match(r'name = "(\w+)', block):
+            yield ("dataset" if "[[specimen]]" in block else name[1]) + ".toml", block
+
+
+def shown(page: Path) -> Iterator[tuple[str, str]]:
+    """Commands and Python of a page, with the output that stands right below each."""
+    text, output = page.read_text(encoding="utf-8"), r"\n+```text\n(.*?)```"
+    yield from re.findall(rf"^    (tympan [^\n]+)\n{output}", text, re.MULTILINE | re.DOTALL)
+    yield from re.findall(rf"```python\n((?:(?!```).)*)```\n{output}", text, re.DOTALL)
+
+
+@pytest.mark.parametrize("page", ["README.md", "docs/start.md", "docs/howto/limits.md",
+                                  "docs/howto/data.md"])
+def test_what_a_page_shows_is_printed(page: str, folder: Path, capsys) -> None:
+    """Words as they are, numbers to four digits."""
+    for source in (ROOT / "docs/start.md", ROOT / page):
+        for name, text in files(source):
+            Path(name).write_text(text, encoding="utf-8")
+    pairs, number = list(shown(ROOT / page)), r"\d+\.\d+"
+    assert pairs
+    for typed, expected in pairs:
+        if typed.startswith("tympan "):
+            assert main(shlex.split(typed)[1:]) == 0
+        else:
+            exec(typed, {})
+        printed = capsys.readouterr().out
+        assert re.sub(number, "0", printed) == re.sub(number, "0", expected)
+        assert [float(value) for value in re.findall(number, printed)] == pytest.approx(
+            [float(value) for value in re.findall(number, expected)], rel=1e-4)
 
 
 def anchors(page: Path) -> set[str]:

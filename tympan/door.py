@@ -182,7 +182,7 @@ def limits(specimen: Specimen, settings: Settings = Settings(), **loads: Unpack[
 def curve(specimen: Specimen, *masses: float | str, voltages: Sequence[float | str] = (),
           settings: Settings = Settings(), rig: Rig = Rig(), pressure: float | str | None = None
           ) -> Result[CurveResult]:
-    """Deflection against voltage under each mass to the film's limit; by default under usual ones.
+    """Deflection against voltage under each mass to the film's end; by default under usual ones.
 
     ``voltages`` are rows of their own. ``result.curves[0].limits.limit.voltage_V`` is the first
     limit under the first mass.

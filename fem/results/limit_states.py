@@ -91,7 +91,7 @@ class LimitState:
     falling: bool = False
 
 
-#: All limit states by kind, the gravest last.
+#: All limit states by kind, the most severe last.
 LIMIT_STATES: Registry[LimitState] = Registry("kind")
 
 

@@ -1,4 +1,4 @@
-"""Deflection against voltage under several masses, to the film's limit."""
+"""Deflection against voltage under several masses, to the film's limit and on to its end."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ from tympan.studies.columns import Column, read_own_sheet, write_sheet
 from tympan.studies.limits.voltages import Rise, StrokeToLimit, rise
 
 #: The columns of a curve's CSV. ``asked`` is 1 at voltages that were asked for, 0 on the way to the
-#: limit; ``beyond`` is the gravest limit that the voltage is beyond, blank up to the first.
+#: limit; ``beyond`` is the most severe limit that the voltage is beyond, blank up to the first.
 CURVES: tuple[Column, ...] = (
     Column("mass", "g"),
     Column("voltage", "kV"),

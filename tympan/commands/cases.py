@@ -96,7 +96,7 @@ def limits(options: argparse.Namespace) -> None:
          MESH,
          example='oval.toml --mass "10 g, 17.9 g" -o curve')
 def curve(options: argparse.Namespace) -> None:
-    """Deflection against voltage, to the film's limit."""
+    """Deflection against voltage, to the film's limit and on to its end."""
     from tympan.progress import bar
     from tympan.studies.limits import curve
 
