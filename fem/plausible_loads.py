@@ -29,7 +29,7 @@ _EQUIBIAXIAL = 6.0
 
 
 def implausible_loads(specimen: Specimen, rig: Rig, mass: float, voltage: float) -> list[str]:
-    """What a mass [kg] and a nominal voltage [V] seem to be instead, in sentences; mostly none.
+    """Likely intended values of a mass [kg] and a nominal voltage [V], in sentences; mostly none.
 
     The door they came through does not matter, only what they do to the film. Of several voltages
     the highest counts. A weight that something else may carry is not judged, nor is a film whose

@@ -1,4 +1,4 @@
-"""What surrounds the specimen: gravity, extra mass, spring, amplifier and displacement sensor."""
+"""Surroundings of the specimen: gravity, extra mass, spring, amplifier, displacement sensor."""
 
 from __future__ import annotations
 
@@ -155,7 +155,7 @@ class Rig:
 
     @property
     def loading(self) -> Loading:
-        """What acts on film and plate besides force, voltage and gas pressure."""
+        """Actions on film and plate besides force, voltage and gas pressure."""
         springs = (Spring(self.spring),) if self.spring else ()
         return Loading((*springs, *self.biases), self.weight_offset, self.guide, self.gravity)
 
@@ -177,7 +177,7 @@ class Rig:
         return (mass + self.unaccounted_mass) * self.gravity + self.plate_pressure * plate_area
 
     def rubbed(self, force: Any, direction: Any = 0.0) -> Any:
-        """What the film carries [N] of a force on the plate that rubs, which it never turns.
+        """Force [N] on the film of a force on the plate that rubs; friction never turns its sign.
 
         ``direction`` as of a voltage: the plate is held up on its way down to where a rising one or
         the weight moves it, held down where the voltage falls.
@@ -190,7 +190,7 @@ class Rig:
         return _not_turned(force, force - direction * self.friction)
 
     def film_voltage(self, voltage: Any, direction: Any = 0.0) -> Any:
-        """What the film responds to [V] of a nominal voltage: (1+k) U/(1+(U/U_s)²), less its lag.
+        """Voltage [V] that acts on the film, of a nominal one: (1+k) U/(1+(U/U_s)²), less its lag.
 
         The lag never turns the sign. Numbers or arrays; ``direction`` is 1 where the voltage rises,
         -1 where it falls, 0 where that is not known.
@@ -239,7 +239,7 @@ class Rig:
 
     def gauged(self, force: Callable[[Any], Any], stiffness: Callable[[Any], Any],
                displacement: Any) -> Any:
-        """What a tester's gauge shows [N] where its displacement shows so much [m].
+        """Force [N] that a tester's gauge shows where its displacement shows so much [m].
 
         ``force`` of the film on the plate at displacements of the plate, and its slope. The plate
         is where tester and film are in balance.
@@ -252,7 +252,7 @@ class Rig:
         return (1 + self.gauge_gain) * force(plate) + self.gauge_zero
 
     def reading(self, deflection: Any, elapsed: Any = 0.0) -> Any:
-        """What the sensor shows [m] of a deflection, so long after the run began [s]."""
+        """Reading [m] of the sensor at a deflection, so long after the run began [s]."""
         return (1 + self.sensor_gain) * deflection + self.sensor_zero + self.drift * elapsed
 
 
@@ -264,7 +264,7 @@ def _recorded(bias: Bias) -> dict[str, Any]:
 
 
 def _not_turned(before: Any, after: Any) -> Any:
-    """What was changed, none where that turned its sign."""
+    """Changed value, none where the change turned its sign."""
     return after * (np.real(after) * (1 - 2 * (np.real(before) < 0)) > 0)
 
 

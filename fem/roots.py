@@ -1,4 +1,4 @@
-"""Where a function vanishes between two arguments; a missing value is an answer, not an error."""
+"""Roots of a function between two arguments; a missing value is an answer, not an error."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def root_between(function: Callable[[float], float], low: float, high: float, xt
 
 
 def cubic_roots(values: Array, slopes: Array, beside: float = 0.0) -> list[float]:
-    """Where from 0 to 1 the cubic of values and slopes at both ends vanishes, in order.
+    """Roots from 0 to 1, in order, of the cubic of values and slopes at both ends.
 
     Those ``beside`` an end by no more than this are among them; none where a number is not finite.
 

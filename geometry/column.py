@@ -84,7 +84,7 @@ class Meaning:
         return cls(frozenset(map(plain_words, words.split(","))), unit, per, offset)
 
     def factor(self, unit: str) -> float | None:
-        """What a unit is in SI, None of one that does not fit."""
+        """Factor that turns a unit into SI; None of a unit that does not fit."""
         if self.unit == CELSIUS:
             return 1.0 if unit == CELSIUS else None
         if not self.unit:
@@ -162,7 +162,7 @@ class Column:
 
     @property
     def blank(self) -> float | str:
-        """What an empty cell reads as."""
+        """Value of an empty cell."""
         return math.nan if self.choices is None else ""
 
     def claims(self, title: str) -> bool:

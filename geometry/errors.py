@@ -35,7 +35,7 @@ class InputError(ValueError):
 
 
 class Failure(RuntimeError):
-    """What ends a command with a message though its input is right."""
+    """A failure that ends a command with a message though its input is right."""
 
 
 def did_you_mean(word: str, spelled: Mapping[str, str]) -> str:

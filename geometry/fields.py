@@ -1,4 +1,4 @@
-"""What a field of an input file or a result says about itself, once: meaning, unit, limits.
+"""Statements of a field of an input file or a result, made once: meaning, unit, limits.
 
 A field of a dataclass is declared by its type and a :class:`Key`::
 
@@ -54,7 +54,7 @@ Special = Mapping[tuple[type, str], Callable[[Table, str], Any]]
 
 @dataclass(frozen=True, eq=False)
 class Key:
-    """What a key of an input file, or of a result, holds; of a result it says the meaning alone.
+    """Content of a key of an input file, or of a result; of a result the meaning alone.
 
     ``dimension`` is one of :data:`tympan.geometry.units.DIMENSIONS`, "" for plain numbers; ``rule``
     the limits of every number; ``name`` the key where it is not the field's name; ``kinds`` what a
@@ -370,7 +370,7 @@ def numbers(values: Any, dimension: str, key: str) -> tuple[float, ...]:
 
 
 def _in_si(field: Field, value: Any) -> Any:
-    """What a constructor is given, as the dataclass keeps it."""
+    """Arguments of a constructor as the dataclass keeps them."""
     if type(value) is float and not field.several:
         return value  # what nearly all are, in each of a search's many thousand specimens
     try:
@@ -481,7 +481,7 @@ class Registry(dict[str, T]):
 
     @property
     def synonyms(self) -> dict[str, str]:
-        """What people call the kinds, ``also`` of each, by the words that messages use instead."""
+        """Synonyms of the kinds, ``also`` of each, by the words that messages use instead."""
         return {word: repr(name) for name, kind in self.items()
                 for word in getattr(kind, "also", ())}
 
@@ -492,7 +492,7 @@ class Registry(dict[str, T]):
         return kind
 
     def read(self, table: Table) -> Any:
-        """What a table describes, by the kind's own ``from_table`` if it has one."""
+        """Object that a table describes, by the kind's own ``from_table`` if it has one."""
         name = table.data.get(self.tag)
         if isinstance(name, str) and name not in self:
             self.whole(name)

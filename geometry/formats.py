@@ -1,4 +1,4 @@
-"""What tables of readings are written in: how the bytes of a file become rows of cells.
+"""Formats of tables of readings: how the bytes of a file become rows of cells.
 
 Every table is counted before it is read: one with too many columns or cells is refused at once. A
 new format is a value of :data:`FORMATS`, known by the end of the files' names, and where that is
@@ -250,7 +250,7 @@ def _unquoted(text: str) -> str:
 
 
 def _separator(text: str) -> str:
-    """What stands most often in the first line that is not blank, quotations left out.
+    """Separator: most frequent in the first line that is not blank, quotations left out.
 
     Below a title, whose line has another number of them than most, the mark that as many of the
     next lines have as often; a comma last, which may be a decimal mark.
@@ -465,7 +465,7 @@ def unfolded(file: Path, rows: Sequence[Row]) -> list[Row] | None:
 
 def _groups(file: Path, top: int, titles: Sequence[str], matches: Sequence[re.Match[str] | None]
             ) -> Iterator[tuple[dict[str, str], dict[str, int]]]:
-    """What marks readings of one row each, and where their values stand by title."""
+    """Groups of marks of readings, one row each, and where their values stand by title."""
     seen = Counter[tuple[str, ...]]()
     groups: dict[tuple[str, ...], tuple[dict[str, str], dict[str, int]]] = {}
     for place, match in enumerate(matches):

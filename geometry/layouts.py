@@ -34,7 +34,7 @@ _LINE: Rule = (lambda x: x == int(x) and x >= 1, "must be the number of a line, 
 @takes_units
 @dataclass(frozen=True)
 class Stated:
-    """Where the values of one column stand, as the user says.
+    """Place of the values of one column, as the user states it.
 
     ``title`` is our name with the unit of the numbers, such as ``displacement_mm``.
     """
@@ -80,7 +80,7 @@ class Layout:
 
     @classmethod
     def from_table(cls, table: Table) -> Layout:
-        """What a table of a dataset.toml says."""
+        """Layout that a table of a dataset.toml states."""
         own = {field.key for field in fields_of(cls)}
         titles = [key for key in table.data if key not in own]
         columns = tuple(_stated(table, title) for title in titles)
@@ -106,7 +106,7 @@ def _stated(table: Table, title: str) -> Stated:
 
 @dataclass(frozen=True)
 class Source:
-    """What a column is read from: a ``place`` in each row, or a ``constant``.
+    """Source of a column: a ``place`` in each row, or a ``constant``.
 
     ``per``: the size of the test piece that its numbers were divided by.
     """
@@ -341,7 +341,7 @@ class Reader:
         return Source(column, place, factor)
 
     def _size(self, meaning: Meaning, stated: Stated) -> float:
-        """What numbers of a meaning are divided by."""
+        """Number by which numbers of a meaning are divided."""
         size: float | None = getattr(self.layout, meaning.per) if meaning.per else 1.0
         if size is None:
             raise InputError(f"needs the {meaning.per} of the test piece, such as "
@@ -350,7 +350,7 @@ class Reader:
         return size
 
     def _meaning(self, column: Column, title: str) -> Source | str | None:
-        """What a heading is read as in a column; the key that is lacking; None: something else."""
+        """Meaning of a heading in a column; the key that is lacking; None: something else."""
         heading, lacking = Heading.of(title), None
         for meaning in column.also:
             if heading.words not in meaning.words:
@@ -461,7 +461,7 @@ class Reader:
 
     def _advice(self, column: Column, titles: Sequence[str],
                 lacks: Mapping[str, tuple[str, int]], left: Sequence[int]) -> str:
-        """What to write for a column that is missing."""
+        """Advice on what to write for a column that is missing."""
         lack, place = lacks.get(column.name, ("", 0))
         title = titles[place]
         if lack == "unit":
@@ -491,7 +491,7 @@ class Reader:
 
     def _remark(self, line: int, titles: Sequence[str], found: Sequence[Source],
                 left: Sequence[int]) -> str:
-        """What was read as what."""
+        """Remark on what was read as what."""
         named = [f"{source.column.title} is {titles[source.place]!r}" if source.place is not None
                  else f"{source.column.name} is {source.constant}" for source in found]
         rest = ", ".join(repr(titles[place]) for place in left if titles[place])

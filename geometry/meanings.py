@@ -1,4 +1,4 @@
-"""What testers, laboratories and people call the columns of tables, in three languages."""
+"""Headings of testers, laboratories and people for the columns of tables, in three languages."""
 
 from __future__ import annotations
 

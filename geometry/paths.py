@@ -31,7 +31,7 @@ def numbers(value: Any, path: str) -> tuple[str, ...]:
 
 
 def at(value: Any, path: Sequence[str]) -> Any:
-    """What stands at a path within dataclasses and tuples."""
+    """Value at a path within dataclasses and tuples."""
     for key in path:
         value = value[int(key)] if isinstance(value, tuple) else getattr(value, key)
     return value

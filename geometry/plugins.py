@@ -1,4 +1,4 @@
-"""What users' own packages add, by entry points: effects, laws, outlines, formats of tables.
+"""Extensions by users' own packages, as entry points: effects, laws, outlines, formats of tables.
 
 A package registers a module, or anything in one, under a group of :data:`GROUPS`; loading it
 registers what is in it, as tympan's own modules do. In its pyproject.toml::
@@ -119,7 +119,7 @@ def _package(point: EntryPoint) -> str:
 
 @contextmanager
 def _contained(came: list[int]) -> Iterator[None]:
-    """What is changed meanwhile of streams, folder, environment and settings is put back.
+    """Put back what is changed meanwhile of streams, folder, environment and settings.
 
     ``came`` gets the numbers of signals that come meanwhile.
     """

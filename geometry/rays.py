@@ -1,4 +1,4 @@
-"""Where rays from a place within an outline leave it."""
+"""Rays from a place within an outline, and where they leave it."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _HALVINGS = 50
 
 
 class Bounded(Protocol):
-    """What has an inside, such as an outline or a plate."""
+    """An object with an inside, such as an outline or a plate."""
 
     def level(self, x: Array, y: Array) -> Array:
         """Negative inside, zero on the edge [m]."""

@@ -118,7 +118,7 @@ def _loop(outer: Sequence[Piece], inner: Sequence[Piece], centre: Pair) -> Loop:
 
 
 def _on_axis(piece: Piece | None, t: float, centre: Pair) -> Pair:
-    """Where a piece ends on an axis, to the last digit; the centre if there is none."""
+    """End of a piece on an axis, to the last digit; the centre if there is none."""
     if piece is None:
         return centre
     place = piece.at(np.array([t]))[0][0]
@@ -161,7 +161,7 @@ def _split(piece: Piece, centre: Pair, close: float) -> list[Piece]:
 
 
 def _crossings(piece: Piece, axis: int, level: float, low: Array, high: Array) -> Array:
-    """Where a coordinate has a level, once between each pair of parameters: Newton's method."""
+    """Parameters where a coordinate has a level, once between each pair: Newton's method."""
     t = (low + high) / 2
     for _ in range(30):
         value, slope, _ = piece.at(t)

@@ -54,7 +54,7 @@ class Unbuildable(InputError):
 
 
 class Material(Protocol):
-    """What a film can be made of; ``law`` is its name in specimen files.
+    """A material of a film; ``law`` is its name in specimen files.
 
     A strain energy W(λ₁, λ₂) per virgin volume, incompressible, λ₃ = 1/(λ₁λ₂).
     """
@@ -77,7 +77,7 @@ class LibraryEntry(Protocol):
 
     @property
     def of_film(self) -> dict[str, Any]:
-        """What a film of it has unless it says otherwise."""
+        """Properties that a film of it has unless the film states its own."""
 
 
 class Strength(Protocol):

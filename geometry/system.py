@@ -1,4 +1,4 @@
-"""What the system has: memory, standard streams, the libraries of gmsh, OpenCASCADE and VTK."""
+"""Means of the system: memory, standard streams, the libraries of gmsh, OpenCASCADE and VTK."""
 
 from __future__ import annotations
 
@@ -107,7 +107,7 @@ class MissingLibrary(Failure):
 
 
 def missing_library(error: OSError | ImportError) -> MissingLibrary:
-    """What to install when loading a shared library failed.
+    """Advice on what to install when loading a shared library failed.
 
     Examples
     --------

@@ -190,7 +190,7 @@ class Table:
         return options[name]
 
     def named(self, key: str, find: Callable[[str], T]) -> T:
-        """What the name under a key stands for."""
+        """Object that the name under a key stands for."""
         try:
             return find(self.text(key))
         except InputError as error:
@@ -232,7 +232,7 @@ class Table:
 
 
 def one_of(name: object, options: Mapping[str, Any]) -> str:
-    """What a name must be, and the nearest one; options may have ``synonyms``, by their words."""
+    """Words that say which names are allowed, and the nearest; options may have ``synonyms``."""
     spelled = getattr(options, "synonyms", {}) | {option: repr(option) for option in options}
     hint = did_you_mean(name, spelled).strip() if isinstance(name, str) else ""
     return f"must be one of {', '.join(sorted(options))}{f'; {hint}' if hint else ''}"

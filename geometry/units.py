@@ -16,7 +16,7 @@ from tympan.geometry.errors import InputError
 
 @dataclass(frozen=True)
 class Dimension:
-    """What may be asked of a quantity.
+    """Dimension of a quantity, with its units.
 
     ``si`` is the unit the code uses inside, ``example`` one for messages, ``usual`` the units
     people write, the preferred one first.
@@ -147,7 +147,7 @@ def _factor(unit: str, dimension: str) -> float:
 
 
 def _product(unit: str) -> tuple[float, tuple[int, ...]] | None:
-    """What usual units make in SI, and their powers; None where another is among them.
+    """SI value of usual units, and their powers; None where another is among them.
 
     To load pint takes longer than to read a file.
     """

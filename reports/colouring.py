@@ -1,4 +1,4 @@
-"""What a film may be coloured by in pictures that can be turned: values, words, scale, colours."""
+"""Quantities that colour a film in pictures that can be turned: values, words, scale, colours."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ def css_gradient(name: str = look.COLOURS) -> str:
 
 
 def tick_places(scale: AxisScale) -> list[dict[str, str]]:
-    """Where along a colour bar its ticks stand, and what is written there."""
+    """Places of the ticks along a colour bar, and their words."""
     return [{"left": f"{100 * (tick - scale.low) / (scale.high - scale.low):.2f}%",
              "text": scale.text(tick)} for tick in scale.ticks]
 

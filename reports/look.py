@@ -145,7 +145,7 @@ def show_picture(axes: Axes, picture: Picture, *captions: tuple[str, float, str,
 
 def colour_bar(figure: Figure, left_edge: float, top: float, size: tuple[float, float],
                scale: AxisScale, colours: str, words: str) -> None:
-    """What the colours of pictures mean, in a bar of a ``size`` [mm]."""
+    """Draw a bar of a ``size`` [mm] that says what the colours of pictures mean."""
     bar = figure.colorbar(ScalarMappable(Normalize(scale.low, scale.high), colours),
                           cax=place_axes(figure, left_edge, top, *size), orientation="horizontal",
                           ticks=scale.ticks)
@@ -168,7 +168,7 @@ def marker_of(number: int) -> str:
 
 def describe(axes: Axes, across: str = "", up: str = "", title: str = "", bold: bool = False,
              ) -> None:
-    """What goes across and up, a title on the left, and faint lines behind the curves."""
+    """Name both axes, with a title on the left and faint lines behind the curves."""
     axes.set(xlabel=across, ylabel=up)
     axes.set_title(title, loc="left", weight="bold" if bold else "normal")
     axes.grid(color=FAINT, linewidth=0.5)

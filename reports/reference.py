@@ -83,7 +83,7 @@ def _instead(field: Field) -> str:
 
 
 def _form(field: Field) -> str:
-    """What kind of value it holds."""
+    """Kind of value it holds."""
     title = next((title for title, kinds in _SECTIONS if kinds is field.says.kinds), "")
     if title or is_dataclass(field.item):
         what = "tables" if field.several else "table"

@@ -1,4 +1,4 @@
-"""What ``--json`` prints and result files hold: keys, kinds, units, meaning, and JSON Schemas.
+"""Keys, kinds, units and meanings of ``--json`` and result files, and their JSON Schemas.
 
 Results that are dataclasses say it themselves, by the type and the ``Key`` of each field; that of
 others is in schema.toml. There ``[part.NAME]`` is what several objects hold: a kind "object: NAME,
@@ -62,7 +62,7 @@ class JsonKey:
 
 @dataclass(frozen=True)
 class JsonRecord:
-    """What some ``commands`` print, stored as ``file``."""
+    """Record that some ``commands`` print, stored as ``file``."""
 
     name: str
     commands: str

@@ -62,7 +62,7 @@ def with_policy(page: str) -> str:
 
 
 def sentence(words: jinja2.Template, part: str, *values: Any) -> str:
-    """What the macro ``part`` of a template says about values, on one line."""
+    """Sentence of the macro ``part`` of a template about values, on one line."""
     macro = getattr(words.module, part)
     return re.sub(r"[ \n]+", " ", str(macro(*values))).strip()
 

@@ -168,3 +168,17 @@ def test_a_docstring_begins_with_a_phrase_that_stands_alone() -> None:
     assert not [f"{file.relative_to(ROOT)}: {said.strip()}" for folder in PRODUCT
                 for file in sorted((ROOT / folder).rglob("*.py"))
                 for said in DANGLING.findall(file.read_text(encoding="utf-8"))]
+
+
+#: A docstring that begins as a question: "What a step keeps" is a clause, no name of a thing.
+CLAUSE = re.compile(r'^ *r?"""(?:What|Where)\b.*', re.MULTILINE)
+#: Packages without such docstrings.
+WITHOUT_CLAUSES = ("geometry", "fem", "reports", "tympan")
+
+
+def test_a_docstring_does_not_begin_as_a_question() -> None:
+    assert CLAUSE.findall('    """Where it begins [m]."""\n\n    """Place.\n\n    Where it is.\n')
+    assert not [f"{file}: {said.strip()}" for folder in WITHOUT_CLAUSES
+                for file in sorted((ROOT / folder).rglob("*.py"))
+                if "studies" not in file.relative_to(ROOT).parts
+                for said in CLAUSE.findall(file.read_text(encoding="utf-8"))]

@@ -41,7 +41,7 @@ __all__ = [
 
 if not TYPE_CHECKING:  # type checkers know all names, and should object to others
     def __getattr__(name: str) -> Any:
-        """What is public, wherever it is; the version is that of the installed distribution."""
+        """Public object of a name, wherever it is; the version is the installed distribution's."""
         if name == "__version__":
             from importlib.metadata import version
 

@@ -96,7 +96,7 @@ class _Parser(_Asking):
 
 
 def build_parser() -> argparse.ArgumentParser:
-    """What reads the command line: all commands with their options."""
+    """Parser of the command line: all commands with their options."""
     parser = _Parser(
         prog="tympan", description="Shape studies of dielectric-elastomer membrane actuators.",
         epilog='Quantities carry their unit: --mass "17.9 g" --voltage "3.5 kV". '

@@ -1,4 +1,4 @@
-"""What can be asked of an actuator with ``import tympan``; its parts are in :mod:`tympan.parts`."""
+"""Functions of ``import tympan`` on an actuator; its parts are in :mod:`tympan.parts`."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ File = str | os.PathLike[str]
 
 
 class Voltages(TypedDict, total=False):
-    """What makes a signal of its kind, as :class:`~tympan.studies.signals.Wave` takes it."""
+    """Arguments of a signal of its kind, as :class:`~tympan.studies.signals.Wave` takes it."""
 
     low: float | str
     high: float | str
@@ -64,7 +64,7 @@ class Waves(Voltages, total=False):
 
 
 class CouponTable(TypedDict, total=False):
-    """What a tester's headings leave open of a table of coupons."""
+    """Statements on a table of coupons that a tester's headings leave open."""
 
     mode: str | None
     unit: str | None
@@ -85,7 +85,7 @@ class PartSizes(TypedDict, total=False):
 
 
 class Loads(TypedDict, total=False):
-    """What acts on a specimen, as :class:`Case` takes it: SI numbers or texts with their unit.
+    """Loads on a specimen, as :class:`Case` takes it: SI numbers or texts with their unit.
 
     A voltage may also be "80 %", of the first limit.
     """

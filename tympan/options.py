@@ -42,12 +42,12 @@ class Command:
 
     @property
     def description(self) -> str:
-        """What it does, in whole sentences."""
+        """Description of the command, in whole sentences."""
         return " ".join((self.run.__doc__ or "").split())
 
     @property
     def summary(self) -> str:
-        """What it does, in a line of a list."""
+        """Summary of the command, in a line of a list."""
         first = self.description.split(". ")[0].rstrip(".")
         return f"{first[:1].lower()}{first[1:]}"
 
@@ -193,7 +193,7 @@ def option_name(name: str) -> str:
 
 @contextmanager
 def naming_options(options: argparse.Namespace, **names: str) -> Iterator[None]:
-    """What is wrong with a setting is said of the option of its name, or of that in ``names``."""
+    """Say what is wrong with a setting of the option of its name, or of that in ``names``."""
     try:
         yield
     except InputError as error:
@@ -206,7 +206,7 @@ def naming_options(options: argparse.Namespace, **names: str) -> Iterator[None]:
 
 @contextmanager
 def naming_file(file: Path | None) -> Iterator[None]:
-    """What is wrong with what a file or folder says is said of it, if of no other or an option."""
+    """Say what is wrong with what a file or folder says of it, if of no other or an option."""
     try:
         yield
     except InputError as error:

@@ -1,4 +1,4 @@
-"""What the public door answers: a study's numbers with their picture, files and table."""
+"""Answers of the public door: a study's numbers with their picture, files and table."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _PATIENCE = 10.0
 
 
 class _Numbers(Protocol):
-    """What every study answers."""
+    """Interface of every study's answer."""
 
     def json(self) -> Any: ...
 
@@ -37,7 +37,7 @@ Numbers = TypeVar("Numbers", bound=_Numbers)
 
 def file_writers(kind: type, file: Path, key: str = "file"
                  ) -> Mapping[str, Callable[[Any, Path], None]]:
-    """What a kind of numbers writes by itself, by the ending of a file's name.
+    """Writers of a kind of numbers, by the ending of a file's name.
 
     Raises
     ------

@@ -69,7 +69,7 @@ class Stiffness:
         return nodal
 
     def strains(self, change: Array) -> Array:
-        """What S₁₁, S₂₂ and S₁₂ work on when F changes."""
+        """Strains on which S₁₁, S₂₂ and S₁₂ work when F changes."""
         (a, b), (by_a, by_b) = ((f[..., 0], f[..., 1]) for f in (self.deformation, change))
         return np.stack([_dot(a, by_a), _dot(b, by_b), _dot(a, by_b) + _dot(b, by_a)], axis=-1)
 
@@ -122,7 +122,7 @@ class Stiffness:
 
     @cached_property
     def _turning(self) -> Array:
-        """What the turning of the plate adds to its own stiffness: that of the forces on it."""
+        """Stiffness that the turning of the plate adds to its own: that of the forces on it."""
         return self.model.plate_curvature(self.forces, self.state)
 
 
@@ -239,7 +239,7 @@ class ResidualDerivative:
 
     @cached_property
     def _strains(self) -> Array:
-        """What the stress works on, shape (motions, elements, points, 3)."""
+        """Strains on which the stress works, shape (motions, elements, points, 3)."""
         deformation = self.at.model.discretisation.deformation
         return np.stack([self.at.strains(deformation(row)) for row in self._nodal])
 

@@ -259,7 +259,7 @@ class Remaining:
 
 def firmness_left(model: Model, critical: PathPoint, load: Load, by: Mapping[str, ModelParameter],
                   spots: Sequence[Spot | EdgeSpot]) -> list[Remaining]:
-    """What is left at spots at a point of a branch, at constant other loads.
+    """Firmness left at spots at a point of a branch, at constant other loads.
 
     Arguments are those of :func:`limit_gradient`.
     """

@@ -158,7 +158,7 @@ def edge_nodes(discretisation: Discretisation, specimen: Specimen) -> dict[str, 
 
 @lru_cache(maxsize=32)
 def _foot(discretisation: Discretisation, specimen: Specimen, name: str) -> Foot:
-    """Where on an edge its nodes are."""
+    """Places on an edge of its nodes."""
     nodes = edge_nodes(discretisation, specimen)[name]
     return _edges(specimen)[name].foot(discretisation.reference[nodes, :2])
 
@@ -172,7 +172,7 @@ class Edge:
     distance: Any = 0.0
 
     def foot(self, places: Array) -> Foot:
-        """Where on the outline the nearest points are."""
+        """Nearest points on the outline."""
         return self.outline.curve.foot(places - np.array(self.centre))
 
     def at(self, foot: Foot) -> Array:

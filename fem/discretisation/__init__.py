@@ -1,1 +1,1 @@
-"""What depends on the mesh alone: basis, patterns, assembly."""
+"""Parts that depend on the mesh alone: basis, patterns, assembly."""

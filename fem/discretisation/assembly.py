@@ -34,7 +34,7 @@ def first_piola(f: Array, stress: Array) -> Array:
 
 
 def gathered(gradients: Array, piola: Array) -> Array:
-    """What stresses at the points do to the elements' nodes, shape (elements, local, 3)."""
+    """Nodal forces of stresses at the points, shape (elements, local, 3)."""
     return np.asarray(np.matmul(gradients[..., 0].transpose(0, 2, 1), piola[0])
                       + np.matmul(gradients[..., 1].transpose(0, 2, 1), piola[1]))
 
@@ -155,5 +155,5 @@ def _of_columns(column: Array, chosen: Array) -> tuple[Array, Array]:
 
 
 def _ends(lengths: Array) -> Array:
-    """Where runs of given lengths begin and end."""
+    """First and last indices of runs of given lengths."""
     return np.concatenate([[0], np.cumsum(lengths)]).astype(np.int32)

@@ -49,12 +49,12 @@ class Unknowns(FieldsAlone):
 
     @cached_property
     def pattern(self) -> SparsityPattern:
-        """Where the entries of element tangents go in the sparse one of the unknowns."""
+        """Places of the entries of element tangents in the sparse one of the unknowns."""
         return SparsityPattern.of(self.ranked, self.movable[self.order])
 
     @cached_property
     def analysis(self) -> Analysis:
-        """What the factorisations of all tangents of the unknowns have in common."""
+        """Analysis that the factorisations of all tangents of the unknowns share."""
         return analyse(self.pattern.indices, self.pattern.indptr, ordered=True)
 
     @cached_property
@@ -139,7 +139,7 @@ class Discretisation(FieldsAlone):
 
     @cached_property
     def fitted(self) -> Array:
-        """What values at an element's quadrature points give at its nodes, shape (points, local).
+        """Nodal values from values at an element's quadrature points, shape (points, local).
 
         By the polynomial of the elements' order nearest to them.
         """

@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Equation:
-    """What a constraint misses; its derivatives by a motion of film and plate, and by loads."""
+    """Residual of a constraint; its derivatives by a motion of film and plate, and by loads."""
 
     miss: float
     by_motion: Parts

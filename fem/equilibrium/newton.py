@@ -100,7 +100,7 @@ class NewtonSettings:
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """What Newton ended with; ``advice`` says why when it did not converge."""
+    """Result of Newton's method; ``advice`` says why when it did not converge."""
 
     state: State
     converged: bool
@@ -265,7 +265,7 @@ def simplified_newton(model: Model, guess: State, free: tuple[Load, ...] = (),
 
 
 def _left(after: float, before: float) -> float:
-    """What is left after two corrections by one tangent, foretold from their lengths."""
+    """Residual after two corrections by one tangent, foretold from their lengths."""
     return after * after / (before - after) if after < before else after
 
 

@@ -104,7 +104,7 @@ def in_words(value: float, load: Load) -> str:
 
 
 def without_mechanism(model: Model, deflection: float) -> str:
-    """What is said where a mechanism cannot be at a deflection [m]; empty where all can."""
+    """Message that a mechanism cannot be at a deflection [m]; empty where all can."""
     laws = " and ".join(f'"{law}"' for law in model.loading.ended(deflection))
     return laws and (f"the mechanism {laws} of the rig ends on the way: it has no force at about "
                      f"{1e3 * deflection:.3g} mm, and nothing is extrapolated")
@@ -157,7 +157,7 @@ class Ramp:
         return Outcome("equilibrium", solution)
 
     def _given_up(self, last: Solution) -> Outcome:
-        """What is said where the search has done its work."""
+        """Message where the search has done its work."""
         reached, target = (in_words(value, self.load)
                            for value in (last.state.load(self.load), self.target))
         return Outcome("not_converged", last, f"{EXHAUSTED}: it was given up at {reached} of "
@@ -215,7 +215,7 @@ class Ramp:
         return newton(self.model, guess, settings=limited), guess
 
     def _step(self, start: Solution, value: float) -> tuple[Solution, bool]:
-        """What Newton's method ends with at another value; whether that is stable and foreseen."""
+        """Result of Newton's method at another value; whether that is stable and foreseen."""
         trial, guess = self._at(start, value)
         return trial, trial.converged and trial.stable and self._foreseen(start, guess, trial)
 
@@ -226,7 +226,7 @@ class Ramp:
 
     def _around(self, before: Solution, after: Solution, margin: Margin
                 ) -> tuple[Solution, Solution] | None:
-        """Where between two equilibria a margin is used up: the last with some, the closest to it.
+        """Equilibria between which a margin is used up: the last with some, the closest to it.
 
         From the closest so far to where the film, moving on as there, uses it up, until that is no
         further away; now and then to the middle, should that not close in; and from the last with
@@ -347,7 +347,7 @@ class Ramp:
         return self._unfollowed(stable)
 
     def _unfollowed(self, last: Solution) -> Outcome:
-        """Where the film cannot be followed to the target, or a mechanism cannot."""
+        """Reason why the film cannot be followed to the target, or a mechanism cannot."""
         ahead = last.predicted(self.model, self.load, self.target)
         last.release()
         beyond = without_mechanism(self.model, self.model.deflection(ahead))

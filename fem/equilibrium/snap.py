@@ -1,4 +1,4 @@
-"""Where a plate rests that a mechanism makes jump, and all equilibria under the same loads.
+"""Equilibria of a plate that a mechanism makes jump, and all others under the same loads.
 
 Beyond a limit point of its load a plate without inertia moves on to the first deflection at which
 film and mechanism hold it again. The plate is held on the way, so that limit points do not matter.
@@ -34,7 +34,7 @@ _BESIDE = 1e-6
 
 
 def snapped(model: Model, limit: PathPoint, settings: PathSettings) -> Solution | None:
-    """Where a plate comes to rest from a limit point of its load, which stays as it is.
+    """Equilibrium to which a plate jumps from a limit point of its load, which stays as it is.
 
     None without a mechanism that may make it jump, or where nothing holds it any more.
     """
@@ -45,7 +45,7 @@ def snapped(model: Model, limit: PathPoint, settings: PathSettings) -> Solution 
 
 
 def landed(model: Model, start: Solution, way: float, settings: PathSettings) -> Solution | None:
-    """Where a plate comes to rest that nothing holds just beyond a state, by the sign of a way."""
+    """Equilibrium of a plate that nothing holds just beyond a state, by the sign of a way."""
     if not model.loading.softening:
         return None
     found = next(_equilibria(model, start, float(np.sign(way)), settings), None)

@@ -17,7 +17,7 @@ _ASIDE = 0.01
 
 
 class Given(Protocol):
-    """What is given along a path, and what follows from it."""
+    """A quantity that is given along a path, and what follows from it."""
 
     def free(self, model: Model) -> tuple[Load, ...]:
         """Loads that follow."""
@@ -26,7 +26,7 @@ class Given(Protocol):
         """An equation for each of these."""
 
     def value(self, model: Model, state: State) -> float:
-        """What a state has of it."""
+        """Value of this quantity in a state."""
 
     def applied(self, state: State, value: float) -> State:
         """The state, with the value where that is a load."""
@@ -93,7 +93,7 @@ class Span:
 
     @cached_property
     def ends(self) -> tuple[float, float]:
-        """What is given at both ends."""
+        """Values that are given at both ends."""
         first, last = (self.given.value(self.model, solution.state)
                        for solution in (self.start, self.end))
         return first, last
@@ -108,7 +108,7 @@ class Span:
         return difference(self.model, self.end.state, self.start.state)
 
     def foretold(self, value: float) -> State:
-        """Where the cubic is at a value, or leads on to beyond the end.
+        """State of the cubic at a value, or where it leads on beyond the end.
 
         A span of no length leads along its slope.
         """

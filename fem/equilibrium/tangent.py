@@ -140,7 +140,7 @@ class Tangent:
 
 
 def _inertia(model: Model) -> Array:
-    """What a step of the plate's motion adds to its stiffness, shape (6, 6)."""
+    """Stiffness that a step of the plate's motion adds, shape (6, 6)."""
     swing = model.loading.swing
     return np.zeros((6, 6)) if swing is None else swing.stiffness
 

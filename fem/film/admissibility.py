@@ -1,4 +1,4 @@
-"""Where laws fail: which a film can be made of, and where a solved film is stretched too far."""
+"""Range of laws: which a film can be made of, and where a solved film is stretched too far."""
 
 from __future__ import annotations
 
@@ -164,7 +164,7 @@ CRITERIA = {
 
 
 def failures(film: Film, position: Array, l1: Array, l2: Array) -> list[str]:
-    """What fails of a film's law at the stretches a state visits, where worst, and how widely.
+    """Failures of a film's law at the stretches a state visits, where worst, and how widely.
 
     Also that they lie outside the range the law is meant for.
 
@@ -186,7 +186,7 @@ def failures(film: Film, position: Array, l1: Array, l2: Array) -> list[str]:
 
 
 def lawful(film: Film, l1: Any, l2: Any, derivatives: tuple[Any, ...]) -> NDArray[np.bool_]:
-    """Where a film's law fails no criterion and is within its range, of the stretches' shape.
+    """Mask of stretches at which a film's law fails no criterion and is within its range.
 
     ``film`` may have arrays in place of numbers; ``derivatives`` are those of its law there.
     """

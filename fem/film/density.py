@@ -51,7 +51,7 @@ class Maxwell:
 
 @dataclass(frozen=True)
 class Density:
-    """What a material stores at a deformation; no tangent where it was not asked for."""
+    """Energy density of a material at a deformation; no tangent where it was not asked for."""
 
     energy: Any
     stress: Any
@@ -86,7 +86,7 @@ class FilmDensity:
 
     @property
     def parts(self) -> list[Part]:
-        """What adds up to the film; what shares its principal axes wrinkles together, if at all.
+        """Parts that add up to the film; what shares principal axes wrinkles together, if at all.
 
         Parts are equal that add the same, wherever they are.
         """

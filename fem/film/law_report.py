@@ -22,7 +22,7 @@ Pair = tuple[float, float]
 
 @dataclass(frozen=True, eq=False)
 class Examination:
-    """What a law does over :data:`tympan.fem.film.admissibility.STRETCH_RANGE`.
+    """Behaviour of a law over :data:`tympan.fem.film.admissibility.STRETCH_RANGE`.
 
     True stress [Pa] at ``stretch``: both axes alike, and along a strip whose other stretch is
     ``mounted``; nan where the law cannot be stretched so far. ``hill`` and ``ellipticity`` are the

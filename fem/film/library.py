@@ -61,7 +61,7 @@ class LibraryMaterial:
 
     @property
     def of_film(self) -> dict[str, Any]:
-        """What a film of it has unless it says otherwise, by the names of a film's fields."""
+        """Properties of a film that states none of its own, by the names of its fields."""
         known: dict[str, Any] = {"branches": self.branches}
         if self.breakdown:
             known["strength"] = library_strength(self.breakdown)
@@ -92,7 +92,7 @@ class RangedMaterial:
 
     @property
     def of_film(self) -> dict[str, Any]:
-        """What a film of it has, by the name of the film's field."""
+        """Properties of a film of it, by the name of the film's field."""
         return {"law_range": self.range}
 
 

@@ -1,4 +1,4 @@
-"""What a film with viscous branches remembers, and its energy in a step of time.
+"""Memory of a film with viscous branches, and its energy in a step of time.
 
 Beside its law a film has branches of a modulus μ and a time τ. Each stores μ/2 (C : C_v⁻¹ − 3) per
 virgin volume, det C_v = 1, C₃₃ = 1/(C₁₁C₂₂ − C₁₂²), and flows: Ċ_v = (C − ⅓ (C : C_v⁻¹) C_v)/τ
@@ -79,7 +79,7 @@ class Memory:
         return cls(moduli, times, np.broadcast_to(spread, (4, len(times), *points)), flows)
 
     def step(self, c: Any, duration: float, ahead: Any = None) -> Flow:
-        """What a step of a duration [s] from C keeps of what was before.
+        """Shares of what was before that a step of a duration [s] from C keeps.
 
         In the step det(M)^⅓ grows exponentially, by its rate at the start. Where a viscosity is not
         constant, its inverse is the mean of that at the start and of that at a C ``ahead``, where
@@ -102,12 +102,12 @@ class Memory:
         return Flow(self, kept, share * last)
 
     def energy(self, c: Any) -> Array:
-        """What the branches store at C [J/m³], shape (*points)."""
+        """Energy that the branches store at C [J/m³], shape (*points)."""
         stretch = inner(inverse(self.viscous), incompressible(c)[:, None]) - 3
         return np.asarray((self.each(self.moduli) / 2 * stretch).sum(0))
 
     def dissipation(self, c: Any) -> Array:
-        """What the branches turn into heat at C [W/m³], shape (*points).
+        """Power that the branches turn into heat at C [W/m³], shape (*points).
 
         With X = C C_v⁻¹ that is (μ/2τ) (tr X² − (tr X)²/3).
         """
@@ -186,7 +186,7 @@ class Flow:
 
     @cached_property
     def at_once(self) -> tuple[Array, Array] | None:
-        """Where nothing flows Σ μ C_v⁻¹ in the plane, (3, *points), and Σ μ/C_v,33 [Pa].
+        """Σ μ C_v⁻¹ in the plane, (3, *points), and Σ μ/C_v,33 [Pa], where nothing flows.
 
         The branches then store ½ (the one : C + the other/det C).
         """

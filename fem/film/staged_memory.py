@@ -1,4 +1,4 @@
-"""What a film with branches remembers over the stages of one long step of time.
+"""Memory of a film with branches over the stages of one long step of time.
 
 A step that is collocated at several stages (:mod:`tympan.fem.transient.collocation`) meets Ċ_v =
 φ (C − κ C_v)/τ, κ = (C : C_v⁻¹)/3, φ the inverse viscosity, at all of them at once. That is linear

@@ -226,7 +226,7 @@ def total(materials: tuple[Any, ...], l1: Any, l2: Any) -> tuple[Any, ...]:
 
 
 def _root(function: Any, low: Array, high: Array, exists: NDArray[np.bool_]) -> Array:
-    """Where a function that is negative at ``low`` and positive at ``high`` is 0.
+    """Root of a function that is negative at ``low`` and positive at ``high``.
 
     Nan where there ``exists`` none.
 

@@ -161,7 +161,7 @@ class Bistable:
 
     @cached_property
     def _shape(self) -> tuple[Any, Any]:
-        """Where it stands between the rest positions, over the travel, and the cubic's factor."""
+        """Place between the rest positions, over the travel, and the cubic's factor."""
         ratio: Any = (self.back if np.real(self.back) else self.force) / self.force
         low, high = 0.0, 1.0
         while high - low > 1e-15:
@@ -195,7 +195,7 @@ def _peaks(middle: Any) -> tuple[Any, Any]:
 
 
 def _turns(middle: Any) -> tuple[Any, Any]:
-    """Where these two are."""
+    """Both turns."""
     half = (1 + middle) / 3
     root = (half**2 - middle / 3) ** 0.5
     return half - root, half + root

@@ -1,4 +1,4 @@
-"""What acts on film and plate: weight and where it hangs, guide, mechanisms, gas.
+"""Actions on film and plate: weight and where it hangs, guide, mechanisms, gas.
 
 The weight pulls along z. The gas lies below film and plate and loses volume where they move along
 z. Counted from the flat film it has V = −∫ z n_z da = −∫ z (x,₁ y,₂ − x,₂ y,₁) dX over the film,
@@ -47,7 +47,7 @@ _GAS = -1.0
 
 @dataclass(frozen=True)
 class Loading:
-    """What acts on film and plate besides force, voltage and gas pressure.
+    """Actions on film and plate besides force, voltage and gas pressure.
 
     ``arm``: where the force is applied, from the plate's centre in the mounted state [m]; it moves
     with the plate. ``gravity``: on the film's own mass, along the load [m/s²]. ``swing``: a step of

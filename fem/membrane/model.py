@@ -118,7 +118,7 @@ class Model:
 
     @property
     def pushed_by(self) -> Load:
-        """What pushes the film out: the force on the plate, or gas where there is none."""
+        """Cause that pushes the film out: the force on the plate, or gas where there is none."""
         return "pressure" if self.specimen.plate is None else "force"
 
     @cached_property

@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class RigidPlate:
-    """What the plate carries: ``mass`` [kg] and ``inertia`` about its centre [kg m²], (3, 3).
+    """Load of the plate: ``mass`` [kg] and ``inertia`` about its centre [kg m²], (3, 3).
 
     ``arm`` leads from the plate's centre to that of mass [m]. Both belong to the mounted position
     and turn with the plate.

@@ -1,4 +1,4 @@
-"""Where film and plate are, and the loads they are under."""
+"""Positions of film and plate, and the loads they are under."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _FIELD = {"force": "force", "voltage": "voltage_squared", "pressure": "pressure"
 
 @dataclass(frozen=True)
 class PlateMotion:
-    """Where the plate is: translation of its centre [m] and rotation matrix about it."""
+    """Position of the plate: translation of its centre [m] and rotation matrix about it."""
 
     translation: Array
     rotation: Array

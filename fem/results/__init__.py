@@ -1,1 +1,1 @@
-"""What is read off an equilibrium: fields and integrals."""
+"""Quantities of an equilibrium: fields and integrals."""

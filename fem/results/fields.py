@@ -94,7 +94,7 @@ def whole(model: Model, state: State) -> tuple[Model, State]:
 
 def _unfolded(flow: Flow, part: Discretisation, full: Discretisation, origin: Array, signs: Array
               ) -> Flow:
-    """What the whole film remembers; its elements are the part's, then their images."""
+    """Memory of the whole film; its elements are the part's, then their images."""
     count = len(part.connectivity)
     part_nodes = np.tile(part.connectivity, (len(full.connectivity) // count, 1))
     # Of every local node of the whole the local node of the part.
@@ -107,7 +107,7 @@ def _unfolded(flow: Flow, part: Discretisation, full: Discretisation, origin: Ar
 
 
 def _flow_at(model: Model, cells: Array, points: Array) -> Flow | None:
-    """What the film remembers at reference points of elements, its polynomial there continued."""
+    """Memory of the film at reference points of elements, its polynomial there continued."""
     mesh, flow = model.discretisation, model.flow
     shapes = tabulated(mesh.mesh.order, points)[0]
     return None if flow is None else flow.at(
@@ -178,7 +178,7 @@ def node_fields(model: Model, states: Sequence[State]) -> list[Fields]:
 
 def lost_tension(model: Model, states: Sequence[State], parts: int = 8,
                  at_nodes: Sequence[Fields] = ()) -> list[LostTension]:
-    """Where the film of each state has lost tension.
+    """Mask of the points of each state where its film has lost tension.
 
     At the middles of ``parts``² triangles in every element that may have by its fields
     ``at_nodes``, :func:`node_fields` unless given; states are computed together.

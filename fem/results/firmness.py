@@ -1,4 +1,4 @@
-"""Where a film gives way in itself: its least stiffness within its plane, at a given voltage."""
+"""Least stiffness of a film within its plane at a given voltage: where it is 0, it gives way."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ class Spot:
     recovered: bool
 
     def sources(self, mesh: Discretisation) -> list[Source]:
-        """What the strains are made of that the firmness here is a function of."""
+        """Arguments of the strains that the firmness here is a function of."""
         if self.recovered:
             return [Source.recovered(mesh, self.element, self.local)]
         return [Source.averaged(mesh, np.array([self.element]), np.array([self.local]))]
@@ -110,7 +110,7 @@ class EdgeSpot:
     number: int
 
     def sources(self, mesh: Discretisation) -> list[Source]:
-        """What the strains are made of that the firmness here is a function of."""
+        """Arguments of the strains that the firmness here is a function of."""
         edge = mesh.electrode_edge
         return [Source.averaged(mesh, *places[rows == self.number].T)
                 for places, rows in zip(edge.places, edge.rows, strict=True)]
@@ -124,7 +124,7 @@ class EdgeSpot:
 
 
 def spots_at(model: Model, state: State, places: Iterable[int]) -> list[Spot | EdgeSpot]:
-    """Where :func:`firmness` has its values at places, element-major."""
+    """Spots at which :func:`firmness` has its values, by places, element-major."""
     (elliptic, thinning, near), edge = _margins(model, state), edge_firmness(model, state)
     mesh = model.discretisation
     spots: list[Spot | EdgeSpot] = []

@@ -1,4 +1,4 @@
-"""Where points of the flat film lie in a mesh, and nodal fields there."""
+"""Places of points of the flat film in a mesh, and nodal fields there."""
 
 from __future__ import annotations
 

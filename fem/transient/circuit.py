@@ -42,7 +42,7 @@ class Circuit:
 
     def charged(self, charge: float, current: float, source: float, duration: float,
                 capacitance: float) -> tuple[float, float]:
-        """What a film's charge is after a duration [s] at a voltage U of it, as Q − C U [C, F].
+        """Charge of a film after a duration [s] at a voltage U of it, as Q − C U [C, F].
 
         By the damped trapezoidal rule of a film of a ``capacitance`` [F], from its ``charge`` [C]
         and ``current`` [A] before, under the source's voltage [V] at the end.

@@ -38,7 +38,7 @@ class CollocationRule:
         return np.pad(self.matrix, ((1, 0), (1, 0)))
 
     def beyond(self, share: float) -> Array:
-        """What is at the nodes of a next step, so many times as long, by values of this one."""
+        """Values at the nodes of a next step, so many times as long, by values of this one."""
         times = 1 + share * self.nodes
         return np.asarray(times[:, None] ** np.arange(len(self.powers)) @ self.powers)
 

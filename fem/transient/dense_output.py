@@ -1,4 +1,4 @@
-"""What is between the moments of a motion: a cubic spline that does without a knot at its ends.
+"""Motion between its moments: a cubic spline that does without a knot at its ends.
 
 Through two, three or four moments that is their polynomial, so a motion under way and one that is
 over are looked at in the same way.

@@ -1,4 +1,4 @@
-"""Where the energy of a film in time goes: a balance at the film's electrodes and its plate."""
+"""Energy of a film in time: a balance at the film's electrodes and its plate."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ class Energy:
 
 @dataclass(frozen=True, kw_only=True)
 class EnergyBalance:
-    """Where the energy of a film went over some time [J].
+    """Balance of the energy of a film over some time [J].
 
     What is left unexplained is by errors of the steps or because a film without mass snaps where it
     wrinkles.

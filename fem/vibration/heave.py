@@ -1,4 +1,4 @@
-"""What moves with a plate that heaves: film, electrodes and air, as a mass on the plate.
+"""Mass that moves with a plate that heaves: film, electrodes and air, as a mass on the plate.
 
 Of a film that follows the plate as at rest, x = v h with the heave h, the kinetic energy is ½ m ḣ²
 with m = ∫ ρ |v|² dA (Rayleigh). Its own inertia makes it follow a little more: condensed on the

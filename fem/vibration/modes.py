@@ -257,7 +257,7 @@ def mode_names(model: Model, modes: Modes) -> tuple[str, ...]:
 
 
 def plate_motion(share: Array) -> str:
-    """What a mode is that moves the plate, from the shares of its freedoms; "" of the film's."""
+    """Words for a mode that moves the plate, from the shares of its freedoms; "" of the film's."""
     if share.sum() <= 0.5:
         return ""
     totals = [share[list(numbers)].sum() for numbers, _, _ in _MOTIONS]

@@ -124,7 +124,7 @@ def closed_curves(pieces: Sequence[Piece], tolerance: float | None = None) -> Co
 
 
 def piece_ends(pieces: Sequence[Piece]) -> Array:
-    """Where pieces start and end, shape (2, pieces, 2) [m]."""
+    """Ends of pieces, first and last, shape (2, pieces, 2) [m]."""
     ends = [(piece.start, piece.end) if isinstance(piece, Line)
             else piece.at(np.array([0.0, 1.0]))[0] for piece in pieces]
     return np.array(ends, dtype=float).swapaxes(0, 1)
@@ -393,7 +393,7 @@ def _listed(curves: Sequence[Curve]) -> str:
 
 
 def _open(ends: Array, first: int, last: int, allowed: bool = True) -> InputError:
-    """What is wrong where a curve is open; the tolerance in its advice is enough."""
+    """Message that a curve is open; the tolerance in its advice is enough."""
     start, end = _point(ends, first), _point(ends, last)
     gap = 1e3 * float(np.linalg.norm(start - end))
     digits = 1 - int(np.floor(np.log10(gap)))

@@ -158,7 +158,7 @@ class Curve:
 
     @property
     def starts(self) -> Array:
-        """Where the pieces start, shape (pieces, 2) [m]."""
+        """First points of the pieces, shape (pieces, 2) [m]."""
         return np.vstack([piece.at(np.zeros(1))[0] for piece in self.pieces])
 
     def turns(self) -> Array:

@@ -74,7 +74,7 @@ def dxf_sheet(file: Path, layer: str, unit: str | None) -> Sheet:
 
 
 def _guess(pieces: list[Piece]) -> str:
-    """What to try where numbers that were read in mm make a drawing too small for a film."""
+    """Advice where numbers that were read in mm make a drawing too small for a film."""
     thirds = np.array([0.0, 1 / 3, 2 / 3])
     size = np.ptp(np.vstack([piece.at(thirds)[0] for piece in pieces]), axis=0).max()
     return "" if size > _TINY else (f"; the drawing is then less than {1e3 * _TINY:g} mm wide: its "

@@ -1,4 +1,4 @@
-"""What an outline is, what all of them share, what may be wrong with one, and the registry."""
+"""Outlines: what all of them share, what may be wrong with one, and the registry."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ class Outline(FieldsAlone, ABC):
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """What a reader of the file should know about how the outline was found, in sentences."""
+        """Remarks for a reader of the file on how the outline was found, in sentences."""
         return ()
 
     @cached_property
@@ -219,7 +219,7 @@ def _crossing(outline: Outline, curve: Curve, size: float) -> None:
 
 
 def _meeting(points: Array, first: int, second: int) -> Array | None:
-    """Where the polyline's sides about two of its points cross, if they do."""
+    """Crossing of the polyline's sides about two of its points, if there is one."""
     sides = np.roll(points, -1, axis=0) - points
     i, j = ((point + np.arange(-2, 2)) % len(points) for point in (first, second))
     gap, r, s = points[j] - points[i][:, None], sides[i][:, None], sides[j]

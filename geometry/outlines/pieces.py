@@ -100,7 +100,7 @@ class Line:
 
 
 class Curved(ABC):
-    """What arcs and splines share: the nearest point, and the parallel curve as a spline."""
+    """Base of arcs and splines: the nearest point, and the parallel curve as a spline."""
 
     #: Points between two breaks from which the nearest is searched.
     each: ClassVar[int]

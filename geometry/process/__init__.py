@@ -1,1 +1,1 @@
-"""What concerns the process as a whole: the threads of its libraries, and signals that end it."""
+"""The process as a whole: the threads of its libraries, and signals that end it."""

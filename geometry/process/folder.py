@@ -249,7 +249,7 @@ def _open(manifest: Path) -> int:
 
 
 def _lines(manifest: Path) -> frozenset[str]:
-    """What a manifest lists; nothing where there is none."""
+    """Entries of a manifest; none where there is no manifest."""
     try:
         handle = os.open(manifest, os.O_RDONLY | _PLAIN)
     except FileNotFoundError:

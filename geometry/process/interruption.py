@@ -98,7 +98,7 @@ def raise_again() -> None:
 
 @contextmanager
 def signals_wait() -> Iterator[None]:
-    """What signals that come meanwhile do to this process, they do afterwards.
+    """Delay signals: what they do to this process, they do afterwards.
 
     For short sections that must not be left half done, and for callbacks of libraries that swallow
     what is raised in them. To block signals is not enough: another thread may take one, and the

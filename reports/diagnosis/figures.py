@@ -96,7 +96,7 @@ def _ramp(axes: Axes, colour: str, marker: str, readings: Columns, curves: Colum
 
 def _models_legend(figure: Figure, masses: list[float], models: Columns, band: bool = True,
                    slips: bool = False) -> None:
-    """What points, lines and bands are, below the panels."""
+    """Legend of points, lines and bands, below the panels."""
     handles: list[Artist] = point_keys([f"{1e3 * mass:.4g} g" for mass in masses])
     if slips:
         handles.append(left_out_key())

@@ -1,4 +1,4 @@
-"""What models leave of readings over the films, on the films' plans."""
+"""Residuals of models over the films, on the films' plans."""
 
 from __future__ import annotations
 

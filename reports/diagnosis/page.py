@@ -114,7 +114,7 @@ def render_diagnosis(diagnosis: Diagnosis, pictures: Mapping[str, str], viewer: 
 
 
 def verdict_words(diagnosis: Diagnosis) -> str:
-    """What follows the headline, in a few sentences."""
+    """Sentences that follow the headline."""
     named = [cause for cause in diagnosis.causes if diagnosis.verdict == "named" and cause.named]
     words = _said("verdict", diagnosis, named, _suspects(diagnosis),
                   _worst_ratios(diagnosis.misfit), _unit(diagnosis),

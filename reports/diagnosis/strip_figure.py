@@ -72,7 +72,7 @@ def compose_strips(readings: Columns, reading: str = "stress") -> Figure:
 
 
 def _conditions(readings: Columns) -> list[str]:
-    """What tells the runs apart, in words, of each reading."""
+    """Conditions that tell the runs apart, in words, of each reading."""
     parts = []
     if np.ptp(readings["voltage"]) > 0:
         parts.append([f"{value / 1e3:g} kV" for value in readings["voltage"].tolist()])

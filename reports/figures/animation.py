@@ -107,7 +107,7 @@ def _encode(ffmpeg: str, frames: NDArray[np.uint8], file: Path) -> None:
 
 
 def common_extent(pictures: Iterable[style.Picture]) -> tuple[float, float, float, float]:
-    """What holds all pictures: west, east, bottom, top [mm]."""
+    """Extent that holds all pictures: west, east, bottom, top [mm]."""
     west, east, bottom, top = zip(*(extent for _, extent in pictures), strict=True)
     return min(west), max(east), min(bottom), max(top)
 

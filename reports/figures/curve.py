@@ -132,7 +132,7 @@ class VoltageCurve:
         return (y <= low + _SAME, (y >= low - _SAME) & (y <= high + _SAME), y >= high - _SAME)
 
     def deflection_at(self, limit: Limit) -> float:
-        """Where on the curve a limit is: the curve has a point there."""
+        """Deflection on the curve at a limit: the curve has a point there."""
         return float(self.deflection[np.argmin(np.abs(self.voltage - limit.voltage_V / 1e3))])
 
     @property

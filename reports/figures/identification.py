@@ -1,4 +1,4 @@
-"""What readings determine of a model's constants: profiles of the likelihood, and correlations."""
+"""Constants of a model as readings determine them: profiles of the likelihood, correlations."""
 
 from __future__ import annotations
 

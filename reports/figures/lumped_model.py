@@ -59,7 +59,7 @@ def _draw(loads: pd.DataFrame, name: str, colour: str, above: Axes, below: Axes)
 
 
 def _key(axes: Axes) -> None:
-    """What the lines are, in black, below and above alike."""
+    """Legend of the lines, in black, below and above alike."""
     lines = [axes.plot([], [], line, color="black", linewidth=0.9, label=words)[0]
              for line, words in _SHOWN.values()]
     dots = [axes.plot([], [], "o", color="black", markersize=3, markerfacecolor=face,

@@ -61,7 +61,7 @@ def draw_capacitance(axes: Axes, result: SenseResult) -> None:
 
 
 def _draw_movers(axes: Axes, result: SenseResult) -> None:
-    """What moves the sensed deflection at the lowest and the highest voltage."""
+    """Draw what moves the sensed deflection at the lowest and the highest voltage."""
     style.describe(axes, "deflection (mm)", "sensed deflection moves by (mm)")
     numbers = dict.fromkeys((0, len(result.curves) - 1))
     for number in numbers:

@@ -54,7 +54,7 @@ def render_paper(content: Content, pictures: Mapping[str, str]) -> str:
 
 
 def caption(name: str) -> str:
-    """What stands under a figure.
+    """Caption of a figure.
 
     Examples
     --------

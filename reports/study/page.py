@@ -71,7 +71,7 @@ def render_study(run: StudyView, stress: str, curves_: str, viewer: str = "", fo
 
 
 def settings(stored: StudyResult) -> Iterator[tuple[str, str, str]]:
-    """What the study was run with, flat: where a setting belongs, its name, and value and unit."""
+    """Settings of the study, flat: where a setting belongs, its name, and value and unit."""
     loads = {item.specimen: to_json(item.loads) for item in stored.alphas}
     for where, record in (("Rig", stored.rig), ("Computation", stored.settings),
                           ("Loads for α", loads), ("Libraries", stored.libraries)):
@@ -114,7 +114,7 @@ def study_summary(run: StudyView) -> str:
 
 
 def reference(specimens: Sequence[SpecimenView]) -> SpecimenView:
-    """What the others are compared with: the first round one, or else the first."""
+    """Film that the others are compared with: the first round one, or else the first."""
     return next((item for item in specimens if item.round), specimens[0])
 
 

@@ -136,7 +136,7 @@ def compose_stress(run: StudyView, design: Layout, pictures: Sequence[style.Pict
 
 
 def end_values(specimen: SpecimenView, scale: AxisScale) -> list[tuple[str, float, str]]:
-    """What is written at the plate: text, stress [kPa] and colour; one entry for like axes."""
+    """Labels at the plate: text, stress [kPa] and colour; one entry for like axes."""
     short, long = specimen.short.at_plate, specimen.long.at_plate
     texts = [scale.text(value, more=1) for value in (short, long)]
     if specimen.alike or texts[0] == texts[1]:
@@ -192,7 +192,7 @@ def _explain(figure: Figure, run: StudyView, design: Layout, top: float) -> None
 
 
 def stress_label(scale: AxisScale) -> str:
-    """What the colours and the curves show, and where they start."""
+    """Words on what the colours and the curves show, and where they start."""
     start = "" if scale.from_zero else f"; scales start at {scale.start}, not 0"
     return f"largest principal true stress (kPa{start})"
 

@@ -88,7 +88,7 @@ class SpecimenView:
 
     @property
     def axes(self) -> tuple[str, str]:
-        """What the short and the long axis are called."""
+        """Names of the short and the long axis."""
         return ("y", "x") if self.round else ("short", "long")
 
     @property

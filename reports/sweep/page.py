@@ -38,7 +38,7 @@ _NAMED = 6  #: specimens named of those with one reason
 
 @dataclass(frozen=True)
 class FailedCases:
-    """What failed for a reason: "case" or what was asked, how often, and some of the specimens."""
+    """Failures of one reason: "case" or what was asked, how often, and some of the specimens."""
 
     what: str
     reason: str
@@ -52,7 +52,7 @@ def build_sweep_page(result: SweepResult, folder: Path) -> list[Path]:
 
 
 def keep_page(folder: Path) -> Watch:
-    """What writes the page of a sweep while it runs; where it cannot be written it waits."""
+    """Writer of the page of a sweep while it runs; where it cannot be written it waits."""
     due = 0.0
 
     def watch(so_far: Callable[[], SweepResult]) -> None:
@@ -112,7 +112,7 @@ def _rows(view: SweepView) -> tuple[list[str], list[list[Cell]]]:
 
 
 def _failures(view: SweepView) -> Iterator[FailedCases]:
-    """What has no result, and why; beyond pull-in there is none for good reason."""
+    """Cases without result, and why; beyond pull-in there is none for good reason."""
     rows = view.rows
     yield from _alike("case", rows[rows["status"].isin(["failed", "not_converged"])], "warnings")
     for name, quantity in QUANTITIES.items():

@@ -74,12 +74,12 @@ class SweepView:
 
     @property
     def name(self) -> str:
-        """What its specimens are made of."""
+        """Name of the specimens' material."""
         return ", ".join(dict.fromkeys(map(str, self.table["base"].values.tolist())))
 
     @cached_property
     def keys(self) -> tuple[Measure, ...]:
-        """What differs between cases."""
+        """Keys that differ between cases."""
         table, axes = self.table, self.table["status"].dims
         names = [name for name, values in table.coords.items() if len(values.dims) == 1
                  and name != "specimen" and (values.dims == ("specimen",) or name in axes)]
@@ -93,7 +93,7 @@ class SweepView:
 
     @cached_property
     def columns(self) -> tuple[Measure, ...]:
-        """What was found that is worth a map."""
+        """Results that are worth a map."""
         names = ["deflection_m", "stroke_m", *(
             name for quantity in QUANTITIES.values() for name in quantity.shown)]
         return tuple(Measure.of(self.table[name]) for name in names

@@ -258,6 +258,7 @@ def effect(explanation: str, *, finding: str, check: str, shows_in: tuple[Quanti
                       on_one="which" in hints, shows_in=shows_in, family=family,
                       twice=twice)
         EFFECTS.register(made)
+        edit.__doc__ = edit.__doc__ or explanation  # so that help() of the edit says it
         return made
 
     return registered

@@ -93,7 +93,7 @@ def diagnose(options: argparse.Namespace) -> None:
 
 
 def _self_check(options: argparse.Namespace, bench: Bench) -> dict[str, Any] | None:
-    """What comes of synthetic readings, with its page; None where that is not asked."""
+    """Verdicts on synthetic readings, with their page; None where that is not asked."""
     from tympan.reports.rebuild import draw_stored
     from tympan.studies.diagnosis.self_check import self_checked
 

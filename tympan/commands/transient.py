@@ -44,7 +44,7 @@ _FRAMES = 48
          output("write a dataset, transient.csv and dataset.toml, transient.json and figures"),
          JSON, MESH, example='oval.toml --mass "17.9 g" --signal step --high "5 kV" -o step')
 def transient(options: argparse.Namespace) -> None:
-    """What films with viscous branches do under a step, ramp, sine, random steps or a CSV file."""
+    """Response of films with viscous branches to a step, ramp, sine, random steps or a CSV file."""
     from tympan.progress import bar
     from tympan.studies.transient import responses
 

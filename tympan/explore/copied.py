@@ -1,4 +1,4 @@
-"""What is copied from the page: a command and a script that give its numbers."""
+"""Texts that are copied from the page: a command and a script that give its numbers."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def python_of(view: FilmView, file: str = "") -> str:
 
 
 def remark(view: FilmView) -> str:
-    """What the constants of a film are whose stiffness was changed; "" where they have a name."""
+    """Remark on the constants of a film whose stiffness was changed; "" where they have a name."""
     name = material_name(view.specimen.membrane)
     return f"{name}, its stresses times {view.stiffness:g}" if name and view.stiffness != 1 else ""
 

@@ -61,7 +61,7 @@ class _Panel:
 
     def parts(self, words: str, named: bool, lines: Sequence[Any], points: Sequence[Any]
               ) -> dict[str, Any]:
-        """What the template draws."""
+        """Parts that the template draws."""
         return {
             "left": _LEFT, "right": _WIDTH - _RIGHT, "top": self.top, "bottom": self.bottom,
             "words": words, "named": named, "lines": lines, "points": points,

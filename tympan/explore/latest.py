@@ -136,7 +136,7 @@ class Latest:
 
 
 def _work(make: Callable[[], Answer], pipe: Connection) -> None:
-    """What the process does: it ends with its parent, whom alone signals are for."""
+    """Work of the process: it ends with its parent, whom alone signals are for."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     begin_worker()
     answer = make()

@@ -38,7 +38,7 @@ def result_rows(scene: Scene) -> list[Row]:
 
 
 def blocked_rows(blocked: Blocked, stale: bool = False) -> list[Row]:
-    """What the plate of an equilibrium would push with; ``stale``: of another one."""
+    """Blocked force of the plate of an equilibrium; ``stale``: of another one."""
     if blocked.force is None:
         return []
     return [_row("blocked", "blocked force where it rests at 0 kV",

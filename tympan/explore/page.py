@@ -71,7 +71,7 @@ class Picture:
 
 
 def scene_answers() -> Answer:
-    """What solves views and draws them, in its own process."""
+    """Worker that solves views and draws them, in its own process."""
     session = Session()
 
     def answer(view: FilmView) -> Iterator[Picture | Blocked]:
@@ -85,13 +85,13 @@ def scene_answers() -> Answer:
 
 
 def curve_answers() -> Answer:
-    """What follows curves, in its own process, which lets pictures go first."""
+    """Worker that follows curves, in its own process, which lets pictures go first."""
     os.nice(_BEHIND)
     return followed
 
 
 class Page:
-    """What is shown on one page, its ``state`` as the browser's script knows it."""
+    """Content of one page, its ``state`` as the browser's script knows it."""
 
     def __init__(self, subject: Subject, start: FilmView) -> None:
         self.subject, self._first = subject, start
@@ -177,7 +177,7 @@ class Page:
         self.tell(controls=[asdict(control) | {"unit": control.unit} for control in self.controls])
 
     def _reach(self) -> float:
-        """Where the slider of the voltage ends [V]."""
+        """Voltage where its slider ends [V]."""
         end = self._end
         return max(_USUAL if end is None else _BEYOND * end.voltage_V, self.start.voltage)
 
@@ -424,7 +424,7 @@ def _drawn_outlines(view: FilmView) -> str:
 
 
 def _described(scene: Scene) -> str:
-    """What a film is called that nobody sees."""
+    """Name of a film that nobody sees."""
     result = scene.result
     return (f"{result.specimen} {loads_of(scene)}, its plate sunk by "
             f"{1e3 * (result.deflection_m or 0.0):.3f} mm")

@@ -68,7 +68,7 @@ class Explorer:
 
     @property
     def address(self) -> str:
-        """What a browser opens."""
+        """Address that a browser opens."""
         host = {"0.0.0.0": "127.0.0.1", "::": "[::1]"}.get(self.host, self.host)
         return f"http://{host}:{self.port}/?token={self.token}"
 

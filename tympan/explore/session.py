@@ -92,7 +92,7 @@ class Session:
         return Scene(view, result, film_surface(model, outcome.state, _PARTS))
 
     def blocked(self, view: FilmView) -> Blocked:
-        """What the plate of a view pushes with."""
+        """Blocked force of the plate of a view."""
         model, rest = self._meshed(view.case), replace(view, voltage=0.0)
         if HEAVE not in model.plate_freedoms:
             return Blocked(view, None)
@@ -141,7 +141,7 @@ def _forget_films() -> None:
 
 @dataclass(frozen=True, eq=False)
 class Readings:
-    """What was measured on a specimen under a mass, in SI, and what the simulation reads there.
+    """Readings on a specimen under a mass, in SI, and what the simulation reads there.
 
     ``simulated`` is NaN where the film has no equilibrium.
     """
@@ -164,7 +164,7 @@ class Readings:
 
 @dataclass(frozen=True)
 class Question:
-    """What a curve is asked for: its view, whose voltage is nothing to it, and readings to meet."""
+    """Question for a curve: its view, whose voltage is nothing to it, and readings to meet."""
 
     view: FilmView
     static: Sheet | None = None

@@ -1,4 +1,4 @@
-"""What is explored: a specimen, or those of a dataset with its readings, or those of a folder."""
+"""Subject of an explorer: a specimen, those of a dataset with its readings, or of a folder."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class Subject:
         return [float(value) for value in values[np.argsort(-counts, kind="stable")]]
 
     def view(self, number: int, mass: float | None = None) -> FilmView:
-        """Where one begins with a specimen: without voltage, under a mass that suits it."""
+        """View with which one begins: without voltage, under a mass that suits the specimen."""
         masses = self.masses(number)
         mass = mass if mass is not None else masses[0] if masses else 20e-3
         return FilmView(self.specimens[number], self.rig, mass)

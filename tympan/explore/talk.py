@@ -1,4 +1,4 @@
-"""What a page and its browsers say to each other, as JSON over websockets."""
+"""Messages between a page and its browsers, as JSON over websockets."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ SAID: dict[str, tuple[type, ...]] = {
 
 
 def checked_message(text: str) -> tuple[str, list[Any]]:
-    """What a browser says, and the words after it.
+    """Kind of a browser's message, and the words after it, checked.
 
     Raises
     ------

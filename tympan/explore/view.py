@@ -1,4 +1,4 @@
-"""What the page shows of a film at one moment, and the controls that change it."""
+"""View of a film at one moment as the page shows it, and the controls that change it."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ class FilmView:
 
     @property
     def case(self) -> Case:
-        """What is solved."""
+        """Case that is solved."""
         return Case(self.actuator, mass=self.mass, voltage=self.voltage, rig=self.rig)
 
 
@@ -97,7 +97,7 @@ class Control:
 
     @property
     def unit(self) -> str:
-        """What stands behind the number."""
+        """Unit behind the number."""
         return _UNITS[self.dimension][0]
 
     @property
@@ -106,11 +106,11 @@ class Control:
         return _UNITS[self.dimension][1]
 
     def value(self, view: FilmView) -> float:
-        """Where a view has it, in its unit."""
+        """Value in a view, in its unit."""
         return self.factor * value_of(view, self.key)
 
     def position(self, view: FilmView) -> float:
-        """Where its slider stands."""
+        """Position of its slider."""
         value = min(max(self.value(view), self.low), self.high)
         return _on(value - self.low, self.step, self.low)
 
@@ -254,7 +254,7 @@ def _on(value: float, step: float, start: float = 0.0) -> float:
 
 
 def _label(keys: tuple[str, ...], field: Field | None) -> str:
-    """What a control is called: the part, the key, and the axis of a pair."""
+    """Label of a control: the part, the key, and the axis of a pair."""
     part = {"membrane": "film"}.get(keys[0], keys[0])
     name = (field.key if field is not None else keys[-1]).replace("_", " ")
     pair = field is not None and field.count == 2
