@@ -73,6 +73,17 @@ voltage = "3 kV"
 [grid]
 "membrane.prestretch.0" = [2.9, 3.0]
 """
+REQUIREMENTS = """
+specimen = "round.toml"
+mass = "20 g"
+voltage = "2 kV"
+tolerances = "none"
+[want]
+stroke = "largest"
+gap = "25 mm"
+[vary]
+"plate.radius" = ["8 mm", "14 mm"]
+"""
 OPTIMISE = """
 specimen = "round.toml"
 reference = "round.toml"
@@ -89,7 +100,8 @@ READINGS = "".join(f"round,{mass},{kilovolts},{0.12 * mass + 0.02 * kilovolts**2
 TESTS = "".join(f"uniaxial,{stretch},{20 * (stretch - stretch**-2)}\n"
                 for stretch in (1.2, 1.4, 1.6, 1.9, 2.1, 2.5, 2.8))
 FILES = {"rounded.toml": ROUNDED, "round.toml": ROUND, "film.toml": FILM, "STUDY.toml": STUDY,
-         "SWEEP.toml": SWEEP, "OPTIMISE.toml": OPTIMISE, "viscous.toml": ROUND + BRANCH,
+         "SWEEP.toml": SWEEP, "OPTIMISE.toml": OPTIMISE, "REQUIREMENTS.toml": REQUIREMENTS,
+         "viscous.toml": ROUND + BRANCH,
          "coupon.csv": f"mode,stretch,nominal_stress_kPa\n{TESTS}",
          "readings/dataset.toml": DATASET,
          "readings/static.csv": f"specimen,mass_g,voltage_kV,displacement_mm\n{READINGS}"}
@@ -113,6 +125,7 @@ response viscous.toml --mass 20g --voltage 3kV
 alpha rounded.toml
 study STUDY.toml -o study
 sweep SWEEP.toml -o swept --workers 1
+design REQUIREMENTS.toml -o design
 optimise OPTIMISE.toml -o optimum
 outlines --help
 map --help

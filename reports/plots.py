@@ -25,6 +25,7 @@ from tympan.reports.figures.curve import (
     frame_curves,
     voltage_curves,
 )
+from tympan.reports.figures.design import draw_bounds
 from tympan.reports.figures.force import draw_force_curves
 from tympan.reports.figures.path import draw_stations
 from tympan.reports.figures.sense import draw_capacitance
@@ -35,6 +36,7 @@ from tympan.reports.sweep.view import SweepView
 from tympan.reports.template import percent
 from tympan.studies.alpha import AlphaResult
 from tympan.studies.case import CaseResult
+from tympan.studies.design.result import DesignResult
 from tympan.studies.diagnosis.film_fit import FilmFit
 from tympan.studies.diagnosis.result import Diagnosis
 from tympan.studies.files import write_atomically
@@ -340,6 +342,11 @@ def _(result: FilmFit, axes: Axes) -> None:
     axes.set(xlabel="95 % limits over the fitted value", title=result.dataset,
              ylim=(-0.5, len(constants) - 0.5))
     axes.locator_params(axis="x", nbins=5)
+
+
+@draw.register
+def _(result: DesignResult, axes: Axes) -> None:
+    draw_bounds(axes, result, result.films[0])
 
 
 @draw.register

@@ -23,6 +23,7 @@ KINDS = {
     "outlines": ("outlines.json", "figures.alpha:draw_outlines", "alpha.table:OutlineTable"),
     "map": ("alpha-map.json", "figures.alpha:draw_map", "alpha.map:AlphaMap"),
     "sweep": ("sweep.json", "sweep.page:build_sweep_page", "sweep.run:SweepResult"),
+    "design": ("design.json", "figures.design:draw_design", "design.result:DesignResult"),
     "optimise": ("optimum.json", "figures.optimum:draw_optimum",
                  "optimise.optimise:OptimiseResult"),
     "material fit": ("fit.json", "figures.coupon:draw_fit", "material.result:MaterialFitResult"),

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from tympan.geometry.units import unit_of
 from tympan.studies.alpha import AlphaResult
 from tympan.studies.case import CaseResult
+from tympan.studies.design.result import DesignResult
 from tympan.studies.diagnosis.film_fit import FilmFit
 from tympan.studies.diagnosis.result import Diagnosis
 from tympan.studies.film_surface import FIELD_UNITS
@@ -58,6 +59,7 @@ _DIMENSIONS: dict[type, tuple[str, ...]] = {
     AlphaResult: ("radius_m",),
     BuildResult: ("specimen", "mass_kg", "voltage_V"),
     CurveResult: ("specimen", "mass", "voltage"),
+    DesignResult: ("film", "quantity"),
     FilmFit: ("constant",),
     ForceResult: ("voltage_V", "displacement_m"),
     LimitsResult: ("kind",),
@@ -252,6 +254,14 @@ def _(result: MaterialFitResult) -> Any:
 def _(result: FilmFit) -> Any:
     return pd.DataFrame([{"constant": name, "unit": unit, **asdict(size)}
                          for name, unit, size in result.constants])
+
+
+@table.register
+def _(result: DesignResult) -> Any:
+    return pd.DataFrame([{"film": film.specimen_file, "quantity": each.name, **{
+        key: getattr(each, key) for key in ("unit", "value", "reached", "sense", "bound",
+                                            "binding", "relaxing", "attainable")}}
+        for film in result.films for each in film.quantities])
 
 
 @table.register

@@ -28,14 +28,14 @@ __all__ = [
     "ConstantStrength", "Electrode", "Ellipse", "Film", "FilmFamily", "ForceTable", "Gent",
     "InputError", "JoinedFilm", "LengthScatter", "Magnet", "MeshSettings", "MooneyRivlin",
     "NeoHooke", "Ogden", "Patch", "Plate", "Polygon", "PowerStrength", "Region", "RegularPolygon",
-    "Result", "Rig", "Rotated", "RoundedRectangle", "Scatter", "Settings", "ShearThinning",
-    "Specimen", "Spring", "Stadium", "StrengthScatter", "Superellipse", "Tolerances",
-    "ViscousBranch", "Yeoh",
+    "Requirements", "Result", "Rig", "Rotated", "RoundedRectangle", "Scatter", "Settings",
+    "ShearThinning", "Specimen", "Spring", "Stadium", "StrengthScatter", "Superellipse",
+    "Tolerances", "ViscousBranch", "Yeoh",
     "__version__",
-    "alpha", "curve", "data", "diagnose", "draft", "draw", "effects", "export", "fit_material",
-    "force", "limits", "load", "lumped", "material", "materials", "modes", "optimise", "path",
-    "plan", "report", "response", "sense", "sensitivity", "show_material", "solve", "study",
-    "sweep", "tolerance", "transient",
+    "alpha", "curve", "data", "design", "diagnose", "draft", "draw", "effects", "export",
+    "fit_material", "force", "limits", "load", "lumped", "material", "materials", "modes",
+    "optimise", "path", "plan", "report", "response", "sense", "sensitivity",
+    "show_material", "solve", "study", "sweep", "tolerance", "transient",
 ]
 
 

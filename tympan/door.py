@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 
     from tympan.fem.film.law_report import Examination
     from tympan.studies.alpha import AlphaResult, AlphaSettings
+    from tympan.studies.design.requirements import Requirements
+    from tympan.studies.design.result import DesignResult
     from tympan.studies.diagnosis.film_fit import FilmFit
     from tympan.studies.diagnosis.result import Diagnosis
     from tympan.studies.diagnosis.self_check import Bench
@@ -509,6 +511,29 @@ def fit_material(*files: File, laws: Sequence[str] = (), noise: float | str | No
             raise InputError("is for coupons: a dataset's specimens have their law and their noise",
                              key=key, given=str(given))
     return Result(fit_film(read_dataset(paths[0]), branches, constants=constants))
+
+
+@names_arguments()
+@one_thread()
+def design(requirements: Requirements | File, settings: Settings = Settings()
+           ) -> Result[DesignResult] | Result[OptimiseResult]:
+    """The best films for requirements, which 95 % of the films with their tolerances keep.
+
+    ``requirements``: a file, or :class:`Requirements`. ``result.films[0]`` is the best film, with
+    what it has, which bounds bind and what it costs to relax them; ``result.specimens`` the films'
+    specimens by file name. ``result.status`` is "impossible" where no film keeps all bounds. A
+    file of :func:`optimise`, which has no ``[want]``, is searched by that.
+    """
+    from tympan.geometry.toml_reader import Table
+    from tympan.studies.design.design import design
+    from tympan.studies.design.requirements import Requirements
+
+    if not isinstance(requirements, Requirements):
+        file = Path(requirements)
+        if "want" not in Table.read(file):
+            return optimise(file, settings)
+        requirements = Requirements.read(file)
+    return Result(design(requirements, settings))
 
 
 @names_arguments()

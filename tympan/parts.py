@@ -35,6 +35,7 @@ from tympan.geometry.specimen import Plate as Plate
 from tympan.geometry.specimen import Region as Region
 from tympan.geometry.specimen import Specimen as Specimen
 from tympan.geometry.specimen import ViscousBranch as ViscousBranch
+from tympan.studies.design.requirements import Requirements as Requirements
 from tympan.studies.tolerance.given import LengthScatter as LengthScatter
 from tympan.studies.tolerance.given import Scatter as Scatter
 from tympan.studies.tolerance.given import StrengthScatter as StrengthScatter

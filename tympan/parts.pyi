@@ -40,6 +40,7 @@ from tympan.geometry.specimen import Plate as AnyPlate
 from tympan.geometry.specimen import Region as AnyRegion
 from tympan.geometry.specimen import Specimen as Specimen
 from tympan.geometry.specimen import ViscousBranch as AnyViscousBranch
+from tympan.studies.design.requirements import Requirements as Requirements
 from tympan.studies.tolerance.given import LengthScatter as AnyLengthScatter
 from tympan.studies.tolerance.given import Scatter as Scatter
 from tympan.studies.tolerance.given import StrengthScatter as AnyStrengthScatter

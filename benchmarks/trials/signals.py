@@ -65,6 +65,17 @@ seed = 5
 "plate.radius" = ["8 mm", "15 mm"]
 """
 STUDY = 'name = "s"\nspecimens = ["round.toml"]\nmass = "20 g"\nvoltage = "2 kV"\n'
+REQUIREMENTS = """
+specimen = "round.toml"
+mass = "20 g"
+voltage = "2 kV"
+tolerances = "none"
+[want]
+stroke = "largest"
+gap = "25 mm"
+[vary]
+"plate.radius" = ["8 mm", "14 mm"]
+"""
 OPTIMISE = """
 specimen = "round.toml"
 mass = "20 g"
@@ -85,7 +96,8 @@ COUPONS = "mode,stretch,nominal_stress_kPa\n" + "".join(
     for mode, factor, power in (("uniaxial", 1.0, 2), ("equibiaxial", 1.0, 5))
     for stretch in (1.2, 1.5, 2.0, 2.5, 3.0))
 FILES = {"oval.toml": OVAL, "round.toml": ROUND, "viscous.toml": VISCOUS, "SWEEP.toml": SWEEP,
-         "STUDY.toml": STUDY, "OPTIMISE.toml": OPTIMISE, "data/dataset.toml": DATASET,
+         "STUDY.toml": STUDY, "OPTIMISE.toml": OPTIMISE, "REQUIREMENTS.toml": REQUIREMENTS,
+         "data/dataset.toml": DATASET,
          "data/static.csv": STATIC, "coupon.csv": COUPONS}
 #: Each writes into a folder of its own.
 COMMANDS = {
@@ -102,6 +114,7 @@ COMMANDS = {
     "sweep": "sweep SWEEP.toml --workers 2 --refine 0.5",
     "study": "study STUDY.toml",
     "diagnose": "diagnose data --workers 2",
+    "design": "design REQUIREMENTS.toml --refine 0.5",
     "optimise": "optimise OPTIMISE.toml --refine 0.5",
     "lumped build": "lumped build round.toml --refine 0.5",
 }

@@ -340,19 +340,21 @@ class FilmFamily:
         return films_of(self.ground, self.reduction, rows)
 
     def states(self, parameters: Any, forces: Any, voltages: Any, check: bool = True,
-               masses: Any = None) -> FamilyStates:
+               masses: Any = None, loose: bool = False) -> FamilyStates:
         """Equilibria of films under forces on their plates [N] and voltages across them [V].
 
         ``parameters``: (films, names), in the order of ``family.box.names``; forces, voltages and
         ``masses`` that swing with the plates [kg] are broadcast to (films, states). Without
-        ``check`` no film has an estimate of its own: the error is nan.
+        ``check`` no film has an estimate of its own: the error is nan. With ``loose`` films that
+        have lost tension are there, too, as if they bore compression: a search then knows by how
+        much they have lost it.
         """
         rows = np.atleast_2d(np.asarray(parameters, dtype=float))
         loads = np.broadcast_arrays(*(np.asarray(np.nan if value is None else value, float)
                                       for value in (forces, voltages, masses)))
         shape = len(rows), *np.broadcast_shapes(loads[0].shape, (1, 1))[1:]
         force, voltage, mass = (np.broadcast_to(value, shape) for value in loads)
-        blocks = [self._states(rows[part], force[part], voltage[part], mass[part], check)
+        blocks = [self._states(rows[part], force[part], voltage[part], mass[part], check, loose)
                   for part in _blocks(len(rows))]
         return FamilyStates(*(np.concatenate([getattr(block, item.name) for block in blocks])
                               for item in fields(FamilyStates)))
@@ -386,8 +388,8 @@ class FilmFamily:
             result[there] = np.where(balance.sound, forces, np.nan)
         return result
 
-    def _states(self, rows: Array, force: Array, voltage: Array, mass: Array, check: bool
-                ) -> FamilyStates:
+    def _states(self, rows: Array, force: Array, voltage: Array, mass: Array, check: bool,
+                loose: bool) -> FamilyStates:
         shape, films = force.shape, self.films(rows)
         number = np.repeat(np.arange(len(rows)), shape[1])
         force, voltage, mass = force.ravel(), voltage.ravel(), mass.ravel()
@@ -397,7 +399,7 @@ class FilmFamily:
         q = np.where(holds[:, None], balance.q, np.nan)
         extremes = films.extremes(films.at(self.places), number, q, squared)
         slack = holds & ~(extremes.tension > 0)
-        holds &= ~slack
+        holds &= loose | ~slack
         q[~holds] = np.nan
         capacitance, energy = films.stored(number, q, squared)
         carried = np.where(holds, force - films.spring * q[:, 0], np.nan)

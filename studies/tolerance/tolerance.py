@@ -118,7 +118,7 @@ def tolerance(case: ToleranceCase, settings: Settings,
     warnings = [*Case(case.specimen, mass=mass, voltage=voltage, rig=case.rig).remarks, *words]
     return ToleranceResult(
         specimen=case.specimen.name, mass_kg=mass, voltage_V=voltage, films=drawn.films,
-        seed=case.seed, tolerances=tuple(map(_stated, found)), reached=_chance(reached),
+        seed=case.seed, tolerances=tuple(map(_stated, found)), reached=chance(reached),
         quantities=drawn.spreads(values, reached) | limits.spread(), limits=limits.record(),
         error=drawn.error(),
         made_s=made - began, wall_s=time.perf_counter() - began,
@@ -165,8 +165,8 @@ class Drawn:
             (0.0, max(across * amplifiers[1], limit)), rig, settings, FamilySettings(error=_ERROR))
         return cls(rig, family, found, design, drawn.rows, rig.force(mass * drawn.load, size),
                    mass * drawn.load + rig.unaccounted_mass + rig.added_mass,
-                   across * drawn.amplifier, drawn.strength * _median(family, drawn.rows, found),
-                   drawn.amplifier)
+                   across * drawn.amplifier,
+                   drawn.strength * median_strength(family, drawn.rows[0], found), drawn.amplifier)
 
     @property
     def films(self) -> int:
@@ -287,12 +287,12 @@ class Limited:
                 "distribution of the first limit is without them"]
 
 
-def _median(family: FilmFamily, rows: Array, found: tuple[Cause, ...]) -> float:
-    """Factor on the electric strength that the electrode's area makes."""
+def median_strength(family: FilmFamily, row: Array, found: tuple[Cause, ...]) -> float:
+    """Factor on the electric strength that the area of a film's electrode makes."""
     weibull = next((cause.weibull for cause in found if cause.weibull is not None), None)
     if weibull is None:
         return 1.0
-    films = family.films(rows[:1])
+    films = family.films(row[None])
     mounted = films.at(films.whole).volumes[0] @ films.whole.covered
     # A stack is so many films, each of which may break down.
     return weibull.median(float(mounted / family.box.specimen.membrane.thickness
@@ -306,7 +306,8 @@ def _stated(cause: Cause) -> GivenTolerance:
                           deviation_m=None if cause.relative else cause.deviation)
 
 
-def _chance(reached: NDArray[np.bool_]) -> Chance:
+def chance(reached: NDArray[np.bool_]) -> Chance:
+    """Share of films with its 95 % limits, by Wilson's interval."""
     interval = binomtest(int(reached.sum()), len(reached)).proportion_ci(method="wilson")
     return Chance(probability=float(reached.mean()), low=float(interval.low),
                   high=float(interval.high))

@@ -84,6 +84,16 @@ def optimise(folder: Path) -> None:
     assert main(["optimise", problem, "-o", str(folder), "--refine", "0.5"]) == 0
 
 
+def design(folder: Path) -> None:
+    (folder.parent / "oval.toml").write_text(SPECIMEN, encoding="utf-8")
+    (folder.parent / "wanted.toml").write_text(
+        'specimen = "oval.toml"\nmass = "17.9 g"\nvoltage = "2 kV"\ntolerances = "none"\n'
+        '[want]\nstroke = "largest"\n[vary]\n"plate.radius" = ["9 mm", "11 mm"]',
+        encoding="utf-8")
+    wanted = str(folder.parent / "wanted.toml")
+    assert main(["design", wanted, "-o", str(folder), "--refine", "0.5"]) == 0
+
+
 def sweep(folder: Path) -> None:
     (folder.parent / "oval.toml").write_text(SPECIMEN, encoding="utf-8")
     (folder.parent / "SWEEP.toml").write_text(
@@ -137,6 +147,7 @@ RUNS: dict[str, Callable[[Path], None]] = {
     "force": of_specimen("force", "--to", "4 mm", "--load", "20 g", "--refine", "0.5"),
     "outlines": outlines,
     "map": alpha_map_of_few,
+    "design": design,
     "optimise": optimise,
     "sweep": sweep,
     "material fit": material_fit,

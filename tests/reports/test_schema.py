@@ -46,6 +46,10 @@ max_field = "60 MV/m"
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with specimens, one with a viscous branch, plans, readings, and lumped models."""
     place = tmp_path_factory.mktemp("schema")
+    (place / "REQUIREMENTS.toml").write_text(
+        'specimen = "oval.toml"\nmass = "17.9 g"\nvoltage = "2 kV"\n'
+        '[want]\nstroke = "largest"\n[vary]\n"plate.radius" = ["9 mm", "11 mm"]',
+        encoding="utf-8")
     (place / "OPTIMISE.toml").write_text(PROBLEM, encoding="utf-8")
     stretches = enumerate((1.2, 1.4, 1.6, 1.9, 2.1, 2.5, 2.8, 3.1))
     tests = [f"uniaxial,{x},{20 * (x - x**-2) + 0.1 * number % 0.3}" for number, x in stretches]
@@ -99,6 +103,7 @@ MESHED = [
                                            "3 kV", "--duration", "1 s")),
     ("transient", "path creep.toml", ("--mass", "17.9 g", "--rate", "2 kV/s", "--to", "2 kV")),
     ("sweep", "sweep SWEEP.toml", ("-o", "swept", "--workers", "1")),
+    ("design", "design REQUIREMENTS.toml", ("-o", "designed")),
     ("optimise", "optimise OPTIMISE.toml", ("-o", "optimum")),
     ("lumped_build", "lumped build oval.toml creep.toml", ("--count", "2")),
 ]

@@ -24,7 +24,8 @@ HEADINGS = {
     "do": (
         cases.solve, cases.limits, cases.curve, cases.force, cases.sense, cases.tolerance,
         cases.path, cases.modes, cases.sensitivity, transient.transient, transient.response,
-        alpha.alpha, runs.study, runs.sweep, runs.optimise, alpha.outlines, alpha.alpha_map),
+        alpha.alpha, runs.study, runs.sweep, runs.design, runs.optimise, alpha.outlines,
+        alpha.alpha_map),
     "look": (
         drawing.draw, explore.explore, export.export, runs.report, material.materials,
         material.material_show, data.effects, doctor.doctor),

@@ -1,4 +1,4 @@
-"""Commands that compute what a file plans, and draw it again: study, sweep, optimise, report."""
+"""Commands that compute what a file plans, and draw it again: study, sweep, design, report."""
 
 from __future__ import annotations
 
@@ -109,6 +109,35 @@ def sweep(options: argparse.Namespace) -> None:
         asked["best"] = result.best(options.best, under=options.under).json()
     print_record(options, {"table": str(options.output / "sweep.nc"), "page": str(page),
                            **result.json(), **asked})
+
+
+@command("design",
+         argument("file", type=Path, metavar="REQUIREMENTS.toml",
+                  help="what is wanted, what is given and what may vary, as docs/howto/design.md "
+                       "has it; a file of tympan optimise serves, too"),
+         output("for specimens and rigs (TOML), the numbers (JSON) and a picture (PNG, SVG)"), JSON,
+         MESH,
+         example="REQUIREMENTS.toml -o design")
+def design(options: argparse.Namespace) -> None:
+    """Films for requirements: the best ones, what binds, and what it costs to relax it.
+
+    95 % of the films with their tolerances keep all bounds. Each film is checked by finite
+    elements. Bounds that no film can keep are named, with what can be kept instead.
+    """
+    from tympan.geometry.toml_reader import Table
+    from tympan.progress import bar
+    from tympan.studies.design.design import design
+    from tympan.studies.design.requirements import Requirements
+
+    if "want" not in Table.read(options.file):
+        options.command = "optimise"  # stored, drawn and told as such
+        options.output = options.output or Path("optimum")
+        optimise.run(options)
+        return
+    requirements = Requirements.read(options.file)
+    with bar(len(requirements.specimens)) as progress:
+        result = design(requirements, read_settings(options), progress)
+    finish(options, result)
 
 
 @command("optimise",

@@ -1,0 +1,79 @@
+"""Films for requirements: their outlines, and how much of each bound they use."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from tympan.reports import look as style
+from tympan.studies.design.result import DesignedFilm, DesignedQuantity, DesignResult
+
+#: Width of the outlines' axis [mm].
+_OUTLINES = 52.0
+#: Width of the axis of bounds [mm].
+_BOUNDS = 66.0
+#: Height of a film's axes [mm].
+_HEIGHT = 44.0
+#: Room for the names of bounds [mm].
+_NAMES = 32.0
+#: Most films that are drawn.
+_MOST = 4
+
+
+def draw_design(result: DesignResult, folder: Path) -> list[Path]:
+    """Draw folder/design.png and .svg; answers the files."""
+    return style.save_figure(folder, "design", lambda: _compose(result))
+
+
+def _compose(result: DesignResult) -> Figure:
+    row = style.TITLE + _HEIGHT + style.AXIS
+    shown = result.films[:_MOST]
+    figure = style.new_figure(row * len(shown),
+                              style.LEFT + _OUTLINES + _NAMES + _BOUNDS + style.RIGHT)
+    for number, film in enumerate(shown):
+        top = number * row + style.TITLE
+        _draw_outlines(style.place_axes(figure, style.LEFT, top, _OUTLINES, _HEIGHT), result, film)
+        axes = style.place_axes(figure, style.LEFT + _OUTLINES + _NAMES, top, _BOUNDS, _HEIGHT)
+        draw_bounds(axes, result, film)
+    return figure
+
+
+def _draw_outlines(axes: Axes, result: DesignResult, film: DesignedFilm) -> None:
+    """Frame and plate."""
+    specimen = result.specimens[film.specimen_file]
+    plate = specimen.needed_plate()
+    for points, move in ((specimen.frame.points(360), (0.0, 0.0)),
+                         (plate.outline.points(360), plate.offset)):
+        x, y = points
+        axes.fill(1e3 * (x + move[0]), 1e3 * (y + move[1]), facecolor=style.FAINT,
+                  edgecolor=style.PALETTE[0], linewidth=1.2)
+    axes.set_aspect("equal", adjustable="datalim")
+    style.describe(axes, "x (mm)", "y (mm)", specimen.name)
+
+
+def draw_bounds(axes: Axes, result: DesignResult, film: DesignedFilm) -> None:
+    """Values over their bounds: of the film without scatter, and those that most films reach."""
+    bounded = [each for each in film.quantities if each.bound is not None][::-1]
+    for number, each in enumerate(bounded):
+        colour = style.PALETTE[1] if each.binding else style.PALETTE[0]
+        value = _share(each, each.value)
+        if value is not None:
+            axes.barh(number, value, 0.5, color=colour)
+        reached = _share(each, each.reached)
+        if reached is not None:
+            axes.plot([reached] * 2, [number - 0.4, number + 0.4], color=style.PALETTE[5],
+                      linewidth=1.4)
+    axes.axvline(1.0, color=style.GREY, linewidth=0.9, linestyle=":")
+    axes.set_yticks(range(len(bounded)), [
+        f"{each.name.replace('_', ' ')} {'≥' if each.sense == 'at least' else '≤'}"
+        for each in bounded])
+    axes.set_xlim(0.0, 3.0)
+    title = "" if film.reached is None else f"; line: {100 * result.share:g} % of films"
+    style.describe(axes, "value over bound", "", f"orange: binds{title}")
+
+
+def _share(each: DesignedQuantity, value: float | None) -> float | None:
+    """A value over its bound."""
+    return None if value is None or each.bound is None else min(value / each.bound, 3.0)

@@ -1,0 +1,131 @@
+"""Films of finite elements, each on a mesh of its own, to check what reduced ones promise."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tympan.fem.equilibrium.ramp import Outcome
+from tympan.fem.equilibrium.solve import equilibrium, held
+from tympan.fem.membrane.biases import Spring
+from tympan.fem.membrane.model import Model
+from tympan.fem.results.fields import Fields, node_fields
+from tympan.fem.rig import Rig
+from tympan.geometry.specimen import Specimen
+from tympan.studies.case import Case, Settings, build_model
+from tympan.studies.limits import limits
+from tympan.studies.modes import carried, heaving_frequency
+
+Array = NDArray[Any]
+
+
+@dataclass(frozen=True, eq=False)
+class ExactFilm:
+    """A film under a nominal mass [kg] and voltage [V].
+
+    It is :class:`~tympan.studies.design.quantities.Loaded` of one film.
+
+    ``amplifier``: factor on what the rig makes of the voltage; ``margin`` of the third state;
+    ``strength``: factor on the electric strength.
+    """
+
+    specimen: Specimen
+    mass: float
+    nominal: float
+    rig: Rig
+    settings: Settings
+    margin: float = 1.0
+    amplifier: float = 1.0
+    strength: float = 1.0
+
+    @property
+    def specimens(self) -> Sequence[Specimen | None]:
+        return (self.specimen,)
+
+    @property
+    def voltage(self) -> Array:
+        return np.array([self.nominal])
+
+    @cached_property
+    def _model(self) -> Model:
+        return build_model(self.specimen, self.settings, self.rig.loading)
+
+    @property
+    def _load(self) -> float:
+        return float(self.rig.force(self.mass, self._model.plate_area))
+
+    def _across(self, share: float) -> float:
+        return float(self.rig.film_voltage(share * self.nominal)) * self.amplifier
+
+    @cached_property
+    def outcomes(self) -> list[Outcome]:
+        """Equilibria without voltage, under it, and under it times a margin above 1."""
+        shares = (0.0, 1.0, self.margin) if self.margin > 1 else (0.0, 1.0)
+        return [equilibrium(self._model, self._load, self._across(share),
+                            settings=self.settings.path) for share in shares]
+
+    @cached_property
+    def sound(self) -> bool:
+        """Whether all are equilibria."""
+        return all(outcome.status == "equilibrium" for outcome in self.outcomes)
+
+    @cached_property
+    def _fields(self) -> list[Fields]:
+        return node_fields(self._model, [outcome.state for outcome in self.outcomes])
+
+    def _row(self, values: Sequence[float]) -> Array:
+        return np.array([values]) if self.sound else np.full((1, len(values)), np.nan)
+
+    @property
+    def deflection(self) -> Array:
+        return self._row([self._model.deflection(each.state) for each in self.outcomes])
+
+    @property
+    def force(self) -> Array:
+        springs = [each for each in self.rig.loading.biases if isinstance(each, Spring)]
+        return np.asarray(self._load - sum(each.stiffness for each in springs) * self.deflection)
+
+    @property
+    def stress(self) -> Array:
+        return self._row([each.stress_1.max() for each in self._fields])
+
+    @property
+    def tension(self) -> Array:
+        return self._row([each.stress_2.min() for each in self._fields])
+
+    @property
+    def electric(self) -> Array:
+        return self._row([each.electric_field.max() for each in self._fields])
+
+    @property
+    def breakdown(self) -> Array:
+        return self._row([each.breakdown_share.max() / self.strength for each in self._fields])
+
+    @cached_property
+    def blocked_force(self) -> Array:
+        if not self.sound:
+            return np.array([np.nan])
+        rest = self.outcomes[0]
+        blocked = held(self._model, self._model.deflection(rest.state), self._across(1.0),
+                       rest.solution, self.settings.path)
+        return np.array([self._load - float(blocked.state.force)])
+
+    @cached_property
+    def frequency(self) -> Array:
+        if not self.sound:
+            return np.array([np.nan])
+        plate = carried(Case(self.specimen, mass=self.mass, rig=self.rig))
+        found = [heaving_frequency(self._model, outcome.state, plate)
+                 for outcome in self.outcomes[:2]]
+        return np.array([min(np.nan if each is None else each for each in found)])
+
+    @cached_property
+    def limit(self) -> Array:
+        reached = limits(Case(self.specimen, mass=self.mass, rig=self.rig), self.settings).reached
+        ends = [each.voltage_V for each in reached if each.kind != "breakdown"]
+        return np.array([min(ends, default=np.inf) / self.nominal])

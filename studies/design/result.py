@@ -1,0 +1,137 @@
+"""Films for requirements, as they are stored."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Annotated, Any, ClassVar, Literal
+
+from tympan.fem.film.library import load_specimen
+from tympan.fem.rig import Rig
+from tympan.fem.toml_writer import rig_to_toml, specimen_to_toml
+from tympan.geometry.fields import Key
+from tympan.geometry.specimen import Specimen
+from tympan.studies.case import WallTime, Warnings
+from tympan.studies.files import from_json, read_json, remove, to_json, write_json, write_text
+from tympan.studies.tolerance.result import Chance
+
+#: Whether a film keeps all bounds.
+DesignStatus = Literal["met", "impossible"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class DesignedNumber:
+    """A number that was to be chosen."""
+
+    value: Annotated[float, Key("chosen [SI]")]
+    low: Annotated[float, Key("lowest that is allowed [SI]")]
+    high: Annotated[float, Key("highest that is allowed [SI]")]
+    unit: Annotated[str, Key("SI unit; 1 of plain numbers")]
+    at_bound: Annotated[bool, Key("whether it is at one of these")]
+    relaxing: Annotated[float | None, Key(
+        "by which share of the aim the film gets better if that bound is 1 % wider; none where it "
+        "is at no bound")] = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class DesignedQuantity:
+    """A quantity of a film, with its bound where it has one."""
+
+    name: Annotated[str, Key("of the quantity")]
+    unit: Annotated[str, Key("SI unit; 1 of plain numbers")]
+    sense: Annotated[Literal["at least", "at most"], Key("how a bound of it is meant")]
+    bound: Annotated[float | None, Key("that was asked for [SI]; none where there was none")]
+    value: Annotated[float | None, Key("of the film without scatter, by finite elements [SI]; none "
+                                       "where it has none")]
+    reduced: Annotated[float | None, Key("the same by reduced films, with which was searched")]
+    reached: Annotated[float | None, Key(
+        "what the share of the films reach: at least, or at most; none where nothing scatters or "
+        "it was not asked for")] = None
+    binding: Annotated[bool, Key("whether the film would be better without this bound")] = False
+    relaxing: Annotated[float | None, Key(
+        "by which share of the aim the film gets better if the bound is relaxed by 1 %; none where "
+        "it does not bind")] = None
+    attainable: Annotated[float | None, Key(
+        "best value that keeps all other bounds, where a bound that binds cannot be kept [SI]; "
+        "none elsewhere, or where the others cannot be kept either")] = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class DesignedFilm:
+    """The best film of one kind."""
+
+    specimen: Annotated[str, Key("its name")]
+    status: Annotated[DesignStatus, Key("whether it keeps all bounds")]
+    specimen_file: Annotated[str, Key("file of the specimen")]
+    rig_file: Annotated[str, Key("file of the rig")]
+    mass_kg: Annotated[float, Key("nominal load on the plate")]
+    voltage_V: Annotated[float, Key("nominal voltage")]
+    aim: Annotated[float, Key(
+        "best quantity [SI], negative where least is best; with none to be best, the share by "
+        "which all bounds are kept, below 0 where they cannot be")]
+    numbers: Annotated[Mapping[str, DesignedNumber], Key("what was chosen, by its key")]
+    quantities: Annotated[tuple[DesignedQuantity, ...], Key("what the film has")]
+    reached: Annotated[Chance | None, Key(
+        "films, drawn with their tolerances, that keep all bounds; none where nothing "
+        "scatters")] = None
+
+    def quantity(self, name: str) -> DesignedQuantity:
+        """A quantity by its name."""
+        return next(each for each in self.quantities if each.name == name)
+
+    @property
+    def binding(self) -> tuple[DesignedQuantity, ...]:
+        """Quantities whose bounds bind."""
+        return tuple(each for each in self.quantities if each.binding)
+
+
+@dataclass(frozen=True, kw_only=True)
+class FailedKind:
+    """A kind of film that was not searched, and why."""
+
+    specimen: Annotated[str, Key("name of the specimen")]
+    reason: Annotated[str, Key("why it was not searched")]
+
+
+@dataclass(frozen=True, kw_only=True)
+class DesignResult:
+    """Films for requirements, the best first."""
+
+    #: Pictures that are drawn of it.
+    pictures: ClassVar[tuple[str, ...]] = ("design.png", "design.svg")
+
+    name: Annotated[str, Key("of the requirements")]
+    status: Annotated[DesignStatus, Key("whether some film keeps all bounds")]
+    best: Annotated[str, Key("quantity that is to be best; empty where none is")]
+    share: Annotated[float, Key("share of the films that shall keep all bounds")]
+    films: Annotated[tuple[DesignedFilm, ...], Key("best film of each kind, the best first")]
+    failed: Annotated[tuple[FailedKind, ...], Key("kinds without films")] = ()
+    wall_s: WallTime
+    warnings: Warnings = ()
+    specimens: Mapping[str, Specimen] = field(default_factory=dict, repr=False, compare=False)
+    rigs: Mapping[str, Rig] = field(default_factory=dict, repr=False, compare=False)
+
+    def json(self) -> dict[str, Any]:
+        """Result as a JSON object, without specimens and rigs."""
+        record: dict[str, Any] = to_json(self)
+        return record
+
+    def save(self, folder: Path) -> None:
+        """Write specimens and rigs, and last ``design.json``."""
+        remove(folder, "design.json")
+        for name, specimen in self.specimens.items():
+            write_text(folder / name, specimen_to_toml(specimen))
+        for name, rig in self.rigs.items():
+            write_text(folder / name, rig_to_toml(rig))
+        write_json(folder / "design.json", self.json())
+
+    @classmethod
+    def load(cls, folder: Path) -> DesignResult:
+        """What was saved; what is missing or damaged is an InputError."""
+        file = folder / "design.json"
+        found = from_json(cls, read_json(file), file)
+        return replace(
+            found, specimens={film.specimen_file: load_specimen(folder / film.specimen_file)
+                              for film in found.films},
+            rigs={film.rig_file: Rig.read(folder / film.rig_file) for film in found.films})

@@ -1,0 +1,137 @@
+"""The best film of a space: good places at random, and steps from these.
+
+Steps are those of :func:`tympan.studies.optimise.sqp.maximise`, by differences of reduced films.
+Where nothing is to be best, or no film keeps all bounds, a common share is made largest by which
+all of them are kept: it is below 0 where they cannot be.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import qmc
+
+from tympan.studies.design.quantities import QUANTITIES, misses
+from tympan.studies.design.space import DesignSpace, FamilyFilms
+from tympan.studies.optimise.sqp import Descent, DescentSettings, Linearisation, maximise
+
+Array = NDArray[Any]
+
+#: Random films among which the search begins, a power of two.
+_FILMS = 512
+#: Of these the best, from each of which it goes on.
+_STARTS = 2
+#: Step of differences, as a share of a variable's range: truncation 1e-6, rounding 1e-7.
+_STEP = 1e-3
+#: By what share bounds may be kept or missed in common.
+_COMMON = 4.0
+#: What a share missed costs of the aim among random films.
+_PRICE = 10.0
+#: Shares that may be missed at an optimum: what finite elements correct is larger.
+KEPT = 5e-4
+
+#: Differences are no better than some 1e-5 of the aim.
+_DESCENT = DescentSettings(step=3e-4, gain=1e-6, residual=1e-2, violation=KEPT, iterations=40,
+                           near=1.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Search:
+    """Films of a space as an objective of the search.
+
+    ``best``: the quantity that is to be best under bounds, or "" for their common share;
+    ``shifts``: by how much more each bound is to be kept, as a share, for what scatters.
+    """
+
+    space: DesignSpace
+    bounds: Mapping[str, float]
+    best: str
+    shifts: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def variables(self) -> int:
+        """How many there are, with the common share."""
+        return len(self.space.variables) + (not self.best)
+
+    def missed(self, films: FamilyFilms) -> Array:
+        """c of films, (films, bounds); nan of those without their states."""
+        c = np.array([misses(key, bound, films) + self.shifts.get(key, 0.0)
+                      for key, bound in self.bounds.items()]).T
+        return np.where(films.sound[:, None], c, np.nan)
+
+    def aims(self, films: FamilyFilms) -> Array:
+        """What is to be largest, (films,)."""
+        quantity = QUANTITIES[self.best]
+        return np.asarray(quantity.of(films) * (1 if quantity.gain else -1))
+
+    def at(self, x: Array, renew: bool = False) -> Linearisation | None:
+        """Values and slopes at shares x of the ranges."""
+        size = len(self.space.variables)
+        unit = np.eye(size)
+        ahead = np.clip(x[:size] + _STEP * unit, 0, 1)
+        behind = np.clip(x[:size] - _STEP * unit, 0, 1)
+        places = np.concatenate([x[None, :size], ahead, behind])
+        films = self.space.films(self.space.values(places))
+        c = self.missed(films)
+        f = self.aims(films) if self.best else np.zeros(len(places))
+        table = np.column_stack([f, c])
+        if not np.isfinite(table[0]).all():
+            return None
+        steps = np.array([(ahead - x[:size]).diagonal(), (x[:size] - behind).diagonal()])
+        first, last = (np.where(np.isfinite(part), part, table[0])
+                       for part in (table[1: 1 + size], table[1 + size:]))
+        there = np.array([np.isfinite(part).all(1)
+                          for part in (table[1: 1 + size], table[1 + size:])])
+        whole = (steps * there).sum(0)
+        if not whole.all():
+            return None
+        slopes = ((first - last) / whole[:, None]).T
+        if self.best:
+            return Linearisation(float(f[0]), slopes[0], c[0], slopes[1:])
+        # The common share t is the last variable, and what is to be largest.
+        t = _COMMON * (2 * x[-1] - 1)
+        wide = np.append(np.zeros(size), 2 * _COMMON)
+        return Linearisation(t, wide, c[0] + t,
+                             np.column_stack([slopes[1:], np.full(len(c[0]), 2 * _COMMON)]))
+
+    def held(self, x: Array) -> tuple[float, Array]:
+        """Nothing is."""
+        return 0.0, np.zeros(len(x))
+
+    def started(self, x: Array) -> Array:
+        """A start at a film: with the share by which it keeps all bounds."""
+        if self.best:
+            return x
+        most = self.missed(self.space.films(self.space.values(x[None])))[0].max()
+        return np.append(x, np.clip((1 - most / _COMMON) / 2, 0, 1))
+
+    def from_start(self, x: Array) -> Descent:
+        """Where steps from a film lead."""
+        return maximise(self, self.started(x), _DESCENT)
+
+    def starts(self) -> Array:
+        """The best of random films, (starts, variables)."""
+        sequence = qmc.Sobol(len(self.space.variables), seed=np.random.default_rng(1))
+        x = sequence.random_base2(int(np.log2(_FILMS)))
+        films = self.space.films(self.space.values(x))
+        missed = np.maximum(self.missed(films).max(1), -np.inf if not self.best else 0.0)
+        merit = -_PRICE * missed
+        if self.best:
+            aims = self.aims(films)
+            merit += aims / np.nanmax(np.abs(aims), initial=1e-300)
+        order = np.argsort(np.where(np.isfinite(merit), -merit, np.inf))
+        return np.asarray(x[order[: min(_STARTS, int(np.isfinite(merit).sum()))]])
+
+    def found(self, starts: Array) -> Descent | None:
+        """The best of steps from some films, None where none of them has its states."""
+        ends = [end for start in starts if (end := self.from_start(start)).here is not None]
+        return max(ends, key=lambda end: (end.status != "infeasible", _value(end)), default=None)
+
+
+def _value(end: Descent) -> float:
+    assert end.here is not None
+    return end.here.value if end.status != "infeasible" else -end.here.violation

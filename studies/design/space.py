@@ -1,0 +1,239 @@
+"""Films that may be built: a family of reduced ones over all that varies and all that scatters."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tympan.geometry.errors import InputError
+from tympan.geometry.outlines import area
+from tympan.geometry.paths import at, with_arrays
+from tympan.geometry.specimen import Specimen
+from tympan.studies.case import Settings
+from tympan.studies.design.requirements import Requirements, Vary
+from tympan.studies.films.box import STIFFNESS
+from tympan.studies.films.family import FamilySettings, FamilyStates, FilmFamily
+from tympan.studies.tolerance.drawn import Rows, Scattered
+from tympan.studies.tolerance.given import AMPLIFIER, LOAD, Cause, causes
+from tympan.studies.tolerance.tolerance import median_strength
+
+Array = NDArray[Any]
+
+#: How the family is made: what its estimate leaves, finite elements correct at the end.
+_FAMILY = FamilySettings(error=1e-3, rounds=2, candidates=128, checks=8)
+
+
+@dataclass(frozen=True, eq=False)
+class FamilyFilms:
+    """Films of a family under their loads, as :class:`~tympan.studies.design.quantities.Loaded`.
+
+    ``rows`` of parameters (films, names); ``loads`` [N], ``masses`` that move [kg], None where no
+    frequencies are asked for, and nominal ``voltage`` [V], (films,); ``across``: voltages without,
+    with and, where more is to be borne, beyond that, (films, states). ``strength``: factors on the
+    electric strength, (films,).
+    """
+
+    family: FilmFamily
+    rows: Array
+    loads: Array
+    masses: Array | None
+    voltage: Array
+    across: Array
+    specimens: Sequence[Specimen | None] = ()
+    strength: Array | float = 1.0
+
+    @cached_property
+    def states(self) -> FamilyStates:
+        """The states of each film."""
+        return self.family.states(self.rows, self.loads[:, None], self.across, check=False,
+                                  masses=None if self.masses is None else self.masses[:, None],
+                                  loose=True)
+
+    @property
+    def deflection(self) -> Array:
+        return self.states.deflection
+
+    @property
+    def force(self) -> Array:
+        return self.states.force
+
+    @property
+    def stress(self) -> Array:
+        return self.states.stress
+
+    @property
+    def tension(self) -> Array:
+        return self.states.tension
+
+    @property
+    def electric(self) -> Array:
+        return self.states.electric
+
+    @property
+    def breakdown(self) -> Array:
+        return np.asarray(self.states.breakdown / np.reshape(self.strength, (-1, 1)))
+
+    @cached_property
+    def blocked_force(self) -> Array:
+        held = self.family.held_forces(self.rows, self.states.q[:, 0], self.across[:, 1])
+        return np.asarray(self.loads - held)
+
+    @property
+    def frequency(self) -> Array:
+        return np.asarray(self.states.frequency[:, :2].min(1))
+
+    @cached_property
+    def limit(self) -> Array:
+        _, taut = self.family.limits(self.rows, self.loads[:, None])
+        return np.asarray(taut[:, 0] / self.across[:, 1])
+
+    @property
+    def sound(self) -> NDArray[np.bool_]:
+        """Which films have their states, and are firm and within their law up to their voltage."""
+        return np.asarray(self.states.holds.all(1) & self.states.sound[:, :2].all(1))
+
+
+@dataclass(frozen=True, eq=False)
+class DesignSpace:
+    """Films of one specimen whose numbers vary as requirements allow, and scatter."""
+
+    requirements: Requirements
+    specimen: Specimen
+    variables: tuple[Vary, ...]
+    family: FilmFamily
+    scatter: tuple[Cause, ...] = field(default=())
+
+    @classmethod
+    def of(cls, requirements: Requirements, specimen: Specimen, settings: Settings) -> DesignSpace:
+        """The family of a specimen: of all that varies, and of what scatters about that."""
+        variables = requirements.variables[specimen.name]
+        middle = _with(specimen, variables, [(each.low + each.high) / 2 for each in variables])
+        box = {name: (each.low, each.high) for each in variables for name in each.names}
+        loads = {LOAD: (1.0, 1.0), AMPLIFIER: (1.0, 1.0)}
+        scatter: tuple[Cause, ...] = ()
+        if requirements.tolerances is not None:
+            scatter, _ = causes(middle, requirements.tolerances)
+            for name, (low, high) in Scattered(middle, scatter).around().items():
+                if name in loads:
+                    loads[name] = (low, high)
+                    continue
+                own = 1.0 if name == STIFFNESS else _number(middle, name)
+                first, last = box.get(name, (own, own))
+                relative = any(cause.relative for cause in scatter if name in cause.targets)
+                box[name] = ((first * low / own, last * high / own) if relative
+                             else (first + low - own, last + high - own))
+        rig, plate = requirements.rig, float(area(middle.needed_plate().outline))
+        masses = _range(variables, "mass", requirements.mass)
+        most = float(rig.film_voltage(requirements.voltage * requirements.margin))
+        force = (float(rig.force(masses[0] * loads[LOAD][0], plate)),
+                 float(rig.force(masses[1] * loads[LOAD][1], plate)))
+        family = FilmFamily.around(middle, box, force, (0.0, most * loads[AMPLIFIER][1]), rig,
+                                   settings, _FAMILY)
+        return cls(requirements, middle, variables, family, scatter)
+
+    @property
+    def lows(self) -> Array:
+        """Lowest values of the variables, (variables,)."""
+        return np.array([each.low for each in self.variables])
+
+    @property
+    def widths(self) -> Array:
+        """Highest less lowest values, (variables,)."""
+        return np.array([each.high - each.low for each in self.variables])
+
+    def values(self, x: Array) -> Array:
+        """Values of the variables at shares x of their ranges."""
+        return np.asarray(self.lows + self.widths * x)
+
+    def built(self, values: Array) -> Specimen:
+        """The specimen with these values.
+
+        Raises
+        ------
+        InputError
+            When it cannot be built.
+        """
+        return _with(self.specimen, self.variables, values)
+
+    def load(self, values: Array) -> float:
+        """Nominal mass on the plate [kg]."""
+        return self._load(values, "mass", self.requirements.mass)
+
+    def voltage(self, values: Array) -> float:
+        """Nominal voltage [V]."""
+        return self._load(values, "voltage", self.requirements.voltage)
+
+    def _load(self, values: Array, key: str, given: float) -> float:
+        return next((float(value) for each, value in zip(self.variables, values, strict=True)
+                     if each.key == key), given)
+
+    def films(self, values: Array) -> FamilyFilms:
+        """Films without scatter, of values (films, variables); those that cannot be built are not.
+
+        Their specimens are None, and their numbers nan.
+        """
+        specimens = [self._specimen(each) for each in values]
+        known = np.array([specimen is not None for specimen in specimens])
+        rows = np.array([self.family.box.row(self.specimen if specimen is None else specimen)
+                         for specimen in specimens])
+        masses, voltage = (np.array([read(each) for each in values])
+                           for read in (self.load, self.voltage))
+        return self._loaded(rows, masses, np.where(known, voltage, np.nan), 1.0, specimens)
+
+    def scattered(self, values: Array, points: Array) -> FamilyFilms:
+        """Films that are drawn about one, at points (films, inputs) from 0 to 1."""
+        specimen = self.built(values)
+        drawn = Rows.of(Scattered(specimen, self.scatter).values(points))
+        rows = np.repeat(self.family.box.row(specimen)[None], len(points), 0)
+        strength = drawn.strength * median_strength(self.family, rows[0], self.scatter)
+        for name, column in zip(drawn.names, drawn.rows.T, strict=True):
+            rows[:, self.family.box.names.index(name)] = column
+        films = self._loaded(rows, self.load(values) * drawn.load,
+                             np.full(len(points), self.voltage(values)), drawn.amplifier,
+                             [specimen] * len(points))
+        return replace(films, strength=strength)
+
+    @property
+    def inputs(self) -> int:
+        """How many numbers scatter."""
+        return sum(len(cause.targets) for cause in self.scatter)
+
+    def _specimen(self, values: Array) -> Specimen | None:
+        try:
+            return self.built(values)
+        except InputError:
+            return None
+
+    def _loaded(self, rows: Array, masses: Array, voltage: Array, amplifier: Array | float,
+                specimens: Sequence[Specimen | None]) -> FamilyFilms:
+        rig, margin = self.requirements.rig, self.requirements.margin
+        plates = np.array([0.0 if specimen is None or not rig.plate_pressure
+                           else float(area(specimen.needed_plate().outline))
+                           for specimen in specimens])
+        levels = np.outer(voltage, [0.0, 1.0, margin] if margin > 1 else [0.0, 1.0])
+        across = np.asarray(rig.film_voltage(levels)) * np.reshape(amplifier, (-1, 1))
+        moving = masses + rig.unaccounted_mass + rig.added_mass
+        return FamilyFilms(self.family, rows, rig.force(masses, plates),
+                           moving if self.requirements.swings else None, voltage, across,
+                           specimens)
+
+
+def _range(variables: tuple[Vary, ...], key: str, given: float) -> tuple[float, float]:
+    return next(((each.low, each.high) for each in variables if each.key == key), (given, given))
+
+
+def _number(specimen: Specimen, name: str) -> float:
+    return float(at(specimen, name.split(".")))
+
+
+def _with(specimen: Specimen, variables: tuple[Vary, ...], values: Any) -> Specimen:
+    """A specimen with other numbers, checked once, as a whole."""
+    made: Specimen = replace(with_arrays(specimen, {
+        name: float(value) for each, value in zip(variables, values, strict=True)
+        for name in each.names}))
+    return made

@@ -1,0 +1,257 @@
+"""Films for requirements: known optima, answers by equations, films that scatter, refusals."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from functools import cache
+from math import pi
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+from scipy.stats import qmc
+
+import tympan
+from tests.oracles import axisymmetric
+from tests.support.specimens import ROUND, SOFT, reference_film, specimen_toml
+from tympan.cli import main
+from tympan.fem.film.laws import Ogden
+from tympan.fem.film.library import load_specimen
+from tympan.fem.rig import Rig
+from tympan.geometry.errors import InputError
+from tympan.studies.case import Settings
+from tympan.studies.design.design import design
+from tympan.studies.design.exact import ExactFilm
+from tympan.studies.design.quantities import QUANTITIES, misses
+from tympan.studies.design.requirements import Requirements
+from tympan.studies.design.result import DesignedFilm, DesignResult
+from tympan.studies.design.space import DesignSpace
+from tympan.studies.optimise.optimise import OptimiseResult
+from tympan.studies.paper.actuators import FILES
+
+MASS, FORCE, U = 17.9e-3, 17.9e-3 * 9.80665, 4e3
+STIFF = SOFT.replace("15 kPa", "25 kPa")
+
+
+def requirements(folder: Path, text: str, film: str = STIFF, frame: str = ROUND,
+                 loads: str = 'mass = "17.9 g"\nvoltage = "4 kV"\ntolerances = "none"'
+                 ) -> Requirements:
+    """Requirements of a film beside them."""
+    (folder / "film.toml").write_text(specimen_toml("film", frame, film, 5**0.5), encoding="utf-8")
+    file = folder / "wanted.toml"
+    file.write_text(f'specimen = "film.toml"\n{loads}\n{text}', encoding="utf-8")
+    return Requirements.read(file)
+
+
+def best(folder: Path, text: str, **given: str) -> DesignedFilm:
+    """The best film of requirements that can be met."""
+    result = design(requirements(folder, text, **given))
+    assert result.status == "met"
+    return result.films[0]
+
+
+def deflection(film: axisymmetric.Film, voltage: float, force: float = FORCE) -> float:
+    return float(axisymmetric.solve_load(film, force, voltage).deflection)
+
+
+def stroke(film: axisymmetric.Film, voltage: float = U) -> float:
+    return deflection(film, voltage) - deflection(film, 0.0)
+
+
+def ring(**film: float) -> axisymmetric.Film:
+    return reference_film(Ogden((25e3,), (2.0,)), **film)
+
+
+def test_the_least_voltage_for_a_stroke_is_that_of_the_equations(tmp_path: Path) -> None:
+    """The smallest plate needs it; what its bound and the stroke's cost are slopes of these."""
+    found = best(tmp_path, '[want]\nvoltage = "least"\nstroke = "0.3 mm"\n'
+                 '[vary]\nvoltage = ["1 kV", "4.5 kV"]\n"plate.radius" = ["6 mm", "2 cm"]',
+                 loads='mass = "17.9 g"\ntolerances = "none"')
+
+    def least(inner: float, wanted: float) -> float:
+        return float(brentq(lambda voltage: stroke(ring(inner=inner), voltage) - wanted, 2e3, 4.5e3,
+                            xtol=1e-4))
+
+    known, plate = least(6e-3, 3e-4), found.numbers["plate.radius"]
+    assert found.voltage_V == pytest.approx(known, rel=5e-4)
+    assert [each.name for each in found.binding] == ["stroke"]
+    assert found.quantity("stroke").relaxing == pytest.approx(
+        1 - least(6e-3, 2.97e-4) / known, rel=0.03)
+    assert plate.at_bound
+    assert plate.relaxing == pytest.approx(1 - least(5.94e-3, 3e-4) / known, rel=0.03)
+
+
+def test_the_least_frame_for_a_stroke_is_that_of_the_equations(tmp_path: Path) -> None:
+    found = best(tmp_path, '[want]\nframe_area = "least"\nstroke = "0.22 mm"\n'
+                 '[vary]\n"frame.radius" = ["25 mm", "55 mm"]')
+    known = brentq(lambda outer: stroke(ring(outer=outer)) - 2.2e-4, 25e-3, 55e-3)
+    assert found.numbers["frame.radius"].value == pytest.approx(known, rel=5e-4)
+    assert found.quantity("frame_area").value == pytest.approx(pi * known**2, rel=1e-3)
+
+
+def test_the_largest_stroke_at_a_frequency_is_that_of_the_equations(tmp_path: Path) -> None:
+    """The frequency of a film without mass is that of its stiffness under the voltage."""
+    found = best(tmp_path, '[want]\nstroke = "largest"\nfrequency = "11.2 Hz"\n'
+                 '[vary]\n"membrane.prestretch" = [1.8, 2.6]')
+
+    def frequency(prestretch: float) -> float:
+        film, step = ring(prestretch=prestretch), 1e-4 * FORCE
+        slope = (deflection(film, U, FORCE + step) - deflection(film, U, FORCE - step)) / (2 * step)
+        return float((1 / slope / MASS) ** 0.5 / (2 * pi))
+
+    known = brentq(lambda prestretch: frequency(prestretch) - 11.2, 1.8, 2.6)
+    assert found.numbers["membrane.prestretch"].value == pytest.approx(known, rel=5e-4)
+    assert found.quantity("stroke").value == pytest.approx(stroke(ring(prestretch=known)), rel=2e-3)
+
+
+def test_the_paper_s_ellipse_as_a_requirement_is_the_known_optimum(tmp_path: Path) -> None:
+    """That of docs/optimum.md: 2.3191 mm, 58.0 by 58.2 mm, plate 8.569 mm, tension binding."""
+    shutil.copy(FILES["elliptical-large"], tmp_path / "large.toml")
+    (tmp_path / "wanted.toml").write_text(
+        'specimen = "large.toml"\nmass = "17.9 g"\nvoltage = "6.5 kV"\ntolerances = "none"\n'
+        '[want]\nstroke = "largest"\nframe_area = "106.0287521 cm^2"\ngap = "15 mm"\n'
+        'max_true_stress = "120 kPa"\nbreakdown_margin = 2\ntension_margin = 1.2\n'
+        '[vary]\n"frame.semi_axes.0" = ["40 mm", "11 cm"]\n'
+        '"frame.semi_axes.1" = ["30 mm", "8 cm"]\n"plate.radius" = ["4 mm", "20 mm"]',
+        encoding="utf-8")
+    result = tympan.design(tmp_path / "wanted.toml").numbers
+    film, = result.films
+    assert film.quantity("stroke").value == pytest.approx(2.3191e-3, rel=3e-3)
+    assert film.numbers["plate.radius"].value == pytest.approx(8.569e-3, rel=0.02)
+    axes = [film.numbers[f"frame.semi_axes.{axis}"].value for axis in (0, 1)]
+    assert max(axes) / min(axes) < 1.06
+    assert {each.name for each in film.binding} == {"tension_margin", "frame_area"}
+    # 4.19 and 0.249 % of the stroke there.
+    assert film.quantity("tension_margin").relaxing == pytest.approx(0.0419, rel=0.15)
+    assert film.quantity("frame_area").relaxing == pytest.approx(0.00249, rel=0.1)
+
+
+SCATTERED = """
+[want]
+voltage = "least"
+blocked_force = "17 mN"
+tension_margin = 1.1
+[vary]
+voltage = ["2 kV", "3.8 kV"]
+"plate.radius" = ["7 mm", "15 mm"]
+"membrane.prestretch" = [2, 2.5]
+"""
+
+
+@cache
+def scattered() -> tuple[DesignResult, Requirements]:
+    import tempfile
+
+    with tempfile.TemporaryDirectory() as folder:
+        wanted = requirements(Path(folder), SCATTERED, 'material = "vhb-4910"',
+                              loads='mass = "20 g"')
+    return design(wanted), wanted
+
+
+def test_films_that_scatter_keep_the_bounds_by_finite_elements() -> None:
+    """Each of 32 films, on a mesh of its own; some 1.5 of these may fail, 5 hardly ever do."""
+    result, wanted = scattered()
+    film, specimen = result.films[0], result.specimens["wanted-1.toml"]
+    assert result.status == "met"
+    assert 0.945 < film.reached.probability < 0.975
+    assert film.quantity("blocked_force").binding
+    assert film.quantity("blocked_force").reached == pytest.approx(17e-3, rel=0.03)
+    space = DesignSpace.of(wanted, wanted.specimens[0], Settings())
+    values = np.array([film.numbers[key].value for key in film.numbers])
+    points = qmc.Sobol(space.inputs, seed=np.random.default_rng(7)).random_base2(5)
+    drawn, failed = space.scattered(values, points), 0
+    for row, load, voltage, strength in zip(drawn.rows, drawn.loads, drawn.across[:, 1],
+                                            drawn.strength, strict=True):
+        exact = ExactFilm(space.family.box.member(row), float(load) / 9.80665, film.voltage_V,
+                          Rig(), Settings(), wanted.margin, float(voltage) / film.voltage_V,
+                          float(strength))
+        failed += any(misses(key, bound, exact)[0] > 0
+                      for key, bound in wanted.kept(specimen).items())
+    assert failed <= 5
+
+
+def test_reduced_films_have_what_finite_elements_have() -> None:
+    result, _ = scattered()
+    for each in result.films[0].quantities:
+        if each.reduced is not None and each.name != "tension_margin":
+            assert each.reduced == pytest.approx(each.value, rel=2e-3), each.name
+
+
+def test_what_cannot_be_met_says_which_bound_binds_and_what_can_be(tmp_path: Path) -> None:
+    """With the stroke's bound at what is attainable it can be met, beyond it cannot."""
+    text = ('[want]\nstroke = "0.4 mm"\nfrequency = "11.2 Hz"\n'
+            '[vary]\n"plate.radius" = ["8 mm", "15 mm"]\n"membrane.prestretch" = [1.8, 2.6]')
+    result = design(requirements(tmp_path, text))
+    film, = result.films
+    assert result.status == film.status == "impossible"
+    assert film.aim < 0
+    assert {each.name for each in film.binding} >= {"stroke", "frequency"}
+    attainable = film.quantity("stroke").attainable
+    assert attainable < 0.4e-3
+    for share, status in ((0.99, "met"), (1.01, "impossible")):
+        eased = text.replace("0.4 mm", f"{1e3 * share * attainable} mm")
+        assert design(requirements(tmp_path, eased)).status == status
+
+
+def test_the_command_stores_what_it_prints_and_solve_takes_the_film(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    requirements(tmp_path, '[want]\nstroke = "largest"\n[vary]\n"plate.radius" = ["8 mm", "12 mm"]')
+    folder = tmp_path / "out"
+    command = ["design", str(tmp_path / "wanted.toml"), "-o", str(folder), "--json",
+               "--refine", "0.5"]
+    assert main(command) == 0
+    record = json.loads(capsys.readouterr().out)
+    stored = DesignResult.load(folder)
+    assert record == stored.json() == json.loads((folder / "design.json").read_text())
+    film = stored.films[0]
+    assert stored.specimens[film.specimen_file] == load_specimen(folder / film.specimen_file)
+    assert main(["solve", str(folder / film.specimen_file), "--rig", str(folder / film.rig_file),
+                 "--mass", "17.9 g", "--voltage", "4 kV", "--json", "--refine", "0.5"]) == 0
+    solved = json.loads(capsys.readouterr().out)
+    assert solved["stroke_m"] == pytest.approx(film.quantity("stroke").value, rel=1e-6)
+    assert (folder / "design.png").exists()
+    assert main(["design", str(tmp_path / "wanted.toml"), "-o", str(folder), "--refine",
+                 "0.5"]) == 0
+    assert "keeps all bounds" in capsys.readouterr().out
+
+
+def test_a_file_of_optimise_is_read_still(tmp_path: Path) -> None:
+    (tmp_path / "film.toml").write_text(specimen_toml("film", ROUND, STIFF), encoding="utf-8")
+    (tmp_path / "old.toml").write_text(
+        'specimen = "film.toml"\nmass = "17.9 g"\nvoltage = "4 kV"\nhold = "nothing"\n'
+        '[vary]\n"plate.radius" = ["9 mm", "11 mm"]\n[limits]\nmax_field = "60 MV/m"',
+        encoding="utf-8")
+    coarse = tympan.Settings(tympan.MeshSettings().refined(0.5))
+    found = tympan.design(tmp_path / "old.toml", coarse).numbers
+    assert isinstance(found, OptimiseResult)
+    assert found.record == tympan.optimise(tmp_path / "old.toml", coarse).record
+
+
+@pytest.mark.parametrize(("text", "message"), [
+    ('[want]\nstrok = "2 mm"\n[vary]\n"plate.radius" = ["1 cm", "2 cm"]',
+     r"want\.strok: .*'stroke'"),
+    ('[want]\nstroke = "2 g"\n[vary]\n"plate.radius" = ["1 cm", "2 cm"]', r"want\.stroke: given"),
+    ('[want]\nstroke = "least"\n[vary]\n"plate.radius" = ["1 cm", "2 cm"]',
+     r'want\.stroke: given .least.: must be "largest"'),
+    ('[want]\nstroke = "largest"\nwork = "largest"\n[vary]\n"plate.radius" = ["1 cm", "2 cm"]',
+     r"want\.work: .*only one quantity can be best: stroke is"),
+    ('[want]\n[vary]\n"plate.radius" = ["1 cm", "2 cm"]', r"want: must name at least one of"),
+    ('[want]\nstroke = "2 mm"\n[vary]\n"plate.radiu" = ["1 cm", "2 cm"]',
+     r"vary\.plate\.radiu: .*did you mean 'plate\.radius'"),
+    ('[want]\nstroke = "2 mm"\n[vary]\n"plate.radius" = ["2 cm", "1 cm"]',
+     r"vary\.plate\.radius: .*a lower and a larger"),
+    ('[want]\nstroke = "2 mm"\n[vary]\nvoltage = ["1 kV", "2 kV"]',
+     r"voltage: .*is given and varies, too"),
+    ('[want]\nbreakdown_margin = 2\n[vary]\n"plate.radius" = ["1 cm", "2 cm"]',
+     r"want\.breakdown_margin: .*needs films whose electric strength"),
+    ('shar = 0.9\n[want]\nstroke = "2 mm"\n[vary]\n"plate.radius" = ["1 cm", "2 cm"]',
+     r"shar: unknown key: did you mean 'share'")])
+def test_a_wrong_file_is_one_message(tmp_path: Path, text: str, message: str) -> None:
+    with pytest.raises(InputError, match=rf"wanted\.toml: {message}"):
+        requirements(tmp_path, text)
+
+
+def test_every_quantity_has_words_and_a_unit() -> None:
+    assert all(each.words and each.unit for each in QUANTITIES.values())
