@@ -1,11 +1,13 @@
-"""PI controller of a plate's deflection, with feed-forward by the inverse of the static curve."""
+"""Controller of a plate's deflection, with feed-forward by the inverse of the static curve."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from importlib import resources
 from string import Template
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.polynomial import chebyshev
@@ -70,78 +72,125 @@ class StaticInverse:
         return t * after - before + self.coefficients_V2[0]
 
 
-@dataclass(frozen=True, eq=False)
-class ControllerState:
-    """Memory of a controller: reference and reading behind both lags, the integral, all [m]."""
+Rows = tuple[tuple[float, ...], ...]
 
-    reference: tuple[Any, Any]
-    reading: tuple[Any, Any]
-    integral: Any
+#: How a controller is designed.
+Method = Literal["pi", "lqg"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class LinearLaw:
+    """v = C s + D (r, y) and s⁺ = A s + B (r, y) + G (v' − v), once a sampling interval.
+
+    Memory s, wanted deflection r, reading y, deflection at rest v that is asked for, and v' within
+    what the supply can hold.
+    """
+
+    a: Annotated[Rows, Key("A, by rows")]
+    b: Annotated[Rows, Key("B, by rows")]
+    c: Annotated[tuple[float, ...], Key("C")]
+    d: Annotated[tuple[float, ...], Key("D")]
+    g: Annotated[tuple[float, ...], Key("G")]
+    rest: Annotated[Rows, Key("the memory after a long rest, per r and y, by rows")]
 
     @classmethod
-    def resting(cls, reference: Any, reading: Any) -> ControllerState:
-        """Memory after so long a rest that all lags are over."""
-        return cls((reference, reference), (reading, reading), 0.0 * (reference + reading))
+    def of(cls, a: Array, b: Array, c: Array, d: Array, g: Array, rest: Array) -> LinearLaw:
+        """A law of arrays."""
+        return cls(**{name: _plain(part.tolist()) for name, part in (
+            ("a", a), ("b", b), ("c", c), ("d", d), ("g", g), ("rest", rest))})
+
+    @cached_property
+    def arrays(self) -> tuple[Array, ...]:
+        """A, B, C, D, G as arrays."""
+        return tuple(np.array(part) for part in (self.a, self.b, self.c, self.d, self.g))
+
+    def response(self, z: NDArray[np.complex128]) -> NDArray[np.complex128]:
+        """v/y at points of the z-plane."""
+        a, b, c, d, _ = self.arrays
+        inner = np.linalg.solve(z[:, None, None] * np.eye(len(a)) - a,
+                                np.broadcast_to(b[:, 1:], (len(z), len(a), 1)))
+        return np.asarray((c @ inner)[:, 0] + d[1])
 
 
 @dataclass(frozen=True, kw_only=True)
 class Controller:
     """Voltage from a wanted and a read deflection, once a sampling interval.
 
-    Both pass two equal lags, so that the plate's swing is neither excited nor answered. The
-    controller asks for a deflection at rest, y = r + K_p e + K_i ∫ e dt, and the static inverse
-    tells its voltage: so the loop has the same gain at rest at any deflection. Beyond the supply y
-    is cut, and the integral is what it then must have been.
+    The controller asks for a deflection at rest, and the static inverse tells its voltage: so the
+    loop has the same gain at rest at any deflection. Beyond the supply it is cut, and the memory
+    is what it then must have been.
     """
 
     inverse: Annotated[StaticInverse, Key("voltage squared by deflection at rest")]
     supply_V: Annotated[float, Key("highest voltage of the supply; the lowest is 0")]
     interval_s: Annotated[float, Key("sampling interval")]
-    filter_s: Annotated[float, Key("time of each of the two lags; 0 for none")]
-    proportional: Annotated[float, Key("K_p, as deflection asked for per deflection missing")]
-    integral_per_s: Annotated[float, Key("K_i")]
+    method: Annotated[Method, Key("how it is designed")]
+    filter_s: Annotated[float | None, Key(
+        "time of each of the two lags of a PI controller; 0 for none")]
+    proportional: Annotated[float | None, Key(
+        "K_p of a PI controller, as deflection asked for per deflection missing")]
+    integral_per_s: Annotated[float, Key("K_i; of LQG that of a slow error")]
+    law: Annotated[LinearLaw, Key("what it does at a sample")]
 
-    @property
-    def share(self) -> float:
-        """What a lag takes in an interval of the way that is left to it."""
-        return float(-np.expm1(-self.interval_s / self.filter_s)) if self.filter_s else 1.0
+    @classmethod
+    def pi(cls, inverse: StaticInverse, supply: float, interval: float, lag: float,
+           proportional: float, integral: float) -> Controller:
+        """y = r + K_p e + K_i ∫ e dt; both r and reading pass two equal lags [s].
 
-    @property
-    def feedback(self) -> tuple[Array, Array, Array]:
-        """s⁺ = A s + b y and v = c s⁺: what is asked for by a reading y, with nothing wanted [m].
-
-        The memory s is the reading behind either lag, and the integral.
+        So the plate's swing is neither excited nor answered.
         """
-        p, gain = self.share, self.integral_per_s * self.interval_s
-        first, second = np.array([1 - p, 0.0, 0.0, p]), np.array([0.0, 1 - p, 0.0, 0.0])
-        second += p * first
-        rows = np.array([first, second, np.array([0.0, 0.0, 1.0, 0.0]) - gain * second])
-        return rows[:, :3], rows[:, 3:], np.array([[0.0, -self.proportional, 1.0]])
+        share = _share(interval, lag)
+        # Rows over memory (two lags of either, the integral) and inputs (r, reading).
+        unit = np.eye(7)
+        lagged = []
+        for at, given in ((0, 5), (2, 6)):
+            first = (1 - share) * unit[at] + share * unit[given]
+            lagged += [first, (1 - share) * unit[at + 1] + share * first]
+        error = lagged[1] - lagged[3]
+        summed = unit[4] + integral * interval * error
+        asked = lagged[1] + proportional * error + summed
+        rows = np.array([*lagged, summed])
+        rest = np.zeros((5, 2))
+        rest[:2, 0] = rest[2:4, 1] = 1.0
+        law = LinearLaw.of(rows[:, :5], rows[:, 5:], asked[:5], asked[5:], unit[4, :5], rest)
+        return cls(inverse=inverse, supply_V=supply, interval_s=interval, method="pi",
+                   filter_s=lag, proportional=proportional, integral_per_s=integral, law=law)
 
     def c_source(self, name: str) -> str:
         """The same as functions of C99, named after a specimen."""
         text = resources.files("tympan.studies.lumped.control").joinpath("source.txt")
-        inverse = self.inverse
+        inverse, law = self.inverse, self.law
+        parts = {key: ", ".join(map(repr, np.ravel(getattr(law, key)).tolist()))
+                 for key in ("a", "b", "c", "d", "g", "rest")}
         return Template(text.read_text(encoding="utf-8")).substitute(
-            title=name, name=identifier(name), interval=repr(self.interval_s),
-            series=", ".join(map(repr, inverse.coefficients_V2)), lowest=repr(inverse.lowest_m),
-            highest=repr(inverse.highest_m), supply=repr(float(self.supply_V)),
-            proportional=repr(self.proportional), share=repr(self.share),
-            gain=repr(self.integral_per_s * self.interval_s))
+            parts, title=name, name=identifier(name), interval=repr(self.interval_s),
+            size=len(law.c), series=", ".join(map(repr, inverse.coefficients_V2)),
+            lowest=repr(inverse.lowest_m), highest=repr(inverse.highest_m),
+            supply=repr(float(self.supply_V)))
 
-    def voltage(self, state: ControllerState, reference: Any, reading: Any
-                ) -> tuple[Any, ControllerState]:
+    def resting(self, reference: Any, reading: Any) -> Array:
+        """Memory after a long rest at deflections [m] of any shape, (…, size)."""
+        inputs = np.stack(np.broadcast_arrays(reference, reading), axis=-1)
+        return np.asarray(inputs @ np.array(self.law.rest).T)
+
+    def voltage(self, memory: Array, reference: Any, reading: Any) -> tuple[Any, Array]:
         """Voltage [V] until the next sample, and the memory then; deflections [m], of any shape."""
-        wanted, read = (self._lagged(*each) for each in (
-            (state.reference, reference), (state.reading, reading)))
-        error = wanted[1] - read[1]
-        integral = state.integral + self.integral_per_s * self.interval_s * error
-        ahead = wanted[1] + self.proportional * error
-        given = np.clip(ahead + integral, self.inverse.lowest_m, self.inverse.highest_m)
+        a, b, c, d, g = self.law.arrays
+        inputs = np.stack(np.broadcast_arrays(reference, reading), axis=-1)
+        asked = memory @ c + inputs @ d
+        given = np.clip(asked, self.inverse.lowest_m, self.inverse.highest_m)
         voltage = np.sqrt(np.clip(self.inverse.squared(given), 0.0, self.supply_V**2))
-        held = np.where(given == ahead + integral, integral, given - ahead)
-        return voltage, ControllerState(wanted, read, held)
+        return voltage, memory @ a.T + inputs @ b.T + (given - asked)[..., None] * g
 
-    def _lagged(self, before: tuple[Any, Any], value: Any) -> tuple[Any, Any]:
-        first = before[0] + self.share * (value - before[0])
-        return first, before[1] + self.share * (first - before[1])
+
+#: A controller that lacks the inverse of the static curve, and the supply [V].
+Made = Callable[[StaticInverse, float], Controller]
+
+
+def _plain(values: Any) -> Any:
+    return tuple(map(_plain, values)) if isinstance(values, list) else values
+
+
+def _share(interval: float, lag: float) -> float:
+    """What a lag takes in an interval of the way that is left to it."""
+    return float(-np.expm1(-interval / lag)) if lag else 1.0

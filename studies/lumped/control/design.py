@@ -6,6 +6,7 @@ is the inverse of what a slow disturbance leaves behind), here over the whole ra
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -14,8 +15,15 @@ from numpy.typing import NDArray
 
 from tympan.geometry.errors import Failure
 from tympan.studies.lumped.actuator import Actuator
-from tympan.studies.lumped.control.controller import Controller, StaticInverse
-from tympan.studies.lumped.control.loop import Complex, Margins, Sampled, frequencies, lags
+from tympan.studies.lumped.control.controller import Controller, Made, Method, StaticInverse
+from tympan.studies.lumped.control.loop import (
+    Complex,
+    Margins,
+    Sampled,
+    closed_poles,
+    frequencies,
+)
+from tympan.studies.lumped.control.lqg import best_lqg
 from tympan.studies.lumped.equilibria import settle
 from tympan.studies.lumped.linear import Linear, linearise
 
@@ -46,12 +54,9 @@ class Design:
 
     def loops(self) -> tuple[list[Complex], Array]:
         """Open loops, and their frequencies [rad/s]."""
-        controller = self.controller
-        omega = frequencies(controller.interval_s)
-        z = np.exp(1j * omega * controller.interval_s)
-        shape = lags(z, controller.share) * (
-            controller.proportional
-            + controller.integral_per_s * controller.interval_s / (1 - 1 / z))
+        omega = frequencies(self.controller.interval_s)
+        z = np.exp(1j * omega * self.controller.interval_s)
+        shape = -self.controller.law.response(z)
         return [shape * plant.response(z) for plant in self.plants], omega
 
     def largest_pole(self, films: Actuator) -> Array:
@@ -60,7 +65,6 @@ class Design:
         At the voltages about which the model was linearised; at those where a film has no rest the
         others count, and one without any rest is unstable.
         """
-        a, b, c = self.controller.feedback
         largest = np.zeros(films.flat.shape)
         for linear in self.linear:
             y = settle(partial(films.balance, voltage=linear.voltage), films.flat)
@@ -68,10 +72,7 @@ class Design:
             driven = films.by_voltage(state, linear.voltage, squared=True)[..., None]
             plant = Sampled.of(films.linear(state, linear.voltage)[1], driven / linear.gain,
                                self.controller.interval_s, self.sensor_lag)
-            loop = np.block([[plant.a + plant.b @ (c @ b @ plant.c), plant.b @ (c @ a)],
-                             [np.broadcast_to(b @ plant.c, (*y.shape, len(b), plant.a.shape[-1])),
-                              np.broadcast_to(a, (*y.shape, *a.shape))]])
-            pole = np.abs(np.linalg.eigvals(loop)).max(axis=-1)
+            pole = closed_poles(plant, self.controller.law).max(axis=-1)
             largest = np.fmax(largest, np.where(np.isfinite(y), pole, np.nan))
         return np.where(largest > 0, largest, np.inf)
 
@@ -81,7 +82,8 @@ class Design:
         return Margins.of(*self.loops())
 
 
-def design(actuator: Actuator, supply: float, interval: float, sensor_lag: float = 0.0) -> Design:
+def design(actuator: Actuator, supply: float, interval: float, sensor_lag: float = 0.0,
+           method: Method = "pi") -> Design:
     """The controller of an actuator from 0 to a supply's voltage [V], sampled each interval [s].
 
     ``sensor_lag``: time of the sensor's lag [s].
@@ -96,25 +98,32 @@ def design(actuator: Actuator, supply: float, interval: float, sensor_lag: float
               for voltage in np.linspace(0.0, supply, _RESTS)]
     plants = tuple(Sampled.of(each.a, each.b / each.gain, interval, sensor_lag)
                    for each in linear)
-    omega = frequencies(interval)[::3]
     swing = max(max(abs(pole.value) for pole in each.named_poles) for each in linear)
-    z = np.exp(1j * omega * interval)
+    found = _pi(plants, swing) if method == "pi" else best_lqg(plants, SENSITIVITY)
+    if found is None:
+        raise Failure("no controller of this sampling holds the film: sample it more often "
+                      "(--interval)")
+    return Design(found(StaticInverse.of(actuator, supply), supply), plants, tuple(linear),
+                  sensor_lag)
+
+
+def _pi(plants: Sequence[Sampled], swing: float) -> Made | None:
+    """Lags, ratio K_p/K_i and gain of plants with a swing [rad/s]; None where none is stable."""
+    interval = plants[0].interval
+    z = np.exp(1j * frequencies(interval)[::3] * interval)
     responses = np.array([plant.response(z) for plant in plants])
     best = (0.0, 0.0, 0.0)
     for lag in (0.0, *(_LAGS / swing)):
         share = -np.expm1(-interval / lag) if lag else 1.0
-        lagged = responses * lags(z, share)
+        lagged = responses * (share / (1 - (1 - share) / z)) ** 2
         for ratio in _RATIOS / swing:
             gain = _highest_gain(lagged * (ratio + interval / (1 - 1 / z)), _GAINS * swing)
             best = max(best, (gain, ratio, lag))
-    gain, ratio, lag = best
+    gain, ratio, lag = map(float, best)
     if not gain:
-        raise Failure("no controller of this sampling holds the film: sample it more often "
-                      "(--interval)")
-    inverse = StaticInverse.of(actuator, supply)
-    return Design(Controller(inverse=inverse, supply_V=supply, interval_s=interval,
-                             filter_s=float(lag), proportional=float(gain * ratio),
-                             integral_per_s=float(gain)), plants, tuple(linear), sensor_lag)
+        return None
+    return lambda inverse, supply: Controller.pi(inverse, supply, interval, lag, gain * ratio,
+                                                 gain)
 
 
 def _highest_gain(loops: Complex, gains: Array) -> float:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
+
+from tympan.studies.lumped.control.controller import LinearLaw
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -59,9 +60,15 @@ def frequencies(interval: float) -> Array:
     return np.geomspace(_LOWEST, 1.0, _FREQUENCIES) * np.pi / interval
 
 
-def lags(z: Complex, share: Any) -> Complex:
-    """Response of the two lags of a controller, which take so large a share an interval."""
-    return np.asarray((share / (1 - (1 - share) / z)) ** 2)
+def closed_poles(plant: Sampled, law: LinearLaw) -> Array:
+    """Sizes of the poles of a plant, or of an array of them, that a law drives."""
+    a, b, c, d, _ = law.arrays
+    b, size, shape = b[:, 1:], len(a), plant.a.shape[:-2]
+    loop = np.block([
+        [plant.a + d[1] * plant.b @ plant.c, plant.b * c],
+        [np.broadcast_to(b @ plant.c, (*shape, size, plant.a.shape[-1])),
+         np.broadcast_to(a, (*shape, size, size))]])
+    return np.asarray(np.abs(np.linalg.eigvals(loop)))
 
 
 @dataclass(frozen=True)

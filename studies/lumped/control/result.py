@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
+import numpy as np
 import pandas as pd
 
 from tympan.geometry.column import Column
@@ -116,6 +117,25 @@ class ControlledFilm:
     disturbance: Annotated[Disturbance, Key("a mass put on the plate in the middle of its travel")]
     warnings: Warnings
     samples: pd.DataFrame = field(default_factory=pd.DataFrame, repr=False, compare=False)
+
+    @property
+    def at_once(self) -> float:
+        """Share of the deflection by a small voltage that comes at once, and so swings."""
+        return 1 - self.creep_share[0]
+
+    @property
+    def swing_allows(self) -> float:
+        """2 ζ ω over the share at once, without voltage [1/s]: what the integral gain goes with.
+
+        At the swing the loop is K_i/ω times the height of the resonance, share/(2 ζ), which must
+        stay away from −1. The swing is damped least without voltage.
+        """
+        return 4 * np.pi * self.swing_Hz[0] * self.damping_ratio[0] / self.at_once
+
+    @property
+    def supply_limited(self) -> int:
+        """How many steps the supply limits."""
+        return sum(step.limited_by == "supply" for step in self.steps)
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Container, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, field, replace
 from itertools import pairwise
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, get_args
 
 import numpy as np
 import pandas as pd
@@ -16,7 +16,7 @@ from tympan.geometry.fields import Key, require, takes_units
 from tympan.geometry.toml_reader import NON_NEGATIVE, POSITIVE
 from tympan.studies.lumped.actuator import Actuator, Viscous
 from tympan.studies.lumped.case import ChosenActuators
-from tympan.studies.lumped.control.controller import Controller, ControllerState
+from tympan.studies.lumped.control.controller import Controller, Method
 from tympan.studies.lumped.control.design import Design, design
 from tympan.studies.lumped.control.loop import Margins
 from tympan.studies.lumped.control.plants import (
@@ -68,7 +68,7 @@ _DECAYS = 10.0
 @takes_units
 @dataclass(frozen=True)
 class ControlSettings:
-    """Supply, sampling and sensor of a controller."""
+    """Supply, sampling, sensor and method of a controller."""
 
     _: KW_ONLY
     supply: Annotated[float, Key("highest voltage of the supply; the lowest is 0", "voltage",
@@ -76,13 +76,17 @@ class ControlSettings:
     interval: Annotated[float, Key("sampling interval", "time", POSITIVE)] = 10e-3
     sensor_lag: Annotated[float, Key("time by which the sensor lags, by a factor e", "time",
                                      NON_NEGATIVE)] = 0.0
+    method: Annotated[Method, Key("how the controller is designed")] = "pi"
 
     if TYPE_CHECKING:
         def __init__(self, *, supply: float | str = 7e3, interval: float | str = 10e-3,
-                     sensor_lag: float | str = 0.0) -> None: ...
+                     sensor_lag: float | str = 0.0, method: Method = "pi") -> None: ...
 
     def __post_init__(self) -> None:
         require(self)
+        if self.method not in get_args(Method):
+            raise InputError("must be one of " + ", ".join(get_args(Method)), key="method",
+                             given=self.method)
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,7 +128,7 @@ def closed_loop(controller: Controller, plant: Plant, before: float, wanted: Arr
     """
     reached, voltages, plants = [], [], dict[int, Plant]()
     begin = plant.deflection
-    state = ControllerState.resting(before + 0 * begin, begin)
+    state = controller.resting(before + 0 * begin, begin)
     sensor = Sensor(sensor_lag, begin)
     for number, each in enumerate(wanted):
         voltage, state = controller.voltage(state, each + 0 * begin, sensor.reading)
@@ -167,7 +171,8 @@ def _controlled(chosen: ChosenActuators, actuator: Actuator, model: LumpedModel 
     """A controller designed on circles, run on them, or on a model's film in time."""
     if model is not None:
         actuator = creeping_circles(model, actuator.mass, actuator.rig, settings.supply / 2)
-    designed = design(actuator, settings.supply, settings.interval, settings.sensor_lag)
+    designed = design(actuator, settings.supply, settings.interval, settings.sensor_lag,
+                      settings.method)
     controller = designed.controller
     time = _times(count, settings.interval)
     voltages = np.abs(nominal(signal, time))

@@ -24,12 +24,15 @@ from tympan.options import (
                   help="highest voltage of the supply; the lowest is 0"),
          argument("--sensor-lag", default="0 s", metavar="TIME",
                   help="time by which the sensor lags, by a factor e"),
+         argument("--method", choices=("pi", "lqg"), default="pi",
+                  help="PI behind two lags, or LQG: a Kalman filter that knows the plate's swing, "
+                       "with a linear quadratic regulator"),
          output("store the run (CSV), the controller with its margins (JSON) and as C99, and a "
                 "picture (PNG, SVG)"), JSON, MESH,
          example='oval.toml --mass "17.9 g" --high "3 kV" --duration "2 s" --supply "5 kV" '
                  "-o control")
 def lumped_control(options: argparse.Namespace) -> None:
-    """PI controller with feed-forward: its margins, and a run beside one without feedback.
+    """Controller with feed-forward: its margins, and a run beside one without feedback.
 
     The plate is to follow the deflections at rest of the signal's voltages. The controller is
     designed on the lumped model, linearised from no voltage to the supply's.
@@ -42,7 +45,8 @@ def lumped_control(options: argparse.Namespace) -> None:
         settings = ControlSettings(
             supply=parse_quantity(options.supply, "voltage", "--supply"),
             interval=parse_quantity(options.interval, "time", "--interval"),
-            sensor_lag=parse_quantity(options.sensor_lag, "time", "--sensor-lag"))
+            sensor_lag=parse_quantity(options.sensor_lag, "time", "--sensor-lag"),
+            method=options.method)
     chosen = chosen_actuators(options, read_case(options), settings.supply)
     with naming_options(options), bar(len(chosen.actuators)) as progress:
         result = controlled(chosen, signal, settings, progress)
