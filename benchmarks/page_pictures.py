@@ -19,6 +19,7 @@ from matplotlib.patches import Rectangle
 import tympan
 from tympan.reports import look
 from tympan.reports.figures.curve import draw_voltage_curves
+from tympan.reports.figures.force import draw_force_curves
 from tympan.studies.files import write_atomically
 
 #: Dots to an inch: pages show pictures as wide as their text.
@@ -79,7 +80,27 @@ def draw_limits(figure: Figure) -> None:
     draw_voltage_curves(look.place_axes(figure, look.LEFT, look.TITLE, 158.0, 62.0), result)
 
 
-PICTURES = {"zero": (HEIGHT, draw_zero), "limits": (82.0, draw_limits)}
+def draw_force(figure: Figure) -> None:
+    """The oval film of the five-minute start under weights, and under buckled beams."""
+    film = tympan.Film("1 mm", 2.236, tympan.material("vhb-4910"))
+    plate = tympan.Plate(tympan.Circle("1 cm"), offset=("3 mm", "0 mm"))
+    oval = tympan.Specimen("oval", tympan.Ellipse(("6 cm", "4 cm")), plate, film)
+    beams = tympan.BuckledBeam(length="30 mm", width="4 mm", thickness="0.13 mm",
+                               modulus="1.5 GPa", compression="0.4 mm", number=3, middle="3 mm")
+    weights = tympan.force(oval, voltages=["0 kV", "5 kV", "7.5 kV"], to="12 mm",
+                           loads=["20 g", "40 g"])
+    pushed = tympan.force(oval, voltages=["0 kV", "6 kV"], to="6.5 mm", loads=["20 g"],
+                          rig=tympan.Rig(biases=(beams,)))
+    width = look.WIDTH / 2
+    for number, (result, title) in enumerate(((weights, "weights"), (pushed, "buckled beams"))):
+        axes = look.place_axes(figure, look.LEFT + number * width, look.TITLE,
+                               width - look.LEFT - look.RIGHT, 74.0)
+        draw_force_curves(axes, result.numbers)
+        axes.set_title(title, loc="left", weight="bold")
+
+
+PICTURES = {"zero": (HEIGHT, draw_zero), "limits": (82.0, draw_limits),
+            "force": (94.0, draw_force)}
 
 
 def main() -> None:

@@ -211,7 +211,7 @@ class Film:
         "p: in coupon tests at an absolute temperature T law and branches are (T/293.15 K)^p times "
         "as stiff; films are solved at 20 degrees Celsius", rule=_POWER, discrete=True)] = 0.0
     layers: Annotated[int, Key(
-        "equal films side by side, each with its electrodes: force, capacitance and mass are those "
+        "equal films in a stack, each with its electrodes: force, capacitance and mass are those "
         "of all, stress and field those of each; loads, gas and plate are there once",
         rule=_LAYERS)] = 1
     #: Principal stretches that the law is meant for, the thickness included; in files `range` of

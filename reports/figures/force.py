@@ -57,6 +57,7 @@ def draw_force_curves(axes: Axes, result: ForceResult) -> None:
         axes.plot(1e3 * np.array(loop.displacement_m), factor * np.array(loop.force_N),
                   color=style.colour_of(number), linewidth=0.8, alpha=0.8, zorder=2)
         _say(axes, f"at {1e3 * loop.rate_m_per_s:.4g} mm/s", color=style.GREY, linewidth=0.8)
+    _blocked(axes, result, factor, unit)
     bottom, top = axes.get_ylim()
     for number, line in enumerate(result.loads):
         lines.append(_load_line(axes, line, factor, _LINES[number % len(_LINES)]))
@@ -86,6 +87,17 @@ def _curve(axes: Axes, curve: ForceCurve, factor: float, colour: str) -> Line2D:
     for limit in dict.fromkeys((*curve.limits, *ended)):
         _mark(axes, limit, factor, colour)
     return drawn
+
+
+def _blocked(axes: Axes, result: ForceResult, factor: float, unit: str) -> None:
+    """The blocked force, between the curves of the lowest and the highest voltage."""
+    place, force = result.blocked_displacement_m, result.blocked_force_N
+    if place is None or force is None:
+        return
+    ends = [factor * float(np.interp(place, curve.displacement_m, curve.force_N))
+            for curve in (result.curves[0], result.curves[-1])]
+    axes.plot([1e3 * place] * 2, ends, color=_LOAD, linewidth=2.5, alpha=0.6, zorder=1.5,
+              solid_capstyle="butt", label=f"blocked force {factor * force:.3g} {unit}")
 
 
 def _part(axes: Axes, x: NDArray[np.float64], y: NDArray[np.float64],

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 from scipy.integrate import simpson
 from scipy.optimize import brentq
 
@@ -21,6 +22,7 @@ from tympan.fem.membrane.biases import Magnet, Spring
 from tympan.fem.rig import Rig
 from tympan.geometry.mesher import MeshSettings
 from tympan.geometry.specimen import ViscousBranch
+from tympan.reports.figures.force import draw_force_curves
 from tympan.studies.case import Case, Settings, solve
 from tympan.studies.force import ForceCase, ForceResult
 from tympan.studies.force import force as force_of
@@ -94,6 +96,15 @@ def test_a_curve_goes_on_past_the_loss_of_tension() -> None:
     for number in beyond[:4]:
         force = axisymmetric.shoot_deflection(exact, curve.displacement_m[number], 9e3).force
         assert curve.force_N[number] == pytest.approx(force, rel=1e-4)
+
+
+def test_the_picture_has_the_blocked_force_between_the_outer_curves(family: ForceResult) -> None:
+    axes = Figure().subplots()
+    draw_force_curves(axes, family)
+    bar, = (line for line in axes.lines if str(line.get_label()).startswith("blocked force"))
+    place, forces = bar.get_data()
+    assert place == pytest.approx([1e3 * family.blocked_displacement_m] * 2)
+    assert forces[0] - forces[1] == pytest.approx(1e3 * family.blocked_force_N)
 
 
 def test_the_blocked_force_is_the_fall_of_the_force_of_a_held_plate(family: ForceResult) -> None:
