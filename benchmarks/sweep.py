@@ -114,7 +114,7 @@ class Timing:
 def timed(words: str, sweep: Sweep, folder: Path, solve: Pool) -> Timing:
     """Run a sweep and say how long it took."""
     began = first = time.perf_counter()
-    spent = _children()
+    spent = _processor()
 
     def seen(done: int, kept: int) -> None:
         nonlocal first
@@ -123,19 +123,18 @@ def timed(words: str, sweep: Sweep, folder: Path, solve: Pool) -> Timing:
 
     summary = run_sweep(sweep, folder, solve, seen)
     ended = time.perf_counter()
-    cpu = (_children() - spent) / len(sweep.entries)
+    cpu = (_processor() - spent) / len(sweep.entries)
     print(f"{words:<24}{ended - began:>8.1f} s, {ended - first:.1f} s from the first result, "
           f"{summary.solved / (ended - began):.0f} cases/s"
-          + (f", CPU {cpu:.2f} s a specimen" if cpu else "")
-          + f"   {summary.statuses}", flush=True)
+          + f", CPU {cpu:.3f} s a specimen   {summary.statuses}", flush=True)
     with xr.open_dataset(folder / "sweep.nc", engine="h5netcdf") as table:
         return Timing(ended - began, ended - first, table.load())
 
 
-def _children() -> float:
-    """Processor time of processes that have ended [s]."""
-    used = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return used.ru_utime + used.ru_stime
+def _processor() -> float:
+    """Processor time of this process and of those it started, which have ended [s]."""
+    return sum(used.ru_utime + used.ru_stime for used in map(
+        resource.getrusage, (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)))
 
 
 @contextmanager
@@ -169,7 +168,8 @@ def main() -> None:
                                      formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--specimens", type=int, help="1000, or 500 that are asked")
     parser.add_argument("--workers", type=int, default=2)
-    parser.add_argument("--every", type=int, default=8, help="which share of them to compare on")
+    parser.add_argument("--every", type=int, default=8,
+                        help="which share of them to compare on; 0: none")
     parser.add_argument("--rounds", type=int, default=3, help="how often they are compared")
     parser.add_argument("--parts", action="store_true")
     parser.add_argument("--asked", action="store_true")
@@ -184,15 +184,18 @@ def main() -> None:
         if options.asked:
             resumed(folder, options.specimens or 500)
             return
-        began = time.perf_counter()
+        began, spent = time.perf_counter(), _processor()
         sweep = planned(folder, options.specimens or 1000)
         reading = time.perf_counter() - began
         print(f"{len(sweep.entries)} specimens, {sweep.cases} cases; "
               f"read and checked in {reading:.1f} s, load {os.getloadavg()[0]:.1f}", flush=True)
         all_of_them = timed(f"{options.workers} processes", sweep, folder / "all", several)
         aim = AIM * len(sweep.entries) / 1000
-        whole = reading + all_of_them.whole
-        _verdict(f"in all {whole:.1f} s, aim {aim:.1f} s", whole < aim)
+        whole, used = reading + all_of_them.whole, (_processor() - spent) / options.workers
+        _verdict(f"in all {whole:.1f} s, aim {aim:.1f} s; {used:.1f} s of each of "
+                 f"{options.workers} processors, load {os.getloadavg()[0]:.1f}", whole < aim)
+        if not options.every:
+            return
         part = planned(folder, options.specimens or 1000, exact=True)
         part = replace(part, entries=part.entries[:: options.every])
         print(f"every {options.every}th: {len(part.entries)} specimens, {part.cases} cases",
