@@ -33,14 +33,20 @@ class Ask:
 
 
 @dataclass(frozen=True, eq=False)
-class SolvedCase:
-    """A case, what was solved of it, and the circles that are asked for."""
+class AskedCase:
+    """A case, how it is solved, and the circles that are asked for."""
 
     case: Case
     settings: Settings
+    circles: AlphaSettings
+
+
+@dataclass(frozen=True, eq=False)
+class SolvedCase(AskedCase):
+    """A case and what was solved of it."""
+
     model: Model
     outcome: Outcome
-    circles: AlphaSettings
 
 
 #: Displacements of the curves on which a stroke is looked for, which are smooth.
@@ -48,8 +54,8 @@ _POINTS = 9
 #: How far these go, over the deflection.
 _WIDER = 1.1
 
-#: What a quantity asks of a case.
-Answer = Callable[[SolvedCase], Record]
+#: What a quantity asks of a case; of what depends on no voltage that needs not be solved.
+Answer = Callable[[Any], Record]
 
 
 @dataclass(frozen=True)
@@ -73,11 +79,16 @@ class AskedQuantity:
         return [name.format(n=number) for name in self.columns
                 for number in range(1, circles + 1 if "{n}" in name else 2)]
 
+    @property
+    def of_states(self) -> bool:
+        """Whether it asks for the equilibria of cases."""
+        return "voltage" in self.loads
+
     def every(self, loads: Mapping[str, int]) -> int:
         """Numbers of cases to which one answer belongs, of so many loads."""
         return prod(count for load, count in loads.items() if load not in self.loads)
 
-    def record(self, asked: SolvedCase) -> Record:
+    def record(self, asked: AskedCase) -> Record:
         """The answer, or why there is none."""
         try:
             return self.answer(asked)
@@ -110,7 +121,7 @@ def quantity_of(meaning: str, columns: Mapping[str, str], shown: tuple[str, ...]
     "alpha_fit_error": "force error of the mixture, relative, at the loads of the fit",
     "alpha_held_out_error": "the same at other loads",
 }, shown=("alpha_1", "alpha_held_out_error"))
-def _alpha(asked: SolvedCase) -> Record:
+def _alpha(asked: AskedCase) -> Record:
     result = alpha(asked.case.specimen, asked.settings, asked.circles, asked.case.rig)
     weights = result.by_basis["membrane"]
     return {**_numbered("alpha_{n}", weights.alpha), **_numbered("circle_{n}_m", result.circles),
@@ -127,7 +138,7 @@ def _alpha(asked: SolvedCase) -> Record:
 } | {"last_equilibrium_V": "beyond this nominal voltage there is none: it pulls in or thins"},
              shown=("tension_V", "breakdown_V", "instability_V", "last_equilibrium_V"),
              loads=("mass",))
-def _limits(asked: SolvedCase) -> Record:
+def _limits(asked: AskedCase) -> Record:
     result = limits(asked.case, asked.settings)
     record: Record = {"warnings": [] if result.pull_in and not result.thins else [result.ended],
                       "last_equilibrium_V": result.end.voltage_V if result.end else None}
@@ -189,7 +200,7 @@ def _force(asked: SolvedCase) -> Record:
     "lumped_flat_capacitance_F": "of the flat film",
     "lumped_held_out_error": "largest error of the deflection, relative, at loads not fitted",
 }, shown=("lumped_stiffness", "lumped_permittivity"))
-def _lumped(asked: SolvedCase) -> Record:
+def _lumped(asked: AskedCase) -> Record:
     circles, specimen, rig = asked.circles, asked.case.specimen, asked.case.rig
     loads = BuildSettings.suited([specimen], asked.settings, rig, circles=circles.circles,
                                  radii=circles.radii)

@@ -25,6 +25,7 @@ from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Case, Settings, breakdown_warning
 from tympan.studies.films.box import Box, kind_of
 from tympan.studies.films.family import FamilyStates, FilmFamily, require_reducible
+from tympan.studies.sweep.asked import QUANTITIES, Ask
 from tympan.studies.sweep.task import (
     BY_REDUCED,
     COLUMNS,
@@ -129,7 +130,8 @@ def kin_id(kin: Kin) -> str:
 def _reducible(task: SweepTask) -> bool:
     """Whether a reduced film has all that is asked of a task."""
     specimen = task.specimen
-    if task.fields or task.figures or task.ask.names or specimen.plate is None:
+    if task.fields or task.figures or specimen.plate is None or any(
+            QUANTITIES[name].of_states for name in task.ask.names):
         return False
     try:
         require_reducible(specimen, task.rig)
@@ -232,8 +234,9 @@ def _completed(task: SweepTask, rows: list[Row], sure: Array, took: float) -> Ta
         if not missing:
             continue
         part = replace(task, masses=(mass,), kin=None, family="",
-                       voltages=tuple(task.voltages[number - start] for number in missing))
+                       voltages=tuple(task.voltages[number - start] for number in missing),
+                       ask=Ask())
         for number, row in zip(missing, part.run().rows, strict=True):
             rows[number] = row | {"id": task.ids[number]}
-    return TaskResult(rows, {}, took + time.perf_counter() - began)
+    return TaskResult(rows, task.answers(), took + time.perf_counter() - began)
 

@@ -22,7 +22,7 @@ from tympan.geometry.process.threads import one_thread
 from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Case, CaseResult, Settings, build_model, solve_grid
 from tympan.studies.film_surface import film_surface
-from tympan.studies.sweep.asked import QUANTITIES, Ask, Record, SolvedCase
+from tympan.studies.sweep.asked import QUANTITIES, Ask, AskedCase, Record, SolvedCase
 
 #: To be raised whenever a change of mesher or solver changes results: finished cases of before are
 #: then not reused.
@@ -149,11 +149,8 @@ class SweepTask:
             record = result.json()
             solution.rows.append({"id": case_id} | EXACT_ROW
                                  | {name: record[name] for name in _OF_CASE})
-            asked = SolvedCase(Case(self.specimen, mass=result.mass_kg, voltage=result.voltage_V,
-                               rig=self.rig), self.settings, model, outcome, self.ask.circles)
-            for name, records in solution.answers.items():
-                if number % QUANTITIES[name].every(self.loads) == 0:
-                    records.append(QUANTITIES[name].record(asked))
+            self._answer(solution.answers, number, SolvedCase(
+                self._case(number), self.settings, self.ask.circles, model, outcome))
             if outcome.status == "equilibrium" and (self.fields or (self.figures and not number)):
                 with temporary_folder() as folder:
                     file = folder / "fields.vtu"
@@ -161,6 +158,26 @@ class SweepTask:
                     film_surface(model, outcome.state, parts).save(file)
                     solution.fields[case_id] = file.read_bytes()
         return solution
+
+    def answers(self) -> dict[str, list[Record]]:
+        """What is asked of it, where that needs no equilibrium of its cases."""
+        answers: dict[str, list[Record]] = {name: [] for name in self.ask.names}
+        with _TURN, one_thread():
+            for number in range(len(self.ids)):
+                self._answer(answers, number, AskedCase(self._case(number), self.settings,
+                                                        self.ask.circles))
+        return answers
+
+    def _case(self, number: int) -> Case:
+        mass, voltage = divmod(number, len(self.voltages))
+        return Case(self.specimen, mass=self.masses[mass], voltage=self.voltages[voltage],
+                    rig=self.rig)
+
+    def _answer(self, answers: dict[str, list[Record]], number: int, asked: AskedCase) -> None:
+        """Add what is asked at a case, where that is the first of its loads."""
+        for name, records in answers.items():
+            if number % QUANTITIES[name].every(self.loads) == 0:
+                records.append(QUANTITIES[name].record(asked))
 
 
 def _of_its_kind(record: Mapping[str, Any]) -> bool:

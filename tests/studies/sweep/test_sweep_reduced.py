@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
 import xarray as xr
 
-from tympan.studies.parallel import serial
+from tympan.studies.parallel import processes, serial
+from tympan.studies.sweep.cluster import cluster
 from tympan.studies.sweep.plan import Sweep, read_sweep
 from tympan.studies.sweep.reduced import EXACT
 from tympan.studies.sweep.run import run_sweep
@@ -44,9 +46,11 @@ count = {count}
 SOME = slice(None, None, 12)
 
 
-def planned(folder: Path, count: int = 110, highest: float = 7.0, exact: bool = False) -> Sweep:
+def planned(folder: Path, count: int = 110, highest: float = 7.0, exact: bool = False,
+            ask: str = "") -> Sweep:
     folder.joinpath("oval.toml").write_text(SPECIMEN)
-    folder.joinpath("SWEEP.toml").write_text(SWEEP.format(count=count, highest=highest))
+    folder.joinpath("SWEEP.toml").write_text(
+        ask + SWEEP.format(count=count, highest=highest))
     return read_sweep(folder / "SWEEP.toml", exact=exact)
 
 
@@ -99,6 +103,24 @@ def test_what_is_missing_is_solved_with_the_same_numbers(folder: Path) -> None:
             assert (again.table[name].values == before[name].values).all()
 
 
+@pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore::DeprecationWarning",
+                            "ignore::pytest.PytestUnraisableExceptionWarning")
+def test_processes_and_a_cluster_are_sent_the_family_and_give_the_same_table(
+        folder: Path, tmp_path: Path) -> None:
+    from distributed import LocalCluster
+
+    before = table(folder / "out")
+    run_sweep(planned(folder), tmp_path / "two", partial(processes, workers=2))
+    with LocalCluster(n_workers=2, threads_per_worker=1, processes=True, host="127.0.0.1",
+                      dashboard_address=None, silence_logs=50) as machine:
+        run_sweep(planned(folder), tmp_path / "dask",
+                  partial(cluster, address=machine.scheduler_address))
+    for name in ("two", "dask"):
+        there = table(tmp_path / name)
+        xr.testing.assert_allclose(there, before, rtol=1e-9, atol=1e-15)
+        assert (there["by"] == before["by"]).all()
+
+
 def test_rows_beyond_pull_in_are_those_of_finite_elements(tmp_path: Path) -> None:
     plan = planned(tmp_path, highest=11.0)
     part = replace(plan, entries=plan.entries[:3])
@@ -110,6 +132,21 @@ def test_rows_beyond_pull_in_are_those_of_finite_elements(tmp_path: Path) -> Non
     known = run_sweep(replace(exact, entries=exact.entries[:3]), tmp_path / "exact", serial).table
     assert (known["status"].values == result["status"].values).all()
     np.testing.assert_allclose(result["deflection_m"], known["deflection_m"], rtol=EXACT)
+
+
+def test_limits_are_asked_of_finite_elements_beside_reduced_rows(tmp_path: Path) -> None:
+    tables = []
+    for exact in (False, True):
+        plan = planned(tmp_path, exact=exact, ask='ask = ["limits"]\n')
+        part = replace(plan, entries=plan.entries[:2])
+        tables.append(run_sweep(part, tmp_path / f"out-{exact}", serial).table)
+    near, known = tables
+    assert (near["by"] == "reduced").mean() > 0.8
+    assert known["tension_V"].notnull().all()
+    for name in ("tension_V", "breakdown_V", "last_equilibrium_V", "tension_x_m"):
+        np.testing.assert_array_equal(near[name], known[name])
+    asked = planned(tmp_path, ask='ask = ["modes"]\n')
+    assert not any(entry.task.family for entry in asked.entries if entry.task)
 
 
 def test_few_specimens_and_exact_ones_keep_the_ids_of_finite_elements(tmp_path: Path) -> None:
