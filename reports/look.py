@@ -18,6 +18,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from tympan.reports.scales import AxisScale
+from tympan.studies.case import Band
 from tympan.studies.files import write_atomically
 
 MM = 1 / 25.4  #: inches
@@ -53,6 +54,11 @@ FAINT = "#e4e6ea"
 COLOURS = "viridis"  #: of the stress, perceptually uniform
 PALETTE = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#000000")
 _MARKERS = "os^Dv*"  #: as many as colours
+
+#: Opacity of the band of films that scatter: curves are seen through several.
+_BAND = 0.15
+#: What it is.
+_BAND_WORDS = "90 % of the films"
 
 #: Pixels, shape (rows, columns, 3), and the (left, right, bottom, top) they cover [mm].
 Picture = tuple[NDArray[np.uint8], tuple[float, float, float, float]]
@@ -159,6 +165,23 @@ def colour_of(number: int, count: int = 1) -> str:
     if count <= len(PALETTE):
         return PALETTE[number % len(PALETTE)]
     return to_hex(colormaps[COLOURS](0.92 * number / (count - 1)))  # its yellow is pale on white
+
+
+def edges(places: NDArray[np.float64], bands: Sequence[Band | None], factor: float
+          ) -> NDArray[np.float64]:
+    """Places with 5 and 95 % of films, (3, places), times a factor; NaN where no band is told."""
+    values = [(np.nan, np.nan) if band is None else (factor * band.low, factor * band.high)
+              for band in bands]
+    return np.array([places, *np.array(values).reshape(-1, 2).T])
+
+
+def band(axes: Axes, edge: NDArray[np.float64], colour: str) -> None:
+    """The band of films that scatter, of places with low and high edge, (3, places)."""
+    if not np.isfinite(edge[1:]).any():
+        return
+    axes.fill_between(*edge, color=colour, alpha=_BAND, linewidth=0.0, zorder=0.5)
+    if _BAND_WORDS not in axes.get_legend_handles_labels()[1]:
+        axes.fill_between([], [], [], color=GREY, alpha=_BAND, linewidth=0.0, label=_BAND_WORDS)
 
 
 def marker_of(number: int) -> str:

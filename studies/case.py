@@ -331,6 +331,17 @@ class Limits:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Band:
+    """How films that scatter differ in one number; its unit is that of the number."""
+
+    low: Annotated[float, Key("5 % of the films have less")]
+    median: Annotated[float, Key("half of the films have more")]
+    high: Annotated[float, Key("5 % of the films have more")]
+    share: Annotated[float, Key("films that have a stable equilibrium there, in tension and below "
+                                "their electric strength, of all")]
+
+
+@dataclass(frozen=True, kw_only=True)
 class StableEquilibrium:
     """One of several at which the plate may stay under the same loads."""
 
@@ -376,6 +387,10 @@ class CaseResult(CaseRecord):
         "makes several; all other results are of the one that is reached")] = ()
     limits: Annotated[Limits | None, Key("limits of the film under this mass, where they were "
                                          "asked for")] = None
+    bands: Annotated[Mapping[str, Band], Key(
+        "how films differ whose numbers scatter, by result; empty where no tolerances were given, "
+        "and where more than 5 % of the films do not reach the voltage")] = field(
+            default_factory=dict)
     first: Annotated[LimitKind | None, Key("kind of the limit that comes first")] = None
     limit: Annotated[Limit | None, Key("the most severe limit that the voltage is beyond")] = None
     dofs: Unknowns

@@ -6,7 +6,7 @@ import os
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, TypedDict, Unpack
+from typing import TYPE_CHECKING, Any, Literal, TypedDict, TypeVar, Unpack
 
 from tympan.fem.film.library import LibraryMaterial, library_material, load_specimen
 from tympan.fem.rig import Rig
@@ -47,6 +47,7 @@ if TYPE_CHECKING:
     from tympan.studies.trace import Responses
 
 File = str | os.PathLike[str]
+Solved = TypeVar("Solved")
 
 
 class Voltages(TypedDict, total=False):
@@ -148,17 +149,41 @@ def material(name: str) -> LibraryMaterial:
 @names_arguments(Loads)
 @one_thread()
 def solve(specimen: Specimen, settings: Settings = Settings(), *,
-          after: float | str | None = None, **loads: Unpack[Loads]) -> Result[CaseResult]:
+          after: float | str | None = None, tolerances: Tolerances | File | None = None,
+          **loads: Unpack[Loads]) -> Result[CaseResult]:
     """The equilibrium of a specimen under a mass and a voltage, with its fields and limits.
 
     ``result.status`` is "equilibrium", "no_equilibrium" (past pull-in) or "not_converged"; the
     numbers of a state that does not exist are None. ``after``: so long after the voltage was
     switched on, for a film with viscous branches; by default in equilibrium again.
+    ``tolerances``: a file, or :class:`Tolerances`, of which ``Tolerances()`` has the defaults of
+    the film's material; then ``result.bands["deflection_m"]`` has median, 5 and 95 % of films.
     """
     from tympan import solving
 
-    return Result(solving.solve(_case(specimen, loads, settings), settings, after, film=True),
-                  specimen)
+    if after is not None and tolerances is not None:
+        raise InputError("is for films at rest: after must be left out", key="tolerances",
+                         given=tolerances)
+    case = _case(specimen, loads, settings)
+    solved = solving.solve(case, settings, after, film=True)
+    return Result(_banded(solved, specimen, tolerances, case.rig, settings), specimen)
+
+
+def _banded(result: Solved, specimen: Specimen, tolerances: Tolerances | File | None,
+            rig: Rig, settings: Settings) -> Solved:
+    """The result with its bands, where tolerances are given."""
+    if tolerances is None:
+        return result
+    from tympan.studies.tolerance.bands import banded
+
+    banded_result: Solved = banded(result, specimen, _tolerances(tolerances), rig, settings)
+    return banded_result
+
+
+def _tolerances(given: Tolerances | File) -> Tolerances:
+    from tympan.studies.tolerance.given import Tolerances
+
+    return given if isinstance(given, Tolerances) else Tolerances.read(Path(given))
 
 
 @names_arguments(Loads)
@@ -182,12 +207,13 @@ def limits(specimen: Specimen, settings: Settings = Settings(), **loads: Unpack[
 @names_arguments()
 @one_thread()
 def curve(specimen: Specimen, *masses: float | str, voltages: Sequence[float | str] = (),
-          settings: Settings = Settings(), rig: Rig = Rig(), pressure: float | str | None = None
-          ) -> Result[CurveResult]:
+          settings: Settings = Settings(), rig: Rig = Rig(), pressure: float | str | None = None,
+          tolerances: Tolerances | File | None = None) -> Result[CurveResult]:
     """Deflection against voltage under each mass to the film's end; by default under usual ones.
 
     ``voltages`` are rows of their own. ``result.curves[0].limits.limit.voltage_V`` is the first
-    limit under the first mass.
+    limit under the first mass. ``tolerances`` as for :func:`solve`: then
+    ``result.curves[0].band_deflection_m`` has the band of films at ``band_voltage_V``.
     """
     from tympan.studies.limits import curve
     from tympan.studies.limits.loads import usual_masses
@@ -196,7 +222,8 @@ def curve(specimen: Specimen, *masses: float | str, voltages: Sequence[float | s
     given = [Case(specimen, mass=mass).mass for mass in masses]
     usual = () if given else usual_masses(specimen, settings, rig) if specimen.plate else (0.0,)
     marked = sorted(Case(specimen, voltage=voltage).voltage for voltage in voltages)
-    return Result(curve(specimen, given or usual, settings, rig, marked))
+    found = curve(specimen, given or usual, settings, rig, marked)
+    return Result(_banded(found, specimen, tolerances, rig, settings))
 
 
 @names_arguments()
@@ -204,8 +231,8 @@ def curve(specimen: Specimen, *masses: float | str, voltages: Sequence[float | s
 def force(specimen: Specimen, *, to: float | str, from_: float | str = 0.0,
           voltages: Sequence[float | str] = (0.0,), points: int = 61,
           loads: Sequence[float | str] = (), rate: float | str | None = None, cycles: int = 1,
-          rig: Rig = Rig(), pressure: float | str | None = None, settings: Settings = Settings()
-          ) -> Result[ForceResult]:
+          rig: Rig = Rig(), pressure: float | str | None = None, settings: Settings = Settings(),
+          tolerances: Tolerances | File | None = None) -> Result[ForceResult]:
     """Force on the plate against its displacement, a curve for each voltage.
 
     The plate is held, as by a tensile tester, at so many ``points`` between two displacements.
@@ -213,13 +240,14 @@ def force(specimen: Specimen, *, to: float | str, from_: float | str = 0.0,
     whose crossings are equilibria: ``result.loads[0].crossings``, ``result.stroke_m``,
     ``result.work_J``. ``result.blocked_force_N`` is the change of force of the held plate. With a
     ``rate``, such as "1 mm/s", the plate also moves out and back in time, so many ``cycles``:
-    ``result.loops[0].area_J`` are the areas of a film with viscous branches.
+    ``result.loops[0].area_J`` are the areas of a film with viscous branches. ``tolerances`` as for
+    :func:`solve`: then ``result.curves[0].band_force_N`` has the band of films.
     """
     from tympan.studies.force import ForceCase, force
 
     case = ForceCase(specimen, voltages=voltages, start=from_, to=to, points=points, masses=loads,
                      rate=rate, cycles=cycles, rig=rig.pressed(pressure))
-    return Result(force(case, settings))
+    return Result(_banded(force(case, settings), specimen, tolerances, case.rig, settings))
 
 
 @names_arguments()
@@ -260,8 +288,7 @@ def tolerance(specimen: Specimen, tolerances: Tolerances | File | None = None, *
     from tympan.studies.tolerance.given import Tolerances
     from tympan.studies.tolerance.tolerance import ToleranceCase, tolerance
 
-    given = tolerances if isinstance(tolerances, Tolerances) else (
-        Tolerances() if tolerances is None else Tolerances.read(Path(tolerances)))
+    given = Tolerances() if tolerances is None else _tolerances(tolerances)
     case = ToleranceCase(specimen, mass=mass, voltage=voltage, tolerances=given, films=films,
                          seed=seed, rig=rig.pressed(pressure))
     return Result(tolerance(case, settings))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from textwrap import wrap
@@ -89,6 +89,8 @@ class VoltageCurve:
     asked: Array
     status: tuple[str, ...]
     there: Array
+    #: Voltages, and 5 and 95 % of films that scatter, (3, voltages).
+    band: Array = field(default_factory=lambda: np.empty((3, 0)))
 
     @property
     def pull_in(self) -> float | None:
@@ -167,7 +169,8 @@ def voltage_curves(result: CurveResult) -> Iterator[VoltageCurve]:
         yield VoltageCurve(
             curve.mass_kg * 1e3, curve.limits, table["voltage"][way] / 1e3,
             table["deflection"][way] * 1e3, table["voltage"][asked] / 1e3,
-            tuple(table["status"][asked].tolist()), table["deflection"][asked] * 1e3)
+            tuple(table["status"][asked].tolist()), table["deflection"][asked] * 1e3,
+            style.edges(np.array(curve.band_voltage_V) / 1e3, curve.band_deflection_m, 1e3))
 
 
 def draw_curves(result: CurveResult, folder: Path) -> list[Path]:
@@ -220,8 +223,9 @@ def frame_curves(axes: Axes, curves: list[VoltageCurve], *others: Axes, below: b
     panels = axes, *others
     right = max((float(part.max()) for curve in curves for part in (curve.voltage, curve.asked)
                  if len(part)), default=0.0) or 1.0
-    every = np.concatenate([np.zeros(1), *(curve.deflection for curve in curves)])
-    low, top = float(every.min()), float(every.max())
+    every = np.concatenate([np.zeros(1), *(part for curve in curves for part in (
+        curve.deflection, curve.band[1:].ravel()))])
+    low, top = float(np.nanmin(every)), float(np.nanmax(every))
     high = (top - low) or 1.0
     bottom = low - 0.05 * high if low < 0 else 0.0
     for panel in panels:
@@ -323,6 +327,7 @@ def draw_curve(axes: Axes, curve: VoltageCurve, number: int, label: str, count: 
         axes.plot([], [], color=colour, label=label)
         return
     limits, (x, y) = curve.limits, curve.line
+    style.band(axes, curve.band, colour)
     before, beyond, kept = curve.parts
     axes.plot(x[before], y[before], color=colour, label=label, zorder=2)
     for part, line, words in ((beyond, "--", _BEYOND), (kept, ":", _KEPT)):

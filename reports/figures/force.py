@@ -73,6 +73,7 @@ def draw_force_curves(axes: Axes, result: ForceResult) -> None:
 def _curve(axes: Axes, curve: ForceCurve, factor: float, colour: str) -> Line2D:
     x, y = 1e3 * np.array(curve.displacement_m), factor * np.array(curve.force_N)
     drawn, = axes.plot(x, y, color=colour, label=f"{curve.voltage_V / 1e3:.4g} kV", zorder=2)
+    style.band(axes, style.edges(x[:len(curve.band_force_N)], curve.band_force_N, factor), colour)
     for where, look, words in (
             (~np.array(curve.tense, bool), {"linewidth": 5.0, "alpha": 0.25, "zorder": 1.0,
                                             "color": colour}, _LOOSE),

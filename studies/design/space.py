@@ -18,9 +18,8 @@ from tympan.studies.case import Settings
 from tympan.studies.design.requirements import Requirements, Vary
 from tympan.studies.films.box import STIFFNESS
 from tympan.studies.films.family import FamilySettings, FamilyStates, FilmFamily
-from tympan.studies.tolerance.drawn import Rows, Scattered
+from tympan.studies.tolerance.drawn import Rows, Scattered, median_strength
 from tympan.studies.tolerance.given import AMPLIFIER, LOAD, Cause, causes
-from tympan.studies.tolerance.tolerance import median_strength
 
 Array = NDArray[Any]
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from tympan.fem.results.limit_states import LIMIT_STATES, PULL_IN
 from tympan.geometry.fields import Key
 from tympan.geometry.units import place_text
-from tympan.studies.case import LimitKind, SpecimenRecord, Unknowns, WallTime, Warnings
+from tympan.studies.case import Band, LimitKind, SpecimenRecord, Unknowns, WallTime, Warnings
 from tympan.studies.columns import Column, write_sheet
 from tympan.studies.files import remove
 
@@ -96,6 +96,15 @@ class ForceCurve:
     limits: Annotated[tuple[ForceLimit, ...], Key("limits that the curve passes, in order")]
     ended: Annotated[ForceLimit | None, Key(
         "where the curve ends before the last displacement; none where it reaches that")]
+    band_force_N: Annotated[tuple[Band | None, ...], Key(
+        "how the forces of films differ whose numbers scatter, for each displacement; empty "
+        "without tolerances, none where more than 5 % of the films have no equilibrium")] = ()
+
+    @property
+    def banded(self) -> tuple[tuple[float, Band], ...]:
+        """Displacements [m] with a band."""
+        both = zip(self.displacement_m, self.band_force_N, strict=False)
+        return tuple((place, band) for place, band in both if band is not None)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -18,6 +18,7 @@ from tympan.fem.rig import Rig
 from tympan.geometry.fields import Key
 from tympan.geometry.specimen import Specimen
 from tympan.studies.case import (
+    Band,
     Case,
     CaseResult,
     Limits,
@@ -55,6 +56,17 @@ class MassCurve:
     mass_kg: Annotated[float, Key("nominal load on the plate")]
     limits: Annotated[Limits, Key("limits of the film under this mass")]
     stroke_m: StrokeToLimit = None
+    band_voltage_V: Annotated[tuple[float, ...], Key(
+        "voltages at which films were solved whose numbers scatter; empty without tolerances")] = ()
+    band_deflection_m: Annotated[tuple[Band | None, ...], Key(
+        "how their deflections differ there; none where more than 5 % of the films do not reach "
+        "the voltage")] = ()
+
+    @property
+    def banded(self) -> tuple[tuple[float, Band], ...]:
+        """Voltages [V] with a band."""
+        both = zip(self.band_voltage_V, self.band_deflection_m, strict=True)
+        return tuple((voltage, band) for voltage, band in both if band is not None)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -220,7 +220,7 @@ def _digest(text: str) -> str:
 _OF_CASE: tuple[str, ...] = tuple(
     item.name for item in fields(CaseResult)
     if item.name not in ("specimen", "mass_kg", "voltage_V", "stroke_m", "wall_s", "film", "limits",
-                         "limit", "equilibria"))
+                         "limit", "equilibria", "bands"))
 
 #: A row by finite elements.
 BY_ELEMENTS = "finite elements"

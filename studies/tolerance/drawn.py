@@ -3,18 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tympan.fem.rig import Rig
+from tympan.geometry.outlines import area
 from tympan.geometry.specimen import Specimen
+from tympan.studies.case import Settings
 from tympan.studies.films.box import Box
-from tympan.studies.tolerance.given import FACTORS, Cause
+from tympan.studies.films.family import FamilySettings, FilmFamily
+from tympan.studies.tolerance.given import AMPLIFIER, FACTORS, LOAD, Cause
 from tympan.studies.tolerance.shares import Design
 
 Array = NDArray[Any]
+
+#: How near a family is to finite elements, relative: far below what films scatter.
+_ERROR = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,6 +35,11 @@ class Scattered:
     def _inputs(self) -> list[tuple[Cause, str]]:
         """Independent random numbers: cause and number that it moves."""
         return [(cause, target) for cause in self.causes for target in cause.targets]
+
+    @property
+    def inputs(self) -> int:
+        """How many random numbers a film has."""
+        return len(self._inputs)
 
     def design(self, count: int, seed: int) -> Design:
         """Design of about so many films; groups: causes, and all that a batch does not share."""
@@ -76,3 +88,78 @@ class Rows:
         count = len(next(iter(values.values())))
         rows = np.array([values[name] for name in names]).reshape(len(names), count).T
         return cls(names, rows, *(values.get(name, np.ones(count)) for name in FACTORS))
+
+
+@dataclass(frozen=True, eq=False)
+class Copies:
+    """Films drawn from a specimen, the first without scatter, and the family that solves them."""
+
+    rig: Rig
+    family: FilmFamily
+    drawn: Rows
+
+    @classmethod
+    def of(cls, scattered: Scattered, points: Array, forces: tuple[float, float], voltage: float,
+           rig: Rig, settings: Settings) -> Self:
+        """Films at points, (films, inputs), under forces of a range [N] up to a film voltage [V].
+
+        Both are those of the film without scatter.
+        """
+        middle = np.full((1, points.shape[1]), 0.5)
+        drawn = Rows.of(scattered.values(np.concatenate([middle, points])))
+        around = scattered.around()
+        loads, amplifiers = (around.get(name, (1.0, 1.0)) for name in (LOAD, AMPLIFIER))
+        (low, high), specimen = forces, scattered.specimen
+        family = FilmFamily.around(
+            specimen, {name: around[name] for name in drawn.names},
+            (min(low * share for share in loads), max(high * share for share in loads)),
+            (0.0, voltage * amplifiers[1]), rig, settings, FamilySettings(error=_ERROR))
+        strength = drawn.strength * median_strength(family, drawn.rows[0], scattered.causes)
+        return cls(rig, family, replace(drawn, strength=strength))
+
+    def forces(self, mass: float) -> Array:
+        """Forces on the plates [N] of a nominal mass [kg], (films,)."""
+        size = area(self.family.box.specimen.needed_plate().outline)
+        return np.asarray(self.rig.force(mass * self.drawn.load, size))
+
+    def across(self, voltages: Any) -> Array:
+        """Voltages across the films [V] at nominal ones, (films, voltages)."""
+        nominal = self.rig.film_voltage(np.atleast_1d(voltages))
+        return np.asarray(self.drawn.amplifier[:, None] * nominal)
+
+    def solved(self, mass: float, voltages: Any) -> dict[str, Array]:
+        """Numbers of the films at nominal voltages [V], (films, voltages), by key; nan where none.
+
+        Such a film has no stable equilibrium, or is not firm, in tension and below its strength.
+        """
+        forces = self.forces(mass)
+        swinging = mass * self.drawn.load + self.rig.unaccounted_mass + self.rig.added_mass
+        states = self.family.states(self.drawn.rows, forces[:, None], self.across(voltages), False,
+                                    swinging[:, None])
+        rest = self.rests(forces)
+        holds = states.holds & states.sound & np.isfinite(rest[:, :1])
+        holds &= states.breakdown < self.drawn.strength[:, None]
+        values = {"deflection_m": states.deflection,
+                  "stroke_m": states.deflection - rest[:, :1],
+                  "capacitance_F": states.capacitance, "frequency_Hz": states.frequency}
+        return {key: np.where(holds, value, np.nan) for key, value in values.items()}
+
+    def rests(self, forces: Array) -> Array:
+        """States q of the films without voltage, (films, shapes)."""
+        return self.family.rests(self.drawn.rows, forces, np.zeros(len(forces)))
+
+    def held(self, q: Array, voltages: Array) -> Array:
+        """Forces [N] that hold plates where states q have them, at voltages across, (films,)."""
+        return self.family.held_forces(self.drawn.rows, q, voltages)
+
+
+def median_strength(family: FilmFamily, row: Array, found: tuple[Cause, ...]) -> float:
+    """Factor on the electric strength that the area of a film's electrode makes."""
+    weibull = next((cause.weibull for cause in found if cause.weibull is not None), None)
+    if weibull is None:
+        return 1.0
+    films = family.films(row[None])
+    mounted = films.at(films.whole).volumes[0] @ films.whole.covered
+    # A stack is so many films, each of which may break down.
+    return weibull.median(float(mounted / family.box.specimen.membrane.thickness
+                                * family.box.specimen.membrane.area_prestretch))

@@ -18,13 +18,14 @@ from tympan.geometry.outlines import area
 from tympan.geometry.specimen import Specimen
 from tympan.geometry.toml_reader import Rule
 from tympan.studies.case import Case, Settings
-from tympan.studies.films.family import FamilySettings, FamilyStates, FilmFamily
+from tympan.studies.films.family import FilmFamily
 from tympan.studies.films.first_limits import KINDS
 from tympan.studies.limits.loads import usual_masses, usual_voltages
 from tympan.studies.limits.voltages import first_limit
-from tympan.studies.tolerance.drawn import Rows, Scattered
-from tympan.studies.tolerance.given import AMPLIFIER, LOAD, Cause, Tolerances, causes
+from tympan.studies.tolerance.drawn import Copies, Scattered
+from tympan.studies.tolerance.given import Cause, Tolerances, causes
 from tympan.studies.tolerance.result import (
+    QUANTITIES,
     Chance,
     FilmLimits,
     GivenTolerance,
@@ -43,8 +44,6 @@ _SEED: Rule = (lambda x: x == int(x) and 0 <= x < 2**63, "must be a whole number
 #: Films where their number is not given: quantiles of 5 % are then known to some 0.02 of the
 #: standard deviation.
 USUAL_FILMS = 10_000
-#: How near the family is to finite elements, relative: far below what films scatter.
-_ERROR = 1e-4
 #: Films whose error is estimated.
 _CHECKED = 200
 #: Quantiles that are told.
@@ -127,46 +126,50 @@ def tolerance(case: ToleranceCase, settings: Settings,
 
 @dataclass(frozen=True, eq=False)
 class Drawn:
-    """Films that are drawn, and the family that solves them.
+    """Films of a design under a nominal mass [kg] and voltage [V].
 
-    ``rows`` (films, parameters), ``forces`` [N], ``masses`` that swing [kg], ``voltages`` across
-    the film [V], factors ``strength`` and ``amplifier``, (films,); the first film is the nominal
-    one, the others are the design's.
+    The first of the ``copies`` is the nominal one, the others are the design's.
     """
 
-    rig: Rig
-    family: FilmFamily
+    copies: Copies
     causes: tuple[Cause, ...]
     design: Design
-    rows: Array
-    forces: Array
-    masses: Array
-    voltages: Array
-    strength: Array
-    amplifier: Array
+    mass: float
+    voltage: float
 
     @classmethod
     def of(cls, case: ToleranceCase, found: tuple[Cause, ...], mass: float, voltage: float,
            settings: Settings) -> Drawn:
         """The films of a case, and their family."""
-        scattered = Scattered(case.specimen, found)
+        scattered, rig = Scattered(case.specimen, found), case.rig
         design = scattered.design(case.films, case.seed)
-        around = scattered.around()
-        middle = np.full((1, design.uniform.shape[2]), 0.5)
-        drawn = Rows.of(scattered.values(np.concatenate([middle, design.points])))
-        size, rig = float(area(case.specimen.needed_plate().outline)), case.rig
-        across = float(rig.film_voltage(voltage))
-        loads, amplifiers = (around.get(name, (1.0, 1.0)) for name in (LOAD, AMPLIFIER))
-        low, high = rig.force(mass * np.array(loads), size)
-        first = first_limit(Case(case.specimen, mass=mass, rig=rig), settings)
-        limit = 0.0 if first is None else _ABOVE * float(rig.film_voltage(first.voltage_V))
-        family = FilmFamily.around(
-            case.specimen, {name: around[name] for name in drawn.names}, (low, high),
-            (0.0, max(across * amplifiers[1], limit)), rig, settings, FamilySettings(error=_ERROR))
-        return cls(rig, family, found, design, drawn.rows, rig.force(mass * drawn.load, size),
-                   mass * drawn.load + rig.unaccounted_mass + rig.added_mass,
-                   across * drawn.amplifier,
-                   drawn.strength * median_strength(family, drawn.rows[0], found), drawn.amplifier)
+        nominal = Case(case.specimen, mass=mass, rig=rig)
+        first = first_limit(nominal, settings)
+        highest = voltage if first is None else max(voltage, _ABOVE * first.voltage_V)
+        force = nominal.force(float(area(case.specimen.needed_plate().outline)))
+        copies = Copies.of(scattered, design.points, (force, force),
+                           float(rig.film_voltage(highest)), rig, settings)
+        return cls(copies, found, design, mass, voltage)
+
+    @property
+    def rows(self) -> Array:
+        """Parameters of the films, (films, names)."""
+        return self.copies.drawn.rows
+
+    @property
+    def family(self) -> FilmFamily:
+        """What solves them."""
+        return self.copies.family
+
+    @property
+    def forces(self) -> Array:
+        """Forces on their plates [N], (films,)."""
+        return self.copies.forces(self.mass)
+
+    @property
+    def voltages(self) -> Array:
+        """Voltages across them [V], (films,)."""
+        return self.copies.across(self.voltage)[:, 0]
 
     @property
     def films(self) -> int:
@@ -175,21 +178,12 @@ class Drawn:
 
     def solved(self) -> dict[str, Array]:
         """Quantities of all films by key; nan of those that do not reach the voltage."""
-        states = self._states(slice(None))
-        deflection, capacitance = states.deflection[:, 0], states.capacitance[:, 0]
-        rest = self.family.rests(self.rows, self.forces, np.zeros(len(self.rows)))
-        held = self.family.held_forces(self.rows, rest, self.voltages)
-        values = {"deflection_m": deflection, "stroke_m": deflection - rest[:, 0],
-                  "blocked_force_N": self.forces - held, "capacitance_F": capacitance,
-                  "frequency_Hz": states.frequency[:, 0]}
-        holds = states.holds & states.sound & (states.breakdown < self.strength[:, None])
-        holds &= np.isfinite(rest[:, :1])
-        return {key: np.where(holds[:, 0], value, np.nan) for key, value in values.items()}
-
-    def _states(self, films: slice, check: bool = False) -> FamilyStates:
-        """Films under the voltage."""
-        return self.family.states(self.rows[films], self.forces[films, None],
-                                  self.voltages[films, None], check, self.masses[films, None])
+        values = {key: found[:, 0] for key, found in
+                  self.copies.solved(self.mass, self.voltage).items()}
+        forces = self.forces
+        blocked = forces - self.copies.held(self.copies.rests(forces), self.voltages)
+        values["blocked_force_N"] = np.where(np.isfinite(values["deflection_m"]), blocked, np.nan)
+        return {key: values[key] for key in QUANTITIES if key in values}
 
     @staticmethod
     def reached(values: dict[str, Array]) -> NDArray[np.bool_]:
@@ -198,7 +192,9 @@ class Drawn:
 
     def error(self) -> float:
         """Largest estimated error of the deflection of the first films, relative."""
-        states = self._states(slice(0, _CHECKED), check=True)
+        some = slice(0, _CHECKED)
+        states = self.family.states(self.rows[some], self.forces[some, None],
+                                    self.voltages[some, None])
         share = states.error / np.abs(states.deflection)
         return float(np.nanmax(share)) if np.isfinite(share).any() else float("nan")
 
@@ -212,9 +208,10 @@ class Drawn:
         """The first limits of some of the films."""
         design, numbers = self.design.part(_LIMITED)
         some = np.array([0, *(1 + numbers)])
-        found = self.family.first_limits(self.rows[some], self.forces[some], self.strength[some])
-        across = found.voltage / self.amplifier[some]
-        nominal = [self.rig.nominal_voltage(voltage) if np.isfinite(voltage) else voltage
+        drawn = self.copies.drawn
+        found = self.family.first_limits(drawn.rows[some], self.forces[some], drawn.strength[some])
+        across = found.voltage / drawn.amplifier[some]
+        nominal = [self.copies.rig.nominal_voltage(voltage) if np.isfinite(voltage) else voltage
                    for voltage in across.tolist()]
         return Limited(self, design, np.array(nominal), found.kind)
 
@@ -266,7 +263,7 @@ class Limited:
                   for number, kind in enumerate(KINDS)}
         return FilmLimits(
             films=len(self._met),
-            highest_V=self.drawn.rig.nominal_voltage(self.drawn.family.voltage[1]),
+            highest_V=self.drawn.copies.rig.nominal_voltage(self.drawn.family.voltage[1]),
             kinds={kind: share for kind, share in sorted(shares.items(), key=lambda item: -item[1])
                    if share})
 
@@ -285,18 +282,6 @@ class Limited:
             return []
         return [f"{100 * missing:.2g} % of the films have no limit up to {highest:.3g} kV: the "
                 "distribution of the first limit is without them"]
-
-
-def median_strength(family: FilmFamily, row: Array, found: tuple[Cause, ...]) -> float:
-    """Factor on the electric strength that the area of a film's electrode makes."""
-    weibull = next((cause.weibull for cause in found if cause.weibull is not None), None)
-    if weibull is None:
-        return 1.0
-    films = family.films(row[None])
-    mounted = films.at(films.whole).volumes[0] @ films.whole.covered
-    # A stack is so many films, each of which may break down.
-    return weibull.median(float(mounted / family.box.specimen.membrane.thickness
-                                * family.box.specimen.membrane.area_prestretch))
 
 
 def _stated(cause: Cause) -> GivenTolerance:

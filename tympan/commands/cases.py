@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from tympan.geometry.errors import InputError
 from tympan.options import (
@@ -37,6 +37,26 @@ if TYPE_CHECKING:
     from tympan.studies.case import Settings
 
 
+#: For results with the band of films that scatter.
+TOLERANCES = argument(
+    "--tolerances", nargs="?", const="", metavar="FILE",
+    help="also how films differ whose numbers scatter: median, 5 and 95 %%; by the standard "
+         "deviations of a file, or without FILE by those of the film's material and assumed ones "
+         "(docs/howto/tolerance.md)")
+
+
+def _banded(options: argparse.Namespace, result: Any, specimen: Specimen, rig: Rig) -> Any:
+    """The result with its bands, where tolerances are given."""
+    if options.tolerances is None:
+        return result
+    from tympan.studies.tolerance.bands import banded
+    from tympan.studies.tolerance.given import Tolerances
+
+    given = Tolerances.read(options.tolerances) if options.tolerances else Tolerances()
+    with naming_options(options), naming_file(options.tolerances or None):
+        return banded(result, specimen, given, rig, read_settings(options))
+
+
 @command("solve", *case_arguments(),
          argument("--elapsed", default="0 s", metavar="TIME",
                   help="since the run began, for a rig whose readings drift"),
@@ -46,6 +66,7 @@ if TYPE_CHECKING:
          argument("--direction", choices=("up", "down"), default="",
                   help="which way the voltage was reached, for a film that lags behind it or a "
                        "plate that rubs (default: not known, without either)"),
+         TOLERANCES,
          output("also store the fields (VTU), the numbers and a picture (PNG, SVG)"), JSON,
          example='oval.toml --mass "17.9 g" --voltage "3.5 kV"', also=("run", "simulate"))
 def solve(options: argparse.Namespace) -> None:
@@ -62,10 +83,13 @@ def solve(options: argparse.Namespace) -> None:
     case = replace(read_case(options),
                    elapsed=parse_quantity(options.elapsed, "time", "--elapsed"),
                    direction=DIRECTIONS[options.direction])
+    if options.after is not None and options.tolerances is not None:
+        raise InputError("is for films at rest: --after must be left out", key="--tolerances",
+                         given=options.tolerances or "defaults")
     with naming_options(options):
         result = solving.solve(case, read_settings(options), options.after,
                                film=options.output is not None)
-    finish(options, result, specimen=case.specimen)
+    finish(options, _banded(options, result, case.specimen, case.rig), specimen=case.specimen)
 
 
 @command("limits", SPECIMEN, argument("--mass", help='of plate, hook and weight, such as "17.9 g" '
@@ -91,7 +115,7 @@ def limits(options: argparse.Namespace) -> None:
          argument("--mass", help='of plate, hook and weight, one or several, such as "10 g, 20 g" '
                                 "(default: some that suit the film)"),
          argument("--voltage", help='voltages to mark, such as "1 kV, 2 kV" (default: none)'),
-         PRESSURE, RIG,
+         TOLERANCES, PRESSURE, RIG,
          output("also store the curves (CSV), their limits (JSON) and a picture (PNG, SVG)"), JSON,
          MESH,
          example='oval.toml --mass "10 g, 17.9 g" -o curve')
@@ -104,7 +128,7 @@ def curve(options: argparse.Namespace) -> None:
     voltages = sorted(parse_quantities(options.voltage or "", "voltage", "--voltage"))
     with bar(len(masses) * (1 + len(voltages))) as progress:
         result = curve(specimen, masses, settings, rig, voltages, progress)
-    finish(options, result)
+    finish(options, _banded(options, result, specimen, rig))
 
 
 def _loaded(options: argparse.Namespace) -> tuple[Specimen, Rig, Settings, tuple[float, ...]]:
@@ -143,7 +167,7 @@ def _loaded(options: argparse.Namespace) -> tuple[Specimen, Rig, Settings, tuple
                        "loops of a film with viscous branches, and their area"),
          argument("--cycles", type=int, default=1, metavar="N", within=(1, 1000),
                   help="number of such loops"),
-         PRESSURE, RIG,
+         TOLERANCES, PRESSURE, RIG,
          output("also store the curves (CSV), the numbers (JSON) and a picture (PNG, SVG)"), JSON,
          MESH,
          example='oval.toml --voltage "0 kV, 3 kV" --to "6 mm" --load "20 g" -o force')
@@ -168,7 +192,7 @@ def force(options: argparse.Namespace) -> None:
             rate=None if options.rate is None else parse_quantity(options.rate, "speed", "--rate"))
         with bar(len(voltages) * (1 if case.rate is None else 2)) as progress:
             result = force(case, read_settings(options), progress)
-    finish(options, result)
+    finish(options, _banded(options, result, specimen, rig))
 
 
 @command("sense", SPECIMEN,

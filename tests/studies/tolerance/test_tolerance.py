@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import tympan
 from tests.support.specimens import specimen_toml
 from tympan.fem.equilibrium.solve import equilibrium, held
 from tympan.fem.film.breakdown import ConstantStrength
@@ -127,10 +128,11 @@ def test_first_limits_are_those_of_finite_elements(strength: float, kind: str) -
     for film_number in np.random.default_rng(5).choice(len(numbers), 3, replace=False):
         row = 1 + numbers[film_number]
         member = drawn.family.box.member(drawn.rows[row])
-        scattered = ConstantStrength(strength * float(drawn.strength[row]))
+        scattered = ConstantStrength(strength * float(drawn.copies.drawn.strength[row]))
         member = replace(member, membrane=replace(member.membrane, strength=scattered))
-        known = first_limit(Case(member, mass=float(drawn.masses[row]),
-                                 rig=Rig(amplifier_gain=float(drawn.amplifier[row]) - 1)),
+        factors = drawn.copies.drawn
+        known = first_limit(Case(member, mass=MASS * float(factors.load[row]),
+                                 rig=Rig(amplifier_gain=float(factors.amplifier[row]) - 1)),
                             Settings())
         assert known is not None
         assert KINDS[found.kind[1 + film_number]] == known.kind
@@ -145,7 +147,7 @@ def exact(drawn: Drawn, film: int) -> dict[str, float]:
     rest, charged = (equilibrium(model, force, across) for across in (0.0, voltage))
     first, last = (model.deflection(outcome.state) for outcome in (rest, charged))
     blocked = held(model, first, voltage, rest.solution)
-    plate = carried(replace(case, mass=float(drawn.masses[film])))
+    plate = carried(replace(case, mass=MASS * float(drawn.copies.drawn.load[film])))
     frequency = heaving_frequency(model, charged.state, plate)
     assert frequency is not None
     return {"deflection_m": last, "stroke_m": last - first,
@@ -215,6 +217,51 @@ def test_films_beyond_the_range_of_their_law_do_not_count() -> None:
     found = tolerance(ToleranceCase(film, mass=MASS, voltage=VOLTAGE, tolerances=given, films=400),
                       Settings())
     assert found.reached.probability == pytest.approx(0.5, abs=0.06)
+
+
+GIVEN = Tolerances(**{**vars(STILL), "thickness": Scatter(batch=0.05),
+                      "stiffness": Scatter(film=0.1), "load": Scatter(film=0.02)})
+
+
+def test_bands_of_a_curve_and_of_one_case_are_the_quantiles_of_ten_thousand_films() -> None:
+    many = tolerance(ToleranceCase(oval(), mass=MASS, voltage=VOLTAGE, tolerances=GIVEN),
+                     Settings()).quantities
+    curves = tympan.curve(oval(), 0.5 * MASS, MASS, tolerances=GIVEN).curves
+    solved = tympan.solve(oval(), mass=MASS, voltage=VOLTAGE, tolerances=GIVEN)
+    band = curves[1].banded
+    along = [np.interp(VOLTAGE, [voltage for voltage, _ in band], [getattr(each, edge)
+             for _, each in band]) for edge in ("low", "median", "high")]
+    for key, spread in many.items():
+        if key in solved.bands:
+            wide = spread.high - spread.low
+            for edge in ("low", "median", "high"):
+                assert getattr(solved.bands[key], edge) == pytest.approx(
+                    getattr(spread, edge), abs=0.05 * wide), (key, edge)
+    wanted = many["deflection_m"]
+    np.testing.assert_allclose(along, [wanted.low, wanted.median, wanted.high],
+                               atol=0.05 * (wanted.high - wanted.low))
+    # Where the film without scatter is near its limit, many are beyond theirs.
+    assert curves[1].band_deflection_m[0] is not None
+    assert curves[1].band_deflection_m[-1] is None
+
+
+def test_the_band_of_a_force_is_that_of_films_held_by_finite_elements() -> None:
+    """The median film's force is that of stiffness and thickness alone: F goes as μ T."""
+    given = replace(STILL, stiffness=Scatter(film=0.1))
+    plain, found = (tympan.force(oval(), to="6 mm", points=4, voltages=[0.0, "3 kV"], **more)
+                    for more in ({}, {"tolerances": given}))
+    assert plain.curves[0].band_force_N == ()
+    for curve in found.curves:
+        for place, band in curve.banded[1:]:
+            for edge, deviation in ((band.low, -1.645), (band.high, 1.645)):
+                film = oval()
+                law = film.membrane.material
+                stiffer = replace(law, mu=tuple(np.exp(0.1 * deviation) * m for m in law.mu))
+                member = replace(film, membrane=replace(film.membrane, material=stiffer))
+                model = build_model(member, Settings())
+                known = float(held(model, place, curve.voltage_V).state.force)
+                assert edge == pytest.approx(known, rel=0.02)
+    assert [len(curve.banded) for curve in found.curves] == [4, 4]
 
 
 @pytest.mark.parametrize(("text", "message"), [

@@ -1,0 +1,144 @@
+"""Bands: how a result differs between films whose numbers scatter, at each of its loads."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import singledispatch
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import qmc
+
+from tympan.fem.rig import Rig
+from tympan.geometry.outlines import area
+from tympan.geometry.specimen import Specimen
+from tympan.studies.case import Band, CaseResult, Settings
+from tympan.studies.force.result import ForceResult
+from tympan.studies.limits import CurveResult
+from tympan.studies.tolerance.drawn import Copies, Scattered
+from tympan.studies.tolerance.given import Tolerances, causes
+
+Array = NDArray[Any]
+
+#: Films of a band, a power of two for Sobol's sequence: its edges are known to some 5 % of its
+#: width.
+_FILMS = 512
+#: Share of films that may be missing where a band is still told.
+_MISSED = 0.05
+#: Quantiles of a band: low, median, high.
+_TOLD = (0.05, 0.5, 0.95)
+#: Voltages at which a curve has a band.
+_VOLTAGES = 25
+#: By how much the forces of held plates may differ from those of the film without scatter: films
+#: are as stiff as 1.8 times that, at three standard deviations of VHB's modulus.
+_FORCES = 1.8
+#: The least force of a family over its largest: a film without force has no deflection, of which
+#: its errors are shares.
+_LEAST = 0.05
+#: Of the random numbers.
+_SEED = 1
+
+
+def bands(values: Array) -> tuple[Band | None, ...]:
+    """Median, 5 and 95 % of films at each of some loads, (films, loads); None where many are nan.
+
+    The first film is the one without scatter, which does not count.
+    """
+    found = []
+    for films in values[1:].T:
+        there = films[np.isfinite(films)]
+        share = len(there) / len(films)
+        low, median, high = (np.quantile(there, _TOLD).tolist() if share >= 1 - _MISSED
+                             else (0.0, 0.0, 0.0))
+        found.append(Band(low=low, median=median, high=high, share=share)
+                     if share >= 1 - _MISSED else None)
+    return tuple(found)
+
+
+@singledispatch
+def banded(result: Any, specimen: Specimen, tolerances: Tolerances, rig: Rig, settings: Settings
+           ) -> Any:
+    """The result with the bands of films that scatter as tolerances have it."""
+    raise NotImplementedError(type(result).__name__)
+
+
+@banded.register
+def _(result: CaseResult, specimen: Specimen, tolerances: Tolerances, rig: Rig, settings: Settings
+      ) -> CaseResult:
+    copies = _under(specimen, tolerances, [result.mass_kg], result.voltage_V, rig, settings)
+    solved = copies.solved(result.mass_kg, result.voltage_V)
+    found = {key: band for key, values in solved.items() if key != "frequency_Hz"
+             for band in bands(values) if band is not None}
+    if found:
+        return replace(result, bands=found)
+    return replace(result, warnings=(*result.warnings, _FEW_REACH))
+
+
+#: Said where there is no band.
+_FEW_REACH = "more than 5 % of the films do not reach the voltage: there is no band"
+
+
+@banded.register
+def _(result: CurveResult, specimen: Specimen, tolerances: Tolerances, rig: Rig, settings: Settings
+      ) -> CurveResult:
+    table, masses = result.table, [curve.mass_kg for curve in result.curves]
+    there = table["status"] == "equilibrium"
+    if not there.any():
+        return result
+    copies = _under(specimen, tolerances, masses, float(table["voltage"][there].max()), rig,
+                    settings)
+    curves = []
+    for curve in result.curves:
+        of_mass = there & np.isclose(table["mass"], curve.mass_kg, rtol=1e-9)
+        voltages = np.linspace(0.0, table["voltage"][of_mass].max(initial=0.0), _VOLTAGES)
+        deflections = copies.solved(curve.mass_kg, voltages)["deflection_m"]
+        curves.append(replace(curve, band_voltage_V=tuple(voltages.tolist()),
+                              band_deflection_m=bands(deflections)))
+    return replace(result, curves=tuple(curves))
+
+
+@banded.register
+def _(result: ForceResult, specimen: Specimen, tolerances: Tolerances, rig: Rig, settings: Settings
+      ) -> ForceResult:
+    forces = np.array([force for curve in result.curves for force in curve.force_N])
+    most = _FORCES * float(forces.max(initial=0.0))
+    if most <= 0:
+        return result
+    highest = max(abs(curve.voltage_V) for curve in result.curves)
+    scattered, points = _drawn(specimen, tolerances)
+    copies = Copies.of(scattered, points, (_LEAST * most, most),
+                       float(rig.film_voltage(highest)), rig, settings)
+    curves, first = [], result.curves[0]
+    for curve in result.curves:
+        across = copies.across(curve.voltage_V)[:, 0]
+        columns = [_held(copies, place, force, across) for place, force in
+                   zip(curve.displacement_m, first.force_N, strict=False)]
+        found = bands(np.array(columns).reshape(len(columns), -1).T) if columns else ()
+        curves.append(replace(curve, band_force_N=found))
+    return replace(result, curves=tuple(curves))
+
+
+def _held(copies: Copies, place: float, force: float, across: Array) -> Array:
+    """Forces [N] that hold plates at a place [m], where a force [N] without voltage is near."""
+    near = copies.rests(np.full(len(across), max(force, 0.0)))
+    near[:, 0] = np.where(np.isfinite(near[:, 0]), place, np.nan)
+    return copies.held(near, across)
+
+
+def _under(specimen: Specimen, tolerances: Tolerances, masses: Sequence[float], voltage: float,
+           rig: Rig, settings: Settings) -> Copies:
+    """Films under some masses [kg], up to a nominal voltage [V]."""
+    scattered, points = _drawn(specimen, tolerances)
+    forces = [float(rig.force(mass, area(specimen.needed_plate().outline))) for mass in masses]
+    return Copies.of(scattered, points, (min(forces), max(forces)),
+                     float(rig.film_voltage(max(voltage, 1.0))), rig, settings)
+
+
+def _drawn(specimen: Specimen, tolerances: Tolerances) -> tuple[Scattered, Array]:
+    """What scatters, and points of films in it."""
+    specimen.needed_plate()
+    scattered = Scattered(specimen, causes(specimen, tolerances)[0])
+    sequence = qmc.Sobol(scattered.inputs, seed=np.random.default_rng(_SEED))
+    return scattered, np.asarray(sequence.random_base2(int(np.log2(_FILMS))))
