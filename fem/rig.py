@@ -101,8 +101,8 @@ class Rig:
                                      NON_NEGATIVE)] = 0.0
     air: Annotated[float, Key("density of the still air that swings with film and plate in modes "
                               "and frequencies, on both sides, as if frame and stand were a wall; "
-                              "mass for heaves, inertia for tilts, none for slides; 0 for none",
-                              "density", _AIR)] = 0.0
+                              "mass for motions up and down, inertia for tilts, none for "
+                              "slides; 0 for none", "density", _AIR)] = 0.0
     width_held: Annotated[float, Key("of strips in tests said to be uniaxial, how far the grips "
                                      "hold their width: 0 not at all, 1 as in pure shear",
                                      rule=_SHARE)] = 0.0

@@ -170,7 +170,7 @@ def _explain(figure: Figure, run: StudyView, design: Layout, top: float) -> None
     bar.set(xlim=(0, 1), ylim=(0, 1))
     _write(figure, _LEFT, top + 5.5,
            f"{length:g} mm, left to right\nnet: {view.net:g} mm of flat film\n"
-           "deflection true to scale")
+           f"seen from {view.elevation:g}° above, to scale")
     style.colour_bar(figure, (style.WIDTH + _LEFT - _RIGHT - 70) / 2, top + 3, (70, 2.6),
                      view.scale, view.colours, stress_label(view.scale))
     right = style.WIDTH - _RIGHT - 32.0
