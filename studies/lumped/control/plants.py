@@ -39,6 +39,10 @@ class Plant(Protocol):
     def deflection(self) -> Any:
         """Deflection [m]."""
 
+    @property
+    def capacitance(self) -> Any:
+        """Capacitance [F]."""
+
     def after(self, voltage: Any, duration: float) -> Self:
         """The same after a nominal voltage [V] was held for a time [s]."""
 
@@ -77,6 +81,10 @@ class LumpedPlant:
     @property
     def deflection(self) -> Array:
         return np.asarray(self.state[..., 0])
+
+    @property
+    def capacitance(self) -> Any:
+        return self.actuator.capacitance(self.deflection)
 
     def rested(self, voltage: float) -> LumpedPlant:
         return self.resting(self.actuator, voltage)
@@ -146,6 +154,11 @@ class FilmPlant:
     @property
     def deflection(self) -> float:
         return float(self.moment.heave)
+
+    @property
+    def capacitance(self) -> float:
+        moment = self.moment
+        return float(self.film.capacitance(moment.q, moment.loads.voltage_squared))
 
     def rested(self, voltage: float) -> FilmPlant:
         return self.resting(self.film, self.mass, self.rig, voltage)

@@ -15,6 +15,7 @@ from tympan.studies.case import Warnings
 from tympan.studies.columns import read_own_sheet, write_sheet
 from tympan.studies.files import from_json, read_json, remove, to_json, write_json, write_text
 from tympan.studies.lumped.control.controller import Controller
+from tympan.studies.sense.inverse import Inverse
 
 #: Columns of control.csv: the run, and beside it the same without feedback.
 COLUMNS: tuple[Column, ...] = (
@@ -114,6 +115,7 @@ class ControlledFilm:
     open_error_rms_m: Annotated[float, Key("the same without feedback")]
     steps: Annotated[tuple[ControlStep, ...], Key("steps of the wanted deflection")]
     scattered: Annotated[ScatteredFilms, Key("films that differ from this one")]
+    sensed: Annotated[Inverse | None, Key("deflection by capacitance, where that is read")]
     disturbance: Annotated[Disturbance, Key("a mass put on the plate in the middle of its travel")]
     warnings: Warnings
     samples: pd.DataFrame = field(default_factory=pd.DataFrame, repr=False, compare=False)
@@ -149,11 +151,17 @@ class ControlResult:
         return {"films": to_json(self.films)}
 
     def save(self, folder: Path) -> None:
-        """Write control.csv, each ``NAME-control.c``, and the numbers last, control.json."""
+        """Write control.csv, each ``NAME-control.c``, and the numbers last, control.json.
+
+        Where capacitance is read, ``NAME-sensed.c`` tells the deflection from it.
+        """
         remove(folder, "control.json")
         for film in self.films:
             write_text(folder / f"{film.specimen}-control.c",
                        film.controller.c_source(film.specimen))
+            if film.sensed is not None:
+                write_text(folder / f"{film.specimen}-sensed.c",
+                           film.sensed.c_source(film.specimen))
         write_sheet(folder / "control.csv", COLUMNS, pd.concat([film.samples
                                                                 for film in self.films]))
         write_json(folder / "control.json", self.json())

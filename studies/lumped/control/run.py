@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Container, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, field, replace
 from itertools import pairwise
-from typing import TYPE_CHECKING, Annotated, Any, get_args
+from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 
 import numpy as np
 import pandas as pd
@@ -38,6 +38,8 @@ from tympan.studies.lumped.equilibria import rest_curve
 from tympan.studies.lumped.linear import Linear, linearise
 from tympan.studies.lumped.model_file import LumpedModel
 from tympan.studies.lumped.remarks import origin
+from tympan.studies.sense.inverse import Inverse, fit_inverse
+from tympan.studies.sense.inverse import Sampled as CapacitanceCurve
 from tympan.studies.signals import Signal, nominal
 from tympan.studies.trace import sample_count
 
@@ -65,6 +67,15 @@ _VISCOUS_SCATTER = 0.2
 _DECAYS = 10.0
 
 
+#: Deflections up to which capacitance is known, over the highest at rest: what swings goes further.
+_SENSED = 1.5
+#: Capacitances of the curve from which deflection is told; every other one judges.
+_CAPACITANCES = 401
+
+#: What a sensor reads.
+Measured = Literal["deflection", "capacitance"]
+
+
 @takes_units
 @dataclass(frozen=True)
 class ControlSettings:
@@ -77,16 +88,19 @@ class ControlSettings:
     sensor_lag: Annotated[float, Key("time by which the sensor lags, by a factor e", "time",
                                      NON_NEGATIVE)] = 0.0
     method: Annotated[Method, Key("how the controller is designed")] = "pi"
+    sensor: Annotated[Measured, Key("what is read")] = "deflection"
 
     if TYPE_CHECKING:
         def __init__(self, *, supply: float | str = 7e3, interval: float | str = 10e-3,
-                     sensor_lag: float | str = 0.0, method: Method = "pi") -> None: ...
+                     sensor_lag: float | str = 0.0, method: Method = "pi",
+                     sensor: Measured = "deflection") -> None: ...
 
     def __post_init__(self) -> None:
         require(self)
-        if self.method not in get_args(Method):
-            raise InputError("must be one of " + ", ".join(get_args(Method)), key="method",
-                             given=self.method)
+        for key, allowed in (("method", get_args(Method)), ("sensor", get_args(Measured))):
+            if getattr(self, key) not in allowed:
+                raise InputError("must be one of " + ", ".join(allowed), key=key,
+                                 given=getattr(self, key))
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,13 +135,17 @@ class LoopRun:
 
 def closed_loop(controller: Controller, plant: Plant, before: float, wanted: Array,
                 sensor_lag: float = 0.0, progress: Callable[[float], None] = lambda share: None,
-                keep: Container[int] = ()) -> LoopRun:
+                keep: Container[int] = (), sensed: Inverse | None = None) -> LoopRun:
     """A plant that begins at rest, at each sample's wanted deflection [m], and ``before`` them.
 
     The voltage of a sample holds until the next. ``keep``: samples at which the plant is kept.
+    ``sensed``: deflection by capacitance, where that is what is read.
     """
+    def read(plant: Plant) -> Any:
+        return plant.deflection if sensed is None else sensed.deflection(plant.capacitance, 0.0)
+
     reached, voltages, plants = [], [], dict[int, Plant]()
-    begin = plant.deflection
+    begin = read(plant)
     state = controller.resting(before + 0 * begin, begin)
     sensor = Sensor(sensor_lag, begin)
     for number, each in enumerate(wanted):
@@ -136,9 +154,9 @@ def closed_loop(controller: Controller, plant: Plant, before: float, wanted: Arr
         voltages.append(voltage)
         if number in keep:
             plants[number] = plant
-        before = plant.deflection
+        before = read(plant)
         plant = plant.after(voltage, controller.interval_s)
-        sensor = sensor.after(before, plant.deflection, controller.interval_s)
+        sensor = sensor.after(before, read(plant), controller.interval_s)
         progress((number + 1) / len(wanted))
     time = _times(len(wanted), controller.interval_s)
     return LoopRun(time, wanted, np.array(reached), np.array(voltages), plants)
@@ -182,8 +200,9 @@ def _controlled(chosen: ChosenActuators, actuator: Actuator, model: LumpedModel 
         begin = FilmPlant.resting(model.film, actuator.mass, actuator.rig, abs(signal.first))
     before = float(rest_curve(actuator, abs(signal.first)))
     parts = _parts(wanted, before, controller)
+    sensed = _sensed(actuator, controller) if settings.sensor == "capacitance" else None
     run = closed_loop(controller, begin, before, wanted, settings.sensor_lag, progress,
-                      {part.start for part in parts})
+                      {part.start for part in parts}, sensed)
     free = LoopRun(time, wanted, begin.driven(signal, time), voltages)
     ends = [linearise(actuator, voltage, by="U2") for voltage in (0.0, settings.supply)]
     swings = [_swing(each) for each in ends]
@@ -198,13 +217,19 @@ def _controlled(chosen: ChosenActuators, actuator: Actuator, model: LumpedModel 
         error_rms_m=_rms(run), open_error_rms_m=_rms(free),
         steps=tuple(_step(run, free, controller, part, before) for part in parts),
         scattered=_scattered(designed, actuator),
-        disturbance=_disturbed(controller, actuator, begin, settings),
+        sensed=sensed, disturbance=_disturbed(controller, actuator, begin, settings, sensed),
         warnings=(*chosen.remarks, *([] if model else origin(actuator)),
                   *actuator.case(settings.supply).remarks),
         samples=pd.DataFrame({
             "specimen": actuator.specimen.name, "t": time, "wanted": wanted,
             "displacement": run.deflection, "voltage": run.voltage,
             "open_displacement": free.deflection, "open_voltage": free.voltage}))
+
+
+def _sensed(actuator: Actuator, controller: Controller) -> Inverse:
+    """Deflection by the circles' capacitance, from the flat film."""
+    y = np.linspace(0.0, _SENSED * controller.inverse.highest_m, _CAPACITANCES)
+    return fit_inverse([CapacitanceCurve(0.0, y, actuator.capacitance(y))], [], [])
 
 
 def scattered_films(actuator: Actuator, count: int, seed: int = 0) -> Actuator:
@@ -324,7 +349,7 @@ def _limit(missed: Array, time: float | None, soonest: float | None, interval: f
 
 
 def _disturbed(controller: Controller, actuator: Actuator, plant: Plant,
-               settings: ControlSettings) -> Disturbance:
+               settings: ControlSettings, sensed: Inverse | None) -> Disturbance:
     """A mass put on the plate in the middle of its travel, until the swing is over."""
     inverse = controller.inverse
     voltage = float(np.sqrt(inverse.squared((inverse.lowest_m + inverse.highest_m) / 2)))
@@ -335,7 +360,7 @@ def _disturbed(controller: Controller, actuator: Actuator, plant: Plant,
     length = _DECAYS / (2 * np.pi * swing * ratio or controller.integral_per_s)
     run = closed_loop(controller, heavier, target,
                       np.full(int(length / controller.interval_s) + 1, target),
-                      settings.sensor_lag)
+                      settings.sensor_lag, sensed=sensed)
     shifted = float(heavier.rested(voltage).deflection) - target
     return Disturbance(mass_kg=mass, open_m=shifted,
                        largest_m=float(np.abs(run.deflection - target).max()),

@@ -35,6 +35,7 @@ from tympan.studies.lumped.control.plants import FilmPlant, LumpedPlant, creepin
 from tympan.studies.lumped.control.result import ControlledFilm, ControlResult
 from tympan.studies.lumped.control.run import (
     ControlSettings,
+    Measured,
     Sensor,
     closed_loop,
     controlled,
@@ -413,10 +414,30 @@ def test_settling() -> None:
     assert settled(way, 2.0, 0.02, 0.5) is None
 
 
+def test_capacitance_is_as_good_a_sensor_as_long_as_it_is_known() -> None:
+    """The same run by either; then a capacitance that is a thousandth more than the model's."""
+    signal = step(3e3, 4.5e3, 0.0, 2.0)
+    films = [controlled(chosen(), signal, ControlSettings(sensor=sensor, sensor_lag=2e-3)).films[0]
+             for sensor in get_args(Measured)]
+    direct, told = (film.samples["displacement"].to_numpy() for film in films)
+    assert told == pytest.approx(direct, abs=1e-3 * float(np.ptp(direct)))
+    sensed, one = films[1].sensed, actuator()
+    assert sensed is not None
+    more = replace(sensed, base_F=(sensed.base_F[0] / 1.001,))
+    wanted = np.full(300, rest(one, 4.5e3))
+    run = closed_loop(films[1].controller, LumpedPlant.resting(one, 4.5e3), float(wanted[0]),
+                      wanted, sensed=more)
+    # It reads C/C₀ − 1, which goes with y², a thousandth too large, and takes that off.
+    excess = float(one.capacitance(wanted[0]) / one.capacitance(0.0)) - 1
+    expected = wanted[0] * (1 - np.sqrt(1 - 1e-3 / excess))
+    assert wanted[0] - run.deflection[-1] == pytest.approx(expected, rel=0.1)
+
+
 def test_python_and_files(tmp_path: Path) -> None:
     write_model(tmp_path / "oval.lumped.toml", MODEL)
     result = tympan.lumped.control(tmp_path / "oval.lumped.toml", mass="17.9 g", high="3 kV",
                                    duration="1 s")
+    assert result.films[0].sensed is None
     result.save(tmp_path)
     again = ControlResult.load(tmp_path)
     assert again.json() == result.json()

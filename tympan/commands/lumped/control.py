@@ -27,6 +27,9 @@ from tympan.options import (
          argument("--method", choices=("pi", "lqg"), default="pi",
                   help="PI behind two lags, or LQG: a Kalman filter that knows the plate's swing, "
                        "with a linear quadratic regulator"),
+         argument("--sensor", choices=("deflection", "capacitance"), default="deflection",
+                  help="what is read; the deflection is told from a capacitance by that of the "
+                       "model"),
          output("store the run (CSV), the controller with its margins (JSON) and as C99, and a "
                 "picture (PNG, SVG)"), JSON, MESH,
          example='oval.toml --mass "17.9 g" --high "3 kV" --duration "2 s" --supply "5 kV" '
@@ -46,7 +49,7 @@ def lumped_control(options: argparse.Namespace) -> None:
             supply=parse_quantity(options.supply, "voltage", "--supply"),
             interval=parse_quantity(options.interval, "time", "--interval"),
             sensor_lag=parse_quantity(options.sensor_lag, "time", "--sensor-lag"),
-            method=options.method)
+            method=options.method, sensor=options.sensor)
     chosen = chosen_actuators(options, read_case(options), settings.supply)
     with naming_options(options), bar(len(chosen.actuators)) as progress:
         result = controlled(chosen, signal, settings, progress)
