@@ -7,8 +7,14 @@ from pathlib import Path
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from tympan.geometry.units import BENCH
 from tympan.reports import look as style
-from tympan.studies.design.result import DesignedFilm, DesignedQuantity, DesignResult
+from tympan.studies.design.result import (
+    DesignedFilm,
+    DesignedQuantity,
+    DesignFront,
+    DesignResult,
+)
 
 #: Width of the outlines' axis [mm].
 _OUTLINES = 52.0
@@ -30,14 +36,38 @@ def draw_design(result: DesignResult, folder: Path) -> list[Path]:
 def _compose(result: DesignResult) -> Figure:
     row = style.TITLE + _HEIGHT + style.AXIS
     shown = result.films[:_MOST]
-    figure = style.new_figure(row * len(shown),
+    rows = len(shown) + (result.front is not None)
+    figure = style.new_figure(row * rows,
                               style.LEFT + _OUTLINES + _NAMES + _BOUNDS + style.RIGHT)
     for number, film in enumerate(shown):
         top = number * row + style.TITLE
         _draw_outlines(style.place_axes(figure, style.LEFT, top, _OUTLINES, _HEIGHT), result, film)
         axes = style.place_axes(figure, style.LEFT + _OUTLINES + _NAMES, top, _BOUNDS, _HEIGHT)
         draw_bounds(axes, result, film)
+    if result.front is not None:
+        width = _OUTLINES + _NAMES + _BOUNDS
+        top = len(shown) * row + style.TITLE
+        _draw_front(style.place_axes(figure, style.LEFT, top, width, _HEIGHT), result,
+                    result.front)
     return figure
+
+
+def _draw_front(axes: Axes, result: DesignResult, front: DesignFront) -> None:
+    """Films between two quantities, and the best film."""
+    scales = [BENCH.get(unit, (unit, 1.0)) for unit in (front.first_unit, front.second_unit)]
+    words = [f"{name.replace('_', ' ')}{f' ({unit})' if unit != '1' else ''}" for name, (unit, _)
+             in zip((front.first, front.second), scales, strict=True)]
+    (_, across), (_, up) = scales
+    axes.plot([across * film.first for film in front.films],
+              [up * film.second for film in front.films], "o-", color=style.PALETTE[0],
+              markersize=3.0, label="films between, without scatter")
+    first, second = (result.films[0].quantity(name).reduced
+                     for name in (front.first, front.second))
+    if first is not None and second is not None:
+        axes.plot(across * first, up * second, "D", color=style.PALETTE[1], markersize=4.5,
+                  label="best film")
+    style.describe(axes, words[0], words[1], "all keep the bounds, with margins")
+    axes.legend()
 
 
 def _draw_outlines(axes: Axes, result: DesignResult, film: DesignedFilm) -> None:

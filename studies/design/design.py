@@ -14,6 +14,7 @@ from tympan.geometry.errors import InputError
 from tympan.geometry.units import DIMENSIONS
 from tympan.studies.case import Settings
 from tympan.studies.design.exact import ExactFilm
+from tympan.studies.design.front import front
 from tympan.studies.design.quantities import QUANTITIES, TENSION
 from tympan.studies.design.requirements import Requirements
 from tympan.studies.design.result import (
@@ -115,10 +116,15 @@ def design(requirements: Requirements, settings: Settings = Settings(),
         made = sought.search.space.built(sought.values)
         specimens[film.specimen_file] = replace(made, name=name)
         rigs[film.rig_file] = requirements.rig
+    chosen, between = found[0][0], None
+    if requirements.front is not None and chosen.possible:
+        progress("front")
+        size = len(chosen.search.space.variables)
+        between = front(chosen.search, chosen.end.x[:size], requirements.front)
     return DesignResult(
         name=requirements.name, status=films[0].status, best=requirements.best,
         share=requirements.share, films=tuple(films), failed=tuple(failed),
-        wall_s=time.perf_counter() - began, specimens=specimens, rigs=rigs)
+        front=between, wall_s=time.perf_counter() - began, specimens=specimens, rigs=rigs)
 
 
 def _sought(space: DesignSpace, settings: Settings) -> Sought:
@@ -230,7 +236,8 @@ def _quantities(found: Sought) -> list[DesignedQuantity]:
     prices = np.zeros(len(search.bounds))
     if found.end.multipliers is not None:
         prices = found.end.multipliers.limits
-    keys = dict.fromkeys((*search.bounds, *_TOLD, *filter(None, [search.space.requirements.best])))
+    keys = dict.fromkeys((*search.bounds, *_TOLD, *filter(None, [search.space.requirements.best]),
+                          *(search.space.requirements.front or ())))
     reduced = search.space.films(found.values[None])
     told = []
     for key in QUANTITIES:

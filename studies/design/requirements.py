@@ -48,6 +48,7 @@ class Requirements:
     the keys of :data:`~tympan.studies.design.quantities.QUANTITIES`; ``best``: one of these, ""
     for the film that keeps all bounds by the largest common share. ``mass`` [kg] and the supply's
     ``voltage`` [V] where they do not vary. ``tolerances``: None for films without scatter.
+    ``front``: two quantities between whose best films others are sought.
     """
 
     name: str
@@ -60,6 +61,7 @@ class Requirements:
     rig: Rig = field(default_factory=Rig)
     tolerances: Tolerances | None = field(default_factory=Tolerances)
     share: float = 0.95
+    front: tuple[str, str] | None = None
 
     @classmethod
     def read(cls, file: Path | str) -> Self:
@@ -74,9 +76,10 @@ class Requirements:
         loads = {key: _load(table, key, rule, variables) for key, rule in LOADS.items()}
         bounds, best = _wanted(table, specimens)
         tolerances = _tolerances(table)
-        share = table.number("share", default=0.95, rule=_SHARE)
+        share, front = table.number("share", default=0.95, rule=_SHARE), _front(table)
         found = cls(table.text("name", Path(table.file).stem), specimens, loads["mass"],
-                    loads["voltage"], variables, bounds, best, rig, tolerances, share)
+                    loads["voltage"], variables, bounds, best, rig, tolerances, share,
+                    front)
         table.done()
         return found
 
@@ -88,7 +91,7 @@ class Requirements:
     @property
     def swings(self) -> bool:
         """Whether frequencies are asked for."""
-        return "frequency" in self.bounds or self.best == "frequency"
+        return "frequency" in (*self.bounds, self.best, *(self.front or ()))
 
     def kept(self, specimen: Specimen) -> dict[str, float]:
         """All bounds of a specimen: its film bears the voltage, whatever else is wanted."""
@@ -116,10 +119,11 @@ def _specimens(table: Table) -> tuple[Specimen, ...]:
 
 def _films(table: Table) -> list[dict[str, Any]]:
     """Films of one entry of the catalogue: every thickness in every number of layers."""
-    name = table.text("material", "")
+    name = table.text("material") if "material" in table else ""
     material = {"material": library_material(name)} if name else {}
     thicknesses = table.numbers("thickness", "length", rule=POSITIVE)
     layers = table.numbers("layers", default=(1,), rule=_LAYERS)
+    table.asked.add("material")
     table.done()
     return [{"name": name, "thickness": thickness, "layers": int(count), **material}
             for thickness, count in product(thicknesses, layers)]
@@ -220,6 +224,18 @@ def _wanted(table: Table, specimens: tuple[Specimen, ...]) -> tuple[dict[str, fl
     if not bounds and not best:
         raise table.error("want", f"must name at least one of {', '.join(QUANTITIES)}")
     return bounds, best
+
+
+def _front(table: Table) -> tuple[str, str] | None:
+    if "front" not in table:
+        return None
+    pair = table.texts("front")
+    for key in pair:
+        if key not in QUANTITIES:
+            raise table.error("front", one_of(key, QUANTITIES), key)
+    if len(pair) != 2 or pair[0] == pair[1]:
+        raise table.error("front", "must be two different quantities", list(pair))
+    return pair[0], pair[1]
 
 
 def _tolerances(table: Table) -> Tolerances | None:

@@ -12,8 +12,17 @@ from tympan.fem.rig import Rig
 from tympan.fem.toml_writer import rig_to_toml, specimen_to_toml
 from tympan.geometry.fields import Key
 from tympan.geometry.specimen import Specimen
+from tympan.geometry.units import suffix_of
 from tympan.studies.case import WallTime, Warnings
-from tympan.studies.files import from_json, read_json, remove, to_json, write_json, write_text
+from tympan.studies.files import (
+    from_json,
+    read_json,
+    remove,
+    to_json,
+    write_csv,
+    write_json,
+    write_text,
+)
 from tympan.studies.tolerance.result import Chance
 
 #: Whether a film keeps all bounds.
@@ -87,6 +96,35 @@ class DesignedFilm:
 
 
 @dataclass(frozen=True, kw_only=True)
+class FrontFilm:
+    """A film between the best of two quantities, without scatter, by reduced films."""
+
+    first: Annotated[float, Key("value of the first quantity [SI]")]
+    second: Annotated[float, Key("value of the second [SI]")]
+    numbers: Annotated[Mapping[str, float], Key("what was chosen [SI], by its key")]
+
+
+@dataclass(frozen=True, kw_only=True)
+class DesignFront:
+    """Films none of which is better than another in both of two quantities (Pareto front)."""
+
+    first: Annotated[str, Key("quantity that is best at the first film")]
+    second: Annotated[str, Key("quantity that is best at the last film")]
+    first_unit: Annotated[str, Key("SI unit of the first; 1 of plain numbers")]
+    second_unit: Annotated[str, Key("SI unit of the second")]
+    films: Annotated[tuple[FrontFilm, ...], Key(
+        "films from one to the other; each keeps all bounds with the margins of the best film")]
+
+    @property
+    def table(self) -> tuple[list[str], list[list[float]]]:
+        """Header and rows, SI."""
+        units = [f"{name}{suffix_of(unit) if unit != '1' else ''}" for name, unit in
+                 ((self.first, self.first_unit), (self.second, self.second_unit))]
+        return ([*units, *self.films[0].numbers],
+                [[film.first, film.second, *film.numbers.values()] for film in self.films])
+
+
+@dataclass(frozen=True, kw_only=True)
 class FailedKind:
     """A kind of film that was not searched, and why."""
 
@@ -107,6 +145,8 @@ class DesignResult:
     share: Annotated[float, Key("share of the films that shall keep all bounds")]
     films: Annotated[tuple[DesignedFilm, ...], Key("best film of each kind, the best first")]
     failed: Annotated[tuple[FailedKind, ...], Key("kinds without films")] = ()
+    front: Annotated[DesignFront | None, Key(
+        "films between two quantities, where it was asked for and films keep all bounds")] = None
     wall_s: WallTime
     warnings: Warnings = ()
     specimens: Mapping[str, Specimen] = field(default_factory=dict, repr=False, compare=False)
@@ -119,11 +159,13 @@ class DesignResult:
 
     def save(self, folder: Path) -> None:
         """Write specimens and rigs, and last ``design.json``."""
-        remove(folder, "design.json")
+        remove(folder, "design.json", "design-front.csv")
         for name, specimen in self.specimens.items():
             write_text(folder / name, specimen_to_toml(specimen))
         for name, rig in self.rigs.items():
             write_text(folder / name, rig_to_toml(rig))
+        if self.front is not None:
+            write_csv(folder / "design-front.csv", *self.front.table)
         write_json(folder / "design.json", self.json())
 
     @classmethod

@@ -31,8 +31,8 @@ _STEP = 1e-3
 _COMMON = 4.0
 #: What a share missed costs of the aim among random films.
 _PRICE = 10.0
-#: Shares that may be missed at an optimum: what finite elements correct is larger.
-KEPT = 5e-4
+#: Shares that may be missed at an optimum: 10 um of a frame of 100 mm.
+KEPT = 1e-4
 
 #: Differences are no better than some 1e-5 of the aim.
 _DESCENT = DescentSettings(step=3e-4, gain=1e-6, residual=1e-2, violation=KEPT, iterations=40,

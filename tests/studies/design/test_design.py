@@ -217,6 +217,50 @@ def test_the_command_stores_what_it_prints_and_solve_takes_the_film(
     assert "keeps all bounds" in capsys.readouterr().out
 
 
+def test_no_film_is_better_than_one_of_the_front_in_both_quantities(tmp_path: Path) -> None:
+    """Of 500 random films that keep the bounds, by 0.5 %; the front's films trade one for one."""
+    wanted = requirements(tmp_path, 'front = ["stroke", "frequency"]\n[want]\n'
+                          'stroke = "largest"\nmax_true_stress = "150 kPa"\n[vary]\n'
+                          '"plate.radius" = ["8 mm", "15 mm"]\n"membrane.prestretch" = [1.8, 2.5]')
+    result = design(wanted)
+    result.save(tmp_path / "out")
+    front = DesignResult.load(tmp_path / "out").front
+    assert front == result.front
+    films = np.array([[film.first, film.second] for film in front.films])
+    assert len(films) >= 7
+    assert (np.diff(films[:, 0]) < 0).all()
+    assert (np.diff(films[:, 1]) > 0).all()
+    assert result.films[0].quantity("stroke").reduced == pytest.approx(films[0, 0], rel=1e-3)
+    rows = (tmp_path / "out" / "design-front.csv").read_text().splitlines()
+    assert rows[0] == "stroke_m,frequency_Hz,plate.radius,membrane.prestretch"
+    assert len(rows) == 1 + len(films)
+    space = DesignSpace.of(wanted, wanted.specimens[0], Settings())
+    others = space.films(space.values(np.random.default_rng(3).random((500, 2))))
+    kept = others.sound & (others.stress[:, :2].max(1) <= 150e3) & (others.tension.min(1) >= 0)
+    values = np.column_stack([QUANTITIES[key].of(others)[kept] for key in ("stroke", "frequency")])
+    assert len(values) > 50
+    assert not (values[:, None] > 1.005 * films[None]).all(-1).any()
+
+
+def test_each_film_of_a_catalogue_is_searched_and_is_what_solve_makes_of_it(tmp_path: Path
+                                                                            ) -> None:
+    wanted = requirements(tmp_path, '[want]\nstroke = "largest"\n'
+                          '[vary]\n"plate.radius" = ["9 mm", "12 mm"]\n'
+                          '[[film]]\nthickness = ["0.7 mm", "1 mm"]\nlayers = [1, 2]',
+                          loads='mass = "17.9 g"\nvoltage = "2.5 kV"\ntolerances = "none"')
+    coarse = Settings(tympan.MeshSettings().refined(0.5))
+    result = design(wanted, coarse)
+    assert [film.aim for film in result.films] == sorted(
+        (film.aim for film in result.films), reverse=True)
+    made = [result.specimens[film.specimen_file] for film in result.films]
+    assert {(each.membrane.thickness, each.membrane.layers) for each in made} == {
+        (0.7e-3, 1), (1e-3, 1), (0.7e-3, 2), (1e-3, 2)}
+    for film, specimen in zip(result.films, made, strict=True):
+        solved = tympan.solve(specimen, coarse, mass="17.9 g", voltage="2.5 kV")
+        assert film.quantity("stroke").value == pytest.approx(solved.stroke_m, rel=1e-6)
+        assert film.quantity("stroke").reduced == pytest.approx(solved.stroke_m, rel=2e-3)
+
+
 def test_a_file_of_optimise_is_read_still(tmp_path: Path) -> None:
     (tmp_path / "film.toml").write_text(specimen_toml("film", ROUND, STIFF), encoding="utf-8")
     (tmp_path / "old.toml").write_text(
@@ -246,6 +290,8 @@ def test_a_file_of_optimise_is_read_still(tmp_path: Path) -> None:
      r"voltage: .*is given and varies, too"),
     ('[want]\nbreakdown_margin = 2\n[vary]\n"plate.radius" = ["1 cm", "2 cm"]',
      r"want\.breakdown_margin: .*needs films whose electric strength"),
+    ('front = ["stroke", "strok"]\n[want]\nstroke = "2 mm"\n[vary]\n'
+     '"plate.radius" = ["1 cm", "2 cm"]', r"front: given .*'stroke'"),
     ('shar = 0.9\n[want]\nstroke = "2 mm"\n[vary]\n"plate.radius" = ["1 cm", "2 cm"]',
      r"shar: unknown key: did you mean 'share'")])
 def test_a_wrong_file_is_one_message(tmp_path: Path, text: str, message: str) -> None:

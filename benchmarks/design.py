@@ -1,0 +1,135 @@
+"""Random requirements, and how many films of finite elements that scatter fail their answers.
+
+    python -m benchmarks.design [--count 20] [--films 100] [--first 0]
+
+Each requirement is drawn about a random film: what is wanted is some share of what that film has.
+The best film for it is drawn again with its tolerances, each copy is solved by finite elements on
+a mesh of its own, and those that miss a bound are counted.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import tempfile
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from scipy.stats import binomtest
+
+from tympan.fem.film.library import load_specimen
+from tympan.fem.rig import Rig
+from tympan.studies.case import Case, Settings
+from tympan.studies.design.design import design
+from tympan.studies.design.exact import ExactFilm
+from tympan.studies.design.quantities import QUANTITIES, misses
+from tympan.studies.design.requirements import Requirements
+from tympan.studies.design.space import DesignSpace
+from tympan.studies.limits.voltages import first_limit
+
+#: Films that are drawn, by the name of their material: virgin thickness [mm] and prestretch.
+FILMS = {"vhb-4910": (1.0, (1.8, 2.6)), "vhb-4910-neo-hooke": (1.0, (1.8, 2.6))}
+#: Quantities of which some are wanted.
+WANTED = ("stroke", "blocked_force", "frequency")
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of a requirement: films that failed of those that were solved, and seconds."""
+
+    status: str
+    failed: int
+    films: int
+    seconds: float
+    promised: float
+
+
+def requirements(folder: Path, seed: int) -> Requirements:
+    """Random requirements, written to a file and read from it."""
+    rng = np.random.default_rng(seed)
+    name = str(rng.choice(list(FILMS)))
+    thickness, stretches = FILMS[name]
+    a, b = sorted(rng.uniform(30, 60, 2))[::-1]
+    plate = rng.uniform(0.18, 0.3) * b
+    stretch = rng.uniform(*stretches)
+    (folder / "film.toml").write_text(
+        f'name = "film"\n[frame]\nshape = "ellipse"\nsemi_axes = ["{a} mm", "{b} mm"]\n'
+        f'[plate]\nshape = "circle"\nradius = "{plate} mm"\n'
+        f'[membrane]\nmaterial = "{name}"\nthickness = "{thickness} mm"\n'
+        f'prestretch = [{stretch}, {stretch}]\nrelative_permittivity = 4.7\n', encoding="utf-8")
+    specimen, mass = load_specimen(folder / "film.toml"), rng.uniform(5e-3, 25e-3)
+    limit = first_limit(Case(specimen, mass=mass), Settings())
+    assert limit is not None
+    voltage = rng.uniform(0.4, 0.7) * limit.voltage_V
+    film = ExactFilm(specimen, mass, voltage, Rig(), Settings())
+    chosen = rng.choice(WANTED, 2, replace=False)
+    wanted = [f'{key} = "{rng.uniform(0.3, 0.8) * float(QUANTITIES[key].of(film)[0])} '
+              f'{QUANTITIES[key].unit}"' for key in chosen]
+    free = rng.choice(["voltage", "frame_area", "stroke", ""])
+    if free and free not in chosen:
+        wanted.append(f'{free} = "{"largest" if free == "stroke" else "least"}"')
+    load = f'voltage = "{voltage} V"'
+    vary = [f'"frame.semi_axes.0" = ["{0.8 * a} mm", "{1.2 * a} mm"]',
+            f'"plate.radius" = ["{0.7 * plate} mm", "{1.3 * plate} mm"]',
+            f'"membrane.prestretch" = [{0.9 * stretch}, {1.1 * stretch}]']
+    if free == "voltage":
+        load, vary = "", [*vary, f'voltage = ["{0.4 * voltage} V", "{1.2 * voltage} V"]']
+    lines = ['specimen = "film.toml"', f'mass = "{mass} kg"', load, "[want]",
+             f"tension_margin = {rng.uniform(1.0, 1.2)}", *wanted, "[vary]", *vary]
+    (folder / "wanted.toml").write_text("\n".join(lines), encoding="utf-8")
+    return Requirements.read(folder / "wanted.toml")
+
+
+def tried(seed: int, count: int) -> Outcome:
+    """One requirement, and so many films that scatter about its answer."""
+    with tempfile.TemporaryDirectory() as folder:
+        wanted = requirements(Path(folder), seed)
+    began = time.process_time()
+    result = design(wanted)
+    seconds = time.process_time() - began
+    film = result.films[0]
+    assert film.reached is not None
+    if result.status != "met":
+        return Outcome(result.status, 0, 0, seconds, film.reached.probability)
+    space = DesignSpace.of(wanted, wanted.specimens[0], Settings())
+    values = np.array([number.value for number in film.numbers.values()])
+    points = np.random.default_rng(seed).random((count, space.inputs))
+    drawn, bounds = space.scattered(values, points), wanted.kept(space.specimen)
+    scattering = {key: bound for key, bound in bounds.items() if QUANTITIES[key].scatters}
+    failed = 0
+    for row, load, across, strength in zip(drawn.rows, drawn.loads, drawn.across,
+                                           np.ravel(drawn.strength), strict=True):
+        exact = ExactFilm(space.family.box.member(row), float(load) / wanted.rig.gravity,
+                          film.voltage_V, wanted.rig, Settings(), wanted.margin,
+                          float(across[1]) / film.voltage_V, float(strength))
+        missed = [float(misses(key, bound, exact)[0]) for key, bound in scattering.items()]
+        failed += not all(each <= 0 for each in missed)
+    return Outcome(result.status, failed, count, seconds, film.reached.probability)
+
+
+def main() -> None:
+    """Print each requirement, then all of them."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--count", type=int, default=20)
+    parser.add_argument("--films", type=int, default=100)
+    parser.add_argument("--first", type=int, default=0)
+    options = parser.parse_args()
+    outcomes = []
+    for seed in range(options.first, options.first + options.count):
+        outcome = tried(seed, options.films)
+        outcomes.append(outcome)
+        print(f"{seed:3d} {outcome.status:10s} {outcome.failed:3d} of {outcome.films:3d} fail, "
+              f"{1 - outcome.promised:.1%} by reduced films, {outcome.seconds:.1f} s of processor",
+              flush=True)
+    failed, films = sum(each.failed for each in outcomes), sum(each.films for each in outcomes)
+    if films:
+        limits = binomtest(failed, films).proportion_ci(method="wilson")
+        print(f"{failed} of {films} fail: {failed / films:.2%} ({limits.low:.2%} to "
+              f"{limits.high:.2%})")
+    sys.stdout.flush()
+
+
+if __name__ == "__main__":
+    main()
