@@ -129,11 +129,11 @@ class Case:
 
     @property
     def film_voltage(self) -> float:
-        """What the film responds to [V]."""
+        """Voltage that acts on the film [V]."""
         return float(self.rig.film_voltage(self.voltage, self.direction))
 
     def force(self, plate_area: float) -> float:
-        """What the film carries [N] by a plate of so much area [m²] that came all the way."""
+        """Force on the film [N] by a plate of so much area [m²] that came all the way."""
         return float(self.rig.rubbed(self.rig.force(self.mass, plate_area), self.direction))
 
     @property
@@ -187,7 +187,7 @@ class SpecimenRecord:
 
     @classmethod
     def load(cls, folder: Path, name: str | None = None) -> Self:
-        """What was saved, of the specimen of a ``name`` or of the only one."""
+        """Load a saved result, of the specimen of a ``name`` or of the only one."""
         file = stored_file(folder, f"*{cls.ending}.json", name, cls.writer)
         result = from_json(cls, read_json(file), file)
         surface = file.with_suffix(".vtu")
@@ -218,7 +218,7 @@ _VAGUE = 1.0
 
 @dataclass(frozen=True, kw_only=True)
 class Limit:
-    """What first happens to a film as its voltage rises, and where in the mounted film."""
+    """First limit of a film as its voltage rises, and where in the mounted film."""
 
     kind: Annotated[LimitKind, Key("what happens there: a mechanism makes the plate snap through, "
                                    "or back as the voltage falls; the film loses tension, breaks "
@@ -238,7 +238,7 @@ class Limit:
 
     @property
     def place(self) -> str:
-        """Where it begins, in millimetres."""
+        """Place where it begins, in millimetres."""
         return place_text(self.x_m, self.y_m) + ", the electrode's edge" * self.at_edge
 
     @property
@@ -405,7 +405,7 @@ def build_model(specimen: Specimen, settings: Settings, loading: Loading = _ALON
 
 
 def solved_loading(loading: Loading, settings: Settings) -> Loading:
-    """What acts, with films that are joined to the plate solved on meshes of the same settings."""
+    """Actions, with films that are joined to the plate solved on meshes of the same settings."""
     mesh = replace(settings, path=PathSettings())
     guide = "vertical" if loading.guide == "fixed" else loading.guide
     return with_films(loading, lambda bias: _solved_film(
@@ -606,7 +606,7 @@ def mounted_place(position: Array) -> tuple[float, float]:
 
 
 def state_warnings(model: Model, state: State) -> list[str]:
-    """What a reader of a state must know before trusting it."""
+    """Warnings that a reader of a state must know before trusting it."""
     at_nodes = node_fields(model, [state])
     return field_warnings(at_nodes[0], lost_tension(model, [state], at_nodes=at_nodes)[0],
                           model.specimen.membrane, _firm(model, state))
@@ -619,7 +619,7 @@ def _firm(model: Model, state: State) -> Array | None:
 
 def field_warnings(fields: Fields, loss: LostTension, film: Film | None,
                    firm: Array | None = None) -> list[str]:
-    """What a reader of these fields must know before trusting them; no film: its law is sound.
+    """Warnings that a reader of these fields must know; no film: its law is sound.
 
     ``firm``: the film's :func:`~tympan.fem.results.firmness.firmness` at the same nodes.
     """

@@ -153,7 +153,7 @@ def _stored(cls: Any, unit: str) -> tuple[tuple[str, str, bool], ...]:
 
 
 def to_json(value: Any, unit: str = "") -> Any:
-    """What :func:`from_json` makes the value of again: dataclasses as objects, arrays as lists.
+    """Plain form of a value for :func:`from_json`: dataclasses as objects, arrays as lists.
 
     Keys of fields that are ``in_unit`` end in the ``unit``.
 

@@ -62,7 +62,7 @@ class FilmSurface:
 
     @property
     def mounted(self) -> Array:
-        """Where the points lay in the flat film [m], shape (n, 3)."""
+        """Places of the points in the flat film [m], shape (n, 3)."""
         return np.asarray(self.points - self.values["displacement"])
 
     def at(self, places: Array) -> dict[str, Array]:

@@ -74,7 +74,7 @@ class _Piece:
 
 
 class _Side:
-    """What is known of a film on one side of where it begins, ``way`` 1 or -1."""
+    """Knowledge of a film on one side of where it begins, ``way`` 1 or -1."""
 
     def __init__(self, way: int, start: _Rung) -> None:
         self.way = way
@@ -266,7 +266,7 @@ class SolvedFilm:
 
 
 def with_films(loading: Loading, solved: Callable[[JoinedFilm], SolvedFilm]) -> Loading:
-    """What acts, with each joined film as it is solved."""
+    """Actions, with each joined film as it is solved."""
     if not any(isinstance(bias, JoinedFilm) for bias in loading.biases):
         return loading
     return replace(loading, biases=tuple(solved(bias) if isinstance(bias, JoinedFilm) else bias

@@ -396,7 +396,7 @@ class Stop:
         return replace(self, event=replace(self.event, what=cast(What, state.event)))
 
     def landed(self, settings: PathSettings) -> Solution | None:
-        """Where the plate comes to rest from here, at a limit point; None if nowhere."""
+        """Equilibrium to which the plate comes from here, at a limit point; None if nowhere."""
         # A film that is kept from wrinkling is none that jumps.
         return snapped(self.model, self.point, settings) if self.model.wrinkles else None
 
@@ -406,7 +406,7 @@ class Stop:
         return self._moved(-_ONWARDS)
 
     def _moved(self, motion: float) -> Stop:
-        """Where the film is after a small motion along the branch, as its direction has it."""
+        """State of the film after a small motion along the branch, as its direction has it."""
         point = self.point
         loads = {_GROWING[self.along][0]: point.rate}
         state = moved(self.model, point.state, point.direction, motion, loads)
@@ -460,7 +460,7 @@ class Stop:
         return float(growth * voltage + self.station.capacitance_F * point.rate / (2 * voltage))
 
     def place(self, state: LimitState) -> tuple[float, float]:
-        """Where in the mounted film a limit state begins [m]."""
+        """Place in the mounted film where a limit state begins [m]."""
         return mounted_place(self.fields.position[np.argmin(state.field(self))])
 
     def on_electrode_edge(self, state: LimitState) -> bool:
@@ -553,7 +553,7 @@ def _ended(stop: Stop, first: Stop, along: Along, settings: PathSettings) -> str
 
 
 def _end_of_mechanism(stop: Stop) -> str:
-    """What is said where the next step would lead beyond a mechanism of the rig; "" elsewhere."""
+    """Message where the next step would lead beyond a mechanism of the rig; "" elsewhere."""
     if not stop.model.loading.biases or HEAVE not in stop.model.plate_freedoms:
         return ""
     way = stop.point.direction[1][stop.model.plate_freedoms.index(HEAVE)]
@@ -561,7 +561,7 @@ def _end_of_mechanism(stop: Stop) -> str:
 
 
 def _passed(case: Case, branch: Branch, first: Stop, before: Stop, after: Stop) -> list[Stop]:
-    """What happens between two points of a branch, in order; what happens at once at one point."""
+    """Events between two points of a branch, in order; what happens at once at one point."""
     passed: list[Stop] = []
     same = _SAME * branch.model.size
     for state in LIMIT_STATES.values():
@@ -585,7 +585,7 @@ def _passed(case: Case, branch: Branch, first: Stop, before: Stop, after: Stop) 
 
 
 def _to_thinning(passed: list[Stop]) -> Iterator[Stop]:
-    """What a wrinkled film meets before a point that it does not reach."""
+    """Events of a wrinkled film before a point that it does not reach."""
     for stop in passed:
         gone = stop.event is not None and stop.event.what == INSTABILITY.event
         yield replace(stop, ended=_THINS if gone and stop.thins else UNFOLLOWED)
@@ -635,7 +635,7 @@ def _critical_film(model: Model, point: PathPoint) -> FilmSurface:
 
 
 def _measured(case: Case, station: Station, along: Along) -> float:
-    """What grows along the branch: the nominal mass, but the voltage the film itself sees."""
+    """Quantity that grows along the branch: the nominal mass, but the film's own voltage."""
     if along == "mass":
         idle = case.rig.force(0.0, area(case.specimen.needed_plate().outline))
         return float((station.force_N - idle) / case.rig.gravity)

@@ -71,7 +71,7 @@ class Answers:
 
 @dataclass(frozen=True, kw_only=True)
 class SensitivityResult(CaseRecord):
-    """What ``tympan sensitivity --json`` prints."""
+    """Result of ``tympan sensitivity --json``."""
 
     ending = "-sensitivity"
     writer = "tympan sensitivity"

@@ -118,7 +118,7 @@ Signal = Pieces | Sine
 
 @dataclass(frozen=True, eq=False)
 class Supplied:
-    """What a rig gives the film of a signal of nominal voltages."""
+    """Voltages that a rig gives the film of a signal of nominal voltages."""
 
     signal: Signal
     rig: Rig
@@ -269,7 +269,7 @@ def nominal(signal: Signal, when: Array) -> Array:
 
 
 def lagging(when: Array, value: Array, lag: float) -> Array:
-    """What follows a value, straight between samples, in a time [s], by a factor e."""
+    """Values that follow others, straight between samples, in a time [s], by a factor e."""
     if not lag:
         return value
     step = np.diff(when)

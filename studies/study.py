@@ -71,7 +71,7 @@ PAPER = Path(__file__).with_name("paper") / "study.toml"
 
 @dataclass(frozen=True)
 class Study:
-    """What is to be run.
+    """Specimens and settings of a study.
 
     ``mass`` [kg] and ``voltage`` [V] are those of the picture; ``curves`` the masses of the
     deflection–voltage curves, and the voltages marked on them; ``sources`` the specimens' files as

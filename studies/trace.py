@@ -1,4 +1,4 @@
-"""What a film does along time, by any model: moments, what they tell, saved and loaded."""
+"""Trace of a film along time, by any model: moments, what they tell, saved and loaded."""
 
 from __future__ import annotations
 
@@ -196,7 +196,7 @@ def with_rest(signal: Signal, time: Array, voltage: Array, deflection: Array, be
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Response:
-    """What a film does under a signal, as any model says it.
+    """Response of a film to a signal, as any model gives it.
 
     ``samples`` have the columns of transient.csv, SI, as the rig's sensor shows them; ``loop``, the
     last period of a signal that has one, those of hysteresis.csv; ``films`` are surfaces by time.
@@ -239,7 +239,7 @@ class Response:
 
     @classmethod
     def load(cls, folder: Path) -> Responses:
-        """What was saved; what is missing, damaged or of another kind is an InputError."""
+        """Load a saved response; what is missing, damaged or of another kind is an InputError."""
         file = folder / cls.file
         content = read_json(file)
         if not isinstance(content, dict) or not content.get("responses"):

@@ -119,7 +119,7 @@ class TransientCase:
 
 @dataclass(frozen=True, eq=False)
 class History(Trace):
-    """What a film did, moment by moment; after a jump of the voltage the same time twice.
+    """History of a film, moment by moment; after a jump of the voltage the same time twice.
 
     ``deflection`` [m], ``voltage`` across the film [V], ``capacitance`` [F],
     ``tilt`` [rad], ``current`` into the electrodes [A], all of shape (moments,). ``before``: the
@@ -197,7 +197,7 @@ def _deflected(moment: Moment) -> float:
 
 
 def _failures(transient: Transient, moment: Moment) -> list[str]:
-    """What the film's law fails at a moment, as of a film at rest."""
+    """Criteria that the film's law fails at a moment, as of a film at rest."""
     fields, = node_fields(transient.remembering(moment), [moment.state])
     return failures(transient.model.specimen.membrane, fields.position, fields.stretch_1,
                     fields.stretch_2)
@@ -233,18 +233,18 @@ def solve_after(case: Case, after: float, settings: Settings, film: bool = False
 
 
 def _left_out(rig: Rig) -> list[str]:
-    """What a motion does not have of a rig, in words."""
+    """Parts of a rig that a motion does not have, in words."""
     return [*(f"{key} of the rig changes readings at rest and is left out in time"
               for key in AGAINST_THE_WAY if getattr(rig, key)), *rig.without_inertia]
 
 
 def _remarks(case: TransientCase) -> list[str]:
-    """What belongs to every result of a case in time."""
+    """Remarks that belong to every result of a case in time."""
     return [*_left_out(case.rig), *case.highest.remarks]
 
 
 def begun(case: TransientCase, settings: Settings) -> tuple[Transient, State, Memory]:
-    """What moves, and its state and memory when the signal begins."""
+    """Moving parts, and their state and memory when the signal begins."""
     rig, film = case.rig, case.specimen.membrane
     model = build_model(case.specimen, settings, rig.loading)
     force = float(rig.force(case.mass, model.plate_area))
@@ -277,7 +277,7 @@ def begun(case: TransientCase, settings: Settings) -> tuple[Transient, State, Me
 
 
 def _numbers(model: Model, moment: Moment) -> tuple[float, ...]:
-    """What is kept of every moment, :data:`_NUMBERS` of them."""
+    """Numbers that are kept of every moment, :data:`_NUMBERS` of them."""
     state = moment.state
     return (moment.time, state.plate.deflection, float(np.sqrt(state.voltage_squared)),
             float(model.capacitance(state)), state.plate.tilt, moment.current)
@@ -285,7 +285,7 @@ def _numbers(model: Model, moment: Moment) -> tuple[float, ...]:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FieldResponse(Response):
-    """What finite elements say of a film in time."""
+    """Response of a film in time by finite elements."""
 
     file = "transient.json"
     writer = "tympan transient -o"
@@ -313,7 +313,7 @@ def respond(case: TransientCase, settings: Settings, interval: float, period: fl
             step: bool = False, films: tuple[float, ...] = (),
             progress: Callable[[float], None] = lambda share: None
             ) -> tuple[FieldResponse, History]:
-    """What a film does, sampled with an interval [s].
+    """Response of a film, sampled with an interval [s].
 
     ``period`` is its signal's [s] if it has one; ``step`` says that the signal is a step.
     ``progress`` is called with the share of the signal that is over.
@@ -361,7 +361,7 @@ def responses(specimens: Sequence[Specimen], wave: Wave, signal: Signal, setting
               mass: float | str | None = None, rest: float | str | None = None,
               swing: bool = False, films: tuple[float, ...] = (), rig: Rig = Rig(),
               progress: Callable[..., None] = lambda *words, share=0.0: None) -> Responses:
-    """What films do under the signal of a wave, sampled with its interval.
+    """Responses of films to the signal of a wave, sampled with its interval.
 
     Each bears the ``mass``, or one that suits them all. ``films``: times [s] at which each film is
     kept. ``progress`` is called with a specimen's name, then with the ``share`` of the signal that

@@ -178,7 +178,7 @@ def node_fields(model: Model, states: Sequence[State]) -> list[Fields]:
 
 def lost_tension(model: Model, states: Sequence[State], parts: int = 8,
                  at_nodes: Sequence[Fields] = ()) -> list[LostTension]:
-    """Mask of the points of each state where its film has lost tension.
+    """Parts of the film of each state that have lost tension.
 
     At the middles of ``parts``² triangles in every element that may have by its fields
     ``at_nodes``, :func:`node_fields` unless given; states are computed together.

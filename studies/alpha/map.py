@@ -189,7 +189,7 @@ class AlphaMap:
 
     @classmethod
     def load(cls, folder: Path) -> AlphaMap:
-        """What was saved."""
+        """Load a saved map."""
         file = folder / "alpha-map.json"
         record = from_json(dict[str, Any], read_json(file), file)
         return cls(from_json(MapSettings, record.get("settings"), file, "settings"),
@@ -211,7 +211,7 @@ def alpha_map(settings: MapSettings, workers: int = 1,
 
 def map_readings(places: Sequence[Reading], map_settings: MapSettings, workers: int = 1,
                  progress: Callable[[str], None] = lambda _: None) -> list[Reading]:
-    """What is read at every place, in their order; where nothing is in equilibrium, the reason."""
+    """Readings at every place, in their order; where nothing is in equilibrium, the reason."""
     readings = []
     for reading in mapped(partial(_read, map_settings), places, workers):
         progress(reading.specimen.name)

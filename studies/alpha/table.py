@@ -74,7 +74,7 @@ class OutlineTable:
 
     @classmethod
     def load(cls, folder: Path) -> OutlineTable:
-        """What was saved; refused where it is of a version that did not keep the outlines."""
+        """Load a saved table; refused where it is of a version that did not keep the outlines."""
         file, points = folder / "outlines.json", folder / "outlines-frames.csv"
         frames = read_own_sheet(points, FRAMES)
         rows = from_json(tuple[OutlineRow, ...], read_json(file), file)

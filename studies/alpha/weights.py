@@ -185,7 +185,7 @@ class AlphaResult:
 
     @classmethod
     def of_record(cls, record: Any, file: Path | str | None = None, key: str = "") -> AlphaResult:
-        """What :meth:`record` made."""
+        """Weights of a record that :meth:`record` made."""
         stored = from_json(dict[str, Any], record, file, key)
         ranges = from_json(dict[str, Any], stored.get("from_fields"), file,
                            f"{key}.from_fields").get("range")
@@ -207,7 +207,7 @@ class AlphaResult:
 
     @classmethod
     def load(cls, folder: Path, name: str | None = None) -> AlphaResult:
-        """What was saved, of the specimen of a ``name`` or of the only one."""
+        """Load saved weights, of the specimen of a ``name`` or of the only one."""
         file = stored_file(folder, "*-alpha.json", name, "tympan alpha")
         return cls.of_record(read_json(file), file)
 
@@ -332,7 +332,7 @@ def _weigh(weights: Array, forces: Iterable[Array], fit: Samples, test: Samples)
 
 
 def _doubts(specimen: Specimen, result: AlphaResult, chosen: AlphaSettings) -> list[str]:
-    """What stands between these weights and their use."""
+    """Doubts to know before these weights are used."""
     membrane, radii = result.by_basis["membrane"], result.circles
     round_plate = isinstance(specimen.needed_plate().outline, Circle)
     if len(radii) == 1 and round_plate and concentric(specimen):

@@ -1,4 +1,4 @@
-"""What is in a dataset, and what to beware of before anything is concluded from it."""
+"""Content of a dataset, and what to beware of before anything is concluded from it."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ _FEWEST = 4
 
 
 def summary(dataset: Dataset) -> dict[str, Any]:
-    """What a dataset holds, as plain values for JSON, SI; voltages of transients are left out."""
+    """Content of a dataset, as plain values for JSON, SI; voltages of transients are left out."""
     static, ranges = dataset.static, dataset.ranges
     voltages = [table.voltage for table in (static, dataset.frequencies, dataset.fields)
                 if table is not None]
@@ -173,7 +173,7 @@ def clock_runs_back(static: Sheet) -> int | None:
 
 
 def findings(dataset: Dataset) -> Iterator[Finding]:
-    """What is wrong with rows, sensor or clock, what is made of it and what to do about it."""
+    """Faults of rows, sensor or clock, what is made of them and what to do about them."""
     for finding in _findings(dataset):
         yield replace(finding, check=WORDS[f"do_{finding.kind}"])
 
@@ -245,7 +245,7 @@ def _frequency_warnings(dataset: Dataset) -> Iterator[str]:
 
 
 def _run_warnings(dataset: Dataset) -> Iterator[str]:
-    """What hums in runs in time, by its frequency, and whose clock is off."""
+    """Warnings of hum in runs in time, by its frequency, and of clocks that are off."""
     if dataset.transients is None:
         return
     file, count = dataset.transients.file.name, len(dataset.runs)
@@ -390,7 +390,7 @@ def _slips_of_frequency(dataset: Dataset) -> Iterator[str]:
 
 
 def _limits(specimen: Specimen) -> dict[str, tuple[float, float, str, float]]:
-    """What the largest number of a column [SI] can be, a unit to say it in, and its factor."""
+    """Largest possible number of a column [SI], a unit to say it in, and its factor."""
     film, size = specimen.membrane, max(specimen.frame.semi_axes)
     thickness = film.thickness / film.area_prestretch
     voltage = _FIELDS[0] * thickness, _FIELDS[1] * thickness, "kV", 1e-3

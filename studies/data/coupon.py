@@ -240,7 +240,7 @@ def read_coupons(*files: Path | str, layout: Layout = Layout()) -> Coupons:
 def coupon_layout(mode: str | None = None, unit: str | None = None,
                   area: float | str | None = None, length: float | str | None = None,
                   decimal: Literal[",", "."] | None = None) -> Layout:
-    """What may be said of a table whose headings leave it open.
+    """Statements that are possible on a table whose headings leave it open.
 
     ``unit`` is that of stresses; ``area`` and ``length`` are the strip's before the test.
     """

@@ -38,7 +38,7 @@ _PAIR = re.compile(r"\s*[-+.\d][-+.\deE]*\s+[-+.\d][-+.\deE]*\s*", re.ASCII)
 
 
 def _named_mode(file: Path) -> tuple[str, str] | None:
-    """What stands in a file's name before the mode that it ends with, and that."""
+    """Part of a file's name before the mode that it ends with, and that mode."""
     match = OF_MODE.fullmatch(file.stem)
     return (match["specimen"], match["mode"].lower()) if match else None
 

@@ -207,7 +207,7 @@ class Dataset:
 
     @property
     def tables(self) -> dict[str, Sheet | Coupons]:
-        """What there is, by file name."""
+        """Tables of the dataset, by file name."""
         every = zip(FILES, (self.static, self.ranges, self.transients, self.coupons,
                             self.frequencies, self.fields, self.forces), strict=True)
         return {name: table for name, table in every if table is not None}
@@ -330,7 +330,7 @@ def _layouts(table: Table, key: str) -> dict[str, Layout]:
 
 
 def _usual(dataset: Dataset, file: Path) -> dict[str, str]:
-    """What holds of a tester's file that does not say so."""
+    """Statements that hold of a tester's file that does not say so."""
     usual = {"run": "1"}
     if len(dataset.specimens) == 1:
         usual["specimen"] = dataset.specimens[0].name
@@ -360,7 +360,7 @@ def _publications() -> str:
 
 
 def channels(static: Sheet) -> tuple[str, ...]:
-    """What was measured besides the displacement."""
+    """Quantities that were measured besides the displacement."""
     return tuple(name for name in CHANNELS if np.isfinite(static[name]).any())
 
 

@@ -44,7 +44,7 @@ _CORRECT = "CORRECT THIS: "
 
 @dataclass(frozen=True)
 class Draft:
-    """What a table is taken for: its ``kind``, header and rows, and the decimal mark if stated.
+    """Guess of a table: its ``kind``, header and rows, and the decimal mark if stated.
 
     ``folder`` is where its dataset.toml will stand, ``stated`` whether the kind is no guess.
     """
@@ -114,7 +114,7 @@ class Draft:
         return "\n".join(lines) + "\n"
 
     def _other(self) -> Iterator[str]:
-        """What else the table may be, where its headings do not decide."""
+        """Other files the table may be, where its headings do not decide."""
         names = {source.column.name for source in self.header.sources}
         if (self._of_a_tester and "voltage" not in names
                 and not (self.stated or self._of_a_strip)):
@@ -246,7 +246,7 @@ class Draft:
 
 
 def draft(file: Path | str, kind: str | None = None, folder: Path | None = None) -> Draft:
-    """What a table is taken for; ``kind`` is the file of a dataset it stands for, such as "force".
+    """Guess of a table; ``kind`` is the file of a dataset it stands for, such as "force".
 
     ``folder``: where dataset.toml will stand, if not beside the table.
 

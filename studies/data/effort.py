@@ -1,4 +1,4 @@
-"""What readings cost whoever makes them."""
+"""Cost of readings for whoever makes them."""
 
 from __future__ import annotations
 

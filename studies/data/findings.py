@@ -1,4 +1,4 @@
-"""What people do to rows before any film is asked: copies, a sensor's end, a zero that moved."""
+"""Faults that people make in rows, found without a film: copies, a sensor's end, a moved zero."""
 
 from __future__ import annotations
 
@@ -263,7 +263,7 @@ class RunZeros:
         return float(np.sqrt(np.sum(self.zeros**2) / (count - 1)))
 
     def columns(self, run: NDArray[np.str_]) -> Array:
-        """What each run's zero does to readings of these runs at its standard deviation."""
+        """Effect of each run's zero on readings of these runs at its standard deviation."""
         return self.size * np.stack([run == name for name in self.runs], axis=1)
 
     def pairs(self) -> Iterator[tuple[str, float]]:

@@ -64,7 +64,7 @@ def outliers(static: Sheet, rows: Numbers, noise: float | None) -> list[Outlier]
 
 
 def _slip(read: float, expected: float) -> str:
-    """What makes a reading right."""
+    """Kind of change that makes a reading right."""
     for how, factors in (("sign", (-1.0,)), ("factor", (10.0, 0.1))):
         if any(abs(factor * read - expected) <= _SAME * abs(expected) for factor in factors):
             return how

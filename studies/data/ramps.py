@@ -44,7 +44,7 @@ class Ramp:
 
     @property
     def off(self) -> Array:
-        """What the curve of all readings misses [m]."""
+        """Residuals of the curve of all readings [m]."""
         return np.asarray(self.read - self._basis @ (self._basis.T @ self.read))
 
     @property
@@ -58,7 +58,7 @@ class Ramp:
         return Ramp(self.rows[keep], self.read[keep], self.columns[keep])
 
     def expected(self, place: int) -> float:
-        """What the curve of all others has at a reading's place [m]."""
+        """Value of the curve of all others at a reading's place [m]."""
         left = 1 - float(np.sum(self._basis[place] ** 2))
         return float(self.read[place] - self.off[place] / left)
 

@@ -113,7 +113,7 @@ def runs_of(transients: Sheet) -> Iterator[SampledRun]:
 
 @dataclass(frozen=True)
 class Faults:
-    """What is wrong with a record in ``words``, "" for nothing; ``fatal``: it cannot be used."""
+    """Faults of a record in ``words``, "" for none; ``fatal``: it cannot be used."""
 
     words: str = ""
     fatal: bool = False

@@ -216,7 +216,7 @@ class _Course:
         return np.asarray(np.abs(np.fft.rfft(even)) ** 2)
 
     def waves(self, rest: Array) -> Iterator[_Wave]:
-        """What stands out of the spectrum, the strongest first, each beside those before it."""
+        """Lines that stand out of the spectrum, strongest first, each beside those before it."""
         at = self.frequencies
         least = _SAFE * np.log(len(at) / _CHANCE)
         open_ = at * 2 * self._half >= _PERIODS
@@ -242,7 +242,7 @@ class _Course:
             rest, open_[own] = left, False
 
     def _without(self, columns: Array, rest: Array) -> Array:
-        """What the slow course leaves, without what columns make of it."""
+        """Rest of the slow course, without what columns make of it."""
         return rest - self.apart(columns @ self.fitted(columns, rest))
 
     def _refined(self, peak: int, power: Array, rest: Array) -> float:

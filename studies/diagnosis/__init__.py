@@ -1,1 +1,1 @@
-"""What measured data say the simulation gets wrong, which effect explains it, the gain."""
+"""Diagnosis: where the simulation misses measured data, which effect explains it, the gain."""

@@ -89,7 +89,7 @@ def _with_common(table: ReadingTable, rows: NDArray[np.int64], columns: Array) -
 
 
 def _slopes(table: ReadingTable, states: NDArray[np.bool_], model: Model, fit: Fit) -> Array:
-    """What a volt more in some states does to each reading at a nominal fit; 0 where unknown."""
+    """Change of each reading by a volt more in some states at a nominal fit; 0 where unknown."""
     step = _STEP * float(table.states.voltage.max(initial=1.0))
     sides = []
     for sign in (-1.0, 1.0):

@@ -244,7 +244,7 @@ def _needed(setup: Setup, table: ReadingTable, rest: FilmsAtRest | None = None) 
 
 
 def by_ramp(setup: Setup, table: ReadingTable, rows: NDArray[np.bool_]) -> list[str]:
-    """Where rows of a table are from, ramp by ramp: file, lines, specimen, mass, voltages."""
+    """Origins of rows of a table, ramp by ramp: file, lines, specimen, mass, voltages."""
     words = []
     for ramp in np.unique(table.ramp[rows]):
         some = table[rows & (table.ramp == ramp)]

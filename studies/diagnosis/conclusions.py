@@ -1,4 +1,4 @@
-"""What follows from a judgement: causes, misfit, gain, next experiment, as a result."""
+"""Conclusions of a judgement: causes, misfit, gain, next experiment, as a result."""
 
 from __future__ import annotations
 
@@ -153,7 +153,7 @@ class Conclusions:
 
     @property
     def bench(self) -> Bench:
-        """What makes synthetic readings like these."""
+        """Bench that makes synthetic readings like these."""
         table = self.films.table
         noise = self.readings.table.noise.with_sigma(table.sigma)
         return Bench(self.simulation, self.films.nominal.unknowns, table.with_noise(noise),
@@ -296,7 +296,7 @@ class Conclusions:
         return files
 
     def _tables(self) -> Iterator[tuple[str, Columns]]:
-        """What was read, and what both models say there and, of actuators, between."""
+        """Readings, and what both models say there and, of actuators, between."""
         table, nominal, chosen = self.films.table, self.films.nominal, self._of_films
         specimens = np.array([specimen.name for specimen in self.simulation.setup.specimens])
         # Lengths as they were read: what several have in common is counted with the models.
@@ -356,7 +356,7 @@ class Conclusions:
                     if fit and cause in fit.hypothesis)
 
     def _family(self, alike: Sequence[Cause], fit: Fit, cause: Cause) -> result.FoundFamily:
-        """What a cause at a fit stands for, where these readings do not tell it from others."""
+        """Family a cause at a fit stands for, where these readings do not tell it from others."""
         family = cause.effect.family
         assert family is not None
         size = family_size(self.judgement.simulation,
@@ -439,7 +439,7 @@ class Conclusions:
                        expected_chi_squared=best.expected_chi_squared, menu=menu)
 
     def _limitations(self) -> list[str]:
-        """What limits the conclusions."""
+        """Limitations of the conclusions."""
         off = {(one.file, one.line) for one in self._readings_off()}
         # What the fits tell of a reading stands beside: it is said once.
         said = {one.what for one in findings(self.dataset)

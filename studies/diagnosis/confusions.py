@@ -1,4 +1,4 @@
-"""What is often written for something else: a unit, a diameter, a stretch, a thickness.
+"""Numbers that are often written for others: a unit, a diameter, a stretch, a thickness.
 
 A film that must be ten times as stiff as stated to explain its readings is none; centimetres in a
 column of millimetres are. So where the fitted factors are none of a film as it is stated, readings
@@ -87,7 +87,7 @@ class _Other:
 
 def confusions_of(dataset: Dataset, readings: PreparedReadings, nominal: Fit
                   ) -> tuple[Confusion, ...]:
-    """What makes unusual factors ordinary and misses readings no more; the likeliest first.
+    """Confusions that make unusual factors ordinary and miss readings no more; the likeliest first.
 
     ``nominal``: the nominal model's fit to the readings with their noise as it came. Specimens of
     other sizes are tried only where no unit and no thickness does it.
@@ -101,7 +101,7 @@ def confusions_of(dataset: Dataset, readings: PreparedReadings, nominal: Fit
 
 
 def mistaken_sizes(setup: Setup, judged: Judgement) -> tuple[Confusion, ...]:
-    """What leaves noise, with ordinary factors, of a misfit of the one specimen that is odd."""
+    """Mistaken sizes that leave noise, with ordinary factors, of a misfit of one odd specimen."""
     table, which = judged.table, judged.odd_specimen
     most = len(table) + 2 * (2 * len(table)) ** 0.5
     noise = _Other("", "", setup, table).scatter(most)
@@ -202,7 +202,7 @@ def _sizes(setup: Setup, table: ReadingTable, which: str | None = None) -> Itera
 
 
 def _stretched(power: float) -> Callable[[Specimen], Specimen]:
-    """What raises a specimen's stretches to a power."""
+    """Change that raises a specimen's stretches to a power."""
 
     def edit(specimen: Specimen) -> Specimen:
         film = specimen.membrane
@@ -225,7 +225,7 @@ def _edited(setup: Setup, table: ReadingTable, of: str, taken: str,
 
 
 def _resized(part: str, factor: float) -> Callable[[Specimen], Specimen]:
-    """What makes a specimen's plate or frame so many times as large."""
+    """Change that makes a specimen's plate or frame so many times as large."""
 
     def larger(outline: Any) -> Any:
         if hasattr(outline, "radius"):

@@ -195,7 +195,7 @@ def of_coupons_alone(dataset: Dataset) -> bool:
 
 
 def judge_coupons(dataset: Dataset, seed: int) -> tuple[PreparedReadings, Judgement]:
-    """What a dataset's coupons say by themselves."""
+    """Judgement of a dataset's coupons by themselves."""
     readings = coupon_readings(dataset)
     simulation = Simulation(readings.setup, (), evidence=readings.evidence)
     try:
@@ -208,7 +208,7 @@ def judge_coupons(dataset: Dataset, seed: int) -> tuple[PreparedReadings, Judgem
 def plan_readings(dataset: Dataset, workers: int = 1,
                   progress: Callable[[int, int], None] = lambda done, all_of_them: None
                   ) -> tuple[dict[str, Any], Bench]:
-    """What a dataset's readings can tell, whatever was or will be read, as a JSON object.
+    """Effects that a dataset's readings can show, whatever was or will be read, as a JSON object.
 
     And what makes synthetic readings like them. Their values are not looked at. An
     :class:`InputError` where a planned state has no equilibrium.

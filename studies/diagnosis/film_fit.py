@@ -106,7 +106,7 @@ class FittedForm:
 
 @dataclass(frozen=True, kw_only=True)
 class FilmFit:
-    """What ``material fit`` prints of a dataset; ``files`` are specimens by name."""
+    """Result of ``material fit`` on a dataset; ``files`` are specimens by name."""
 
     dataset: Annotated[str, Key("name of the dataset")]
     readings: Annotated[int, Key("how many were fitted: means of blocks of samples and others")]
@@ -261,7 +261,7 @@ def _result(dataset: Dataset, simulation: Model, fit: Fit, remarks: tuple[str, .
 
 
 def _not_told(fit: Fit, sizes: list[dict[str, FoundSize]], in_time: bool) -> Iterator[str]:
-    """What the readings, some of them ``in_time``, do not tell of a fit's constants."""
+    """Constants of a fit that the readings, some of them ``in_time``, do not tell."""
     names = ["stiffness", "permittivity"]
     for cause in fit.hypothesis:
         number = 1 + [size["mu"].value for size in sizes].index(found_sizes(fit, cause)["mu"].value)

@@ -1,4 +1,4 @@
-"""What the extended model gains on shapes, masses, specimens, voltages it has not seen.
+"""Gain of the extended model on shapes, masses, specimens, voltages it has not seen.
 
 Readings of one ramp share mounting, creep and offset, so single readings are never held out. On
 each split the cause is chosen and fitted on the training part only. A gain is no evidence for a
@@ -147,7 +147,7 @@ def _better(gain: Gain | None) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class _Beyond:
-    """What is there beside a nominal and a chosen fit that may explain nothing, by all readings.
+    """Misfit beside a nominal and a chosen fit that may explain nothing, by all readings.
 
     That something is wrong all readings say, and how large it is; so parts of them count it too.
     ``noise``: a factor on it where there are no lengths, of which a discrepancy is a smooth one.

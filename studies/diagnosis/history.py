@@ -1,4 +1,4 @@
-"""What a film went through until it was read: the voltages of its run in time."""
+"""History of a film until it was read: the voltages of its run in time."""
 
 from __future__ import annotations
 

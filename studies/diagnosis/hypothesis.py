@@ -76,7 +76,7 @@ def unknown_count(hypothesis: Hypothesis) -> int:
 
 
 def sizes_of(hypothesis: Hypothesis, cause: Cause) -> slice:
-    """Where among the unknowns the sizes of one of its causes stand."""
+    """Places of the sizes of one of its causes among the unknowns."""
     first = unknown_count(hypothesis[: hypothesis.index(cause)])
     return slice(first, first + len(cause.effect.parameters))
 

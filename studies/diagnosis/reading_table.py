@@ -137,12 +137,12 @@ class States:
 
     @cached_property
     def passages(self) -> Passages:
-        """What these went through."""
+        """Histories of the rows in time."""
         return self.passage[self.in_time]
 
     @cached_property
     def keys_in_time(self) -> list[StateKey]:
-        """What these are told apart by."""
+        """Keys of the states that tell these rows apart."""
         rows, passages = self.in_time, self.passages
         return list(zip(self.specimen[rows].tolist(), self.mass[rows].tolist(), passages.history,
                         passages.begin.tolist(), passages.end.tolist(), strict=True))

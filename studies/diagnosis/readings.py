@@ -134,7 +134,7 @@ def _rounded(table: ReadingTable, step: float) -> ReadingTable:
 
 def _beside_passages(few: ReadingTable, table: ReadingTable, resting: NDArray[np.bool_]
                      ) -> ReadingTable:
-    """What was made of the rows at rest, with the others of the table as they are."""
+    """Rows at rest as they were made, with the others of the table as they are."""
     return few if resting.all() else few.joined(table[~resting].compact())
 
 

@@ -235,7 +235,7 @@ class ProposedExperiment:
 
 @dataclass(frozen=True, kw_only=True)
 class NextExperiment:
-    """What to do next."""
+    """Proposal for the next experiment."""
 
     what: Annotated[str, Key("what to do, in plain words")]
     checks: Annotated[tuple[str, ...], Key("what to look at first, on the bench")]
@@ -275,7 +275,7 @@ class Factor:
 
 @dataclass(frozen=True)
 class Noisier:
-    """What a larger noise would change."""
+    """Verdict under a larger noise."""
 
     factor: Annotated[float, Key("factor on the noise")]
     probability: Annotated[float | None, Key("probability of what is named, then")]
@@ -283,7 +283,7 @@ class Noisier:
 
 @dataclass(frozen=True)
 class Robust:
-    """What other usual sizes of effects would change."""
+    """Verdict under other usual sizes of effects."""
 
     factor: Annotated[float, Key("factor on the usual sizes")]
     stand_out: Annotated[tuple[str, ...], Key("causes that stand out, then")]
@@ -293,7 +293,7 @@ class Robust:
 
 @dataclass(frozen=True, kw_only=True)
 class Knowable:
-    """What an effect must reach on these readings; none where nothing it may reach is enough."""
+    """Size that an effect must reach on these readings; none where no allowed size is enough."""
 
     effect: Annotated[str, Key("name of the effect")]
     parameter: Annotated[str, Key("name of its parameter")]
@@ -385,7 +385,7 @@ class Diagnosis:
 
     @property
     def said(self) -> str:
-        """What a reader is told first: the headline, and what to look at on the bench."""
+        """First sentences for a reader: the headline, and what to look at on the bench."""
         checks = self.next_experiment.checks if self.next_experiment else ()
         return "; ".join((self.headline, *checks))
 
@@ -412,7 +412,7 @@ class Diagnosis:
 
     @classmethod
     def load(cls, folder: Path) -> Diagnosis:
-        """What was saved; an :class:`InputError` for what an older version has written."""
+        """Load a saved diagnosis; an :class:`InputError` for what an older version has written."""
         file = folder / "diagnosis.json"
         content = from_json(Json, read_json(file), file)
         if "headline" not in content:

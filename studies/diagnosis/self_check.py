@@ -1,4 +1,4 @@
-"""What a diagnosis would make of errors hidden in readings like a dataset's own.
+"""Verdicts on errors hidden in readings like a dataset's own.
 
 Readings come from the films' reduced model, which is the one that is fitted to them; its error
 counts as noise. So this is the optimistic side.
@@ -52,7 +52,7 @@ _SEEN = 3
 
 @dataclass(frozen=True, eq=False)
 class Bench:
-    """What synthetic readings are made of and judged by.
+    """Ingredients of synthetic readings, and what judges them.
 
     ``unknowns`` are the logarithms of the factors on stiffness and permittivity; ``table`` has the
     noise.
@@ -75,7 +75,7 @@ class Bench:
         return SyntheticSet(hidden, size, judged.verdict, listed)
 
     def hidden(self, number: int, generator: np.random.Generator) -> Cause | None:
-        """What the set of that number hides: nothing at times, else each effect in turn."""
+        """Hidden effect of the set of that number: nothing at times, else each effect in turn."""
         names = list(dict.fromkeys(cause.name for cause in self.causes))
         if number % _NOTHING == 0 or not names:
             return None
@@ -110,7 +110,7 @@ class Bench:
 
 @dataclass(frozen=True)
 class SyntheticSet:
-    """What was hidden, its size over the usual one, the verdict, and the causes it lists."""
+    """Hidden effect, its size over the usual one, the verdict, and the causes it lists."""
 
     hidden: Cause | None
     size: float
@@ -169,7 +169,7 @@ def grown_to(simulation: Model, hypothesis: Hypothesis, unknowns: Array
 
 @dataclass(frozen=True)
 class SelfCheck:
-    """What was said of all synthetic sets.
+    """Verdicts on all synthetic sets.
 
     ``rows``: for each hidden effect how often each of :data:`OUTCOMES` was said, and "taken_for",
     the share of its sets seen in which another effect is listed; ``usual_or_more``: the shares over
@@ -195,7 +195,7 @@ class SelfCheck:
 
     @classmethod
     def load(cls, folder: Path) -> SelfCheck:
-        """What was saved."""
+        """Load a saved self-check."""
         file = folder / "self-check.json"
         return from_json(cls, read_json(file), file)
 

@@ -1,4 +1,4 @@
-"""What a diagnosis says in sentences that a laboratory understands."""
+"""Sentences of a diagnosis that a laboratory understands."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def found_sizes(fit: Fit, cause: Cause) -> dict[str, FoundSize]:
 
 
 def headline_of(fit: Fit, cause: Cause, chance: str = "") -> str:
-    """What a cause at a fit means here, with its size, and its probability in words."""
+    """Meaning of a cause at a fit, with its size, and its probability in words."""
     sizes = found_sizes(fit, cause)
     inside = ", ".join(filter(None, (limits_told(cause.effect, sizes), chance)))
     sentence = finding(cause.effect, sizes, cause.which)
@@ -79,7 +79,7 @@ def headline_of(fit: Fit, cause: Cause, chance: str = "") -> str:
 
 
 def check_of(cause: Cause, told: set[Quantity], suspects: Collection[Cause] = ()) -> str:
-    """What to look at on the bench, by what the readings tell already."""
+    """Advice on what to look at on the bench, by what the readings tell already."""
     family = cause.effect.family if undecided(cause, told, suspects) else None
     return (family or cause.effect).check.format(which=cause.which)
 
@@ -102,7 +102,7 @@ def together(suspects: Sequence[FoundCause]) -> bool:
 
 def headline(verdict: str, named: Sequence[FoundCause], suspects: Sequence[FoundCause], where: str,
              small_errors: float | None = None, of_data: bool = False) -> str:
-    """What a reader is told first; ``of_data``: ``where`` says what is wrong in the dataset."""
+    """Headline; ``of_data``: ``where`` says what is wrong in the dataset."""
     if verdict == "unexplained" and of_data:
         return WORDS["data"].format(where=where)
     if verdict == "unexplained" and small_errors is not None:
@@ -128,7 +128,7 @@ def next_step(verdict: str, checks: Sequence[str], advice: str, of_data: bool = 
 
 
 def slip(judged: Judgement) -> str:
-    """What of a misfit looks like a slip of the pen, if that takes more than any other pattern."""
+    """Sentence on a slip of the pen, if that takes more of a misfit than any other pattern."""
     if (found := of_data(judged)) is not None:
         return found.what
     if best := _slipped(judged):
@@ -138,7 +138,7 @@ def slip(judged: Judgement) -> str:
 
 
 def of_data(judged: Judgement) -> Finding | None:
-    """What looks wrong in the dataset, whatever the simulation is."""
+    """Sentences on what looks wrong in the dataset, whatever the simulation is."""
     if (labels := judged.relabelling) is not None:
         return Finding("labels", relabelled(judged, labels), labels.file, labels.lines,
                        WORDS["do_labels"])
@@ -154,7 +154,7 @@ def of_data(judged: Judgement) -> Finding | None:
 
 
 def relabelled(judged: Judgement, labels: Relabelling) -> str:
-    """What labels look wrong, and what the simulation misses as it is and with them put right."""
+    """Labels that look wrong, and what the simulation misses as it is and with them put right."""
     noise = 1e6 * float(np.median(judged.table.sigma[judged.table.lengths]))
     before, after = (noise * (chi_squared / len(judged.table)) ** 0.5
                      for chi_squared in (labels.before, labels.after))
@@ -178,7 +178,7 @@ def _slipped(judged: Judgement) -> str:
 
 
 def where(judged: Judgement) -> str:
-    """Where the misfit is: a slip of the pen, or the pattern that takes most, and one more."""
+    """Place of the misfit: a slip of the pen, or the pattern that takes most, and one more."""
     if words := slip(judged):
         return words
     told_of, shares = _told(judged)
@@ -189,7 +189,7 @@ def where(judged: Judgement) -> str:
 
 
 def pattern_checks(judged: Judgement) -> list[str]:
-    """What to look at on the bench, by where the misfit of the nominal model is."""
+    """Checks on the bench, by where the misfit of the nominal model is."""
     if of_data(judged) is not None:
         return []
     if best := _slipped(judged):
@@ -232,7 +232,7 @@ def _told(judged: Judgement) -> tuple[list[str], dict[str, float]]:
 
 
 def _shares(judged: Judgement, taken: Array, columns: dict[str, Array]) -> dict[str, float]:
-    """What patterns take away, vague ones and the best of many less."""
+    """Shares that patterns take away, vague ones and the best of many less."""
     weights = _VAGUE | _BEST_OF_MANY
     return {name: _taken(judged.nominal, taken, values) * weights.get(name.split()[0], 1.0)
             for name, values in columns.items()}

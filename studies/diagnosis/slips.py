@@ -1,4 +1,4 @@
-"""What a slip of the pen makes wrong of one run, or of one load.
+"""Slips of the pen: what one makes wrong of one run, or of one load.
 
 No effect of the library does that. Such columns serve to say where a misfit is, not to test
 whether there is one.

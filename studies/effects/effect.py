@@ -20,7 +20,7 @@ from tympan.studies.effects.prior import HeavyTail
 
 
 class Quantity(Enum):
-    """What some effects show in alone, by the column of a file that tells it.
+    """Quantity that some effects show in alone, by the column of a file that tells it.
 
     ``TIME``: how readings go on, by a transient's times or by how long states were held.
     """
@@ -135,7 +135,7 @@ class EffectParameter:
 
     @property
     def sign(self) -> Literal["signed", "positive", "even"]:
-        """What signs it can have."""
+        """Signs that it can have."""
         return "even" if self.even else "signed" if self.limits[0] < 0 else "positive"
 
     @property
@@ -203,7 +203,7 @@ class Effect:
         return tuple(quantity.value for quantity in self.shows_in)
 
     def choices(self, setup: Setup) -> tuple[str | None, ...]:
-        """What ``which`` may be."""
+        """Choices of ``which``."""
         return tuple(specimen.name for specimen in setup.specimens) if self.on_one else (None,)
 
     def apply(self, setup: Setup, values: Sequence[float], which: str | None = None) -> Setup:

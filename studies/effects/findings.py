@@ -1,4 +1,4 @@
-"""What is said of an effect that readings speak for: its sentence, with sizes and their limits."""
+"""Findings of an effect that readings speak for: its sentence, with sizes and their limits."""
 
 from __future__ import annotations
 

@@ -38,7 +38,7 @@ def _distribution(item: EffectParameter) -> str:
 
 
 def direct_check(effect: Effect) -> str:
-    """What to do to see an effect directly, whichever specimen it is on."""
+    """Advice on how to see an effect directly, whichever specimen it is on."""
     return effect.check.format(which="the specimen")
 
 
@@ -48,7 +48,7 @@ def named(item: EffectParameter) -> str:
 
 
 def prior(item: EffectParameter) -> str:
-    """What is known of a parameter before any data, in words."""
+    """Knowledge of a parameter before any data, in words."""
     width, low, high = (f"{item.shown(value):.6g}" for value in (item.width, item.low, item.high))
     of = f" in {_size(item)}{item.name}" if _size(item) else ""
     unit = f" {item.unit}" if item.unit else ""

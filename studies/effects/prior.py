@@ -1,4 +1,4 @@
-"""What is known of an effect's size before any data: a scale and not a wall."""
+"""Prior of an effect's size before any data: a scale and not a wall."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class HeavyTail:
 
     @property
     def scale(self) -> float:
-        """Where density is half of the largest, about 0."""
+        """Value at which the density is half of the largest, about 0."""
         return _MEDIAN * self.usual
 
     def widened(self, factor: float) -> HeavyTail:

@@ -60,7 +60,7 @@ def akaike(mean_square: float, count: float, constants: int, sigma: float | None
 
 @dataclass(frozen=True, eq=False)
 class Spread:
-    """What errors that are alike along series leave open of the unknowns.
+    """Uncertainty of the unknowns that errors alike along series leave.
 
     ``noise`` of a reading has the effective degrees of freedom (Satterthwaite, Biometrics Bull. 2,
     110, 1946), ``correlation`` is that of neighbours; ``covariance`` is of the unknowns, shape

@@ -1,4 +1,4 @@
-"""What readings determine of a model's constants: combinations, profiles and 95 % limits."""
+"""Identifiability of a model's constants: combinations, profiles and 95 % limits."""
 
 from __future__ import annotations
 

@@ -95,7 +95,7 @@ class LeastSquares:
         return cls(evaluate, low, high, linear)
 
     def at(self, unknowns: Array) -> Evaluation:
-        """What is there at some unknowns."""
+        """Residuals and derivatives at some unknowns."""
         return self.evaluate(unknowns, None)
 
     def cost(self, unknowns: Array, point: Evaluation) -> float:
@@ -125,7 +125,7 @@ class LeastSquares:
 
 @dataclass(frozen=True, eq=False)
 class Minimum:
-    """Where a search ended, and how many evaluations it took."""
+    """End of a search, and how many evaluations it took."""
 
     unknowns: Array
     point: Evaluation

@@ -50,7 +50,7 @@ class Shared:
 
     @property
     def columns(self) -> Array:
-        """What each error does at its standard deviation, shape (m, k)."""
+        """Effect of each error at its standard deviation, shape (m, k)."""
         return np.asarray(self.directions * self.sizes)
 
     def over(self, sigma: Array) -> Shared:
@@ -134,7 +134,7 @@ class Memory:
 
     @cached_property
     def _forgetting(self) -> Array:
-        """What :meth:`forgotten` does, as a matrix."""
+        """Matrix of :meth:`forgotten`."""
         return self._filtered(np.eye(len(self)))
 
     def _filtered(self, values: Array) -> Array:
@@ -294,7 +294,7 @@ class Noise:
 
     @cached_property
     def _over(self) -> tuple[Shared, ...]:
-        """What is in common, over the noise of each reading, as far as that is not remembered."""
+        """Common errors over the noise of each reading, as far as that is not remembered."""
         if self.memory is None:
             return tuple(some.over(self.sigma[some.rows]) for some in self.shared)
         columns = [np.zeros((len(self), len(some.sizes))) for some in self.shared]
@@ -378,7 +378,7 @@ class Noise:
         return np.asarray(generator.chisquare(freedom, (len(freedom), count)) / freedom)
 
     def shares(self, columns: Array) -> Array:
-        """What each part has of the squares of columns, shape (parts,)."""
+        """Share of each part in the squares of columns, shape (parts,)."""
         squares = np.bincount(self.part, np.sum(columns**2, axis=1), len(self.freedom))
         return np.asarray(squares / squares.sum())
 

@@ -89,7 +89,7 @@ class _Search:
         self.places.append((float(self.best[self.index]), 0.0))
 
     def limit(self, step: float) -> float | None:
-        """Where the quantile is met on the side of ``step``, the first guess of how far."""
+        """Limit where the quantile is met on the side of ``step``, the first guess of how far."""
         sign = np.sign(step)
         end = float((self.problem.low if sign < 0 else self.problem.high)[self.index])
         centre = inside = self.places[0]

@@ -159,7 +159,7 @@ class StepSolution:
 
     @property
     def start(self) -> ReducedMoment:
-        """Where it begins, after the loads jumped if they do."""
+        """State where it begins, after the loads jumped if they do."""
         step = self.step
         if step.jump is None:
             return step.moment
@@ -213,7 +213,7 @@ class StepSolution:
 
 
 def factorised(stiffness: Array) -> Callable[[Array], Array]:
-    """What solves for right sides, (..., stages, shapes), by a matrix over stages and shapes.
+    """Solver of right sides, (..., stages, shapes), by a matrix over stages and shapes.
 
     Raises
     ------

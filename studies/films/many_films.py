@@ -237,7 +237,7 @@ class Films:
         return capacitance, energy
 
     def extremes(self, at: FilmsAt, films: Numbers, q: Array, squared: Array) -> Extremes:
-        """What is largest or smallest of states at points; nan of states that are none."""
+        """Largest or smallest values of states at points; nan of states that are none."""
         values, weakest = np.full((7, len(q)), np.nan), np.zeros(len(q), dtype=np.int64)
         sure = np.zeros(len(q), dtype=bool)
         sound, sites = np.flatnonzero(np.isfinite(q).all(1)), at.shapes.sites
@@ -411,7 +411,7 @@ class Strained:
         return np.sqrt(mean + radius), np.sqrt(mean - radius)
 
     def forces(self, stress: Array) -> Array:
-        """What stresses times volumes, (3, states, points), do against ∂x/∂ξ, (6, …)."""
+        """Forces of stresses times volumes, (3, states, points), against ∂x/∂ξ, (6, …)."""
         along, across, shear = stress
         a, b, c, d = self.frame
         result = np.empty((6, *along.shape))

@@ -228,7 +228,7 @@ class Reduction:
     @classmethod
     def of(cls, snapshots: Sequence[Snapshot], motion_left_out: float = _MOTION_LEFT_OUT,
            work_left_out: float = _WORK_LEFT_OUT, most: int = _MOST_SHAPES) -> Reduction:
-        """What snapshots of some films make: all move so that it leaves out little of these."""
+        """Reduction by snapshots of films that all move so that it leaves out little of these."""
         motions = [_rigid(shot.model, motion) for shot in snapshots for motion in
                    (shot.state.positions - shot.model.discretisation.reference, *shot.rates)]
         moved, heave = (np.array(part) for part in zip(*motions, strict=True))
@@ -298,7 +298,7 @@ def _shapes(snapshots: Sequence[Snapshot], displaced: Array, heave: Array, preci
 
 
 def _works(shapes: Array, snapshot: Snapshot, voltage_squared: float) -> Array:
-    """What each point of a model adds to what those kept are to reproduce, shape (rows, points).
+    """Work of each point of a model in what those kept are to reproduce, shape (rows, points).
 
     The virtual work of law, voltage and branches in each shape apart, the capacitance, the volume.
     Rows are relative to what they would be if nothing in them cancelled.

@@ -30,7 +30,7 @@ def by_voltages(time: Array, squared: Array, values: Array, later: Array, ahead:
 
 
 def _terms(time: Array, squared: Array) -> Array:
-    """What values are taken to be a sum of, shape (..., times, 3)."""
+    """Terms that values are taken to be a sum of, shape (..., times, 3)."""
     terms = np.empty((*squared.shape, 3))
     terms[..., 0], terms[..., 1], terms[..., 2] = time, squared, squared * squared
     return terms

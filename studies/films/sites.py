@@ -75,7 +75,7 @@ class Sites(FieldsAlone):
 
     @cached_property
     def gather(self) -> tuple[csr_matrix, csr_matrix]:
-        """What sums forces against ∂x/∂ξ and ∂x/∂η up at the nodes, (nodes, points) each."""
+        """Sums of forces against ∂x/∂ξ and ∂x/∂η at the nodes, (nodes, points) each."""
         points = np.broadcast_to(np.arange(len(self.nodes))[:, None], self.nodes.shape).ravel()
         size = int(self.nodes.max()) + 1, len(self.nodes)
         return tuple(coo_matrix((self.slopes[..., along].ravel(), (self.nodes.ravel(), points)),
@@ -83,7 +83,7 @@ class Sites(FieldsAlone):
 
     @cached_property
     def spread(self) -> csr_matrix:
-        """What sums values at the points up at the nodes, (nodes, points)."""
+        """Sums of values at the points at the nodes, (nodes, points)."""
         points = np.broadcast_to(np.arange(len(self.nodes))[:, None], self.nodes.shape).ravel()
         size = int(self.nodes.max()) + 1, len(self.nodes)
         return coo_matrix((self.values.ravel(), (self.nodes.ravel(), points)), size).tocsr()

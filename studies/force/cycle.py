@@ -95,7 +95,7 @@ def load_line(model: Model, rig: Rig, mass: float, curves: Sequence[Followed],
 
 def _equilibria(model: Model, load: _Load, curve: Followed, settings: PathSettings
                 ) -> list[_Equilibrium]:
-    """Where a curve crosses a load line, in order of displacement."""
+    """Crossings of a curve and a load line, in order of displacement."""
     where = curve.displacement
     if len(where) < 2:
         return []
@@ -122,7 +122,7 @@ def _equilibria(model: Model, load: _Load, curve: Followed, settings: PathSettin
 
 def _reached(load: _Load, curves: Sequence[Followed], found: Sequence[list[_Equilibrium]]
              ) -> list[_Equilibrium | None]:
-    """Where a plate without inertia comes to on each curve, from the flat film on the first."""
+    """Equilibrium a plate without inertia reaches on each curve, flat on the first at first."""
     place = 0.0
     result: list[_Equilibrium | None] = []
     for curve, several in zip(curves, found, strict=True):
@@ -182,7 +182,7 @@ def _with_cycle(line: LoadLine, load: _Load, first: _Equilibrium, last: _Equilib
 
 @dataclass(frozen=True)
 class _Corner:
-    """What is ``stored`` in a film [J], its ``charge`` [C] and its ``voltage`` [V]."""
+    """Energy ``stored`` in a film [J], its ``charge`` [C] and its ``voltage`` [V]."""
 
     stored: float
     charge: float

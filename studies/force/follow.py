@@ -68,7 +68,7 @@ class Followed:
 
     @property
     def curve(self) -> ForceCurve:
-        """What is stored of it."""
+        """Curve that is stored."""
         stable = [firm and slope > 0 for firm, slope in zip(self.firm, self.stiffness, strict=True)]
         return ForceCurve(
             voltage_V=self.voltage, displacement_m=tuple(self.displacement.tolist()),
@@ -77,7 +77,7 @@ class Followed:
             **self._of_fields())
 
     def _of_fields(self) -> dict[str, tuple[Any, ...]]:
-        """What is stored of the film at each displacement."""
+        """Values that are stored of the film at each displacement."""
         numbers: dict[str, list[Any]] = {name: [] for name in (
             "tense", "max_stretch", "max_true_stress_Pa", "breakdown_share", "capacitance_F")}
         for start in range(0, len(self.states), _TOGETHER):

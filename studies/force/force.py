@@ -158,7 +158,7 @@ def _loop(case: ForceCase, curve: Followed, progress: Callable[[str], None]) -> 
 
 
 def left_out(case: ForceCase) -> list[str]:
-    """What these curves do not have, in words."""
+    """Parts that these curves do not have, in words."""
     words = [f"{key} of the rig acts against the way and is left out here"
              for key in AGAINST_THE_WAY if getattr(case.rig, key)]
     words += [f"{key} of the rig is left out: these curves are of a tester without errors"
@@ -197,7 +197,7 @@ def blocked_force(model: Model, rest: Solution, voltage: float, path: PathSettin
 
 def _blocked(curves: Sequence[Followed], rest: float | None, path: PathSettings
              ) -> tuple[float | None, float | None]:
-    """Where the plate is held [m], and by how much its force falls from first to last curve [N]."""
+    """Place of the held plate [m], and by how much its force falls from first to last curve [N]."""
     first, last = curves[0], curves[-1]
     common = min(len(first.states), len(last.states))
     if first is last or not common:

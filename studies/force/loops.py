@@ -112,7 +112,7 @@ def _loop(model: Model, voltage: float, start: State, motion: Motion, steps: Ste
 
 
 def _heat(model: Model, moment: Moment) -> float:
-    """What the branches turn into heat [W]."""
+    """Power that the branches turn into heat [W]."""
     strain = from_virgin(model.cauchy_green(moment.state.positions),
                          model.specimen.membrane.prestretch)
     power = (moment.memory.dissipation(strain) * model.volumes).sum()

@@ -48,7 +48,7 @@ COLUMNS: tuple[Column, ...] = (
 
 @dataclass(frozen=True, kw_only=True)
 class ForceLimit:
-    """Where a force-displacement curve passes a limit of the film, or ends."""
+    """Limit of the film that a force-displacement curve passes, or its end."""
 
     kind: Annotated[EndKind, Key(
         "what happens there: the film loses tension, breaks down or gives way in itself; the force "
@@ -61,7 +61,7 @@ class ForceLimit:
 
     @property
     def words(self) -> str:
-        """What happens there, of the film."""
+        """Description of what happens there, of the film."""
         if self.kind == "not_followed":
             return "no equilibrium found beyond"
         if self.kind == PULL_IN.kind:
@@ -70,7 +70,7 @@ class ForceLimit:
 
     @property
     def place(self) -> str:
-        """Where in the film it begins, in millimetres; "" of what concerns the plate."""
+        """Place in the film where it begins, in millimetres; "" of what concerns the plate."""
         if self.x_m is None or self.y_m is None or self.kind == PULL_IN.kind:
             return ""
         return place_text(self.x_m, self.y_m)
@@ -109,7 +109,7 @@ class ForceCurve:
 
 @dataclass(frozen=True, kw_only=True)
 class Crossing:
-    """Where a load line crosses a curve: an equilibrium under that load at that voltage."""
+    """Crossing of a load line and a curve: an equilibrium under that load at that voltage."""
 
     voltage_V: Annotated[float, Key("nominal voltage")]
     displacement_m: Annotated[float, Key("displacement of the plate")]

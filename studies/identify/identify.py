@@ -37,7 +37,7 @@ Teller = Callable[[str, dict[str, float], dict[str, Any]], None]
 
 @dataclass(frozen=True)
 class IdentifySettings:
-    """What is identified, and how.
+    """Settings of what is identified, and how.
 
     ``model`` are models of the specimens, in place of those found from the field model; ``paper``:
     the source paper's cones, whose ``weights`` may be given where no readings tell them.

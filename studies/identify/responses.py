@@ -42,7 +42,7 @@ class Record:
         return float(points[max(int(changed[0]) - 1, 0)] if len(changed) else points[0])
 
     def calm(self, wait: float) -> Record:
-        """What was not read within so long after a jump of the voltage [s]."""
+        """Record without what was read within so long after a jump of the voltage [s]."""
         points, volts = self.drive.time, self.drive.voltage
         jumps = points[1:][(np.diff(points) == 0) & (np.diff(volts) != 0)]
         since = self.time[:, None] - jumps

@@ -1,4 +1,4 @@
-"""What an identification says, as a result that saves and loads itself."""
+"""Result of an identification, which saves and loads itself."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ class IdentifyResult:
 
     @classmethod
     def load(cls, folder: Path) -> IdentifyResult:
-        """What was saved; what is missing, damaged or of another kind is an InputError."""
+        """Load a saved result; what is missing, damaged or of another kind is an InputError."""
         numbers = read_json(folder / "identify.json")
         figures = read_json(folder / _FIGURES)
         if not isinstance(numbers, dict) or not isinstance(figures, dict) \

@@ -59,7 +59,7 @@ class Constant:
 
 
 def readings_at_rest(dataset: Dataset) -> Sheet:
-    """What static.csv holds; an InputError where there is none."""
+    """Readings of static.csv; an InputError where there is none."""
     if dataset.static is None:
         raise InputError("has no static.csv: the static constants need readings at rest",
                          key=dataset.name)
@@ -237,7 +237,7 @@ class StaticProblem:
         return y, -slopes / stiffness[:, None]
 
     def residual(self, values: Array, objective: Objective) -> tuple[Array, Array]:
-        """What a search makes small, and its derivative: deflections [m] or Eq. (11)'s forces [N].
+        """Residual of a search, and its derivative: deflections [m] or Eq. (11)'s forces [N].
 
         ``force`` is Eq. (11) with the signs of Eq. (5); ``printed`` is Eq. (11) as it stands, where
         what is within its brackets has the sign of Eq. (5) reversed, so that it asks the film to

@@ -1,1 +1,1 @@
-"""What is kept on disk for later runs: meshes, and films solved for a diagnosis."""
+"""Files kept on disk for later runs: meshes, and films solved for a diagnosis."""

@@ -64,7 +64,7 @@ class Store:
     most: int
 
     def read(self, key: bytes, made: Callable[[bytes], T]) -> T | None:
-        """What ``made`` makes of the content under a key; None where there is none.
+        """Object that ``made`` makes of the content under a key; None where there is none.
 
         A content of which it makes nothing (None, or an exception) is removed.
         """
@@ -154,7 +154,7 @@ def _usable(file: Path) -> bool:
 
 
 def cache_file() -> Path | None:
-    """Where contents are kept, None where they are not."""
+    """File of contents that are kept, None where they are not."""
     folder = os.environ.get("TYMPAN_CACHE")
     if folder is None:
         home = os.environ.get("XDG_CACHE_HOME", "")

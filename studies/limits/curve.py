@@ -134,7 +134,7 @@ def curve(specimen: Specimen, masses: Sequence[float], settings: Settings, rig: 
 
 
 def _row(asked: bool, result: CaseResult, ascent: Rise) -> tuple[Any, ...]:
-    """What :data:`CURVES` says of a result."""
+    """Row of :data:`CURVES` for a result."""
     beyond = ascent.limits.beyond(result.voltage_V)
     stroke = (None if result.deflection_m is None or ascent.rest is None
               else result.deflection_m - ascent.rest)

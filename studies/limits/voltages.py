@@ -241,7 +241,7 @@ def solve_within(case: Case, settings: Settings, film: bool = False) -> CaseResu
 
 
 def _without_direction(case: Case) -> list[str]:
-    """What of the rig is left out where nothing says which way the voltage was reached."""
+    """Parts of the rig that are left out where nothing says which way the voltage was reached."""
     left_out = [key for key in AGAINST_THE_WAY if getattr(case.rig, key)]
     if case.direction or not left_out:
         return []
@@ -295,7 +295,7 @@ def _to_limit(case: Case, model: Model, start: State, settings: Settings, first:
 
 
 def _snap_back(case: Case, model: Model, passed: list[Stop], settings: Settings) -> Limit | None:
-    """Where the plate jumps back as the voltage falls from where it came to rest at its first snap.
+    """Limit where the plate jumps back as the voltage falls from the end of its first snap.
 
     None where it stays there to the last.
     """
@@ -346,7 +346,7 @@ def _unmoved(case: Case, model: Model, start: Outcome, settings: Settings) -> Li
 
 
 def _flat_instability(case: Case, flat: Stop, slack: float) -> Limit | None:
-    """Where a flat film gives way before it is slack at a voltage [V]."""
+    """Limit of a flat film that gives way before it is slack at a voltage [V]."""
     def state(voltage: float) -> State:
         return flat.point.state.under(voltage=voltage**2)
 

@@ -217,7 +217,7 @@ class Actuator:
         return result
 
     def drag(self, state: Any) -> Any:
-        """What each circle's branch and damper pull with for a weight of 1 [N], (…, circles)."""
+        """Pull of each circle's branch and damper for a weight of 1 [N], (…, circles)."""
         y, speed, strains = state[..., 0], state[..., 1], state[..., 2:]
         stretch, phi, _ = self.circles.stretch(_each(y))
         stress = (_each(self.viscous.k1) * (stretch - 1 - strains)

@@ -212,7 +212,7 @@ class Built:
 
     @property
     def statics(self) -> pd.DataFrame:
-        """What statics.csv has of it: a row for each load."""
+        """Rows of statics.csv, one for each load."""
         mass, voltage = np.meshgrid(self.settings.masses, self.settings.voltages, indexing="ij")
         columns = {"mass": mass, "voltage": voltage, "fitted": self.settings.fitted,
                    "field_mm": 1e3 * self.field_deflection,
@@ -386,7 +386,7 @@ class BuildResult:
 
     @classmethod
     def load(cls, folder: Path) -> BuildResult:
-        """What was saved; what is missing, damaged or of another kind is an InputError."""
+        """Load a saved result; what is missing, damaged or of another kind is an InputError."""
         numbers = read_json(folder / "build.json")
         if not isinstance(numbers, dict) or not numbers.get("built"):
             raise InputError("is not of tympan lumped build: run it again",

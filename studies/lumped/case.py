@@ -116,7 +116,7 @@ class ChosenActuators:
 
     def responses(self, wave: Wave, signal: Signal, swing: bool = False,
                   progress: Callable[..., None] = lambda *words, share=0.0: None) -> Responses:
-        """What each does under the signal of a wave, sampled with its interval.
+        """Response of each under the signal of a wave, sampled with its interval.
 
         ``swing``: the plate of a model whose film has branches has inertia. ``progress`` is called
         with a specimen's name, then with the ``share`` of the signal that is over.

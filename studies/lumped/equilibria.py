@@ -1,4 +1,4 @@
-"""Where the lumped model rests: all roots of its balance, and pull-in."""
+"""Equilibria of the lumped model: all roots of its balance, and pull-in."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ def rest_curve(actuator: Actuator, voltages: Any) -> Array:
 
 
 def rest(actuator: Actuator, voltage: float) -> float:
-    """Where one actuator settles [m] when load and voltage are put on slowly.
+    """Deflection where one actuator settles [m] when load and voltage are put on slowly.
 
     Beyond pull-in that is nowhere, an InputError.
     """

@@ -1,4 +1,4 @@
-"""What a model with a reduced film does under a signal, sampled as all responses are."""
+"""Response of a model with a reduced film to a signal, sampled as all responses are."""
 
 from __future__ import annotations
 

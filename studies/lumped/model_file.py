@@ -32,7 +32,7 @@ STILL = Viscous(0.0, 1.0, 0.0)
 
 @dataclass(frozen=True)
 class LumpedModel:
-    """What stands for a specimen: circles of radii [m], the shortest first, weights α, two factors.
+    """Model of a specimen: circles of radii [m], the shortest first, weights α, two factors.
 
     The film's law, thickness, prestretch and permittivity, and the plate's size, are those of
     ``specimen``. ``flat_capacitance`` is the whole flat film's [F], ``highest_voltage`` the highest

@@ -1,4 +1,4 @@
-"""What must be said with any result of a lumped model: where its constants are from."""
+"""Remarks with any result of a lumped model: where its constants are from."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def remark(key: str, **values: object) -> str:
 
 
 def origin(actuator: Actuator) -> list[str]:
-    """What of an actuator is not its film's own: the paper's viscous constants, the paper's cones.
+    """Origin of what is not the film's own: the paper's viscous constants, the paper's cones.
 
     And what of its film it leaves out.
     """
@@ -39,7 +39,7 @@ def origin(actuator: Actuator) -> list[str]:
 
 def of_loads(specimen: Specimen, masses: Iterable[float], voltages: Iterable[float], rig: Rig
              ) -> list[str]:
-    """What the masses [kg] and nominal voltages [V] of a specimen's readings give rise to say."""
+    """Remarks on the masses [kg] and nominal voltages [V] of a specimen's readings."""
     return [f"{specimen.name}: {words}"
             for words in Case.greatest(specimen, masses, voltages, rig).remarks]
 

@@ -44,7 +44,7 @@ _LIGHTEST = 1e-6  # [kg]
 
 @dataclass(frozen=True, eq=False)
 class LumpedMotion:
-    """What an actuator did: dense in time. ``drawn_in`` is when it left the model's reach [s].
+    """Motion of an actuator, dense in time. ``drawn_in`` is when it left the model's reach [s].
 
     ``ends`` are the times between ``motions``, from 0 to when it is over [s].
     """
@@ -97,7 +97,7 @@ class LumpedMotion:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ModelResponse(Response):
-    """What a lumped model says: of circles, or of a film that is reduced to a few shapes.
+    """Response of a lumped model: of circles, or of a film that is reduced to a few shapes.
 
     What one of them does not have is None.
     """

@@ -21,7 +21,7 @@ _STORE = Store("lumped", 1000)
 def suited_model(specimen: Specimen, mass: float, voltage: float, settings: Settings,
                  rig: Rig = Rig(), progress: Callable[[str], None] = lambda _: None
                  ) -> LumpedModel:
-    """What ``tympan lumped build`` makes of a specimen under a mass [kg], 0 to a voltage [V].
+    """Model that ``tympan lumped build`` makes of a specimen under a mass [kg], 0 to a voltage [V].
 
     Without a reduced film: its viscous constants are those of
     :class:`tympan.studies.lumped.actuator.Viscous`. It is kept on disk, so that the next time it is
@@ -51,6 +51,6 @@ def _model(specimen: Specimen, content: bytes) -> LumpedModel:
 
 
 def _sources() -> list[str]:
-    """What decides a model beside the solvers, which the key has already."""
+    """Sources that decide a model beside the solvers, which the key has already."""
     files = [Path(building.__file__), *sorted(Path(alpha.__file__).parent.glob("*.py"))]
     return [file.read_text(encoding="utf-8") for file in files]

@@ -406,7 +406,7 @@ def _counts(tests: TimedTests) -> range:
 
 
 def _by_criterion(fits: Sequence[BranchFit], noise: float | None) -> BranchFit:
-    """Where nothing can be held out: by Akaike's criterion.
+    """Choice where nothing can be held out: by Akaike's criterion.
 
     Readings count as as many as are independent beside the most branches. A branch that does
     nothing, or whose time is at its bound, is one too many: nothing else speaks for it.

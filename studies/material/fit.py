@@ -289,7 +289,7 @@ def best_offered(fits: Sequence[LawFit]) -> LawFit | None:
 
 
 def warnings(coupons: Coupons, fits: Sequence[LawFit], at_rest: bool = False) -> list[str]:
-    """What stands between the best fit and its use; ``at_rest``: fitted beside branches."""
+    """Warnings before the best fit is used; ``at_rest``: fitted beside branches."""
     best, first = best_offered(fits), fits[0]
     if best is None:
         return [NOTES["none_offered"]]
@@ -308,7 +308,7 @@ def warnings(coupons: Coupons, fits: Sequence[LawFit], at_rest: bool = False) ->
 
 
 def _differing(coupons: Coupons, offered: Sequence[LawFit]) -> Iterator[str]:
-    """Where laws that all may be offered say very different things of an equibiaxial film."""
+    """Warning where laws that may be offered differ much on an equibiaxial film."""
     stretch = np.array([1 + (coupons.stretch_range[1] - 1) / 2])
     with np.errstate(all="ignore"):
         stresses = {fit.family.name: float(fit.family.stress(stretch, stretch, fit.values).item())

@@ -1,4 +1,4 @@
-"""What viscous branches pull with in coupon tests, by their time: integrated once, then looked up.
+"""Pull of viscous branches in coupon tests, by their time: integrated once, then looked up.
 
 The stretches of a test are known (of a creep test those it was read at), so what a branch pulls
 with is its modulus times what its time alone determines. That is computed here for times on a

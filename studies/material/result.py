@@ -1,4 +1,4 @@
-"""What a fit of laws to coupon tests found, on disk and back."""
+"""Result of a fit of laws to coupon tests, on disk and back."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ class MaterialFitResult:
 
     @classmethod
     def load(cls, folder: Path) -> MaterialFitResult:
-        """What was saved."""
+        """Load a saved fit."""
         histories = folder / "histories.csv"
         return cls(read_json(folder / "fit.json"),
                    read_coupons(folder / "coupon.csv"),
@@ -96,7 +96,7 @@ class MaterialFitResult:
 def fit_coupons(files: Path | Sequence[Path], names: Sequence[str] | None = None,
                 noise: float | None = None, branches: int | None = None, film: Case | None = None,
                 settings: Settings = Settings(), layout: Layout = Layout()) -> MaterialFitResult:
-    """What laws fitted to the readings of one file or several say.
+    """Fits of laws to the readings of one file or several.
 
     Where the runs tell time from stretch (``numbers["time"]``), laws with ``branches``, or as many
     as held-out runs choose, are fitted: see

@@ -58,7 +58,7 @@ _UNSTRETCHED = 1e-6
 
 @dataclass(frozen=True)
 class TimeInRuns:
-    """What runs tell of time apart from stretch.
+    """Statements of runs on time apart from stretch.
 
     ``share`` is the largest share of a branch's stress, of any time the tests may see, that no
     function of stretch gives: 0 on one ramp. ``separable``: it is enough. ``shown``: the readings

@@ -60,7 +60,7 @@ def kept_limit(limit: DesignLimit, states: Sequence[DesignState], bound: float) 
 
 def _highest_between(limit: DesignLimit, states: Sequence[DesignState], loads: Sequence[float],
                      highest: int) -> DesignState:
-    """Where a parabola through the highest load and its neighbours is highest."""
+    """Place where a parabola through the highest load and its neighbours is highest."""
     assert limit.load is not None
     near, about = states[highest], slice(highest - 1, highest + 2)
     squares = np.array([state.case.voltage for state in states[about]]) ** 2

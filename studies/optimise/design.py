@@ -57,7 +57,7 @@ class Design:
 
     @property
     def limited(self) -> dict[str, float]:
-        """What each limit measures where it comes nearest to its bound [SI]."""
+        """Value of each limit where it comes nearest to its bound [SI]."""
         return {name: limit.value for name, limit in self.kept.items()}
 
 
@@ -90,7 +90,7 @@ class DesignEvaluator:
         return local
 
     def held(self, x: Array) -> tuple[float, Array]:
-        """What the frame must keep; nan where there is no such frame."""
+        """Miss of what the frame must keep, and its slope; nan where there is no such frame."""
         problem = self.problem
         try:
             miss, slope = problem.held_slopes(self.measure, problem.lows + problem.widths * x)

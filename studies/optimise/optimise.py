@@ -76,7 +76,7 @@ class OptimiseResult:
 
     @classmethod
     def load(cls, folder: Path) -> OptimiseResult:
-        """What was saved; refused where it is of a version that kept too little."""
+        """Load a saved optimum; refused where it is of a version that kept too little."""
         file = folder / "optimum.json"
         record = from_json(dict[str, Any], read_json(file), file)
         if "variables" not in record:
@@ -99,7 +99,7 @@ class StartRun:
 
     @property
     def best(self) -> Design:
-        """Where it ended; a start that came to nothing, itself."""
+        """End of the search; a start that came to nothing, itself."""
         accepted = [trial for trial in self.trials if trial.accepted]
         return (accepted or self.trials)[-1]
 

@@ -1,4 +1,4 @@
-"""What to optimise: OPTIMISE.toml."""
+"""Problem of an optimisation: OPTIMISE.toml."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ NOTHING = "nothing"
 
 
 def held_words(measure: str) -> str:
-    """What is held of the frame, as words.
+    """Words on what is held of the frame.
 
     Examples
     --------
@@ -54,7 +54,7 @@ class Variable:
 
     @property
     def path(self) -> tuple[str, ...]:
-        """Where it stands in a specimen."""
+        """Path in a specimen."""
         first, *rest = self.key.split(".")
         return ("plate", "outline", *rest) if first == "plate" else (first, *rest)
 

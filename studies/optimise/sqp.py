@@ -48,7 +48,7 @@ class Linearisation:
 
 
 class Objective(Protocol):
-    """What is maximised."""
+    """Objective that is maximised."""
 
     def at(self, x: Array, renew: bool = False) -> Linearisation | None:
         """Values at a point, None where there are none.
@@ -96,7 +96,7 @@ class Multipliers:
 
 @dataclass(frozen=True, eq=False)
 class Descent:
-    """Where it ended, with how many ``trials`` and points without value (``missing``)."""
+    """End of a search, with its ``trials`` and points without value (``missing``)."""
 
     status: Status
     x: Array

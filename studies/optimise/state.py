@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 
 
 class Evaluation(NamedTuple):
-    """What a limit measures [its unit], c to be ≤ 0, shape (m,), and ∇c (m, parameters).
+    """Value of a limit [its unit], c to be ≤ 0, shape (m,), and ∇c (m, parameters).
 
     ``end``: how the film ends, where that is what is measured and it does. Over a cycle of the
     voltage the value is that nearest to the bound, ``at_V`` volts, and ``voltages`` are those that
@@ -43,7 +43,7 @@ class Evaluation(NamedTuple):
 
 @dataclass(eq=False)
 class MeshMemory:
-    """What a mesh keeps while it moves, so that values and derivatives belong together.
+    """Memory of a mesh that moves, so that values and derivatives belong together.
 
     Empty of a new mesh, which fills it. ``scales``: by how much smooth maxima fall short of the
     largest nodal value, by limit and state; ``sectors`` around the plate in which the nodes of

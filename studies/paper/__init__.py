@@ -1,1 +1,1 @@
-"""What the source paper states: its actuators, Table 1, Table 2, published numbers."""
+"""Statements of the source paper: its actuators, Table 1, Table 2, published numbers."""

@@ -1,4 +1,4 @@
-"""What the paper prints and what survived of it: ranges, percentages, settling times."""
+"""Numbers the paper prints and what survived of it: ranges, percentages, settling times."""
 
 from __future__ import annotations
 

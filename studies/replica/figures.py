@@ -46,7 +46,7 @@ _SEEN = 1e-6  # [m], by the paper's sensor
 
 @dataclass(frozen=True)
 class Choices:
-    """What the paper leaves open: figure 14's levels and seed, figure 13's period [s]; None: found.
+    """Choices the paper leaves open: figure 14's levels and seed, 13's period [s]; None: found.
 
     ``near`` [V]: without a seed the first one whose levels come so near to both of the paper's
     voltages is taken. ``reading`` is how Table 2 is read to find the missing ε_r and α₁: ``rest``,
@@ -105,7 +105,7 @@ class Decay:
 
     @property
     def scales(self) -> dict[str, float]:
-        """What a threshold is a share of, by the kind of criterion; a plain length in metres."""
+        """Scales that a threshold is a share of, by the kind of criterion; a length in metres."""
         return {"largest swing": float(self.height.max()), "whole change": self.travel,
                 "length": 1.0}
 

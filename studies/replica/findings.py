@@ -1,4 +1,4 @@
-"""What is wrong or missing in the paper, each shown by a computation.
+"""Faults and gaps of the paper, each shown by a computation.
 
 Every function computes one finding's values; ``words.txt`` says what they mean, ``findings.toml``
 which of them are its numbers.

@@ -51,7 +51,7 @@ def paper_array(permittivity: Any, alpha: Any, masses: Sequence[float] = MASSES)
 
 def deflections(permittivity: Any, alpha: Any, voltage: Any,
                 masses: Sequence[float] = MASSES) -> Array:
-    """Where these rest at a voltage [V], in m, shape (…, masses, 3); nan beyond pull-in."""
+    """Deflections of these at rest at a voltage [V], in m, (…, masses, 3); nan beyond pull-in."""
     moved = paper_array(permittivity, alpha, masses)
     return np.asarray(settle(lambda y: moved.balance(y, voltage), moved.flat))
 

@@ -45,7 +45,7 @@ _UNITS = {"largest swing": ("%", 100.0), "whole change": ("%", 100.0), "length":
 
 @dataclass(frozen=True, eq=False)
 class PaperResult:
-    """What paper.json holds, and ``curves``: of each file by the cells of its first columns.
+    """Content of paper.json, and ``curves``: of each file by the cells of its first columns.
 
     A curve has its abscissa and ordinate, shape (2, points).
     """
@@ -80,7 +80,7 @@ class PaperResult:
 
     @classmethod
     def load(cls, folder: Path) -> PaperResult:
-        """What was saved; what is missing or damaged is an InputError."""
+        """Load a saved result; what is missing or damaged is an InputError."""
         file = folder / "paper.json"
         content = from_json(dict[str, Any], read_json(file), file)
         if not {"lost", "chosen", "table_2", "settling", "hysteresis", "findings"} <= set(content):

@@ -1,4 +1,4 @@
-"""What SWEEP.toml may ask of every specimen beside its cases; each stands here once."""
+"""Questions of SWEEP.toml on every specimen beside its cases; each stands here once."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ Record = dict[str, Any]
 
 @dataclass(frozen=True)
 class Ask:
-    """What is asked: names of :data:`QUANTITIES`, and what circles stand for a specimen."""
+    """Questions: names of :data:`QUANTITIES`, and what circles stand for a specimen."""
 
     names: tuple[str, ...] = ()
     circles: AlphaSettings = field(default_factory=AlphaSettings)

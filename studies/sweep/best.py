@@ -32,7 +32,7 @@ _CONDITION = re.compile(r"\s*(?P<name>[^<>=]+?)\s*(?P<sign><=|>=|<|>)\s*(?P<boun
 
 @dataclass(frozen=True)
 class Condition:
-    """What a case must keep, such as "max_true_stress < 131 kPa", as it was written.
+    """Condition that a case must keep, such as "max_true_stress < 131 kPa", as it was written.
 
     ``column`` of the table compares by ``sign`` with the ``bound`` [SI].
     """
@@ -201,7 +201,7 @@ def _place(value: xr.DataArray, index: Any) -> dict[str, Any]:
 def _row(table: xr.Dataset, value: xr.DataArray, place: dict[str, Any], column: str,
          limited: Sequence[tuple[Condition, xr.DataArray, xr.DataArray | None]]
          ) -> dict[str, Any]:
-    """What a case is, its result, and how near it comes to each condition."""
+    """Row of a case: its result, and how near it comes to each condition."""
     here = value.sel(place)
     row = {column_name(table, str(name)): part.item() for name, part in here.coords.items()
            if name != "base" and part.ndim == 0}

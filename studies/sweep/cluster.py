@@ -152,7 +152,7 @@ class _Workers:
                               f"{type(answer).__name__}: {answer}")
 
     def scheduler_lost(self) -> Failure:
-        """What to raise when it has gone."""
+        """Error to raise when the scheduler has gone."""
         return Failure(f"the scheduler at {self.address} does not answer any more")
 
     def _addresses(self) -> set[str]:

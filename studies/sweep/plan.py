@@ -192,7 +192,7 @@ def voltage_of(voltages: Sequence[float], at: float | str | None) -> float:
 
 
 def _ask(table: Table) -> Ask:
-    """What is asked of every specimen, and the circles that stand for it."""
+    """Questions on every specimen, and the circles that stand for it."""
     names = table.value("ask", [])
     if (not isinstance(names, list) or len(set(map(repr, names))) < len(names)
             or not all(isinstance(name, str) and name in QUANTITIES for name in names)):

@@ -53,7 +53,7 @@ FILES = ("sweep.nc", "sweep.parquet", "sweep.csv", "sweep.json", "sweep.html")
 
 @dataclass(frozen=True)
 class SweepResult:
-    """What a run of a sweep did: cases by status, how many were solved now and how many were there.
+    """Result of a sweep: cases by status, how many were solved now and how many were there.
 
     ``table`` has all cases, as :func:`tympan.studies.sweep.table.dataset` lays it out; ``source``
     is SWEEP.toml and ``solver`` what solved it. ``figures``: the first case of each specimen was
@@ -94,7 +94,7 @@ class SweepResult:
 
     @classmethod
     def load(cls, folder: Path) -> SweepResult:
-        """What was saved."""
+        """Load a saved sweep."""
         file = folder / "sweep.json"
         record = from_json(dict[str, Any], read_json(file), file)
         kinds: dict[str, Any] = {"statuses": dict[str, int], "solved": int, "kept": int,
@@ -127,7 +127,7 @@ class Checkpoint:
         write_text(self._file(task), f"{_digest(body)}\n{body}\n", hashed=True)
 
     def get(self, task: SweepTask) -> TaskResult | None:
-        """What was kept of a finished task; None if it is missing, damaged or lacks fields."""
+        """Content of a finished task; None if it is missing, damaged or lacks fields."""
         try:
             digest, body = self._file(task).read_text(encoding="utf-8").rstrip("\n").split("\n", 1)
         except FileNotFoundError:

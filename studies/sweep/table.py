@@ -138,7 +138,7 @@ def _coordinates(sweep: Sweep) -> dict[str, Coordinate]:
 
 
 def _parameters(axis: str, choices: list[dict[str, Any]]) -> dict[str, Coordinate]:
-    """What differs along an axis, by key: numbers in SI with their unit, or texts."""
+    """Parameters that differ along an axis, by key: numbers in SI with their unit, or texts."""
     varied = [dict(flattened(choice)) for choice in choices]
     coordinates: dict[str, Coordinate] = {}
     for key in dict.fromkeys(key for choice in varied for key in choice):

@@ -51,7 +51,7 @@ Row = dict[str, Any]
 
 @cache
 def solver() -> str:
-    """What solves: version and revision."""
+    """Solver: version and revision."""
     return f"tympan {metadata.version('tympan')} revision {REVISION}"
 
 

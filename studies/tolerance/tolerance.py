@@ -258,7 +258,7 @@ class Limited:
         return np.asarray(np.isfinite(self.voltage[1:]))
 
     def record(self) -> FilmLimits:
-        """What is stored."""
+        """Record that is stored."""
         shares = {kind: float((self._met & (self.kind[1:] == number)).mean())
                   for number, kind in enumerate(KINDS)}
         return FilmLimits(
@@ -276,7 +276,7 @@ class Limited:
 
     @property
     def warnings(self) -> list[str]:
-        """What its reader must know."""
+        """Warnings that its reader must know."""
         highest, missing = self.record().highest_V / 1e3, 1 - self._met.mean()
         if missing <= _FEW:
             return []

@@ -136,7 +136,7 @@ def _films(dataset: Dataset, coupons: Coupons) -> tuple[Setup, Numbers]:
 
 
 def _keys(coupons: Coupons, film: Numbers) -> Array:
-    """What readings of one run share, shape (readings, 6)."""
+    """Keys that readings of one run share, shape (readings, 6)."""
     labels = [np.unique(values, return_inverse=True)[1].ravel().astype(float)
               for values in (coupons.specimen, coupons.run, coupons.mode)]
     return np.stack([film.astype(float), labels[2], coupons.degrees, coupons.volts, *labels[:2]],

@@ -180,7 +180,7 @@ class CouponTests(Evidence):
         return all(specimen.membrane in films for specimen in self.setup.specimens)
 
     def batch(self, best: Setup) -> Array:
-        """What rows show whose films differ from the actuators' [Pa], shape (rows, 2).
+        """Stresses of rows whose films differ from the actuators' [Pa], shape (rows, 2).
 
         By what the best model of the coupons says: by what was read, what films differ by would be
         along the readings' own noise.
@@ -191,7 +191,7 @@ class CouponTests(Evidence):
         return np.asarray(BATCH * np.stack([law, law - whole], axis=1)[self.rows])
 
     def shown(self, setup: Setup) -> tuple[Array, NDArray[np.bool_]]:
-        """What each reading shows [Pa] and whether such a strip has an equilibrium, (readings,)."""
+        """Stress of each reading [Pa] and whether such a strip has an equilibrium, (readings,)."""
         stress, possible = np.zeros(len(self.coupons)), np.ones(len(self.coupons), bool)
         for number, specimen in enumerate(setup.specimens):
             part = np.flatnonzero(self.film == number)
@@ -316,7 +316,7 @@ def _width(film: Film, field: Any, stiffer: Array, along: Array) -> tuple[Array,
 
 
 class CouponPrediction:
-    """What rows of coupons show at some unknowns; with the readings' names of a film's prediction.
+    """Prediction of rows of coupons at some unknowns; with the names of a film's prediction.
 
     ``rows`` are numbers of those judged; between ``bounds``, shape (2, unknowns), derivatives are
     taken.
@@ -346,11 +346,11 @@ class CouponPrediction:
 
     @property
     def values(self) -> Array:
-        """What each row shows [Pa], nan where a strip has no equilibrium."""
+        """Stress of each row [Pa], nan where a strip has no equilibrium."""
         return np.where(self.possible, self.extended, np.nan)
 
     def _shown(self, unknowns: Array) -> tuple[Array, NDArray[np.bool_]]:
-        """What each row shows, and which readings have an equilibrium."""
+        """Stress of each row, and which readings have an equilibrium."""
         tests, uses = self.tests, uses_of(self.hypothesis, unknowns)
         felt = [use for cause, use in zip(self.hypothesis, uses, strict=True) if tests.feel(cause)]
         shown, possible = tests.shown(tests.extended(tests.setup, unknowns, felt))

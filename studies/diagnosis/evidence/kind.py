@@ -1,4 +1,4 @@
-"""What everybody asks a kind of evidence, and the readings of a dataset that it makes."""
+"""Interface of a kind of evidence, and the readings of a dataset that it makes."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ Split = tuple[str, str, Rows]
 
 
 class Shown(Protocol):
-    """What rows show at some unknowns, with derivatives.
+    """Predicted readings of rows at some unknowns, with derivatives.
 
     ``possible``: of each state whether it is one of equilibrium, ``short``: it might be by laws of
     further reach; ``heave``: of each [m]. ``values``, (rows,), are nan without an equilibrium,
@@ -74,13 +74,13 @@ class Model(Protocol):
     def loaded(self) -> bool: ...
 
     def shown(self, hypothesis: Hypothesis, unknowns: Array, table: ReadingTable) -> Shown:
-        """What rows of plates under loads show."""
+        """Predicted readings of rows of plates under loads."""
 
     def prediction(self, hypothesis: Hypothesis, unknowns: Array, table: ReadingTable) -> Shown:
-        """What the rows of a table show, with derivatives."""
+        """Predicted readings of the rows of a table, with derivatives."""
 
     def predict(self, hypothesis: Hypothesis, unknowns: Array, table: ReadingTable) -> Array:
-        """What each row of a table shows."""
+        """Predicted reading of each row of a table."""
 
     def extended(self, hypothesis: Hypothesis, unknowns: Array) -> Setup:
         """The setup with stiffness, permittivity and effects."""
@@ -92,7 +92,7 @@ class Model(Protocol):
         """The same for which they could be, as far as known."""
 
     def of_first(self) -> Model:
-        """What shows the first kind of evidence, and those that are loaded as it is."""
+        """Model of the first kind of evidence, and of those that are loaded as it is."""
 
     def grown(self, cause: Cause, index: int, side: int, workers: int = 1) -> Model:
         """Model with a larger size of an effect's parameter, on side +1 or -1."""
@@ -122,7 +122,7 @@ class Evidence(Protocol):
 
     def predict(self, model: Model, hypothesis: Hypothesis, unknowns: Array, table: ReadingTable
                 ) -> Shown:
-        """What the rows of a table show, all of this kind; if ``loaded``, of all such kinds."""
+        """Predicted readings of a table's rows, of this kind; if ``loaded``, of all such kinds."""
 
     def patterns(self, table: ReadingTable, names: Sequence[str], predicted: Array
                  ) -> dict[str, Array]:
@@ -206,7 +206,7 @@ class PlateEvidence(Evidence, Protocol):
         return [], []
 
     def shown(self, films: Films, kind: str, rows: NDArray[np.int64], heave: Array) -> Array:
-        """What rows of one of its kinds show, when states have these heaves [m]."""
+        """Predicted readings of rows of one of its kinds, at these deflections of states [m]."""
 
     def predict(self, model: Model, hypothesis: Hypothesis, unknowns: Array, table: ReadingTable
                 ) -> Shown:

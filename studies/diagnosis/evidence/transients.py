@@ -75,7 +75,7 @@ class Transients(PlateEvidence):
 
 
 def _out_of_time(few: BlockMeans, rig: Rig) -> str | None:
-    """What is wrong with times by which the plate swings as no weight on this film can.
+    """Message that the plate swings at these times as no weight on this film can.
 
     A weight on a spring that gives way by y has 2πf = √(g/y).
     """

@@ -1,4 +1,4 @@
-"""What a hypothesis comes to when it is fitted: its most probable unknowns."""
+"""Fit of a hypothesis: its most probable unknowns."""
 
 from __future__ import annotations
 
@@ -113,7 +113,7 @@ class Fit:
         return np.asarray(self.jacobian[:, ~self.stopped])
 
     def predicted(self, table: ReadingTable) -> Array:
-        """What the rows of the table it was fitted to show, shape (rows,)."""
+        """Predicted readings of the table it was fitted to, shape (rows,)."""
         return np.asarray(table.value - table.noise.coloured(self.residual))
 
     def whitened(self, values: Array) -> Array:

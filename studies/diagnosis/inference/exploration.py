@@ -189,7 +189,7 @@ class Exploration:
                 self._fit(pair, [*corners, *([before.unknowns] if before else [])])
 
     def _shown(self, hypothesis: Hypothesis, unknowns: Array) -> Array:
-        """What readings show, over their noise."""
+        """Predicted readings over their noise."""
         shown = self.simulation.prediction(hypothesis, unknowns, self.table)
         return self.table.noise.whitened(shown.extended)
 
@@ -303,7 +303,7 @@ class Exploration:
 
 def pair_starts(pair: Hypothesis, fits: Mapping[Hypothesis, Fit], least: float, simulation: Model,
                 table: ReadingTable) -> list[Array]:
-    """Where a fit of two effects begins: at either alone that the other may help enough.
+    """Starts of a fit of two effects: at either alone that the other may help enough.
 
     ``fits`` of both alone; ``least``: the cost that a fit must not be far behind. An effect that is
     there again begins without size, at a time, or the like, that is usual from the first one's.

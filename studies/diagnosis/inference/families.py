@@ -1,4 +1,4 @@
-"""What is told of a cause that readings do not tell from others of its family: how much they do."""
+"""Families of causes that readings do not tell apart: what is said of them together."""
 
 from __future__ import annotations
 

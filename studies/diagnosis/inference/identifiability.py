@@ -1,4 +1,4 @@
-"""What can be known from readings before they are made: which effects are seen and told apart."""
+"""Detectable effects before readings are made: which are seen and told apart."""
 
 from __future__ import annotations
 
@@ -110,7 +110,7 @@ def classes_of(signs: Signatures) -> tuple[tuple[Cause, ...], tuple[tuple[Cause,
 
 
 def detectable_effects(signs: Signatures) -> list[Knowable]:
-    """What each effect must reach, whatever the readings will be."""
+    """Sizes that each effect must reach to be detected, whatever the readings will be."""
     invisible, classes = classes_of(signs)
     alike = {cause: group for group in classes for cause in group}
     effects = []

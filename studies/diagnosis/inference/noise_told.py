@@ -1,4 +1,4 @@
-"""What readings tell of their noise: which are off by themselves, and what errors remember.
+"""Noise as readings show it: which are off by themselves, and what errors remember.
 
 Beside what a model misses, a reading may be off by itself, as a slip of the pen is, and an error
 may remember the one before. Each is weighed as any cause is: by how probable it makes what several
@@ -56,7 +56,7 @@ _BETTER = 3.0
 
 @dataclass(frozen=True, eq=False)
 class Missed:
-    """What a model misses of readings, (n,), and what its unknowns could change, (n, p).
+    """Residuals of a model, (n,), and what its unknowns could change, (n, p).
 
     Both in the readings' units.
     """
@@ -67,7 +67,7 @@ class Missed:
 
 @dataclass(frozen=True, eq=False)
 class Told:
-    """What readings tell of their noise beside what is stated.
+    """Noise as readings show it, beside what is stated.
 
     ``correlation`` of what the errors of neighbours remember in ``chain``, readings in the order in
     which they may, a step apart, None where they do not; ``share`` of the variance that does;
@@ -112,7 +112,7 @@ class Told:
 
 def noise_told(noise: Noise, models: Sequence[Missed], smooth: Callable[[], Iterable[Array]],
                chain: Memory | None = None) -> Told:
-    """What of the noise makes what some models miss most probable; nothing if it is as stated.
+    """Noise that makes the residuals of some models most probable; nothing if it is as stated.
 
     ``models``: the nominal one first; ``smooth`` answers columns of which what else it may miss is
     a random sum, (n, columns), of one kind of misfit after the other.

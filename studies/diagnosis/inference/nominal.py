@@ -1,4 +1,4 @@
-"""What the nominal model misses of readings, and their noise as they tell it."""
+"""Residuals of the nominal model, and the noise of readings as these show it."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ class NominalMisfit:
         return misfit, tests
 
     def signatures(self, causes: Sequence[Cause]) -> Signatures:
-        """What causes show in the readings, worked out once."""
+        """Signatures of causes in the readings, computed once."""
         key = tuple(causes)
         if key not in self._signatures:
             self._signatures[key] = signatures(self.simulation, self.table, self.fit.unknowns,
@@ -120,7 +120,7 @@ class NominalMisfit:
         return self if told.alike(self.told) else self.with_told(told)
 
     def noise_told(self, models: Sequence[Missed], remembers: bool) -> Told:
-        """What readings tell of their noise by what models miss."""
+        """Noise of readings by the residuals of models."""
         chain = chain_of(self.table) if remembers else None
         return noise_told(self.stated, models, self._smooth_misfits, chain)
 
@@ -135,7 +135,7 @@ class NominalMisfit:
         yield from smooth_columns(self.table)
 
     def missed_by(self, fit: Fit) -> Missed:
-        """What a fit to the table misses."""
+        """Residuals of a fit to the table."""
         colour = self.table.noise.coloured
         return Missed(colour(fit.residual), colour(fit.free_jacobian))
 
@@ -147,7 +147,7 @@ class NominalMisfit:
         return replace(self, table=table, fit=nominal, patterns=patterns, told=told)
 
     def _shown(self, causes: Sequence[Cause]) -> dict[str, Array]:
-        """What patterns and causes show, over the noise, by name."""
+        """Columns of patterns and causes over the noise, by name."""
         return over(self.patterns, self.table) | {
             str(cause): signature for cause, signature in self.signatures(causes).items()}
 
@@ -195,7 +195,7 @@ def with_noise_found(simulation: Model, table: ReadingTable, causes: Sequence[Ca
 
 
 def _patterns(simulation: Model, table: ReadingTable, nominal: Fit) -> dict[str, Array]:
-    """What a misfit may be a combination of, in units of the readings."""
+    """Patterns that a misfit may be a combination of, in units of the readings."""
     names = [specimen.name for specimen in simulation.setup.specimens]
     predicted, columns = nominal.predicted(table), dict[str, Array]()
     for kind in simulation.evidence:

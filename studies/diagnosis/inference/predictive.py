@@ -1,4 +1,4 @@
-"""What readings are expected to be: a mixture of hypotheses, each with its own uncertainty."""
+"""Expected readings: a mixture of hypotheses, each with its own uncertainty."""
 
 from __future__ import annotations
 

@@ -143,7 +143,7 @@ def _left(tried: _Tried) -> float:
 
 @dataclass(frozen=True, eq=False)
 class _Search:
-    """What parts of the rows leave with other labels.
+    """Search for what parts of the rows leave with other labels.
 
     ``residual`` and ``jacobian``: of all rows with these, over the noise, at a fit of those stated.
     """
@@ -157,7 +157,7 @@ class _Search:
 
     @classmethod
     def of(cls, simulation: Model, table: ReadingTable, fitted: Fit, way: _Way) -> _Search:
-        """What the other labels leave, before anything is fitted anew."""
+        """Residuals of the other labels, before anything is fitted anew."""
         relabelled = replace(table, states=way.states)
         shown = simulation.prediction(fitted.hypothesis, fitted.unknowns, relabelled)
         return cls(simulation, table, fitted, way,

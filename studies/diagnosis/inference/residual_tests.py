@@ -1,4 +1,4 @@
-"""Where residuals have structure: tests with smooth columns by voltage, mass, specimen and time.
+"""Structure of residuals: tests with smooth columns by voltage, mass, specimen and time.
 
 Noise is rough: what is smooth along a ramp is not noise. So the scatter about smooth curves
 measures the noise whether or not the one stated is right, and what the smooth curves take from the
@@ -44,7 +44,7 @@ _ROUGH = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class TestResult:
-    """What tests found.
+    """Result of tests of residuals.
 
     ``p_values``: the probability that noise alone shows as much, of each pattern; ``p_value``: of
     the strongest of them, corrected for their number; ``noise``: over the stated one, known with
@@ -59,7 +59,7 @@ class TestResult:
     reading: int = 0
 
     def words(self, name: str) -> str:
-        """What a misfit of a pattern is, in words."""
+        """Description of a misfit of a pattern, in words."""
         if name == "step" and self.reading:
             return WORDS["shifted"].format(self.reading)
         return words_of(name)

@@ -121,7 +121,7 @@ class Discrepancy:
                    table)
 
     def variance(self, fit: Fit, jacobian: Array, table: ReadingTable) -> Array:
-        """What it adds to the variance of a fit's predictions of a table's rows, shape (rows,).
+        """Variance that it adds to a fit's predictions of a table's rows, shape (rows,).
 
         ``jacobian``: of these by the unknowns. There it is by itself, and moved the fit, where the
         readings were.

@@ -98,7 +98,7 @@ class Confusion:
 
 @dataclass(frozen=True, eq=False)
 class Judgement:
-    """What readings say about the nominal model.
+    """Judgement of readings on the nominal model.
 
     ``simulation``: as far as it was grown; ``table`` has the noise found; ``test`` is that of the
     nominal fit, ``after`` that of the best hypothesis, None when nothing is wrong; ``patterns`` are
@@ -147,7 +147,7 @@ class Judgement:
 
     @property
     def chosen(self) -> Fit | None:
-        """What to extend the model with: the causes named, or the most probable hypothesis.
+        """Extension of the model: the causes named, or the most probable hypothesis.
 
         None when nothing is wrong.
         """
@@ -162,7 +162,7 @@ class Judgement:
         return min(max(share, 0.0), 1.0)
 
     def noise_over(self, stated: ReadingTable) -> float:
-        """What deflections scatter by, over the noise of the table they came in; else all readings.
+        """Scatter of deflections over the noise of the table they came in; else of all readings.
 
         Weighed with coupons they have had their noise found before.
         """
@@ -172,7 +172,7 @@ class Judgement:
         return float(np.median(films.sigma[lengths] / stated.sigma[lengths]))
 
     def of_first(self) -> Judgement:
-        """What of it concerns the first kind of evidence, where others were weighed with it."""
+        """Judgement on the first kind of evidence, where others were weighed with it."""
         first = self.simulation.of_first()
         if first.evidence == self.simulation.evidence:
             return self
@@ -253,7 +253,7 @@ def _judged(simulation: Model, table: ReadingTable, causes: Sequence[Cause], wid
 
 
 def _told_by(misfit: NominalMisfit, judged: Judgement) -> Told:
-    """What all fits together tell of the noise they were judged by."""
+    """Noise by which all fits together were judged, as they show it."""
     if judged.posterior is None:
         return misfit.told
     fits = [misfit.fit, *judged.posterior.fits[: _ASKED[0]], *judged.alone[: _ASKED[1]]]

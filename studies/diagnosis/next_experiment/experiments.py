@@ -39,7 +39,7 @@ _MARGIN = 0.05
 
 @dataclass(frozen=True, eq=False)
 class Readout:
-    """What was read, and the nominal model's fit to it."""
+    """Readings that were made, and the nominal model's fit to them."""
 
     simulation: Simulation
     table: ReadingTable
@@ -79,7 +79,7 @@ class Readout:
                                             pace * np.arange(float(len(specimen))), direction))
 
     def shown(self, table: ReadingTable) -> Array:
-        """What the nominal model expects."""
+        """Readings that the nominal model expects."""
         return self.simulation.predict((), self.nominal.unknowns, table)
 
     def within_reach(self, table: ReadingTable) -> NDArray[np.bool_]:
@@ -96,7 +96,7 @@ class Readout:
 
 @dataclass(frozen=True, eq=False)
 class Outlook:
-    """What readings to be made would be by each rival, and their ``noise``.
+    """Readings to be made as each rival expects them, and their ``noise``.
 
     ``values`` (readings,) and ``jacobians`` (readings, unknowns) of each rival; ``what`` to do, and
     the ``work`` it costs [s].
@@ -135,7 +135,7 @@ class Experiment:
     equips: Callable[[Readout, ReadingTable], Readout] | None = None
 
     def words(self, table: ReadingTable, setup: Setup) -> str:
-        """What to do, for those of the rows that remain."""
+        """Advice on what to do, for those of the rows that remain."""
         return self.what.format(mass=f"{1e3 * table.mass.max():.4g} g",
                                 voltage=f"{table.voltage.max() / 1e3:.3g} kV",
                                 specimen=setup.specimens[int(table.specimen[0])].name,
@@ -143,7 +143,7 @@ class Experiment:
                                 time=f"{np.nan_to_num(table.states.elapsed).min() / _HOUR:.2g} h")
 
     def outlook(self, readout: Readout, fits: Sequence[Fit], effort: Effort) -> Outlook | None:
-        """What the rows that are possible would be by each rival."""
+        """Readings of the rows that are possible, by each rival."""
         possible = self.possible(readout, fits)
         if possible is None:
             return None
@@ -171,7 +171,7 @@ class Experiment:
         return (readout, table[usable]) if usable.any() else None
 
     def work(self, readout: Readout, table: ReadingTable, effort: Effort) -> float:
-        """What those of the rows that remain cost [s]."""
+        """Cost of those of the rows that remain [s]."""
         states = table.compact().states
         runs = np.unique(np.stack([states.specimen, states.mass, states.run], 1), axis=0)
         pause = float(np.nan_to_num(states.elapsed).min()

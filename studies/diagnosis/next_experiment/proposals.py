@@ -63,7 +63,7 @@ class Proposal:
 
     @property
     def minutes(self) -> float:
-        """What it costs."""
+        """Cost in minutes."""
         return self.work / _MINUTE
 
 
@@ -139,7 +139,7 @@ def _apart(first: Hypothesis, second: Hypothesis) -> tuple[str, str]:
 
 
 def _sentence(ranked: Sequence[Proposal], pair: tuple[str, str]) -> str:
-    """What to do; and whether the two most probable rivals stay together whatever is done."""
+    """Sentence on what to do; and whether the two likeliest rivals stay together in any case."""
     none = WORDS["none"].format(first=plain(pair[0]), second=plain(pair[1]))
     able = [proposal for proposal in ranked if proposal.enough]
     if not able:

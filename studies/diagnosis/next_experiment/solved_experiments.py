@@ -89,7 +89,7 @@ class SolvedExperiment:
     sets_up: str
 
     def outlook(self, readout: Readout, fits: Sequence[Fit], effort: Effort) -> Outlook | None:
-        """What the readings would be by each rival; None where one has no equilibrium."""
+        """Expected readings by each rival; None where one has no equilibrium."""
         new = self.plan(readout)
         if new is None:
             return None

@@ -1,1 +1,1 @@
-"""What a misfit may look like: smooth columns of readings, of films and of coupons."""
+"""Patterns of misfits: smooth columns of readings, of films and of coupons."""

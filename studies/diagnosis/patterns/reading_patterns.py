@@ -61,7 +61,7 @@ _THRESHOLDS = np.geomspace(0.003, 0.3, 64)
 
 
 def words_of(name: str) -> str:
-    """What a misfit of a pattern is, in words."""
+    """Description of a misfit of a pattern, in words."""
     return WORDS.get(name, WORDS[name.split()[0]]).format(*name.split(" ", 1))
 
 

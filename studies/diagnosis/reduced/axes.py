@@ -1,4 +1,4 @@
-"""What a film's force law depends on besides heave and voltage: parameters of effects."""
+"""Axes of a film's force law besides deflection and voltage: parameters of effects."""
 
 from __future__ import annotations
 
@@ -111,7 +111,7 @@ def _shown(parameter: EffectParameter, size: float) -> str:
 
 @dataclass(frozen=True)
 class HeldFilm:
-    """What the finite elements see of a specimen: how its plate is held, and gas pressure [Pa]."""
+    """Specimen as finite elements see it: how its plate is held, and gas pressure [Pa]."""
 
     specimen: Specimen
     loading: Loading

@@ -1,4 +1,4 @@
-"""What films remember of their runs, as a hardening: for a while a film is as one that is stiffer.
+"""Memory of films in their runs, as a hardening: for a while a film is as a stiffer one.
 
 A film with viscous branches that goes through a voltage's history stands, at any time, where a film
 at rest would that is 1 + η times as stiff. That η comes from the film reduced to a few points
@@ -132,7 +132,7 @@ class RememberingFilm:
 
     def _interpolated(self, extra: Sequence[ViscousBranch], mounted: float | None, scale: float
                       ) -> Array:
-        """What additional branches do together beyond what fewer of them do."""
+        """Hardening by additional branches together beyond what fewer of them do."""
         ratios, axes = [branch.modulus * scale / self.branch for branch in extra], []
         first = _FIRST if len(extra) < 2 else _FIRST_OF_TWO
         for branch, ratio in zip(extra, ratios, strict=True):

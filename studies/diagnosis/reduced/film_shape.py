@@ -79,7 +79,7 @@ def lattice_of(frame: Outline, plate: Plate) -> Lattice:
 
 
 def _crossing(outline: Outline | Plate, centre: Array, way: Array, far: float) -> Array:
-    """Where rays leave an outline [m], shape (AROUND,)."""
+    """Distances at which rays leave an outline [m], shape (AROUND,)."""
     beyond = outside(outline, centre, way, far)
     if np.any(np.diff(beyond.astype(int), axis=0) < 0) or not beyond[-1].all():
         raise InputError("must be one whose whole edge is seen from the plate's centre, for "
@@ -160,14 +160,14 @@ class FilmShape:
         return np.ascontiguousarray(self.coefficients.transpose(2, 1, 0)).reshape(AROUND, -1)
 
     def heights(self, places: Array) -> Array:
-        """What a sensor above places of the table sees [m]; places (n, 2) [m]."""
+        """Heights that a sensor above places of the table reads [m]; places (n, 2) [m]."""
         share, turn = self._sought(places, moved=True)
         film = self._at(share, turn)[0][4]
         plate = self.plane[0] + places @ self.plane[1:]
         return np.where(share < 0, plate, np.where(share > 1, 0.0, film))
 
     def origins(self, places: Array) -> tuple[Array, Mask]:
-        """Where in the flat film that lay which now stands at places (n, 2) [m]; which is film."""
+        """Places in the flat film of what now stands at places (n, 2) [m]; which is film."""
         share, turn = self._sought(places, moved=True)
         return self._at(share, turn)[0][:2].T, (share > 0) & (share < 1)
 

@@ -1,4 +1,4 @@
-"""Where the plates of films come to rest, by the forces on them at every heave."""
+"""Equilibria of the plates of films, by the forces on them at every deflection."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ class FilmsAtRest:
 
     @cached_property
     def load(self) -> Array:
-        """What pulls each plate beside its film, springs and friction [N], shape (states,)."""
+        """Pull on each plate beside its film, springs and friction [N], shape (states,)."""
         areas = np.array([area(specimen.needed_plate().outline) if self.rig.plate_pressure else 0.0
                           for specimen in self.films.setup.specimens])
         load: Array = self.rig.force(self.states.mass, areas[self.states.specimen])
@@ -97,7 +97,7 @@ class FilmsAtRest:
 
     @cached_property
     def _film_weight(self) -> Array:
-        """What each plate carries of its film's own weight [N], shape (states,)."""
+        """Share of its film's own weight that each plate carries [N], shape (states,)."""
         if self.films.masses is None:
             return np.zeros(len(self.states))
         return self.films.masses.film_weight[self.states.specimen]
@@ -192,7 +192,7 @@ class FilmsAtRest:
 
     @cached_property
     def _rest(self) -> tuple[Array, Mask]:
-        """Where plates come to rest within the laws' reach in heave, or come nearest to it.
+        """Equilibria of plates within the laws' reach in deflection, or the nearest to it.
 
         If they move: one that rubs may stay where it was.
         """
@@ -317,7 +317,7 @@ class FilmsAtRest:
 
 
 def resting_place(balance: Balance, low: Array, high: Array) -> tuple[Array, Mask]:
-    """Where plates let go at no heave first come to rest, and which of them do.
+    """First equilibria of plates let go at no deflection, and which of them have one.
 
     ``balance`` is the force that holds the plate less the load [N]; ``low`` < 0 < ``high`` [m],
     shape (states,), say how far it is sought. Of a plate that nowhere rests, the heave at which the
@@ -383,7 +383,7 @@ def play(first: Array, last: Array, runs: Iterable[NDArray[np.int64]],
 
 
 def crossing(function: Balance, low: Array, high: Array, start: Array) -> Array:
-    """Where functions that are not positive at ``low`` cross 0 below ``high``: Newton in brackets.
+    """Roots below ``high`` of functions not positive at ``low``: Newton in brackets.
 
     ``function`` answers values and derivatives, shape (n,) each. It begins at ``start`` where that
     is between them.

@@ -129,7 +129,7 @@ class Grid:
 
 
 class Solver(Protocol):
-    """What solves films with their plates held.
+    """Solver of films with their plates held.
 
     Answers have the shape (3, heaves, voltages) of a grid's nodes: force [N], capacitance [F],
     squared tilt [rad²]; nan where there is none. Below them there may be displacements [m] of a
@@ -137,7 +137,7 @@ class Solver(Protocol):
     """
 
     def stored(self, film: HeldFilm, grid: Grid) -> Array | None:
-        """What is at hand at once."""
+        """Values that are at hand at once."""
 
     def solved(self, film: HeldFilm, grid: Grid, near: Sequence[HeldFilm]) -> Array:
         """Solve at the nodes, from films ``near`` that have been solved, the nearest last.
@@ -204,7 +204,7 @@ def odd_values(count: int) -> Numbers:
 
 @dataclass(frozen=True, eq=False)
 class ForceLaw:
-    """What a film does at a heave, a U² and sizes of the effects that change it.
+    """Force of a film at a deflection, a U² and sizes of the effects that change it.
 
     ``samples``: films solved, the one without effects on the law's own grid. ``solver`` made them
     and makes more.
@@ -226,7 +226,7 @@ class ForceLaw:
 
     @cached_property
     def terms(self) -> Mapping[tuple[int, ...], Term]:
-        """What is added to the nominal film, by the axes that do so together."""
+        """Terms that are added to the nominal film, by the axes that do so together."""
         groups: dict[tuple[int, ...], list[Sample]] = {}
         for sample in sorted(self.samples, key=len):
             if sample:
@@ -255,7 +255,7 @@ class ForceLaw:
 
 @dataclass(frozen=True, eq=False)
 class Term:
-    """What the axes of a ``group`` add together, through samples.
+    """Term that the axes of a ``group`` add together, through samples.
 
     ``at``: their coordinates, shape (samples, axes); ``added``: coefficients there, shape (samples,
     3, heaves, voltages).
@@ -317,7 +317,7 @@ def _floater_hormann(nodes: Array) -> Array:
 
 
 def _cardinal(nodes: Array, weights: Array, at: float) -> Array:
-    """What each node's value counts at a place."""
+    """Weight of each node's value at a place."""
     apart = at - nodes
     # So near to a node its share overflows.
     if (hit := np.abs(apart) <= np.finfo(float).eps * np.ptp(nodes)).any():
@@ -389,7 +389,7 @@ def _force_surface(law: ForceLaw, sizes: tuple[float, ...]) -> ForceSurface:
 
 def _sum_of(terms: Mapping[tuple[int, ...], Term], coordinates: Mapping[int, float]
             ) -> Array | float:
-    """What all the terms of some axes and their groups add, coordinates by number ascending."""
+    """Sum of all terms of some axes and their groups, coordinates by number ascending."""
     groups = (group for count in range(1, len(coordinates) + 1)
               for group in combinations(coordinates, count) if group in terms)
     return sum((terms[group].value([coordinates[number] for number in group])

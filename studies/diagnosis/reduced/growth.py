@@ -153,7 +153,7 @@ class Chain:
 
 @dataclass(frozen=True, eq=False)
 class Solved:
-    """What a chain answers: values by sample, and what ended it before its end."""
+    """Answer of a chain: values by sample, and what ended it before its end."""
 
     chain: Chain
     answers: dict[Sample, Sampled]

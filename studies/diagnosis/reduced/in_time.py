@@ -1,4 +1,4 @@
-"""What readings of runs in time show besides those at rest: charging, damping, late sensors.
+"""Readings of runs in time besides those at rest: charging, damping, late sensors.
 
 A block's mean is read whole swings after a jump of the voltage. By then a swing leaves no trace but
 that the plate was behind its place: for c/k on average where it is damped, and for the sensor's lag

@@ -1,4 +1,4 @@
-"""What a rig's sensors show of films at rest, swinging and after jumps of their voltages."""
+"""Readings of a rig's sensors: of films at rest, swinging and after jumps of their voltages."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _STEP = 1e-6
 
 
 class Prediction:
-    """What films show at some unknowns, in the rows of a table."""
+    """Predicted readings of films at some unknowns, in the rows of a table."""
 
     def __init__(self, films: ReducedFilms, hypothesis: Hypothesis, unknowns: Array,
                  table: ReadingTable, like: Prediction | None = None) -> None:
@@ -77,12 +77,12 @@ class Prediction:
 
     @cached_property
     def extended(self) -> Array:
-        """What each row shows at the extended heaves."""
+        """Reading of each row at the extended deflections."""
         return self.shown(self.rest.extended_heave)
 
     @cached_property
     def values(self) -> Array:
-        """What each row shows."""
+        """Reading of each row."""
         return self.shown(self.heave)
 
     @cached_property
@@ -117,7 +117,7 @@ class Prediction:
         return (self.shown(heave + tiny) - self.shown(heave - tiny)) / (2 * tiny)
 
     def shown(self, heave: Array) -> Array:
-        """What the rows show when the states have these heaves [m]."""
+        """Readings of the rows when the states have these deflections [m]."""
         shown = np.empty(len(self.table))
         for kind, rows in self.table.rows_of.items():
             shown[rows] = BY_ROWS[kind].shown(self, kind, rows, heave)
@@ -155,7 +155,7 @@ class Prediction:
 
     @property
     def moving(self) -> Array:
-        """What swings with the plate [kg], shape (states,)."""
+        """Mass that swings with the plate [kg], shape (states,)."""
         mass = self.table.states.mass + self.rig.unaccounted_mass + self.rig.added_mass
         if self.films.masses is not None:
             mass = self.films.masses.moving(self.rest.setup, self.table.states.specimen, mass)

@@ -45,7 +45,7 @@ class ReducedFilms:
 
     @cached_property
     def flat_lattices(self) -> tuple[FlatLattices, ...]:
-        """Where each film's lattice lies."""
+        """Place of each film's lattice."""
         return tuple(FlatLattices(self.setup, specimen.name, law.axes) for specimen, law in zip(
             self.setup.specimens, self.laws, strict=True))
 
@@ -98,7 +98,7 @@ class ReducedFilms:
         return self.laws[number].at(self.axis_sizes(number, hypothesis, unknowns))
 
     def axis_sizes(self, number: int, hypothesis: Hypothesis, unknowns: Array) -> Array:
-        """What unknowns do to a specimen's film: sizes of its law's axes on the nominal film."""
+        """Sizes of the axes of a specimen's law on the nominal film, from the unknowns."""
         law, name = self.laws[number], self.setup.specimens[number].name
         stiffness = float(np.exp(unknowns[STIFFNESS]))
         sizes = np.zeros(len(law.axes))

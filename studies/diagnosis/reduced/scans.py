@@ -1,4 +1,4 @@
-"""What scans of films show: shapes of the reduced model at places of table or plate."""
+"""Scans of films: shapes of the reduced model at places of table or plate."""
 
 from __future__ import annotations
 

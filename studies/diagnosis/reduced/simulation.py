@@ -1,4 +1,4 @@
-"""What readings show under hypotheses: each kind of evidence asks the films, or itself."""
+"""Readings under hypotheses: each kind of evidence asks the films, or itself."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _FURTHER = 1.4
 
 
 class Together:
-    """What rows of several kinds show, with the states of the first."""
+    """Readings of rows of several kinds, with the states of the first."""
 
     def __init__(self, parts: list[Shown], rows: list[Mask]) -> None:
         self.parts, self.rows = parts, rows
@@ -43,12 +43,12 @@ class Together:
 
     @cached_property
     def extended(self) -> Array:
-        """What each row shows, going on where there is no equilibrium."""
+        """Reading of each row, going on where there is no equilibrium."""
         return self._joined([part.extended for part in self.parts])
 
     @cached_property
     def values(self) -> Array:
-        """What each row shows, nan where it has no equilibrium."""
+        """Reading of each row, nan where it has no equilibrium."""
         return self._joined([part.values for part in self.parts])
 
     @cached_property

@@ -1,4 +1,4 @@
-"""What swings with the plates beside them: films, electrodes and air, as masses on the plates.
+"""Masses that swing with the plates: films, electrodes and air, as masses on the plates.
 
 The films follow as the flat ones do without voltage (:mod:`tympan.fem.vibration.heave`): where the
 plate is some ten times as heavy as its film, deflection and voltage change frequencies by 1e-6
@@ -43,7 +43,7 @@ class Sag:
 
 @dataclass(frozen=True, eq=False)
 class SwingingMasses:
-    """What of each specimen's film follows its plate, as ``settings`` mesh it."""
+    """Mass of each specimen's film that follows its plate, as ``settings`` mesh it."""
 
     films: tuple[FollowingFilm, ...]
     setup: Setup
@@ -73,7 +73,7 @@ class SwingingMasses:
         return Sag(lower.reshape(ALONG, AROUND) / (_WEIGHED * loading.gravity))
 
     def moving(self, setup: Setup, number: NDArray[np.int64], mass: Array) -> Array:
-        """What swings with plates [kg] of given masses on specimens' numbers, each (n,)."""
+        """Mass that swings with plates [kg] of given masses on specimens' numbers, each (n,)."""
         moving = np.empty(len(mass))
         for index, (film, specimen) in enumerate(zip(self.films, setup.specimens, strict=True)):
             moving[number == index] = film.mass(mass[number == index], _per_area(specimen),
@@ -81,13 +81,13 @@ class SwingingMasses:
         return moving
 
     def weight(self, setup: Setup) -> Array:
-        """What the plates carry of the electrodes' weight [N], shape (specimens,)."""
+        """Share of the electrodes' weight that the plates carry [N], shape (specimens,)."""
         return np.array([film.lifted * _grease(specimen) * setup.rig.gravity
                          for film, specimen in zip(self.films, setup.specimens, strict=True)])
 
     @cached_property
     def film_weight(self) -> Array:
-        """What the plates carry of their films' weight [N], shape (specimens,)."""
+        """Share of their films' weight that the plates carry [N], shape (specimens,)."""
         return np.array([(film.swept - film.plate) * _per_area(specimen) * self.setup.rig.gravity
                          for film, specimen in zip(self.films, self.setup.specimens, strict=True)])
 

@@ -1,1 +1,1 @@
-"""What a report shows of the nominal and the extended model: curves, and films under load."""
+"""Pictures of the nominal and the extended model in a report: curves, films under load."""

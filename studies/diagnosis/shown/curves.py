@@ -1,4 +1,4 @@
-"""What the models say between the readings, with the band that readings are expected in."""
+"""Curves of the models between the readings, with the band that readings are expected in."""
 
 from __future__ import annotations
 

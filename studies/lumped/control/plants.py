@@ -1,4 +1,4 @@
-"""What a controller drives: a voltage held for a time, and where the plate is then."""
+"""Plants of a controller: a voltage held for a time, and where the plate is then."""
 
 from __future__ import annotations
 
@@ -174,7 +174,7 @@ class FilmPlant:
         return replace(self, mass=mass)
 
     def holds(self, deflection: float, voltage: float) -> bool:
-        """Where the plate would be at once if it had no inertia."""
+        """Test whether a plate without inertia would come so far [m] at once."""
         film, moment = self.film.tabulated, self.moment
         flow = moment.memory.step(film.strain(moment.q), 0.0)
         loads = replace(moment.loads,

@@ -168,7 +168,7 @@ class ControlResult:
 
     @classmethod
     def load(cls, folder: Path) -> ControlResult:
-        """What was saved; what is missing or damaged is an InputError."""
+        """Load a saved result; what is missing or damaged is an InputError."""
         file = folder / "control.json"
         films = from_json(tuple[ControlledFilm, ...], dict(read_json(file)).get("films"), file,
                           "films")

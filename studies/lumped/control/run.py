@@ -337,7 +337,7 @@ def _soonest(plant: Plant, target: float, height: float, controller: Controller,
 
 
 def _limit(missed: Array, time: float | None, soonest: float | None, interval: float) -> Limit:
-    """What limits a step that misses its target so far [m]."""
+    """Limit of a step that misses its target so far [m]."""
     if soonest is None or soonest > _NEEDED * (len(missed) * interval if time is None else time):
         return "supply"
     count = len(missed) if time is None else max(round(time / interval), 1)

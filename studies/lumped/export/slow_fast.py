@@ -69,7 +69,7 @@ class SlowFast:
         return Polynomial(self.polynomial)(np.asarray(voltage, float))
 
     def to_unit_step(self, time: Array) -> Array:
-        """What y does when v steps from 0 to 1 at time 0 [s]; 0 before it."""
+        """Response y when v steps from 0 to 1 at time 0 [s]; 0 before it."""
         square = self.alpha**2 + self.omega**2
         poles = np.array([0.0, -self.s0, -self.alpha + 1j * self.omega,
                           -self.alpha - 1j * self.omega])
