@@ -56,7 +56,7 @@ _TOLD = ("stroke", "blocked_force", "work", "frequency", TENSION, "voltage", "ma
 
 @dataclass(frozen=True, eq=False)
 class Sought:
-    """Where the search ended, the margins it had, and the film by finite elements.
+    """End of the search, the margins it had, and the film by finite elements.
 
     ``off``: by what share of each bound reduced films are better than finite elements.
     """
@@ -76,7 +76,7 @@ class Sought:
 
     @property
     def aim(self) -> float:
-        """What was to be largest."""
+        """Quantity that was to be largest."""
         assert self.end.here is not None
         return self.end.here.value
 
@@ -226,7 +226,7 @@ def _numbers(found: Sought) -> dict[str, DesignedNumber]:
 
 
 def _scale(found: Sought) -> float:
-    """What a gain of the aim is told as a share of: the best quantity, or one."""
+    """Scale of which a gain of the aim is a share: the best quantity, or one."""
     return abs(found.aim) if found.search.best else 1.0
 
 
@@ -262,7 +262,7 @@ def _one(values: Array) -> float | None:
 
 
 def _reached(found: Sought, key: str) -> float | None:
-    """What the share of the films reach of a quantity."""
+    """Value of a quantity that the share of the films reach."""
     quantity, share = QUANTITIES[key], found.search.space.requirements.share
     if found.films is None or not quantity.scatters or key == TENSION:
         return None
@@ -304,6 +304,6 @@ def _attainable(found: Sought, key: str) -> float | None:
 
 
 def _settled_best(search: Search, x: Array) -> Descent | None:
-    """Where a search ends from a place and random ones; None where no film keeps its bounds."""
+    """End of a search from a place and random ones; None where no film keeps its bounds."""
     end = search.found(np.concatenate([x[None], search.starts()]))
     return None if end is None or end.status == "infeasible" else end

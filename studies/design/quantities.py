@@ -1,4 +1,4 @@
-"""What may be wanted of films: values of films under their loads, and by how much they miss it."""
+"""Wanted quantities of films: values under their loads, and by how much they are missed."""
 
 from __future__ import annotations
 

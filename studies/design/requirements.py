@@ -1,4 +1,4 @@
-"""What is wanted of a film, what is given, and what may vary: REQUIREMENTS.toml."""
+"""Requirements of a film, what is given, and what may vary: REQUIREMENTS.toml."""
 
 from __future__ import annotations
 
@@ -154,7 +154,7 @@ def _load(table: Table, key: str, rule: Rule, variables: Mapping[str, tuple[Vary
 
 
 def _variables(table: Table, specimens: tuple[Specimen, ...]) -> dict[str, tuple[Vary, ...]]:
-    """What varies of each specimen, by its name; a key must be known to one of them."""
+    """Keys that vary of each specimen, by its name; a key must be known to one of them."""
     inner = table.table("vary")
     known = {key for specimen in specimens for key in _keys(specimen)} | set(LOADS)
     found: dict[str, list[Vary]] = {specimen.name: [] for specimen in specimens}

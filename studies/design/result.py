@@ -170,7 +170,7 @@ class DesignResult:
 
     @classmethod
     def load(cls, folder: Path) -> DesignResult:
-        """What was saved; what is missing or damaged is an InputError."""
+        """Load a saved design; what is missing or damaged is an InputError."""
         file = folder / "design.json"
         found = from_json(cls, read_json(file), file)
         return replace(

@@ -64,7 +64,7 @@ class Search:
         return np.where(films.sound[:, None], c, np.nan)
 
     def aims(self, films: FamilyFilms) -> Array:
-        """What is to be largest, (films,)."""
+        """Aim that is to be largest, (films,)."""
         quantity = QUANTITIES[self.best]
         return np.asarray(quantity.of(films) * (1 if quantity.gain else -1))
 
@@ -110,7 +110,7 @@ class Search:
         return np.append(x, np.clip((1 - most / _COMMON) / 2, 0, 1))
 
     def from_start(self, x: Array) -> Descent:
-        """Where steps from a film lead."""
+        """Ends of steps from a film."""
         return maximise(self, self.started(x), _DESCENT)
 
     def starts(self) -> Array:

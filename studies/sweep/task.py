@@ -160,7 +160,7 @@ class SweepTask:
         return solution
 
     def answers(self) -> dict[str, list[Record]]:
-        """What is asked of it, where that needs no equilibrium of its cases."""
+        """Answers to what is asked of it, where that needs no equilibrium of its cases."""
         answers: dict[str, list[Record]] = {name: [] for name in self.ask.names}
         with _TURN, one_thread():
             for number in range(len(self.ids)):

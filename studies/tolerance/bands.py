@@ -137,7 +137,7 @@ def _under(specimen: Specimen, tolerances: Tolerances, masses: Sequence[float], 
 
 
 def _drawn(specimen: Specimen, tolerances: Tolerances) -> tuple[Scattered, Array]:
-    """What scatters, and points of films in it."""
+    """Scattering numbers, and points of films in them."""
     specimen.needed_plate()
     scattered = Scattered(specimen, causes(specimen, tolerances)[0])
     sequence = qmc.Sobol(scattered.inputs, seed=np.random.default_rng(_SEED))

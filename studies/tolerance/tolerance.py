@@ -158,7 +158,7 @@ class Drawn:
 
     @property
     def family(self) -> FilmFamily:
-        """What solves them."""
+        """Solver of them."""
         return self.copies.family
 
     @property

@@ -192,5 +192,5 @@ def _plain(values: Any) -> Any:
 
 
 def _share(interval: float, lag: float) -> float:
-    """What a lag takes in an interval of the way that is left to it."""
+    """Share of the remaining way that a lag takes in an interval."""
     return float(-np.expm1(-interval / lag)) if lag else 1.0
