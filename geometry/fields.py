@@ -18,6 +18,7 @@ between fields is checked by the dataclass itself, in ``__post_init__``.
 
 from __future__ import annotations
 
+import builtins
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import MISSING, dataclass, is_dataclass
 from dataclasses import fields as dataclass_fields
@@ -42,7 +43,7 @@ from typing import (
 
 from tympan.geometry.errors import InputError, did_you_mean
 from tympan.geometry.toml_reader import FINITE, WHOLE, Rule, Table, one_of
-from tympan.geometry.units import DIMENSIONS, quantity, quantity_text
+from tympan.geometry.units import DIMENSIONS, quantities_text, quantity, quantity_text
 
 T = TypeVar("T")
 F = TypeVar("F", bound=Callable[..., Any])
@@ -185,6 +186,9 @@ def takes_units(cls: Any) -> Any:
     """
     of_numbers = cls.__init__
     halves = [field for field in fields_of(cls) if field.says.doubled]
+    # Of what is not declared, numbers are looked at by the dataclass itself.
+    others = {name: hint for name, hint in get_type_hints(cls).items()
+              if name not in {field.name for field in fields_of(cls)} and "float" not in str(hint)}
     arguments = Arguments.of(of_numbers, cls, *(word for field in halves
                                                 for word in field.says.doubled))
 
@@ -192,6 +196,8 @@ def takes_units(cls: Any) -> Any:
     def of_texts(self: Any, *values: Any, **named: Any) -> None:
         declared, required = _by_name(cls)
         given = arguments.named(values, named)
+        for name in others.keys() & given.keys():
+            _require_type(others[name], given[name], name)
         for field in halves:
             given = _halved(field, given)
         given = {name: _in_si(declared[name], value) if name in declared else value
@@ -299,13 +305,38 @@ def names_arguments(more: Any = None) -> Callable[[F], F]:
     return explained
 
 
+def checks_types(cls: Any) -> Any:
+    """Let a plain dataclass answer arguments of another type than declared by an InputError."""
+    of_any = cls.__init__
+    arguments, hints = Arguments.of(of_any), get_type_hints(cls)
+
+    @wraps(of_any)
+    def checked(self: Any, *values: Any, **named: Any) -> None:
+        given = arguments.named(values, named)
+        arguments.require(given, arguments.needed)
+        for name, value in given.items():
+            _require_type(hints[name], value, name)
+        of_any(self, **given)
+
+    cls.__init__ = checked
+    return cls
+
+
+class _Unloaded:
+    """A type whose module only type checkers load: what is of it has a class of its name."""
+
+
+class _Places(dict[str, Any]):
+    """Names of a module and Python's own; those that type checkers alone know are unloaded."""
+
+    def __missing__(self, name: str) -> Any:
+        return vars(builtins).get(name) or type(name, (_Unloaded,), {})
+
+
 def _type_of(hint: Any, places: Mapping[str, Any]) -> Any:
-    """The type that an annotation means; Any where its names are known to type checkers alone."""
+    """The type that an annotation means."""
     hint = getattr(hint, "__forward_arg__", hint)
-    try:
-        return eval(hint, dict(places)) if isinstance(hint, str) else hint
-    except NameError:
-        return Any
+    return eval(hint, {}, _Places(places)) if isinstance(hint, str) else hint
 
 
 def _require_type(hint: Any, value: Any, key: str) -> None:
@@ -315,12 +346,10 @@ def _require_type(hint: Any, value: Any, key: str) -> None:
             raise InputError(one_of(value, dict.fromkeys(get_args(hint))), key=key,
                              given=value)
         return
-    union = get_origin(hint) in (Union, UnionType)
-    kinds = [get_origin(kind) or kind for kind in (get_args(hint) if union else (hint,))]
-    if Any in kinds or Literal in kinds or any(_is_a(kind, value) for kind in kinds):
+    if _fits(hint, value):
         return
-    words = " or ".join(_TYPES.get(kind, f"a {getattr(kind, '__name__', kind)}") for kind in kinds
-                        if kind is not NoneType)
+    kinds = [get_origin(kind) or kind for kind in _kinds(hint)]
+    words = " or ".join(_TYPES.get(kind, _one(kind)) for kind in kinds if kind is not NoneType)
     advice = ("; tympan.load(FILE) reads one" if words.startswith("a Specimen")
               and isinstance(value, str | PathLike) else
               "; call once for each of several" if float in kinds and hasattr(value, "__len__")
@@ -334,15 +363,42 @@ _TYPES: dict[Any, str] = {
     PathLike: "a path", Sequence: "a list"}
 
 
+def _one(kind: Any) -> str:
+    name = str(getattr(kind, "__name__", kind))
+    return f"{'an' if name[0] in 'AEIOU' else 'a'} {name}"
+
+
+def _kinds(hint: Any) -> tuple[Any, ...]:
+    """What a type may be."""
+    return get_args(hint) if get_origin(hint) in (Union, UnionType) else (hint,)
+
+
+def _fits(hint: Any, value: Any) -> bool:
+    """Whether a value is of a type."""
+    kinds = _kinds(hint)
+    return (Any in kinds or any(get_origin(kind) is Literal for kind in kinds)
+            or any(_is_a(kind, value) for kind in kinds))
+
+
 def _is_a(kind: Any, value: Any) -> bool:
     """Whether a value is of a kind; arrays serve as lists, and a text or number as one of them."""
+    item, kind = get_args(kind), get_origin(kind) or kind
     if kind is float:
         return isinstance(value, Number) or getattr(value, "ndim", None) == 0
     if kind is int:
         return isinstance(value, Integral) and not isinstance(value, bool)
     if kind is Sequence:
-        return isinstance(value, str | Number) or hasattr(value, "__len__")
-    return not isinstance(kind, type) or isinstance(value, kind)
+        single = isinstance(value, str | Number)
+        # What is wrong with a number or text among them is said where it is read.
+        if not item or not {float, str, int, Any}.isdisjoint(_kinds(item[0])):
+            return single or hasattr(value, "__len__")
+        return not single and hasattr(value, "__len__") and all(
+            _fits(item[0], part) for part in value)
+    if isinstance(kind, type) and issubclass(kind, _Unloaded):
+        return any(base.__name__ == kind.__name__ for base in type(value).__mro__)
+    # Of a protocol it is not known before it is used.
+    return (not isinstance(kind, type) or getattr(kind, "_is_protocol", False)
+            or isinstance(value, kind))
 
 
 def number(value: Any, dimension: str, key: str) -> float:
@@ -390,13 +446,20 @@ def _require_part(field: Field, value: Any) -> None:
     """Refuse what can be no part of an actuator: a text, a number."""
     if field.several and not isinstance(value, list | tuple):
         raise InputError("must be a list", given=value)
-    if field.several or not isinstance(value, str | Number) or isinstance(value, bool):
-        return
-    if field.says.kinds is not None:
-        kinds = [kind.__name__ for kind in field.says.kinds.values() if isinstance(kind, type)]
-        raise InputError(f"must be one of {', '.join(kinds)}", given=value)
-    if isinstance(field.item, type) and is_dataclass(field.item):
-        raise InputError(f"must be a {field.item.__name__}", given=value)
+    for part in value if field.several else (value,):
+        if part is None:  # whether there may be none, the dataclass knows
+            continue
+        if field.says.kinds is not None:
+            # A package's kind is a dataclass, whatever else it is.
+            if not is_dataclass(part):
+                kinds = [kind.__name__ for kind in field.says.kinds.values()
+                         if isinstance(kind, type)]
+                raise InputError(f"must be one of {', '.join(kinds)}", given=part)
+        elif field.item is str:
+            if not isinstance(part, str | PathLike):
+                raise InputError("must be a text", given=part)
+        elif get_origin(field.item) is Literal or is_dataclass(field.item):
+            _require_type(field.item, part, field.key)
 
 
 def _one_number(field: Field, value: Any) -> Any:
@@ -423,6 +486,9 @@ def _numbers(field: Field, value: Any) -> tuple[Any, ...]:
             or (field.count is not None and len(value) != field.count)):
         what = "numbers" if get_origin(field.item) is not tuple else "pairs of numbers"
         raise InputError(f"must be {field.count or 'a list of'} {what}", given=value)
+    if get_origin(field.item) is tuple and not all(isinstance(item, list | tuple)
+                                                   for item in value):
+        raise InputError("must be pairs of numbers", given=value)
     # Outlines have hundreds of numbers: no call for each, and no look at each where they are made.
     if {float} >= set(map(type, value)) or (
             {tuple} == set(map(type, value)) and {float} >= set(map(type, chain(*value)))):
@@ -558,7 +624,18 @@ def require(value: Any) -> None:
         part = getattr(value, field.name)
         for item in part if field.several and part is not None else (part,):
             if isinstance(item, int | float | complex) and not holds(item.real):
-                raise InputError(words, key=field.key, given=part)
+                raise InputError(words, key=field.key, given=_shown(field, part))
+
+
+def _shown(field: Field, part: Any) -> Any:
+    """A number or numbers of a field as a person reads them, with their unit."""
+    if not field.says.dimension:
+        return part
+    try:
+        return quantities_text([item.real for item in (part if field.several else (part,))],
+                               field.says.dimension)
+    except InputError:  # nan, or more than any quantity
+        return part
 
 
 def _stands(field: Field, table: Table, values: Content) -> bool:

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tympan.geometry.errors import InputError
+from tympan.geometry.fields import checks_types
 from tympan.geometry.outlines.pieces import Arc, Line, Piece, Spline
 from tympan.geometry.process.folder import temporary_folder
 from tympan.geometry.process.interruption import handlers_kept
@@ -59,6 +60,7 @@ _CELLS = {1: ("line", "triangle"), 2: ("line3", "triangle6"), 3: ("line4", "tria
           4: ("line5", "triangle15")}
 
 
+@checks_types
 @dataclass(frozen=True)
 class MeshSettings:
     """Fineness of the film's mesh.

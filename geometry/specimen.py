@@ -18,6 +18,7 @@ from tympan.geometry.outlines import OUTLINES, Circle, Ellipse, Outline, check_o
 from tympan.geometry.paths import any_complex
 from tympan.geometry.rays import exits
 from tympan.geometry.toml_reader import NON_NEGATIVE, POSITIVE, Rule
+from tympan.geometry.units import quantities_text
 
 Stretch = NDArray[np.float64] | NDArray[np.complex128]
 Pair = tuple[float, float]
@@ -336,7 +337,8 @@ class Specimen:
         if gap <= 0:
             raise InputError(f"the plate must lie inside the frame: it reaches {-gap * 1e3:.4g} mm "
                              f"beyond it at {place}", key="plate",
-                             given=f"offset {self.needed_plate().offset} m")
+                             given="offset "
+                                   + quantities_text(self.needed_plate().offset, "length"))
         if gap < 1e-3 * max(self.frame.semi_axes):
             raise InputError("the plate must leave a gap of at least a thousandth of the frame's "
                              "half extent", key="plate",

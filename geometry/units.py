@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
@@ -268,6 +268,17 @@ def quantity_text(value: float, dimension: str) -> str:
         if quantity(text, dimension) == value:
             return text
     return f"{value!r} {units.si}"
+
+
+def quantities_text(values: Iterable[float], dimension: str) -> str:
+    """Quantities [SI] for people, as :func:`quantity_text` writes each.
+
+    Examples
+    --------
+    >>> quantities_text((0.04, 0.0), "length")
+    '40 mm, 0 mm'
+    """
+    return ", ".join(quantity_text(value, dimension) for value in values)
 
 
 def place_text(x: float, y: float) -> str:

@@ -39,7 +39,7 @@ from tympan.fem.results.firmness import firmness
 from tympan.fem.results.limit_states import LIMIT_STATES, PULL_IN, LimitState
 from tympan.fem.rig import DIRECTIONS, Rig, checked_load
 from tympan.geometry.errors import InputError
-from tympan.geometry.fields import Key, require, takes_units
+from tympan.geometry.fields import Key, checks_types, require, takes_units
 from tympan.geometry.mesh import unfold
 from tympan.geometry.mesher import MeshSettings
 from tympan.geometry.specimen import Film, Specimen
@@ -71,6 +71,7 @@ WallTime = Annotated[float, Key("time it took")]
 Warnings = Annotated[tuple[str, ...], Key("what limits the result, in sentences")]
 
 
+@checks_types
 @dataclass(frozen=True)
 class Settings:
     """Settings of a computation: mesh, path, and whether mirror symmetry may be used."""

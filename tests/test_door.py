@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import inspect
 import json
 import os
 import pickle
@@ -10,8 +11,9 @@ import re
 import subprocess
 import sys
 from dataclasses import asdict, replace
+from operator import attrgetter
 from pathlib import Path
-from typing import Any
+from typing import Any, is_typeddict
 
 import numpy as np
 import pandas as pd
@@ -27,6 +29,7 @@ from tests.support import parts_stub
 from tests.support.diagnosed import diagnosed
 from tests.support.specimens import circular, elliptical
 from tests.support.sweeps import written
+from tympan import door
 from tympan.cli import main
 from tympan.fem.toml_writer import specimen_to_toml
 from tympan.geometry.errors import InputError
@@ -488,12 +491,57 @@ def test_lumped_models_are_those_of_the_commands(tmp_path: Path,
     (lambda film: tympan.Specimen("a", tympan.Circle(0.04), "1 cm", film.membrane),
      "plate: given '1 cm': must be a Plate"),
     (lambda film: tympan.limits(film, pressure="3 kV"), "pressure.*wrong dimension"),
-    (lambda film: tympan.lumped.linearise(3), "given 3: must be a Specimen, a model"),
+    (lambda film: tympan.lumped.linearise(3), "given 3: must be a Specimen or a LumpedModel or"),
     (lambda film: tympan.path(film, to="3 kV"), "to.*rate must be given too"),
+    (lambda film: tympan.Case("x"), "specimen: given 'x': must be a Specimen; tympan.load"),
+    (lambda film: tympan.transient([3]), r"specimen: given \[3\]: must be a Specimen or a list"),
+    (lambda film: tympan.alpha(film, alpha_settings=3),
+     "alpha_settings: given 3: must be an AlphaSettings"),
+    (lambda film: tympan.Settings(mesh="fine"), "mesh: given 'fine': must be a MeshSettings"),
+    (lambda film: tympan.MeshSettings(growth="x"), "growth: given 'x': must be a number"),
+    (lambda film: tympan.Polygon([3, 4, 5]), "vertices.*must be pairs of numbers"),
+    (lambda film: replace(film, plate=tympan.Plate(tympan.Circle(0.01), (0.04, 0.0))),
+     "plate: given 'offset 40 mm, 0 mm': the plate must lie inside"),
+    (lambda film: tympan.export(film, "x", width="20 m"), "width: given '20000 mm': must be from"),
 ])
 def test_a_wrong_argument_is_one_clear_message(call: Any, words: str) -> None:
     with pytest.raises(tympan.InputError, match=words):
         call(circular())
+
+
+class Wrong:
+    """What no argument may be."""
+
+
+#: Enough to ask anything else of a door.
+RIGHT: dict[str, Any] = {"specimen": circular(), "file": "none.toml", "dataset": "none",
+                         "name": "vhb-4910", "folder": "none", "model": "none.lumped.toml"}
+
+
+def arguments(function: Any) -> list[str]:
+    """Names of all arguments, those that are handed on as well."""
+    listed = inspect.signature(function).parameters.values()
+    handed = {name: kind for name, kind in vars(door).items() if is_typeddict(kind)}
+    return [name for item in listed for name in (
+        [] if item.kind is item.VAR_POSITIONAL else
+        handed[re.search(r"\[(\w+)\]", str(item.annotation)).group(1)].__annotations__
+        if item.kind is item.VAR_KEYWORD else [item.name])]
+
+
+@pytest.mark.parametrize("wrong", [Wrong(), [Wrong()]], ids=["object", "list"])
+@pytest.mark.parametrize("name", [
+    *(name for name in tympan.__all__ if callable(getattr(tympan, name))
+      and name not in ("InputError", "Result", "FilmFamily", "lumped")),
+    *(f"lumped.{name}" for name in vars(type(tympan.lumped)) if not name.startswith("_"))])
+def test_an_argument_of_a_wrong_type_is_an_input_error(name: str, wrong: Any) -> None:
+    """Of every public function and part; results are made by functions, a family by ``of``."""
+    function = attrgetter(name)(tympan)
+    asked = inspect.signature(function).parameters
+    right = {key: value for key, value in RIGHT.items() if key in asked
+             and asked[key].default is inspect.Parameter.empty}
+    for argument in arguments(function):
+        with pytest.raises(tympan.InputError):
+            function(**{**({} if isinstance(function, type) else right), argument: wrong})
 
 
 def test_options_are_those_of_the_commands(tmp_path: Path,

@@ -221,7 +221,8 @@ def curve(specimen: Specimen, *masses: float | str, voltages: Sequence[float | s
     rig = rig.pressed(pressure)
     given = [Case(specimen, mass=mass).mass for mass in masses]
     usual = () if given else usual_masses(specimen, settings, rig) if specimen.plate else (0.0,)
-    marked = sorted(Case(specimen, voltage=voltage).voltage for voltage in voltages)
+    marked = sorted(Case(specimen, voltage=voltage).voltage
+                    for voltage in numbers(voltages, "voltage", "voltages"))
     found = curve(specimen, given or usual, settings, rig, marked)
     return Result(_banded(found, specimen, tolerances, rig, settings))
 
@@ -635,10 +636,9 @@ def export(specimen: Specimen, folder: File, *, inp: bool = False,
     from tympan.geometry.cad.parts import PartOptions
     from tympan.studies.export import export, export_input
 
+    carried, applied = numbers(masses, "mass", "masses"), numbers(voltages, "voltage", "voltages")
     if inp:
-        return [export_input(specimen, settings.mesh, Path(folder),
-                             numbers(masses, "mass", "masses"),
-                             sorted(numbers(voltages, "voltage", "voltages")))]
+        return [export_input(specimen, settings.mesh, Path(folder), carried, sorted(applied))]
     chosen = PartOptions(**{name: number(size, "length", name) for name, size in sizes.items()})
     return list(export(specimen, settings.mesh, Path(folder), chosen))
 

@@ -140,9 +140,10 @@ def identify(dataset: File, *, model: Sequence[LumpedModel | File] = (), paper: 
     from tympan.studies.identify.identify import IdentifySettings
     from tympan.studies.identify.identify import identify as identified
 
-    chosen = IdentifySettings(tuple(map(_model, model)), paper, dynamic, law, alpha,
-                              None if weights is None else tuple(weights), objective, limits,
-                              nelder_mead)
+    models = model if isinstance(model, list | tuple) else (model,)
+    shares = None if weights is None else numbers(weights, "", "weights")
+    chosen = IdentifySettings(tuple(map(_model, models)), paper, dynamic, law, alpha, shares,
+                              objective, limits, nelder_mead)
     readings = read_dataset(Path(dataset))
     chosen.require(readings)
     return Result(identified(readings, chosen, settings))
@@ -193,4 +194,5 @@ def _case(actuators: Sequence[Specimen | LumpedModel | File], *,
 
     specimens = tuple(item for item in actuators if isinstance(item, Specimen))
     models = tuple(_model(item) for item in actuators if not isinstance(item, Specimen))
-    return LumpedCase(specimens, models, alpha=None if alpha is None else tuple(alpha), **given)
+    weights = None if alpha is None else numbers(alpha, "", "alpha")
+    return LumpedCase(specimens, models, alpha=weights, **given)

@@ -16,7 +16,7 @@ from tympan.geometry.outlines.contours import closed_curves
 from tympan.geometry.outlines.pieces import Arc, Array, Line, Piece, normals
 from tympan.geometry.outlines.step import edge_pieces
 from tympan.geometry.specimen import Specimen
-from tympan.geometry.units import METRE
+from tympan.geometry.units import METRE, quantity_text
 
 
 @dataclass(frozen=True)
@@ -40,13 +40,14 @@ class PartOptions:
         for item in fields(self):
             size = getattr(self, item.name)
             if not 1e-5 <= size <= 10:
-                raise InputError("must be from 10 um to 10 m", key=item.name, given=f"{size:g} m")
+                raise InputError("must be from 10 um to 10 m", key=item.name,
+                                 given=quantity_text(size, "length"))
         if self.screw > self.width / 2:
             raise InputError("must be at most half the width of the ring", key="screw",
-                             given=f"{self.screw:g} m")
+                             given=quantity_text(self.screw, "length"))
         if self.spacing < 2 * self.screw:
             raise InputError("must be at least two diameters of the holes", key="spacing",
-                             given=f"{self.spacing:g} m")
+                             given=quantity_text(self.spacing, "length"))
 
     def holes(self, frame: Outline) -> Array:
         """Centres of the screw holes around a frame, evenly, shape (holes, 2) [m]."""

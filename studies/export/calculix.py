@@ -20,7 +20,7 @@ from tympan.geometry.errors import InputError
 from tympan.geometry.mesh import CurvedTriangles, from_meshio, unfold
 from tympan.geometry.mesher import MeshSettings, mesh_film
 from tympan.geometry.specimen import Film, Specimen
-from tympan.geometry.units import METRE
+from tympan.geometry.units import METRE, quantities_text
 from tympan.studies.case import failure_reason, voltage_ramp
 from tympan.studies.export.hyperelastic import BULK_RATIO, bulk_modulus, hyperelastic
 from tympan.studies.files import write_text
@@ -84,7 +84,8 @@ class FlatFilm:
         triangles = np.column_stack([edges[:, 1], edges[:, 0], centre, edges[:, 2], halfway])
         if (_areas(points, triangles) <= 0).any():
             raise InputError("cannot be exported: its whole edge must be seen from its centre",
-                             key="plate", given=f"centre {self.centre} m")
+                             key="plate",
+                             given=f"centre {quantities_text(self.centre, 'length')}")
         return points, triangles
 
 

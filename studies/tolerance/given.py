@@ -17,7 +17,7 @@ from scipy.stats import truncnorm
 
 from tympan.fem.film.library import MATERIALS, material_name
 from tympan.geometry.errors import InputError
-from tympan.geometry.fields import Key, field_at, read, require, takes_units
+from tympan.geometry.fields import Key, checks_types, field_at, read, require, takes_units
 from tympan.geometry.specimen import Specimen
 from tympan.geometry.toml_reader import Rule, Table
 from tympan.studies.films.box import STIFFNESS, varying
@@ -108,6 +108,7 @@ class StrengthScatter:
         return 1.0 if self.area is None else float((self.area / electrode) ** (1 / self.shape))
 
 
+@checks_types
 @dataclass(frozen=True)
 class Tolerances:
     """Scatter of a film and its rig, as a tolerances file has it; the rest has its default."""

@@ -20,7 +20,7 @@ SIMULATE = ["lumped", "simulate", OVAL]
 @pytest.mark.parametrize(("arguments", "words"), [
     (["solve", OVAL, "--mass", "1 g", "--elapsed", "inf s"], "--elapsed: given 'inf s': must be "),
     (["solve", OVAL, "--mass", "1 g", "--elapsed", "-1 s"],
-     "elapsed: given -1.0: must not be negative"),
+     "elapsed: given '-1 s': must not be negative"),
     (["solve", OVAL, "--mass", "inf g"], "--mass: given 'inf g': must be finite"),
     (["solve", OVAL, "--mass", "1 g", "--refine", "nan"], "--refine: given nan: must be from 0.5 "),
     (["path", OVAL, "--mass", "1 g", "--along", "mass", "--rig", "fixed.toml"],
