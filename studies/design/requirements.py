@@ -10,7 +10,7 @@ from typing import Any, Self
 
 from tympan.fem.film.library import library_material, load_specimen
 from tympan.fem.rig import MASSES, VOLTAGES, Rig
-from tympan.geometry.fields import field_at, read
+from tympan.geometry.fields import checks_types, field_at, read
 from tympan.geometry.specimen import Specimen, require_different_names
 from tympan.geometry.toml_reader import POSITIVE, Rule, Table, one_of
 from tympan.studies.design.quantities import BREAKDOWN, QUANTITIES, TENSION
@@ -40,6 +40,7 @@ class Vary:
     dimension: str = ""
 
 
+@checks_types
 @dataclass(frozen=True)
 class Requirements:
     """Bounds that 95 % of the films keep, and one quantity that shall be as good as can be.
