@@ -369,7 +369,7 @@ def _one(kind: Any) -> str:
 
 
 def _kinds(hint: Any) -> tuple[Any, ...]:
-    """What a type may be."""
+    """The types of a union, or the only one."""
     return get_args(hint) if get_origin(hint) in (Union, UnionType) else (hint,)
 
 

@@ -510,7 +510,7 @@ def test_a_wrong_argument_is_one_clear_message(call: Any, words: str) -> None:
 
 
 class Wrong:
-    """What no argument may be."""
+    """A type that no argument has."""
 
 
 #: Enough to ask anything else of a door.
