@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 import tympan
+from tests.support.datasets import write_dataset
 from tests.support.sweeps import written
 
 ROOT = Path(__file__).parent.parent
@@ -63,10 +64,18 @@ def test_what_is_public_is_documented_with_an_example(name: str) -> None:
     assert words[0] not in {"What", "Where", "How", "Which", "When", "Whether", "Of", "As", "By"}
 
 
+#: Readings of two films, for the examples; a table whose headings are no columns' names.
+READINGS = "specimen,mass_g,voltage_kV,displacement_mm\n" + "".join(
+    f"{name},17.9,{row}\n" for name in "AB" for row in ("0,2.1", "2,2.18", "3.5,2.4"))
+WEIGHTS = "Mass (g),Voltage (kV),Deflection (mm)\n10,0,1.2\n10,1,1.25\n20,0,2.4\n"
+
+
 def test_the_examples_of_the_api_page_are_right(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
                                                 ) -> None:
     monkeypatch.chdir(tmp_path)
     written(tmp_path, 'specimen = "oval.toml"\nmass = ["17.9 g"]\nvoltage = ["0 kV", "2 kV"]')
+    write_dataset(tmp_path / "readings", static=READINGS)
+    (tmp_path / "weights.csv").write_text(WEIGHTS, encoding="utf-8")
     failed, tried = doctest.testfile(str(API), module_relative=False, encoding="utf-8",
                                      globs={"tympan": tympan})
     assert not failed
