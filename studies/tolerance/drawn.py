@@ -127,16 +127,17 @@ class Copies:
         nominal = self.rig.film_voltage(np.atleast_1d(voltages))
         return np.asarray(self.drawn.amplifier[:, None] * nominal)
 
-    def solved(self, mass: float, voltages: Any) -> dict[str, Array]:
+    def solved(self, mass: float, voltages: Any, rest: Array | None = None) -> dict[str, Array]:
         """Numbers of the films at nominal voltages [V], (films, voltages), by key; nan where none.
 
         Such a film has no stable equilibrium, or is not firm, in tension and below its strength.
+        ``rest``: what :meth:`rests` answers, where it is known.
         """
         forces = self.forces(mass)
         swinging = mass * self.drawn.load + self.rig.unaccounted_mass + self.rig.added_mass
         states = self.family.states(self.drawn.rows, forces[:, None], self.across(voltages), False,
                                     swinging[:, None])
-        rest = self.rests(forces)
+        rest = self.rests(forces) if rest is None else rest
         holds = states.holds & states.sound & np.isfinite(rest[:, :1])
         holds &= states.breakdown < self.drawn.strength[:, None]
         values = {"deflection_m": states.deflection,

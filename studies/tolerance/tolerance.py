@@ -178,10 +178,11 @@ class Drawn:
 
     def solved(self) -> dict[str, Array]:
         """Quantities of all films by key; nan of those that do not reach the voltage."""
-        values = {key: found[:, 0] for key, found in
-                  self.copies.solved(self.mass, self.voltage).items()}
         forces = self.forces
-        blocked = forces - self.copies.held(self.copies.rests(forces), self.voltages)
+        rest = self.copies.rests(forces)
+        values = {key: found[:, 0] for key, found in
+                  self.copies.solved(self.mass, self.voltage, rest).items()}
+        blocked = forces - self.copies.held(rest, self.voltages)
         values["blocked_force_N"] = np.where(np.isfinite(values["deflection_m"]), blocked, np.nan)
         return {key: values[key] for key in QUANTITIES if key in values}
 
