@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Self
 
 from tympan.fem.film.library import library_material, load_specimen
-from tympan.fem.rig import MASSES, VOLTAGES, Rig
+from tympan.fem.rig import MOST_MASS, MOST_VOLTAGE, Rig
 from tympan.geometry.fields import checks_types, field_at, read
 from tympan.geometry.specimen import Specimen, require_different_names
 from tympan.geometry.toml_reader import POSITIVE, Rule, Table, one_of
@@ -19,8 +19,11 @@ from tympan.studies.tolerance.given import Tolerances
 
 #: Words for the one quantity that shall be as good as can be.
 _BEST = {True: "largest", False: "least"}
-#: Loads that may vary.
-LOADS: dict[str, Rule] = {"mass": MASSES, "voltage": VOLTAGES}
+#: Loads that may vary; without them there is nothing to be designed.
+LOADS: dict[str, Rule] = {
+    "mass": (lambda x: 0 < x <= MOST_MASS, f"must be above 0 and at most {MOST_MASS:g} kg"),
+    "voltage": (lambda x: 0 < x <= MOST_VOLTAGE,
+                f"must be above 0 and at most {MOST_VOLTAGE / 1e3:g} kV")}
 
 _SHARE: Rule = (lambda x: 0.5 <= x <= 0.99, "must be a share of the films from 0.5 to 0.99")
 _LAYERS: Rule = (lambda x: x == int(x) and 1 <= x <= 100, "must be whole numbers from 1 to 100")

@@ -111,7 +111,11 @@ class DesignSpace:
     def of(cls, requirements: Requirements, specimen: Specimen, settings: Settings) -> DesignSpace:
         """The family of a specimen: of all that varies, and of what scatters about that."""
         variables = requirements.variables[specimen.name]
-        middle = _with(specimen, variables, [(each.low + each.high) / 2 for each in variables])
+        try:
+            middle = _with(specimen, variables, [(each.low + each.high) / 2 for each in variables])
+        except InputError as error:
+            raise InputError("has a film in the middle of its ranges that cannot be built: "
+                             f"{error}", key="vary", given=specimen.name) from None
         box = {name: (each.low, each.high) for each in variables for name in each.names}
         loads = {LOAD: (1.0, 1.0), AMPLIFIER: (1.0, 1.0)}
         scatter: tuple[Cause, ...] = ()

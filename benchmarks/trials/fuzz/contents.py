@@ -48,6 +48,11 @@ SWEEP = ('specimen = ["oval.toml"]\nmass = ["17.9 g", "20 g"]\n'
 OPTIMISE = ('specimen = "oval.toml"\nmass = "17.9 g"\nvoltage = "3 kV"\nhold = ["area"]\n'
             '[vary]\n"frame.semi_axes.0" = ["5 cm", "9 cm"]\n'
             '[[start]]\n"frame.semi_axes.0" = "7 cm"\n')
+REQUIREMENTS = ('specimen = "oval.toml"\nmass = "17.9 g"\nshare = 0.9\n'
+                'front = ["stroke", "work"]\n[want]\nstroke = "largest"\nfrequency = "5 Hz"\n'
+                '[limits]\nwidth = "12 cm"\n[vary]\nvoltage = ["1 kV", "3 kV"]\n'
+                '"membrane.prestretch" = [2, 2.5]\n[tolerances.load]\nfilm = 0.01\n'
+                '[[film]]\nmaterial = "vhb-4910"\nthickness = ["1 mm"]\nlayers = [1, 2]\n')
 DATASET = ('name = "data"\nnoise = "20 um"\n[rig]\ngravity = "9.81 m/s^2"\n[[specimen]]\n'
            + OVAL.replace("[", "[specimen.") .replace("[specimen.2", "[2")
            .replace('= [specimen."', '= ["') + 'material = "vhb-4910"\n')

@@ -9,6 +9,7 @@ from benchmarks.trials.fuzz.contents import (
     DATASET,
     OPTIMISE,
     RANGE,
+    REQUIREMENTS,
     RIG,
     SIGNAL,
     SPECIMENS,
@@ -22,6 +23,7 @@ from tympan.fem.film.library import load_specimen
 from tympan.fem.rig import Rig
 from tympan.studies.data.checks import summary
 from tympan.studies.data.dataset import read_dataset
+from tympan.studies.design.requirements import Requirements
 from tympan.studies.optimise.problem import read_problem
 from tympan.studies.signals import read_signal
 from tympan.studies.study import read_study
@@ -45,6 +47,8 @@ register("sweep", Kind("SWEEP.toml", _texts(SWEEP),
                        lambda folder: read_sweep(folder / "SWEEP.toml")))
 register("optimise", Kind("OPTIMISE.toml", _texts(OPTIMISE),
                           lambda folder: read_problem(folder / "OPTIMISE.toml"), 30.0))
+register("design", Kind("REQUIREMENTS.toml", _texts(REQUIREMENTS),
+                        lambda folder: Requirements.read(folder / "REQUIREMENTS.toml"), 30.0))
 register("dataset", Kind("dataset.toml", _texts(DATASET), _dataset))
 for _name, _content in (("static", STATIC), ("range", RANGE), ("transient", TRANSIENT),
                         ("coupon", COUPON)):

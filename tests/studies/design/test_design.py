@@ -292,11 +292,23 @@ def test_a_file_of_optimise_is_read_still(tmp_path: Path) -> None:
      r"want\.breakdown_margin: .*needs films whose electric strength"),
     ('front = ["stroke", "strok"]\n[want]\nstroke = "2 mm"\n[vary]\n'
      '"plate.radius" = ["1 cm", "2 cm"]', r"front: given .*'stroke'"),
+    ('[want]\nstroke = "largest"\n[vary]\nmass = ["0 g", "20 g"]',
+     r"vary\.mass: given .*above 0"),
     ('shar = 0.9\n[want]\nstroke = "2 mm"\n[vary]\n"plate.radius" = ["1 cm", "2 cm"]',
      r"shar: unknown key: did you mean 'share'")])
 def test_a_wrong_file_is_one_message(tmp_path: Path, text: str, message: str) -> None:
     with pytest.raises(InputError, match=rf"wanted\.toml: {message}"):
         requirements(tmp_path, text)
+
+
+@pytest.mark.parametrize(("text", "message"), [
+    ('[want]\nstroke = "largest"\n[vary]\n"plate.radius" = ["5 cm", "6 cm"]',
+     "vary: .*in the middle of its ranges that cannot be built: .*inside the frame"),
+    ('[rig]\ngas_pressure = "20 Pa"\n[want]\nstroke = "largest"\n[vary]\n'
+     '"plate.radius" = ["1 cm", "2 cm"]', "gas_pressure: has no reduced film")])
+def test_films_that_are_not_searched_are_refused(tmp_path: Path, text: str, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        design(requirements(tmp_path, text))
 
 
 def test_every_quantity_has_words_and_a_unit() -> None:
