@@ -92,7 +92,8 @@ class Result(Generic[Numbers]):
 
         drawn = png(self.numbers)
         picture = "" if drawn is None else (
-            f'<img src="data:image/png;base64,{b64encode(drawn).decode()}" alt="">')
+            f'<img src="data:image/png;base64,{b64encode(drawn).decode()}" '
+            'alt="picture of the values above">')
         return html(self.numbers) + picture
 
     def save(self, target: str | os.PathLike[str]) -> Path:
