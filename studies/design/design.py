@@ -37,8 +37,8 @@ Array = NDArray[Any]
 _DRAWN = 512
 #: Films by which they are judged at the end, within some 0.5 % of all films.
 _JUDGED = 2048
-#: Times that margins are set at most; usually three do.
-_ROUNDS = 8
+#: Times that margins are set at most; usually four do.
+_ROUNDS = 12
 #: Change of a margin that is none any more, as a share of its bound.
 _SETTLED = 1e-3
 #: Change from which on it is looked at how many films fail: margins still move by less.
@@ -49,6 +49,10 @@ _AIMED = 0.9
 _NEARLY = (0.75, 0.96)
 #: Change of a bound for which it is told what it costs.
 _RELAXED = 0.01
+#: Rounds after which margins go half the way: two films may call each for the margins of the other.
+_DAMPED = 3
+#: Factors between which the share that may fail each bound changes at once.
+_LEVEL_STEP = (0.7, 1.4)
 #: Quantities that are told of every film.
 _TOLD = ("stroke", "blocked_force", "work", "frequency", TENSION, "voltage", "max_field",
          "max_true_stress", "gap")
@@ -136,7 +140,8 @@ def _sought(space: DesignSpace, settings: Settings) -> Sought:
     level, shifts = _AIMED * failing, dict[str, float]()
     films: ScatteredFilms | None = None
     exact = _exact(found, settings)
-    for _ in range(_ROUNDS):
+    kept: tuple[Sought, ExactFilm] | None = None
+    for number in range(_ROUNDS):
         wanted, failed = _off(found, exact), _AIMED
         if space.scatter:
             films = ScatteredFilms.of(found.search, found.values, _DRAWN, 1)
@@ -144,18 +149,31 @@ def _sought(space: DesignSpace, settings: Settings) -> Sought:
             wanted = {key: value + wanted[key] for key, value in films.shifts(level).items()}
         change = max(abs(value - shifts.get(key, np.inf)) for key, value in wanted.items())
         few = _NEARLY[0] <= failed <= _NEARLY[1]
-        if change < _SETTLED or (few and change < _NEAR):
+        many = films is not None and found.possible and failed > _NEARLY[1]
+        if films is not None and found.possible and not many:
+            kept = max(filter(None, [kept, (found, exact)]), key=lambda pair: pair[0].aim)
+        if (change < _SETTLED and not many) or (few and change < _NEAR):
             break
         if found.possible and change < _NEAR and films is not None:
-            level = min(failing, level * float(np.clip(_AIMED / failed, 0.5, 2.0)))
-        shifts = wanted
+            level = min(failing, level * float(np.clip(_AIMED / failed, *_LEVEL_STEP)))
+        if number >= _DAMPED:
+            wanted = {key: (value + shifts[key]) / 2 for key, value in wanted.items()}
+        shifts, before = wanted, found
         size = len(space.variables)
         found = _settled(replace(found.search, best=requirements.best, shifts=shifts),
                          found.end.x[None, :size])
+        if level < _AIMED * failing and before.possible and not found.possible:
+            found = before
+            break
         exact = _exact(found, settings)
+    else:  # between films that call each for the margins of the other
+        found, exact = kept or (found, exact)
+    off = _off(found, exact)
     if space.scatter:
         films = ScatteredFilms.of(found.search, found.values, _JUDGED, 2)
-    return replace(found, exact=exact, off=_off(found, exact), films=films)
+        found = replace(found, possible=found.possible
+                        and chance(films.kept(off)).high >= requirements.share)
+    return replace(found, exact=exact, off=off, films=films)
 
 
 def _settled(search: Search, starts: Array) -> Sought:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import qmc
 
-from tympan.studies.design.quantities import QUANTITIES, misses
+from tympan.studies.design.quantities import QUANTITIES, TENSION, misses
 from tympan.studies.design.search import Search
 from tympan.studies.design.space import FamilyFilms
 
@@ -23,6 +23,8 @@ Array = NDArray[Any]
 
 #: What stands for a film without equilibrium among shares missed: more than any.
 _LOST = 10.0
+#: Share of a bound that the worst film must reach for its ratio to the nominal one to say anything.
+_LITTLE = 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,10 +56,16 @@ class ScatteredFilms:
     def shifts(self, failing: float) -> dict[str, float]:
         """Shares by which the film without scatter must keep each bound the more.
 
-        So that this share of the films fails each of them.
+        So that this share of the films fails each of them. A quantity scatters in proportion to
+        itself: where its worst film shall be at the bound, it is the ratio of both that is kept.
         """
         worst = np.quantile(self.missed, 1 - failing, axis=0)
-        return dict(zip(self.keys, (worst - self.nominal).tolist(), strict=True))
+        change = worst - self.nominal
+        for number, key in enumerate(self.keys):
+            reached = 1 - worst[number] if QUANTITIES[key].gain else 1 + worst[number]
+            if key != TENSION and reached > _LITTLE:
+                change[number] /= reached
+        return dict(zip(self.keys, change.tolist(), strict=True))
 
     def kept(self, off: Mapping[str, float]) -> NDArray[np.bool_]:
         """Which films keep all bounds, reduced films being ``off`` by so much, (films,)."""
