@@ -74,7 +74,7 @@ copyright = "the tympan authors, BSD-3-Clause"
 
 
 def help_of(command: str) -> str:
-    """What ``tympan COMMAND --help`` prints."""
+    """Text that ``tympan COMMAND --help`` prints."""
     printed = StringIO()
     with redirect_stdout(printed), suppress(SystemExit):
         main([*command.split(), "--help"])

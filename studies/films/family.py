@@ -649,9 +649,12 @@ class _Making:
                   zip(rows, forces.tolist(), squares.tolist(), strict=True)]
         shots = [self._shot(*pair) for pair in solved if pair is not None]
         if len(shots) < 2:
-            raise InputError("has hardly any equilibrium in tension within the box: take lower "
-                             "loads", key=self.ground.box.specimen.name)
+            raise self._empty()
         return shots
+
+    def _empty(self) -> InputError:
+        return InputError("hardly any film like it has an equilibrium in tension under these "
+                          "loads: take lower ones", key=self.ground.box.specimen.name)
 
     def _shot(self, model: Model, solution: Solution) -> Snapshot:
         state, rates = solution.state, []
@@ -679,6 +682,8 @@ class _Making:
         balance = films.carried(number, forces, squares, np.zeros((len(rows), films.count)),
                                 _STEPS)
         some = np.flatnonzero(balance.sound)
+        if not len(some):
+            raise self._empty()
         guess = Guess.of(self.force, self.squared, self.ground.box.scaled(rows[some]),
                          forces[some], squares[some], balance.q[some])
         check = ResidualCheck.of(shots[0], reduction)

@@ -112,7 +112,7 @@ def sweep(options: argparse.Namespace) -> None:
 
 
 @command("design",
-         argument("file", type=Path, metavar="REQUIREMENTS.toml",
+         argument("requirements", type=Path, metavar="REQUIREMENTS.toml",
                   help="what is wanted, what is given and what may vary, as docs/howto/design.md "
                        "has it; a file of tympan optimise serves, too"),
          output("for specimens and rigs (TOML), the numbers (JSON) and a picture (PNG, SVG)"), JSON,
@@ -129,12 +129,13 @@ def design(options: argparse.Namespace) -> None:
     from tympan.studies.design.design import design
     from tympan.studies.design.requirements import Requirements
 
-    if "want" not in Table.read(options.file):
+    if "want" not in Table.read(options.requirements):
         options.command = "optimise"  # stored, drawn and told as such
+        options.file = options.requirements
         options.output = options.output or Path("optimum")
         optimise.run(options)
         return
-    requirements = Requirements.read(options.file)
+    requirements = Requirements.read(options.requirements)
     with bar(len(requirements.specimens)) as progress:
         result = design(requirements, read_settings(options), progress)
     finish(options, result)

@@ -283,3 +283,5 @@ def test_what_cannot_scatter_is_refused() -> None:
         ToleranceCase(oval(), tolerances=STILL)
     with pytest.raises(InputError, match="voltage"):
         tolerance(ToleranceCase(oval(), mass=MASS, voltage=0.0), Settings())
+    with pytest.raises(InputError, match="take lower ones"):
+        tolerance(ToleranceCase(oval(), mass=3.0, voltage=VOLTAGE), Settings())
