@@ -32,6 +32,8 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.start_up import REQUIREMENTS
+
 ROOT = Path(__file__).parents[2]
 FILM = """
 name = "{name}"
@@ -65,17 +67,6 @@ seed = 5
 "plate.radius" = ["8 mm", "15 mm"]
 """
 STUDY = 'name = "s"\nspecimens = ["round.toml"]\nmass = "20 g"\nvoltage = "2 kV"\n'
-REQUIREMENTS = """
-specimen = "round.toml"
-mass = "20 g"
-voltage = "2 kV"
-tolerances = "none"
-[want]
-stroke = "largest"
-gap = "25 mm"
-[vary]
-"plate.radius" = ["8 mm", "14 mm"]
-"""
 OPTIMISE = """
 specimen = "round.toml"
 mass = "20 g"
