@@ -382,7 +382,9 @@ class CaseResult(CaseRecord):
                                                "or none")] = None
     slack_share: Annotated[float | None, Key("its share of the mounted area")] = None
     tilt_rad: Annotated[float | None, Key("tilt of the plate")] = None
-    energy_J: Annotated[float | None, Key("energy of the film and its loads")] = None
+    energy_J: Annotated[float | None, Key(
+        "elastic energy of the film from the virgin state on, less half the capacitance times the "
+        "voltage squared; without the energy of the weight")] = None
     equilibria: Annotated[tuple[StableEquilibrium, ...], Key(
         "all stable equilibria under these loads, by deflection, where a mechanism of the rig "
         "makes several; all other results are of the one that is reached")] = ()
