@@ -88,6 +88,8 @@ def main() -> None:
             print(f"first numbers after {time.perf_counter() - began:.1f} s; load "
                   f"{os.getloadavg()[0]:.1f}")
             page.wait_for_selector("#limit-alpha-1", timeout=60_000)
+            page.wait_for_selector("[data-quick=true]", timeout=120_000)
+            print(f"reduced films after {time.perf_counter() - began:.1f} s")
             page.evaluate(_WATCH)
             for key, within in SLIDERS.items():
                 before = busy(running)

@@ -84,7 +84,7 @@ class ResidualCheck(FieldsAlone):
         result = np.full(len(q), np.nan)
         sound = np.flatnonzero(np.isfinite(q).all(1))
         at = films.at(films.whole)
-        for part in films.parts(sound, len(films.whole.cells)):
+        for part in films.parts(sound, len(films.whole.sites.cells)):
             some = sound[part]
             result[some] = self._estimate(films, at, number[some], q[some], force[some],
                                           squared[some], stiffness[some])
@@ -93,7 +93,7 @@ class ResidualCheck(FieldsAlone):
     def _estimate(self, films: Films, at: FilmsAt, number: Array, q: Array, force: Array,
                   squared: Array, stiffness: Array) -> Array:
         strained = films.strain(at, number, q)
-        density = films.density(number, squared, films.whole.covered)
+        density = films.density(number, squared, films.whole.sites.covered)
         stress = plane_stress(density.material, strained.c, (1.0, 1.0), tangent=False).stress
         forces = strained.forces(stress.transpose(2, 0, 1) * at.volumes[number])
         nodal = self._nodal(films, forces) - films.nodal_weight[number]
@@ -113,7 +113,7 @@ class ResidualCheck(FieldsAlone):
 
     def _nodal(self, films: Films, forces: Array) -> Array:
         """Forces on the nodes, (states, nodes, 3), of those against ∂x/∂ξ, (6, states, points)."""
-        sites = films.whole
+        sites = films.whole.sites
         by = forces.reshape(3, 2, *forces.shape[1:])
         summed = [sites.gather[a] @ by[i, a].T for i in range(3) for a in range(2)]
         nodal = [summed[2 * i] + summed[2 * i + 1] for i in range(3)]

@@ -37,7 +37,7 @@ from tympan.studies.case import Settings, meshed, solved_loading
 from tympan.studies.films.box import Box, between
 from tympan.studies.films.check import ResidualCheck
 from tympan.studies.films.first_limits import KINDS, FirstLimits, Margins, first_limits
-from tympan.studies.films.many_films import Films
+from tympan.studies.films.many_films import Films, ShapesAt
 from tympan.studies.films.reduction import Reduction, Snapshot, plate_freedoms
 from tympan.studies.films.sites import Sites
 
@@ -337,7 +337,17 @@ class FilmFamily:
 
     def films(self, rows: Array) -> Films:
         """The films with these parameters, rows of (films, names)."""
-        return films_of(self.ground, self.reduction, rows)
+        return replace(self._one, columns=self.box.columns(rows), nodes=self.ground.nodes(rows))
+
+    @cached_property
+    def _one(self) -> Films:
+        """One of its films; shapes at points are the same in all."""
+        return films_of(self.ground, self.reduction, self.box.low[None])
+
+    @cached_property
+    def looked_at(self) -> ShapesAt:
+        """Its shapes at its places."""
+        return ShapesAt(self.places, self.reduction.shapes)
 
     def states(self, parameters: Any, forces: Any, voltages: Any, check: bool = True,
                masses: Any = None, loose: bool = False) -> FamilyStates:
@@ -397,7 +407,7 @@ class FilmFamily:
         balance = self.guess.balanced(films, self.box.scaled(rows), number, force, squared)
         holds = balance.sound & self.box.holds(rows)[number] & self._loads_within(force, voltage)
         q = np.where(holds[:, None], balance.q, np.nan)
-        extremes = films.extremes(films.at(self.places), number, q, squared)
+        extremes = films.extremes(films.at(self.looked_at), number, q, squared)
         slack = holds & ~(extremes.tension > 0)
         holds &= loose | ~slack
         q[~holds] = np.nan
@@ -503,15 +513,20 @@ class FilmFamily:
                           & (np.abs(voltage) <= self.voltage[1] * (1 + 1e-9))
                           & (np.abs(voltage) >= self.voltage[0] * (1 - 1e-9)))
 
+    def error(self, films: Films, number: Array, q: Array, force: Array, squared: Array,
+              stiffness: Array) -> Array:
+        """Errors of the deflections of states q of films [m], (states,)."""
+        deflection = np.abs(q[:, 0])
+        off = self.check.estimate(films, number, q, force, squared, stiffness)
+        return self.factor * (off + self.usual * deflection) + self.remeshed * deflection
+
     def _error(self, films: Films, number: Array, q: Array, force: Array, squared: Array,
                stiffness: Array, shape: tuple[int, ...]) -> Array:
         """Errors of deflections [m], (states,): of each film that at its largest deflection."""
         deflection = np.where(np.isfinite(q[:, 0]), np.abs(q[:, 0]), -1.0)
         most = deflection.reshape(shape).argmax(1) + shape[1] * np.arange(shape[0])
-        off = self.check.estimate(films, number[most], q[most], force[most], squared[most],
-                                  stiffness[most])
-        off = self.factor * (off + self.usual * deflection[most])
-        off += self.remeshed * deflection[most]
+        off = self.error(films, number[most], q[most], force[most], squared[most],
+                         stiffness[most])
         return np.where(np.isfinite(q[:, 0]), np.repeat(off, shape[1]), np.nan)
 
 
@@ -537,12 +552,12 @@ def _frequency(films: Films, number: Array, q: Array, squared: Array, mass: Arra
 
 def films_of(ground: Ground, reduction: Reduction, rows: Array) -> Films:
     """The films with these parameters."""
-    mesh = ground.model.discretisation
-    whole = Sites.quadrature(mesh)
+    whole, shapes = Sites.quadrature(ground.model.discretisation), reduction.shapes
     loading = ground.model.loading
     spring = sum(bias.stiffness for bias in loading.biases if isinstance(bias, Spring))
     return Films(ground.box.specimen, ground.box.columns(rows), ground.nodes(rows),
-                 reduction.shapes, whole.some(reduction.points, reduction.shares), whole,
+                 ShapesAt(whole.some(reduction.points, reduction.shares), shapes),
+                 ShapesAt(whole, shapes),
                  loading.gravity, spring, np.array([ground.box.specimen.gap]))
 
 
@@ -576,6 +591,11 @@ class Guess:
         first, second = np.triu_indices(z.shape[1])
         cubes = [loads[1] ** 3, loads[1] ** 2 * loads[0]]
         return np.column_stack([np.ones(len(z)), z, z[:, first] * z[:, second], *cubes])
+
+    def at(self, scaled: Array, force: float, squared: Array) -> Array:
+        """Amplitudes of one film, (states, shapes), at U² [V²]."""
+        rows = np.broadcast_to(scaled, (len(squared), len(scaled)))
+        return np.asarray(self._terms(rows, np.full(len(squared), force), squared) @ self.weights)
 
     def balanced(self, films: Films, scaled: Array, number: Array, force: Array, squared: Array
                  ) -> Any:
@@ -694,7 +714,7 @@ class _Making:
     def _places(self, films: Films, number: Array, q: Array, squared: Array) -> Sites:
         """Nodes of elements at which some of the films is nearly strained or charged most."""
         sites = Sites.at_nodes(self.ground.model.discretisation)
-        at = films.at(sites)
+        at = films.at(ShapesAt(sites, films.whole.shapes))
         near = np.zeros(len(sites.cells), dtype=bool)
         for part in films.parts(number, len(near)):
             here = films.local(at, number[part], q[part], squared[part])

@@ -36,6 +36,8 @@ _TOGETHER = 8192
 _LAST = 1e-4
 #: Most corrections by the tangent of a state before.
 _CHORDS = 4
+#: Most corrections of a state at a given deflection: from a good guess it takes four.
+_NEAR = 6
 #: A tangent serves again where corrections fall at least so fast.
 _SLOW = 0.2
 
@@ -45,10 +47,15 @@ _PAIRS = tuple(combinations_with_replacement(range(6), 2))
 
 @dataclass(frozen=True, eq=False)
 class ShapesAt:
-    """Shapes of the nodes, (shapes, nodes, 3), at points."""
+    """Shapes of the nodes, (shapes, nodes, 3), at points; the same for all films."""
 
     sites: Sites
     shapes: Array
+
+    @cached_property
+    def values(self) -> Array:
+        """The shapes, (shapes, points, 3)."""
+        return self.sites.at(self.shapes)
 
     @cached_property
     def slopes(self) -> Array:
@@ -86,17 +93,16 @@ class FilmsAt:
 class Films:
     """Many films: a ``specimen`` with ``columns`` in place of some of its numbers, (films,) each.
 
-    ``nodes`` of their meshes [m], (films, nodes, 2); ``shapes`` (shapes, nodes, 3) and ``points``,
-    the sites that stand for all; ``gravity`` on the films' own mass, ``spring`` on their plates
+    ``nodes`` of their meshes [m], (films, nodes, 2); their shapes at the ``points`` that stand for
+    all and at the ``whole`` of them; ``gravity`` on the films' own mass, ``spring`` on their plates
     [N/m].
     """
 
     specimen: Specimen
     columns: Mapping[str, Array]
     nodes: Array
-    shapes: Array
-    points: Sites
-    whole: Sites
+    points: ShapesAt
+    whole: ShapesAt
     gravity: float = 0.0
     spring: float = 0.0
     gap: Array = field(default_factory=lambda: np.ones(1))
@@ -107,7 +113,7 @@ class Films:
     @property
     def count(self) -> int:
         """Number of shapes, the deflection's included."""
-        return len(self.shapes)
+        return len(self.whole.shapes)
 
     def some(self, films: Any) -> Specimen:
         """The specimen with the columns of some films, each of shape (films, 1)."""
@@ -120,8 +126,9 @@ class Films:
         """The films at the points that stand for all."""
         return self.at(self.points)
 
-    def at(self, sites: Sites) -> FilmsAt:
+    def at(self, shapes: ShapesAt) -> FilmsAt:
         """The films at points."""
+        sites = shapes.sites
         flat = sites.tangents(self.nodes)
         a, b, c, d = flat.transpose(1, 0, 2)
         area = a * d - b * c
@@ -132,38 +139,37 @@ class Films:
                           a / area * second], 1)
         volumes = np.abs(area) * sites.weights * film.volume_per_area
         volumes[~sound] = np.nan
-        return FilmsAt(ShapesAt(sites, self.shapes), flat, frame, volumes)
+        return FilmsAt(shapes, flat, frame, volumes)
 
     @cached_property
     def weight(self) -> Array:
         """Weight of film and electrodes on the shapes [N], (films, shapes)."""
         if not self.gravity:
             return np.zeros((len(self), self.count))
-        heights = self.whole.at(self.shapes)[..., 2]
-        return self.gravity * self._masses @ heights.T
+        return self.gravity * self._masses @ self.whole.values[..., 2].T
 
     @cached_property
     def nodal_weight(self) -> Array:
         """The same on the nodes of the whole mesh, (films, nodes, 3)."""
         result = np.zeros((*self.nodes.shape[:2], 3))
         if self.gravity:
-            result[..., 2] = self.gravity * (self.whole.spread @ self._masses.T).T
+            result[..., 2] = self.gravity * (self.whole.sites.spread @ self._masses.T).T
         return result
 
     @cached_property
     def _masses(self) -> Array:
         """Mass at all quadrature points [kg], (films, points)."""
-        specimen = self.some(slice(None))
+        specimen, whole = self.some(slice(None)), self.whole.sites
         film, electrode = specimen.membrane, specimen.electrode
-        a, b, c, d = self.whole.tangents(self.nodes).transpose(1, 0, 2)
+        a, b, c, d = whole.tangents(self.nodes).transpose(1, 0, 2)
         per_area: Any = film.density * film.volume_per_area
-        per_area = per_area + film.layers * electrode.mass * self.whole.covered
-        return np.asarray(np.abs(a * d - b * c) * self.whole.weights * per_area)
+        per_area = per_area + film.layers * electrode.mass * whole.covered
+        return np.asarray(np.abs(a * d - b * c) * whole.weights * per_area)
 
     @cached_property
     def inertia(self) -> Array:
         """Mass matrix of the films' shapes [kg], (films, shapes, shapes); without the plates."""
-        there = self.whole.at(self.shapes)
+        there = self.whole.values
         products = np.einsum("kpi,lpi->pkl", there, there).reshape(there.shape[1], -1)
         return np.asarray((self._masses @ products).reshape(-1, self.count, self.count))
 
@@ -283,7 +289,7 @@ class Films:
         gap = np.broadcast_to(self.gap, len(self))[films]
         for _ in range(ITERATIONS):
             going = [self._approached(balance, active[part], films, force, squared, gap, held)
-                     for part in self.parts(active, len(self.points.cells))]
+                     for part in self.parts(active, len(self.points.sites.cells))]
             active = np.concatenate(going) if going else active[:0]
             if not len(active):
                 break
@@ -321,6 +327,47 @@ class Films:
                 pull = self.forces(films[some], balance.q[some], squared[some])
                 pull[:, 0] = 0.0 if held else pull[:, 0] - force[some]
         return np.concatenate([*going, some])
+
+    def charged(self, films: Numbers, force: Array, deflections: Array, squared: Array,
+                guess: Array) -> tuple[Balance, Array]:
+        """States of plates at deflections, under a force, and the U² [V²] that brings each there.
+
+        Near a guess of U² and of states. ``sound``: found, and stable with the plate held; so a
+        film is followed past its pull-in, where no voltage has a state.
+        """
+        q, squared, done = guess.copy(), squared.copy(), np.zeros(len(guess), dtype=bool)
+        q[:, 0] = deflections
+        gap = np.broadcast_to(self.gap, len(self))[films]
+        scale, before = float(np.abs(squared).max()), np.ones(len(q))
+        with np.errstate(all="ignore"):
+            for correction in range(_NEAR):
+                # The second tangent is that of the state itself, which says whether it is firm.
+                if correction % 2 == 0:
+                    pull, stiffness = self.pull(films, q, squared)
+                    # Forces are straight in U².
+                    by_voltage = self.forces(films, q, squared + scale) - pull
+                    matrix = stiffness.copy()
+                    matrix[:, :, 0] = by_voltage
+                    matrix[~np.isfinite(matrix).all((1, 2))] = np.eye(self.count)
+                    try:
+                        inverse = np.linalg.inv(matrix)
+                    except np.linalg.LinAlgError:
+                        done[:] = False
+                        break
+                else:
+                    pull = self.forces(films, q, squared)
+                pull[:, 0] -= force
+                step = (inverse @ pull[..., None])[..., 0]
+                squared -= scale * step[:, 0]
+                q[:, 1:] -= step[:, 1:]
+                size = np.abs(step[:, 1:]).max(1) / gap
+                done = size * np.minimum(size / before, 1.0) < _LAST**2
+                before = size
+                if correction > 1 and (done | ~(size < 1)).all():
+                    break
+            firm = done & np.array([_positive(part[None])[0] for part in stiffness[:, 1:, 1:]])
+            balance = Balance(q, firm, 1 / np.linalg.inv(stiffness)[:, 0, 0])
+        return balance, squared
 
     def carried(self, films: Numbers, force: Array, squared: Array, start: Array, steps: int
                 ) -> Balance:

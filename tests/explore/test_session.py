@@ -26,7 +26,7 @@ from tympan.explore.copied import command_of, python_of
 from tympan.explore.curve import drawn_curve
 from tympan.explore.latest import Latest, Trouble
 from tympan.explore.numbers import blocked_rows, curve_rows, limit_rows, result_rows
-from tympan.explore.page import Page, Picture, scene_answers
+from tympan.explore.page import Asked, Page, Picture, scene_answers
 from tympan.explore.session import (
     Question,
     Scene,
@@ -310,7 +310,7 @@ def test_colours_are_those_numbers() -> None:
 @pytest.mark.parametrize("voltage", [0.0, 2000.0])
 def test_what_is_drawn_lies_where_the_film_does(voltage: float) -> None:
     scene = Session().scene(replace(START, voltage=voltage))
-    drawn, _ = scene_answers()(scene.view)
+    drawn, _ = scene_answers()(Asked(scene.view))
     assert scene.film is not None
     assert drawn.film is not None
     assert drawn.scene.result == scene.result
@@ -398,7 +398,7 @@ def test_the_blocked_force_is_that_of_the_force_study_whatever_was_shown_before(
         shown = session.blocked(view)
         assert shown.force == pytest.approx(expected.blocked_force_N, rel=1e-6)
     row, = blocked_rows(shown)
-    assert float(str(row["text"]).split()[0]) == pytest.approx(shown.force, rel=1e-4)
+    assert float(str(row["text"]).split()[0]) == pytest.approx(1e3 * shown.force, rel=1e-4)
     assert session.blocked(replace(view, voltage=0.0)).force == pytest.approx(0.0, abs=1e-9)
 
 

@@ -44,11 +44,12 @@ class Latest:
 
     ``make`` is called once in the process and makes what answers there. ``deliver`` gets each part
     of an answer in this thread's event loop, and whether its question is the newest. A question
-    that is not the newest any more is given up after ``patience`` [s], and its process with it.
+    that is not the newest any more is given up after ``patience`` [s], and its process with it;
+    never without one.
     """
 
     def __init__(self, make: Callable[[], Answer], deliver: Callable[[Any, bool], None],
-                 patience: float) -> None:
+                 patience: float | None) -> None:
         self._make, self._deliver, self._patience = make, deliver, patience
         self._loop = asyncio.get_running_loop()
         self._number = 0
@@ -68,7 +69,7 @@ class Latest:
         self._waiting = self._number, question
         if self._running is None:
             self._send()
-        else:
+        elif self._patience is not None:
             self._loop.call_later(self._patience, self._give_up, self._running)
 
     def drop(self) -> None:

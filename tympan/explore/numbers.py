@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from math import floor, log10
 from typing import TypeAlias
 
 from tympan.explore.session import Blocked, FollowedCurve, Scene
@@ -11,6 +12,7 @@ from tympan.geometry.units import BENCH, unit_of
 from tympan.reports.figures.curve import voltage_curves
 from tympan.reports.template import digits
 from tympan.studies.alpha import AlphaResult
+from tympan.studies.case import Limit
 
 #: What of a result is shown, and what it is called.
 SHOWN = {
@@ -21,6 +23,14 @@ SHOWN = {
     "slack_area_m2": "film without tension"}
 
 _DIGITS = 5
+
+#: Digits below which the error of a number is said beside it.
+_FEW = 3
+
+#: Half of the last of four digits, relative: an error that is not seen in a limit.
+_SEEN = 5e-5
+#: Relative error that a limit says itself.
+_LARGE = 5e-3
 
 #: A row of numbers as the page takes it.
 Row: TypeAlias = dict[str, str | bool]
@@ -41,8 +51,9 @@ def blocked_rows(blocked: Blocked, stale: bool = False) -> list[Row]:
     """Blocked force of the plate of an equilibrium; ``stale``: of another one."""
     if blocked.force is None:
         return []
-    return [_row("blocked", "blocked force where it rests at 0 kV",
-                 f"{digits(blocked.force, _DIGITS)} N", stale)]
+    unit, factor = BENCH["N"]
+    text = _within(factor * blocked.force, factor * blocked.off)
+    return [_row("blocked", "blocked force where it rests at 0 kV", f"{text} {unit}", stale)]
 
 
 def curve_rows(curve: FollowedCurve, deflection: float, stale: bool = False) -> list[Row]:
@@ -50,10 +61,11 @@ def curve_rows(curve: FollowedCurve, deflection: float, stale: bool = False) -> 
     line, = voltage_curves(curve.curve)
     rows = []
     if len(line.voltage) and line.voltage[0] == 0:
-        stroke = digits(1e3 * deflection - float(line.deflection[0]), _DIGITS)
+        stroke = _within(1e3 * deflection - float(line.deflection[0]),
+                         1e3 * (curve.off.deflection if curve.off else 0.0))
         rows.append(_row("stroke", "stroke from 0 kV", "…" if stale else f"{stroke} mm", stale))
     first = line.limits.limit
-    text = line.end if first is None else f"{first.state.verb} at {first.text}"
+    text = line.end if first is None else f"{first.state.verb} at {_voltage(first, curve)}"
     return [*rows, _row("first", "first limit", text, stale)]
 
 
@@ -72,10 +84,11 @@ def _limits(curve: FollowedCurve) -> Iterator[Row]:
     limits = curve.curve.curves[0].limits
     for limit in limits.told:
         first = " (the limit)" if limit == limits.limit else ""
-        yield _row(limit.kind, limit.state.verb, f"{limit.text}{first}")
+        yield _row(limit.kind, limit.state.verb, f"{_voltage(limit, curve)}{first}")
+    unknown = curve.off is not None and not curve.off.whole
     for kind, state in LIMIT_STATES.items():
         if getattr(limits, kind) is None and state.signs:
-            yield _row(kind, state.verb, "not reached")
+            yield _row(kind, state.verb, "…" if unknown else "not reached", unknown)
     if curve.readings is not None:
         yield _row("rms", "rms of measured − simulated",
                    f"{digits(1e6 * curve.readings.rms)} µm")
@@ -91,6 +104,22 @@ def _weights(circles: AlphaResult | str | None) -> Iterator[Row]:
     for number, (radius, weight) in enumerate(zip(circles.circles, weights, strict=True)):
         yield _row(f"alpha-{number + 1}", f"α{'₁₂₃₄₅₆₇₈₉'[number % 9]}, circle of "
                                           f"{digits(1e3 * radius)} mm", digits(weight))
+
+
+def _within(value: float, off: float) -> str:
+    """A number with the digits that are sure; its error where these are hardly any."""
+    if not off > 0 or not value:
+        return digits(value, _DIGITS)
+    sure = floor(log10(abs(value))) - floor(log10(2 * off))
+    text = digits(value, min(max(sure, _FEW), _DIGITS))
+    return text if sure >= _FEW else f"{text} ± {digits(off, 1)}"
+
+
+def _voltage(limit: Limit, curve: FollowedCurve) -> str:
+    """Where a limit is; of a reduced film with its error where that would be seen."""
+    if curve.off is None or not _SEEN < limit.spread < _LARGE:
+        return limit.text
+    return f"{limit.text} ± {100 * limit.spread:.1g} %"
 
 
 def _row(key: str, name: str, text: str, stale: bool = False) -> Row:

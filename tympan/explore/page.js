@@ -17,6 +17,7 @@ const SHOWS = {
     part("deflections").setAttribute("aria-busy", is);
     for (const id of ["curve", "limits"]) part(id).classList.toggle("stale", is);
   },
+  quick: (is) => { part("deflections").dataset.quick = is; },
   curve: (picture) => { part("curve").innerHTML = picture; },
   numbers: (rows) => list("numbers", "result", rows),
   limits: (rows) => list("limits", "limit", rows),

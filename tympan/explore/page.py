@@ -7,6 +7,7 @@ import json
 import os
 from collections.abc import AsyncGenerator, Iterator
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,7 @@ from tympan.explore.numbers import (
     loads_of,
     result_rows,
 )
+from tympan.explore.quick import Neighbours, QuickCurve, quick_answers
 from tympan.explore.session import (
     Blocked,
     FollowedCurve,
@@ -53,6 +55,8 @@ from tympan.studies.files import write_text
 _PATIENCE = 0.7
 #: How long the controls must rest before what takes longer follows them [s].
 _REST = 0.15
+#: How long after that finite elements follow a film whose numbers a reduced film has shown [s].
+_LATER = 0.85
 #: How far the process of curves stands behind, as nice counts.
 _BEHIND = 15
 
@@ -60,6 +64,10 @@ _BEHIND = 15
 _USUAL = 10e3
 #: What a slider of the voltage goes to, over the voltage where the film ends.
 _BEYOND = 1.15
+
+
+#: Who says a curve that finite elements have not said yet.
+_BY = "by a reduced film; finite elements follow"
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,15 +78,24 @@ class Picture:
     film: dict[str, Any] | None
 
 
+@dataclass(frozen=True)
+class Asked:
+    """A view to be shown; its plate's ``blocked`` force may come from elsewhere."""
+
+    view: FilmView
+    blocked: bool = True
+
+
 def scene_answers() -> Answer:
     """Worker that solves views and draws them, in its own process."""
     session = Session()
 
-    def answer(view: FilmView) -> Iterator[Picture | Blocked]:
+    def answer(asked: Asked) -> Iterator[Picture | Blocked]:
+        view = asked.view
         scene = session.scene(view)
         film = None if scene.film is None else record_of({_described(scene): scene.film}, even=True)
         yield Picture(replace(scene, film=None), film)
-        if film is not None:
+        if film is not None and asked.blocked:
             yield session.blocked(view)
 
     return answer
@@ -110,6 +127,8 @@ class Page:
         self._asked: FilmView | None = None
         self._scenes = Latest(scene_answers, self._solved, _PATIENCE)
         self._curves = Latest(curve_answers, self._followed, 0.0)
+        #: The reduced films about a view, which answer once they are made.
+        self._near: tuple[Neighbours, Latest] | None = None
         self._begin(0)
 
     def close(self) -> None:
@@ -118,6 +137,8 @@ class Page:
             self._resting.cancel()
         self._scenes.close()
         self._curves.close()
+        if self._near is not None:
+            self._near[1].close()
 
     def tell(self, **parts: Any) -> None:
         """Change parts of the state."""
@@ -152,7 +173,8 @@ class Page:
         mass = None if masses else self._first.mass
         self.start = self.subject.view(number, mass) if number else self._first
         self.tell(title=self.subject.name, chosen=number, written="", folder=str(Path.cwd()),
-                  film=None, curve="", loads="", numbers=[], limits=[], following=False,
+                  film=None, curve="", by="", quick=False, loads="", numbers=[], limits=[],
+                  following=False,
                   names=[specimen.name for specimen in self.subject.specimens],
                   masses=[f"{mass * 1e3:.6g} g" for mass in masses])
         self._say("")
@@ -252,7 +274,15 @@ class Page:
             self._scenes.drop()
             self._beyond(end)
             return
-        self._scenes.ask(self.view)
+        near = self._is_near
+        if near and self._near is not None:
+            self._near[1].ask(self.view)
+        self._scenes.ask(Asked(self.view, not (near and self.state["quick"])))
+
+    @property
+    def _is_near(self) -> bool:
+        """Whether the view is one of the reduced films, made or about to be."""
+        return self._near is not None and self._near[0].row(self.view) is not None
 
     def _beyond(self, end: Limit) -> None:
         assert self.curve is not None
@@ -307,13 +337,37 @@ class Page:
         here = None
         if self.scene is not None and _same_film(self.curve.view, self.scene.view):
             here = (self.scene.view.voltage / 1e3, 1e3 * (self.scene.result.deflection_m or 0.0))
-        self.tell(curve=drawn_curve(self.curve, here), limits=limit_rows(self.curve))
+        self.tell(curve=drawn_curve(self.curve, here), limits=limit_rows(self.curve),
+                  by="" if self.curve.off is None else _BY)
 
     def _rest(self) -> None:
         """The controls rest: say how the view is written, and follow its curve."""
         self._resting = None
         self.tell(busy=self._scenes.busy)
         self._name()
+        if self._is_quick:
+            self._resting = asyncio.get_running_loop().call_later(_LATER, self._settle)
+        else:
+            self._settle()
+
+    @property
+    def _is_quick(self) -> bool:
+        """Whether a reduced film says what the view is, or is about to."""
+        if self._near is None or not self.state["quick"] or not self._is_near:
+            return False
+        shown = self.curve is not None and self.curve.off is not None and self._is_followed
+        said = self.blocked is not None and self.blocked.view == self.view
+        return shown or said or self._near[1].busy
+
+    def _settle(self) -> None:
+        """Have finite elements say what is not theirs yet."""
+        self._resting = None
+        if self._is_near and (self.blocked is None or self.blocked.off
+                              or self.blocked.view != self.view):
+            if self._scenes.busy:  # with the picture, which would be given up
+                self._resting = asyncio.get_running_loop().call_later(_LATER, self._settle)
+                return
+            self._scenes.ask(Asked(self.view))
         if self._asked is None or not _same_film(self._asked, self.view):
             self._asked = self.view
             self._curves.ask(Question(self.view, self.subject.static))
@@ -321,18 +375,65 @@ class Page:
     def _followed(self, part: FollowedCurve | Trouble, newest: bool) -> None:
         if not newest:
             return
+        if not isinstance(part, Trouble) and self._is_followed and not _same_film(
+                part.view, self.view):
+            self._asked = None  # the reduced films have gone on meanwhile
+            return
         if isinstance(part, Trouble):
             self.curve = None
-            self.tell(curve="", limits=[], following=False)
+            self.tell(curve="", by="", limits=[], following=False)
             self._list_numbers()
             if self.scene is None:
                 self._say(part.words, trouble=True)
             return
-        self.curve = part
-        self.tell(following=not self._is_followed)
+        self._put(part)
         self._reached()
+        if part.circles is not None and not self._is_near and not self._measured:
+            self._reduce(part)
+
+    def _put(self, curve: FollowedCurve) -> None:
+        """Show a curve; circles that stand for its film stay."""
+        if curve.circles is None and self.curve is not None and _same_circles(
+                curve.view, self.curve.view):
+            curve = replace(curve, circles=self.curve.circles)
+        self.curve = curve
+        self.tell(following=not self._is_followed)
         self._list_numbers()
         self._draw_curve()
+
+    @property
+    def _measured(self) -> bool:
+        """Whether there are readings of the specimen, with which finite elements are compared."""
+        return bool(self.subject.masses(self._number))
+
+    def _reduce(self, curve: FollowedCurve) -> None:
+        """Make reduced films about a film that was followed."""
+        end = float(curve.curve.table["voltage"].max(initial=0.0))
+        films = Neighbours.of(curve.view, end) if end else None
+        if films is None:
+            return
+        if self._near is not None:
+            self._near[1].close()
+        self._near = films, Latest(partial(quick_answers, films), self._quickened, None)
+        self.tell(quick=False)
+        self._near[1].ask(self.view)
+
+    def _quickened(self, part: QuickCurve | Trouble, newest: bool) -> None:
+        """The reduced films have answered."""
+        self.tell(quick=not isinstance(part, Trouble))
+        if isinstance(part, Trouble):
+            return
+        if part.blocked is not None and (self.blocked is None or self.blocked.off
+                                         or self.blocked.view != part.view):
+            self.blocked = part.blocked
+            self._list_numbers()
+        shown = self.curve
+        if part.curve is None or (shown is not None and shown.off is None
+                                  and _same_film(shown.view, part.view)):
+            return
+        if not self._curves.busy:
+            self._asked = None
+        self._put(part.curve)
 
     def _reached(self) -> None:
         """The film's end is known: its slider goes there, and what is beyond is not searched.
@@ -412,6 +513,11 @@ def _free(name: str) -> str:
 def _same_film(view: FilmView, other: FilmView) -> bool:
     """Whether two views differ in voltage alone."""
     return replace(view, voltage=0.0) == replace(other, voltage=0.0)
+
+
+def _same_circles(view: FilmView, other: FilmView) -> bool:
+    """Whether two views differ in loads alone."""
+    return _same_film(replace(view, mass=0.0), replace(other, mass=0.0))
 
 
 def _drawn_outlines(view: FilmView) -> str:

@@ -43,10 +43,14 @@ _PARTS = 3
 
 @dataclass(frozen=True, eq=False)
 class Blocked:
-    """Force of a view's plate if it is blocked where it rests without voltage [N]; None of none."""
+    """Force of a view's plate if it is blocked where it rests without voltage [N]; None of none.
+
+    ``off``: by how much it may be wrong [N].
+    """
 
     view: FilmView
     force: float | None
+    off: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,17 +174,31 @@ class Question:
     static: Sheet | None = None
 
 
+@dataclass(frozen=True)
+class Off:
+    """How far a reduced film may be from finite elements.
+
+    ``deflection`` at the view's voltage [m]; ``whole``: it was followed to its pull-in. Otherwise
+    limits that are not met are not known.
+    """
+
+    deflection: float
+    whole: bool
+
+
 @dataclass(frozen=True, eq=False)
 class FollowedCurve:
     """The curve of a view, the readings under its mass, if any, and α of its film.
 
-    ``circles`` is a text where there are none, and None where they are still sought.
+    ``circles`` is a text where there are none, and None where they are still sought; ``off``: of a
+    reduced film.
     """
 
     view: FilmView
     curve: CurveResult
     readings: Readings | None = None
     circles: AlphaResult | str | None = None
+    off: Off | None = None
 
 
 def followed(question: Question, settings: Settings = Settings()) -> Iterator[FollowedCurve]:

@@ -1,0 +1,117 @@
+"""Curve, limits and blocked force of a view by reduced films, against finite elements."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.support.specimens import elliptical
+from tympan.explore.numbers import blocked_rows, curve_rows, limit_rows
+from tympan.explore.quick import Neighbours, QuickCurve, by_family
+from tympan.explore.session import Session
+from tympan.explore.view import FilmView, changed
+from tympan.fem.membrane.biases import Constant
+from tympan.fem.rig import Rig
+from tympan.reports.figures.curve import voltage_curves
+from tympan.studies.case import Settings, solve
+from tympan.studies.limits import curve
+
+OVAL = FilmView(elliptical(60e-3), mass=0.0179, voltage=2000.0)
+
+#: Where the oval ends [V].
+END = 8.2e3
+
+
+@pytest.fixture(scope="module")
+def quick() -> Callable[[Any], Iterator[QuickCurve]]:
+    """What answers views near the oval."""
+    films = Neighbours.of(OVAL, END)
+    assert films is not None
+    return by_family(films)
+
+
+@pytest.mark.parametrize(("key", "value"), [
+    ("voltage", 3500.0), ("mass", 0.005), ("mass", 0.03), ("stiffness", 0.85),
+    ("membrane.prestretch.0", 2.05), ("membrane.relative_permittivity", 5.2),
+    ("membrane.thickness", 0.85e-3), ("frame.semi_axes.0", 56e-3), ("plate.outline.radius", 9e-3)])
+def test_a_moved_control_gives_the_curve_the_limits_and_the_force_of_finite_elements(
+        key: str, value: float, quick: Callable[[Any], Iterator[QuickCurve]]) -> None:
+    view = changed(OVAL, key, value)
+    answer, = quick(view)
+    assert answer.curve is not None
+    assert answer.blocked is not None
+    assert answer.curve.off is not None
+    line, = voltage_curves(answer.curve.curve)
+    assert line.voltage[0] == 0
+    for voltage in (0.0, view.voltage):
+        exact = solve(replace(view, voltage=voltage).case, Settings()).deflection_m
+        assert exact is not None
+        assert line.at(voltage / 1e3) == pytest.approx(1e3 * exact, abs=2e-3 * line.deflection[-1])
+    # At points of the curve there is no interpolation.
+    number = len(line.voltage) // 2
+    exact = solve(replace(view, voltage=1e3 * line.voltage[number]).case, Settings()).deflection_m
+    assert exact is not None
+    assert 1e-3 * line.deflection[number] == pytest.approx(exact, rel=5e-4)
+    expected = curve(view.actuator, [view.mass], Settings(), view.rig).curves[0].limits
+    first, found = expected.limit, line.limits.limit
+    assert first is not None
+    assert found is not None
+    assert found.kind == first.kind
+    assert found.voltage_V == pytest.approx(first.voltage_V, rel=max(
+        found.spread, first.spread))
+    session = Session()
+    session.scene(view)
+    blocked = session.blocked(view).force
+    assert answer.blocked.force == pytest.approx(blocked, rel=2e-3)
+    shown, = blocked_rows(answer.blocked)
+    assert str(shown["text"]).endswith(" mN")
+
+
+def test_what_a_reduced_film_does_not_know_is_open(
+        quick: Callable[[Any], Iterator[QuickCurve]]) -> None:
+    answer, = quick(OVAL)
+    assert answer.curve is not None
+    rows = {row["key"]: row for row in (*limit_rows(answer.curve), *curve_rows(
+        answer.curve, 2.5e-3))}
+    assert "±" in str(rows["tension"]["text"])
+    assert rows["pull_in"]["text"] == "…"
+    assert rows["pull_in"]["stale"]
+    assert str(rows["first"]["text"]).startswith("loses tension at ")
+
+
+def test_a_film_that_keeps_its_tension_is_followed_to_its_pull_in(
+        quick: Callable[[Any], Iterator[QuickCurve]], monkeypatch: pytest.MonkeyPatch) -> None:
+    # Finite elements, too, tell the pull-in of a film that is kept from wrinkling.
+    view = replace(OVAL, mass=0.015)
+    monkeypatch.setattr("tympan.studies.films.rise._Way.tension",
+                        property(lambda way: np.ones(len(way.q))))
+    monkeypatch.setattr("tympan.studies.films.rise._Way.there", property(lambda way: way.sound))
+    expected = curve(view.actuator, [view.mass], Settings(), view.rig).curves[0].limits.pull_in
+    answer, = quick(view)
+    assert answer.curve is not None
+    assert answer.curve.off is not None
+    assert answer.curve.off.whole
+    limits = answer.curve.curve.curves[0].limits
+    assert limits.first == "pull_in"
+    assert limits.pull_in is not None
+    assert expected is not None
+    assert limits.pull_in.voltage_V == pytest.approx(expected.voltage_V, rel=5e-4)
+    assert "not reached" in {row["text"] for row in limit_rows(answer.curve)}
+
+
+@pytest.mark.parametrize("view", [
+    changed(OVAL, "frame.semi_axes.0", 80e-3), changed(OVAL, "plate.offset.0", 2e-3),
+    replace(OVAL, mass=0.04), replace(OVAL, rig=Rig(spring=1.0))])
+def test_other_films_are_left_to_finite_elements(view: FilmView) -> None:
+    films = Neighbours.of(OVAL, END)
+    assert films is not None
+    assert films.row(OVAL) is not None
+    assert films.row(view) is None
+
+
+def test_a_rig_that_no_reduced_film_has_has_none() -> None:
+    assert Neighbours.of(replace(OVAL, rig=Rig(biases=(Constant(0.1),))), END) is None

@@ -1,0 +1,166 @@
+"""Curve, limits and blocked force of a view within a move, by a family of reduced films about it.
+
+The family is made in a process of its own, in some seconds, and answers there from then on. What it
+does not hold is left to finite elements.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tympan.explore.latest import Answer
+from tympan.explore.session import Blocked, FollowedCurve, Off
+from tympan.explore.view import FilmView, controls, value_of
+from tympan.fem.rig import MOST_VOLTAGE, Rig
+from tympan.geometry.errors import InputError
+from tympan.geometry.outlines import area
+from tympan.geometry.paths import with_arrays
+from tympan.studies.case import Limit, Limits, Settings
+from tympan.studies.films.box import STIFFNESS, Box, kind_of, varying
+from tympan.studies.films.family import FamilySettings, FilmFamily, require_reducible
+from tympan.studies.films.rise import FamilyRise, rise
+from tympan.studies.limits.curve import CURVES, CurveResult, MassCurve
+
+Array = NDArray[Any]
+
+#: How far the numbers of the films may be from those of the view, relative: some 20 steps of a
+#: slider. Films farther away would take more shapes than are quick.
+_WIDE = 0.2
+#: Highest voltage of the family over that at which the view's film ends: thicker films go so far.
+_BEYOND = 1.3
+#: How a family is made: within the digits that are printed, in some seconds.
+_FAMILY = FamilySettings(error=2e-4, rounds=3, checks=12)
+#: How far its process stands behind, as nice counts: behind pictures, before curves of finite
+#: elements.
+_BEHIND = 5
+
+
+@dataclass(frozen=True, eq=False)
+class QuickCurve:
+    """What a family says of a view; ``curve`` is None where that is nothing."""
+
+    view: FilmView
+    curve: FollowedCurve | None = None
+    blocked: Blocked | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Neighbours:
+    """Films about a ``view`` and loads up to a ``mass`` [kg] and a nominal ``voltage`` [V]."""
+
+    view: FilmView
+    box: Box
+    mass: float
+    voltage: float
+    settings: Settings = field(default_factory=Settings)
+
+    @classmethod
+    def of(cls, view: FilmView, voltage: float) -> Neighbours | None:
+        """Those of a film that ends at a voltage; None where none can be reduced.
+
+        Numbers that are 0 stay: most are offsets, which take the film its mirror planes.
+        """
+        try:
+            require_reducible(view.specimen, view.rig)
+            known = {*varying(view.specimen), STIFFNESS}
+            limits = {key: ((1 - _WIDE) * value, (1 + _WIDE) * value)
+                      for key in (control.key for control in controls(view))
+                      if key in known and (value := value_of(view, key)) > 0}
+            box = Box.around(view.specimen, limits)
+        except InputError:
+            return None
+        # A line of the electrode within the film may give way by itself.
+        if not view.specimen.electrode.everywhere:
+            return None
+        mass = next(control for control in controls(view) if control.key == "mass")
+        return cls(view, box, mass.high / mass.factor, min(_BEYOND * voltage, MOST_VOLTAGE))
+
+    def row(self, view: FilmView) -> Array | None:
+        """The parameters of a view, (names,), None where it is none of these films."""
+        base = self.view.specimen
+        if view.rig != self.view.rig or not 0 <= view.mass <= self.mass:
+            return None
+        if kind_of(view.specimen) != kind_of(base):
+            return None
+        names = [name for name in self.box.names if name != STIFFNESS]
+        same = with_arrays(view.specimen, {name: value_of(self.view, name) for name in names})
+        row = np.array([value_of(view, name) for name in self.box.names])
+        return row if same == base and self.box.holds(row[None])[0] else None
+
+    def family(self) -> FilmFamily | None:
+        """The family of these films; None where it cannot be made."""
+        rig, plate = self.view.rig, area(self.view.specimen.needed_plate().outline)
+        forces = sorted(rig.force(mass, plate * size) for mass in (0.0, self.mass)
+                        for size in ((1 - _WIDE) ** 2, (1 + _WIDE) ** 2))
+        try:
+            return FilmFamily.over(self.box, (forces[0], forces[-1]),
+                                   (0.0, float(rig.film_voltage(self.voltage))), rig,
+                                   self.settings, _FAMILY)
+        except InputError:
+            return None
+
+
+def quick_answers(films: Neighbours) -> Answer:
+    """What answers views by a family, in its own process."""
+    os.nice(_BEHIND)
+    return by_family(films)
+
+
+def by_family(films: Neighbours) -> Answer:
+    """What answers views by a family, once that is made."""
+    family = films.family()
+    last: list[tuple[FilmView, FamilyRise | None]] = []
+
+    def answer(view: FilmView) -> Iterator[QuickCurve]:
+        if family is None:
+            return
+        film = replace(view, voltage=0.0)
+        if not last or last[0][0] != film:
+            row = films.row(view)
+            case = view.case
+            last[:] = [(film, None if row is None else rise(
+                family, row, case.force(area(view.specimen.needed_plate().outline))))]
+        risen = last[0][1]
+        yield QuickCurve(view) if risen is None else _quick(view, family, films, risen)
+
+    return answer
+
+
+def _quick(view: FilmView, family: FilmFamily, films: Neighbours, risen: FamilyRise) -> QuickCurve:
+    row = films.row(view)
+    assert row is not None
+    across = view.case.film_voltage
+    force = family.held_forces(row[None], risen.rest[None], np.array([across]))[0]
+    carried = view.case.force(area(view.specimen.needed_plate().outline))
+    blocked = Blocked(view, float(carried - force), risen.off) if np.isfinite(force) else None
+    place = float(np.interp(across**2, risen.squared, risen.deflection))
+    off = Off(risen.error(place), risen.whole)
+    return QuickCurve(view, FollowedCurve(view, _curve(view, risen), off=off), blocked)
+
+
+def _curve(view: FilmView, risen: FamilyRise) -> CurveResult:
+    """The curve of a view as :func:`tympan.studies.limits.curve` gives it, to its end here."""
+    rig, mass = view.rig, view.mass
+    nominal = [_nominal(rig, squared) for squared in risen.squared.tolist()]
+    limits = Limits.of({kind: Limit(
+        kind=kind, voltage_V=_nominal(rig, limit.squared), x_m=limit.x, y_m=limit.y,
+        spread=limit.off / (2 * limit.squared))
+        for kind, limit in risen.limits.items()}, "the film pulls in" if risen.whole else
+        "finite elements follow it on from there")
+    table = {column.name: np.full(len(nominal), np.nan) if column.choices is None
+             else np.full(len(nominal), "") for column in CURVES}
+    table |= {"mass": np.full(len(nominal), mass), "voltage": np.array(nominal),
+              "asked": np.zeros(len(nominal)), "deflection": risen.deflection}
+    return CurveResult(specimen=view.specimen.name, dofs=0, wall_s=0.0, table=table,
+                       curves=(MassCurve(mass_kg=mass, limits=limits),))
+
+
+def _nominal(rig: Rig, squared: float) -> float:
+    """Nominal voltage [V] at which the film sees U² [V²]."""
+    return min(rig.nominal_voltage(squared**0.5), rig.sag_voltage, MOST_VOLTAGE)
