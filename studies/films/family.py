@@ -494,7 +494,7 @@ class FilmFamily:
             balance = films.balanced(number, force, squared, near)
         holds = balance.sound & self.box.holds(rows) & self._loads_within(force, squared**0.5)
         q = np.where(holds[:, None], balance.q, np.nan)
-        extremes = films.extremes(films.at(self.places), number, q, squared)
+        extremes = films.extremes(films.at(self.looked_at), number, q, squared)
         stiffness = np.where(holds, balance.stiffness, np.nan)
         return Margins(np.stack([extremes.tension, stiffness**2,
                                  1 - (extremes.share / strength) ** 2], 1),
