@@ -160,7 +160,7 @@ def median_strength(family: FilmFamily, row: Array, found: tuple[Cause, ...]) ->
     if weibull is None:
         return 1.0
     films = family.films(row[None])
-    mounted = films.at(films.whole).volumes[0] @ films.whole.covered
+    mounted = films.at(films.whole).volumes[0] @ films.whole.sites.covered
     # A stack is so many films, each of which may break down.
     return weibull.median(float(mounted / family.box.specimen.membrane.thickness
                                 * family.box.specimen.membrane.area_prestretch))
