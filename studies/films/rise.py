@@ -67,7 +67,7 @@ class FamilyRise:
     rest: Array
 
     def error(self, deflection: float) -> float:
-        """By how much a deflection at a given voltage may be wrong [m]."""
+        """Error of a deflection at a given voltage [m]."""
         return self.off / float(np.interp(deflection, self.deflection, np.abs(self.stiffness)))
 
 
@@ -237,7 +237,7 @@ def _near(y: Array, values: Array) -> CubicSpline:
 
 
 def _crossing(y: Array, sign: CubicSpline) -> float | None:
-    """Where a number becomes negative for the first time, None where it does not."""
+    """Deflection at which a number first becomes negative; None where it does not."""
     inside = y[(y >= sign.x[0]) & (y <= sign.x[-1])]
     below = sign(inside) <= 0
     if below[0] or not below.any():
@@ -248,7 +248,7 @@ def _crossing(y: Array, sign: CubicSpline) -> float | None:
 
 def _place(family: FilmFamily, films: Films, kind: str, met: _Way, number: int
            ) -> tuple[float, float]:
-    """Where a limit begins: for a pull-in, where the film is thinnest."""
+    """Place at which a limit begins: of a pull-in, where the film is thinnest."""
     here = met.here
     worst = {"tension": -here.stress_2, "breakdown": here.share,
              "pull_in": here.stretch_1 * here.stretch_2}[kind][number]
@@ -257,7 +257,7 @@ def _place(family: FilmFamily, films: Films, kind: str, met: _Way, number: int
 
 
 def _force_error(family: FilmFamily, films: Films, force: float, way: _Way) -> float:
-    """By how much forces on the plate may be wrong [N]."""
+    """Error of forces on the plate [N]."""
     stiff = np.flatnonzero(way.stiffness >= _STIFF * way.stiffness[0])
     at = stiff[-1:] if len(stiff) else np.zeros(1, dtype=np.int64)
     off = family.error(films, np.zeros(1, dtype=np.int64), way.q[at], np.array([force]),

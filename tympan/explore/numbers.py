@@ -116,7 +116,7 @@ def _within(value: float, off: float) -> str:
 
 
 def _voltage(limit: Limit, curve: FollowedCurve) -> str:
-    """Where a limit is; of a reduced film with its error where that would be seen."""
+    """Voltage of a limit; of a reduced film with its error where that would be seen."""
     if curve.off is None or not _SEEN < limit.spread < _LARGE:
         return limit.text
     return f"{limit.text} ± {100 * limit.spread:.1g} %"

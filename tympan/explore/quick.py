@@ -43,7 +43,7 @@ _BEHIND = 5
 
 @dataclass(frozen=True, eq=False)
 class QuickCurve:
-    """What a family says of a view; ``curve`` is None where that is nothing."""
+    """Answer of a family to a view; ``curve`` is None where it holds no such film."""
 
     view: FilmView
     curve: FollowedCurve | None = None
@@ -107,13 +107,13 @@ class Neighbours:
 
 
 def quick_answers(films: Neighbours) -> Answer:
-    """What answers views by a family, in its own process."""
+    """Answers to views by a family, in its own process."""
     os.nice(_BEHIND)
     return by_family(films)
 
 
 def by_family(films: Neighbours) -> Answer:
-    """What answers views by a family, once that is made."""
+    """Answers to views by a family, once that is made."""
     family = films.family()
     last: list[tuple[FilmView, FamilyRise | None]] = []
 
