@@ -33,6 +33,8 @@ Row = tuple[int, list[str]]
 
 #: What may stand between cells; of those that are there as often, the first.
 _SEPARATORS = (",", ";", "\t")
+#: A cell that is a number, perhaps with its unit.
+_NUMBER_CELL = re.compile(r" *[-+]?\d[\d.,]*(?:[eE][-+]?\d+)?[^\d,;\t]*", re.ASCII)
 
 DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+(?:[eE][-+]?\d+)?", re.ASCII)
 _DECIMAL_POINT = re.compile(r"[-+]?\d+\.\d+(?:[eE][-+]?\d+)?", re.ASCII)
@@ -55,6 +57,8 @@ _FIRST = re.compile(r"^(?=[ \t;,]*[^ \t;,\n]).*", re.MULTILINE)
 
 #: Lines that tell what stands between cells.
 _LOOKED_AT = 200
+#: So much of each of them tells it, 1000 columns of numbers [characters].
+_LOOKED_INTO = 20_000
 
 #: What no text contains.
 _CONTROL = re.compile(r"[\x00-\x08\x0e-\x1f\x7f]")
@@ -216,18 +220,27 @@ def text_rows(file: Path, content: bytes, decimal: str | None = None) -> Iterato
 
 
 def _split(file: Path, text: str, mark: str) -> Iterator[Row]:
-    """Rows of text that a mark splits, without those that are blank."""
+    """Rows of text that a mark splits, without those that are blank.
+
+    A title above all numbers is one cell if it quotes its first words alone.
+    """
     reader = csv.reader(_lines(text), delimiter=mark, skipinitialspace=True, strict=True)
-    begin = 1
-    try:
-        for row in reader:
-            cells = [cell.strip() for cell in row]
-            if any(cells):
-                yield begin, cells
-            begin = reader.line_num + 1
-    except csv.Error as error:
-        raise InputError(f"is not comma-separated text: {error}; is a quotation mark left open?",
-                         file=file, key=f"line {begin}") from None
+    begin, numbers = 1, False
+    while True:
+        try:
+            cells = [cell.strip() for cell in next(reader)]
+        except StopIteration:
+            return
+        except csv.Error as error:
+            if (numbers or reader.line_num > _LOOKED_AT
+                    or "expected after" not in str(error)):
+                raise InputError(f"is not comma-separated text: {error}; is a quotation mark left"
+                                 " open?", file=file, key=f"line {begin}") from None
+            cells = [next(islice(_lines(text), reader.line_num - 1, None)).strip()]
+        numbers = numbers or any(map(_NUMBER_CELL.fullmatch, cells))
+        if any(cells):
+            yield begin, cells
+        begin = reader.line_num + 1
 
 
 def _lines(text: str) -> Iterator[str]:
@@ -250,21 +263,20 @@ def _unquoted(text: str) -> str:
 
 
 def _separator(text: str) -> str:
-    """Separator: most frequent in the first line that is not blank, quotations left out.
+    """Separator: the mark between most numbers of lines of one width, quotations left out.
 
-    Below a title, whose line has another number of them than most, the mark that as many of the
-    next lines have as often; a comma last, which may be a decimal mark.
+    A comma last, which may be a decimal mark. Without numbers, the most frequent in the first line
+    that is not blank.
     """
-    lines = [re.sub(r'"[^"]*"', "", line) for line in islice(_lines(text), _LOOKED_AT)
-             if line.strip(" \t;,\n")]
-    counts = {mark: Counter(line.count(mark) for line in lines) for mark in _SEPARATORS}
-    first = max(_SEPARATORS, key=_unquoted(text).count)
-    usual = counts[first].most_common(1)
-    if not usual or (_unquoted(text).count(first) == usual[0][0] > 0):
-        return first
-    alike = {mark: max((often for count, often in counts[mark].items() if count), default=0)
-             for mark in (";", "\t", ",")}
-    return max(alike, key=lambda mark: alike[mark]) if any(alike.values()) else first
+    lines = [re.sub(r'"[^"]*"', "", line[:_LOOKED_INTO].rstrip("\n"))
+             for line in islice(_lines(text), _LOOKED_AT) if line.strip(" \t;,\n")]
+
+    numbers = Counter[tuple[str, int]]()
+    for mark in (";", "\t", ","):
+        for cells in (line.split(mark) for line in lines if mark in line):
+            numbers[mark, len(cells)] += sum(map(bool, map(_NUMBER_CELL.fullmatch, cells)))
+    (best, _), most = max(numbers.items(), key=lambda item: item[1], default=((",", 1), 0))
+    return best if most else max(_SEPARATORS, key=_unquoted(text).count)
 
 
 def decimal_point(cell: str) -> str:

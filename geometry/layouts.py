@@ -262,14 +262,18 @@ class Reader:
                 if headings <= {*titles, *self._with_units(titles, following)[0]}:
                     return at
             raise self._no_heading(first, headings)
+        best, most = 0, (0, 0)
         for at, (_, titles) in enumerate(first):
-            known = sum(self._known(title) for title in titles)
-            if any(column.claims(title) for title in titles for column in self.columns) and (
-                    at == 0 or known >= _ENOUGH):
+            if at == 0 and any(column.claims(title) for title in titles for column in self.columns):
                 return at
-            if known >= _ENOUGH:
-                return at
-        return 0
+            if most[1] and sum(bool(NUMBER.fullmatch(cell)) for cell in titles) >= _ENOUGH:
+                break
+            known = [title for title in self._with_units(titles, first[at + 1:at + 2])[0]
+                     if self._known(title)]
+            units = sum(bool(Heading.of(title).unit) for title in known)
+            if len(known) >= _ENOUGH and (units, len(known)) > most:  # a title may name columns
+                best, most = at, (units, len(known))
+        return best
 
     def _no_heading(self, first: Sequence[Row], headings: set[str]) -> InputError:
         best = max(first, key=lambda row: len(headings & {*row[1]}) + sum(map(self._known, row[1])))

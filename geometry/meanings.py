@@ -19,6 +19,15 @@ FORCES = Meaning.of(
     "tensile force, standard force, charge, effort", "N")
 #: What people call a load's mass.
 MASSES = Meaning.of("mass, weight, masse, gewicht, auflage, zusatzmasse, poids", "g")
+#: What people call a mass besides, if its unit is one of masses: in newtons it is a force.
+LOADS = Meaning(FORCES.words | Meaning.of(
+    "applied load, added load, plate load, dead load, dead weight, test load, payload, load mass, "
+    "applied mass, added mass, additional mass, hanging mass, suspended mass, applied weight, "
+    "added weight, hanging weight, weight on plate, load on plate, mass on plate, belastung, "
+    "auflast, nutzlast, zusatzlast, plattenlast, gewichtslast, lastmasse, zusatzgewicht, "
+    "auflagegewicht, hängende masse, angehängte masse, angehängtes gewicht, charge appliquée, "
+    "charge suspendue, surcharge, masse ajoutée, masse appliquée, masse suspendue, poids ajouté, "
+    "poids suspendu").words, "g")
 #: What people call the voltage; as stresses are called so too, the unit tells which it is.
 VOLTAGES = Meaning.of("voltage, high voltage, hv, spannung, hochspannung, elektrische spannung, "
                        "prüfspannung, tension, haute tension, tension electrique, u", "kV")

@@ -23,6 +23,7 @@ from tympan.geometry.meanings import (
     DISPLACEMENTS,
     FORCES,
     FREQUENCIES,
+    LOADS,
     MASSES,
     RUNS,
     SPECIMENS,
@@ -51,7 +52,7 @@ _APART = 1e-9
 
 #: The column every file but coupon.csv has.
 SPECIMEN = Column.labels("specimen", also=SPECIMENS)
-_LOAD: tuple[Column, ...] = (SPECIMEN, Column("mass", "g", _MASS, also=(MASSES,)))
+_LOAD: tuple[Column, ...] = (SPECIMEN, Column("mass", "g", _MASS, also=(MASSES, LOADS)))
 _VOLTAGE_COLUMN = Column("voltage", "kV", _VOLTAGE, also=(VOLTAGES,))
 _DEFLECTION = Column("displacement", "mm", _DISPLACEMENT, also=(DISPLACEMENTS,))
 _RUN = Column.labels("run", required=False, also=RUNS)
