@@ -17,7 +17,8 @@ ROOT = Path(__file__).parent.parent
 FOLDERS = ("geometry", "fem", "studies", "reports", "tympan", "docs", "examples", "paper")
 #: No sentences: names and kinds of keys, data, C.
 NO_PROSE = {"reports/schema.toml", "studies/paper/table-2/dataset.toml",
-            "studies/lumped/export/fmu.txt"}
+            "studies/lumped/export/fmi.txt", "studies/lumped/export/fmu.txt",
+            "studies/lumped/control/fmu.txt"}
 
 #: Words in a sentence, on average: what is read once, quickly, at a bench.
 MEAN_WORDS = 20.0

@@ -15,6 +15,7 @@ from tympan.studies.case import Warnings
 from tympan.studies.columns import read_own_sheet, write_sheet
 from tympan.studies.files import from_json, read_json, remove, to_json, write_json, write_text
 from tympan.studies.lumped.control.controller import Controller
+from tympan.studies.lumped.control.fmu import write_controller_fmu
 from tympan.studies.sense.inverse import Inverse
 
 #: Columns of control.csv: the run, and beside it the same without feedback.
@@ -142,9 +143,13 @@ class ControlledFilm:
 
 @dataclass(frozen=True, eq=False)
 class ControlResult:
-    """Closed loops of actuators beside each other."""
+    """Closed loops of actuators beside each other.
+
+    ``fmu``: the controllers are stored as FMUs, too.
+    """
 
     films: tuple[ControlledFilm, ...]
+    fmu: bool = False
 
     def json(self) -> dict[str, Any]:
         """Closed loops as a JSON object, without samples."""
@@ -153,15 +158,19 @@ class ControlResult:
     def save(self, folder: Path) -> None:
         """Write control.csv, each ``NAME-control.c``, and the numbers last, control.json.
 
-        Where capacitance is read, ``NAME-sensed.c`` tells the deflection from it.
+        Where capacitance is read, ``NAME-sensed.c`` tells the deflection from it. With ``fmu`` also
+        ``NAME-control.fmu``.
         """
-        remove(folder, "control.json")
+        remove(folder, "control.json",
+               *(f"{film.specimen}-control.fmu" for film in self.films))
         for film in self.films:
             write_text(folder / f"{film.specimen}-control.c",
                        film.controller.c_source(film.specimen))
             if film.sensed is not None:
                 write_text(folder / f"{film.specimen}-sensed.c",
                            film.sensed.c_source(film.specimen))
+            if self.fmu:
+                write_controller_fmu(folder, film.specimen, film.controller, film.sensed)
         write_sheet(folder / "control.csv", COLUMNS, pd.concat([film.samples
                                                                 for film in self.films]))
         write_json(folder / "control.json", self.json())

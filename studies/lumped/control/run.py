@@ -35,6 +35,7 @@ from tympan.studies.lumped.control.result import (
     ScatteredFilms,
 )
 from tympan.studies.lumped.equilibria import rest_curve
+from tympan.studies.lumped.export.fmu import require_compiler
 from tympan.studies.lumped.linear import Linear, linearise
 from tympan.studies.lumped.model_file import LumpedModel
 from tympan.studies.lumped.remarks import origin
@@ -89,11 +90,12 @@ class ControlSettings:
                                      NON_NEGATIVE)] = 0.0
     method: Annotated[Method, Key("how the controller is designed")] = "pi"
     sensor: Annotated[Measured, Key("what is read")] = "deflection"
+    fmu: Annotated[bool, Key("whether controllers are stored as FMUs, too")] = False
 
     if TYPE_CHECKING:
         def __init__(self, *, supply: float | str = 7e3, interval: float | str = 10e-3,
                      sensor_lag: float | str = 0.0, method: Method = "pi",
-                     sensor: Measured = "deflection") -> None: ...
+                     sensor: Measured = "deflection", fmu: bool = False) -> None: ...
 
     def __post_init__(self) -> None:
         require(self)
@@ -170,6 +172,8 @@ def controlled(chosen: ChosenActuators, signal: Signal, settings: ControlSetting
     """
     if not 0 <= signal.peak <= settings.supply:
         raise InputError("must be within the supply", key="high", given=f"{signal.peak / 1e3:g} kV")
+    if settings.fmu:
+        require_compiler()
     count = sample_count(signal.end, settings.interval, len(chosen.actuators))
     films = []
     models = {model.specimen.name: model for model in chosen.case.models if model.film}
@@ -180,7 +184,7 @@ def controlled(chosen: ChosenActuators, signal: Signal, settings: ControlSetting
                              "the swing of its plate", key=actuator.specimen.name)
         films.append(_controlled(chosen, actuator, models.get(actuator.specimen.name), signal,
                                  settings, count, lambda share: progress(share=share)))
-    return ControlResult(tuple(films))
+    return ControlResult(tuple(films), settings.fmu)
 
 
 def _controlled(chosen: ChosenActuators, actuator: Actuator, model: LumpedModel | None,

@@ -1,4 +1,7 @@
-"""A lumped model as FMU 2.0, for model exchange and co-simulation: source, description, library."""
+"""FMU 2.0 for model exchange and co-simulation, of C: source, description, library.
+
+``write_fmu`` is for any C; ``export_fmu`` is that of a lumped model.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +11,8 @@ import subprocess
 import sys
 import uuid
 import zipfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
 from string import Template
@@ -19,8 +24,65 @@ from tympan.studies.files import write_atomically
 from tympan.studies.lumped.export.c_source import export_c
 from tympan.studies.lumped.model_file import LumpedModel
 
+#: Endings of a library, by system.
 _SUFFIX = {"linux": "so", "darwin": "dylib", "win32": "dll"}
+#: Folders of a library within an FMU, by system: the standard's names.
 _FOLDER = {"linux": "linux64", "darwin": "darwin64", "win32": "win64"}
+
+
+@dataclass(frozen=True)
+class Variable:
+    """A real variable of an FMU; its value reference is its place among them.
+
+    ``state``: of a derivative, the place of its state.
+    """
+
+    name: str
+    causality: str
+    variability: str = "continuous"
+    start: float | None = None
+    initial: str | None = None
+    state: int | None = None
+
+    def add_to(self, parent: Xml.Element, reference: int) -> None:
+        """Write it into ModelVariables."""
+        attributes = {"name": self.name, "valueReference": str(reference),
+                      "causality": self.causality, "variability": self.variability}
+        if self.initial is not None:
+            attributes["initial"] = self.initial
+        real = {} if self.start is None else {"start": repr(self.start)}
+        if self.state is not None:
+            real["derivative"] = str(self.state + 1)
+        Xml.SubElement(Xml.SubElement(parent, "ScalarVariable", attributes), "Real", real)
+
+
+def write_fmu(file: Path, name: str, sources: Mapping[str, str], part: str,
+              variables: Sequence[Variable], identity: str, step: float | None = None) -> None:
+    """Write an FMU, compiled for this system.
+
+    ``sources``: C by the names of files; those that end in .c are included. ``part``: C of the
+    functions that differ from FMU to FMU. ``identity``: the same text has the same GUID, so that
+    results can be compared. ``step``: time between communications that suits it [s].
+
+    Raises
+    ------
+    Failure
+        Where there is no C compiler ``cc`` or it fails.
+    """
+    guid = str(uuid.uuid5(uuid.NAMESPACE_OID, identity))
+    template = resources.files("tympan.studies.lumped.export").joinpath("fmi.txt")
+    includes = "\n".join(f'#include "{each}"' for each in sources if each.endswith(".c"))
+    wrapper = Template(template.read_text(encoding="utf-8")).substitute(
+        includes=includes, part=part, guid=guid)
+    sources = {**sources, f"{name}_fmu.c": wrapper}
+    with temporary_folder() as work:
+        for each, text in sources.items():
+            (work / each).write_text(text, encoding="utf-8")
+        library = _compiled(work / f"{name}_fmu.c", work / f"{name}.{_SUFFIX[sys.platform]}")
+        members = {f"sources/{each}": (work / each).read_bytes() for each in sources}
+        members[f"binaries/{_FOLDER[sys.platform]}/{library.name}"] = library.read_bytes()
+    members["modelDescription.xml"] = _description(name, guid, variables, step)
+    write_atomically(file, lambda path: _zip(path, members))
 
 
 def export_fmu(model: LumpedModel, folder: Path, mass: float) -> Path:
@@ -35,20 +97,34 @@ def export_fmu(model: LumpedModel, folder: Path, mass: float) -> Path:
         raise InputError("must be from 1 mg to 100 kg", key="--mass", given=f"{mass:g} kg")
     with temporary_folder() as work:
         header, source = export_c(model, work)
-        title, states = header.stem, 2 + len(model.radii)
-        # The same model has the same name: results can be compared.
-        guid = str(uuid.uuid5(uuid.NAMESPACE_OID, f"{source.read_text(encoding='utf-8')}{mass!r}"))
-        template = resources.files("tympan.studies.lumped.export").joinpath("fmu.txt")
-        wrapper = work / f"{title}_fmu.c"
-        wrapper.write_text(Template(template.read_text(encoding="utf-8")).substitute(
-            name=title, prefix=title.upper(), guid=guid, mass=repr(mass)), encoding="utf-8")
-        library = _compiled(wrapper, work / f"{title}.{_SUFFIX[sys.platform]}")
-        members = {f"sources/{file.name}": file.read_bytes() for file in (header, source, wrapper)}
-        members[f"binaries/{_FOLDER[sys.platform]}/{library.name}"] = library.read_bytes()
-        members["modelDescription.xml"] = _description(title, guid, mass, states)
+        sources = {each.name: each.read_text(encoding="utf-8") for each in (header, source)}
+    title, states = header.stem, ["y", "speed", *(f"strain[{circle + 1}]"
+                                                  for circle in range(len(model.radii)))]
+    template = resources.files("tympan.studies.lumped.export").joinpath("fmu.txt")
+    part = Template(template.read_text(encoding="utf-8")).substitute(
+        name=title, prefix=title.upper(), mass=repr(mass))
     file = folder / f"{title}.fmu"
-    write_atomically(file, lambda path: _zip(path, members))
+    # Value references as in the C.
+    write_fmu(file, title, sources, part, (
+        *(Variable(state, "local", initial="exact", start=0) for state in states),
+        *(Variable(f"der({state})", "local", state=number)
+          for number, state in enumerate(states)),
+        Variable("mass", "parameter", "fixed", start=mass),
+        Variable("voltage", "input", start=0),
+        Variable("deflection", "output"),
+        Variable("capacitance", "output"),
+        Variable("measured_capacitance", "input", start=0),
+        Variable("sensed_deflection", "output")),
+        identity=f"{sources[source.name]}{mass!r}")
     return file
+
+
+def require_compiler() -> str:
+    """The C compiler; where there is none, a Failure."""
+    compiler = shutil.which("cc")
+    if compiler is None or sys.platform not in _SUFFIX or platform.architecture()[0] != "64bit":
+        raise Failure("an FMU needs a C compiler, cc, on a 64-bit system")
+    return compiler
 
 
 def _zip(file: Path, members: dict[str, bytes]) -> None:
@@ -58,18 +134,15 @@ def _zip(file: Path, members: dict[str, bytes]) -> None:
 
 
 def _compiled(source: Path, library: Path) -> Path:
-    compiler = shutil.which("cc")
-    if compiler is None or sys.platform not in _SUFFIX or platform.architecture()[0] != "64bit":
-        raise Failure("an FMU needs a C compiler, cc, on a 64-bit system")
-    done = subprocess.run([compiler, "-std=c99", "-O2", "-shared", "-fPIC", str(source), "-o",
-                           str(library), "-lm"], capture_output=True, text=True, check=False)
+    done = subprocess.run([require_compiler(), "-std=c99", "-O2", "-shared", "-fPIC", str(source),
+                           "-o", str(library), "-lm"], capture_output=True, text=True, check=False)
     if done.returncode:
         raise Failure(f"the C compiler fails: {done.stderr.strip()[-300:]}")
     return library
 
 
-def _description(name: str, guid: str, mass: float, states: int) -> bytes:
-    """modelDescription.xml; value references as in the C source."""
+def _description(name: str, guid: str, variables: Sequence[Variable], step: float | None) -> bytes:
+    """modelDescription.xml; every output and derivative may depend on everything."""
     root = Xml.Element("fmiModelDescription", fmiVersion="2.0", modelName=name, guid=guid,
                        generationTool="tympan", numberOfEventIndicators="0",
                        variableNamingConvention="structured")
@@ -77,34 +150,17 @@ def _description(name: str, guid: str, mass: float, states: int) -> bytes:
         itself = Xml.SubElement(root, use, modelIdentifier=name)
         Xml.SubElement(Xml.SubElement(itself, "SourceFiles"), "File", name=f"{name}_fmu.c")
     itself.set("canHandleVariableCommunicationStepSize", "true")
-    variables = Xml.SubElement(root, "ModelVariables")
-    state_names = ["y", "speed", *(f"strain[{circle}]" for circle in range(1, states - 1))]
-    for number, state in enumerate(state_names):
-        _variable(variables, state, number, "local", initial="exact", start="0")
-    for number, state in enumerate(state_names, start=states):
-        _variable(variables, f"der({state})", number, "local", derivative=str(number - states + 1))
-    _variable(variables, "mass", 2 * states, "parameter", variability="fixed", start=repr(mass))
-    _variable(variables, "voltage", 2 * states + 1, "input", start="0")
-    _variable(variables, "deflection", 2 * states + 2, "output")
-    _variable(variables, "capacitance", 2 * states + 3, "output")
-    _variable(variables, "measured_capacitance", 2 * states + 4, "input", start="0")
-    _variable(variables, "sensed_deflection", 2 * states + 5, "output")
-    outputs = (2 * states + 3, 2 * states + 4, 2 * states + 6)
+    if step is not None:
+        Xml.SubElement(root, "DefaultExperiment", stepSize=repr(step))
+    listed = Xml.SubElement(root, "ModelVariables")
+    for reference, variable in enumerate(variables):
+        variable.add_to(listed, reference)
+    derivatives = [number for number, each in enumerate(variables, 1) if each.state is not None]
+    outputs = [number for number, each in enumerate(variables, 1) if each.causality == "output"]
     structure = Xml.SubElement(root, "ModelStructure")
-    for part, numbers in (("Outputs", outputs),
-                          ("Derivatives", range(states + 1, 2 * states + 1)),
-                          ("InitialUnknowns", range(states + 1, 2 * states + 1))):
-        listed = Xml.SubElement(structure, part)
-        for number in (*numbers, *(outputs if part == "InitialUnknowns" else ())):
-            Xml.SubElement(listed, "Unknown", index=str(number))
+    for part, numbers in (("Outputs", outputs), ("Derivatives", derivatives),
+                          ("InitialUnknowns", [*derivatives, *outputs])):
+        within = Xml.SubElement(structure, part) if numbers else structure
+        for number in numbers:
+            Xml.SubElement(within, "Unknown", index=str(number))
     return b'<?xml version="1.0" encoding="UTF-8"?>\n' + Xml.tostring(root)
-
-
-def _variable(parent: Xml.Element, name: str, reference: int, causality: str, *,
-              variability: str = "continuous", initial: str | None = None,
-              **real: str) -> None:
-    attributes = {"name": name, "valueReference": str(reference), "causality": causality,
-                  "variability": variability}
-    if initial is not None:
-        attributes["initial"] = initial
-    Xml.SubElement(Xml.SubElement(parent, "ScalarVariable", attributes), "Real", real)

@@ -5,14 +5,19 @@ from __future__ import annotations
 import ctypes
 import shutil
 import subprocess
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import astuple, replace
 from functools import cache
-from itertools import pairwise
+from itertools import count, pairwise
 from pathlib import Path
-from typing import get_args
+from typing import Any, get_args
 
+import fmpy
 import numpy as np
 import pytest
+from fmpy.fmi2 import FMU2Model, FMU2Slave
+from fmpy.validation import validate_fmu
 from scipy.signal import cont2discrete, detrend
 
 import tympan
@@ -30,6 +35,7 @@ from tympan.studies.lumped.actuator import Actuator, Viscous
 from tympan.studies.lumped.case import ChosenActuators, LumpedCase
 from tympan.studies.lumped.control.controller import Controller, Method, StaticInverse
 from tympan.studies.lumped.control.design import SENSITIVITY, Design, design
+from tympan.studies.lumped.control.fmu import write_controller_fmu
 from tympan.studies.lumped.control.lqg import _filter, _law, _regulator
 from tympan.studies.lumped.control.plants import FilmPlant, LumpedPlant, creeping_circles
 from tympan.studies.lumped.control.result import ControlledFilm, ControlResult
@@ -37,17 +43,20 @@ from tympan.studies.lumped.control.run import (
     ControlSettings,
     Measured,
     Sensor,
+    _sensed,
     closed_loop,
     controlled,
     scattered_films,
     settled,
 )
 from tympan.studies.lumped.equilibria import rest, rest_curve
+from tympan.studies.lumped.export.fmu import export_fmu
 from tympan.studies.lumped.linear import linearise
 from tympan.studies.lumped.model_file import STILL, LumpedModel, write_model
 from tympan.studies.lumped.simulate import simulate
 from tympan.studies.paper.table1 import paper_actuators
 from tympan.studies.replica.figures import Choices
+from tympan.studies.sense.inverse import Inverse
 from tympan.studies.signals import Pieces, random_steps, step, through
 
 SUPPLY, INTERVAL = 7e3, 10e-3
@@ -380,11 +389,35 @@ def test_a_controller_of_circles_holds_films_in_time() -> None:
         assert np.ptp(detrend(missed)) < 0.005 * height
 
 
-@pytest.mark.skipif(shutil.which("cc") is None, reason="there is no C compiler")
+needs_compiler = pytest.mark.skipif(shutil.which("cc") is None, reason="there is no C compiler")
+
+#: Through both ends of the supply.
+LEVELS = (4e3, 6.9e3, 0.0, 3e3)
+
+
+def wanted_levels() -> np.ndarray:
+    return np.repeat([rest(actuator(), voltage) for voltage in LEVELS], 60)
+
+
+def assert_drives_as_ours(controller: Controller, voltage_of: Callable[[float, float], float],
+                          sensed: Inverse | None = None) -> None:
+    """A loop that something else drives, by wanted and read value; the two never see each other."""
+    plant = LumpedPlant.resting(actuator(), 2e3)
+    ours = closed_loop(controller, plant, float(plant.deflection), wanted_levels(),
+                       sensed=sensed).voltage
+    driven = []
+    for each in wanted_levels():
+        driven.append(voltage_of(each, float(plant.capacitance if sensed else plant.deflection)))
+        plant = plant.after(driven[-1], INTERVAL)
+    assert ours.max() > 0.999 * SUPPLY
+    assert ours.min() < 10
+    assert driven == pytest.approx(ours, rel=1e-9, abs=1e-9 * SUPPLY)
+
+
+@needs_compiler
 @pytest.mark.parametrize("method", get_args(Method))
 def test_the_c_gives_the_same_voltages_in_the_loop(tmp_path: Path, method: Method) -> None:
-    """A loop that C drives, through both ends of the supply; the two never see each other."""
-    controller, one, source = designed(0.0, method).controller, actuator(), tmp_path / "loop.c"
+    controller, source = designed(0.0, method).controller, tmp_path / "loop.c"
     source.write_text(controller.c_source("2 ovals"), encoding="utf-8")
     subprocess.run(["cc", "-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic", "-shared",
                     "-fPIC", "-ffp-contract=off", str(source), "-o", str(tmp_path / "loop.so"),
@@ -394,17 +427,132 @@ def test_the_c_gives_the_same_voltages_in_the_loop(tmp_path: Path, method: Metho
     begin, in_c = library.model_2_ovals_controller_rest, library.model_2_ovals_controller_voltage
     begin.argtypes, begin.restype = (ctypes.c_void_p, ctypes.c_double), None
     in_c.argtypes, in_c.restype = (ctypes.c_void_p, *2 * [ctypes.c_double]), ctypes.c_double
-    plant = LumpedPlant.resting(one, 2e3)
-    wanted = np.repeat([rest(one, voltage) for voltage in (4e3, 6.9e3, 0.0, 3e3)], 60)
-    ours = closed_loop(controller, plant, float(plant.deflection), wanted).voltage
-    begin(memory, float(plant.deflection))
-    driven = []
-    for each in wanted:
-        driven.append(in_c(memory, each, float(plant.deflection)))
-        plant = plant.after(driven[-1], INTERVAL)
-    assert ours.max() > 0.999 * SUPPLY
-    assert ours.min() < 10
-    assert driven == pytest.approx(ours, rel=1e-9, abs=1e-9 * SUPPLY)
+    begin(memory, rest(actuator(), 2e3))
+    assert_drives_as_ours(controller, lambda wanted, read: in_c(memory, wanted, read))
+
+
+@contextmanager
+def instance(kind: type, use: str, fmu: Path, folder: Path) -> Iterator[Any]:
+    """An FMU's instance by fmpy, begun at time 0."""
+    description = fmpy.read_model_description(str(fmu))
+    made = kind(guid=description.guid, unzipDirectory=fmpy.extract(str(fmu), str(folder)),
+                modelIdentifier=getattr(description, use).modelIdentifier)
+    made.instantiate()
+    made.setupExperiment(startTime=0.0)
+    made.enterInitializationMode()
+    made.exitInitializationMode()
+    yield made
+    made.terminate()
+    made.freeInstance()
+
+
+@needs_compiler
+@pytest.mark.parametrize("sensor", get_args(Measured))
+@pytest.mark.parametrize("method", get_args(Method))
+def test_the_fmu_gives_the_same_voltages_in_the_loop(tmp_path: Path, method: Method,
+                                                     sensor: Measured) -> None:
+    """By co-simulation and by model exchange; the FMU is valid and compiles without warnings."""
+    controller = designed(0.0, method).controller
+    sensed = _sensed(actuator(), controller) if sensor == "capacitance" else None
+    write_controller_fmu(tmp_path, "2 ovals", controller, sensed)
+    fmu = tmp_path / "2 ovals-control.fmu"
+    assert validate_fmu(str(fmu)) == []
+    names = {each.name: each.causality for each in
+             fmpy.read_model_description(str(fmu)).modelVariables}
+    assert names == {"wanted_deflection": "input", f"measured_{sensor}": "input",
+                     "voltage": "output"}
+    with instance(FMU2Slave, "coSimulation", fmu, tmp_path / "slave") as slave:
+        numbers = count()
+
+        def by_steps(wanted: float, read: float) -> float:
+            slave.setReal([0, 1], [wanted, read])
+            voltage: float = slave.getReal([2])[0]
+            slave.doStep(INTERVAL * next(numbers), INTERVAL)
+            return voltage
+
+        assert_drives_as_ours(controller, by_steps, sensed)
+    with instance(FMU2Model, "modelExchange", fmu, tmp_path / "model") as model:
+        events = [0.0]
+
+        def by_events(wanted: float, read: float) -> float:
+            model.setTime(events[-1])
+            model.enterEventMode()
+            model.setReal([0, 1], [wanted, read])
+            needed, _, _, _, defined, following = model.newDiscreteStates()
+            assert (needed, defined) == (False, True)
+            events.append(following)
+            model.enterContinuousTimeMode()
+            model.setReal([0, 1], [0.0, 0.0])  # not looked at until the next event
+            return float(model.getReal([2])[0])
+
+        assert_drives_as_ours(controller, by_events, sensed)
+        assert events == pytest.approx(INTERVAL * np.arange(len(events)), rel=1e-12)
+    source = next((tmp_path / "slave" / "sources").glob("*_fmu.c"))
+    subprocess.run(["cc", "-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic", "-fsyntax-only",
+                    str(source)], check=True)
+
+
+@needs_compiler
+def test_the_fmu_samples_at_its_own_interval(tmp_path: Path) -> None:
+    """Communicating four times as often, inputs astray between samples; then a third as often."""
+    controller, wanted = designed().controller, rest(actuator(), 3e3)
+    write_controller_fmu(tmp_path, "oval", controller, None)
+    reading, state, ours = 0.9 * wanted, controller.resting(0.9 * wanted, 0.9 * wanted), []
+    for _ in range(12):
+        voltage, state = controller.voltage(state, wanted, reading)
+        ours.append(float(voltage))
+    with instance(FMU2Slave, "coSimulation", tmp_path / "oval-control.fmu", tmp_path) as slave:
+        for number, expected in enumerate(ours[:6]):
+            for quarter in range(4):
+                slave.setReal([0, 1], [wanted, 0.0 if quarter else reading])
+                assert slave.getReal([2])[0] == pytest.approx(expected, rel=1e-9)
+                slave.doStep(INTERVAL * (number + quarter / 4), INTERVAL / 4)
+        slave.setReal([0, 1], [wanted, reading])
+        slave.doStep(6 * INTERVAL, 3 * INTERVAL)
+        for number, expected in enumerate(ours[9:], 9):
+            assert slave.getReal([2])[0] == pytest.approx(expected, rel=1e-9)
+            slave.doStep(number * INTERVAL, INTERVAL)
+
+
+@needs_compiler
+def test_the_fmus_of_film_and_controller_make_the_loop(tmp_path: Path) -> None:
+    """Nothing of Python is in it but the clock."""
+    controller, one, wanted = designed().controller, actuator(), wanted_levels()
+    write_controller_fmu(tmp_path, "oval", controller, None)
+    film_fmu = export_fmu(MODEL, tmp_path, float(one.mass))
+    states = one.rest(rest(one, 2e3))
+    ours = closed_loop(controller, LumpedPlant.resting(one, 2e3), float(states[0]), wanted)
+    reached, (*_, voltage, deflection) = [], range(len(states) * 2 + 3)
+    with (instance(FMU2Slave, "coSimulation", film_fmu, tmp_path / "film") as film,
+          instance(FMU2Slave, "coSimulation", tmp_path / "oval-control.fmu",
+                   tmp_path / "controller") as control):
+        film.setReal(list(range(len(states))), states.tolist())
+        for number, each in enumerate(wanted):
+            reached.append(film.getReal([deflection])[0])
+            control.setReal([0, 1], [each, reached[-1]])
+            film.setReal([voltage], control.getReal([2]))
+            for part in (control, film):
+                part.doStep(INTERVAL * number, INTERVAL)
+    assert reached == pytest.approx(ours.deflection, abs=1e-5 * float(np.ptp(wanted)))
+
+
+@needs_compiler
+@pytest.mark.parametrize("use", ["ModelExchange", "CoSimulation"])
+def test_the_fmu_runs_in_a_simulator(tmp_path: Path, use: str) -> None:
+    """A reading that stays, from a time that is not 0."""
+    controller, wanted = designed().controller, rest(actuator(), 3e3)
+    write_controller_fmu(tmp_path, "oval", controller, None)
+    state, ours = controller.resting(wanted, wanted), []
+    motion = fmpy.simulate_fmu(
+        str(tmp_path / "oval-control.fmu"), fmi_type=use, start_time=5.0, stop_time=5.2,
+        output_interval=INTERVAL / 2, output=["voltage"],
+        start_values={"wanted_deflection": 1.01 * wanted, "measured_deflection": wanted})
+    for _ in range(20):
+        voltage, state = controller.voltage(state, 1.01 * wanted, wanted)
+        ours.append(float(voltage))
+    assert ours[-1] > ours[0] + 10
+    between = np.abs((motion["time"] - 5) / INTERVAL % 1 - 0.5) < 0.1
+    assert motion["voltage"][between] == pytest.approx(ours, rel=1e-9)
 
 
 def test_settling() -> None:
@@ -443,6 +591,11 @@ def test_python_and_files(tmp_path: Path) -> None:
     assert again.json() == result.json()
     assert len(again.films[0].samples) == 101
     assert list(result.to_pandas()["limited_by"]) == [again.films[0].steps[0].limited_by]
+    assert not list(tmp_path.glob("*.fmu"))
+    if shutil.which("cc"):
+        for fmu in (True, False):  # one that an earlier controller left goes
+            replace(result.numbers, fmu=fmu).save(tmp_path)
+            assert len(list(tmp_path.glob("*-control.fmu"))) == fmu
     with pytest.raises(InputError, match="within the supply"):
         tympan.lumped.control(tmp_path / "oval.lumped.toml", mass="17.9 g", high="6 kV",
                               supply="5 kV")

@@ -6,6 +6,7 @@ import argparse
 
 from tympan.commands.lumped.response import ACTUATORS, chosen_actuators, read_case
 from tympan.commands.signal import VOLTAGES, wave_of
+from tympan.geometry.errors import InputError
 from tympan.options import (
     JSON,
     MESH,
@@ -30,6 +31,9 @@ from tympan.options import (
          argument("--sensor", choices=("deflection", "capacitance"), default="deflection",
                   help="what is read; the deflection is told from a capacitance by that of the "
                        "model"),
+         argument("--fmu", action="store_true",
+                  help="with -o: store the controller as FMU 2.0, too, with its C source and a "
+                       "library"),
          output("store the run (CSV), the controller with its margins (JSON) and as C99, and a "
                 "picture (PNG, SVG)"), JSON, MESH,
          example='oval.toml --mass "17.9 g" --high "3 kV" --duration "2 s" --supply "5 kV" '
@@ -43,13 +47,15 @@ def lumped_control(options: argparse.Namespace) -> None:
     from tympan.progress import bar
     from tympan.studies.lumped.control.run import ControlSettings, controlled
 
+    if options.fmu and not options.output:
+        raise InputError("must be given to say where the FMU goes", key="-o")
     _, signal = wave_of(options, len(options.specimens) + len(options.model))
     with naming_options(options):
         settings = ControlSettings(
             supply=parse_quantity(options.supply, "voltage", "--supply"),
             interval=parse_quantity(options.interval, "time", "--interval"),
             sensor_lag=parse_quantity(options.sensor_lag, "time", "--sensor-lag"),
-            method=options.method, sensor=options.sensor)
+            method=options.method, sensor=options.sensor, fmu=options.fmu)
     chosen = chosen_actuators(options, read_case(options), settings.supply)
     with naming_options(options), bar(len(chosen.actuators)) as progress:
         result = controlled(chosen, signal, settings, progress)
