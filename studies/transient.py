@@ -36,6 +36,7 @@ from tympan.studies.case import (
     CaseResult,
     Settings,
     WallTime,
+    breakdown_warning,
     build_model,
     deflection_without_voltage,
     failure_reason,
@@ -126,7 +127,7 @@ class History(Trace):
     deflection when the signal began [m], 0 where the film hung under nothing until then.
     ``stopped``: where it went no further. ``slack``: when the film first lost tension [s], None
     where it did not. ``balance``: where its energy went. ``farthest``: when it deflects most [s];
-    ``failures``: what its law fails there.
+    ``failures``: breakdown, and what its law fails, there.
     """
 
     deflection: Array
@@ -197,10 +198,14 @@ def _deflected(moment: Moment) -> float:
 
 
 def _failures(transient: Transient, moment: Moment) -> list[str]:
-    """Criteria that the film's law fails at a moment, as of a film at rest."""
+    """Breakdown, and criteria that the film's law fails, at a moment, as of a film at rest."""
     fields, = node_fields(transient.remembering(moment), [moment.state])
-    return failures(transient.model.specimen.membrane, fields.position, fields.stretch_1,
-                    fields.stretch_2)
+    weakest = int(np.argmax(fields.breakdown_share))
+    x, y, _ = fields.position[weakest].tolist()
+    return [*breakdown_warning(fields.breakdown_share[weakest], fields.electric_field[weakest],
+                               fields.breakdown_strength[weakest], x, y),
+            *failures(transient.model.specimen.membrane, fields.position, fields.stretch_1,
+                      fields.stretch_2)]
 
 
 def solve_after(case: Case, after: float, settings: Settings, film: bool = False) -> CaseResult:

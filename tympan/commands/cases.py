@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 #: For results with the band of films that scatter.
 TOLERANCES = argument(
     "--tolerances", nargs="?", const="", metavar="FILE",
-    help="also how films differ whose numbers scatter: median, 5 and 95 %%; by the standard "
+    help="also how films differ whose numbers scatter: median, 5 and 95 %; by the standard "
          "deviations of a file, or without FILE by those of the film's material and assumed ones "
          "(docs/howto/tolerance.md)")
 
@@ -161,7 +161,8 @@ def _loaded(options: argparse.Namespace) -> tuple[Specimen, Rig, Settings, tuple
                   help="number of displacements"),
          argument("--load", default="", metavar="MASSES",
                   help='weights whose equilibria are asked for, such as "10 g, 20 g"; each acts '
-                       "together with what the rig has between plate and ground"),
+                       "together with what the rig has between plate and ground; the first is "
+                       "that of stroke, work and blocked force of the whole result"),
          argument("--rate", metavar="SPEED",
                   help='also move the plate out and back in time at a speed such as "1 mm/s": the '
                        "loops of a film with viscous branches, and their area"),
