@@ -446,19 +446,21 @@ def _require_part(field: Field, value: Any) -> None:
     """Refuse what can be no part of an actuator: a text, a number."""
     if field.several and not isinstance(value, list | tuple):
         raise InputError("must be a list", given=value)
+    says, of_type = field.says, get_origin(field.item) is Literal or is_dataclass(field.item)
+    if says.kinds is None and field.item is not str and not of_type:
+        return  # anything may be there: an outline's many knots
     for part in value if field.several else (value,):
         if part is None:  # whether there may be none, the dataclass knows
             continue
-        if field.says.kinds is not None:
+        if says.kinds is not None:
             # A package's kind is a dataclass, whatever else it is.
             if not is_dataclass(part):
-                kinds = [kind.__name__ for kind in field.says.kinds.values()
-                         if isinstance(kind, type)]
+                kinds = [kind.__name__ for kind in says.kinds.values() if isinstance(kind, type)]
                 raise InputError(f"must be one of {', '.join(kinds)}", given=part)
         elif field.item is str:
             if not isinstance(part, str | PathLike):
                 raise InputError("must be a text", given=part)
-        elif get_origin(field.item) is Literal or is_dataclass(field.item):
+        else:
             _require_type(field.item, part, field.key)
 
 
@@ -486,12 +488,12 @@ def _numbers(field: Field, value: Any) -> tuple[Any, ...]:
             or (field.count is not None and len(value) != field.count)):
         what = "numbers" if get_origin(field.item) is not tuple else "pairs of numbers"
         raise InputError(f"must be {field.count or 'a list of'} {what}", given=value)
-    if get_origin(field.item) is tuple and not all(isinstance(item, list | tuple)
-                                                   for item in value):
+    types = set(map(type, value))
+    if get_origin(field.item) is tuple and not all(issubclass(kind, list | tuple)
+                                                   for kind in types):
         raise InputError("must be pairs of numbers", given=value)
     # Outlines have hundreds of numbers: no call for each, and no look at each where they are made.
-    if {float} >= set(map(type, value)) or (
-            {tuple} == set(map(type, value)) and {float} >= set(map(type, chain(*value)))):
+    if {float} >= types or ({tuple} == types and {float} >= set(map(type, chain(*value)))):
         return tuple(value)
     return tuple([item if isinstance(item, float) else
                   tuple([_one_number(field, part) for part in item])

@@ -162,6 +162,8 @@ class SweepTask:
     def answers(self) -> dict[str, list[Record]]:
         """Answers to what is asked of it, where that needs no equilibrium of its cases."""
         answers: dict[str, list[Record]] = {name: [] for name in self.ask.names}
+        if not answers:
+            return answers
         with _TURN, one_thread():
             for number in range(len(self.ids)):
                 self._answer(answers, number, AskedCase(self._case(number), self.settings,
