@@ -52,4 +52,4 @@ def prior(item: EffectParameter) -> str:
     width, low, high = (f"{item.shown(value):.6g}" for value in (item.width, item.low, item.high))
     of = f" in {_size(item)}{item.name}" if _size(item) else ""
     unit = f" {item.unit}" if item.unit else ""
-    return f"{_distribution(item)}{of}, usual {width}{unit}, from {low} to {high}{unit}"
+    return f"{_distribution(item)}{of}, typical {width}{unit}, from {low} to {high}{unit}"

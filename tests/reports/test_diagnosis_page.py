@@ -31,10 +31,10 @@ def cause(effect: str, headline: str, **others: Any) -> FoundCause:
 
 def test_a_surprise_is_to_be_looked_at_first() -> None:
     named = cause("unaccounted_mass", "Every load is 20 g heavier", named=True, surprise=12.3)
-    assert ("Unaccounted mass: that is 12 times what is usual, so look at it first."
+    assert ("Unaccounted mass: that is 12 times its typical size, so look at it first."
             in verdict_words(diagnosed("named", named)))
     usual = replace(named, surprise=2.0)
-    assert "usual" not in verdict_words(diagnosed("named", usual))
+    assert "typical" not in verdict_words(diagnosed("named", usual))
 
 
 @pytest.mark.parametrize(("verdict", "words"), [
@@ -122,7 +122,7 @@ def test_how_the_probability_of_something_else_drifts_is_said_beside_it() -> Non
     scales = tuple(Robust(factor, ("drift",), unknown) for factor, unknown in (
         (1 / 3, 0.05), (1.0, 0.13), (10.0, 0.41)))
     words = verdict_words(diagnosed("named", named, probability=NoEffect(0.0, 0.13), robust=scales))
-    assert ("no effect makes, is 13 %; it is 5 % to 41 % as usual sizes are taken 1/3 of, to 10 "
+    assert ("no effect makes, is 13 %; it is 5 % to 41 % as typical sizes are taken 1/3 of, to 10 "
             "times, what the library says.") in words
 
 
@@ -131,13 +131,14 @@ def test_a_rival_that_only_its_size_speaks_against_is_called_so() -> None:
         "ambiguous", cause("sensor_zero", "Every reading is 50 µm too large"), cause(
             "drift", "Readings rise", probability=0.0, only_its_size=True, surprise=12.3)), {})
     assert unlawful(page) == []
-    assert ("Only its size speaks against it: as a cause it would have to be 12 times its usual "
+    assert ("Only its size speaks against it: as a cause it would have to be 12 times its typical "
             "size.") in page
     assert page.index("look at sensor; look at drift") < page.index("Readings, and the models")
 
 
 @pytest.mark.parametrize(("stand_out", "words"), [
-    ((["drift"], ["drift"]), "Drift stands out whether usual sizes are taken 1/3 of, or 10 times,"),
+    ((["drift"], ["drift"]),
+     "Drift stands out whether typical sizes are taken 1/3 of, or 10 times,"),
     ((["drift"], []), "with 0.33 times those of the library drift; with 10 times"),
     (([], []), "Nothing stands out, whichever sizes"),
 ])

@@ -21,16 +21,16 @@ from tympan.commands.lumped import response as lumped_response
 
 #: Every command in the order of ``tympan --help``, under what they are for.
 HEADINGS = {
-    "do": (
+    "simulate and design": (
         cases.solve, cases.limits, cases.curve, cases.force, cases.sense, cases.tolerance,
         cases.path, cases.modes, cases.sensitivity, transient.transient, transient.response,
         alpha.alpha, runs.study, runs.sweep, runs.design, runs.optimise, alpha.outlines,
         alpha.alpha_map),
-    "look": (
+    "draw, look up, export": (
         drawing.draw, explore.explore, export.export, runs.report, material.materials,
         material.material_show, data.effects, doctor.doctor),
-    "data": (data.data, data.diagnose, material.material_fit),
-    "lumped": (
+    "measured data": (data.data, data.diagnose, material.material_fit),
+    "lumped models": (
         lumped_build.lumped_build, lumped_response.lumped_simulate,
         lumped_response.lumped_linearise, lumped_control.lumped_control,
         lumped_identify.lumped_identify, lumped_export.lumped_export,

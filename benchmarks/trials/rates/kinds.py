@@ -127,13 +127,13 @@ def _of_rough(kinds: Kinds) -> list[Rate]:
     def of(rough: list[Record], words: str) -> list[Rate]:
         large = [record for record in rough if record.identifiable]
         return [
-            share(f"all else off by {ROUGH:g} usual sizes{words}, one identifiable effect of "
+            share(f"all else off by {ROUGH:g} typical sizes{words}, one identifiable effect of "
                   f"{LARGE[0]:g} to {LARGE[1]:g}: it is the most probable cause", large, _first),
             share("the same: it is named", large, named),
             share("the same: something small alone is named", large,
                   lambda record: bool(record.named) and not named(record)),
             share("the same: unexplained", large, lambda record: record.verdict == "unexplained"),
-            share(f"all off by {ROUGH:g} usual sizes{words}, nothing large: something is named",
+            share(f"all off by {ROUGH:g} typical sizes{words}, nothing large: something is named",
                   [record for record in rough if not record.truth],
                   lambda record: bool(record.named))]
 

@@ -18,14 +18,15 @@ from tympan.studies.diagnosis.inference.identifiability import SEEN
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-#: Edges of the bands of sizes over the usual one, and of the finer ones of the figure.
+#: Edges of the bands of sizes over the typical one, and of the finer ones of the figure.
 BANDS, _FINE = (0.3, 1.0, 3.0, 8.0, 20.0), (0.3, 0.6, 1.0, 1.8, 3.0, 5.0, 8.0, 13.0, 20.0)
 #: What may be named wrongly, or be called unexplained though the library has it, in every band.
 WRONG, UNEXPLAINED = 0.02, 0.05
 
-#: Populations of single effects of any size, and words for the priors they were judged by.
-SCALES = {"large": "as they are", **{name: name.removeprefix("large, priors ")
-                                     for name in WRONG_SCALES}}
+#: Populations of single effects of any size, and how the typical sizes were taken.
+SCALES = {"large": "as they are",
+          **{name: name.removeprefix("large, priors ").replace("wide", "large")
+             for name in WRONG_SCALES}}
 
 #: What is said of an effect, and its colour.
 _SAID = {"named": "#117733", "listed": "#88ccaa", "unexplained": "#b8bdc7", "nothing": "#e4e6ea",
@@ -43,26 +44,26 @@ def said(record: Record) -> str:
 
 
 def band(records: Sequence[Record], population: str, low: float, high: float) -> list[Record]:
-    """Trials of a population whose effect is so many usual sizes large."""
+    """Trials of a population whose effect is so many typical sizes large."""
     return [record for record in records
             if record.population == population and record.verdict not in GONE
             and low <= record.widths[0] < high]
 
 
 def size_rates(records: Sequence[Record]) -> list[Rate]:
-    """What must hold in every band, for every scale of the priors."""
+    """What must hold in every band, for every scale of the typical sizes."""
     rates = []
     for population, words in SCALES.items():
         for low, high in pairwise(BANDS):
             those = band(records, population, low, high)
-            of = f"one effect of {low:g} to {high:g} usual sizes, priors {words}"
+            of = f"one effect of {low:g} to {high:g} typical sizes, taken {words}"
             rates.append(share(f"{of}: another is named", those, lambda record: record.misnamed,
                                high=WRONG))
             rates.append(share(f"{of}: unexplained", those,
                                lambda record: record.verdict == "unexplained", high=UNEXPLAINED))
     pairs = [record for record in records
              if record.population == "large pair" and record.verdict not in GONE]
-    rates.append(share("two effects of 1 to 10 usual sizes: a wrong one is named", pairs,
+    rates.append(share("two effects of 1 to 10 typical sizes: a wrong one is named", pairs,
                        lambda record: record.misnamed, high=WRONG))
     rates.append(share("the same: unexplained", pairs,
                        lambda record: record.verdict == "unexplained", high=UNEXPLAINED))
@@ -71,8 +72,9 @@ def size_rates(records: Sequence[Record]) -> list[Rate]:
 
 def size_lines(records: Sequence[Record]) -> list[str]:
     """The page's table of rates by size."""
-    lines = ["| priors | size over usual | trials | detected, of Δχ² ≥ 25 | first, of these | "
-             "named, of these | named, of identifiable | another named | unexplained |",
+    lines = ["| typical sizes taken | size over typical | trials | detected, of Δχ² ≥ 25 | "
+             "first, of these | named, of these | named, of identifiable | another named | "
+             "unexplained |",
              "|---|---|---|---|---|---|---|---|---|"]
     for population, words in SCALES.items():
         for low, high in pairwise(BANDS):
@@ -101,7 +103,7 @@ def _cell(rate: Rate) -> str:
 
 
 def draw_sizes(records: Sequence[Record], file: Path) -> None:
-    """Shares of what was said against the size, for every scale of the priors."""
+    """Shares of what was said against the size, for every scale of the typical sizes."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(9.6, 3.6), layout="constrained")
@@ -118,8 +120,8 @@ def draw_sizes(records: Sequence[Record], file: Path) -> None:
             start += part
         labels = [f"{name}\n({len(group)})" for name, group in zip(names, groups, strict=True)]
         axes.set_xticks(range(len(groups)), labels, fontsize=6.5)
-        axes.set_title(f"priors {words}", loc="left", fontsize=9)
-        axes.set_xlabel("size over the usual one (trials)")
+        axes.set_title(f"typical sizes taken {words}", loc="left", fontsize=9)
+        axes.set_xlabel("size over the typical one (trials)")
     panels[0].set_ylabel("share of trials (%)")
     figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center",
                   ncols=len(_SAID), frameon=False, fontsize=8)
@@ -171,5 +173,5 @@ def _draw_map(axes: Axes, pair: tuple[str, str], records: Sequence[Record]) -> N
     axes.set_xticks(*ticks, fontsize=7)
     axes.set_yticks(*ticks, fontsize=7)
     limits = -0.5, len(MAP_WIDTHS) - 0.5
-    axes.set(xlim=limits, ylim=limits, aspect="equal", xlabel=f"A: {pair[0]} (usual sizes)",
-             ylabel=f"B: {pair[1]} (usual sizes)")
+    axes.set(xlim=limits, ylim=limits, aspect="equal", xlabel=f"A: {pair[0]} (typical sizes)",
+             ylabel=f"B: {pair[1]} (typical sizes)")

@@ -52,7 +52,7 @@ def strata_page(records: Sequence[Record], about: str) -> str:
         decided=table("evidence | ambiguous before | then named | then ambiguous | then another "
                       "named | then unexplained or nothing", _decided(records)),
         effects=table("evidence | effect | trials | before | by all", _by_effect(records)),
-        wrong=table("evidence | judged by | readings by | hidden | usual sizes | named", names)
+        wrong=table("evidence | judged by | readings by | hidden | typical sizes | named", names)
         if (names := list(_wrong(records))) else "None.")
 
 

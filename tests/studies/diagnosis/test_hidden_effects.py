@@ -383,7 +383,7 @@ def test_rates_by_size_count_in_their_band(tmp_path: Path) -> None:
                replace(blank, verdict="named", named=("drift",), widths=(2.0,)),
                Record("map", 0, "elements", (), 0, 0.0, 0.0, "nothing", widths=(0.0, 0.0))]
     by_words = {rate.what: rate for rate in size_rates(records)}
-    of = "one effect of 8 to 20 usual sizes, priors as they are"
+    of = "one effect of 8 to 20 typical sizes, taken as they are"
     assert (by_words[f"{of}: another is named"].hits, by_words[f"{of}: unexplained"].hits) == (1, 1)
     assert by_words[f"{of}: unexplained"].count == 3
     for draw_file in (draw_sizes, draw_maps):
