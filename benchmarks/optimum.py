@@ -12,13 +12,14 @@ from typing import Any
 import numpy as np
 
 from tympan.reports.figures.optimum import draw_optimum
-from tympan.studies.case import Case, Settings
+from tympan.studies.case import Settings
+from tympan.studies.design.elements.evaluator import DesignEvaluator
+from tympan.studies.design.elements.optimise import OptimiseResult, optimise
+from tympan.studies.design.elements.space import ElementSpace
+from tympan.studies.design.quantities import QUANTITIES
+from tympan.studies.design.requirements import Requirements
 from tympan.studies.limits import limits
 from tympan.studies.limits.voltages import END_VERBS
-from tympan.studies.optimise.design import DesignEvaluator
-from tympan.studies.optimise.limits import LIMITS
-from tympan.studies.optimise.optimise import OptimiseResult, optimise
-from tympan.studies.optimise.problem import OptimiseProblem, default_problem
 
 #: An ellipse whose semi-axes differ by less, relative, is a circle as far as the mesh can tell.
 _ROUND = 0.02
@@ -28,7 +29,7 @@ _DOCS = Path(__file__).parent.parent / "docs"
 
 def main() -> None:
     """Run it whole, then frame and plate each for itself, and write the page."""
-    problem = default_problem()
+    problem = ElementSpace.of(Requirements.shipped())
     whole = optimise(problem)
     parts = {name: optimise(_only(problem, name)) for name in ("frame", "plate")}
     with tempfile.TemporaryDirectory() as folder:
@@ -37,7 +38,7 @@ def main() -> None:
     (_DOCS / "optimum.md").write_text(page(problem, whole, parts), encoding="utf-8")
 
 
-def page(problem: OptimiseProblem, whole: OptimiseResult, parts: dict[str, OptimiseResult]
+def page(problem: ElementSpace, whole: OptimiseResult, parts: dict[str, OptimiseResult]
          ) -> str:
     """The page as Markdown."""
     record, reference = whole.record, whole.record["reference"]
@@ -45,10 +46,10 @@ def page(problem: OptimiseProblem, whole: OptimiseResult, parts: dict[str, Optim
     head = " | ".join(f"equal frame {optimum['held']}" for optimum in optima)
     lines = [
         "# Example of an optimum: the ellipse with the largest stroke", "",
-        f"Stroke is the deflection at {problem.voltage / 1e3:g} kV minus that without voltage, "
-        f"under {problem.mass * 1e3:g} g. "
-        "`make optimum` makes this page in about a minute from `studies/optimise/ellipse.toml`. "
-        "`tympan optimise` runs the search alone.", "",
+        f"Stroke is the deflection at {problem.case.voltage / 1e3:g} kV minus that without "
+        f"voltage, under {problem.case.mass * 1e3:g} g. "
+        "`make optimum` makes this page in about a minute from `studies/design/ellipse.toml`. "
+        "`tympan design` without a file runs the search alone.", "",
         f"The reference: `{reference['specimen']}`, stroke {1e3 * reference['stroke_m']:.4f} mm, "
         + ", ".join(f"{_words(name)} {_shown(name, value)}"
                     for name, value in reference["limited"].items())
@@ -117,7 +118,7 @@ def _kept(name: str, limit: dict[str, float]) -> str:
                    else "")
 
 
-def _trust(problem: OptimiseProblem, whole: OptimiseResult) -> list[str]:
+def _trust(problem: ElementSpace, whole: OptimiseResult) -> list[str]:
     lines = []
     for optimum in whole.record["optima"]:
         short = ", ".join(f"{_words(name)} {share - 1:.1%}"
@@ -137,33 +138,30 @@ def _trust(problem: OptimiseProblem, whole: OptimiseResult) -> list[str]:
             "plate has a limit of its own."]
 
 
-def _confirmed(problem: OptimiseProblem, whole: OptimiseResult) -> Iterator[str]:
+def _confirmed(problem: ElementSpace, whole: OptimiseResult) -> Iterator[str]:
     """What `tympan limits` says of each optimum's own specimen."""
     for optimum in whole.record["optima"]:
         specimen = whole.specimens[optimum["specimen_file"]]
-        reached = limits(Case(specimen, mass=problem.mass, rig=problem.rig), Settings())
+        reached = limits(replace(problem.case, specimen=specimen), Settings())
         end = min((limit for limit in reached.reached if limit.state.ends),
                   key=lambda limit: limit.voltage_V)
-        margin, stated = end.voltage_V / problem.voltage, optimum["limits"]["pull_in_margin"]
+        margin, stated = end.voltage_V / problem.case.voltage, optimum["limits"]["pull_in_margin"]
         yield (f"* Equal {optimum['held']}: `tympan limits` of the optimum's specimen, on a mesh "
                f"of its own, says: {reached.ended}. That is {margin:.4f} times the voltage, "
                f"± {end.spread:.2%}; this page states a margin of {stated['value']:.4f}.")
 
 
-def _scales(problem: OptimiseProblem, optimum: dict[str, Any]) -> dict[str, float]:
+def _scales(problem: ElementSpace, optimum: dict[str, Any]) -> dict[str, float]:
     bench = DesignEvaluator(problem, Settings())
     values = np.array(list(optimum["variables"].values()))
     bench.at((values - problem.lows) / problem.widths, renew=True)
     return bench.memory.scales
 
 
-def _only(problem: OptimiseProblem, part: str) -> OptimiseProblem:
+def _only(problem: ElementSpace, part: str) -> ElementSpace:
     """The problem with the numbers of one part alone, from the specimen itself."""
-    chosen = [number for number, variable in enumerate(problem.variables)
-              if variable.path[0] == part]
-    starts = tuple(np.array(problem.starts[0])[chosen].tolist())
-    return replace(problem, variables=tuple(problem.variables[number] for number in chosen),
-                   starts=(starts,))
+    return replace(problem, requirements=replace(problem.requirements, starts=()), variables=tuple(
+        variable for variable in problem.variables if variable.key.startswith(part)))
 
 
 def _words(name: str) -> str:
@@ -172,7 +170,7 @@ def _words(name: str) -> str:
 
 def _shown(name: str, value: float) -> str:
     shown = {"Pa": (1e-3, " kPa"), "V/m": (1e-6, " MV/m"), "m": (1e3, " mm")}
-    scale, text = shown.get(LIMITS[name].unit, (1.0, ""))
+    scale, text = shown.get(QUANTITIES[name].unit, (1.0, ""))
     return f"{scale * value:.4g}{text}"
 
 

@@ -126,7 +126,6 @@ alpha rounded.toml
 study STUDY.toml -o study
 sweep SWEEP.toml -o swept --workers 1
 design REQUIREMENTS.toml -o design
-optimise OPTIMISE.toml -o optimum
 outlines --help
 map --help
 draw rounded.toml -o drawing

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields, is_dataclass, replace
 from typing import Any
 
@@ -44,13 +44,18 @@ def with_change(value: Any, path: Sequence[str], change: Any) -> Any:
 
 def with_number(value: Any, path: Sequence[str], number: Any) -> Any:
     """A copy with another number at a path."""
-    if not path:
-        return number
-    name, rest = path[0], path[1:]
-    if isinstance(value, tuple):
-        index = int(name)
-        return (*value[:index], with_number(value[index], rest, number), *value[index + 1 :])
-    return replace(value, **{name: with_number(getattr(value, name), rest, number)})
+    return with_numbers(value, {".".join(path): number})
+
+
+def with_numbers(value: Any, numbers: Mapping[str, Any]) -> Any:
+    """A copy with other numbers, by their path with dots; checked with all of them in place.
+
+    Raises
+    ------
+    InputError
+        When something with these numbers cannot be.
+    """
+    return _placed(value, numbers, lambda old, new: replace(old, **new))
 
 
 def with_arrays(value: Any, arrays: Mapping[str, Any]) -> Any:
@@ -65,21 +70,30 @@ def with_arrays(value: Any, arrays: Mapping[str, Any]) -> Any:
     >>> with_arrays(Ellipse((0.06, 0.045)), {"semi_axes.0": np.array([0.06, 0.07])}).semi_axes
     (array([0.06, 0.07]), 0.045)
     """
-    if "" in arrays:
-        return arrays[""]
-    inner: dict[str, dict[str, Any]] = {}
-    for path, array in arrays.items():
-        name, _, rest = path.partition(".")
-        inner.setdefault(name, {})[rest] = array
-    if isinstance(value, tuple):
-        return tuple(with_arrays(item, inner[str(index)]) if str(index) in inner else item
-                     for index, item in enumerate(value))
+    return _placed(value, arrays, _unchecked)
+
+
+def _unchecked(value: Any, new: Mapping[str, Any]) -> Any:
     copied = object.__new__(type(value))
     for item in fields(value):
-        old = getattr(value, item.name)
-        new = with_arrays(old, inner[item.name]) if item.name in inner else old
-        object.__setattr__(copied, item.name, new)
+        object.__setattr__(copied, item.name, new.get(item.name, getattr(value, item.name)))
     return copied
+
+
+def _placed(value: Any, news: Mapping[str, Any], copy: Callable[[Any, Mapping[str, Any]], Any]
+            ) -> Any:
+    """A copy with something else at these paths; ``copy`` makes that of a dataclass."""
+    if "" in news:
+        return news[""]
+    inner: dict[str, dict[str, Any]] = {}
+    for path, new in news.items():
+        name, _, rest = path.partition(".")
+        inner.setdefault(name, {})[rest] = new
+    if isinstance(value, tuple):
+        return tuple(_placed(item, inner[str(index)], copy) if str(index) in inner else item
+                     for index, item in enumerate(value))
+    return copy(value, {name: _placed(getattr(value, name), part, copy)
+                        for name, part in inner.items()})
 
 
 def any_complex(value: Any) -> bool:

@@ -36,6 +36,7 @@ from tympan.reports.sweep.view import SweepView
 from tympan.reports.template import percent
 from tympan.studies.alpha import AlphaResult
 from tympan.studies.case import CaseResult
+from tympan.studies.design.elements.optimise import OptimiseResult
 from tympan.studies.design.result import DesignResult
 from tympan.studies.diagnosis.film_fit import FilmFit
 from tympan.studies.diagnosis.result import Diagnosis
@@ -47,7 +48,6 @@ from tympan.studies.lumped.build import BuildResult
 from tympan.studies.lumped.control.result import ControlResult
 from tympan.studies.material.result import MaterialFitResult
 from tympan.studies.modes import ModesResult
-from tympan.studies.optimise.optimise import OptimiseResult
 from tympan.studies.path import PathResult
 from tympan.studies.response import ResponseResult
 from tympan.studies.sense import SenseResult

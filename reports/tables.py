@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from tympan.geometry.units import unit_of
 from tympan.studies.alpha import AlphaResult
 from tympan.studies.case import CaseResult
+from tympan.studies.design.elements.optimise import OptimiseResult
 from tympan.studies.design.result import DesignResult
 from tympan.studies.diagnosis.film_fit import FilmFit
 from tympan.studies.diagnosis.result import Diagnosis
@@ -27,7 +28,6 @@ from tympan.studies.lumped.control.result import ControlResult
 from tympan.studies.lumped.linear import LinearResult
 from tympan.studies.material.result import MaterialFitResult
 from tympan.studies.modes import ModesResult
-from tympan.studies.optimise.optimise import OptimiseResult
 from tympan.studies.path import PathResult
 from tympan.studies.response import ResponseResult
 from tympan.studies.sense import SenseResult

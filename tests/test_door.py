@@ -38,8 +38,8 @@ from tympan.geometry.mesher import MeshSettings
 from tympan.geometry.process.threads import one_thread
 from tympan.studies.alpha import AlphaSettings, LoadGrid
 from tympan.studies.case import Case, CaseResult, Settings, equilibrate, solve
+from tympan.studies.design.elements.optimise import OptimiseResult
 from tympan.studies.diagnosis.result import FoundCause, ShownSize
-from tympan.studies.optimise.optimise import OptimiseResult
 from tympan.studies.study import line_profile
 
 ROOT = Path(__file__).parent.parent

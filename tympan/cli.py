@@ -53,9 +53,11 @@ class _Asking(argparse.ArgumentParser):
             return
         options = {str(choice): choice for choice in action.choices}
         if isinstance(action, argparse._SubParsersAction):
-            spelled = {word: repr(name) for name in options for word in (name, *_also(name))}
+            former = {name for command in COMMANDS for name in command.formerly}
+            names = [name for name in options if name not in former]
+            spelled = {word: repr(name) for name in names for word in (name, *_also(name))}
             raise InputError(f"unknown command: {did_you_mean(value, spelled)}known are "
-                             f"{', '.join(options)}", given=value)
+                             f"{', '.join(names)}", given=value)
         raise InputError(one_of(str(value), options), given=value,
                          key="/".join(action.option_strings) or action.dest)
 
@@ -72,7 +74,8 @@ class _Asking(argparse.ArgumentParser):
 
 
 def _also(name: str) -> tuple[str, ...]:
-    return next((command.also for command in COMMANDS if command.name == name), ())
+    return next(((*command.also, *command.formerly) for command in COMMANDS
+                 if command.name == name), ())
 
 
 class _Parser(_Asking):

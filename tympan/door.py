@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
     from tympan.fem.film.law_report import Examination
     from tympan.studies.alpha import AlphaResult, AlphaSettings
+    from tympan.studies.design.elements.optimise import OptimiseResult
     from tympan.studies.design.requirements import Requirements
     from tympan.studies.design.result import DesignResult
     from tympan.studies.diagnosis.film_fit import FilmFit
@@ -35,7 +36,6 @@ if TYPE_CHECKING:
     from tympan.studies.limits import CurveResult, LimitsResult
     from tympan.studies.material.result import MaterialFitResult
     from tympan.studies.modes import ModesResult
-    from tympan.studies.optimise.optimise import OptimiseResult
     from tympan.studies.path import PathResult
     from tympan.studies.response import ResponseResult
     from tympan.studies.sense import SenseResult
@@ -543,39 +543,32 @@ def fit_material(*files: File, laws: Sequence[str] = (), noise: float | str | No
 
 @names_arguments()
 @one_thread()
-def design(requirements: Requirements | File, settings: Settings = Settings()
-           ) -> Result[DesignResult] | Result[OptimiseResult]:
+def design(requirements: Requirements | File | None = None, settings: Settings = Settings()
+           ) -> Result[DesignResult | OptimiseResult]:
     """The best films for requirements, which 95 % of the films with their tolerances keep.
 
     ``requirements``: a file, or :class:`Requirements`. ``result.films[0]`` is the best film, with
     what it has, which bounds bind and what it costs to relax them; ``result.specimens`` the films'
-    specimens by file name. ``result.status`` is "impossible" where no film keeps all bounds. A
-    file of :func:`optimise`, which has no ``[want]``, is searched by that.
+    specimens by file name. ``result.status`` is "impossible" where no film keeps all bounds.
+    A file with ``search = "finite elements"``, or without ``[want]``, is searched by these:
+    ``result.json()`` has the best design of each measure of the frame that is held. Without a file
+    these are of the paper's large ellipse.
     """
-    from tympan.geometry.toml_reader import Table
-    from tympan.studies.design.design import design
+    from tympan.studies.design.design import best_films
     from tympan.studies.design.requirements import Requirements
 
-    if not isinstance(requirements, Requirements):
-        file = Path(requirements)
-        if "want" not in Table.read(file):
-            return optimise(file, settings)
-        requirements = Requirements.read(file)
-    return Result(design(requirements, settings))
+    if requirements is None:
+        requirements = Requirements.shipped()
+    elif not isinstance(requirements, Requirements):
+        requirements = Requirements.read(Path(requirements))
+    return Result(best_films(requirements, settings))
 
 
 @names_arguments()
-@one_thread()
-def optimise(file: File | None = None, settings: Settings = Settings()) -> Result[OptimiseResult]:
-    """The frame and plate with the largest stroke under the limits of OPTIMISE.toml.
-
-    Without a file: the paper's large ellipse at equal frame area and perimeter.
-    """
-    from tympan.studies.optimise.optimise import optimise
-    from tympan.studies.optimise.problem import default_problem, read_problem
-
-    problem = default_problem() if file is None else read_problem(Path(file))
-    return Result(optimise(problem, settings))
+def optimise(file: File | None = None, settings: Settings = Settings()
+             ) -> Result[DesignResult | OptimiseResult]:
+    """The former name of :func:`design`, which takes its place."""
+    return design(file, settings)
 
 
 @names_arguments()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -31,7 +32,8 @@ class Command:
     """A command: ``name`` of one word, or of two where it is one of a group; what it does; how.
 
     ``example`` is what follows ``tympan`` and the name in a line that works; ``also`` what people
-    write instead of the name.
+    write instead of the name. Scripts go on by names that it had ``formerly``, in no list of
+    commands; with such a name one line says the new one.
     """
 
     name: str
@@ -39,6 +41,7 @@ class Command:
     arguments: tuple[Argument, ...]
     example: str
     also: tuple[str, ...] = ()
+    formerly: tuple[str, ...] = ()
 
     @property
     def description(self) -> str:
@@ -53,18 +56,25 @@ class Command:
 
     def add(self, commands: argparse._SubParsersAction[Any]) -> None:
         """Add its parser, with the function's docstring as help."""
-        parser = commands.add_parser(self.name.split()[-1], description=self.description,
-                                     help=self.summary,
-                                     epilog=f"example: tympan {self.name} {self.example}".rstrip())
-        parser.set_defaults(run=self.run, command=self.name)
-        for argument in self.arguments:
-            argument(parser)
+        for name in (self.name.split()[-1], *self.formerly):
+            parser = commands.add_parser(
+                name, description=self.description, help=self.summary,
+                epilog=f"example: tympan {self.name} {self.example}".rstrip())
+            parser.set_defaults(run=self._run_and_say if name in self.formerly else self.run,
+                                command=self.name)
+            for argument in self.arguments:
+                argument(parser)
+
+    def _run_and_say(self, options: argparse.Namespace) -> None:
+        print(f"tympan: this command is tympan {self.name} now", file=sys.stderr)
+        self.run(options)
 
 
-def command(name: str, *arguments: Argument, example: str, also: tuple[str, ...] = ()
+def command(name: str, *arguments: Argument, example: str, also: tuple[str, ...] = (),
+            formerly: tuple[str, ...] = ()
             ) -> Callable[[Callable[[argparse.Namespace], None]], Command]:
     """Make a function a command of these arguments; its docstring is what ``--help`` says."""
-    return lambda run: Command(name, run, arguments, example, also)
+    return lambda run: Command(name, run, arguments, example, also, formerly)
 
 
 def argument(*names: str, within: tuple[float, float] | None = None, **settings: Any) -> Argument:

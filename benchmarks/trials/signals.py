@@ -106,11 +106,11 @@ COMMANDS = {
     "study": "study STUDY.toml",
     "diagnose": "diagnose data --workers 2",
     "design": "design REQUIREMENTS.toml --refine 0.5",
-    "optimise": "optimise OPTIMISE.toml --refine 0.5",
+    "design by finite elements": "design OPTIMISE.toml --refine 0.5",
     "lumped build": "lumped build round.toml --refine 0.5",
 }
 #: Commands that are killed.
-KILLED = ("study", "sweep", "diagnose", "optimise", "lumped build")
+KILLED = ("study", "sweep", "diagnose", "design by finite elements", "lumped build")
 #: Relative error of numbers in JSON; elsewhere none. Which worker of a diagnosis solves what, and
 #: from what it starts, differs from run to run: so do sizes, by 1e-9, where nothing is ended.
 ERRORS = {"diagnose": 1e-8}

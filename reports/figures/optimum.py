@@ -13,8 +13,9 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from tympan.reports import look as style
-from tympan.studies.optimise.optimise import OptimiseResult
-from tympan.studies.optimise.problem import held_words
+from tympan.studies.design.elements.optimise import OptimiseResult
+from tympan.studies.design.quantities import QUANTITIES
+from tympan.studies.design.requirements import held_words
 
 _PANEL = 52.0  #: width of the outlines' panel [mm]
 
@@ -78,7 +79,7 @@ def _limits(axes: Axes, result: OptimiseResult, optimum: Mapping[str, Any]) -> N
     limits = result.record["limits"]
     for (name, limit), colour in zip(limits.items(), style.PALETTE, strict=False):
         share = trials[name] / limit["bound"]
-        used = share if limit["unit"] in ("Pa", "V/m") else 1 / share
+        used = 1 / share if QUANTITIES[name].gain else share
         volts = optimum["limits"][name].get("at_V")
         where = "" if volts is None else f", at {volts / 1e3:.4g} kV"
         axes.plot(trials["trial"], used, "o-", color=colour, markersize=2.5,

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from tympan.studies.design.quantities import QUANTITIES
 from tympan.studies.design.result import DesignFront, FrontFilm
 from tympan.studies.design.search import Search
-from tympan.studies.optimise.sqp import Descent
+from tympan.studies.design.sqp import Descent
 
 Array = NDArray[Any]
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from importlib import resources
 from itertools import product
 from pathlib import Path
 from typing import Any, Self
@@ -11,10 +12,16 @@ from typing import Any, Self
 from tympan.fem.film.library import library_material, load_specimen
 from tympan.fem.rig import MOST_MASS, MOST_VOLTAGE, Rig
 from tympan.geometry.fields import checks_types, field_at, read
+from tympan.geometry.outlines import area, perimeter
+from tympan.geometry.paths import at
 from tympan.geometry.specimen import Specimen, require_different_names
-from tympan.geometry.toml_reader import POSITIVE, Rule, Table, one_of
-from tympan.studies.design.quantities import BREAKDOWN, QUANTITIES, TENSION
+from tympan.geometry.toml_reader import FINITE, POSITIVE, Rule, Table, one_of
+from tympan.studies.case import Settings
+from tympan.studies.design.quantities import BREAKDOWN, LIMITS, QUANTITIES, REDUCED, TENSION
+from tympan.studies.design.ranges import Vary
 from tympan.studies.films.box import varying
+from tympan.studies.limits.loads import usual_masses, usual_voltages
+from tympan.studies.paper.actuators import FILES
 from tympan.studies.tolerance.given import Tolerances
 
 #: Words for the one quantity that shall be as good as can be.
@@ -25,22 +32,26 @@ LOADS: dict[str, Rule] = {
     "voltage": (lambda x: 0 < x <= MOST_VOLTAGE,
                 f"must be above 0 and at most {MOST_VOLTAGE / 1e3:g} kV")}
 
+#: What of a frame may be held, by its name in files, and the word for holding nothing.
+MEASURES = {"area": area, "perimeter": perimeter}
+NOTHING = "nothing"
+#: Ways to search, by their words in files, and whether it is by finite elements.
+_SEARCHES = {"reduced films": False, "finite elements": True}
+_WORDS = {exact: words for words, exact in _SEARCHES.items()}
+
 _SHARE: Rule = (lambda x: 0.5 <= x <= 0.99, "must be a share of the films from 0.5 to 0.99")
 _LAYERS: Rule = (lambda x: x == int(x) and 1 <= x <= 100, "must be whole numbers from 1 to 100")
 
 
-@dataclass(frozen=True)
-class Vary:
-    """A number of the specimen, or several that are alike, or a load, from lowest to highest [SI].
+def held_words(measure: str) -> str:
+    """Words on what is held of the frame.
 
-    ``names``: of a family's parameters; none of a load.
+    Examples
+    --------
+    >>> held_words("area"), held_words("nothing")
+    ('equal area', 'free')
     """
-
-    key: str
-    names: tuple[str, ...]
-    low: float
-    high: float
-    dimension: str = ""
+    return "free" if measure == NOTHING else f"equal {measure}"
 
 
 @checks_types
@@ -53,6 +64,10 @@ class Requirements:
     for the film that keeps all bounds by the largest common share. ``mass`` [kg] and the supply's
     ``voltage`` [V] where they do not vary. ``tolerances``: None for films without scatter.
     ``front``: two quantities between whose best films others are sought.
+
+    ``held``: measures of the frame, of :data:`MEASURES` or :data:`NOTHING`, each of which gives a
+    best film of its own that has the ``reference``'s; found by finite elements alone, from the
+    specimen and from ``starts``, one row of values of the variables each. Empty for reduced films.
     """
 
     name: str
@@ -66,26 +81,52 @@ class Requirements:
     tolerances: Tolerances | None = field(default_factory=Tolerances)
     share: float = 0.95
     front: tuple[str, str] | None = None
+    held: tuple[str, ...] = ()
+    reference: Specimen | None = None
+    starts: tuple[tuple[float, ...], ...] = ()
 
     @classmethod
     def read(cls, file: Path | str) -> Self:
-        """The requirements of a TOML file; specimens are files beside it."""
+        """The requirements of a TOML file; specimens are files beside it, or the paper's."""
         return cls._of(Table.read(file))
 
     @classmethod
+    def shipped(cls) -> Self:
+        """Those of the paper's large ellipse: the best frames of its area and of its length."""
+        with resources.as_file(resources.files("tympan.studies.design") / "ellipse.toml") as file:
+            return cls.read(file)
+
+    @classmethod
     def _of(cls, table: Table) -> Self:
-        rig = Rig.from_table(table.table("rig", {}))
-        specimens = _specimens(table)
-        variables = _variables(table, specimens)
-        loads = {key: _load(table, key, rule, variables) for key, rule in LOADS.items()}
-        bounds, best = _wanted(table, specimens)
-        tolerances = _tolerances(table)
-        share, front = table.number("share", default=0.95, rule=_SHARE), _front(table)
-        found = cls(table.text("name", Path(table.file).stem), specimens, loads["mass"],
-                    loads["voltage"], variables, bounds, best, rig, tolerances, share,
-                    front)
+        rig, old = Rig.from_table(table.table("rig", {})), "want" not in table
+        exact = table.choice("search", _SEARCHES, "finite elements" if old else "reduced films")
+        for key in () if exact else ("hold", "reference", "start"):
+            if key in table:
+                raise table.error(key, 'needs search = "finite elements"')
+        specimens = _specimens(table, exact)
+        variables = _variables(table, specimens, exact)
+        loads = _loads(table, specimens, rig, variables, exact)
+        bounds, best = _wanted(table, specimens, exact)
+        more: dict[str, Any] = {"tolerances": None}
+        if exact:
+            more |= _by_elements(table, specimens[0], variables[specimens[0].name],
+                                 "area" if old else NOTHING)
+        if not exact or "tolerances" in table:
+            more["tolerances"] = _tolerances(table)
+        if not exact:
+            more |= {"share": table.number("share", default=0.95, rule=_SHARE),
+                     "front": _front(table)}
+        elif more["tolerances"] is not None:
+            raise table.error("tolerances", 'must be "none": a search by finite elements has none')
+        found = cls(table.text("name", Path(table.file).stem), specimens, *loads, variables, bounds,
+                    best, rig, **more)
         table.done()
         return found
+
+    @property
+    def steps(self) -> int:
+        """Steps of the search that are told of."""
+        return len(self.held) * (len(self.starts) + 2) or len(self.specimens)
 
     @property
     def margin(self) -> float:
@@ -105,20 +146,30 @@ class Requirements:
         return {**always, **self.bounds}
 
 
-def _specimens(table: Table) -> tuple[Specimen, ...]:
+def _specimens(table: Table, exact: bool) -> tuple[Specimen, ...]:
     """Specimens of all kinds and films that are tried, by different names."""
     given = table.value("specimen")
     files = [given] if isinstance(given, str) else given
-    if not isinstance(files, list) or not files or not all(isinstance(name, str) for name in files):
-        raise table.error("specimen", "must be a specimen file, or a list of them", given)
-    kinds = [load_specimen(Path(table.file).parent / name) for name in files]
-    for specimen in kinds:
-        specimen.needed_plate()
+    if (not isinstance(files, list) or not files or (exact and len(files) > 1)
+            or not all(isinstance(name, str) for name in files)):
+        raise table.error("specimen", "must be one specimen file" if exact else
+                          "must be a specimen file, or a list of them", given)
+    kinds = [_specimen(table, "specimen", name) for name in files]
     require_different_names(kinds)
-    films = [choice for entry in table.tables("film") for choice in _films(entry)]
+    films = [] if exact else [choice for entry in table.tables("film") for choice in _films(entry)]
     if not films:
         return tuple(kinds)
     return tuple(_made(specimen, film) for specimen, film in product(kinds, films))
+
+
+def _specimen(table: Table, key: str, name: str) -> Specimen:
+    """A specimen with a plate, of a file or of the paper."""
+    if not name.endswith(".toml") and name not in FILES:
+        raise table.error(key, "must be a specimen file, ending in .toml, or one of "
+                               f"{', '.join(FILES)}", name)
+    specimen = load_specimen(FILES[name] if name in FILES else Path(table.file).parent / name)
+    specimen.needed_plate()
+    return specimen
 
 
 def _films(table: Table) -> list[dict[str, Any]]:
@@ -146,68 +197,123 @@ def _made(specimen: Specimen, film: dict[str, Any]) -> Specimen:
     return replace(specimen, name="-".join(filter(None, words)), membrane=made)
 
 
-def _load(table: Table, key: str, rule: Rule, variables: Mapping[str, tuple[Vary, ...]]) -> float:
-    """A load; one that varies has its highest value."""
-    varied = next((each.high for several in variables.values() for each in several
-                   if each.key == key), None)
-    if varied is None:
-        return table.number(key, key, rule=rule)
-    if key in table:
-        raise table.error(key, "is given and varies, too: only one of both", table.data[key])
-    return varied
+def _loads(table: Table, specimens: tuple[Specimen, ...], rig: Rig,
+           variables: Mapping[str, tuple[Vary, ...]], exact: bool) -> tuple[float, float]:
+    """Mass [kg] and voltage [V]; of one that varies the highest.
+
+    In a search by finite elements what is left out suits the specimen.
+    """
+    found: dict[str, float | None] = {}
+    for key, rule in LOADS.items():
+        varied = next((each.high for several in variables.values() for each in several
+                       if each.key == key), None)
+        if varied is not None and key in table:
+            raise table.error(key, "is given and varies, too: only one of both", table.data[key])
+        found[key] = (varied if varied is not None
+                      else table.number(key, key, rule=rule) if not exact or key in table
+                      else None)
+        table.asked.add(key)
+    mass, voltage = found.values()
+    if mass is None:
+        mass, = usual_masses(specimens[0], Settings(), rig, (1.0,))
+    if voltage is None:
+        voltage, = usual_voltages(specimens[0], mass, Settings(), rig, (1.0,))
+    return mass, voltage
 
 
-def _variables(table: Table, specimens: tuple[Specimen, ...]) -> dict[str, tuple[Vary, ...]]:
+def _by_elements(table: Table, specimen: Specimen, variables: tuple[Vary, ...], usual: str
+                 ) -> dict[str, Any]:
+    """Held measures, the reference and starts, which finite elements alone have."""
+    given = table.value("hold", usual)
+    held = [given] if isinstance(given, str) else given
+    if (not isinstance(held, list) or not held
+            or not all(name in (*MEASURES, NOTHING) for name in held)):
+        raise table.error("hold", f"must be one of {', '.join((*MEASURES, NOTHING))}, or a list of "
+                                  "them", given)
+    reference = (_specimen(table, "reference", table.text("reference")) if "reference" in table
+                 else None)
+    own = tuple(float(at(specimen, each.names[0].split("."))) for each in variables)
+    return {"held": tuple(dict.fromkeys(held)), "reference": reference,
+            "starts": tuple(_start(start, variables, own) for start in table.tables("start"))}
+
+
+def _variables(table: Table, specimens: tuple[Specimen, ...], exact: bool
+               ) -> dict[str, tuple[Vary, ...]]:
     """Keys that vary of each specimen, by its name; a key must be known to one of them."""
-    inner = table.table("vary")
-    known = {key for specimen in specimens for key in _keys(specimen)} | set(LOADS)
+    inner, keys = table.table("vary"), {each.name: _keys(each, exact) for each in specimens}
+    known = dict.fromkeys(key for several in keys.values() for key in several)
     found: dict[str, list[Vary]] = {specimen.name: [] for specimen in specimens}
     if not inner.data:
         raise table.error("vary", f"must name at least one of {', '.join(sorted(known))}")
     for key, given in inner.data.items():
         if key not in known:
-            raise inner.error(key, one_of(key, dict.fromkeys(known, 0)), given)
+            raise inner.error(key, one_of(key, known), given)
         for specimen in specimens:
-            if (varied := _varied(inner, key, specimen)) is not None:
-                found[specimen.name].append(varied)
+            if key in keys[specimen.name]:
+                found[specimen.name].append(
+                    _varied(inner, key, keys[specimen.name][key], specimen, exact))
     inner.done()
     return {name: tuple(several) for name, several in found.items()}
 
 
-def _varied(table: Table, key: str, specimen: Specimen) -> Vary | None:
-    """A key's numbers of one specimen, None where that has none."""
-    names = () if key in LOADS else _keys(specimen).get(key, ())
-    if not names and key not in LOADS:
-        return None
+def _varied(table: Table, key: str, names: tuple[str, ...], specimen: Specimen, exact: bool
+            ) -> Vary:
+    """A key's numbers of one specimen; by finite elements the search begins at its own."""
     declared = None if key in LOADS else field_at(specimen, tuple(names[0].split(".")))
     dimension = key if key in LOADS else declared.says.dimension if declared is not None else ""
-    rule = LOADS.get(key, POSITIVE)
+    rule = FINITE if exact else LOADS.get(key, POSITIVE)
     low, high = table.numbers(key, dimension, count=2, rule=rule)
     if not low < high:
         raise table.error(key, "must be a lower and a larger upper bound", table.data[key])
+    if exact and not low <= (own := float(at(specimen, names[0].split(".")))) <= high:
+        raise table.error(key, f"must have the specimen's own value, {own:.6g} in SI units, "
+                               "within", table.data[key])
     return Vary(key, names, low, high, dimension)
 
 
-def _keys(specimen: Specimen) -> dict[str, tuple[str, ...]]:
-    """Numbers that may vary by their keys: those of one list also all alike, by its key."""
+def _keys(specimen: Specimen, exact: bool) -> dict[str, tuple[str, ...]]:
+    """Numbers that may vary by their keys: those of one list also all alike, by its key.
+
+    Finite elements have derivatives by single lengths of the outlines.
+    """
     found: dict[str, tuple[str, ...]] = {}
     for name in varying(specimen):
         key = name.replace("plate.outline.", "plate.", 1)
+        if exact and not name.startswith(("frame.", "plate.outline.")):
+            continue
         found[key] = (name,)
         head, _, last = key.rpartition(".")
-        if last.isdigit():
+        if last.isdigit() and not exact:
             found[head] = (*found.get(head, ()), name)
-    return found
+    return found if exact else {**found, **dict.fromkeys(LOADS, ())}
 
 
-def _wanted(table: Table, specimens: tuple[Specimen, ...]) -> tuple[dict[str, float], str]:
+def _start(table: Table, variables: tuple[Vary, ...], own: tuple[float, ...]) -> tuple[float, ...]:
+    """A further start: what it does not name is the specimen's own."""
+    values = []
+    for each, value in zip(variables, own, strict=True):
+        if each.key in table:
+            value = table.number(each.key, each.dimension)
+            if not each.low <= value <= each.high:
+                raise table.error(each.key, "must lie within the variable's bounds",
+                                  table.data[each.key])
+        table.asked.add(each.key)
+        values.append(value)
+    table.done()
+    return tuple(values)
+
+
+def _wanted(table: Table, specimens: tuple[Specimen, ...], exact: bool
+            ) -> tuple[dict[str, float], str]:
     """Bounds, and the quantity that is to be best."""
     bounds: dict[str, float] = {}
-    best = ""
-    for inner in (table.table("want"), table.table("limits", {})):
+    best = "stroke" if exact and "want" not in table else ""
+    known: Mapping[str, object] = {"stroke": None, **LIMITS} if exact else REDUCED
+    for inner in (table.table("want", {}), table.table("limits", {})):
         for key, given in inner.data.items():
-            if key not in QUANTITIES:
-                raise inner.error(key, one_of(key, QUANTITIES), given)
+            if key not in known:
+                raise inner.error(key, f"a search by {_WORDS[exact]} has none; "
+                                  * (key in QUANTITIES) + one_of(key, known), given)
             quantity = QUANTITIES[key]
             if key == BREAKDOWN and any(each.membrane.strength is None for each in specimens):
                 raise inner.error(key, "needs films whose electric strength is known "
@@ -227,6 +333,9 @@ def _wanted(table: Table, specimens: tuple[Specimen, ...]) -> tuple[dict[str, fl
         inner.done()
     if not bounds and not best:
         raise table.error("want", f"must name at least one of {', '.join(QUANTITIES)}")
+    if exact and (best != "stroke" or "stroke" in bounds):
+        raise table.error("want.stroke", 'must be "largest", with no bound: a search by finite '
+                                         "elements has no other aim")
     return bounds, best
 
 
@@ -235,8 +344,8 @@ def _front(table: Table) -> tuple[str, str] | None:
         return None
     pair = table.texts("front")
     for key in pair:
-        if key not in QUANTITIES:
-            raise table.error("front", one_of(key, QUANTITIES), key)
+        if key not in REDUCED:
+            raise table.error("front", one_of(key, REDUCED), key)
     if len(pair) != 2 or pair[0] == pair[1]:
         raise table.error("front", "must be two different quantities", list(pair))
     return pair[0], pair[1]

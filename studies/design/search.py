@@ -1,6 +1,6 @@
 """The best film of a space: good places at random, and steps from these.
 
-Steps are those of :func:`tympan.studies.optimise.sqp.maximise`, by differences of reduced films.
+Steps are those of :func:`tympan.studies.design.sqp.maximise`, by differences of reduced films.
 Where nothing is to be best, or no film keeps all bounds, a common share is made largest by which
 all of them are kept: it is below 0 where they cannot be.
 """
@@ -17,7 +17,7 @@ from scipy.stats import qmc
 
 from tympan.studies.design.quantities import QUANTITIES, misses
 from tympan.studies.design.space import DesignSpace, FamilyFilms
-from tympan.studies.optimise.sqp import Descent, DescentSettings, Linearisation, maximise
+from tympan.studies.design.sqp import Descent, DescentSettings, Linearisation, maximise
 
 Array = NDArray[Any]
 

@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 
 from tympan.geometry.errors import InputError
 from tympan.geometry.outlines import area
-from tympan.geometry.paths import at, with_arrays
+from tympan.geometry.paths import at
 from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Settings
-from tympan.studies.design.requirements import Requirements, Vary
+from tympan.studies.design.ranges import Ranges, Vary
+from tympan.studies.design.requirements import Requirements
 from tympan.studies.films.box import STIFFNESS
 from tympan.studies.films.family import FamilySettings, FamilyStates, FilmFamily
 from tympan.studies.tolerance.drawn import Rows, Scattered, median_strength
@@ -98,12 +99,10 @@ class FamilyFilms:
 
 
 @dataclass(frozen=True, eq=False)
-class DesignSpace:
+class DesignSpace(Ranges):
     """Films of one specimen whose numbers vary as requirements allow, and scatter."""
 
     requirements: Requirements
-    specimen: Specimen
-    variables: tuple[Vary, ...]
     family: FilmFamily
     scatter: tuple[Cause, ...] = field(default=())
 
@@ -112,7 +111,8 @@ class DesignSpace:
         """The family of a specimen: of all that varies, and of what scatters about that."""
         variables = requirements.variables[specimen.name]
         try:
-            middle = _with(specimen, variables, [(each.low + each.high) / 2 for each in variables])
+            middle = Ranges(specimen, variables).built([(each.low + each.high) / 2
+                                                       for each in variables])
         except InputError as error:
             raise InputError("has a film in the middle of its ranges that cannot be built: "
                              f"{error}", key="vary", given=specimen.name) from None
@@ -137,31 +137,7 @@ class DesignSpace:
                  float(rig.force(masses[1] * loads[LOAD][1], plate)))
         family = FilmFamily.around(middle, box, force, (0.0, most * loads[AMPLIFIER][1]), rig,
                                    settings, _FAMILY)
-        return cls(requirements, middle, variables, family, scatter)
-
-    @property
-    def lows(self) -> Array:
-        """Lowest values of the variables, (variables,)."""
-        return np.array([each.low for each in self.variables])
-
-    @property
-    def widths(self) -> Array:
-        """Highest less lowest values, (variables,)."""
-        return np.array([each.high - each.low for each in self.variables])
-
-    def values(self, x: Array) -> Array:
-        """Values of the variables at shares x of their ranges."""
-        return np.asarray(self.lows + self.widths * x)
-
-    def built(self, values: Array) -> Specimen:
-        """The specimen with these values.
-
-        Raises
-        ------
-        InputError
-            When it cannot be built.
-        """
-        return _with(self.specimen, self.variables, values)
+        return cls(middle, variables, requirements, family, scatter)
 
     def load(self, values: Array) -> float:
         """Nominal mass on the plate [kg]."""
@@ -232,11 +208,3 @@ def _range(variables: tuple[Vary, ...], key: str, given: float) -> tuple[float, 
 
 def _number(specimen: Specimen, name: str) -> float:
     return float(at(specimen, name.split(".")))
-
-
-def _with(specimen: Specimen, variables: tuple[Vary, ...], values: Any) -> Specimen:
-    """A specimen with other numbers, checked once, as a whole."""
-    made: Specimen = replace(with_arrays(specimen, {
-        name: float(value) for each, value in zip(variables, values, strict=True)
-        for name in each.names}))
-    return made

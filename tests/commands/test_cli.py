@@ -250,7 +250,7 @@ def test_usage_errors_end_with_status_2(capsys) -> None:
 @pytest.mark.parametrize(("line", "words"), [
     ("xyz", "given 'xyz': unknown command: known are solve, "),
     ("sovle oval.toml", "given 'sovle': unknown command: did you mean 'solve'? known are "),
-    ("optimize", "did you mean 'optimise'?"), ("simulate oval.toml", "did you mean 'solve'?"),
+    ("optimize", "did you mean 'design'?"), ("simulate oval.toml", "did you mean 'solve'?"),
     ("material fitt x", "given 'fitt': unknown command: did you mean 'fit'?"),
     ("solve oval.toml --masss 3", "given '--masss': unknown option: did you mean --mass? known"),
     ("solve oval.toml --masss=3", "given '--masss': unknown option: did you mean --mass? known"),

@@ -18,8 +18,7 @@ from tympan.options import Command
 pytestmark = pytest.mark.smoke
 
 #: What makes an example quick, and shows no less of what can break.
-QUICKER = {"study": "STUDY.toml", "sweep": "--refine 0.5 --workers 1", "optimise": "--refine 0.5",
-           "design": "--refine 0.5",
+QUICKER = {"study": "STUDY.toml", "sweep": "--refine 0.5 --workers 1", "design": "--refine 0.5",
            "outlines": "--refine 0.5", "lumped build": "--refine 0.5", "path": "--refine 0.5",
            "modes": "--refine 0.5", "lumped paper": "--levels 4",
            "material fit": "--law neo_hooke --law yeoh"}

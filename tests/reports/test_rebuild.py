@@ -77,11 +77,11 @@ def alpha_map_of_few(folder: Path) -> None:
     draw_map(AlphaMap.load(folder), folder)
 
 
-def optimise(folder: Path) -> None:
+def design_by_finite_elements(folder: Path) -> None:
     (folder.parent / "oval.toml").write_text(SPECIMEN, encoding="utf-8")
     (folder.parent / "problem.toml").write_text(PROBLEM, encoding="utf-8")
     problem = str(folder.parent / "problem.toml")
-    assert main(["optimise", problem, "-o", str(folder), "--refine", "0.5"]) == 0
+    assert main(["design", problem, "-o", str(folder), "--refine", "0.5"]) == 0
 
 
 def design(folder: Path) -> None:
@@ -148,7 +148,7 @@ RUNS: dict[str, Callable[[Path], None]] = {
     "outlines": outlines,
     "map": alpha_map_of_few,
     "design": design,
-    "optimise": optimise,
+    "design by finite elements": design_by_finite_elements,
     "sweep": sweep,
     "material fit": material_fit,
     "diagnose": diagnose,

@@ -104,7 +104,7 @@ MESHED = [
     ("transient", "path creep.toml", ("--mass", "17.9 g", "--rate", "2 kV/s", "--to", "2 kV")),
     ("sweep", "sweep SWEEP.toml", ("-o", "swept", "--workers", "1")),
     ("design", "design REQUIREMENTS.toml", ("-o", "designed")),
-    ("optimise", "optimise OPTIMISE.toml", ("-o", "optimum")),
+    ("optimise", "design OPTIMISE.toml", ("-o", "optimum")),
     ("lumped_build", "lumped build oval.toml creep.toml", ("--count", "2")),
 ]
 SINE = ("--mass", "17.9 g", "--signal", "sine", "--high", "3 kV", "--duration", "1 s")

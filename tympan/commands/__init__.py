@@ -24,7 +24,7 @@ HEADINGS = {
     "simulate and design": (
         cases.solve, cases.limits, cases.curve, cases.force, cases.sense, cases.tolerance,
         cases.path, cases.modes, cases.sensitivity, transient.transient, transient.response,
-        alpha.alpha, runs.study, runs.sweep, runs.design, runs.optimise, alpha.outlines,
+        alpha.alpha, runs.study, runs.sweep, runs.design, alpha.outlines,
         alpha.alpha_map),
     "draw, look up, export": (
         drawing.draw, explore.explore, export.export, runs.report, material.materials,

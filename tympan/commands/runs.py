@@ -112,52 +112,31 @@ def sweep(options: argparse.Namespace) -> None:
 
 
 @command("design",
-         argument("requirements", type=Path, metavar="REQUIREMENTS.toml",
+         argument("requirements", type=Path, nargs="?", metavar="REQUIREMENTS.toml",
                   help="what is wanted, what is given and what may vary, as docs/howto/design.md "
-                       "has it; a file of tympan optimise serves, too"),
-         output("for specimens and rigs (TOML), the numbers (JSON) and a picture (PNG, SVG)"), JSON,
-         MESH,
-         example="REQUIREMENTS.toml -o design")
+                       "has it; left out: the paper's large ellipse at equal frame area and "
+                       "perimeter"),
+         output("for specimens and rigs (TOML), the numbers (JSON, CSV) and a picture (PNG, SVG); "
+                "a search by finite elements has the folder optimum if left out"), JSON, MESH,
+         example="REQUIREMENTS.toml -o design", formerly=("optimise",))
 def design(options: argparse.Namespace) -> None:
     """Films for requirements: the best ones, what binds, and what it costs to relax it.
 
     95 % of the films with their tolerances keep all bounds. Each film is checked by finite
     elements. Bounds that no film can keep are named, with what can be kept instead.
     """
-    from tympan.geometry.toml_reader import Table
     from tympan.progress import bar
-    from tympan.studies.design.design import design
+    from tympan.studies.design.design import best_films
     from tympan.studies.design.requirements import Requirements
-
-    if "want" not in Table.read(options.requirements):
-        options.command = "optimise"  # stored, drawn and told as such
-        options.file = options.requirements
-        options.output = options.output or Path("optimum")
-        optimise.run(options)
-        return
-    requirements = Requirements.read(options.requirements)
-    with bar(len(requirements.specimens)) as progress:
-        result = design(requirements, read_settings(options), progress)
-    finish(options, result)
-
-
-@command("optimise",
-         argument("file", type=Path, nargs="?", metavar="OPTIMISE.toml",
-                  help="the problem; left out: the paper's large ellipse at equal frame area and "
-                       "perimeter"),
-         output("for optimum*.toml, optimum.json, path.csv, optimum.png and .svg",
-                default=Path("optimum")), JSON, MESH,
-         example="OPTIMISE.toml -o optimum")
-def optimise(options: argparse.Namespace) -> None:
-    """Lengths of frame and plate with the largest stroke under limits."""
-    from tympan.progress import bar
     from tympan.studies.limits.voltages import END_VERBS
-    from tympan.studies.optimise.optimise import optimise
-    from tympan.studies.optimise.problem import default_problem, read_problem
 
-    problem = default_problem() if options.file is None else read_problem(options.file)
-    with bar(len(problem.held) * (len(problem.starts) + 1)) as progress:
-        result = optimise(problem, read_settings(options), progress=progress)
+    requirements = (Requirements.shipped() if options.requirements is None
+                    else Requirements.read(options.requirements))
+    if requirements.held:
+        options.command = "design by finite elements"  # stored, drawn and told as such
+        options.output = options.output or Path("optimum")
+    with bar(requirements.steps) as progress:
+        result = best_films(requirements, read_settings(options), progress)
     finish(options, result, ends=END_VERBS)
 
 

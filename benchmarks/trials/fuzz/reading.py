@@ -56,7 +56,7 @@ def _import_libraries(name: str) -> None:
 
     assert parts
     assert dxf
-    for kind in ("optimise", name):
+    for kind in ("design", name):
         with tempfile.TemporaryDirectory() as scratch, suppress(*kinds()[kind].refusals):
             _read(kind, kinds()[kind].contents[0], Path(scratch))
 

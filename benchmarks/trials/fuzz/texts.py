@@ -24,7 +24,6 @@ from tympan.fem.rig import Rig
 from tympan.studies.data.checks import summary
 from tympan.studies.data.dataset import read_dataset
 from tympan.studies.design.requirements import Requirements
-from tympan.studies.optimise.problem import read_problem
 from tympan.studies.signals import read_signal
 from tympan.studies.study import read_study
 from tympan.studies.sweep.plan import read_sweep
@@ -45,9 +44,7 @@ register("study", Kind("STUDY.toml", _texts(STUDY),
                        lambda folder: read_study(folder / "STUDY.toml"), 30.0))
 register("sweep", Kind("SWEEP.toml", _texts(SWEEP),
                        lambda folder: read_sweep(folder / "SWEEP.toml")))
-register("optimise", Kind("OPTIMISE.toml", _texts(OPTIMISE),
-                          lambda folder: read_problem(folder / "OPTIMISE.toml"), 30.0))
-register("design", Kind("REQUIREMENTS.toml", _texts(REQUIREMENTS),
+register("design", Kind("REQUIREMENTS.toml", _texts(REQUIREMENTS, OPTIMISE),
                         lambda folder: Requirements.read(folder / "REQUIREMENTS.toml"), 30.0))
 register("dataset", Kind("dataset.toml", _texts(DATASET), _dataset))
 for _name, _content in (("static", STATIC), ("range", RANGE), ("transient", TRANSIENT),

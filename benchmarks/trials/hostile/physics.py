@@ -120,7 +120,7 @@ def physics() -> Cases:
         yield Case(f"reaction, refine {refine}",
                    f"{_SOLVE} --pressure='-37 Pa' --refine {refine}", files, status=0,
                    shows=r'"reaction_N": 0\.035614')
-    yield Case("stress without voltage", "optimise OPT.toml --json",
+    yield Case("stress without voltage", "design OPT.toml --json",
                {"OPT.toml": _OPTIMISE, "el.toml": _EL}, status=0, shows='"infeasible"')
     # By the axisymmetric equations the film gives way in itself at 5240.16 V.
     film: dict[str, str | bytes | None] = {"yeoh.toml": _YEOH}

@@ -23,12 +23,12 @@ from tympan.fem.rig import Rig
 from tympan.geometry.errors import InputError
 from tympan.studies.case import Settings
 from tympan.studies.design.design import design
+from tympan.studies.design.elements.optimise import OptimiseResult
 from tympan.studies.design.exact import ExactFilm
 from tympan.studies.design.quantities import QUANTITIES, misses
 from tympan.studies.design.requirements import Requirements
 from tympan.studies.design.result import DesignedFilm, DesignResult
 from tympan.studies.design.space import DesignSpace
-from tympan.studies.optimise.optimise import OptimiseResult
 from tympan.studies.paper.actuators import FILES
 
 MASS, FORCE, U = 17.9e-3, 17.9e-3 * 9.80665, 4e3
@@ -261,16 +261,44 @@ def test_each_film_of_a_catalogue_is_searched_and_is_what_solve_makes_of_it(tmp_
         assert film.quantity("stroke").reduced == pytest.approx(solved.stroke_m, rel=2e-3)
 
 
-def test_a_file_of_optimise_is_read_still(tmp_path: Path) -> None:
+def test_a_file_of_optimise_is_read_still_by_its_old_name_and_in_new_words(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "film.toml").write_text(specimen_toml("film", ROUND, STIFF), encoding="utf-8")
-    (tmp_path / "old.toml").write_text(
-        'specimen = "film.toml"\nmass = "17.9 g"\nvoltage = "4 kV"\nhold = "nothing"\n'
-        '[vary]\n"plate.radius" = ["9 mm", "11 mm"]\n[limits]\nmax_field = "60 MV/m"',
-        encoding="utf-8")
+    old = ('specimen = "film.toml"\nname = "one"\nmass = "17.9 g"\nvoltage = "4 kV"\n'
+           'hold = "nothing"\n[vary]\n"plate.radius" = ["9 mm", "11 mm"]\n[limits]\n'
+           'max_field = "60 MV/m"\n')
+    (tmp_path / "old.toml").write_text(old, encoding="utf-8")
+    (tmp_path / "new.toml").write_text(
+        'search = "finite elements"\n' + old.replace('hold = "nothing"\n', "").replace(
+            "[limits]", '[want]\nstroke = "largest"'), encoding="utf-8")
     coarse = tympan.Settings(tympan.MeshSettings().refined(0.5))
     found = tympan.design(tmp_path / "old.toml", coarse).numbers
     assert isinstance(found, OptimiseResult)
+    assert found.record["optima"][0]["held"] == "nothing"
     assert found.record == tympan.optimise(tmp_path / "old.toml", coarse).record
+    assert found.record == tympan.design(tmp_path / "new.toml", coarse).record
+    printed = []
+    for words in (["optimise", "old.toml"], ["design", "new.toml"]):
+        assert main([words[0], str(tmp_path / words[1]), "-o", str(tmp_path / words[0]), "--json",
+                     "--refine", "0.5"]) == 0
+        printed.append(capsys.readouterr())
+    assert json.loads(printed[0].out) == json.loads(printed[1].out) == found.record
+    assert printed[0].err.splitlines()[-1:] == ["tympan: this command is tympan design now"]
+    assert "now" not in printed[1].err
+
+
+@pytest.mark.parametrize(("text", "message"), [
+    ('[want]\nfrequency = "7 Hz"', r"want\.frequency: .*a search by finite elements has none"),
+    ('[want]\ngap = "1 cm"', r'want\.stroke: must be "largest"'),
+    ('[want]\nstroke = "1 mm"', r'want\.stroke: must be "largest"'),
+    ('tolerances = "none"\nfront = ["stroke", "work"]\n[want]\nstroke = "largest"',
+     r"front: unknown key"),
+    ('[tolerances]\n[want]\nstroke = "largest"', r'tolerances: must be "none"')])
+def test_what_finite_elements_do_not_search_is_one_message(tmp_path: Path, text: str, message: str
+                                                           ) -> None:
+    with pytest.raises(InputError, match=rf"wanted\.toml: {message}"):
+        requirements(tmp_path, f'{text}\n[vary]\n"plate.radius" = ["9 mm", "2 cm"]',
+                     loads='mass = "17.9 g"\nvoltage = "4 kV"\nsearch = "finite elements"')
 
 
 @pytest.mark.parametrize(("text", "message"), [
@@ -294,6 +322,10 @@ def test_a_file_of_optimise_is_read_still(tmp_path: Path) -> None:
      '"plate.radius" = ["1 cm", "2 cm"]', r"front: given .*'stroke'"),
     ('[want]\nstroke = "largest"\n[vary]\nmass = ["0 g", "20 g"]',
      r"vary\.mass: given .*above 0"),
+    ('[want]\npull_in_margin = 1.2\n[vary]\n"plate.radius" = ["1 cm", "2 cm"]',
+     r"want\.pull_in_margin: .*a search by reduced films has none"),
+    ('hold = "area"\n[want]\nstroke = "2 mm"\n[vary]\n"plate.radius" = ["1 cm", "2 cm"]',
+     r'hold: needs search = "finite elements"'),
     ('shar = 0.9\n[want]\nstroke = "2 mm"\n[vary]\n"plate.radius" = ["1 cm", "2 cm"]',
      r"shar: unknown key: did you mean 'share'")])
 def test_a_wrong_file_is_one_message(tmp_path: Path, text: str, message: str) -> None:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.support.elements import asked, element_space, vary
 from tests.support.specimens import elliptical
 from tympan.cli import main
 from tympan.fem.film.laws import NeoHooke, Yeoh
@@ -21,16 +22,16 @@ from tympan.fem.toml_writer import specimen_to_toml
 from tympan.geometry.errors import InputError
 from tympan.geometry.mesher import MeshSettings
 from tympan.geometry.outlines import Circle, Ellipse
-from tympan.geometry.paths import at
 from tympan.geometry.specimen import Electrode, Film, Plate, Specimen
-from tympan.studies.case import Case, Limit, Settings
+from tympan.studies.case import Limit, Settings
+from tympan.studies.design.elements.evaluator import Design, DesignEvaluator
+from tympan.studies.design.elements.optimise import OptimiseResult, optimise
+from tympan.studies.design.elements.space import ElementSpace
+from tympan.studies.design.limits import end as ends
+from tympan.studies.design.requirements import Requirements
+from tympan.studies.design.sqp import Linearisation
 from tympan.studies.limits import limits, voltages
 from tympan.studies.limits.voltages import End, first_end
-from tympan.studies.optimise import end as ends
-from tympan.studies.optimise.design import Design, DesignEvaluator
-from tympan.studies.optimise.optimise import OptimiseResult, optimise
-from tympan.studies.optimise.problem import OptimiseProblem, Variable, default_problem
-from tympan.studies.optimise.sqp import Linearisation
 
 BOUND = 1.2
 OVAL = Ellipse((36e-3, 28e-3))
@@ -59,20 +60,19 @@ FILMS = {
 STEP = 2e-3
 
 
-def posed(name: str) -> tuple[OptimiseProblem, str]:
+def posed(name: str) -> tuple[ElementSpace, str]:
     """A film that may be longer, wider, and have another plate."""
     specimen, mass, voltage, rig, end = FILMS[name]
-    lengths = (Variable("frame.semi_axes.0", 20e-3, 90e-3),
-               Variable("frame.semi_axes.1", 20e-3, 90e-3), Variable("plate.radius", 3e-3, 2e-2))
-    values = tuple(float(at(specimen, each.path)) for each in lengths)
-    return OptimiseProblem(name, specimen, specimen, mass, voltage, lengths, (values,),
-                           {"pull_in_margin": BOUND}, ("nothing",), rig), end
+    lengths = (vary("frame.semi_axes.0", 20e-3, 90e-3),
+               vary("frame.semi_axes.1", 20e-3, 90e-3), vary("plate.radius", 3e-3, 2e-2))
+    return element_space(specimen, mass, voltage, lengths, {"pull_in_margin": BOUND}, ("nothing",),
+                         rig), end
 
 
 class Films:
     """Designs on one mesh, moved."""
 
-    def __init__(self, problem: OptimiseProblem, settings: Settings = Settings()) -> None:
+    def __init__(self, problem: ElementSpace, settings: Settings = Settings()) -> None:
         self.evaluator = DesignEvaluator(problem, settings)
         self.x = (np.array(problem.starts[0]) - problem.lows) / problem.widths
         self.here, self.design = self.at(np.zeros(3), renew=True)
@@ -84,10 +84,9 @@ class Films:
         return there, design
 
 
-def reached(problem: OptimiseProblem, settings: Settings) -> Limit:
+def reached(problem: ElementSpace, settings: Settings) -> Limit:
     """The first end that `tympan limits` finds on the same mesh."""
-    case = Case(problem.specimen, mass=problem.mass, rig=problem.rig)
-    return min((limit for limit in limits(case, settings).reached if limit.state.ends),
+    return min((limit for limit in limits(problem.case, settings).reached if limit.state.ends),
                key=lambda limit: limit.voltage_V)
 
 
@@ -97,7 +96,7 @@ def test_the_margin_is_that_of_limits_and_its_slopes_those_of_moved_meshes(name:
     films = Films(problem)
     margin, c = films.design.limited["pull_in_margin"], films.here.limits
     assert films.design.end == end
-    assert margin == pytest.approx(reached(problem, Settings()).voltage_V / problem.voltage,
+    assert margin == pytest.approx(reached(problem, Settings()).voltage_V / problem.case.voltage,
                                    rel=1e-6)
     assert c.max() == pytest.approx(1 - margin / BOUND, abs=1e-7)
     near = c > c.max() - 0.02
@@ -146,7 +145,7 @@ def test_differences_stand_in_where_an_end_has_no_slope_of_its_own(
 
 def test_a_margin_without_an_end_within_reach_is_that_or_more() -> None:
     problem, _ = posed("thins where it loses tension")
-    films = Films(replace(problem, voltage=1e3))
+    films = Films(asked(problem, voltage=1e3))
     assert films.design.end is None
     assert films.design.limited["pull_in_margin"] == pytest.approx(1.5 * BOUND)
     assert films.here.limits.max() == pytest.approx(-0.5)
@@ -166,18 +165,18 @@ def test_a_film_that_is_not_followed_has_the_margin_it_was_followed_to(
 def test_a_film_that_has_given_way_before_any_voltage_has_no_margin() -> None:
     """One that softens more gives way by the weight alone."""
     problem, _ = posed("gives way in itself")
-    soft = replace(SOFTENING.membrane, material=Yeoh((13.1e3, -600.0, 14.0)))
-    films = Films(replace(problem, specimen=replace(SOFTENING, membrane=soft), voltage=100.0))
-    assert reached(films.evaluator.problem, Settings()).voltage_V == 0
+    film = replace(SOFTENING.membrane, material=Yeoh((13.1e3, -600.0, 14.0)))
+    soft = replace(SOFTENING, membrane=film)
+    films = Films(replace(asked(problem, voltage=100.0), specimen=soft))
+    assert reached(films.evaluator.space, Settings()).voltage_V == 0
     assert films.design.end == "instability"
     assert films.design.limited["pull_in_margin"] == 0
     assert films.here.limits.max() == 1
 
 
-def shortened(**changes: object) -> OptimiseProblem:
+def shortened() -> ElementSpace:
     """The shipped problem for one measure from one start."""
-    problem = default_problem()
-    return replace(problem, held=("area",), starts=problem.starts[:1], **changes)
+    return asked(ElementSpace.of(Requirements.shipped()), held=("area",), starts=())
 
 
 @pytest.fixture(scope="module")
@@ -188,28 +187,28 @@ def result() -> OptimiseResult:
 def test_the_optimum_s_margin_is_confirmed_by_its_own_specimen(result: OptimiseResult) -> None:
     """By `tympan limits` on the default mesh, within what that says it may be off."""
     [optimum], [specimen] = result.record["optima"], result.specimens.values()
-    problem = shortened(specimen=specimen)
+    problem = replace(shortened(), specimen=specimen)
     first = reached(problem, Settings())
     assert optimum["end"] == optimum["finer"]["end"] == "thinning"
     assert optimum["limits"]["pull_in_margin"]["active"]
     stated = optimum["limits"]["pull_in_margin"]["value"]
     assert stated == pytest.approx(1.2, rel=3e-4)
     assert first.kind == "instability"
-    assert abs(first.voltage_V / problem.voltage - stated) < first.spread * stated
+    assert abs(first.voltage_V / problem.case.voltage - stated) < first.spread * stated
     assert optimum["gain"] > 0.14
 
 
 def test_a_film_that_gives_way_in_itself_has_an_optimum_before_that() -> None:
     """The circle, and a larger plate: a margin that was 1.19 is 1.25, as its own specimen says."""
     problem, end = posed("gives way in itself")
-    problem = replace(problem, limits={"pull_in_margin": 1.25}, held=("area",))
+    problem = asked(problem, bounds={"pull_in_margin": 1.25}, held=("area",))
     best = optimise(problem)
     [optimum], [specimen] = best.record["optima"], best.specimens.values()
     assert (optimum["status"], optimum["end"]) == ("optimum", end)
     assert best.record["given"]["limited"]["pull_in_margin"] < 1.2
     first = reached(replace(problem, specimen=specimen), Settings())
     assert optimum["limits"]["pull_in_margin"]["value"] == pytest.approx(1.25, rel=3e-4)
-    assert abs(first.voltage_V / problem.voltage - 1.25) < first.spread * 1.25
+    assert abs(first.voltage_V / problem.case.voltage - 1.25) < first.spread * 1.25
     a, b, radius = optimum["variables"].values()
     assert a / b == pytest.approx(1, abs=0.02)
     assert radius > 1.1 * 7.3e-3
@@ -253,7 +252,7 @@ def test_the_end_is_told_and_stored_and_older_files_are_read(
         'specimen = "oval.toml"\nhold = "nothing"\nmass = "17.9 g"\nvoltage = "6 kV"\n'
         '[vary]\n"plate.radius" = ["9 mm", "11 mm"]\n[limits]\npull_in_margin = 1.45\n',
         encoding="utf-8")
-    command = ["optimise", str(tmp_path / "OPTIMISE.toml"), "-o", str(tmp_path / "out"),
+    command = ["design", str(tmp_path / "OPTIMISE.toml"), "-o", str(tmp_path / "out"),
                "--refine", "0.6"]
     assert main(command) == 0
     assert "the film thins without bound  " in capsys.readouterr().out.replace("\n", "  ")

@@ -17,15 +17,15 @@ from tympan.fem.discretisation.isoparametric import folded
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import State
 from tympan.geometry.errors import InputError
-from tympan.geometry.paths import at, with_change
+from tympan.geometry.paths import with_change
 from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Settings, build_model, failure_reason, voltage_ramp
+from tympan.studies.design.elements.space import ElementSpace
+from tympan.studies.design.limits.cycle import cycle_voltages, kept_limit
+from tympan.studies.design.limits.state import DesignState, Evaluation, MeshMemory, slopes_of
+from tympan.studies.design.quantities import LIMITS
+from tympan.studies.design.sqp import Linearisation
 from tympan.studies.limits.voltages import EndKind
-from tympan.studies.optimise.cycle import cycle_voltages, kept_limit
-from tympan.studies.optimise.limits import LIMITS
-from tympan.studies.optimise.problem import OptimiseProblem
-from tympan.studies.optimise.sqp import Linearisation
-from tympan.studies.optimise.state import DesignState, Evaluation, MeshMemory, slopes_of
 from tympan.studies.sensitivity import case_parameters
 
 Array = NDArray[np.float64]
@@ -63,7 +63,7 @@ class Design:
 
 @dataclass(eq=False)
 class DesignEvaluator:
-    """Designs of a problem as an objective of :func:`tympan.studies.optimise.sqp.maximise`.
+    """Designs of a space as an objective of :func:`tympan.studies.design.sqp.maximise`.
 
     ``measure`` of the frame is kept; ``last`` is the design computed last. ``model``, ``states``:
     the mesh to move and the film on it, from no voltage to the working one; ``memory``: what it
@@ -71,7 +71,7 @@ class DesignEvaluator:
     moved mesh is solved between them too.
     """
 
-    problem: OptimiseProblem
+    space: ElementSpace
     settings: Settings
     measure: str = "area"
     last: Design | None = None
@@ -86,24 +86,25 @@ class DesignEvaluator:
         The kept mesh is moved, so that designs compare without the noise of new meshes; renewed, it
         is a mesh of the design's own, kept from there on.
         """
-        self.last, local = self._evaluated(self.problem.lows + self.problem.widths * x, renew)
+        self.last, local = self._evaluated(self.space.values(x), renew)
         return local
 
     def held(self, x: Array) -> tuple[float, Array]:
         """Miss of what the frame must keep, and its slope; nan where there is no such frame."""
-        problem = self.problem
+        space = self.space
         try:
-            miss, slope = problem.held_slopes(self.measure, problem.lows + problem.widths * x)
+            miss, slope = space.held_slopes(self.measure, space.values(x))
         except InputError:
             return float("nan"), np.zeros(len(x))
-        return miss, slope * problem.widths
+        return miss, slope * space.widths
 
     def _evaluated(self, values: Array, renew: bool) -> tuple[Design, Linearisation | None]:
-        problem, path = self.problem, self.settings.path
+        space, path = self.space, self.settings.path
+        requirements = space.requirements
         try:
-            specimen = problem.design(values)
+            specimen = space.built(values)
             if renew:
-                model = build_model(specimen, self.settings, problem.rig.loading)
+                model = build_model(specimen, self.settings, requirements.rig.loading)
             else:
                 assert self.model is not None
                 motion = motion_between(self.model.discretisation, self.model.specimen, specimen)
@@ -112,10 +113,10 @@ class DesignEvaluator:
             return Design(values, reason=str(error)), None
         if not renew and folded(model.discretisation.mesh):
             return Design(values, specimen, "the mesh cannot be moved so far"), None
-        case = replace(problem.case, specimen=specimen)
+        case = replace(space.case, specimen=specimen)
         parameters = case_parameters(case, model)
-        by = {variable.name: parameters[variable.name] for variable in problem.variables}
-        loaded = any(LIMITS[name].load is not None for name in problem.limits)
+        by = {name: parameters[name] for each in space.variables for name in each.names}
+        loaded = any(LIMITS[name].load is not None for name in requirements.bounds)
         voltages = cycle_voltages(case.voltage, loaded and (renew or self.between))
         ramp = list(voltage_ramp(model, case.mass, voltages, case.rig, path))
         for _, outcome in ramp:
@@ -130,7 +131,7 @@ class DesignEvaluator:
         states = [DesignState(at, model, outcome, by, self.memory, path, resting.state)
                   for at, outcome in ramp]
         kept = {name: kept_limit(LIMITS[name], states, bound)
-                for name, bound in problem.limits.items()}
+                for name, bound in requirements.bounds.items()}
         if renew:
             self.between = any(limit.between for limit in kept.values())
         rest = resting.state.plate.deflection
@@ -142,27 +143,28 @@ class DesignEvaluator:
         limit_slopes = np.concatenate([np.zeros((0, len(by))),
                                        *(limit.slopes for limit in kept.values())])
         return Design(values, specimen, "", sense * stroke, rest, kept, owners), Linearisation(
-            sense * stroke, sense * (slopes[1] - slopes[0]) * problem.widths, limits,
-            limit_slopes * problem.widths)
+            sense * stroke, sense * (slopes[1] - slopes[0]) * space.widths, limits,
+            limit_slopes * space.widths)
 
 
-def check_derivatives(problem: OptimiseProblem, settings: Settings) -> None:
+def check_derivatives(space: ElementSpace, settings: Settings) -> None:
     """Refuse variables no mesh can follow, or whose outline is not differentiable by them."""
-    specimen = problem.specimen
-    model = build_model(specimen, settings, problem.rig.loading)
+    specimen, values = space.specimen, np.array(space.starts[0])
+    model = build_model(specimen, settings, space.requirements.rig.loading)
     edge_nodes(model.discretisation, model.specimen)
-    values = np.array([at(specimen, variable.path) for variable in problem.variables])
-    for variable, value, unit in zip(problem.variables, values, np.eye(len(values)), strict=True):
-        part = variable.path[0]
-        if variable.name not in shape_names(specimen):
+    for variable, value, unit in zip(space.variables, values, np.eye(len(values)), strict=True):
+        name, = variable.names
+        path = name.split(".")
+        if name not in shape_names(specimen):
             raise InputError("has no derivative: moved alone it would break the specimen's "
                              "symmetry", key=f"vary.{variable.key}", given=specimen.name)
         step = 1e-5 * (variable.high - variable.low)
         inward = step if value - 2 * step < variable.low else -step
-        edges = [_edge(problem.design(values + share * inward * unit), part) for share in (0, 1, 2)]
+        edges = [_edge(space.built(values + share * inward * unit), path[0])
+                 for share in (0, 1, 2)]
         differences = (-3 * edges[0] + 4 * edges[1] - edges[2]) / (2 * inward)
         size = np.abs(differences).max()
-        slope = _edge_slope(specimen, variable.path)
+        slope = _edge_slope(specimen, path)
         if slope is None or not size > 0 or not np.abs(slope - differences).max() < 1e-3 * size:
             raise InputError("has no derivative: the points of its outline do not follow it "
                              "smoothly", key=f"vary.{variable.key}", given=specimen.name)
@@ -173,7 +175,7 @@ def _edge(specimen: Specimen, part: str) -> Array:
     return outline.points(720)
 
 
-def _edge_slope(specimen: Specimen, path: tuple[str, ...]) -> Array | None:
+def _edge_slope(specimen: Specimen, path: Sequence[str]) -> Array | None:
     """Derivative of the edge's points, None where the outline takes no complex step."""
     with warnings.catch_warnings(action="error"):
         try:

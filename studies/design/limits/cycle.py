@@ -13,8 +13,8 @@ from dataclasses import replace
 import numpy as np
 
 from tympan.studies.case import voltage_ramp
-from tympan.studies.optimise.limits import DesignLimit
-from tympan.studies.optimise.state import DesignState, Evaluation
+from tympan.studies.design.limits.kinds import DesignLimit
+from tympan.studies.design.limits.state import DesignState, Evaluation
 
 #: Voltages at which a limit is looked at, evenly by their squares, both ends among them: what it
 #: measures is a smooth function of the square, and three about the largest find its place.

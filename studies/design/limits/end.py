@@ -20,8 +20,8 @@ from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import State
 from tympan.fem.results.firmness import firmness, spots_at
 from tympan.geometry.errors import InputError
+from tympan.studies.design.limits.state import DesignState, Evaluation
 from tympan.studies.limits.voltages import End, first_end
-from tympan.studies.optimise.state import DesignState, Evaluation
 
 Array = NDArray[np.float64]
 

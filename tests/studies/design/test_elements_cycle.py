@@ -5,22 +5,24 @@ mesh; a limit that is nearest between the ends; what the output says of it.
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from tests.support.elements import asked, element_space
 from tests.support.specimens import elliptical
 from tympan.cli import main
 from tympan.fem.film.laws import Gent
 from tympan.geometry.mesher import MeshSettings
 from tympan.studies.case import Case, Settings, solve
-from tympan.studies.optimise.cycle import cycle_voltages, kept_limit
-from tympan.studies.optimise.limits import DesignLimit
-from tympan.studies.optimise.optimise import OptimiseResult, optimise
-from tympan.studies.optimise.problem import OptimiseProblem, read_problem
-from tympan.studies.optimise.state import DesignState, Evaluation, MeshMemory
+from tympan.studies.design.elements.optimise import OptimiseResult, optimise
+from tympan.studies.design.elements.space import ElementSpace
+from tympan.studies.design.limits.cycle import cycle_voltages, kept_limit
+from tympan.studies.design.limits.kinds import DesignLimit
+from tympan.studies.design.limits.state import DesignState, Evaluation, MeshMemory
+from tympan.studies.design.requirements import Requirements
 
 #: A film whose stress without voltage exceeds that at the working voltage by a fifth.
 SPECIMEN = """
@@ -67,7 +69,7 @@ def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def result(file: Path) -> OptimiseResult:
-    return optimise(read_problem(file))
+    return optimise(ElementSpace.of(Requirements.read(file)))
 
 
 def test_the_optimum_keeps_its_limits_at_every_voltage(file: Path, result: OptimiseResult) -> None:
@@ -94,7 +96,7 @@ def test_a_limit_that_no_design_keeps_without_voltage_is_told(file: Path, tmp_pa
     (tmp_path / "el.toml").write_text(SPECIMEN, encoding="utf-8")
     other = tmp_path / "OPT2.toml"
     other.write_text(PROBLEM.replace("155 kPa", "131 kPa"), encoding="utf-8")
-    assert main(["optimise", str(other), "-o", str(tmp_path / "out")]) == 0
+    assert main(["design", str(other), "-o", str(tmp_path / "out")]) == 0
     printed = capsys.readouterr().out
     assert "equal frame perimeter: infeasible" in printed
     assert "no design within the bounds was found that keeps all limits" in printed
@@ -106,15 +108,16 @@ def test_a_limit_that_no_design_keeps_without_voltage_is_told(file: Path, tmp_pa
     assert (tmp_path / "out" / "optimum.png").exists()
 
 
-def states_of(problem: OptimiseProblem) -> list[DesignState]:
+def states_of(problem: ElementSpace) -> list[DesignState]:
     """A design in its states, from none to the working voltage, with nothing to differentiate by.
     """
     from tympan.studies.case import build_model, voltage_ramp
 
     settings = Settings(MeshSettings(order=2).refined(0.6))
-    model = build_model(problem.specimen, settings, problem.rig.loading)
-    ramp = voltage_ramp(model, problem.mass, cycle_voltages(problem.voltage, between=True),
-                        problem.rig, settings.path)
+    given = problem.requirements
+    model = build_model(problem.specimen, settings, given.rig.loading)
+    ramp = voltage_ramp(model, given.mass, cycle_voltages(given.voltage, between=True),
+                        given.rig, settings.path)
     ends = list(ramp)
     return [DesignState(case, model, outcome, {}, MeshMemory(), settings.path, ends[0][1].state)
             for case, outcome in ends]
@@ -139,7 +142,7 @@ class Hump:
     (0.0, False), (2.1e3, True), (3e3, True), (3.7e3, True), (6e3, False)])
 def test_a_limit_nearest_between_the_ends_is_found_there(volts: float, between: bool) -> None:
     specimen = elliptical(60e-3, Gent(25e3, 60.0))
-    problem = OptimiseProblem("one", specimen, specimen, 17.9e-3, 4e3, (), ())
+    problem = element_space(specimen, 17.9e-3, 4e3, ())
     hump = Hump(volts)
     kept = kept_limit(DesignLimit(hump.evaluate, load=hump.load), states_of(problem), 0.1)
     ends = [hump.load(state) for state in states_of(problem)[::4]]
@@ -156,8 +159,8 @@ def test_a_limit_nearest_between_the_ends_is_found_there(volts: float, between: 
 
 def test_what_vanishes_without_voltage_is_kept_there(file: Path) -> None:
     """A field, and a margin to breakdown, bound nothing where there is no voltage."""
-    problem = replace(read_problem(file), limits={"max_field": 40e6})
-    from tympan.studies.optimise.design import DesignEvaluator
+    problem = asked(ElementSpace.of(Requirements.read(file)), bounds={"max_field": 40e6})
+    from tympan.studies.design.elements.evaluator import DesignEvaluator
 
     evaluator = DesignEvaluator(problem, Settings(MeshSettings(order=2).refined(0.6)))
     x = (np.array(problem.starts[0]) - problem.lows) / problem.widths

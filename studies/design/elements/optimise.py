@@ -1,4 +1,4 @@
-"""Optima of a problem: from every start, checked on a finer mesh and against each other; stored."""
+"""Best designs from every start, checked on a finer mesh and against each other; stored."""
 
 from __future__ import annotations
 
@@ -18,11 +18,12 @@ from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Settings, state_warnings
 from tympan.studies.columns import Column, read_own_sheet, write_sheet
+from tympan.studies.design.elements.evaluator import Design, DesignEvaluator, check_derivatives
+from tympan.studies.design.elements.space import ElementSpace
+from tympan.studies.design.quantities import QUANTITIES
+from tympan.studies.design.requirements import MEASURES, NOTHING, held_words
+from tympan.studies.design.sqp import Descent, DescentSettings, maximise
 from tympan.studies.files import from_json, read_json, remove, write_json, write_text
-from tympan.studies.optimise.design import Design, DesignEvaluator, check_derivatives
-from tympan.studies.optimise.limits import LIMITS
-from tympan.studies.optimise.problem import MEASURES, NOTHING, OptimiseProblem, held_words
-from tympan.studies.optimise.sqp import Descent, DescentSettings, maximise
 
 #: A limit is active where its value is so near to it, relative.
 ACTIVE = 1e-3
@@ -81,7 +82,7 @@ class OptimiseResult:
         record = from_json(dict[str, Any], read_json(file), file)
         if "variables" not in record:
             raise InputError("is of a version that kept too little for a picture: run tympan "
-                             "optimise again", file=file)
+                             "design again", file=file)
         files = [optimum["specimen_file"] for optimum in record["optima"]]
         return cls(record, read_own_sheet(folder / "path.csv", _trial_columns(record)),
                    read_own_sheet(folder / "optimum-outlines.csv", OUTLINES),
@@ -104,92 +105,93 @@ class StartRun:
         return (accepted or self.trials)[-1]
 
 
-def optimise(problem: OptimiseProblem, settings: Settings = Settings(),
+def optimise(space: ElementSpace, settings: Settings = Settings(),
              progress: Callable[[str], None] = lambda words: None) -> OptimiseResult:
-    """The optima of a problem, one for each measure of the frame that is held.
+    """The best design of a space, one for each measure of the frame that is held.
 
     Raises
     ------
     InputError
         When a variable's shape has no derivative.
     """
-    check_derivatives(problem, settings)
-    reference = given = _alone(problem, problem.specimen, settings)
-    if problem.reference != problem.specimen:
-        reference = _alone(problem, problem.reference, settings)
+    requirements = space.requirements
+    check_derivatives(space, settings)
+    reference = given = _alone(space, space.specimen, settings)
+    if space.reference != space.specimen:
+        reference = _alone(space, space.reference, settings)
     optima: list[dict[str, Any]] = []
     ended: list[StartRun] = []
     failed: list[StartRun] = []
     bests: list[StartRun] = []
-    for measure in problem.held:
+    for measure in requirements.held:
         runs: list[StartRun] = []
-        for number, values in enumerate(problem.starts):
+        for number, values in enumerate(space.starts):
             progress(f"{held_words(measure)}, start {number + 1}")
-            run = run_from(problem, measure, number, np.array(values), settings)
+            run = run_from(space, measure, number, np.array(values), settings)
             (runs if run.descent.here is not None else failed).append(run)
         progress(f"{held_words(measure)}, finer mesh")
         if runs:
             bests.append(max(runs, key=lambda run: (run.descent.status == "optimum",
                                                     run.best.stroke)))
-            optima.append(_optimum(problem, bests[-1], runs, reference, given, settings))
+            optima.append(_optimum(space, bests[-1], runs, reference, given, settings))
             ended += runs
     record = {
-        "name": problem.name, "mass_kg": problem.mass, "voltage_V": problem.voltage,
-        "limits": {name: {"bound": bound, "unit": LIMITS[name].unit}
-                   for name, bound in problem.limits.items()},
+        "name": requirements.name, "mass_kg": requirements.mass, "voltage_V": requirements.voltage,
+        "limits": {name: {"bound": bound, "unit": QUANTITIES[name].unit}
+                   for name, bound in requirements.bounds.items()},
         "variables": {variable.key: {"low": variable.low, "high": variable.high,
                                      "dimension": variable.dimension}
-                      for variable in problem.variables},
-        "reference": {"specimen": problem.reference.name, **_design(problem, reference)},
-        "given": {"specimen": problem.specimen.name, **_design(problem, given)},
+                      for variable in space.variables},
+        "reference": {"specimen": space.reference.name, **_design(space, reference)},
+        "given": {"specimen": space.specimen.name, **_design(space, given)},
         "optima": optima,
-        "failed": [{"held": run.held, **_run(problem, run)} for run in failed]}
+        "failed": [{"held": run.held, **_run(space, run)} for run in failed]}
     specimens = {
-        _specimen_file(problem, run): replace(run.best.specimen,
-                                              name=f"{problem.name} {held_words(run.held)}")
+        _specimen_file(space, run): replace(run.best.specimen,
+                                              name=f"{requirements.name} {held_words(run.held)}")
         for run in bests if run.best.specimen is not None}
-    return OptimiseResult(record, _trials(problem, [*ended, *failed]), _outlines(problem, bests),
+    return OptimiseResult(record, _trials(space, [*ended, *failed]), _outlines(space, bests),
                           specimens)
 
 
-def run_from(problem: OptimiseProblem, measure: str, number: int, values: NDArray[np.float64],
+def run_from(space: ElementSpace, measure: str, number: int, values: NDArray[np.float64],
              settings: Settings, descent: DescentSettings = DescentSettings()) -> StartRun:
     """One descent, every point on its way kept."""
     nowhere = Design(values, reason=f"no design within the bounds has the {measure} of the "
                                     "reference's frame")
-    evaluator = DesignEvaluator(problem, settings, measure)
+    evaluator = DesignEvaluator(space, settings, measure)
     trials: list[Design] = []
 
     def note(accepted: bool) -> None:
         trials.append(replace(evaluator.last or nowhere, accepted=accepted))
 
-    ended = maximise(evaluator, (values - problem.lows) / problem.widths, descent, note)
+    ended = maximise(evaluator, (values - space.lows) / space.widths, descent, note)
     return StartRun(measure, number, tuple(trials) or (evaluator.last or nowhere,), ended)
 
 
-def _alone(problem: OptimiseProblem, specimen: Specimen, settings: Settings) -> Design:
-    """A specimen of its own shape under the problem's load and limits, nothing varied."""
-    evaluator = DesignEvaluator(replace(problem, specimen=specimen, variables=()), settings)
+def _alone(space: ElementSpace, specimen: Specimen, settings: Settings) -> Design:
+    """A specimen of its own shape under the space's load and limits, nothing varied."""
+    evaluator = DesignEvaluator(replace(space, specimen=specimen, variables=()), settings)
     evaluator.at(np.zeros(0), renew=True)
     assert evaluator.last is not None
     return evaluator.last
 
 
-def _optimum(problem: OptimiseProblem, best: StartRun, runs: Sequence[StartRun],
+def _optimum(space: ElementSpace, best: StartRun, runs: Sequence[StartRun],
              reference: Design, given: Design, settings: Settings) -> dict[str, Any]:
     design, multipliers, here = best.best, best.descent.multipliers, best.descent.here
     assert multipliers is not None
     assert here is not None
-    evaluator = DesignEvaluator(problem, replace(settings, mesh=settings.mesh.refined(2)))
+    evaluator = DesignEvaluator(space, replace(settings, mesh=settings.mesh.refined(2)))
     evaluator.at(best.descent.x, renew=True)
     finer = evaluator.last
     assert finer is not None
     share, limits = 1 / design.stroke, {}
-    for name, bound in problem.limits.items():
+    for name, bound in space.requirements.bounds.items():
         rows = np.array([owner == name for owner, _ in design.owners], bool)
         near = [design.owners[row][1] for row in np.flatnonzero(rows & (here.limits > -ACTIVE))]
         limits[name] = {
-            "bound": bound, "unit": LIMITS[name].unit, "value": _number(design.limited[name]),
+            "bound": bound, "unit": QUANTITIES[name].unit, "value": _number(design.limited[name]),
             "at_V": design.kept[name].at_V,
             "finer": _number(finer.limited.get(name, np.nan)), "active": bool(near),
             "active_V": sorted({at for at in near if at is not None}),
@@ -197,20 +199,20 @@ def _optimum(problem: OptimiseProblem, best: StartRun, runs: Sequence[StartRun],
     strokes, ends = [run.best.stroke for run in runs], np.array([run.descent.x for run in runs])
     return {
         "held": best.held, "best_start": best.start + 1,
-        "specimen_file": _specimen_file(problem, best),
-        "status": best.descent.status, **_design(problem, design),
+        "specimen_file": _specimen_file(space, best),
+        "status": best.descent.status, **_design(space, design),
         "gain": _number(design.stroke / reference.stroke - 1),
         "gain_over_given": _number(design.stroke / given.stroke - 1),
         "held_multiplier": multipliers.held * share,
         "kkt_residual": multipliers.residual, "limits": limits,
         "at_bounds": [variable.key for variable, force
-                      in zip(problem.variables, multipliers.bounds, strict=True) if force],
-        "finer": {**_design(problem, finer),
+                      in zip(space.variables, multipliers.bounds, strict=True) if force],
+        "finer": {**_design(space, finer),
                   "gain": _number(finer.stroke / reference.stroke - 1)},
-        "starts": [_run(problem, run) for run in runs],
+        "starts": [_run(space, run) for run in runs],
         "starts_apart_stroke": float(np.ptp(strokes)) / max(strokes),
         "starts_apart_variables": float(np.ptp(ends, axis=0).max()),
-        "warnings": [*_warnings(evaluator), *problem.case.remarks]}
+        "warnings": [*_warnings(evaluator), *space.case.remarks]}
 
 
 def _warnings(evaluator: DesignEvaluator) -> Iterable[str]:
@@ -223,20 +225,20 @@ def _warnings(evaluator: DesignEvaluator) -> Iterable[str]:
     return told.values()
 
 
-def _run(problem: OptimiseProblem, run: StartRun) -> dict[str, Any]:
+def _run(space: ElementSpace, run: StartRun) -> dict[str, Any]:
     multipliers = run.descent.multipliers
     return {"start": run.start + 1, "status": run.descent.status, "trials": run.descent.trials,
             "without_equilibrium": run.descent.missing,
             "kkt_residual": None if multipliers is None else multipliers.residual,
-            **_design(problem, run.best)}
+            **_design(space, run.best)}
 
 
-def _design(problem: OptimiseProblem, design: Design) -> dict[str, Any]:
+def _design(space: ElementSpace, design: Design) -> dict[str, Any]:
     frame = {} if design.specimen is None else {
         f"frame_{name}": float(measure(design.specimen.frame))
         for name, measure in MEASURES.items()}
     variables = {variable.key: float(value) for variable, value
-                 in zip(problem.variables, design.values, strict=False)}
+                 in zip(space.variables, design.values, strict=False)}
     return {"variables": variables, "stroke_m": _number(design.stroke),
             "deflection_without_voltage_m": _number(design.rest), **frame,
             "limited": {name: _number(value) for name, value in design.limited.items()},
@@ -249,8 +251,8 @@ def _number(value: float) -> float | None:
     return float(value) if isfinite(value) else None
 
 
-def _specimen_file(problem: OptimiseProblem, run: StartRun) -> str:
-    return "optimum.toml" if len(problem.held) == 1 else f"optimum-{run.held}.toml"
+def _specimen_file(space: ElementSpace, run: StartRun) -> str:
+    return "optimum.toml" if len(space.requirements.held) == 1 else f"optimum-{run.held}.toml"
 
 
 def _trial_columns(record: Mapping[str, Any]) -> tuple[Column, ...]:
@@ -263,19 +265,19 @@ def _trial_columns(record: Mapping[str, Any]) -> tuple[Column, ...]:
             Column.labels("end", required=False), Column.labels("reason", required=False))
 
 
-def _trials(problem: OptimiseProblem, runs: Sequence[StartRun]) -> TableOfColumns:
+def _trials(space: ElementSpace, runs: Sequence[StartRun]) -> TableOfColumns:
     rows = [{"held": run.held, "start": run.start + 1.0, "trial": float(number),
              "accepted": float(trial.accepted), "stroke": trial.stroke, "reason": trial.reason,
              **{variable.key: float(value) for variable, value
-                in zip(problem.variables, trial.values, strict=True)},
-             **{name: trial.limited.get(name, np.nan) for name in problem.limits},
+                in zip(space.variables, trial.values, strict=True)},
+             **{name: trial.limited.get(name, np.nan) for name in space.requirements.bounds},
             "end": trial.end or ""}
             for run in runs for number, trial in enumerate(run.trials)]
     return {name: np.array([row[name] for row in rows]) for name in rows[0]}
 
 
-def _outlines(problem: OptimiseProblem, bests: Sequence[StartRun]) -> TableOfColumns:
-    shown = [("", 0, problem.reference)]
+def _outlines(space: ElementSpace, bests: Sequence[StartRun]) -> TableOfColumns:
+    shown = [("", 0, space.reference)]
     shown += [(run.held, number, trial.specimen) for run in bests
               for number, trial in enumerate(run.trials)
               if trial.accepted and trial.specimen is not None]

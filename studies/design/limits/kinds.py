@@ -17,14 +17,10 @@ from tympan.fem.membrane.model import Model
 from tympan.fem.results.fields import strength
 from tympan.geometry.paths import with_change
 from tympan.geometry.specimen import Specimen
-from tympan.geometry.toml_reader import POSITIVE, Rule
-from tympan.geometry.units import DIMENSIONS
-from tympan.studies.optimise.end import end_margin
-from tympan.studies.optimise.state import DesignState, Evaluation, slopes_of
+from tympan.studies.design.limits.state import DesignState, Evaluation, slopes_of
 
 Array = NDArray[np.float64]
 
-_MARGIN: Rule = (lambda x: 1 <= x <= 10, "must be a margin from 1 to 10")
 #: Power of the norm that stands for a largest value: at 64 it is 2 to 10 % short, at 200 some 2 %.
 _POWER = 200
 #: Points along the plate's edge whose distances from the frame are limited.
@@ -33,24 +29,17 @@ _POINTS = 64
 
 @dataclass(frozen=True)
 class DesignLimit:
-    """A kind of limit; the ``dimension`` and ``rule`` are those of its bound in problem files.
+    """A kind of limit.
 
     ``evaluate`` takes a state and the bound [SI]: the largest of stresses and fields, the smallest
     of margins and gaps. ``load`` is what of a state must stay low; a limit that has one holds at
-    every voltage of a cycle (:mod:`tympan.studies.optimise.cycle`), others at the working one, or,
-    not ``of_voltage``, at any.
+    every voltage of a cycle (:mod:`tympan.studies.design.limits.cycle`), others at the working
+    one, or, not ``of_voltage``, at any.
     """
 
     evaluate: Callable[[DesignState, float], Evaluation]
-    dimension: str = ""
-    rule: Rule = _MARGIN
     load: Callable[[DesignState], float] | None = None
     of_voltage: bool = True
-
-    @property
-    def unit(self) -> str:
-        """The SI unit of bound and measured value, "1" of plain numbers."""
-        return DIMENSIONS[self.dimension].si if self.dimension else "1"
 
 
 def _highest(name: str, field: Field, stored: str, state: DesignState, bound: float,
@@ -112,16 +101,15 @@ def _breakdown_share(model: Model, voltage_squared: Any, c: tuple[Any, Any, Any]
                                                             film.thickness / (l1 * l2))
 
 
-#: Limits by their keys in problem files.
-LIMITS: dict[str, DesignLimit] = {
-    "max_true_stress": DesignLimit(
-        partial(_highest, "max_true_stress", larger_stress, "stress_1"), "stress", POSITIVE,
-        partial(_load, "stress_1")),
-    "max_field": DesignLimit(
-        partial(_highest, "max_field", true_field, "electric_field"), "field", POSITIVE,
-        partial(_load, "electric_field")),
-    "breakdown_margin": DesignLimit(
-        partial(_highest, "breakdown_margin", _breakdown_share, "breakdown_share", inverse=True),
-        load=partial(_load, "breakdown_share")),
-    "pull_in_margin": DesignLimit(end_margin),
-    "gap": DesignLimit(_gap, "length", POSITIVE, of_voltage=False)}
+#: Largest true stress.
+STRESS = DesignLimit(partial(_highest, "max_true_stress", larger_stress, "stress_1"),
+                     partial(_load, "stress_1"))
+#: Largest field.
+FIELD = DesignLimit(partial(_highest, "max_field", true_field, "electric_field"),
+                    partial(_load, "electric_field"))
+#: Margin of the field to the electric strength.
+BREAKDOWN_SHARE = DesignLimit(
+    partial(_highest, "breakdown_margin", _breakdown_share, "breakdown_share", inverse=True),
+    partial(_load, "breakdown_share"))
+#: Gap between plate and frame.
+GAP = DesignLimit(_gap, of_voltage=False)

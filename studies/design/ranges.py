@@ -1,0 +1,64 @@
+"""Numbers of a specimen and its loads that may be chosen, each within a range."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tympan.geometry.paths import with_numbers
+from tympan.geometry.specimen import Specimen
+
+Array = NDArray[Any]
+
+
+@dataclass(frozen=True)
+class Vary:
+    """A number of the specimen, or several that are alike, or a load, from lowest to highest [SI].
+
+    ``names``: their paths in a specimen; none of a load.
+    """
+
+    key: str
+    names: tuple[str, ...]
+    low: float
+    high: float
+    dimension: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Ranges:
+    """A specimen and what may be chosen of it and of its loads."""
+
+    specimen: Specimen
+    variables: tuple[Vary, ...]
+
+    @property
+    def lows(self) -> Array:
+        """Lowest values of the variables [SI], (variables,)."""
+        return np.array([each.low for each in self.variables])
+
+    @property
+    def widths(self) -> Array:
+        """Highest less lowest values [SI], (variables,)."""
+        return np.array([each.high - each.low for each in self.variables])
+
+    def values(self, x: Array) -> Array:
+        """Values of the variables at shares x of their ranges."""
+        return np.asarray(self.lows + self.widths * x)
+
+    def built(self, values: Sequence[float] | Array) -> Specimen:
+        """The specimen with these values.
+
+        Raises
+        ------
+        InputError
+            When it cannot be built.
+        """
+        made: Specimen = with_numbers(self.specimen, {
+            name: float(value) for each, value in zip(self.variables, values, strict=True)
+            for name in each.names})
+        return made
