@@ -117,12 +117,16 @@ def still_slack(model: Model, state: State) -> bool:
 
 @dataclass(frozen=True)
 class Ramp:
-    """One load changed to a target under the others as they are."""
+    """One load changed to a target under the others as they are.
+
+    ``ends``: whether it is sought where a film ends that does not get there.
+    """
 
     model: Model
     load: Load
     target: float
     settings: PathSettings = field(default_factory=PathSettings)
+    ends: bool = True
 
     def run(self, start: Solution) -> Outcome:
         """Ramp in steps while Newton converges to a stable state; then go on by arc length."""
@@ -144,12 +148,16 @@ class Ramp:
                 if trial.thinning_margin(self.model) >= 0:
                     solution, done, step = trial, share, 2 * step
                     continue
+                if not self.ends:
+                    return Outcome("no_equilibrium", solution)
                 if (outcome := self._thinned(solution, trial)) is not None:
                     return outcome
             trial.release()
             if self.settings.exhausted:
                 return self._given_up(solution)
             if (step := (share - done) / 2) < max(self.settings.handover * (before + done), 1e-12):
+                if not self.ends:
+                    return Outcome("no_equilibrium", solution)
                 outcome = self._by_arc_length(start, solution)
                 if outcome.advice == _UNFOLLOWED and trial.advice.startswith(STRAINED):
                     return replace(outcome, advice=f"{STRAINED} before the {self._word} is reached")

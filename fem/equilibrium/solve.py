@@ -29,15 +29,16 @@ _FEW = 8
 
 
 def equilibrium(model: Model, force: float, voltage: float, pressure: float = 0.0,
-                start: Solution | None = None,
-                settings: PathSettings = PathSettings()) -> Outcome:
+                start: Solution | None = None, settings: PathSettings = PathSettings(),
+                ends: bool = True) -> Outcome:
     """The equilibrium under a force on the plate [N], a voltage [V] and a gas pressure [Pa].
 
     The force, which there is none of without a plate, pushes along the load; the gas below film and
     plate lifts them against it. ``start`` is a converged solution; by default the flat mounted
     film, loaded first and then charged. An "equilibrium" is stable under these loads and connected
     to the start without passing a limit point; a plate that a mechanism makes jump at one goes on
-    from where it comes to rest, and the outcome is ``snapped``.
+    from where it comes to rest, and the outcome is ``snapped``. Without ``ends`` it is not sought
+    where a film without equilibrium ends, nor whether it has one close to its end.
     """
     settings = settings.bounded(model)
     if start is None and (outcome := _nested(model, force, voltage, pressure, settings)):
@@ -57,7 +58,7 @@ def equilibrium(model: Model, force: float, voltage: float, pressure: float = 0.
             unloads = abs(targets[load]) < abs(outcome.state.load(load))
             stepping = _unloading(settings) if unloads and model.slack_when_mounted else settings
             before = outcome.snapped
-            outcome = _ramped(Ramp(model, load, targets[load], stepping), outcome.solution)
+            outcome = _ramped(Ramp(model, load, targets[load], stepping, ends), outcome.solution)
             outcome = replace(outcome, snapped=outcome.snapped or before)
     changed = outcome.status == "equilibrium" and outcome.solution is not solution
     if changed and still_slack(model, outcome.state):

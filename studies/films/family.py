@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -37,7 +37,7 @@ from tympan.studies.case import Settings, meshed, solved_loading
 from tympan.studies.films.box import Box, between
 from tympan.studies.films.check import ResidualCheck
 from tympan.studies.films.first_limits import KINDS, FirstLimits, Margins, first_limits
-from tympan.studies.films.many_films import Films, ShapesAt
+from tympan.studies.films.many_films import Films, FilmsAt, ShapesAt
 from tympan.studies.films.reduction import Reduction, Snapshot, plate_freedoms
 from tympan.studies.films.sites import Sites
 
@@ -81,11 +81,12 @@ _STEPS = 4
 
 
 #: Films that are computed together: their quadrature points take some 100 MB.
-_BLOCK = 500
+BLOCK = 500
 
 #: How near to the largest value of a film, over its range in the film, a node's is that is looked
-#: at: with other numbers it may be the largest.
-_NEARLY = 0.1
+#: at: with other numbers it may be the largest. A third of it was enough for 7,500 films of three
+#: specimens.
+_NEARLY = 0.01
 
 #: By how much the estimate is larger than what covers the errors of random films: one film of as
 #: many more would exceed that.
@@ -238,7 +239,7 @@ class Ground:
         except InputError:
             return None
         if motion is None:
-            outcome = equilibrium(model, force, squared**0.5, settings=self.path)
+            outcome = equilibrium(model, force, squared**0.5, settings=self.path, ends=False)
             solution, found = outcome.solution, outcome.status == "equilibrium"
         else:
             solution = newton(model, self._near(model, motion, force, squared),
@@ -337,7 +338,21 @@ class FilmFamily:
 
     def films(self, rows: Array) -> Films:
         """The films with these parameters, rows of (films, names)."""
-        return replace(self._one, columns=self.box.columns(rows), nodes=self.ground.nodes(rows))
+        return replace(self._one, rows=rows, columns=self.box.columns(rows),
+                       nodes=self.ground.nodes(rows))
+
+    def blocks(self, parameters: Any) -> Iterator[tuple[slice, Films]]:
+        """Films that are computed together, and which of all they are; :meth:`films` are a block.
+
+        What of films does not depend on their state is computed once for as long as they are kept.
+        """
+        if isinstance(parameters, Films):
+            yield slice(None), parameters
+            return
+        rows = np.atleast_2d(np.asarray(parameters, dtype=float))
+        for start in range(0, len(rows), BLOCK):
+            part = slice(start, start + BLOCK)
+            yield part, self.films(rows[part])
 
     @cached_property
     def _one(self) -> Films:
@@ -353,54 +368,55 @@ class FilmFamily:
                masses: Any = None, loose: bool = False) -> FamilyStates:
         """Equilibria of films under forces on their plates [N] and voltages across them [V].
 
-        ``parameters``: (films, names), in the order of ``family.box.names``; forces, voltages and
-        ``masses`` that swing with the plates [kg] are broadcast to (films, states). Without
+        ``parameters``: (films, names), in the order of ``family.box.names``, or what :meth:`films`
+        made of them; forces, voltages and ``masses`` that swing with the plates [kg] are broadcast
+        to (films, states). Without
         ``check`` no film has an estimate of its own: the error is nan. With ``loose`` films that
         have lost tension are there, too, as if they bore compression: a search then knows by how
         much they have lost it.
         """
-        rows = np.atleast_2d(np.asarray(parameters, dtype=float))
         loads = np.broadcast_arrays(*(np.asarray(np.nan if value is None else value, float)
                                       for value in (forces, voltages, masses)))
-        shape = len(rows), *np.broadcast_shapes(loads[0].shape, (1, 1))[1:]
+        count = len(parameters) if isinstance(parameters, Films) else len(np.atleast_2d(parameters))
+        shape = count, *np.broadcast_shapes(loads[0].shape, (1, 1))[1:]
         force, voltage, mass = (np.broadcast_to(value, shape) for value in loads)
-        blocks = [self._states(rows[part], force[part], voltage[part], mass[part], check, loose)
-                  for part in _blocks(len(rows))]
+        blocks = [self._states(films, force[part], voltage[part], mass[part], check, loose)
+                  for part, films in self.blocks(parameters)]
         return FamilyStates(*(np.concatenate([getattr(block, item.name) for block in blocks])
                               for item in fields(FamilyStates)))
 
-    def rests(self, parameters: Array, forces: Array, voltages: Array) -> Array:
+    def rests(self, parameters: Any, forces: Array, voltages: Array) -> Array:
         """Amplitudes q of equilibria, (films, shapes), whether or not films are in tension.
 
-        Forces [N] and voltages [V] have the shape (films,); nan where there is no equilibrium.
+        ``parameters`` as :meth:`states`. Forces [N] and voltages [V] have the shape (films,); nan
+        where there is no equilibrium.
         """
-        blocks = []
-        for start in range(0, len(parameters), _BLOCK):
-            part = slice(start, start + _BLOCK)
-            rows, number = parameters[part], np.arange(len(parameters[part]))
-            balance = self.guess.balanced(self.films(rows), self.box.scaled(rows), number,
+        found = []
+        for part, films in self.blocks(parameters):
+            balance = self.guess.balanced(films, self.box.scaled(films.rows), np.arange(len(films)),
                                           forces[part], voltages[part] ** 2)
-            blocks.append(np.where(balance.sound[:, None], balance.q, np.nan))
-        return np.concatenate(blocks)
+            found.append(np.where(balance.sound[:, None], balance.q, np.nan))
+        return np.concatenate(found)
 
-    def held_forces(self, parameters: Array, q: Array, voltages: Array) -> Array:
+    def held_forces(self, parameters: Any, q: Array, voltages: Array) -> Array:
         """Forces [N] that hold films' plates where states q have them, under voltages [V].
 
-        ``q``: (films, shapes), of one state each; nan where there is no equilibrium.
+        ``parameters`` as :meth:`states`; ``q``: (films, shapes), of one state each; nan where there
+        is no equilibrium.
         """
-        result = np.full(len(parameters), np.nan)
-        for start in range(0, len(parameters), _BLOCK):
-            there = start + np.flatnonzero(np.isfinite(q[start:start + _BLOCK]).all(1))
-            films, number = self.films(parameters[there]), np.arange(len(there))
-            squared = voltages[there] ** 2
-            balance = films.balanced(number, np.zeros(len(there)), squared, q[there], held=True)
+        result = np.full(len(q), np.nan)
+        for part, films in self.blocks(parameters):
+            number = np.flatnonzero(np.isfinite(q[part]).all(1))
+            squared = voltages[part][number] ** 2
+            balance = films.balanced(number, np.zeros(len(number)), squared, q[part][number],
+                                     held=True)
             forces = films.forces(number, balance.q, squared)[:, 0]
-            result[there] = np.where(balance.sound, forces, np.nan)
+            result[part][number] = np.where(balance.sound, forces, np.nan)
         return result
 
-    def _states(self, rows: Array, force: Array, voltage: Array, mass: Array, check: bool,
+    def _states(self, films: Films, force: Array, voltage: Array, mass: Array, check: bool,
                 loose: bool) -> FamilyStates:
-        shape, films = force.shape, self.films(rows)
+        shape, rows = force.shape, films.rows
         number = np.repeat(np.arange(len(rows)), shape[1])
         force, voltage, mass = force.ravel(), voltage.ravel(), mass.ravel()
         squared = voltage**2
@@ -466,35 +482,34 @@ class FilmFamily:
         return FamilyLimits(*(voltage.reshape(force.shape) for voltage in (
             breakdown, np.where(slack, taut, none), np.where(slack, np.nan, taut))))
 
-    def first_limits(self, parameters: Array, forces: Array, strengths: Any = 1.0, *,
+    def first_limits(self, parameters: Any, forces: Array, strengths: Any = 1.0, *,
                      firm: bool = True) -> FirstLimits:
         """First limits of films, (films, names), as the voltage rises under forces [N], (films,).
 
         ``strengths``: factors on the films' electric strength, (films,) or one; ``firm``: also
         where films give way in themselves.
         """
-        strength = np.broadcast_to(np.asarray(strengths, float), len(parameters))
-
-        def found(some: Array, squared: Array, near: Array | None) -> Margins:
-            parts = [self._margins(parameters[part], forces[part], squared[at], strength[part],
-                                   None if near is None else near[at], firm)
-                     for at in _blocks(len(some)) for part in (some[at],)]
-            return Margins(*(np.concatenate([getattr(part, item.name) for part in parts])
-                             for item in fields(Margins)))
-
+        strength = np.broadcast_to(np.asarray(strengths, float), forces.shape)
         low, high = (voltage**2 for voltage in self.voltage)
-        return first_limits(found, len(parameters), low, high)
+        found = [first_limits(partial(self._margins, films, films.at(self.looked_at), forces[part],
+                                      strength[part], firm), len(films), low, high)
+                 for part, films in self.blocks(parameters)]
+        return FirstLimits(np.concatenate([some.voltage for some in found]),
+                           np.concatenate([some.kind for some in found]))
 
-    def _margins(self, rows: Array, force: Array, squared: Array, strength: Array,
-                 near: Array | None, firm: bool) -> Margins:
-        films, number = self.films(rows), np.arange(len(rows))
+    def _margins(self, films: Films, at: FilmsAt, forces: Array, strengths: Array, firm: bool,
+                 number: Array, squared: Array, near: Array | None) -> Margins:
+        """Margins of some of the films, by their numbers, at a U² of each."""
+        force, strength = forces[number], strengths[number]
         if near is None:
-            balance = self.guess.balanced(films, self.box.scaled(rows), number, force, squared)
+            balance = self.guess.balanced(films, self.box.scaled(films.rows), number, force,
+                                          squared)
         else:
             balance = films.balanced(number, force, squared, near)
-        holds = balance.sound & self.box.holds(rows) & self._loads_within(force, squared**0.5)
+        holds = balance.sound & self._loads_within(force, squared**0.5)
+        holds &= self.box.holds(films.rows[number])
         q = np.where(holds[:, None], balance.q, np.nan)
-        extremes = films.extremes(films.at(self.looked_at), number, q, squared)
+        extremes = films.extremes(at, number, q, squared)
         stiffness = np.where(holds, balance.stiffness, np.nan)
         return Margins(np.stack([extremes.tension, stiffness**2,
                                  1 - (extremes.share / strength) ** 2], 1),
@@ -530,11 +545,6 @@ class FilmFamily:
         return np.where(np.isfinite(q[:, 0]), np.repeat(off, shape[1]), np.nan)
 
 
-def _blocks(count: int) -> Iterator[slice]:
-    """Slices of films that are computed together."""
-    return (slice(start, start + _BLOCK) for start in range(0, count, _BLOCK))
-
-
 def _frequency(films: Films, number: Array, q: Array, squared: Array, mass: Array) -> Array:
     """Lowest frequencies [Hz] of plates with a mass in states q, nan without."""
     result = np.full(len(q), np.nan)
@@ -555,7 +565,7 @@ def films_of(ground: Ground, reduction: Reduction, rows: Array) -> Films:
     whole, shapes = Sites.quadrature(ground.model.discretisation), reduction.shapes
     loading = ground.model.loading
     spring = sum(bias.stiffness for bias in loading.biases if isinstance(bias, Spring))
-    return Films(ground.box.specimen, ground.box.columns(rows), ground.nodes(rows),
+    return Films(ground.box.specimen, rows, ground.box.columns(rows), ground.nodes(rows),
                  ShapesAt(whole.some(reduction.points, reduction.shares), shapes),
                  ShapesAt(whole, shapes),
                  loading.gravity, spring, np.array([ground.box.specimen.gap]))

@@ -93,12 +93,13 @@ class FilmsAt:
 class Films:
     """Many films: a ``specimen`` with ``columns`` in place of some of its numbers, (films,) each.
 
-    ``nodes`` of their meshes [m], (films, nodes, 2); their shapes at the ``points`` that stand for
-    all and at the ``whole`` of them; ``gravity`` on the films' own mass, ``spring`` on their plates
-    [N/m].
+    ``rows``: their family's parameters, (films, names); ``nodes`` of their meshes [m], (films,
+    nodes, 2); their shapes at the ``points`` that stand for all and at the ``whole`` of them;
+    ``gravity`` on the films' own mass, ``spring`` on their plates [N/m].
     """
 
     specimen: Specimen
+    rows: Array
     columns: Mapping[str, Array]
     nodes: Array
     points: ShapesAt

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, Self
 
 import numpy as np
@@ -14,7 +15,8 @@ from tympan.geometry.outlines import area
 from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Settings
 from tympan.studies.films.box import Box
-from tympan.studies.films.family import FamilySettings, FilmFamily
+from tympan.studies.films.family import BLOCK, FamilySettings, FilmFamily
+from tympan.studies.films.many_films import Films
 from tympan.studies.tolerance.given import AMPLIFIER, FACTORS, LOAD, Cause
 from tympan.studies.tolerance.shares import Design
 
@@ -81,6 +83,11 @@ class Rows:
     amplifier: Array
     strength: Array
 
+    def part(self, some: Any) -> Self:
+        """Some of the films."""
+        return replace(self, **{name: getattr(self, name)[some]
+                                for name in ("rows", "load", "amplifier", "strength")})
+
     @classmethod
     def of(cls, values: Mapping[str, Array]) -> Self:
         """Those of numbers by name."""
@@ -117,6 +124,15 @@ class Copies:
         strength = drawn.strength * median_strength(family, drawn.rows[0], scattered.causes)
         return cls(rig, family, replace(drawn, strength=strength))
 
+    def parts(self) -> Iterator[Self]:
+        """All of them in parts, as they are computed together."""
+        for start in range(0, len(self.drawn.rows), BLOCK):
+            yield replace(self, drawn=self.drawn.part(slice(start, start + BLOCK)))
+
+    @cached_property
+    def _films(self) -> Films:
+        return self.family.films(self.drawn.rows)
+
     def forces(self, mass: float) -> Array:
         """Forces on the plates [N] of a nominal mass [kg], (films,)."""
         size = area(self.family.box.specimen.needed_plate().outline)
@@ -135,7 +151,7 @@ class Copies:
         """
         forces = self.forces(mass)
         swinging = mass * self.drawn.load + self.rig.unaccounted_mass + self.rig.added_mass
-        states = self.family.states(self.drawn.rows, forces[:, None], self.across(voltages), False,
+        states = self.family.states(self._films, forces[:, None], self.across(voltages), False,
                                     swinging[:, None])
         rest = self.rests(forces) if rest is None else rest
         holds = states.holds & states.sound & np.isfinite(rest[:, :1])
@@ -147,11 +163,11 @@ class Copies:
 
     def rests(self, forces: Array) -> Array:
         """States q of the films without voltage, (films, shapes)."""
-        return self.family.rests(self.drawn.rows, forces, np.zeros(len(forces)))
+        return self.family.rests(self._films, forces, np.zeros(len(forces)))
 
     def held(self, q: Array, voltages: Array) -> Array:
         """Forces [N] that hold plates where states q have them, at voltages across, (films,)."""
-        return self.family.held_forces(self.drawn.rows, q, voltages)
+        return self.family.held_forces(self._films, q, voltages)
 
 
 def median_strength(family: FilmFamily, row: Array, found: tuple[Cause, ...]) -> float:

@@ -178,13 +178,18 @@ class Drawn:
 
     def solved(self) -> dict[str, Array]:
         """Quantities of all films by key; nan of those that do not reach the voltage."""
-        forces = self.forces
-        rest = self.copies.rests(forces)
+        parts = list(map(self._solved, self.copies.parts()))
+        return {key: np.concatenate([part[key] for part in parts])
+                for key in QUANTITIES if key in parts[0]}
+
+    def _solved(self, copies: Copies) -> dict[str, Array]:
+        forces = copies.forces(self.mass)
+        rest = copies.rests(forces)
         values = {key: found[:, 0] for key, found in
-                  self.copies.solved(self.mass, self.voltage, rest).items()}
-        blocked = forces - self.copies.held(rest, self.voltages)
+                  copies.solved(self.mass, self.voltage, rest).items()}
+        blocked = forces - copies.held(rest, copies.across(self.voltage)[:, 0])
         values["blocked_force_N"] = np.where(np.isfinite(values["deflection_m"]), blocked, np.nan)
-        return {key: values[key] for key in QUANTITIES if key in values}
+        return values
 
     @staticmethod
     def reached(values: dict[str, Array]) -> NDArray[np.bool_]:
