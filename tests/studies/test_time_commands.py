@@ -57,6 +57,23 @@ def test_a_film_moves_on_its_way_to_rest(film: Path, capsys: pytest.CaptureFixtu
     assert crept < rested
 
 
+def test_a_plate_that_swings_through_a_breakdown_is_warned_of(
+        film: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Swinging it deflects, and thins, further than in equilibrium, where it just holds."""
+    elastic = FILM.partition("[[membrane.branch]]")[0]
+    weak = elastic.replace("[membrane.material]", "breakdown = {law = \"constant\", strength = "
+                           "\"STRENGTH\"}\n[membrane.material]")
+    loads = str(film), "--mass", "17.9 g"
+    film.write_text(weak.replace("STRENGTH", "1000 MV/m"), encoding="utf-8")
+    rested = answer(capsys, "solve", *loads, "--voltage", "5 kV")["max_field_V_per_m"]
+    step = "transient", *loads, "--high", "5 kV", "--duration", "0.2 s", "--swing"
+    for strength, broken in ((1000.0, False), (1e-6 * rested, True)):
+        film.write_text(weak.replace("STRENGTH", f"{strength:.6g} MV/m"), encoding="utf-8")
+        response, = answer(capsys, *step)["responses"]
+        assert any("where it deflects most, the film would break down" in words
+                   for words in response["warnings"]) == broken
+
+
 def test_pull_in_is_a_result_with_its_time(film: Path, tmp_path: Path,
                                            capsys: pytest.CaptureFixture[str]) -> None:
     record = answer(capsys, "transient", str(film), "--signal", "ramp", "--high", "16 kV",
