@@ -1,4 +1,4 @@
-"""How a table that others have written is laid out: its headings, and what they mean.
+"""Layouts of tables that others have written: headings, and what they mean.
 
 A :class:`Layout` is what ``[columns.static]`` of a dataset.toml says. What it leaves open is found:
 the line of the headings, and the columns by the words that :attr:`Column.also` knows. What has more
@@ -50,7 +50,7 @@ class Stated:
 @takes_units
 @dataclass(frozen=True)
 class Layout:
-    """How a file of readings is laid out, where it has not the usual headings.
+    """Layout of a file of readings that has not the usual headings.
 
     ``columns`` are stated; others are found by their headings.
     """
@@ -233,20 +233,20 @@ class Reader:
         return Header(line, tuple(titles), tuple(found))
 
     def advice_on(self, cell: str, line: int) -> str:
-        """How a dataset.toml leaves out a cell that is no number, or its line."""
+        """Advice to leave out a cell that is no number, or its line, in dataset.toml."""
         if not self.table or any(mark.isdigit() for mark in cell):
             return ""
         return "; " + self._write(None, f'missing = ["{cell}"] or skip_lines = [{line}]', "")
 
     def advice_on_marks(self, cell: str) -> str:
-        """How a dataset.toml says which decimal mark a file has."""
+        """Advice to state a file's decimal mark in dataset.toml."""
         if not self.table:
             return ""
         mark = "." if "," in cell else ","
         return "; or " + self._write(None, f'decimal = "{mark}"', "")
 
     def _titles_at(self, first: Sequence[Row]) -> int:
-        """Which of the first rows has the headings."""
+        """Index of the row, of the first ones, that has the headings."""
         layout = self.layout
         wanted = layout.titles_line
         if wanted is not None:

@@ -82,7 +82,7 @@ class LibraryEntry(Protocol):
 
 
 class Strength(Protocol):
-    """How large a field a film withstands. ``law`` is the name in specimen files."""
+    """Largest field that a film withstands. ``law`` is the name in specimen files."""
 
     law: ClassVar[str]
 
@@ -91,7 +91,7 @@ class Strength(Protocol):
 
 
 class FlowLaw(Protocol):
-    """How a viscous branch flows; ``flow`` is its name in specimen files."""
+    """Flow of a viscous branch; ``flow`` is its name in specimen files."""
 
     flow: ClassVar[str]
 
@@ -383,7 +383,7 @@ class Specimen:
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """How its drawings were read: gaps that were closed, curves that were left out, units."""
+        """Remarks on its drawings: gaps that were closed, curves that were left out, units."""
         inside = (("plate", self.plate), ("electrode.outline", self.electrode.outline))
         outlines = [("frame", self.frame), *((key, part.outline) for key, part in inside
                                              if part is not None)]

@@ -32,7 +32,7 @@ _ROOM = 0.01
 
 @dataclass(frozen=True)
 class View:
-    """How all films of a figure are looked at.
+    """View of all films of a figure.
 
     ``elevation`` [degrees] above the frame's plane, ``resolution`` [pixels per mm of film],
     ``line`` width of the outlines [pixels], the colours' name and scale [kPa], the mesh width of

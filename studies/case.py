@@ -333,7 +333,7 @@ class Limits:
 
 @dataclass(frozen=True, kw_only=True)
 class Band:
-    """How films that scatter differ in one number; its unit is that of the number."""
+    """Spread of films that scatter in one number; its unit is that of the number."""
 
     low: Annotated[float, Key("5 % of the films have less")]
     median: Annotated[float, Key("half of the films have more")]

@@ -470,7 +470,7 @@ class Stop:
         return bool((mesh.electrode_edge.every == node).any())
 
     def missed(self, state: LimitState, sign: Sign) -> float:
-        """How far a limit state's number may be off for the mesh, in its own unit.
+        """Error of a limit state's number for the mesh, in its own unit.
 
         What elements of one order less change in it, and by how much elements differ that meet
         where it begins: either is too small alone, where both sides miss alike or the order changes

@@ -1,4 +1,4 @@
-"""How a film and its plate follow a small swing of the voltage, by frequency."""
+"""Response of a film and its plate to a small swing of the voltage, by frequency."""
 
 from __future__ import annotations
 

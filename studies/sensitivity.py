@@ -52,7 +52,7 @@ _MAKE = {"voltage": ("voltage", "rig.amplifier_gain", "rig.sag_voltage", "rig.la
 
 @dataclass(frozen=True)
 class Answer:
-    """How a quantity follows one parameter."""
+    """Dependence of a quantity on one parameter."""
 
     value: Annotated[float, Key("value of the parameter")]
     unit: Annotated[str, Key("unit of the parameter")]

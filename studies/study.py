@@ -90,7 +90,7 @@ class Study:
 
     @property
     def steps(self) -> int:
-        """How many times :func:`run_study` reports progress."""
+        """Number of times that :func:`run_study` reports progress."""
         return 5 * len(self.specimens)
 
     def with_loads(self) -> Study:

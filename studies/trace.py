@@ -61,7 +61,7 @@ class Trace:
 
     @property
     def end(self) -> float:
-        """When it is over [s]."""
+        """Time of its end [s]."""
         return float(self.time[-1])
 
     @cached_property
@@ -84,7 +84,7 @@ class Trace:
         return result
 
     def rates(self, values: Array) -> Array:
-        """How fast values change at the moments [1/s].
+        """Rate at which values change at the moments [1/s].
 
         At a jump before and after it; the jump itself has no rate.
         """
@@ -92,7 +92,7 @@ class Trace:
                                for part in self._parts])
 
     def extremes(self, values: Array) -> tuple[tuple[float, float], tuple[float, float]]:
-        """When [s] values are smallest and how small, when largest and how large.
+        """Time [s] and value of the smallest, and time and value of the largest.
 
         Between moments too, of values of shape (moments,); the first time of several.
         """
@@ -150,7 +150,7 @@ def unclosed(loop: pd.DataFrame) -> list[str]:
 
 
 def settling_time(time: Array, deflection: Array) -> float:
-    """When the oscillation about the slow motion last exceeds 5 % of its largest swing [s].
+    """Time of the last oscillation about the slow motion above 5 % of its largest swing [s].
 
     Counted from time[0]; nan where there is no oscillation, or it is not over yet. The slow motion
     is that through the midpoints of neighbouring extremes, as one draws it by eye: the membrane
@@ -170,7 +170,7 @@ def settling_time(time: Array, deflection: Array) -> float:
 
 
 def sample_count(end: float, interval: float, runs: int = 1) -> int:
-    """How many samples a response up to ``end`` gives with an interval [s].
+    """Number of samples that a response up to ``end`` gives with an interval [s].
 
     An :class:`InputError` where so many ``runs`` give more than a million.
     """

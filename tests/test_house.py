@@ -160,7 +160,8 @@ def test_nothing_cites_what_is_not_in_the_project() -> None:
 #: not say what the thing is.
 DANGLING = re.compile(
     r'^ *r?"""(?:About|After|Against|Along|Among|Around|As|At|Before|Beside|Between|Beyond|By|For'
-    r'|From|In|Into|Near|Of|On|Over|Per|Through|To|Under|What|Where|With|Within|Without)'
+    r'|From|How|In|Into|Near|Of|On|Over|Per|That|Through|To|Under|What|When|Where|Which|With|Within'
+    r'|Without)'
     r'\b.*', re.MULTILINE)
 
 

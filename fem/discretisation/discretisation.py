@@ -31,7 +31,7 @@ Array = NDArray[Any]
 
 @dataclass(frozen=True, eq=False)
 class Unknowns(FieldsAlone):
-    """Which nodal components are solved for, and what all their tangents have in common.
+    """Nodal components that are solved for, and what all their tangents have in common.
 
     Their order is one of elimination that fills in little. Meshes that differ in their nodes'
     places alone share them.
@@ -171,7 +171,7 @@ class Discretisation(FieldsAlone):
 
     @property
     def mirrored(self) -> int:
-        """How often the mesh repeats in the whole film: 1, 2 or 4."""
+        """Number of times that the mesh repeats in the whole film: 1, 2 or 4."""
         return 1 << len(self.planes)
 
     @cached_property

@@ -39,7 +39,7 @@ class ElectrodeEdge:
     @classmethod
     def of(cls, connectivity: Array, covered: Array, nodal_gradients: Array, order: int
            ) -> ElectrodeEdge:
-        """That of a mesh; without nodes where it is covered or bare altogether.
+        """Edge on a mesh; without nodes where the mesh is covered or bare altogether.
 
         ``connectivity`` (elements, local), ``covered`` (elements,), ``nodal_gradients``: ∂φ/∂X at
         the elements' nodes [1/m].

@@ -40,7 +40,7 @@ def isoparametric(order: int, points: Array, nodes: Array) -> tuple[Array, Array
 
 
 def folded(mesh: CurvedTriangles) -> int:
-    """How many elements turn inside out between nodes and quadrature points."""
+    """Number of elements that turn inside out between nodes and quadrature points."""
     points = np.hstack([quadrature(mesh.order)[0], ELEMENTS[mesh.order].doflocs.T])
     nodes = mesh.doflocs.T[mesh.dofs.element_dofs.T]
     _, ((a, c), (b, d)) = _jacobian(mesh.order, points, nodes)

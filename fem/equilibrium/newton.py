@@ -121,7 +121,7 @@ class Solution:
         return 0 if self.tangent is None else self.tangent.wrinkling
 
     def thinning_margin(self, model: Model) -> float:
-        """That of the state, as :meth:`Model.thinning_margin` says; it is kept."""
+        """Margin of the state by :meth:`Model.thinning_margin`; it is kept."""
         if model not in self._margins:
             self._margins[model] = model.thinning_margin(self.state)
         return self._margins[model]

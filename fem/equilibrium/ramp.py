@@ -71,7 +71,7 @@ _SOON = 5
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """How a search for an equilibrium ended.
+    """End of a search for an equilibrium.
 
     ``solution`` is the equilibrium, or the last one before the ramp ended. With status
     "no_equilibrium" the film reached its end: ``limit`` is the largest U² [V²], force [N] or

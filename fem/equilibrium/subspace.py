@@ -1,4 +1,4 @@
-"""Which motions of the film a problem allows: all of them, or smooth ones that cannot wrinkle."""
+"""Motions of the film that a problem allows: all, or smooth ones that cannot wrinkle."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How large a field a film withstands: laws, and cited constants by name."""
+"""Electric strength of films: laws, and cited constants by name."""
 
 from __future__ import annotations
 

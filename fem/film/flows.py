@@ -1,4 +1,4 @@
-"""How the dashpots of viscous branches flow."""
+"""Flow of the dashpots of viscous branches."""
 
 from __future__ import annotations
 

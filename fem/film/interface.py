@@ -1,4 +1,4 @@
-"""How firmly two parts of a film hold the line between them straight: waves along it that grow.
+"""Stability of the line between two parts of a film: waves along it that grow.
 
 Where two different materials meet along a line, short waves of that line may lower the energy while
 either material by itself is still firm: beside an electrode's edge, where the voltage presses on

@@ -29,7 +29,7 @@ from tympan.geometry.toml_reader import NON_NEGATIVE, POSITIVE, Table, one_of
 
 @dataclass(frozen=True)
 class FilmScatter:
-    """How films of one kind differ: relative standard deviations, None where no source says it."""
+    """Scatter of films of one kind: relative standard deviations, None where no source says it."""
 
     thickness: Annotated[float | None, Key("of the virgin film", rule=NON_NEGATIVE)] = None
     stiffness: Annotated[float | None, Key("of the whole law", rule=NON_NEGATIVE)] = None

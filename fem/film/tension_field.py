@@ -110,7 +110,7 @@ class TensionField:
         return first[()], second[()], np.where(slack, 0, tense)
 
     def thinning_margin(self, l1: Any, l2: Any) -> Any:
-        """How far a film that wrinkles is from thinning without bound [Pa]; negative beyond.
+        """Margin of a film that wrinkles to thinning without bound [Pa]; negative beyond.
 
         Where it is wrinkled, the stiffness W*″ along the tension lines; where wrinkled it would
         have none, the tension; elsewhere ∞.

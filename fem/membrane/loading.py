@@ -79,7 +79,7 @@ class Loading:
         return tuple(merged)
 
     def step(self, deflection: float) -> float:
-        """How far [m] a plate may be moved in one step, so that it jumps over no such interval."""
+        """Longest step [m] of a plate that jumps over no such interval."""
         return min((max(low - deflection, deflection - high, 0.0) + _PART * (high - low)
                     for low, high in self.softening), default=np.inf)
 

@@ -101,7 +101,7 @@ class Model:
         return int(np.hypot(*self.discretisation.reference[:, :2].T.real).argmin())
 
     def deflection(self, state: State) -> float:
-        """That of the plate along the load [m]; of a film without plate, of its centre."""
+        """Deflection of the plate along the load [m]; of a film without plate, of its centre."""
         if self.specimen.plate is not None:
             return state.plate.deflection
         deflection: float = state.positions[self.centre_node, HEAVE].item()

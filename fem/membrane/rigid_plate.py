@@ -125,6 +125,6 @@ class Swing:
 
     @cached_property
     def _ends(self) -> tuple[float, float]:
-        """How much the end counts in the step's motion and in its change of momentum."""
+        """Weights of the end in the step's motion and in its change of momentum."""
         return end_weights(self.duration, self.film, float(self.damping[HEAVE, HEAVE]),
                            float(self.mass[HEAVE, HEAVE]))

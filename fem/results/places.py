@@ -105,5 +105,5 @@ def _within(mesh: Discretisation, nodes: Array, points: Array) -> Array:
 
 
 def _outside(at: Array) -> Array:
-    """How far reference coordinates are outside the reference triangle."""
+    """Distance of reference coordinates from the reference triangle, if they are outside."""
     return np.asarray(np.maximum(np.maximum(-at.min(axis=1), at.sum(axis=1) - 1), 0.0))

@@ -367,7 +367,7 @@ class Transient:
         return None if halves is None else (ahead, middle[0], *halves)
 
     def _between(self, past: list[Moment], middle: Moment, end: Moment) -> float:
-        """How far plate, charge and force are, in a step's middle, from the curve kept."""
+        """Distance of plate, charge and force, in a step's middle, from the curve kept."""
         shares = list(_shares([*past[-3:], end], middle.time))
         heave = sum(share * moment.state.plate.deflection for moment, share in shares)
         miss = abs(middle.state.plate.deflection - heave) / self.model.size

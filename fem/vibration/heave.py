@@ -28,7 +28,7 @@ _TURNS = (FREEDOMS.index("rx"), FREEDOMS.index("ry"))
 
 @dataclass(frozen=True)
 class FollowingFilm:
-    """How a film follows its plate; two-fold numbers are of film and electrodes.
+    """Motion of a film that follows its plate; two-fold numbers are of film and electrodes.
 
     ``swinging``: ∫ |v|² dA over the mounted film, and over what is covered of it [m²]; ``lag``: the
     g above for masses per area of 1 kg/m² [m⁴], shape (2, 2); ``lifted``: ∫ v_z dA over the covered
@@ -64,7 +64,7 @@ class FollowingFilm:
 
 
 def following(model: Model, state: State) -> FollowingFilm:
-    """How the film follows the plate about a state, at constant voltage.
+    """Motion of the film with the plate about a state, at constant voltage.
 
     The plate's other freedoms follow too. InputError where the plate is held.
     """

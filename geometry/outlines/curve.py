@@ -162,7 +162,7 @@ class Curve:
         return np.vstack([piece.at(np.zeros(1))[0] for piece in self.pieces])
 
     def turns(self) -> Array:
-        """How far the direction turns at the start of every piece [rad]."""
+        """Angle by which the direction turns at the start of every piece [rad]."""
         into = np.vstack([piece.at(np.ones(1))[1] for piece in self.pieces]).real
         out = np.vstack([piece.at(np.zeros(1))[1] for piece in self.pieces]).real
         into = np.roll(into, 1, axis=0)

@@ -190,7 +190,7 @@ def _few(count: int) -> None:
 
 
 def _curves(dxf: bytes) -> int:
-    """How many curves the text of a DXF draws, outside of blocks, before a library reads it."""
+    """Number of curves that the text of a DXF draws outside of blocks; no library reads it yet."""
     section = _ENTITIES.search(dxf)
     drawn = dxf[section.end():] if section else b""
     lines = [line.strip() for line in drawn.splitlines()]

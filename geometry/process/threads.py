@@ -44,7 +44,7 @@ class Blas:
 
 @dataclass
 class _Limit:
-    """How many are in :func:`one_thread`, in all threads of the process, and what was before."""
+    """Count of the callers in :func:`one_thread`, of all threads, and what was set before."""
 
     lock: threading.Lock = field(default_factory=threading.Lock)
     depth: int = 0
@@ -133,7 +133,7 @@ def _linked(file: str) -> Blas | None:
 
 
 def _default() -> int:
-    """How many threads a BLAS takes that is loaded now."""
+    """Number of threads that a BLAS takes which is loaded now."""
     processors = (len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity")
                   else os.cpu_count() or 1)
     for name in VARIABLES:

@@ -187,7 +187,7 @@ def error(value: float | None) -> str:
 
 
 def times(factor: float) -> str:
-    """How many times something."""
+    """Words for a factor, such as "3 times"."""
     return f"{factor:.2g} times"
 
 
@@ -197,7 +197,7 @@ def capitalised(words: str) -> str:
 
 
 def chance(p_value: float) -> str:
-    """How often noise alone would look like that; below once in a million it is called that.
+    """Frequency with which noise alone would look like that; the least said is once in a million.
 
     >>> chance(0.14), chance(0.0004), chance(1e-16)
     ('14 times in a hundred', 'at most once in 1 000 times', 'at most once in 1 000 000 times')

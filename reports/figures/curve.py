@@ -119,7 +119,7 @@ class VoltageCurve:
 
     @cached_property
     def parts(self) -> tuple[Points, Points, Points]:
-        """Which points of the line are before its first limit, beyond it, and beyond its end.
+        """Masks of the line's points before its first limit, beyond it, and beyond its end.
 
         Beyond a snap the plate is at rest as before it.
         The last are those of a film that thins, were it kept from wrinkling. Each part begins where

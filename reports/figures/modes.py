@@ -77,7 +77,7 @@ def animate_modes(result: ModesResult, file: Path) -> None:
 
 
 def _view(result: ModesResult, dots: float, line: float = 0.5) -> View:
-    """How films are looked at, with dots per inch of the figure and lines [pt]."""
+    """View of films, with dots per inch of the figure and lines [pt]."""
     wide = 2e3 * max(result.semi_axes_m)
     return View(dots * style.MM * _width() / wide, dots * line / 72,
                 AxisScale(-1, 1, (-1, 0, 1)), bar_length(wide) / 2, _COLOURS, _AXES, _AXES,

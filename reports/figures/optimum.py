@@ -74,7 +74,7 @@ def _strokes(axes: Axes, result: OptimiseResult, optimum: Mapping[str, Any]) -> 
 
 
 def _limits(axes: Axes, result: OptimiseResult, optimum: Mapping[str, Any]) -> None:
-    """How much of each limit is used along the best run, where that is most in the cycle."""
+    """Used share of each limit along the best run, where that is most in the cycle."""
     trials = _accepted(result, optimum["held"], optimum["best_start"])
     limits = result.record["limits"]
     for (name, limit), colour in zip(limits.items(), style.PALETTE, strict=False):

@@ -146,7 +146,7 @@ def _shares_of_load(ends: Sequence[dict[str, Any]], least: float) -> list[float]
 
 
 def strokes(run: StudyView) -> str:
-    """How far the voltage moves each plate, under the picture's mass or the curves' lightest.
+    """Stroke of each plate by the voltage, under the picture's mass or the curves' lightest.
 
     Over the voltages that were asked for, or as far as each film goes.
     """
@@ -174,7 +174,7 @@ def stroke(name: str, curve: VoltageCurve, low: float, high: float) -> dict[str,
 
 
 def _mixtures(alphas: Sequence[AlphaResult]) -> str:
-    """Which mixture of circles each elongated shape behaves as."""
+    """Mixture of circles that each elongated shape behaves as."""
     elongated = [(item, item.by_basis["membrane"]) for item in alphas if len(item.circles) > 1]
     worst = max((weights.fit_error for _, weights in elongated), default=0.0)
     return _say("mixtures", [

@@ -116,7 +116,7 @@ class Reading:
 
 @dataclass(frozen=True)
 class MapSettings:
-    """How a map is made: loads of the α, mass [kg] and voltage [V] of the stroke, and places.
+    """Settings of a map: loads of the α, mass [kg] and voltage [V] of the stroke, and places.
 
     The grid spans ``aspects`` and ``ratios``; ``inside`` random places in its range have random
     materials of the library, of those without a range of stretches, ``outside`` ones have aspects

@@ -315,7 +315,7 @@ def uncertainty(specimen: Specimen, settings: Settings, alpha_settings: AlphaSet
 
 
 def _circles(specimen: Specimen, chosen: AlphaSettings) -> tuple[int, str]:
-    """How many circles, and how their radii are chosen."""
+    """Number of circles, and how their radii are chosen."""
     if concentric(specimen):
         return 1, "semi_axes"
     if chosen.radii != "semi_axes" or len(radii_of(specimen.frame)) > 1:

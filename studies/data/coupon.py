@@ -215,7 +215,7 @@ class Coupons:
 
 
 def _corners(time: Array, stretch: Array, most: int) -> NDArray[np.bool_]:
-    """Which points of a history to keep; see :meth:`Coupons.thinned`."""
+    """Points of a history to keep; see :meth:`Coupons.thinned`."""
     kept = np.zeros(len(time), bool)
     kept[np.linspace(0, len(time) - 1, 2 * most // 3).round().astype(int)] = True
     for _ in range(most // 3):

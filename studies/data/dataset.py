@@ -231,7 +231,7 @@ class Dataset:
 
     @property
     def unused(self) -> NDArray[np.bool_]:
-        """Which static readings tell nothing: copies, and those of a sensor at its end."""
+        """Mask of static readings that tell nothing: copies, and those of a sensor at its end."""
         if self.static is None:
             return np.empty(0, bool)
         unused = at_sensor_end(self.static)

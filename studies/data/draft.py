@@ -65,7 +65,7 @@ class Draft:
 
     @property
     def score(self) -> float:
-        """How well its kind explains the headings."""
+        """Score of its kind by how well it explains the headings."""
         if self.stated:
             return float("inf")
         have = {source.column.name for source in self.header.sources}

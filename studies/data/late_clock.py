@@ -65,7 +65,7 @@ def with_clocks(records: Sequence[SampledRun]) -> list[tuple[SampledRun, ClockSh
 
 
 def onset(record: SampledRun) -> ClockShift | None:
-    """When the deflection begins to move after the first jump of the voltage [s].
+    """Time at which the deflection begins to move after the first jump of the voltage [s].
 
     ``value``: as it is seen; the limits allow for the slow begin of any rise, and for all times
     between samples. None where it is not clear: before the jump too few samples stand still.

@@ -88,7 +88,7 @@ class SampledRun:
         return np.flatnonzero(large & (slow < 0.1 * change)) + 1
 
     def switched(self, jump: int) -> float:
-        """When the voltage jumped [s], by the number of the first sample after it: the middle."""
+        """Time of a jump of the voltage [s], by the first sample after it: the middle."""
         return float(0.5 * (self.time[jump - 1] + self.time[jump]))
 
     def unsure(self, jump: int) -> float:

@@ -91,7 +91,7 @@ class Quantity:
 
     @property
     def sense(self) -> str:
-        """How a bound is meant."""
+        """Sense of a bound: at least, or at most."""
         return "at least" if self.gain else "at most"
 
 

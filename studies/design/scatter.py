@@ -68,7 +68,7 @@ class ScatteredFilms:
         return dict(zip(self.keys, change.tolist(), strict=True))
 
     def kept(self, off: Mapping[str, float]) -> NDArray[np.bool_]:
-        """Which films keep all bounds, reduced films being ``off`` by so much, (films,)."""
+        """Mask of films that keep all bounds, reduced films being ``off`` by so much, (films,)."""
         errors = np.array([off.get(key, 0.0) for key in self.keys])
         scatters = np.array([QUANTITIES[key].scatters for key in self.keys])
         return np.asarray(((self.missed + errors <= 0) | ~scatters).all(1))

@@ -54,7 +54,7 @@ class Search:
 
     @property
     def variables(self) -> int:
-        """How many there are, with the common share."""
+        """Number of variables, with the common share."""
         return len(self.space.variables) + (not self.best)
 
     def missed(self, films: FamilyFilms) -> Array:

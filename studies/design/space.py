@@ -94,7 +94,7 @@ class FamilyFilms:
 
     @property
     def sound(self) -> NDArray[np.bool_]:
-        """Which films have their states, and are firm and within their law up to their voltage."""
+        """Mask of films with their states, firm and within their law up to their voltage."""
         return np.asarray(self.states.holds.all(1) & self.states.sound[:, :2].all(1))
 
 
@@ -179,7 +179,7 @@ class DesignSpace(Ranges):
 
     @property
     def inputs(self) -> int:
-        """How many numbers scatter."""
+        """Count of the numbers that scatter."""
         return sum(len(cause.targets) for cause in self.scatter)
 
     def _specimen(self, values: Array) -> Specimen | None:

@@ -336,7 +336,7 @@ def film_error(simulation: Simulation, fit: Fit, table: ReadingTable) -> dict[st
 
 
 def slack(simulation: Simulation, fit: Fit, table: ReadingTable) -> NDArray[np.bool_]:
-    """Which readings are, at a fit of the nominal film, of states that have lost tension somewhere.
+    """Mask of readings, at a fit of the nominal film, of states that have lost tension somewhere.
 
     A film loses more of it the higher its voltage is: of each ramp they are the last ones.
     """

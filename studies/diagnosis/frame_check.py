@@ -1,4 +1,4 @@
-"""Whether scans were written in another frame or unit than is said, before that gets a cause."""
+"""Check of scans for another frame or unit than is said, before that gets a cause."""
 
 from __future__ import annotations
 

@@ -107,7 +107,7 @@ class GainReport:
 
     @property
     def predictive(self) -> Coverage | None:
-        """How well readings held out were predicted; None without any."""
+        """Prediction of readings that were held out; None without any."""
         below = np.concatenate([np.empty(0), *(split.below if self.extends else split.nominally
                                                for split in self.splits)])
         below = below[np.isfinite(below)]

@@ -77,7 +77,7 @@ class VoltageHistory:
 
     @property
     def begins(self) -> float:
-        """When the run begins on the time axis of the whole [s]."""
+        """Beginning of the run on the time axis of the whole [s]."""
         return self.rest if self.rest < inf else 0.0
 
     def jump(self, when: float) -> tuple[float, float]:
@@ -127,7 +127,7 @@ class Passages:
 
     @cached_property
     def after(self) -> Array:
-        """When they begin and end after the voltage jumped [s], shape (2, n).
+        """Times of their beginnings and ends after the voltage jumped [s], shape (2, n).
 
         Infinite where it never did.
         """
@@ -162,7 +162,7 @@ class Passages:
 
 
 def _behind(history: VoltageHistory, rig: Rig, when: Array, lag: float) -> Array:
-    """How far what follows a rig's voltage in a time constant [s] is behind it, at times [V]."""
+    """Lag [V] of what follows a rig's voltage in a time constant [s], at times."""
     signal = history.signal
     behind, last = 0.0, float(rig.film_voltage(signal.first))
     result = np.zeros(len(when))

@@ -42,7 +42,7 @@ class Cause:
 
     @property
     def first(self) -> Cause:
-        """That beside which it is there again; else itself."""
+        """Cause beside which it is there again; else itself."""
         return replace(self, again=False)
 
     @property
@@ -71,7 +71,7 @@ def parameters_of(hypothesis: Hypothesis) -> list[EffectParameter]:
 
 
 def unknown_count(hypothesis: Hypothesis) -> int:
-    """How many unknowns it has."""
+    """Number of its unknowns."""
     return FACTORS.stop + len(parameters_of(hypothesis))
 
 

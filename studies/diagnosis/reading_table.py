@@ -31,7 +31,7 @@ def evenly(items: Numbers, count: int) -> Numbers:
 
 @dataclass(frozen=True)
 class Unit:
-    """How errors are told: a name as at the end of keys, and what a file's number is times it."""
+    """Unit of errors: its name at the end of keys, and how many of it are one SI unit."""
 
     name: str
     per_si: float
@@ -256,7 +256,7 @@ class ReadingTable:
 
     @property
     def coupon(self) -> Numbers:
-        """Which of the coupons' rows each row is, if it is one of them; they come after places."""
+        """Index of each row among the coupons' rows, if it is one; they come after places."""
         return self.point - sum(map(len, self.scans))
 
     @cached_property

@@ -167,7 +167,7 @@ class ReadingOff:
 
 @dataclass(frozen=True, kw_only=True)
 class Misfit:
-    """How far the nominal model is off, its stiffness and permittivity fitted."""
+    """Misfit of the nominal model, its stiffness and permittivity fitted."""
 
     baseline_rmse: Annotated[float, Key("root mean square of what the nominal model misses",
                                         in_unit=True)]
@@ -188,7 +188,7 @@ class Misfit:
 
 @dataclass(frozen=True, kw_only=True)
 class Coverage:
-    """How well readings that were held out were predicted."""
+    """Prediction of readings that were held out."""
 
     coverage_95: Annotated[float | None, Key("share of them within their 95 % bands")]
     readings: Annotated[int, Key("how many there are")]

@@ -119,7 +119,7 @@ class Spread:
 
 @dataclass(frozen=True, eq=False)
 class _Scatter:
-    """How uncertain a variance of what depends on the unknowns is, itself.
+    """Uncertainty of a variance of what depends on the unknowns.
 
     Such a variance is an estimate by two sums over residuals, of squares and of products of
     neighbours: the second tells the correlation. To first order its logarithm is the quadratic form

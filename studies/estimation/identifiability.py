@@ -125,7 +125,7 @@ class Identifiability:
 
     @property
     def determined(self) -> int:
-        """How many independent numbers the data determine."""
+        """Count of independent numbers that the data determine."""
         return sum(combination.half is not None for combination in self.combinations)
 
     @property
@@ -150,7 +150,7 @@ class Identifiability:
 
 
 def _seen(problem: LeastSquares, at: Array, count: int) -> tuple[Array, Array]:
-    """How well, and along which rows, readings see the first unknowns, the others left free."""
+    """Sensitivity of readings to the first unknowns, and along which rows, the others left free."""
     slopes = problem.at(at).jacobian
     free = np.linalg.qr(slopes[:, count:])[0]
     constants = slopes[:, :count] - free @ (free.T @ slopes[:, :count])
@@ -172,7 +172,7 @@ def unseen(problem: LeastSquares, at: Array, count: int) -> tuple[Array, int]:
 
 
 def seen_by(jacobian: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
-    """How readings see unknowns, by the derivatives of residuals, shape (n, p).
+    """Sensitivity of readings to unknowns, by the derivatives of residuals, shape (n, p).
 
     An orthonormal basis of what these move, (n, k); the unknowns by their parts in it, (p, k); and
     which of them nothing sees, (p,).

@@ -29,7 +29,7 @@ _LITTLE = 20.0
 
 @dataclass(frozen=True, eq=False)
 class Profile:
-    """How the least misfit grows as one unknown is held away from its best value.
+    """Growth of the least misfit as one unknown is held away from its best value.
 
     ``values`` ascend; ``rise`` is ±√(χ² − χ²min) there, in standard deviations: a straight line
     where the problem is linear. ``low`` and ``high`` are where it reaches the quantile, None where
@@ -62,7 +62,7 @@ def profile(problem: LeastSquares, best: Array, index: int, quantile: float,
 
 
 def _followed(problem: LeastSquares, best: Array, index: int, jacobian: Array) -> Array:
-    """How all unknowns move with the one, to first order; those at a bound stay."""
+    """Motion of all unknowns with the one, to first order; those at a bound stay."""
     moving = (np.arange(len(best)) != index) & (problem.low < best) & (best < problem.high)
     along = np.zeros(len(best))
     along[moving] = -np.linalg.lstsq(jacobian[:, moving], jacobian[:, index], rcond=1e-12)[0]

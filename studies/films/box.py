@@ -124,7 +124,7 @@ class Box:
         return tuple(name for name in self.names if name.startswith(_OUTLINED))
 
     def holds(self, rows: Array) -> NDArray[np.bool_]:
-        """Which films are within it, (films,)."""
+        """Mask of the films that are within it, (films,)."""
         off = _ROUNDING * (self.high - self.low)
         return np.asarray(((rows >= self.low - off) & (rows <= self.high + off)).all(-1))
 

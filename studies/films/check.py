@@ -1,4 +1,4 @@
-"""How far a state of a reduced film is from that of finite elements: by what is out of balance.
+"""Error of a reduced film's state against finite elements: by what is out of balance.
 
 The residual of the whole mesh at a reduced state has two parts. What of it acts on the shapes is
 the error of the points that stand for all; the shapes' own tangent says how it moves the plate. The

@@ -46,7 +46,7 @@ Array = NDArray[Any]
 
 @dataclass(frozen=True)
 class FamilySettings:
-    """How a family is made.
+    """Settings of how a family is made.
 
     ``error``: share of the deflection by which films may be off, as far as the estimate says;
     ``first``: random films that it begins with, and ``more`` for each parameter; ``batch``: films
@@ -165,7 +165,7 @@ class Ground:
 
     @property
     def path(self) -> PathSettings:
-        """How equilibria are searched."""
+        """Settings of the search for equilibria."""
         return self.settings.path
 
     @classmethod

@@ -360,7 +360,7 @@ def _solved(stiffness: Array, pull: Array) -> Array:
 
 
 def require_stable(stiffness: Array) -> None:
-    """That symmetric matrices (..., n, n) are positive definite, else NoBalance."""
+    """Raise NoBalance unless symmetric matrices (..., n, n) are positive definite."""
     if stiffness.ndim == 2:
         if dpotrf(stiffness)[1]:
             raise NoBalance

@@ -104,7 +104,7 @@ def _carried(x: Array, q: Array, tried: Array, some: Array) -> Array:
 
 
 def _ahead(x: Array, margins: Array) -> Array:
-    """How far ahead in U² margins are 0, (films, 3): where the parabola of the last three is."""
+    """Distance in U² to where margins are 0, (films, 3), by the parabola of the last three."""
     last, before, first = margins
     with np.errstate(all="ignore"):
         slope = (last - before) / (x[0] - x[1])[:, None]

@@ -499,7 +499,7 @@ class Strained:
 
 
 def _positive(matrices: Array) -> NDArray[np.bool_]:
-    """Which of symmetric matrices (n, n) are positive definite."""
+    """Mask of symmetric matrices (n, n) that are positive definite."""
     try:
         np.linalg.cholesky(matrices)
     except np.linalg.LinAlgError:

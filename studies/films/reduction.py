@@ -122,7 +122,7 @@ def film_of_runs(model: Model, forces: Sequence[float], voltage: float,
 
 
 def _require_even(specimen: Specimen) -> None:
-    """That the film is alike everywhere: else few points do not stand for all."""
+    """Refuse a film that is not alike everywhere: few points do not stand for all of it."""
     gradient, patches = specimen.membrane.thickness_gradient, specimen.electrode.patches
     if gradient != (0.0, 0.0):
         raise InputError("must be 0, 0 for a reduced film", key="membrane.thickness_gradient",

@@ -83,7 +83,7 @@ class _Way:
 
     @property
     def there(self) -> NDArray[np.bool_]:
-        """Which are equilibria, firm everywhere, within the law's range."""
+        """Mask of equilibria that are firm everywhere and within the law's range."""
         return np.asarray(self.sound & self.here.sound.all(1))
 
     @property

@@ -1,4 +1,4 @@
-"""How many readings in time count as one: residuals of neighbours that are alike tell less."""
+"""Number of readings in time that count as one: neighbours with like residuals tell less."""
 
 from __future__ import annotations
 

@@ -57,7 +57,7 @@ class IdentifySettings:
     nelder_mead: bool = False
 
     def steps(self, dataset: Dataset) -> int:
-        """How often progress is told."""
+        """Number of times that progress is reported."""
         return (1 + self.dynamic) * (1 + self.nelder_mead) + 4 * len(dataset.specimens)
 
     def require(self, dataset: Dataset) -> None:

@@ -36,7 +36,7 @@ class Record:
 
     @property
     def begins(self) -> float:
-        """When the voltage first changes [s]; the start, where it never does."""
+        """Time of the first change of the voltage [s]; the start, where it never changes."""
         points, volts = self.drive.time, self.drive.voltage
         changed = np.flatnonzero(volts != volts[0])
         return float(points[max(int(changed[0]) - 1, 0)] if len(changed) else points[0])

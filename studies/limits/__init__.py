@@ -1,4 +1,4 @@
-"""How far a film can go: the voltages of its limits, and the curve to them.
+"""Limits of a film: their voltages, and the curve to them.
 
 ``voltages.py`` follows a film as its voltage rises and finds where it passes each limit;
 ``curve.py`` makes curves of that, ``loads.py`` chooses loads that suit a film. A new limit is not

@@ -104,7 +104,7 @@ class Rise:
 
     @property
     def warnings(self) -> list[str]:
-        """Whether the film visits stretches on its way that its law is not meant for."""
+        """Warnings of stretches that the film visits on its way and its law is not meant for."""
         if not self.stops:
             return []
         fields = [stop.fields for stop in self.stops]
@@ -133,14 +133,14 @@ class LimitsResult(SpecimenRecord):
 
     @classmethod
     def of(cls, case: Case, settings: Settings) -> LimitsResult:
-        """How far the voltage of a case can be raised from 0."""
+        """Limits as the voltage of a case is raised from 0."""
         risen = rise(case, settings)
         return cls(specimen=case.specimen.name, mass_kg=case.mass, limits=risen.limits,
                    stroke_m=risen.stroke, warnings=(*risen.warnings, *case.remarks))
 
 
 def limits(case: Case, settings: Settings) -> Limits:
-    """How far the voltage of a case can be raised from 0; its own voltage is not asked for.
+    """Limits as the voltage of a case is raised from 0; its own voltage is not asked for.
 
     Voltages are nominal: those that the rig's supply shows.
     """

@@ -139,7 +139,7 @@ class Actuator:
 
     @cached_property
     def reach(self) -> float:
-        """How far the model is looked at [m]: three times the longest film, while it has stress."""
+        """Largest deflection in use [m]: three times the longest film, while it has stress."""
         longest = 3 / float(np.min(self.circles.steepness))
         y = np.linspace(0, longest, 2001)
         with np.errstate(all="ignore"):

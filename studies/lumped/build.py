@@ -101,7 +101,7 @@ class BuildSettings:
 
     @property
     def loads(self) -> int:
-        """How many loads there are."""
+        """Number of loads."""
         return len(self.masses) * len(self.voltages)
 
     def greatest(self, specimen: Specimen, rig: Rig) -> Case:
@@ -116,7 +116,7 @@ class BuildSettings:
 
     @property
     def fitted(self) -> NDArray[np.bool_]:
-        """Which loads these are, shape (masses, voltages)."""
+        """Mask of the loads that are fitted, shape (masses, voltages)."""
         return np.outer(np.isin(self.masses, self.fit.masses),
                         np.isin(self.voltages, self.fit.voltages))
 

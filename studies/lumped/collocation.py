@@ -99,7 +99,7 @@ class Motion:
 
     @property
     def errors(self) -> Array:
-        """How far the quintic of each step may be off [m], by how its fifth derivative changes."""
+        """Error of the quintic of each step [m], by how its fifth derivative changes."""
         width = np.diff(self.time)
         (y0, v0, a0), (y1, v1, a1) = self.ends
         fifth = 120 * (6 * (y1 - y0) - 3 * width * (v0 + v1) + width**2 * (a1 - a0) / 2) / width**5

@@ -50,7 +50,7 @@ def is_cone(actuator: Actuator) -> bool:
 
 
 def softness(actuator: Actuator) -> str:
-    """How many times as stiff as its cones membranes are, in words."""
+    """Ratio of the stiffness of membranes to that of their cones, in words."""
     circles = MembraneCircle(actuator.specimen, actuator.circles.radius)
     factors = np.unique(np.round(circles.membrane_factor, 2))
     return " to ".join(f"{factor:g}" for factor in (factors.min(), factors.max())[:len(factors)])

@@ -482,7 +482,7 @@ def _bound_notes(tests: TimedTests, values: Array) -> Iterator[str]:
 
 
 def _extrapolated(tests: TimedTests, values: Array) -> Iterator[str]:
-    """Whether the modulus at rest lies beyond the tests: no reading at rest, none late enough."""
+    """Note that the modulus at rest lies beyond the tests: no reading at rest, none late enough."""
     law, moduli, times = tests.split(values)
     ends = [float(tests.coupons.time[run[-1]]) for run in tests.coupons.timed_runs.values()]
     if not len(moduli) or np.isnan(tests.coupons.time).any():

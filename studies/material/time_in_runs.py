@@ -1,4 +1,4 @@
-"""Whether runs tell time from stretch: without that no viscous branch can be fitted to them.
+"""Check that runs tell time from stretch: without that no viscous branch can be fitted to them.
 
 A branch pulls by stretch and time. Where every stretch was reached at one time only, as on one
 ramp at one rate, some elastic law says the same as any branch. What is left of a branch's stress

@@ -122,7 +122,7 @@ class Decay:
                    float(abs(deflection[-1] - deflection[0])))
 
     def settled(self, threshold: float) -> float:
-        """When the oscillation last exceeds a threshold [m]; nan where it never does."""
+        """Time at which the oscillation last exceeds a threshold [m]; nan where it never does."""
         large = np.flatnonzero(self.height > threshold)
         if not len(large):
             return float("nan")

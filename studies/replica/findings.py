@@ -283,7 +283,7 @@ def unaccounted(missing: MissingParameters, growth: Array) -> Array:
 
 
 def mass_ratio(replica: Replica) -> Values:
-    """How ranges grow with the mass: in Table 2, at rest whatever ε_r and α, and over steps."""
+    """Growth of ranges with the mass: in Table 2, at rest whatever ε_r and α, and over steps."""
     growth, at_rest, at_ends, moving = (heavy / light for light, heavy in (
         ranges(), replica.rest_ranges, replica.level_ranges, replica.random_ranges))
     least = smallest_growth(np.linspace(1.0, 11.0, 41), np.linspace(0.0, 1.0, 11),

@@ -104,7 +104,7 @@ class Sweep:
 
     @property
     def cases(self) -> int:
-        """How many rows its table has."""
+        """Number of rows of its table."""
         return sum(len(entry.masses) * len(entry.voltages) for entry in self.entries)
 
 

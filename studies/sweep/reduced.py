@@ -150,7 +150,7 @@ class Batch:
 
     @property
     def cases(self) -> int:
-        """How many rows they have."""
+        """Number of their rows."""
         return sum(len(task.ids) for task in self.tasks)
 
     def run(self) -> dict[str, TaskResult]:

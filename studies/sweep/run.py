@@ -152,7 +152,7 @@ class Checkpoint:
         return result if whole else None
 
     def cases(self, sweep: Sweep) -> int:
-        """How many cases of a sweep are kept."""
+        """Number of cases of a sweep that are kept."""
         return sum(len(task.ids) for task in tasks_of(sweep).values() if self._file(task).exists())
 
     def _file(self, task: SweepTask) -> Path:

@@ -125,7 +125,7 @@ class SweepTask:
 
     @property
     def loads(self) -> dict[str, int]:
-        """How many masses and voltages there are."""
+        """Number of masses and voltages."""
         return {"mass": len(self.masses), "voltage": len(self.voltages)}
 
     def run(self) -> TaskResult:

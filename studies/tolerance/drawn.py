@@ -40,7 +40,7 @@ class Scattered:
 
     @property
     def inputs(self) -> int:
-        """How many random numbers a film has."""
+        """Number of random numbers of a film."""
         return len(self._inputs)
 
     def design(self, count: int, seed: int) -> Design:

@@ -1,4 +1,4 @@
-"""How far the numbers of a film and its rig scatter: a file's tolerances, or defaults with reasons.
+"""Scatter of the numbers of a film and its rig: a file's tolerances, or defaults with reasons.
 
 A scatter has two parts: from film to film, and from batch to batch. Films of one batch (one roll,
 one jig, one amplifier) share the second.

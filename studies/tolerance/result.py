@@ -57,7 +57,7 @@ class VarianceShare:
 
 @dataclass(frozen=True, kw_only=True)
 class Spread:
-    """How a quantity differs between films that reach the voltage; its unit is in its key."""
+    """Spread of a quantity between films that reach the voltage; its unit is in its key."""
 
     nominal: Annotated[float | None, Key(
         "of the film without scatter; none where that does not reach the voltage")]
@@ -87,7 +87,7 @@ class Chance:
 
 @dataclass(frozen=True, kw_only=True)
 class FilmLimits:
-    """Which limit films meet first as the voltage rises."""
+    """First limit that films meet as the voltage rises."""
 
     films: Annotated[int, Key("films whose first limit was sought, of all")]
     highest_V: Annotated[float, Key("nominal voltage up to which it was sought")]

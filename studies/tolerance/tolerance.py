@@ -173,7 +173,7 @@ class Drawn:
 
     @property
     def films(self) -> int:
-        """How many there are beside the nominal one."""
+        """Number of films beside the nominal one."""
         return len(self.rows) - 1
 
     def solved(self) -> dict[str, Array]:
@@ -193,7 +193,7 @@ class Drawn:
 
     @staticmethod
     def reached(values: dict[str, Array]) -> NDArray[np.bool_]:
-        """Which of the films reach the voltage, the nominal one left out."""
+        """Mask of the films that reach the voltage, the nominal one left out."""
         return np.isfinite(values["deflection_m"][1:])
 
     def error(self) -> float:
@@ -222,7 +222,7 @@ class Drawn:
         return Limited(self, design, np.array(nominal), found.kind)
 
     def spread(self, values: Array, design: Design) -> Spread:
-        """How values of the nominal film and those of a design scatter, nan left out."""
+        """Scatter of values of the nominal film and those of a design, nan left out."""
         nominal, films = float(values[0]), values[1:]
         there = films[np.isfinite(films)]
         low, median, high = np.quantile(there, _TOLD)

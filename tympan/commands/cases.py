@@ -98,7 +98,7 @@ def solve(options: argparse.Namespace) -> None:
          RIG, MESH, JSON,
          example='oval.toml --mass "17.9 g"', also=("limit", "pull-in", "breakdown"))
 def limits(options: argparse.Namespace) -> None:
-    """How far a film can go: where it first loses tension, breaks down, gives way and pulls in.
+    """Limits of a film: where it first loses tension, breaks down, gives way and pulls in.
 
     And where a mechanism of the rig makes its plate snap through, and back as the voltage falls.
     """

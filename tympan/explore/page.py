@@ -521,7 +521,7 @@ def _same_circles(view: FilmView, other: FilmView) -> bool:
 
 
 def _drawn_outlines(view: FilmView) -> str:
-    """Which outlines have no controls, and where they are changed."""
+    """Outlines that have no controls, and where they are changed."""
     keys = [control.key for control in controls(view)]
     parts = [part for part, start in (("frame", "frame."), ("plate", "plate.outline."))
              if not any(key.startswith(start) for key in keys)]

@@ -176,7 +176,7 @@ class Question:
 
 @dataclass(frozen=True)
 class Off:
-    """How far a reduced film may be from finite elements.
+    """Largest error of a reduced film against finite elements.
 
     ``deflection`` at the view's voltage [m]; ``whole``: it was followed to its pull-in. Otherwise
     limits that are not met are not known.

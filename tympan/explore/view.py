@@ -102,7 +102,7 @@ class Control:
 
     @property
     def factor(self) -> float:
-        """How many of its units make the SI unit."""
+        """Number of its units that make the SI unit."""
         return _UNITS[self.dimension][1]
 
     def value(self, view: FilmView) -> float:

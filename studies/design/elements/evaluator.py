@@ -52,7 +52,7 @@ class Design:
 
     @property
     def end(self) -> EndKind | None:
-        """How its film first ends, if a limit asks and it does."""
+        """First end of its film, if a limit asks and there is one."""
         return next((limit.end for limit in self.kept.values() if limit.end), None)
 
     @property

@@ -1,4 +1,4 @@
-"""How far a design is from the first end of its film, with derivatives of every kind of end.
+"""Distance of a design from the first end of its film, with derivatives of every kind of end.
 
 At pull-in the voltage is stationary along the branch, so that its derivative needs the critical
 mode alone. Where the film gives way in a place, its firmness there is used up: the derivative is

@@ -290,7 +290,7 @@ def _looked_up(stress: BranchStress, logs: Array) -> Array:
 
 
 def _stiffer(at_rest: Any, pull: Array) -> Array:
-    """How many times as stiff as at rest branches make a strip: across as much as along."""
+    """Ratio of a strip's stiffness with its branches to that at rest: across as much as along."""
     tiny = 1e-6 * np.abs(at_rest).max(initial=1e-300)
     ratio = np.divide(pull, at_rest, out=np.zeros_like(pull), where=np.abs(at_rest) > tiny)
     return np.asarray(1 + np.maximum(ratio, 0.0), float)

@@ -130,7 +130,7 @@ class Evidence(Protocol):
 
     def splits(self, setup: Setup, table: ReadingTable
                ) -> tuple[list[Split], dict[str, NDArray[Any]]]:
-        """How to hold out rows; and by kind of split what level each row is of, shape (rows,)."""
+        """Splits that hold out rows; and by kind of split the level of each row, shape (rows,)."""
         return [], {}
 
     def tells(self, table: ReadingTable) -> set[Quantity]:
@@ -156,7 +156,7 @@ class Evidence(Protocol):
         return setup.specimens
 
     def wrote(self, files: NDArray[np.str_]) -> Rows:
-        """Which names of files, whatever their formats, are of this kind's."""
+        """Mask of the names of files, whatever their formats, that are of this kind's."""
         stems = [name.partition(".")[0] for name in files.tolist()]
         return np.isin(np.array(stems, str), [Path(name).stem for name in self.files])
 
@@ -224,7 +224,7 @@ def numbers_of(setup: Setup, names: NDArray[np.str_]) -> list[int]:
 
 
 def rows_of(evidence: Sequence[Evidence], table: ReadingTable) -> Rows:
-    """Which rows of a table are of some kinds of evidence."""
+    """Mask of the rows of a table that are of some kinds of evidence."""
     return np.isin(table.kind, [name for kind in evidence for name in kind.kinds])
 
 

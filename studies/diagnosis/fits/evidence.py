@@ -1,4 +1,4 @@
-"""How probable readings are by a hypothesis, whatever its unknowns: Laplace and quadrature."""
+"""Probability of readings by a hypothesis, whatever its unknowns: Laplace and quadrature."""
 
 from __future__ import annotations
 

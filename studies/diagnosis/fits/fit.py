@@ -96,7 +96,7 @@ class Fit:
 
     @property
     def stopped(self) -> NDArray[np.bool_]:
-        """Which unknowns would go on, were they not at a bound."""
+        """Mask of unknowns that would go on, were they not at a bound."""
         low, high = self.bounds
         return np.asarray(((self.unknowns <= low) & (self.slope > 0))
                           | ((self.unknowns >= high) & (self.slope < 0)))
@@ -109,7 +109,7 @@ class Fit:
 
     @property
     def free_jacobian(self) -> Array:
-        """That by the unknowns that are not stopped, which alone take up what is missed."""
+        """Jacobian by the unknowns that are not stopped, which alone take up what is missed."""
         return np.asarray(self.jacobian[:, ~self.stopped])
 
     def predicted(self, table: ReadingTable) -> Array:

@@ -159,7 +159,7 @@ def noise_told(noise: Noise, models: Sequence[Missed], smooth: Callable[[], Iter
 
 
 def probability_off(size: Array) -> Array:
-    """How probable it is that readings are off by themselves, by what is missed over the noise."""
+    """Probability that readings are off by themselves, by what is missed over the noise."""
     odds = np.log(SLIPS / (1 - SLIPS)) + _slip_density(size) + 0.5 * size**2
     return np.asarray(expit(odds))
 
@@ -219,7 +219,7 @@ def _slip_density(size: Array) -> Array:
 
 def _readings_off(residual: Array, jacobian: Array, noise: Noise, stated: float
                   ) -> tuple[Array, float, float]:
-    """How far which readings are off [their units], and how probable that makes all of them.
+    """Errors of single readings [their units], and how probable these make all of them.
 
     And the size of the others' errors over the noise.
     """
@@ -264,7 +264,7 @@ def _largest(rest: Array, columns: Array) -> Iterator[tuple[int, float, float]]:
 
 
 def _smooth_value(residual: Array, jacobian: Array, smooth: Array, stated: float) -> float:
-    """How probable what is missed is with a smooth misfit of any size, as an error in common."""
+    """Probability of what is missed with a smooth misfit of any size, as an error in common."""
     basis = orthonormal(jacobian)
     columns, rest = without(basis, smooth), without(basis, residual)
     directions, sizes, _ = np.linalg.svd(columns, full_matrices=False)

@@ -207,7 +207,7 @@ def _patterns(simulation: Model, table: ReadingTable, nominal: Fit) -> dict[str,
 
 
 def _factor(scatter: float, freedom: float) -> float:
-    """That on a channel's noise by its scatter.
+    """Factor on a channel's noise by its scatter.
 
     Less than 1 only as far as the scatter excludes more: of a few degrees of freedom it is small by
     chance.

@@ -1,4 +1,4 @@
-"""Whether readings that nothing explains have wrong labels: exchanged ones, or shifted by a row.
+"""Wrong labels of readings that nothing explains: exchanged ones, or shifted by a row.
 
 Each way in which labels may have got wrong gives every written row another label. For a part of the
 rows that label may be the right one: for all, for those of a specimen, of a mass, of both, or for

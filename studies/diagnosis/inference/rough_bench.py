@@ -79,7 +79,7 @@ class RoughBench:
 
     @property
     def small(self) -> float:
-        """How probable it is that they are small."""
+        """Probability that they are small."""
         return float(np.exp(self.logs[:, np.array(SHARES) <= SMALL]).sum())
 
     def near(self) -> list[Fit]:

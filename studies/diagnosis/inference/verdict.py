@@ -323,7 +323,7 @@ class _Adequacy:
         return tests(fit.whitened(fit.residual), self.generator, self.noise[rows])
 
     def odd_specimen(self) -> str:
-        """That of three or more without which the nominal model leaves noise; "" if not one is."""
+        """Specimen, of three or more, without which the nominal model leaves noise; "" if none."""
         table, simulation = self.base.table, self.base.simulation
         numbers = np.unique(table.specimen)
         if not simulation.loaded or len(numbers) < _OTHERS + 1:

@@ -1,1 +1,1 @@
-"""Which experiment would tell apart what readings leave open."""
+"""Experiments that would tell apart what readings leave open."""

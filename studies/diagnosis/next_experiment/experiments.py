@@ -189,7 +189,7 @@ def _longest(states: States) -> float:
 
 
 def _held(states: States) -> float:
-    """How long the runs last in which states are held [s]."""
+    """Duration of the runs in which states are held [s]."""
     runs = {(float(mass), history): float(history.signal.end)
             for history, places in states.passages.histories
             for mass in states.mass[states.in_time[places]]}

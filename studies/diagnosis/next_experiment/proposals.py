@@ -1,4 +1,4 @@
-"""Which experiment would tell the rivals apart: the expected Δχ² of each on a menu, by the work.
+"""Experiments that would tell the rivals apart: the expected Δχ² of each on a menu, by the work.
 
 If one rival is true, new readings will be about what its fit predicts, and another rival, refitted
 to old and new ones together, will fit them worse. How much worse is what an experiment is worth for

@@ -163,7 +163,7 @@ def _jumps(table: ReadingTable, size: Array, predicted: Array) -> dict[str, Arra
 
 
 def _stuck(predicted: Array, runs: Sequence[NDArray[np.int64]], threshold: float) -> Array:
-    """How far plates are behind that stay where they are up to a threshold, then go all the way."""
+    """Lag of plates that stay where they are up to a threshold, then go all the way."""
     behind = np.zeros(len(predicted))
     for rows in runs:
         at = predicted[rows[0]]

@@ -263,7 +263,7 @@ class FilmsAtRest:
         return force, np.maximum(stiffness, _LEAST)
 
     def shift(self, there: FilmsAtRest) -> Array:
-        """How far heaves of nearby unknowns are from these [m], shape (states,).
+        """Distance of heaves of nearby unknowns from these [m], shape (states,).
 
         By the implicit function theorem where a plate rests: differences are taken of the balance
         of forces at fixed heaves only.

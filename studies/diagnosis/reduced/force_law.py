@@ -71,7 +71,7 @@ class Grid:
 
     @property
     def numbers(self) -> tuple[Numbers, Numbers]:
-        """Which of the Chebyshev points are nodes, of heave and of U²."""
+        """Indices of the Chebyshev points that are nodes, of heave and of U²."""
         if self.some:
             return _SOME_HEAVES, _SOME_VOLTAGES
         return np.arange(self.heaves), np.arange(self.voltages)
@@ -197,7 +197,7 @@ class Sampled:
 
 
 def odd_values(count: int) -> Numbers:
-    """Which of so many values change their sign with the heave where the force does."""
+    """Indices of the values, of so many, whose sign changes with the heave as the force's does."""
     deflections = np.arange(SHAPE + 2 * (count - SHAPE) // 3, count)
     return np.append(FORCE, deflections)
 

@@ -33,7 +33,7 @@ _WEIGHED = 0.05
 
 @dataclass(frozen=True, eq=False)
 class Sag:
-    """How a flat film gives way to a pressure on what is covered, its plate held, without voltage.
+    """Sag of a flat film under a pressure on what is covered, its plate held, without voltage.
 
     ``by_pressure`` [m/Pa] at its lattice's points, shape (ALONG, AROUND).
     """
@@ -58,7 +58,7 @@ class SwingingMasses:
 
     @cached_property
     def sags(self) -> tuple[Sag, ...]:
-        """How each film sags."""
+        """Sag of each film."""
         return tuple(map(self._sag, self.setup.specimens))
 
     def _sag(self, specimen: Specimen) -> Sag:

@@ -1,4 +1,4 @@
-"""How a plate swings after a jump of the voltage: frequency and rate at which that fades."""
+"""Swings of a plate after a jump of the voltage: frequency and rate at which they fade."""
 
 from __future__ import annotations
 

@@ -137,7 +137,7 @@ class ControlledFilm:
 
     @property
     def supply_limited(self) -> int:
-        """How many steps the supply limits."""
+        """Number of steps that the supply limits."""
         return sum(step.limited_by == "supply" for step in self.steps)
 
 
