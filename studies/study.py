@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from importlib import metadata
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,8 +33,12 @@ from tympan.studies.force.force import ForceCase, force
 from tympan.studies.force.result import ForceResult
 from tympan.studies.limits.curve import CURVES, CurveResult, curve
 from tympan.studies.limits.loads import LoadGrid, usual_masses
+from tympan.studies.tolerance.bands import banded
+from tympan.studies.tolerance.given import Tolerances, causes
 
 Progress = Callable[[str], None]
+
+Banded = TypeVar("Banded", CaseResult, CurveResult, ForceResult | None)
 
 #: SI values by column name, shape (rows,) each.
 TableOfColumns = Mapping[str, NDArray[Any]]
@@ -75,7 +79,8 @@ class Study:
 
     ``mass`` [kg] and ``voltage`` [V] are those of the picture; ``curves`` the masses of the
     deflection–voltage curves, and the voltages marked on them; ``sources`` the specimens' files as
-    text, for the report. Masses that are None follow from the films.
+    text, for the report. Masses that are None follow from the films. With ``tolerances`` results,
+    curves and forces have the bands of films that scatter.
     """
 
     name: str
@@ -87,6 +92,7 @@ class Study:
     curves: LoadGrid | None = None
     alpha: AlphaSettings = field(default_factory=AlphaSettings)
     settings: Settings = field(default_factory=Settings)
+    tolerances: Tolerances | None = None
 
     @property
     def steps(self) -> int:
@@ -103,6 +109,13 @@ class Study:
                        for specimen in self.specimens)
         return replace(self, mass=mass if self.mass is None else self.mass,
                        curves=self.curves or LoadGrid((mass, 1.25 * mass)))
+
+    def banded(self, result: Banded, specimen: Specimen) -> Banded:
+        """A result of one of its films with bands, where there are tolerances."""
+        if self.tolerances is None or result is None:
+            return result
+        made: Banded = banded(result, specimen, self.tolerances, self.rig, self.settings)
+        return made
 
 
 @dataclass(frozen=True, eq=False)
@@ -265,6 +278,8 @@ def run_study(study: Study, progress: Progress = lambda _: None, folder: Path | 
         ("alpha", study.alpha.fit and study.alpha.held_out)) if given is None)
     for specimen in study.specimens:
         specimen.needed_plate()
+        if study.tolerances is not None:
+            causes(specimen, study.tolerances)
     study = study.with_loads()
     assert study.mass is not None
     specimens = []
@@ -317,9 +332,10 @@ def _solved(study: Study, specimen: Specimen, source: str, progress: Progress) -
     progress(f"{specimen.name}: curves")
     curves = curve(specimen, study.curves.masses, study.settings, study.rig, study.curves.voltages)
     progress(f"{specimen.name}: forces")
+    forces = _force(study, specimen, curves)
     return SpecimenResult(specimen.name, source, str(specimen.membrane.material),
-                          specimen.frame.semi_axes, result, curves, lines,
-                          _force(study, specimen, curves))
+                          specimen.frame.semi_axes, study.banded(result, specimen),
+                          study.banded(curves, specimen), lines, study.banded(forces, specimen))
 
 
 def _force(study: Study, specimen: Specimen, curves: CurveResult) -> ForceResult | None:

@@ -402,12 +402,13 @@ def alpha(specimen: Specimen, alpha_settings: AlphaSettings | None = None,
 @one_thread()
 def sweep(file: File, folder: File | None = None, workers: int = 1,
           settings: Settings = Settings(), at: float | str | None = None, *,
-          scheduler: str | None = None, wait: float | str = 60.0, exact: bool = False
-          ) -> Result[SweepResult]:
+          scheduler: str | None = None, wait: float | str = 60.0, exact: bool = False,
+          tolerances: Tolerances | File | None = None) -> Result[SweepResult]:
     """All cases of SWEEP.toml; what a ``folder`` holds already is not solved again.
 
     Many specimens that differ in numbers alone are solved by a reduced film, with its error in each
-    row; ``exact``: all by finite elements.
+    row; ``exact``: all by finite elements. ``tolerances`` as for :func:`solve`: then the table also
+    has ``deflection_low_m`` and ``deflection_high_m``, 5 and 95 % of films.
 
     Its maps, and ``result.best("stroke", under="max_true_stress < 131 kPa")``, compare films ``at``
     one of its voltages, the highest where it is left out. With more than one worker the calling
@@ -421,7 +422,8 @@ def sweep(file: File, folder: File | None = None, workers: int = 1,
     from tympan.studies.sweep.plan import read_sweep
     from tympan.studies.sweep.run import run_sweep
 
-    planned = read_sweep(Path(file), settings, exact)
+    given = None if tolerances is None else _tolerances(tolerances)
+    planned = read_sweep(Path(file), settings, exact, given)
     planned = planned if at is None else planned.compared_at(at)
     pool = serial if workers == 1 else partial(processes, workers=workers)
     if scheduler is not None:
@@ -432,11 +434,17 @@ def sweep(file: File, folder: File | None = None, workers: int = 1,
 
 @names_arguments()
 @one_thread()
-def study(file: File | None = None) -> Result[StudyResult]:
-    """The main job of STUDY.toml, or on the paper's three actuators."""
+def study(file: File | None = None, *, tolerances: Tolerances | File | None = None
+          ) -> Result[StudyResult]:
+    """The main job of STUDY.toml, or on the paper's three actuators.
+
+    ``tolerances`` as for :func:`solve`: then results, curves and forces have bands.
+    """
     from tympan.studies.study import default_study, read_study, run_study
 
-    return Result(run_study(default_study() if file is None else read_study(Path(file))))
+    planned = default_study() if file is None else read_study(Path(file))
+    given = None if tolerances is None else _tolerances(tolerances)
+    return Result(run_study(replace(planned, tolerances=given)))
 
 
 @names_arguments()

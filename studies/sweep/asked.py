@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import prod
 from typing import Any
 
@@ -13,12 +13,15 @@ from tympan.fem.results.limit_states import LIMIT_STATES
 from tympan.fem.vibration.modes import plate_motion, vibrations
 from tympan.geometry.errors import Failure, InputError
 from tympan.geometry.fields import Registry
+from tympan.geometry.specimen import Specimen
 from tympan.studies.alpha import AlphaSettings, alpha
 from tympan.studies.case import Case, Settings
 from tympan.studies.force import ForceCase, force
 from tympan.studies.limits import limits
 from tympan.studies.lumped.build import BuildSettings, build
 from tympan.studies.modes import carried
+from tympan.studies.tolerance.bands import FEW_REACH, deflection_bands
+from tympan.studies.tolerance.given import Tolerances, causes
 
 #: Values by column, with "warnings" or the reason why there are none.
 Record = dict[str, Any]
@@ -26,19 +29,38 @@ Record = dict[str, Any]
 
 @dataclass(frozen=True)
 class Ask:
-    """Questions: names of :data:`QUANTITIES`, and what circles stand for a specimen."""
+    """Questions: names of :data:`QUANTITIES`, and what circles stand for a specimen.
+
+    ``tolerances``: how numbers of films scatter; by default as their material's do.
+    """
 
     names: tuple[str, ...] = ()
     circles: AlphaSettings = field(default_factory=AlphaSettings)
+    tolerances: Tolerances | None = None
+
+    def banded(self, tolerances: Tolerances) -> Ask:
+        """Questions with that for bands of films that scatter so."""
+        names = tuple(dict.fromkeys((*self.names, BANDS)))
+        return replace(self, names=names, tolerances=tolerances)
+
+    def check(self, specimen: Specimen) -> None:
+        """Refuse tolerances of what a specimen has not."""
+        if BANDS in self.names and specimen.plate is not None:
+            try:
+                causes(specimen, self.tolerances or Tolerances())
+            except InputError as error:
+                raise InputError(error.allowed, key=f"tolerances.{error.key}") from None
 
 
 @dataclass(frozen=True, eq=False)
 class AskedCase:
-    """A case, how it is solved, and the circles that are asked for."""
+    """A case, how it is solved, what is asked, and all masses and voltages of its specimen."""
 
     case: Case
     settings: Settings
-    circles: AlphaSettings
+    ask: Ask
+    masses: tuple[float, ...]
+    voltages: tuple[float, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +77,10 @@ _POINTS = 9
 _WIDER = 1.1
 
 #: What a quantity asks of a case; of what depends on no voltage that needs not be solved.
-Answer = Callable[[Any], Record]
+Answer = Callable[[Any], Any]
+
+#: The quantity that tolerances are for.
+BANDS = "bands"
 
 
 @dataclass(frozen=True)
@@ -64,7 +89,7 @@ class AskedQuantity:
 
     ``{n}`` in a name is the number of a circle. ``shown`` are the columns that say most. ``loads``
     are those it depends on, from the front of mass and voltage; ``answer`` is asked once for each
-    of their values.
+    of their values, or once ``together`` for a list of records, masses first.
     """
 
     name: str
@@ -73,6 +98,7 @@ class AskedQuantity:
     shown: tuple[str, ...]
     loads: tuple[str, ...]
     answer: Answer
+    together: bool = False
 
     def names(self, circles: int) -> list[str]:
         """Its columns for so many circles at most."""
@@ -82,22 +108,25 @@ class AskedQuantity:
     @property
     def of_states(self) -> bool:
         """Whether it asks for the equilibria of cases."""
-        return "voltage" in self.loads
+        return "voltage" in self.loads and not self.together
 
     def every(self, loads: Mapping[str, int]) -> int:
         """Numbers of cases to which one answer belongs, of so many loads."""
         return prod(count for load, count in loads.items() if load not in self.loads)
 
-    def record(self, asked: AskedCase) -> Record:
-        """The answer, or why there is none."""
+    def records(self, asked: AskedCase) -> list[Record]:
+        """The answer, or why there is none, to all that it is asked for at a case."""
         try:
-            return self.answer(asked)
+            answer = self.answer(asked)
+            return answer if self.together else [answer]
         except InputError as error:  # without the name, which equal specimens do not share
-            return {"warnings": [str(InputError(error.allowed, key=error.key))]}
+            reason = str(InputError(error.allowed, key=error.key))
         except (Failure, OSError):
             raise
         except Exception as error:  # whatever a library raises must not cost the rest
-            return {"warnings": [f"{type(error).__name__}: {error}"]}
+            reason = f"{type(error).__name__}: {error}"
+        loads = len(asked.masses) * len(asked.voltages) if self.together else 1
+        return [{"warnings": [reason]}] * loads
 
 
 #: All of them by name.
@@ -105,11 +134,13 @@ QUANTITIES: Registry[AskedQuantity] = Registry("name")
 
 
 def quantity_of(meaning: str, columns: Mapping[str, str], shown: tuple[str, ...],
-                loads: tuple[str, ...] = ()) -> Callable[[Answer], AskedQuantity]:
+                loads: tuple[str, ...] = (), together: bool = False
+                ) -> Callable[[Answer], AskedQuantity]:
     """Make a function the quantity of its name."""
     def registered(answer: Answer) -> AskedQuantity:
+        name = answer.__name__.strip("_")
         made: AskedQuantity = QUANTITIES.register(
-            AskedQuantity(answer.__name__.strip("_"), meaning, columns, shown, loads, answer))
+            AskedQuantity(name, meaning, columns, shown, loads, answer, together))
         return made
 
     return registered
@@ -122,7 +153,7 @@ def quantity_of(meaning: str, columns: Mapping[str, str], shown: tuple[str, ...]
     "alpha_held_out_error": "the same at other loads",
 }, shown=("alpha_1", "alpha_held_out_error"))
 def _alpha(asked: AskedCase) -> Record:
-    result = alpha(asked.case.specimen, asked.settings, asked.circles, asked.case.rig)
+    result = alpha(asked.case.specimen, asked.settings, asked.ask.circles, asked.case.rig)
     weights = result.by_basis["membrane"]
     return {**_numbered("alpha_{n}", weights.alpha), **_numbered("circle_{n}_m", result.circles),
             "alpha_fit_error": weights.fit_error, "alpha_held_out_error": weights.held_out_error,
@@ -201,7 +232,7 @@ def _force(asked: SolvedCase) -> Record:
     "lumped_held_out_error": "largest error of the deflection, relative, at loads not fitted",
 }, shown=("lumped_stiffness", "lumped_permittivity"))
 def _lumped(asked: AskedCase) -> Record:
-    circles, specimen, rig = asked.circles, asked.case.specimen, asked.case.rig
+    circles, specimen, rig = asked.ask.circles, asked.case.specimen, asked.case.rig
     loads = BuildSettings.suited([specimen], asked.settings, rig, circles=circles.circles,
                                  radii=circles.radii)
     built = build(specimen, asked.settings, loads, rig)
@@ -212,6 +243,20 @@ def _lumped(asked: AskedCase) -> Record:
             "lumped_flat_capacitance_F": model.flat_capacitance,
             "lumped_held_out_error": built.worst("corrected", held_out=True),
             "warnings": built.warnings}
+
+
+@quantity_of("how the deflections of films differ whose numbers scatter, as `tympan tolerance` "
+             "draws them", {
+    "deflection_low_m": "5 % of the films have less",
+    "deflection_median_m": "half of the films have more",
+    "deflection_high_m": "5 % of the films have more",
+}, shown=("deflection_low_m", "deflection_high_m"), loads=("mass", "voltage"), together=True)
+def _bands(asked: AskedCase) -> list[Record]:
+    found = deflection_bands(asked.case.specimen, asked.ask.tolerances or Tolerances(),
+                             asked.masses, asked.voltages, asked.case.rig, asked.settings)
+    return [{"warnings": [FEW_REACH]} if band is None else
+            {**{f"deflection_{edge}_m": getattr(band, edge) for edge in ("low", "median", "high")},
+             "warnings": []} for of_mass in found for band in of_mass]
 
 
 def _numbered(name: str, values: tuple[float, ...]) -> Record:

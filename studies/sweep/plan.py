@@ -27,6 +27,7 @@ from tympan.studies.case import Case, Settings
 from tympan.studies.sweep.asked import QUANTITIES, Ask
 from tympan.studies.sweep.reduced import in_families
 from tympan.studies.sweep.task import SweepTask, solver
+from tympan.studies.tolerance.given import Tolerances
 
 #: Raw TOML values by dotted key: what one specimen of a sweep differs in.
 Choice = dict[str, Any]
@@ -108,11 +109,12 @@ class Sweep:
         return sum(len(entry.masses) * len(entry.voltages) for entry in self.entries)
 
 
-def read_sweep(file: Path, settings: Settings = Settings(), exact: bool = False) -> Sweep:
+def read_sweep(file: Path, settings: Settings = Settings(), exact: bool = False,
+               tolerances: Tolerances | None = None) -> Sweep:
     """The sweep of a file; files it names lie beside it.
 
     Many specimens that differ in numbers alone are left to a reduced film of them all, unless they
-    are to be ``exact``.
+    are to be ``exact``. With ``tolerances`` bands are asked for, too.
 
     Unknown keys, wrong units and values out of range, of the sweep and of all its specimens, are
     errors; a combination of allowed values that cannot be built is an entry without a task instead,
@@ -120,7 +122,7 @@ def read_sweep(file: Path, settings: Settings = Settings(), exact: bool = False)
     """
     table = Table.read(file)
     fields, figures = table.truth("fields", False), table.truth("figures", False)
-    ask = _ask(table)
+    ask = _ask(table) if tolerances is None else _ask(table).banded(tolerances)
     given = table.value("specimen")
     names = [given] if isinstance(given, str) else given
     if not isinstance(names, list) or not names or not all(isinstance(name, str) for name in names):
@@ -155,6 +157,7 @@ def read_sweep(file: Path, settings: Settings = Settings(), exact: bool = False)
         except Unbuildable as error:
             reason = str(InputError(error.allowed, key=error.key, given=error.given))
             return Entry(name, base.stem, choice, masses, voltages, None, reason)
+        ask.check(specimen)
         if specimen.plate is None:
             for mass in masses:
                 Case(specimen, mass=mass, rig=rig)  # refuses what would act on a plate

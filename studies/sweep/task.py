@@ -120,7 +120,8 @@ class SweepTask:
     @cached_property
     def id(self) -> str:
         """The hash of its cases and of what is kept of them."""
-        more = [self.figures, asdict(self.ask)] if self.figures or self.ask.names else []
+        ask = {name: value for name, value in asdict(self.ask).items() if value is not None}
+        more = [self.figures, ask] if self.figures or self.ask.names else []
         return digest_of([*self.ids, self.fields, *more])
 
     @property
@@ -150,7 +151,8 @@ class SweepTask:
             solution.rows.append({"id": case_id} | EXACT_ROW
                                  | {name: record[name] for name in _OF_CASE})
             self._answer(solution.answers, number, SolvedCase(
-                self._case(number), self.settings, self.ask.circles, model, outcome))
+                self._case(number), self.settings, self.ask, self.masses, self.voltages, model,
+                outcome))
             if outcome.status == "equilibrium" and (self.fields or (self.figures and not number)):
                 with temporary_folder() as folder:
                     file = folder / "fields.vtu"
@@ -166,8 +168,8 @@ class SweepTask:
             return answers
         with _TURN, one_thread():
             for number in range(len(self.ids)):
-                self._answer(answers, number, AskedCase(self._case(number), self.settings,
-                                                        self.ask.circles))
+                self._answer(answers, number, AskedCase(self._case(number), self.settings, self.ask,
+                                                        self.masses, self.voltages))
         return answers
 
     def _case(self, number: int) -> Case:
@@ -178,8 +180,9 @@ class SweepTask:
     def _answer(self, answers: dict[str, list[Record]], number: int, asked: AskedCase) -> None:
         """Add what is asked at a case, where that is the first of its loads."""
         for name, records in answers.items():
-            if number % QUANTITIES[name].every(self.loads) == 0:
-                records.append(QUANTITIES[name].record(asked))
+            quantity = QUANTITIES[name]
+            if number % (len(self.ids) if quantity.together else quantity.every(self.loads)) == 0:
+                records += quantity.records(asked)
 
 
 def _of_its_kind(record: Mapping[str, Any]) -> bool:

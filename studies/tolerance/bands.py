@@ -14,9 +14,10 @@ from scipy.stats import qmc
 from tympan.fem.rig import Rig
 from tympan.geometry.outlines import area
 from tympan.geometry.specimen import Specimen
-from tympan.studies.case import Band, CaseResult, Settings
+from tympan.studies.case import Band, Case, CaseResult, Settings
 from tympan.studies.force.result import ForceResult
 from tympan.studies.limits import CurveResult
+from tympan.studies.limits.voltages import first_limit
 from tympan.studies.tolerance.drawn import Copies, Scattered
 from tympan.studies.tolerance.given import Tolerances, causes
 
@@ -39,6 +40,8 @@ _FORCES = 1.8
 _LEAST = 0.05
 #: Of the random numbers.
 _SEED = 1
+#: Said where there is no band.
+FEW_REACH = "more than 5 % of the films do not reach the voltage: there is no band"
 
 
 def bands(values: Array) -> tuple[Band | None, ...]:
@@ -73,11 +76,7 @@ def _(result: CaseResult, specimen: Specimen, tolerances: Tolerances, rig: Rig, 
              for band in bands(values) if band is not None}
     if found:
         return replace(result, bands=found)
-    return replace(result, warnings=(*result.warnings, _FEW_REACH))
-
-
-#: Said where there is no band.
-_FEW_REACH = "more than 5 % of the films do not reach the voltage: there is no band"
+    return replace(result, warnings=(*result.warnings, FEW_REACH))
 
 
 @banded.register
@@ -118,6 +117,25 @@ def _(result: ForceResult, specimen: Specimen, tolerances: Tolerances, rig: Rig,
         found = bands(np.array(columns).reshape(len(columns), -1).T) if columns else ()
         curves.append(replace(curve, band_force_N=found))
     return replace(result, curves=tuple(curves))
+
+
+def deflection_bands(specimen: Specimen, tolerances: Tolerances, masses: Sequence[float],
+                     voltages: Sequence[float], rig: Rig, settings: Settings
+                     ) -> list[tuple[Band | None, ...]]:
+    """Bands of the deflection under each mass [kg] at each nominal voltage [V].
+
+    None beyond the first limit of the film without scatter: half of the films are beyond theirs.
+    """
+    limits = [first_limit(Case(specimen, mass=mass, rig=rig), settings) for mass in masses]
+    reached = [np.inf if limit is None else limit.voltage_V for limit in limits]
+    highest = min(max(map(abs, voltages)), max(reached))
+    copies = _under(specimen, tolerances, masses, highest, rig, settings)
+    found = []
+    for mass, most in zip(masses, reached, strict=True):
+        there = [voltage for voltage in voltages if abs(voltage) <= most]
+        of_mass = iter(bands(copies.solved(mass, there)["deflection_m"]) if there else ())
+        found.append(tuple(next(of_mass) if voltage in there else None for voltage in voltages))
+    return found
 
 
 def _held(copies: Copies, place: float, force: float, across: Array) -> Array:

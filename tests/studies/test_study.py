@@ -20,6 +20,7 @@ from tympan.studies import study
 from tympan.studies.alpha import AlphaSettings, LoadGrid
 from tympan.studies.case import Case, Settings
 from tympan.studies.limits import limits
+from tympan.studies.tolerance.given import LengthScatter, Scatter, Tolerances
 
 SMALL = {"curves": LoadGrid((17.9e-3,), (0.0, 3000.0, 12000.0)),
          "alpha": AlphaSettings(LoadGrid((17.9e-3,), (0.0, 3000.0)), LoadGrid((20e-3,), (1000.0,))),
@@ -218,3 +219,22 @@ def test_study_files(tmp_path, old, new, words) -> None:
     with pytest.raises(InputError) as error:
         study.read_study(file)
     assert words in str(error.value)
+
+
+def test_bands_of_films_that_scatter_are_stored_with_results_curves_and_forces(
+        tmp_path: Path) -> None:
+    plan = study.default_study()
+    given = Tolerances(thickness=Scatter(batch=0.03))
+    plan = replace(plan, specimens=plan.specimens[:1], sources=plan.sources[:1], tolerances=given,
+                   **SMALL)
+    study.run_study(plan).save(tmp_path)
+    stored, = study.StudyResult.load(tmp_path).specimens
+    band = stored.result.bands["deflection_m"]
+    assert stored.result.deflection_m is not None
+    assert band.low < stored.result.deflection_m < band.high
+    first, *_ = stored.curves.curves
+    assert len(first.banded) > 10
+    assert stored.force is not None
+    assert all(len(curve.banded) > 10 for curve in stored.force.curves)
+    with pytest.raises(InputError, match="margin: has no place"):
+        study.run_study(replace(plan, tolerances=Tolerances(margin=LengthScatter(film=1e-4))))

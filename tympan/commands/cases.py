@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from tympan.fem.rig import Rig
     from tympan.geometry.specimen import Specimen
     from tympan.studies.case import Settings
+    from tympan.studies.tolerance.given import Tolerances
 
 
 #: For results with the band of films that scatter.
@@ -45,14 +46,22 @@ TOLERANCES = argument(
          "(docs/howto/tolerance.md)")
 
 
-def _banded(options: argparse.Namespace, result: Any, specimen: Specimen, rig: Rig) -> Any:
-    """The result with its bands, where tolerances are given."""
+def given_tolerances(options: argparse.Namespace) -> Tolerances | None:
+    """Tolerances of a file, or the defaults; None where none are asked for."""
     if options.tolerances is None:
-        return result
-    from tympan.studies.tolerance.bands import banded
+        return None
     from tympan.studies.tolerance.given import Tolerances
 
-    given = Tolerances.read(options.tolerances) if options.tolerances else Tolerances()
+    return Tolerances.read(options.tolerances) if options.tolerances else Tolerances()
+
+
+def _banded(options: argparse.Namespace, result: Any, specimen: Specimen, rig: Rig) -> Any:
+    """The result with its bands, where tolerances are given."""
+    given = given_tolerances(options)
+    if given is None:
+        return result
+    from tympan.studies.tolerance.bands import banded
+
     with naming_options(options), naming_file(options.tolerances or None):
         return banded(result, specimen, given, rig, read_settings(options))
 

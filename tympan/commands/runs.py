@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import argparse
 import os
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
+from tympan.commands.cases import TOLERANCES, given_tolerances
 from tympan.geometry.errors import Failure, InputError
 from tympan.geometry.process.folder import alone
 from tympan.options import (
@@ -29,7 +31,7 @@ from tympan.options import (
 @command("study",
          argument("file", nargs="?", type=Path, metavar="STUDY.toml",
                   help="which specimens and loads"),
-         output(default=Path("out")),
+         TOLERANCES, output(default=Path("out")),
          example="-o out")
 def study(options: argparse.Namespace) -> None:
     """Solve specimens, draw their stress, derive α, write a report; default: the paper's three."""
@@ -37,6 +39,7 @@ def study(options: argparse.Namespace) -> None:
     from tympan.studies.study import default_study, read_study, run_study
 
     planned = read_study(options.file) if options.file else default_study()
+    planned = replace(planned, tolerances=given_tolerances(options))
     with bar(planned.steps + 1) as progress:
         result = run_study(planned, progress, options.output)
         progress("report")
@@ -64,6 +67,7 @@ def study(options: argparse.Namespace) -> None:
          argument("--exact", action="store_true",
                   help="solve every row by finite elements; without, many specimens that differ in "
                        "numbers alone are solved by a reduced film, its error in each row"),
+         TOLERANCES,
          argument("--wait", metavar="TIME", default="60 s",
                   help="for a worker of the cluster where there is none"), JSON, MESH,
          example="SWEEP.toml -o sweep")
@@ -80,7 +84,8 @@ def sweep(options: argparse.Namespace) -> None:
     wait = parse_quantity(options.wait, "time", "--wait")
     if wait < 0:
         raise InputError("must not be negative", key="--wait", given=options.wait)
-    planned = read_sweep(options.file, read_settings(options), options.exact)
+    planned = read_sweep(options.file, read_settings(options), options.exact,
+                         given_tolerances(options))
     if options.under and options.best is None:
         raise InputError("needs --best: conditions on the best cases", key="--under",
                          given=", ".join(options.under))
