@@ -8,6 +8,7 @@ motion is SciPy's DOP853.
 from __future__ import annotations
 
 import tomllib
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -22,12 +23,12 @@ Array = NDArray[np.float64]
 _STEP = 1e-30
 
 
-def equations(state: np.ndarray, u: float, alpha: tuple[float, float], mass: float,
-              permittivity: float) -> np.ndarray:
-    """Eqs. (3)–(10) as printed, for the large ellipse, with Table 1's numbers typed again."""
+def equations(state: np.ndarray, u: float, alpha: Sequence[float], mass: float,
+              permittivity: float, radii: Sequence[float] = (4.5e-2, 7.5e-2)) -> np.ndarray:
+    """Eqs. (3)–(10) as printed, with Table 1's numbers typed again; the large ellipse's radii."""
     y, speed, *strains = state
     r, z0, total, creep = 1e-2, 200e-6, 0.0, []
-    for weight, outer, strain in zip(alpha, (4.5e-2, 7.5e-2), strains, strict=True):
+    for weight, outer, strain in zip(alpha, radii, strains, strict=True):
         width = outer - r
         s = (width**2 + y**2) / width**2
         stretch = np.sqrt(s)

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import ctypes
+import subprocess
+from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 
@@ -13,6 +17,7 @@ from tympan.fem.film.library import MATERIALS
 from tympan.fem.rig import Rig
 from tympan.studies.identify.static import StaticProblem
 from tympan.studies.lumped.actuator import Actuator, paper_cones
+from tympan.studies.lumped.control.controller import Controller
 from tympan.studies.lumped.equilibria import rest
 from tympan.studies.lumped.model_file import LumpedModel
 from tympan.studies.paper.table1 import paper_actuators
@@ -34,6 +39,23 @@ MASSES, VOLTAGES = (17.9e-3, 22.45e-3), np.linspace(0, 7e3, 8)
 # being held.
 TRUTH = np.array([20e3, 20e3, 45e3, -10e3, -80e3, -50e3, 8.5, 0.45])
 NOISE = 1e-6  # the paper's sensor
+
+
+def compiled_controller(controller: Controller, begin: float, folder: Path
+                        ) -> Callable[[float, float], float]:
+    """The C of a controller: voltage by wanted and read deflection, from rest at one [m]."""
+    source, library = folder / "loop.c", folder / "loop.so"
+    source.write_text(controller.c_source("2 ovals"), encoding="utf-8")
+    subprocess.run(["cc", "-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic", "-shared",
+                    "-fPIC", "-ffp-contract=off", str(source), "-o", str(library), "-lm"],
+                   check=True)
+    loaded = ctypes.CDLL(str(library))
+    memory = (ctypes.c_double * len(controller.law.c))()
+    rested, in_c = loaded.model_2_ovals_controller_rest, loaded.model_2_ovals_controller_voltage
+    rested.argtypes, rested.restype = (ctypes.c_void_p, ctypes.c_double), None
+    in_c.argtypes, in_c.restype = (ctypes.c_void_p, *2 * [ctypes.c_double]), ctypes.c_double
+    rested(memory, begin)
+    return lambda wanted, read: float(in_c(memory, wanted, read))
 
 
 @cache

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes
 import shutil
 import subprocess
 from collections.abc import Callable, Iterator
@@ -21,7 +20,7 @@ from fmpy.validation import validate_fmu
 from scipy.signal import cont2discrete, detrend
 
 import tympan
-from tests.support.lumped import MODELS, OVAL
+from tests.support.lumped import MODELS, OVAL, compiled_controller
 from tests.support.specimens import elliptical
 from tympan.fem.film.laws import NeoHooke
 from tympan.fem.film.laws.stiffened import scaled
@@ -38,7 +37,7 @@ from tympan.studies.lumped.control.design import SENSITIVITY, Design, design
 from tympan.studies.lumped.control.fmu import write_controller_fmu
 from tympan.studies.lumped.control.lqg import _filter, _law, _regulator
 from tympan.studies.lumped.control.plants import FilmPlant, LumpedPlant, creeping_circles
-from tympan.studies.lumped.control.result import ControlledFilm, ControlResult
+from tympan.studies.lumped.control.result import ControlResult
 from tympan.studies.lumped.control.run import (
     ControlSettings,
     Measured,
@@ -55,9 +54,8 @@ from tympan.studies.lumped.linear import linearise
 from tympan.studies.lumped.model_file import STILL, LumpedModel, write_model
 from tympan.studies.lumped.simulate import simulate
 from tympan.studies.paper.table1 import paper_actuators
-from tympan.studies.replica.figures import Choices
 from tympan.studies.sense.inverse import Inverse
-from tympan.studies.signals import Pieces, random_steps, step, through
+from tympan.studies.signals import step, through
 
 SUPPLY, INTERVAL = 7e3, 10e-3
 #: Membrane circles of the paper's large ellipse, as `tympan lumped build` finds them.
@@ -204,32 +202,6 @@ def chosen() -> ChosenActuators:
     return ChosenActuators(LumpedCase((), (MODEL,)), (actuator(),), ())
 
 
-def three_times_as_soon(film: ControlledFilm, signal: Pieces) -> int:
-    """How many steps are three times as soon: all that any controller can bring there so soon."""
-    hold = float(np.diff(signal.breaks).max())
-    for each in film.steps:
-        without = each.open_settled_s or hold
-        if each.soonest_s is not None and 3 * each.soonest_s <= without:
-            assert each.times_as_soon is not None
-            assert each.times_as_soon >= 3
-        else:
-            assert each.limited_by == "supply"
-        if each.settled_s is not None and each.soonest_s is not None:
-            assert each.settled_s >= each.soonest_s
-    return sum((each.times_as_soon or 0) >= 3 for each in film.steps)
-
-
-def test_random_steps_settle_three_times_as_soon_where_the_supply_can() -> None:
-    signal = random_steps(0.0, SUPPLY, 12.0, 6, 3)
-    film, = controlled(chosen(), signal, ControlSettings()).films
-    assert film.lowest_V >= 0
-    assert film.highest_V <= SUPPLY
-    assert len(film.steps) == 5  # it rests at the first level
-    assert three_times_as_soon(film, signal) == 4
-    assert film.error_rms_m < film.open_error_rms_m
-    assert film.disturbance.settled_s is not None
-
-
 def test_the_largest_pole_of_films_is_that_of_each_alone() -> None:
     """Of an array, against the loop of one that is written out, with and without a late sensor."""
     films = scattered_films(actuator(), 3)
@@ -302,19 +274,6 @@ def test_the_swing_explains_which_shape_has_the_quickest_loop(mass: float) -> No
         explained.append(film.controller.integral_per_s / film.swing_allows)
         assert film.scattered.stable == film.scattered.films
     assert np.ptp(explained) < 0.05 * min(explained)  # shares, damping, speed differ by 10 to 20 %
-
-
-@pytest.mark.study
-@pytest.mark.parametrize(("shape", "count"), [(0, 13), (1, 13), (2, 13)])
-def test_the_papers_random_steps(shape: int, count: int) -> None:
-    """Figure 14's nineteen steps, each shape of the paper under 17.9 g."""
-    specimen = paper_actuators(9.735)[shape]
-    one = Actuator.of(specimen, 17.9e-3, None if shape == 0 else (0.413, 0.587))
-    signal, _ = Choices().steps()
-    film, = controlled(ChosenActuators(LumpedCase((specimen,), ()), (one,), ()), signal,
-                       ControlSettings()).films
-    assert len(film.steps) == 19
-    assert three_times_as_soon(film, signal) == count
 
 
 @cache
@@ -417,18 +376,9 @@ def assert_drives_as_ours(controller: Controller, voltage_of: Callable[[float, f
 @needs_compiler
 @pytest.mark.parametrize("method", get_args(Method))
 def test_the_c_gives_the_same_voltages_in_the_loop(tmp_path: Path, method: Method) -> None:
-    controller, source = designed(0.0, method).controller, tmp_path / "loop.c"
-    source.write_text(controller.c_source("2 ovals"), encoding="utf-8")
-    subprocess.run(["cc", "-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic", "-shared",
-                    "-fPIC", "-ffp-contract=off", str(source), "-o", str(tmp_path / "loop.so"),
-                    "-lm"], check=True)
-    library = ctypes.CDLL(str(tmp_path / "loop.so"))
-    memory = (ctypes.c_double * len(controller.law.c))()
-    begin, in_c = library.model_2_ovals_controller_rest, library.model_2_ovals_controller_voltage
-    begin.argtypes, begin.restype = (ctypes.c_void_p, ctypes.c_double), None
-    in_c.argtypes, in_c.restype = (ctypes.c_void_p, *2 * [ctypes.c_double]), ctypes.c_double
-    begin(memory, rest(actuator(), 2e3))
-    assert_drives_as_ours(controller, lambda wanted, read: in_c(memory, wanted, read))
+    controller = designed(0.0, method).controller
+    assert_drives_as_ours(controller, compiled_controller(
+        controller, rest(actuator(), 2e3), tmp_path))
 
 
 @contextmanager
