@@ -1,4 +1,4 @@
-"""Pictures of the pages that explain: where zero is, and curves with their limits.
+"""Pictures of the pages that explain: where zero is, curves with their limits, a closed loop.
 
     python -m benchmarks.page_pictures [-o docs]
 
@@ -18,9 +18,14 @@ from matplotlib.patches import Rectangle
 
 import tympan
 from tympan.reports import look
+from tympan.reports.figures.control import draw_deflections, draw_voltages
 from tympan.reports.figures.curve import draw_voltage_curves
 from tympan.reports.figures.force import draw_force_curves
 from tympan.studies.files import write_atomically
+from tympan.studies.lumped.case import LumpedCase
+from tympan.studies.lumped.control.run import ControlSettings, controlled
+from tympan.studies.paper.actuators import actuators
+from tympan.studies.signals import through
 
 #: Dots to an inch: pages show pictures as wide as their text.
 DPI = 160
@@ -30,6 +35,8 @@ HEIGHT = 37.0
 OPENING, PLATE = 30.0, 7.0
 #: How far the plate of the drawing is down, without and with a voltage [mm].
 HUNG, CHARGED = 7.0, 13.0
+#: The paper's lost permittivity and weights, as docs/paper.md finds them.
+PERMITTIVITY, ALPHA = 9.735, (0.413, 0.587)
 
 
 def draw_zero(figure: Figure) -> None:
@@ -99,8 +106,24 @@ def draw_force(figure: Figure) -> None:
         axes.set_title(title, loc="left", weight="bold")
 
 
+def draw_control(figure: Figure) -> None:
+    """The paper's large ellipse in a closed loop, two of four steps near the supply's ends."""
+    held = np.repeat([3e3, 4.5e3, 3.5e3, 6.9e3, 0.3e3], 2)
+    times = np.array([0.0, 1.0, 1.0, 6.0, 6.0, 11.0, 11.0, 16.0, 16.0, 21.0])
+    chosen = LumpedCase((actuators()[2],), mass=17.9e-3, paper=True, alpha=ALPHA,
+                        table_1=PERMITTIVITY).chosen(float(held.max()), tympan.Settings())
+    film, = controlled(chosen, through(times, held), ControlSettings()).films
+    width = look.WIDTH - look.LEFT - look.RIGHT
+    above, below = look.place_pair(figure, look.LEFT, 4.0, width, (22.0, look.GAP, 50.0))
+    draw_voltages(above, film)
+    draw_deflections(below, film)
+    look.describe(above, "", "voltage (kV)")
+    look.describe(below, "time (s)", "deflection (mm)")
+    below.legend(loc="upper left")
+
+
 PICTURES = {"zero": (HEIGHT, draw_zero), "limits": (82.0, draw_limits),
-            "force": (94.0, draw_force)}
+            "force": (94.0, draw_force), "control": (92.0, draw_control)}
 
 
 def main() -> None:

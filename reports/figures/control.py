@@ -24,17 +24,21 @@ def draw_control(result: ControlResult, folder: Path) -> list[Path]:
 def _compose(result: ControlResult) -> Figure:
     figure, columns = style.pairs(len(result.films), _VOLTAGE, _DEFLECTION)
     for number, ((above, below), film) in enumerate(zip(columns, result.films, strict=True)):
-        samples = film.samples
-        above.plot(samples["t"], 1e-3 * samples["open_voltage"], color=style.GREY, linewidth=0.8)
-        above.plot(samples["t"], 1e-3 * samples["voltage"], color=style.colour_of(0),
-                   linewidth=0.8)
+        draw_voltages(above, film)
         draw_deflections(below, film)
         style.describe(above, "", "" if number else "voltage (kV)",
                        f"{film.specimen}, {1e3 * film.mass_kg:g} g")
-        style.describe(below, "time (s)", "" if number else "displacement (mm)")
+        style.describe(below, "time (s)", "" if number else "deflection (mm)")
         if not number:
             below.legend(loc="best")
     return figure
+
+
+def draw_voltages(axes: Axes, film: ControlledFilm) -> None:
+    """Voltage with and without feedback."""
+    samples = film.samples
+    axes.plot(samples["t"], 1e-3 * samples["open_voltage"], color=style.GREY, linewidth=0.8)
+    axes.plot(samples["t"], 1e-3 * samples["voltage"], color=style.colour_of(0), linewidth=0.8)
 
 
 def draw_deflections(axes: Axes, film: ControlledFilm) -> None:

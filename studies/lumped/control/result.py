@@ -46,8 +46,9 @@ class ControlStep:
     open_settled_s: Annotated[float | None, Key(
         "the same without feedback, with the voltage that holds the deflection at rest")]
     soonest_s: Annotated[float | None, Key(
-        "time before which no controller can: until then the supply at its end does not hold the "
-        "deflection within 2 %; none where that is longer than the step lasts")]
+        "time before which no controller can, unless it swings the plate by millimetres: until "
+        "then the supply at its end does not hold the deflection within 2 %; none where that is "
+        "longer than the step lasts")]
     times_as_soon: Annotated[float | None, Key(
         "settled_s without feedback over that with it, at least: where the film without feedback "
         "does not settle, the time to the next step stands for it")]

@@ -328,8 +328,9 @@ def _soonest(plant: Plant, target: float, height: float, controller: Controller,
              length: float) -> float | None:
     """Time for which the supply at its end cannot hold the plate as near as settled yet [s].
 
-    No voltage within the supply brings the film's creep on faster. The plate's swing is left out:
-    it passes, but does not stay. None where the supply needs longer than the step lasts.
+    No voltage within the supply brings the film's creep on faster, but for one that swings the
+    plate by millimetres on a long way down. The plate's swing is left out: it passes, but does not
+    stay. None where the supply needs longer than the step lasts.
     """
     near, up = target - WITHIN * height, height > 0
     voltage = controller.supply_V if up else 0.0

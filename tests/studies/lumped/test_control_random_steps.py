@@ -5,7 +5,7 @@ from __future__ import annotations
 import shutil
 from collections.abc import Callable
 from pathlib import Path
-from typing import get_args
+from typing import Any, get_args
 
 import numpy as np
 import pytest
@@ -27,10 +27,13 @@ SUPPLY, INTERVAL = 7e3, 10e-3
 PERMITTIVITY = 9.735
 #: Radii of the circles of the paper's three shapes [m], and their weights.
 SHAPES = (((45e-3,), (1.0,)), ((45e-3, 60e-3), (0.413, 0.587)), ((45e-3, 75e-3), (0.413, 0.587)))
-#: Steps of Runge and Kutta's rule in a sampling interval: a fifth of a radian of the swing.
-SUBSTEPS = 4
+#: Steps of Runge and Kutta's rule in a sampling interval: two fifths of a radian of the swing.
+SUBSTEPS = 2
+#: Places between which a plate is swung [m]: all, the near ones, those in the middle.
+SWUNG = np.array([[-1.0, 1.0], [-1.0, 7e-3], [-1.0, 5e-3], [2.5e-3, 5.5e-3]]).T
 
-Voltage = Callable[[int, np.ndarray], float]
+#: Voltage by number of the sample and states.
+Voltage = Callable[[int, np.ndarray], Any]
 
 
 def looped(shape: int, mass: float, signal: Pieces, method: Method = "pi") -> ControlledFilm:
@@ -68,7 +71,7 @@ class Equations:
         self.radii, self.weights = SHAPES[shape]
         self.mass = mass
 
-    def rates(self, state: np.ndarray, voltage: float) -> np.ndarray:
+    def rates(self, state: np.ndarray, voltage: Any) -> np.ndarray:
         return equations(state, voltage, self.weights, self.mass, PERMITTIVITY, self.radii)
 
     def at_rest(self, deflection: float) -> np.ndarray:
@@ -76,7 +79,7 @@ class Equations:
                                             for radius in self.radii)])
 
     def moved(self, state: np.ndarray, voltage: Voltage, count: int) -> np.ndarray:
-        """States at each of so many samples, and after the last one."""
+        """States at each of so many samples, and after the last one, (count + 1, size, …)."""
         states, h = [state], INTERVAL / SUBSTEPS
         for number in range(count):
             for _ in range(SUBSTEPS):
@@ -90,43 +93,41 @@ class Equations:
         return np.array(states)
 
 
-def other_voltages(end: float, count: int) -> list[Voltage]:
-    """Bang-bang voltages that are not always at an end of the supply.
+def bang_bang(end: float, count: int) -> tuple[Voltage, int]:
+    """Voltages of the supply's ends, and how many they are; the first one stays at an end.
 
-    They swing the plate as much as they can, or are at the other end for a tenth of the time, or
-    at random.
+    Others swing the plate at all places or at some, as hard as the supply can. Or they are at the
+    other end for a tenth of the time in turn, or at random.
     """
-    other, made = SUPPLY - end, np.random.default_rng(45)
-    patterns = [*(np.arange(count) * 10 // count == tenth for tenth in range(10)),
-                *np.repeat(made.random((2, count // 8 + 1)) < 0.5, 8, axis=1)]
-    return [lambda _, state: SUPPLY if state[1] > 0 else 0.0,
-            lambda _, state: other if -0.01 < state[1] < 0 else end,
-            *(lambda number, _, there=there: other if there[number] else end
-              for there in patterns)]
+    other, number = SUPPLY - end, np.arange(count)
+    made = np.random.default_rng(45).random((3, count // 8 + 1)) < 0.5
+    tenths = number * 10 // count == np.arange(10)[:, None]
+    there = np.vstack([np.zeros(count, bool), tenths, np.repeat(made, 8, axis=1)[:, :count]])
+    timed = len(there)
+
+    def voltage(sample: int, state: np.ndarray) -> np.ndarray:
+        y, speed = state[:2, timed:]
+        # The other end pushes the plate the way it goes.
+        pushed = (speed * (other - end) > 0) & (y > SWUNG[0]) & (y < SWUNG[1])
+        return np.where(np.concatenate([there[:, sample], pushed]), other, end)
+
+    return voltage, timed + SWUNG.shape[1]
 
 
-def excluded(equations: Equations, start: np.ndarray, step: ControlStep, third: float) -> bool:
+def excluded(paper: Equations, start: np.ndarray, step: ControlStep, third: float) -> bool:
     """Whether no voltage within the supply settles a step in a time [s].
 
-    At its end the supply has not brought the plate within 2 % then. Other voltages have it creep
-    less: with the film crept as they leave it, that end pulls the plate there less.
+    At its end the supply has not brought the plate within 2 % then. Nor does that end hold it there
+    with the film crept as other voltages leave it.
     """
     near, up = step.to_m - 0.02 * (step.to_m - step.from_m), step.to_m > step.from_m
-    end, count = SUPPLY if up else 0.0, round(third / INTERVAL)
-
-    def pulled(voltage: Voltage) -> tuple[float, float]:
-        """Deflection beyond the near edge, and what pulls it there, in the step's direction."""
-        state = equations.moved(start, voltage, count)[-1]
-        held = equations.rates(np.array([near, 0.0, *state[2:]]), end)[1]
-        sign = 1 if up else -1
-        return sign * (state[0] - near), sign * float(held)
-
-    beyond, most = pulled(lambda *_: end)
-    if beyond >= 0:
+    end, count, sign = SUPPLY if up else 0.0, round(third / INTERVAL), 1 if up else -1
+    voltage, many = bang_bang(end, count)
+    crept = paper.moved(np.repeat(start[:, None], many, axis=1), voltage, count)[-1]
+    if sign * (crept[0, 0] - near) >= 0:
         return False
-    assert most < 0
-    for other in other_voltages(end, count):
-        assert pulled(other)[1] < most
+    crept[:2] = np.array([[near], [0.0]])
+    assert (sign * paper.rates(crept, end)[1] < 0).all(), step
     return True
 
 
@@ -177,11 +178,12 @@ def test_a_few_steps_of_the_papers_ellipses(shape: int, mass: float, tmp_path: P
 
 
 @pytest.mark.study
-@pytest.mark.parametrize("mass", MASSES)
-@pytest.mark.parametrize("shape", range(3))
-def test_the_papers_random_steps(shape: int, mass: float, tmp_path: Path) -> None:
+@pytest.mark.parametrize(("shape", "mass", "count"), [
+    (0, MASSES[0], 13), (1, MASSES[0], 13), (2, MASSES[0], 13),
+    (0, MASSES[1], 10), (1, MASSES[1], 9), (2, MASSES[1], 9)])
+def test_the_papers_random_steps(shape: int, mass: float, count: int, tmp_path: Path) -> None:
     """Figure 14's nineteen steps, by PI."""
-    assert assert_shown(shape, mass, Choices().steps()[0], tmp_path) == 13
+    assert assert_shown(shape, mass, Choices().steps()[0], tmp_path) == count
 
 
 @pytest.mark.study
