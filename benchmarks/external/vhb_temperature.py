@@ -215,7 +215,7 @@ def _constants(result: Fit) -> str:
 
 def compose(tests: list[Run], fits: list[Fit]) -> Figure:
     """Stress at a stretch of 2.1 against temperature, by rate, with the two fullest causes."""
-    figure = look.new_figure(64.0, 120.0)
+    figure = look.new_figure(76.0, 120.0)
     axes = look.place_axes(figure, 14, 5, 98, 48)
     usual = next(run.stress for run in tests if (run.temperature, run.rate) == (USUAL, RATE))
     place = int(np.argmin(np.abs(STRETCHES - 2.1)))
@@ -228,11 +228,12 @@ def compose(tests: list[Run], fits: list[Fit]) -> Figure:
         for result, style in zip(fits[-2:], ("--", "-"), strict=True):
             stress = [result.cause.stress(Run(part, rate, usual), usual, result.values)[place] / 1e3
                       for part in line]
-            axes.plot(line, stress, style, color=look.colour_of(number), linewidth=0.9,
-                      label=result.cause.name if rate == 0.1 else None)
+            axes.plot(line, stress, style, color=look.colour_of(number), linewidth=0.9)
+    for result, style in zip(fits[-2:], ("--", "-"), strict=True):  # of all three rates
+        axes.plot([], [], style, color="black", linewidth=0.9, label=result.cause.name)
     axes.set_yscale("log")
     look.describe(axes, "temperature [°C]", f"stress at a stretch of {STRETCHES[place]:.1f} [kPa]")
-    axes.legend(loc="upper right")
+    figure.legend(loc="lower center", ncols=2)
     return figure
 
 

@@ -36,7 +36,12 @@ from tympan.studies.transient import TransientCase, history
 Array = NDArray[np.float64]
 _NAMES = ("circular", "elliptical-small", "elliptical-large")
 _BRANCHES = (ViscousBranch(200e3, 10.0), ViscousBranch(1e6, 30.0))
-_LEFT, _GAP = 15.0, 10.0  # [mm]
+#: Room for the words and numbers left of the first panel [mm].
+_LEFT = 15.0
+#: Room between panels [mm]: numbers such as -0.50.
+_GAP = 12.0
+#: Every 40th of 1001 moments of the field model is drawn: more marks touch one another.
+_MARKED = 40
 _GRAVITY, _HIGHEST, _BETWEEN, _TOGETHER, _ROUNDS = 9.80665, 7e3, 20e-3, 30, 3
 
 #: By name, for a highest voltage.
@@ -138,7 +143,7 @@ def _swing(film: ReducedFilm) -> None:
 
 def _compose(drawn: dict[str, tuple[Any, Array, Array, Array]]) -> Figure:
     """Voltage, deflection of field model and reduced film, and their difference."""
-    figure = look.new_figure(122.0)
+    figure = look.new_figure(125.0)
     pitch = (look.WIDTH - _LEFT) / len(drawn)
     for number, (name, (signal, when, exact, near)) in enumerate(drawn.items()):
         edge, width = _LEFT + number * pitch, pitch - _GAP
@@ -147,7 +152,7 @@ def _compose(drawn: dict[str, tuple[Any, Array, Array, Array]]) -> Figure:
         voltage.plot(np.append(0.0, when), 1e-3 * np.append(signal.first, nominal(signal, when)),
                      color="black", linewidth=0.8)
         above.plot(when, 1e3 * near, color=look.colour_of(1), linewidth=1.0, label="reduced")
-        above.plot(when[::25], 1e3 * exact[::25], "o", color="black", markersize=2.5,
+        above.plot(when[::_MARKED], 1e3 * exact[::_MARKED], "o", color="black", markersize=2.5,
                    markerfacecolor="none", label="field model")
         below.plot(when, 1e6 * (near - exact), color=look.colour_of(1), linewidth=0.8)
         words = ("voltage (kV)", "deflection (mm)", "difference (µm)")
@@ -156,7 +161,7 @@ def _compose(drawn: dict[str, tuple[Any, Array, Array, Array]]) -> Figure:
         look.describe(above, "", up)
         look.describe(below, "time (s)", apart)
         if number == 0:
-            above.legend(loc="lower right")
+            figure.legend(*above.get_legend_handles_labels(), loc="lower center", ncols=2)
     return figure
 
 

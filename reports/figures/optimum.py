@@ -17,7 +17,16 @@ from tympan.studies.design.elements.optimise import OptimiseResult
 from tympan.studies.design.quantities import QUANTITIES
 from tympan.studies.design.requirements import held_words
 
-_PANEL = 52.0  #: width of the outlines' panel [mm]
+#: Width of the outlines' panel [mm].
+_PANEL = 52.0
+#: Height of all panels [mm].
+_HEIGHT = 44.0
+#: From one row of panels to the next, without the legends between them [mm].
+_PITCH = 63.0
+#: Height of a line of the legends, which stand below the panels [mm].
+_LINE = 4.2
+#: Legends begin so far below the panel, below its label, in parts of the panel's height.
+_BELOW = 0.25
 
 
 def draw_optimum(result: OptimiseResult, folder: Path) -> list[Path]:
@@ -29,13 +38,21 @@ def draw_optimum(result: OptimiseResult, folder: Path) -> list[Path]:
 
 def _compose(result: OptimiseResult) -> Figure:
     optima = result.record["optima"]
-    figure = style.new_figure(6 + 62 * len(optima))
+    entries = [len(result.record["limits"]), *(len(optimum["starts"]) for optimum in optima)]
+    pitch = _PITCH + _LINE * max(entries)
+    figure = style.new_figure(pitch * len(optima))
     for number, optimum in enumerate(optima):
-        top = 10 + 62 * number
-        _outlines(style.place_axes(figure, 16, top, _PANEL, 44), result, optimum["held"])
-        _strokes(style.place_axes(figure, 84, top, 38, 44), result, optimum)
-        _limits(style.place_axes(figure, 138, top, 38, 44), result, optimum)
+        top = 10 + pitch * number
+        _outlines(style.place_axes(figure, 16, top, _PANEL, _HEIGHT), result, optimum["held"])
+        _strokes(style.place_axes(figure, 84, top, 38, _HEIGHT), result, optimum)
+        _limits(style.place_axes(figure, 138, top, 38, _HEIGHT), result, optimum)
     return figure
+
+
+def _legend(axes: Axes) -> None:
+    """Legend below the panel, where no line is."""
+    axes.legend(loc="upper right", bbox_to_anchor=(1.0, -_BELOW), borderpad=0.0, labelspacing=0.3,
+                handlelength=1.4)
 
 
 def _outlines(axes: Axes, result: OptimiseResult, measure: str) -> None:
@@ -70,7 +87,7 @@ def _strokes(axes: Axes, result: OptimiseResult, optimum: Mapping[str, Any]) -> 
                  linestyle="--", linewidth=0.8)
     axes.set_xlabel("trial")
     axes.set_title("Stroke (mm)", loc="left")
-    axes.legend()
+    _legend(axes)
 
 
 def _limits(axes: Axes, result: OptimiseResult, optimum: Mapping[str, Any]) -> None:
@@ -88,7 +105,7 @@ def _limits(axes: Axes, result: OptimiseResult, optimum: Mapping[str, Any]) -> N
     axes.set(xlabel="trial", ylim=(0.0, 1.08))
     axes.set_title("Share of each limit used", loc="left")
     if limits:
-        axes.legend(loc="lower left", fontsize=5.5, labelspacing=0.15, handlelength=1.2)
+        _legend(axes)
 
 
 def _accepted(result: OptimiseResult, measure: str, start: int) -> dict[str, NDArray[Any]]:
