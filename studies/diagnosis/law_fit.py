@@ -7,7 +7,7 @@ fitted within, so that the largest stress of the law, which the factor moves, is
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -74,7 +74,7 @@ class LawConstants:
             count = len(getattr(self.law, field.name)) if field.several else 1
             taken, left = left[:count], left[count:]
             given[field.name] = tuple(taken) if field.several else taken[0]
-        law = replace(self.law, **given)  # type: ignore[type-var]
+        law: Material = type(self.law)(**given)
         return checked(law)
 
     def units(self, prestretch: tuple[float, float]) -> Array:

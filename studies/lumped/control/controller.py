@@ -56,7 +56,7 @@ class StaticInverse:
 
         between = np.linspace(-1, 1, _BETWEEN)
         for degree in _DEGREES:
-            series: Array = np.asarray(chebyshev.chebinterpolate(squared, degree))  # type: ignore[type-var]
+            series = chebyshev.Chebyshev.interpolate(squared, degree, (-1, 1)).coef
             error = np.abs(chebyshev.chebval(between, series) - squared(between)).max()
             if error < _FINE * supply**2:
                 return cls(lowest_m=low, highest_m=high, coefficients_V2=tuple(series.tolist()))
