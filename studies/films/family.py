@@ -490,14 +490,18 @@ class FilmFamily:
         where films give way in themselves.
         """
         strength = np.broadcast_to(np.asarray(strengths, float), forces.shape)
-        low, high = (voltage**2 for voltage in self.voltage)
-        found = [first_limits(partial(self._margins, films, films.at(self.looked_at), forces[part],
-                                      strength[part], firm), len(films), low, high)
+        found = [first_limits(partial(self.margins, films, films.at(self.looked_at), forces[part],
+                                      strength[part], firm), len(films), *self.squared)
                  for part, films in self.blocks(parameters)]
         return FirstLimits(np.concatenate([some.voltage for some in found]),
                            np.concatenate([some.kind for some in found]))
 
-    def _margins(self, films: Films, at: FilmsAt, forces: Array, strengths: Array, firm: bool,
+    @property
+    def squared(self) -> tuple[float, float]:
+        """Lowest and highest U² [V²]."""
+        return self.voltage[0] ** 2, self.voltage[1] ** 2
+
+    def margins(self, films: Films, at: FilmsAt, forces: Array, strengths: Array, firm: bool,
                  number: Array, squared: Array, near: Array | None) -> Margins:
         """Margins of some of the films, by their numbers, at a U² of each."""
         force, strength = forces[number], strengths[number]
@@ -601,11 +605,6 @@ class Guess:
         first, second = np.triu_indices(z.shape[1])
         cubes = [loads[1] ** 3, loads[1] ** 2 * loads[0]]
         return np.column_stack([np.ones(len(z)), z, z[:, first] * z[:, second], *cubes])
-
-    def at(self, scaled: Array, force: float, squared: Array) -> Array:
-        """Amplitudes of one film, (states, shapes), at U² [V²]."""
-        rows = np.broadcast_to(scaled, (len(squared), len(scaled)))
-        return np.asarray(self._terms(rows, np.full(len(squared), force), squared) @ self.weights)
 
     def balanced(self, films: Films, scaled: Array, number: Array, force: Array, squared: Array
                  ) -> Any:

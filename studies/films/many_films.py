@@ -10,7 +10,7 @@ equations are those of :class:`tympan.studies.films.film.ReducedFilm` with relax
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from functools import cached_property
 from itertools import combinations_with_replacement
 from operator import add
@@ -36,13 +36,15 @@ _TOGETHER = 8192
 _LAST = 1e-4
 #: Most corrections by the tangent of a state before.
 _CHORDS = 4
-#: Most corrections of a state at a given deflection: from a good guess it takes four.
-_NEAR = 6
 #: A tangent serves again where corrections fall at least so fast.
 _SLOW = 0.2
 
 #: Pairs of the components (ia) of ∂x/∂ξ, 0 ≤ p ≤ q < 6, of a symmetric 6 × 6 matrix.
 _PAIRS = tuple(combinations_with_replacement(range(6), 2))
+#: Number of the pair of two components, (6, 6).
+_WHOLE = np.array([[_PAIRS.index((min(p, q), max(p, q))) for q in range(6)] for p in range(6)])
+#: States whose tangents are computed together: their moduli times slopes stay in a core's cache.
+_IN_CACHE = 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,15 +65,20 @@ class ShapesAt:
         return self.sites.tangents(self.shapes).reshape(len(self.shapes), -1)
 
     @cached_property
-    def products(self) -> Array:
-        """Products of two shapes' slopes by pairs of components, (21 × points, pairs of shapes)."""
-        slopes = self.slopes.reshape(len(self.shapes), 6, -1)
-        first, second = np.triu_indices(len(slopes))
-        rows = []
-        for p, q in _PAIRS:
-            both = slopes[first, p] * slopes[second, q]
-            rows.append(both if p == q else both + slopes[second, p] * slopes[first, q])
-        return np.ascontiguousarray(np.stack(rows).transpose(0, 2, 1).reshape(-1, len(first)))
+    def by_point(self) -> Array:
+        """∂φ/∂ξ, (points, 6, shapes)."""
+        count = len(self.shapes)
+        return np.ascontiguousarray(self.slopes.reshape(count, 6, -1).transpose(2, 1, 0))
+
+    def coupled(self, moduli: Array) -> Array:
+        """Tangents, (states, shapes, shapes), of moduli by pairs, (states, 21, points)."""
+        slopes, result = self.by_point, np.empty((len(moduli), *2 * (len(self.shapes),)))
+        flat = slopes.reshape(-1, len(self.shapes)).T
+        for start in range(0, len(moduli), _IN_CACHE):
+            part = moduli[start:start + _IN_CACHE].transpose(0, 2, 1)[:, :, _WHOLE]
+            result[start:start + len(part)] = flat @ (part @ slopes).reshape(
+                len(part), -1, len(flat))
+        return result
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,7 +124,15 @@ class Films:
         return len(self.whole.shapes)
 
     def some(self, films: Any) -> Specimen:
-        """The specimen with the columns of some films, each of shape (films, 1)."""
+        """The specimen with the columns of some films, (films, 1) each; (1, 1) of an only film."""
+        return self._alone if len(self) == 1 else self._with(films)
+
+    @cached_property
+    def _alone(self) -> Specimen:
+        """The specimen of an only film."""
+        return self._with(slice(None))
+
+    def _with(self, films: Any) -> Specimen:
         arrays = {path: column[films][:, None] for path, column in self.columns.items()}
         made: Specimen = with_arrays(self.specimen, arrays)
         return made
@@ -193,12 +208,7 @@ class Films:
     def pull(self, films: Numbers, q: Array, squared: Array) -> tuple[Array, Array]:
         """Generalised forces of films [N], weight included, and derivatives, by states q."""
         strained, stress, bend = self._stressed(films, q, squared, tangent=True)
-        moduli = strained.moduli(stress, bend).reshape(len(q), -1)
-        upper = moduli @ self.few.shapes.products
-        first, second = np.triu_indices(self.count)
-        stiffness = np.empty((len(q), self.count, self.count))
-        stiffness[:, first, second] = upper
-        stiffness[:, second, first] = upper
+        stiffness = self.few.shapes.coupled(strained.moduli(stress, bend))
         stiffness[:, 0, 0] += self.spring
         return self._forces(films, q, strained, stress), stiffness
 
@@ -329,46 +339,19 @@ class Films:
                 pull[:, 0] = 0.0 if held else pull[:, 0] - force[some]
         return np.concatenate([*going, some])
 
-    def charged(self, films: Numbers, force: Array, deflections: Array, squared: Array,
-                guess: Array) -> tuple[Balance, Array]:
-        """States of plates at deflections, under a force, and the U² [V²] that brings each there.
-
-        Near a guess of U² and of states. ``sound``: found, and stable with the plate held; so a
-        film is followed past its pull-in, where no voltage has a state.
-        """
-        q, squared, done = guess.copy(), squared.copy(), np.zeros(len(guess), dtype=bool)
-        q[:, 0] = deflections
-        gap = np.broadcast_to(self.gap, len(self))[films]
-        scale, before = float(np.abs(squared).max()), np.ones(len(q))
-        with np.errstate(all="ignore"):
-            for correction in range(_NEAR):
-                # The second tangent is that of the state itself, which says whether it is firm.
-                if correction % 2 == 0:
-                    pull, stiffness = self.pull(films, q, squared)
-                    # Forces are straight in U².
-                    by_voltage = self.forces(films, q, squared + scale) - pull
-                    matrix = stiffness.copy()
-                    matrix[:, :, 0] = by_voltage
-                    matrix[~np.isfinite(matrix).all((1, 2))] = np.eye(self.count)
-                    try:
-                        inverse = np.linalg.inv(matrix)
-                    except np.linalg.LinAlgError:
-                        done[:] = False
-                        break
-                else:
-                    pull = self.forces(films, q, squared)
-                pull[:, 0] -= force
-                step = (inverse @ pull[..., None])[..., 0]
-                squared -= scale * step[:, 0]
-                q[:, 1:] -= step[:, 1:]
-                size = np.abs(step[:, 1:]).max(1) / gap
-                done = size * np.minimum(size / before, 1.0) < _LAST**2
-                before = size
-                if correction > 1 and (done | ~(size < 1)).all():
-                    break
-            firm = done & np.array([_positive(part[None])[0] for part in stiffness[:, 1:, 1:]])
-            balance = Balance(q, firm, 1 / np.linalg.inv(stiffness)[:, 0, 0])
-        return balance, squared
+    def charged(self, films: Numbers, force: Array, q: Array, squared: Array) -> Charged:
+        """States near equilibria, corrected once by U² [V²] with the plate where it is."""
+        pull, stiffness = self.pull(films, q, squared)
+        scale = float(np.abs(squared).max())
+        # Forces are straight in U².
+        by_voltage = (self.forces(films, q, squared + scale) - pull) / scale
+        pull[:, 0] -= force
+        inverse = np.linalg.inv(np.concatenate([by_voltage[..., None], stiffness[..., 1:]], -1))
+        step = (inverse @ pull[..., None])[..., 0]
+        rates = -(inverse @ stiffness[..., :1])[..., 0]
+        squared, slope = np.maximum(squared - step[:, 0], 0.0), rates[:, 0].copy()
+        step[:, 0], rates[:, 0] = 0.0, 1.0
+        return Charged(q - step, squared, rates, slope, inverse[:, 0, 0])
 
     def carried(self, films: Numbers, force: Array, squared: Array, start: Array, steps: int
                 ) -> Balance:
@@ -434,6 +417,35 @@ class Balance:
     q: Array
     sound: NDArray[np.bool_]
     stiffness: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Charged:
+    """States q, (states, shapes), with plates where they are under U² [V²], (states,).
+
+    ``rates`` of both by the plate's deflection, that of U² ``slope``; ``by_force``: rate of U² by
+    the force on a plate that stays [V²/N].
+    """
+
+    q: Array
+    squared: Array
+    rates: Array
+    slope: Array
+    by_force: Array
+
+    @property
+    def stiffness(self) -> Array:
+        """The plates' stiffness at these voltages [N/m]."""
+        return -self.slope / self.by_force
+
+    def some(self, chosen: Any) -> Charged:
+        """Some of the states, in this order."""
+        return Charged(*(getattr(self, item.name)[chosen] for item in fields(self)))
+
+    def joined(self, other: Charged) -> Charged:
+        """These states and others."""
+        return Charged(*(np.concatenate([getattr(self, item.name), getattr(other, item.name)])
+                         for item in fields(self)))
 
 
 @dataclass(frozen=True, eq=False)

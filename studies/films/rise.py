@@ -1,34 +1,36 @@
 """A film of a family as its voltage rises, to its first limits, in some milliseconds.
 
-The plate's deflection is given and the voltage sought, at a dozen deflections at once. So the way
-passes the pull-in, where the voltage is largest, and finds it like any other place.
+The states are those by which :func:`tympan.studies.films.first_limits.first_limits` finds the
+limits. Each has its rate, so U² as a function of the plate's deflection is known between them.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
-from typing import Any
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
-from scipy.optimize import brentq
+from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
 from tympan.studies.case import LimitKind
 from tympan.studies.films.family import FilmFamily
-from tympan.studies.films.many_films import Films, Local
+from tympan.studies.films.first_limits import KINDS, Margins, first_limits
+from tympan.studies.films.many_films import Charged, Films, FilmsAt, Local
 
 Array = NDArray[Any]
 
-#: Deflections from the film at rest to the end of the family's voltages. Limits between them are
-#: then interpolated to 1e-4, and found to more.
-_POINTS = 16
-#: How many are computed at a time, until the film has ended: most of them are not needed then.
-_AT_ONCE = 8
-#: Points about a limit through which numbers are interpolated.
-_ABOUT = 3
-#: How often states are sought from those before, where a guess has led to none.
-_CLOSER = 6
+#: Points of a curve, closer at both ends: there the deflection bends most against the voltage.
+_POINTS = 25
+#: States between those of the search: U² between all of them is then known to 1e-5.
+_MORE = 8
+#: By how much U² of a state may be corrected, over the largest: of that the square is left.
+_FAR = 0.03
+#: How far beyond the end the last of these is, over the deflection by the voltage.
+_BEYOND = 0.05
+#: How far from a limit its margin is looked at again, over the deflection by the voltage.
+_ASIDE = 0.02
 #: What local numbers of the reduced film may be off: stresses over the largest one, and the share
 #: of the strength. Set by trial: limits of nine films were wrong by half of what follows.
 _LOCAL = 2e-3
@@ -71,195 +73,142 @@ class FamilyRise:
         return self.off / float(np.interp(deflection, self.deflection, np.abs(self.stiffness)))
 
 
-@dataclass(frozen=True, eq=False)
-class _Way:
-    """States on the way, and what they are at the family's places."""
-
-    q: Array
-    squared: Array
-    stiffness: Array
-    sound: NDArray[np.bool_]
-    here: Local
-
-    @property
-    def there(self) -> NDArray[np.bool_]:
-        """Mask of equilibria that are firm everywhere and within the law's range."""
-        return np.asarray(self.sound & self.here.sound.all(1))
-
-    @property
-    def tension(self) -> Array:
-        """Least tension of each [Pa]."""
-        return np.asarray(self.here.stress_2.min(1))
-
-    @property
-    def unbroken(self) -> Array:
-        """1 less the largest share of the strength, of each."""
-        return np.asarray(1 - self.here.share.max(1))
-
-
 def rise(family: FilmFamily, row: Array, force: float) -> FamilyRise | None:
     """A film with these parameters, (names,), under a force on its plate [N].
 
     None where the family does not hold it at rest, or a voltage does not move its plate.
     """
-    rows = row[None]
-    films, scaled = family.films(rows), family.box.scaled(rows)
-    low, high = family.force
-    if not (family.box.holds(rows)[0] and low <= force <= high):
+    film = _Film(family, row, force)
+    seen: list[tuple[Array, Margins]] = []
+
+    def found(some: Array, squared: Array, near: Array | None) -> Margins:
+        # Breakdown is looked for later: films go on beyond it.
+        margins = family.margins(film.films, film.places, np.array([force]), np.array([np.inf]),
+                                 True, some, squared, near)
+        seen.append((squared, margins))
+        return margins
+
+    end = first_limits(found, 1, *family.squared)
+    squared, values, q = (np.concatenate(parts) for parts in zip(*(
+        (squared, margins.values, margins.q) for squared, margins in seen), strict=True))
+    there = np.flatnonzero(np.isfinite(values).all(1))
+    squared, first = np.unique(squared[there], return_index=True)
+    q = q[there[first]]
+    if len(q) < 2 or not (np.diff(q[:, 0]) > 0).all():
         return None
-    one = np.zeros(1, dtype=np.int64)
-    rest = family.guess.balanced(films, scaled, one, np.array([force]), np.zeros(1))
-    if not rest.sound[0]:
-        return None
-    share = np.linspace(0.0, 1.0, _POINTS + 1)
-    squared = family.voltage[1] ** 2 * share
-    guess = family.guess.at(scaled[0], force, squared)
-    first, last = rest.q[0, 0], guess[:, 0].max()
-    if not last > first:
-        return None
-    # Voltages move the plate by more and more.
-    y = first + (last - first) * share * (1 + share) / 2
-    squared = np.interp(y, np.maximum.accumulate(guess[:, 0]), squared)
-    guess = family.guess.at(scaled[0], force, squared)
-    guess += (1 - share)[:, None] * (rest.q[0] - guess[0])
-    parts: list[_Way] = []
-    while not parts or (_goes_on(parts[-1]) and len(parts) * _AT_ONCE < len(y)):
-        part = slice(len(parts) * _AT_ONCE, (len(parts) + 1) * _AT_ONCE)
-        parts.append(_way(family, films, force, y[part], squared[part], guess[part]))
-    way, lost = _sure(_joined(*parts))
-    if len(way.q) < _ABOUT:
-        return None
-    if lost:  # by a bad guess: on from the states before
-        step = way.q[-1, 0] - way.q[-2, 0]
-        for _ in range(_CLOSER):
-            if _ended(way) or way.squared[-1] > family.voltage[1] ** 2:
-                break
-            ahead = way.q[-1, 0] + step * np.array([1.0, 2.0])
-            near = _followed(way)(ahead)
-            way, lost = _sure(_joined(way, _way(family, films, force, ahead, near[:, 0],
-                                                near[:, 1:])))
-            step = step / 2 if lost else step
-    return _to_end(family, films, force, way)
-
-
-def _goes_on(way: _Way) -> bool:
-    """Whether a film is there all the way, and has no end yet."""
-    return bool(way.there.all() and not _ended(way))
-
-
-def _ended(way: _Way) -> bool:
-    """Whether it loses tension on the way, or its voltage falls."""
-    return bool((way.tension <= 0).any() or (np.diff(way.squared) < 0).any())
-
-
-def _sure(way: _Way) -> tuple[_Way, bool]:
-    """The way up to the first state that is not there, and whether there is such a one."""
-    if way.there.all():
-        return way, False
-    return _some(way, slice(0, int(np.argmin(way.there)))), True
-
-
-def _followed(way: _Way) -> CubicSpline:
-    """U² and states by deflection, (1 + shapes)."""
-    return CubicSpline(way.q[:, 0], np.column_stack([way.squared, way.q]))
-
-
-def _way(family: FilmFamily, films: Films, force: float, deflections: Array, squared: Array,
-         guess: Array) -> _Way:
-    """States at deflections from guesses of U² and of states."""
-    number = np.zeros(len(guess), dtype=np.int64)
-    balance, squared = films.charged(number, np.full(len(guess), force), deflections, squared,
-                                     guess)
+    way = _Way.of(film.charged(squared, q))
+    kind = KINDS[end.kind[0]] if np.isfinite(end.voltage[0]) else None
+    highest = float(min(end.voltage[0] ** 2, family.squared[1]))
+    last = way.place(kind, highest)
+    near = way.path(np.linspace(q[0, 0], last + _BEYOND * (last - q[0, 0]), _MORE + 1)[1:])
     with np.errstate(all="ignore"):
-        here = films.local(films.at(family.looked_at), number, balance.q, squared)
-    return _Way(balance.q, squared, balance.stiffness, balance.sound, here)
+        more = film.charged(near[:, 0], near[:, 1:])
+    # A state whose guess was far off is corrected again nowhere.
+    sure = np.abs(more.squared - near[:, 0]) < _FAR * near[:, 0].max()
+    return _to_end(film, _Way.of(way.states.joined(more.some(sure))), kind, highest)
 
 
-def _joined(*ways: _Way) -> _Way:
-    """States of several, one after the other."""
-    def join(parts: list[Any]) -> Any:
-        if isinstance(parts[0], Local):
-            return Local(*(np.concatenate([getattr(part, item.name) for part in parts])
-                           for item in fields(Local)))
-        return np.concatenate(parts)
+@dataclass(frozen=True, eq=False)
+class _Film:
+    """One film of a family, under a force on its plate [N]."""
 
-    return _Way(*(join([getattr(way, item.name) for way in ways]) for item in fields(_Way)))
+    family: FilmFamily
+    row: Array
+    force: float
+
+    @cached_property
+    def films(self) -> Films:
+        """The film alone."""
+        return self.family.films(self.row[None])
+
+    @cached_property
+    def places(self) -> FilmsAt:
+        """The film at the family's places."""
+        return self.films.at(self.family.looked_at)
+
+    def charged(self, squared: Array, q: Array) -> Charged:
+        """States near equilibria, as :meth:`Films.charged` corrects them."""
+        return self.films.charged(np.zeros(len(q), dtype=np.int64), np.full(len(q), self.force), q,
+                                  squared)
+
+    def local(self, states: Array) -> Local:
+        """Stretches, stresses and fields of states, (states, 1 + shapes): U² and q."""
+        return self.films.local(self.places, np.zeros(len(states), dtype=np.int64), states[:, 1:],
+                                states[:, 0])
 
 
-def _some(way: _Way, chosen: Any) -> _Way:
-    """Some of the states, in this order."""
-    here = Local(*(getattr(way.here, item.name)[chosen] for item in fields(Local)))
-    return _Way(way.q[chosen], way.squared[chosen], way.stiffness[chosen], way.sound[chosen], here)
+@dataclass(frozen=True, eq=False)
+class _Way:
+    """States on the way; U² and amplitudes q as a function of the deflection through them."""
+
+    states: Charged
+    path: CubicHermiteSpline
+
+    @classmethod
+    def of(cls, states: Charged) -> Self:
+        """Path through states in any order."""
+        states = states.some(np.argsort(states.q[:, 0]))
+        return cls(states, CubicHermiteSpline(
+            states.q[:, 0], np.column_stack([states.squared, states.q]),
+            np.column_stack([states.slope, states.rates])))
+
+    def place(self, kind: str | None, squared: float) -> float:
+        """Deflection [m] at which U² [V²] is first met, or at its top for a pull-in."""
+        of_squared = CubicHermiteSpline.construct_fast(self.path.c[..., 0], self.path.x)
+        if kind == "pull_in":
+            roots = of_squared.derivative().roots(extrapolate=False)
+            # Beyond the last state U² is a parabola.
+            ahead = 2 * max(squared - self.states.squared[-1], 0.0) / self.states.slope[-1]
+            return float(min(roots, default=self.path.x[-1] + ahead))
+        roots = of_squared.solve(squared)
+        return float(min(roots[roots >= self.path.x[0]], default=self.path.x[-1]))
 
 
-def _to_end(family: FilmFamily, films: Films, force: float, way: _Way) -> FamilyRise | None:
+def _to_end(film: _Film, way: _Way, kind: LimitKind | None, highest: float) -> FamilyRise:
     """The way to the first of tension lost and pull-in, or as far as states are there."""
-    y, path = way.q[:, 0], _followed(way)
-    slope = CubicSpline(y, path(y, 1)[:, 0])
-    signs: dict[LimitKind, CubicSpline] = {
-        "tension": _near(y, way.tension), "breakdown": _near(y, way.unbroken), "pull_in": slope}
-    crossed = {kind: place for kind, sign in signs.items()
-               if (place := _crossing(y, sign)) is not None}
-    end = min((place for kind, place in crossed.items() if kind != "breakdown"),
-              default=float(y[-1]))
-    crossed = {kind: place for kind, place in crossed.items() if place <= end}
-    before = _some(way, (y < end) | (y == y[0])) if crossed else way
-    off = _force_error(family, films, force, before)
-    limits = dict[LimitKind, FamilyLimit]()
-    along = before
-    if crossed:
-        places = np.array([*crossed.values()])
-        near = path(places)
-        met = _way(family, films, force, places, near[:, 0], near[:, 1:])
-        if not met.sound.all():
-            return None
-        along = _joined(before, met)
-        # The force of a held plate falls with U² as it rises with the deflection along the way.
-        wide = abs((before.squared[-1] - before.squared[0])
-                   / np.trapezoid(before.stiffness, before.q[:, 0]))
-        for number, (kind, place) in enumerate(crossed.items()):
-            scale = {"tension": met.here.stress_1[number].max(), "breakdown": 1.0}.get(kind, 0.0)
-            local = _LOCAL * scale / abs(float(signs[kind](place, 1))) if scale else 0.0
-            limits[kind] = FamilyLimit(
-                float(met.squared[number]), off * wide + local * abs(float(slope(place))),
-                *_place(family, films, kind, met, number))
-    along = _some(along, np.argsort(along.q[:, 0]))
-    along.squared[0] = 0.0  # by what rounding leaves
-    return FamilyRise(along.q[:, 0], along.squared, along.stiffness, limits, "pull_in" in crossed,
-                      off, along.q[0])
+    states, first, last = way.states, float(way.path.x[0]), way.place(kind, highest)
+    off = _force_error(film, states.some(states.q[:, 0] < last))
+    limits: dict[LimitKind, FamilyLimit] = {}
+    if kind is not None and kind != "instability":
+        limits[kind], last = _limit(film, way, kind, last, off)
+    places = [last]
+    if film.family.box.specimen.membrane.strength is not None:
+        share = film.local(np.column_stack([states.squared, states.q])).share.max(1)
+        broken = CubicSpline(states.q[:, 0], share - 1).roots(extrapolate=False)
+        if (place := min(broken, default=last)) < last:
+            limits["breakdown"], place = _limit(film, way, "breakdown", float(place), off)
+            places.append(place)
+    share = (1 - np.cos(np.pi * np.linspace(0.0, 1.0, _POINTS))) / 2
+    y = np.unique([*first + (last - first) * share, *places])
+    squared = way.path(y)[:, 0]
+    squared[0] = film.family.squared[0]  # but for what rounding leaves
+    return FamilyRise(y, squared, np.interp(y, states.q[:, 0], states.stiffness), limits,
+                      kind == "pull_in", off, states.q[0])
 
 
-def _near(y: Array, values: Array) -> CubicSpline:
-    """Values about where they become negative: they have a kink where another place is least."""
-    after = int(np.argmax(values <= 0)) if (values <= 0).any() else len(y) - 1
-    near = slice(max(0, after - _ABOUT), after + _ABOUT)
-    return CubicSpline(y[near], values[near])
+def _limit(film: _Film, way: _Way, kind: str, place: float, off: float
+           ) -> tuple[FamilyLimit, float]:
+    """A limit near a deflection, and where it is; forces may be wrong by ``off`` [N]."""
+    y = np.array([place, place - _ASIDE * (place - way.path.x[0])])
+    here = film.local(way.path(y))
+    worst, scale, end = {
+        "tension": (-here.stress_2, float(here.stress_1[0].max()), 0.0),
+        "breakdown": (here.share, 1.0, 1.0),
+        "pull_in": (here.stretch_1 * here.stretch_2, 0.0, np.nan)}[kind]
+    error = off * abs(float(np.interp(place, way.states.q[:, 0], way.states.by_force)))
+    if scale:
+        margins = worst.max(1)
+        rate = float((margins[0] - margins[1]) / (y[0] - y[1]))
+        place += (end - float(margins[0])) / rate
+        error += _LOCAL * scale * abs(float(way.path(place, 1)[0]) / rate)
+    at_x, at_y = film.family.places.at(film.films.nodes)[0, int(np.argmax(worst[0]))]
+    return FamilyLimit(float(way.path(place)[0]), error, float(at_x), float(at_y)), place
 
 
-def _crossing(y: Array, sign: CubicSpline) -> float | None:
-    """Deflection at which a number first becomes negative; None where it does not."""
-    inside = y[(y >= sign.x[0]) & (y <= sign.x[-1])]
-    below = sign(inside) <= 0
-    if below[0] or not below.any():
-        return None
-    after = int(np.argmax(below))
-    return float(brentq(sign, inside[after - 1], inside[after]))
-
-
-def _place(family: FilmFamily, films: Films, kind: str, met: _Way, number: int
-           ) -> tuple[float, float]:
-    """Place at which a limit begins: of a pull-in, where the film is thinnest."""
-    here = met.here
-    worst = {"tension": -here.stress_2, "breakdown": here.share,
-             "pull_in": here.stretch_1 * here.stretch_2}[kind][number]
-    x, y = family.places.at(films.nodes)[0, int(np.argmax(worst))]
-    return float(x), float(y)
-
-
-def _force_error(family: FilmFamily, films: Films, force: float, way: _Way) -> float:
+def _force_error(film: _Film, states: Charged) -> float:
     """Error of forces on the plate [N]."""
-    stiff = np.flatnonzero(way.stiffness >= _STIFF * way.stiffness[0])
-    at = stiff[-1:] if len(stiff) else np.zeros(1, dtype=np.int64)
-    off = family.error(films, np.zeros(1, dtype=np.int64), way.q[at], np.array([force]),
-                       way.squared[at], way.stiffness[at])
-    return float(off[0] * way.stiffness[at][0])
+    stiff = np.flatnonzero(states.stiffness >= _STIFF * states.stiffness[0])
+    at = states.some(stiff[-1:] if len(stiff) else slice(0, 1))
+    off = film.family.error(film.films, np.zeros(1, dtype=np.int64), at.q, np.array([film.force]),
+                            at.squared, at.stiffness)
+    return float(off[0] * at.stiffness[0])

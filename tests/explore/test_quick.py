@@ -14,10 +14,13 @@ from tympan.explore.numbers import blocked_rows, curve_rows, limit_rows
 from tympan.explore.quick import Neighbours, QuickCurve, by_family
 from tympan.explore.session import Session
 from tympan.explore.view import FilmView, changed
+from tympan.fem.film.breakdown import ConstantStrength
 from tympan.fem.membrane.biases import Constant
 from tympan.fem.rig import Rig
 from tympan.reports.figures.curve import voltage_curves
 from tympan.studies.case import Settings, solve
+from tympan.studies.films.family import FilmFamily
+from tympan.studies.films.first_limits import Margins
 from tympan.studies.limits import curve
 
 OVAL = FilmView(elliptical(60e-3), mass=0.0179, voltage=2000.0)
@@ -87,9 +90,15 @@ def test_a_film_that_keeps_its_tension_is_followed_to_its_pull_in(
         quick: Callable[[Any], Iterator[QuickCurve]], monkeypatch: pytest.MonkeyPatch) -> None:
     # Finite elements, too, tell the pull-in of a film that is kept from wrinkling.
     view = replace(OVAL, mass=0.015)
-    monkeypatch.setattr("tympan.studies.films.rise._Way.tension",
-                        property(lambda way: np.ones(len(way.q))))
-    monkeypatch.setattr("tympan.studies.films.rise._Way.there", property(lambda way: way.sound))
+    found = FilmFamily.margins
+
+    def taut(family: FilmFamily, *where: Any) -> Margins:
+        margins = found(family, *where)
+        values = margins.values.copy()
+        values[:, 0] = values[:, 2]
+        return replace(margins, values=values, firm=np.ones(len(values), dtype=bool))
+
+    monkeypatch.setattr(FilmFamily, "margins", taut)
     expected = curve(view.actuator, [view.mass], Settings(), view.rig).curves[0].limits.pull_in
     answer, = quick(view)
     assert answer.curve is not None
@@ -101,6 +110,22 @@ def test_a_film_that_keeps_its_tension_is_followed_to_its_pull_in(
     assert expected is not None
     assert limits.pull_in.voltage_V == pytest.approx(expected.voltage_V, rel=5e-4)
     assert "not reached" in {row["text"] for row in limit_rows(answer.curve)}
+
+
+def test_breakdown_before_the_end_is_that_of_finite_elements() -> None:
+    film = replace(OVAL.specimen.membrane, strength=ConstantStrength(40e6))
+    view = replace(OVAL, specimen=replace(OVAL.specimen, membrane=film))
+    films = Neighbours.of(view, END)
+    assert films is not None
+    answer, = by_family(films)(view)
+    assert answer.curve is not None
+    found = answer.curve.curve.curves[0].limits
+    expected = curve(view.actuator, [view.mass], Settings(), view.rig).curves[0].limits
+    assert found.first == expected.first == "breakdown"
+    for kind in ("breakdown", "tension"):
+        limit, known = getattr(found, kind), getattr(expected, kind)
+        assert limit.voltage_V == pytest.approx(known.voltage_V, rel=max(
+            limit.spread, known.spread))
 
 
 @pytest.mark.parametrize("view", [
