@@ -42,7 +42,7 @@ class Table:
     holds where the word is another one.
 
     A quantity is a text with a unit; in a ``plain`` table an SI number under a key that ends with
-    the unit, ``radius_m``. All are answered in SI.
+    the unit, ``radius_m``. All are answered in SI. ``above``: the table it stands in.
     """
 
     file: Path | str
@@ -51,6 +51,7 @@ class Table:
     plain: bool = False
     asked: set[str] = field(default_factory=set)
     known: dict[str, tuple[str, str]] = field(default_factory=dict)
+    above: Table | None = None
 
     @classmethod
     def read(cls, file: Path | str) -> Self:
@@ -114,7 +115,7 @@ class Table:
         return self._within(value, key)
 
     def _within(self, data: Mapping[str, Any], key: str) -> Table:
-        return Table(self.file, data, self.path(key), self.plain)
+        return Table(self.file, data, self.path(key), self.plain, above=self)
 
     def spelled(self, key: str, dimension: str) -> str:
         """The key as the file has it; ``dimension`` is "" for all but quantities."""
@@ -197,14 +198,23 @@ class Table:
             raise self.error(key, error.allowed, self.data[key]) from None
 
     def done(self) -> None:
-        """Refuse keys nobody asked for, with the nearest known name."""
+        """Refuse keys nobody asked for, with the table they belong to or the nearest name."""
         for key in self.data:
             if key not in self.asked:
                 spelled = {word: f"{name!r} ({holds})" if holds else repr(name)
                            for word, (name, holds) in self.known.items()}
-                hint = did_you_mean(key, spelled | {name: repr(name) for name in self.asked})
+                hint = self._belongs(key) or did_you_mean(
+                    key, spelled | {name: repr(name) for name in self.asked})
                 raise self.error(key,
                                  f"unknown key: {hint}known here: {', '.join(sorted(self.asked))}")
+
+    def _belongs(self, key: str) -> str:
+        """The nearest table above that has a key, as a hint; empty if none has."""
+        above = self.above
+        while above is not None and above.known.get(key) != (key, ""):
+            above = above.above
+        return "" if above is None else (
+            f"it belongs to {above.where or 'the top of the file'}, above the tables there; ")
 
     def _list(self, key: str, value: object, count: int | None, what: str) -> Sequence[object]:
         if not isinstance(value, (list, tuple)) or not value or (count is not None

@@ -280,9 +280,15 @@ class Transient:
         _, outer = model.residual(model.nodal_forces(film), film)
         rate = -self._damping @ velocity
         rate -= carried_along(velocity, self.plate.matrix(film.plate) @ velocity)
-        allowed = list(model.plate_freedoms)
-        rate[allowed] -= outer * model.discretisation.mirrored
-        return np.where(np.isin(np.arange(6), allowed), rate, 0.0)
+        rate[list(model.plate_freedoms)] -= outer * model.discretisation.mirrored
+        return self._of_freedoms(rate)
+
+    def _of_freedoms(self, values: Array) -> Array:
+        """Values of the six freedoms, 0 in those that guide or symmetry take away.
+
+        Nothing is solved for there, and the extrapolation of a step makes its rounding grow.
+        """
+        return np.where(np.isin(np.arange(6), self.model.plate_freedoms), values, 0.0)
 
     def _jumped(self, model: Model, moment: Moment, squared: float, heave: float | None = None
                 ) -> State:
@@ -413,7 +419,7 @@ class Transient:
         following = Moment(time, state, flow.after(self._strain(state)),
                            stiffness=moment.stiffness)
         if swing is not None:
-            velocity, rate = swing.after(state.plate)
+            velocity, rate = map(self._of_freedoms, swing.after(state.plate))
             following = replace(following, velocity=velocity, rate=rate)
         if self.circuit.resistance:
             voltage = float(np.sqrt(state.voltage_squared))

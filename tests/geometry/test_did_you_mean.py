@@ -34,6 +34,8 @@ AXES = 'semi_axes = ["6 cm", "4.5 cm"]'
     ('"vhb-4910"', '"vhb4910"', "; did you mean 'vhb-4910'?"),
     ("relative_permittivity", "permittivity",
      "membrane.permittivity: unknown key: did you mean 'relative_permittivity' (ε_r of the mounte"),
+    (AXES, f'{AXES}\nname = "x"',
+     "frame.name: unknown key: it belongs to the top of the file, above the tables there; known"),
 ])
 def test_a_key_is_asked_about(tmp_path: Path, old: str, new: str, words: str) -> None:
     file = tmp_path / "oval.toml"

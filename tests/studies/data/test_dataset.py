@@ -233,6 +233,8 @@ MESSAGES = [
     ({"statics": TOP + ROW},
      f"one of {', '.join(dataset.FILES)}; there: statics.csv\n"),
     ({"head": HEAD + "colour = 1\n", "static": TOP + ROW}, "dataset.toml: colour: unknown key"),
+    ({"specimens": ('A"\nnoise = "20 um',), "static": TOP + ROW},
+     "dataset.toml: specimen.0.noise: unknown key: it belongs to the top of the file"),
     ({"head": "", "static": TOP + ROW}, "dataset.toml: name: is missing"),
     ({"head": HEAD + 'noise = "0 mm"\n', "static": TOP + ROW},
      "dataset.toml: noise: given '0 mm': must be positive"),
