@@ -562,7 +562,7 @@ def design(requirements: Requirements | File | None = None, settings: Settings =
     ``result.json()`` has the best design of each measure of the frame that is held. Without a file
     these are of the paper's large ellipse.
     """
-    from tympan.studies.design.design import best_films
+    from tympan.studies.design import best_films
     from tympan.studies.design.requirements import Requirements
 
     if requirements is None:

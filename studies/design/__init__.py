@@ -7,3 +7,35 @@ tolerances, ``exact`` solves what was found by finite elements, ``design`` puts 
 ``result`` is what is stored. By finite elements alone, where a film is wanted that has no reduced
 one, or whose frame keeps its area or length: ``elements``, with the slopes of ``limits``.
 """
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from tympan.studies.case import Settings
+
+if TYPE_CHECKING:
+    from tympan.studies.design.elements.optimise import OptimiseResult
+    from tympan.studies.design.requirements import Requirements
+    from tympan.studies.design.result import DesignResult
+
+
+def best_films(requirements: Requirements, settings: Settings = Settings(),
+               progress: Callable[[str], None] = lambda words: None
+               ) -> DesignResult | OptimiseResult:
+    """The best films, by the search that the requirements name.
+
+    Raises
+    ------
+    InputError
+        When these films cannot be searched.
+    """
+    if requirements.held:
+        from tympan.studies.design.elements.optimise import optimise
+        from tympan.studies.design.elements.space import ElementSpace
+
+        return optimise(ElementSpace.of(requirements), settings, progress)
+    from tympan.studies.design.design import design
+
+    return design(requirements, settings, progress)

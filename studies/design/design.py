@@ -13,8 +13,6 @@ from numpy.typing import NDArray
 from tympan.geometry.errors import InputError
 from tympan.geometry.units import DIMENSIONS
 from tympan.studies.case import Settings
-from tympan.studies.design.elements.optimise import OptimiseResult, optimise
-from tympan.studies.design.elements.space import ElementSpace
 from tympan.studies.design.exact import ExactFilm
 from tympan.studies.design.front import front
 from tympan.studies.design.quantities import QUANTITIES, TENSION
@@ -85,15 +83,6 @@ class Sought:
         """Quantity that was to be largest."""
         assert self.end.here is not None
         return self.end.here.value
-
-
-def best_films(requirements: Requirements, settings: Settings = Settings(),
-               progress: Callable[[str], None] = lambda words: None
-               ) -> DesignResult | OptimiseResult:
-    """The best films, by the search that the requirements name."""
-    if requirements.held:
-        return optimise(ElementSpace.of(requirements), settings, progress)
-    return design(requirements, settings, progress)
 
 
 def design(requirements: Requirements, settings: Settings = Settings(),

@@ -131,7 +131,7 @@ def design(options: argparse.Namespace) -> None:
     elements. Bounds that no film can keep are named, with what can be kept instead.
     """
     from tympan.progress import bar
-    from tympan.studies.design.design import best_films
+    from tympan.studies.design import best_films
     from tympan.studies.design.requirements import Requirements
     from tympan.studies.limits.voltages import END_VERBS
 
