@@ -34,7 +34,7 @@ Row = tuple[int, list[str]]
 #: What may stand between cells; of those that are there as often, the first.
 _SEPARATORS = (",", ";", "\t")
 #: A cell that is a number, perhaps with its unit.
-_NUMBER_CELL = re.compile(r" *[-+]?\d[\d.,]*(?:[eE][-+]?\d+)?[^\d,;\t]*", re.ASCII)
+_NUMBER_CELL = re.compile(r" *[-+]?\d[\d.,]*+(?:[eE][-+]?\d+)?[^\d,;\t]*", re.ASCII)
 
 DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+(?:[eE][-+]?\d+)?", re.ASCII)
 _DECIMAL_POINT = re.compile(r"[-+]?\d+\.\d+(?:[eE][-+]?\d+)?", re.ASCII)
