@@ -131,8 +131,8 @@ class Column:
     ``unit`` is the usual one, with ``_per_`` for a quotient, "" for plain numbers; ``rule`` holds
     for SI values. Only columns that are not ``required`` may be left out or have blank cells, which
     read as nan or ""; ``absent`` is how nan is written, and read besides blanks. ``choices`` are
-    None for numbers, and empty where any text will do. ``also``: what other people call it, the
-    best first.
+    None for numbers, and empty where any text will do; ``example`` is one of these. ``also``: what
+    other people call it, the best first.
     """
 
     name: str
@@ -142,6 +142,7 @@ class Column:
     absent: str = ""
     choices: tuple[str, ...] | None = None
     also: tuple[Meaning, ...] = ()
+    example: str = "1"
 
     @classmethod
     def labels(cls, name: str, choices: Iterable[str] = (), required: bool = True,

@@ -211,7 +211,8 @@ class Reader:
             self._refuse(line, titles, place)
         have = {source.column.name for source in found}
         found += [Source(column, None, constant=self.usual[column.name]) for column in self.columns
-                  if foreign and column.name in self.usual and column.name not in have]
+                  if column.name in self.usual and column.name not in have
+                  and (foreign or column.required)]
         self._require(line, titles, found, lacks, left)
         remarks: tuple[str, ...] = ()
         if guessed or at or foreign:
@@ -481,7 +482,7 @@ class Reader:
             line = f'{column.title} = {{ value = "{column.choices[0]}" }}'
             return ": " + self._write(column, line, f"give --{column.name} {column.choices[0]}")
         if column.choices is not None:
-            return ": " + self._write(column, f'{column.title} = {{ value = "1" }}',
+            return ": " + self._write(column, f'{column.title} = {{ value = "{column.example}" }}',
                                       f"call a column {column.title}")
         rest = next((titles[item] for item in left if titles[item]), "its heading")
         return ": " + self._write(

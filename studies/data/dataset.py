@@ -281,6 +281,7 @@ def read_dataset(folder: Path | str, planned: bool = False) -> Dataset:
         file.name for file, other in published.items() if other is kind)
         for kind in dict.fromkeys(published.values())]
     later = ("displacement", "range", "frequency") if planned else ()
+    first = dataset.specimens[0].name
     sheets: dict[str, Sheet] = {}
     for name, columns in FILES.items():
         stem = Path(name).stem
@@ -292,7 +293,8 @@ def read_dataset(folder: Path | str, planned: bool = False) -> Dataset:
                                  key=f"columns.{stem}")
             continue
         sheet = sheets[name] = read_sheet(
-            file, [replace(column, required=column.required and column.name not in later)
+            file, [replace(column, required=column.required and column.name not in later,
+                           example=first if column is SPECIMEN else column.example)
                    for column in columns], layout=layout, table=stem, usual=_usual(dataset, file))
         files[file.name] = sheet.sha256
         remarks += sheet.remarks
@@ -331,7 +333,7 @@ def _layouts(table: Table, key: str) -> dict[str, Layout]:
 
 
 def _usual(dataset: Dataset, file: Path) -> dict[str, str]:
-    """Statements that hold of a tester's file that does not say so."""
+    """Statements that hold of a file that does not say so."""
     usual = {"run": "1"}
     if len(dataset.specimens) == 1:
         usual["specimen"] = dataset.specimens[0].name
@@ -455,5 +457,5 @@ def _identical(sheet: Sheet) -> list[str]:
         return []
     row, earlier = pairs[0]
     return [f"{sheet.file.name}: {len(pairs)} rows are the same as an earlier one in every cell, "
-            f"first line {sheet.line[row]} as line {sheet.line[earlier]}: they count as repeats; "
-            "if pasted twice, the noise is understated"]
+            f"first line {sheet.line[row]} as line {sheet.line[earlier]}: they count as repeats, "
+            "unless they are named as copies; if pasted twice, the noise is understated"]

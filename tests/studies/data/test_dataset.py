@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 import tempfile
 from importlib import resources
 from pathlib import Path
@@ -149,6 +150,7 @@ def test_every_field_of_a_dataset_is_the_one_of_its_column(tmp_path) -> None:
     assert list(data.files) == ["dataset.toml", *data.tables]
 
 
+RANGES = "specimen,mass_g,voltage_min_kV,voltage_max_kV,range_mm\n"
 SWINGS = "specimen,mass_g,voltage_kV,mode,frequency_Hz\n"
 STATIC_MESSAGES = [
     ("", "static.csv: is empty"),
@@ -282,6 +284,31 @@ def test_a_dataset_may_name_its_specimens_files(tmp_path) -> None:
     assert data.specimens == read_dataset(whole).specimens
     digest = hashlib.sha256((tmp_path / "a.toml").read_bytes()).hexdigest()
     assert data.files["../a.toml"] == digest
+
+
+def test_rows_without_a_specimen_are_of_the_only_one(tmp_path, capsys) -> None:
+    tables = {"static": TOP + ROW, "range": RANGES + "A,1,0,7,1\n",
+              "frequency": SWINGS + "A,17.9,0,heave,11\n",
+              "transient": "specimen,mass_g,run,t_s,voltage_kV,displacement_mm\nA,1,1,0,0,1\n",
+              "field": "specimen,mass_g,voltage_kV,x_mm,y_mm,displacement_mm\nA,1,0,0,0,1\n",
+              "force": "specimen,voltage_kV,displacement_mm,force_mN\nA,0,1,2\n"}
+    bare = {name: re.sub("(?m)^(specimen|A),", "", table) for name, table in tables.items()}
+    whole = read_dataset(write_dataset(tmp_path / "whole", specimens=("A",), **tables))
+    read = read_dataset(write_dataset(tmp_path / "bare", specimens=("A",), **bare))
+    assert len(read.tables) == len(tables)
+    for name, sheet in whole.tables.items():
+        for column, values in sheet.values.items():
+            np.testing.assert_array_equal(read.tables[name].values[column], values)
+    # Of two the table must say which; the line that the message asks for does.
+    two = write_dataset(tmp_path / "two", static=bare["static"])
+    assert main(["data", str(two)]) == 2
+    line = re.search(r"the column specimen is missing: .* (\[columns\.static\]): (specimen = .*)",
+                     capsys.readouterr().err)
+    assert line is not None
+    head = HEAD + "\n".join(line.groups()) + "\n"
+    read = read_dataset(write_dataset(two, head, static=bare["static"]))
+    assert read.static is not None
+    assert read.static.specimen.tolist() == ["A"]
 
 
 @pytest.mark.parametrize(("entry", "specimen", "message"), [
