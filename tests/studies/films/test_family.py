@@ -12,6 +12,7 @@ import pytest
 from tympan.fem.equilibrium.solve import equilibrium
 from tympan.fem.film.breakdown import PowerStrength
 from tympan.fem.film.laws import Ogden
+from tympan.fem.membrane.biases import Spring
 from tympan.fem.rig import Rig
 from tympan.geometry.errors import InputError
 from tympan.geometry.outlines import Circle, Ellipse
@@ -185,6 +186,8 @@ def test_a_box_names_what_is_wrong(box: Mapping[str, tuple[float, float]], key: 
 @pytest.mark.parametrize(("electrode", "rig", "key"), [
     (Electrode(), Rig(gas_pressure=10.0), "rig.gas_pressure"),
     (Electrode(), Rig(weight_offset=(1e-3, 0.0)), "rig.weight_offset"),
+    (Electrode(), Rig(biases=(Spring(20.0, rest=1e-3),)), "rig.bias"),
+    (Electrode(), Rig(biases=(Spring(20.0, preload=0.1),)), "rig.bias"),
     (Electrode(patches=(Patch((3e-2, 0.0), 5e-3),)), Rig(), "electrode.patch")])
 def test_what_has_no_reduced_film_is_refused(electrode: Electrode, rig: Rig, key: str) -> None:
     specimen = Specimen("oval", OVAL.frame, OVAL.plate, OVAL.membrane, electrode)
