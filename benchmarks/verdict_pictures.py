@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import argparse
 from functools import partial
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -90,13 +91,14 @@ def draw_noise(figure: Figure, table: ReadingTable, judgement: Judgement) -> Non
     missed, off = 1e6 * (table.value - fitted), judgement.told.off > 0
     order = 1 + np.arange(len(missed))
     names = [specimen.name for specimen in judgement.simulation.setup.specimens]
+    marks = list(zip(np.unique(table.states.mass), "o^", strict=True))
     for place, rows, title in ((1, order > 0, "every reading"), (2, ~off, "without the outlier")):
         axes = figure.add_subplot(1, 2, place)
         axes.axhspan(-2e6 * NOISE, 2e6 * NOISE, color=look.FAINT)
-        for number, name in enumerate(names):
-            those = rows & ~off & (table.specimen == number)
-            axes.plot(order[those], missed[those], "o", color=look.PALETTE[2 * number], ms=2.5,
-                      label=name)
+        for (number, name), (mass, mark) in product(enumerate(names), marks):
+            those = rows & ~off & (table.specimen == number) & (table.states.mass == mass)
+            axes.plot(order[those], missed[those], mark, color=look.PALETTE[2 * number], ms=2.5,
+                      label=f"{name}, {1e3 * mass:.4g} g")
         axes.plot(order[rows & off], missed[rows & off], "x", color=look.PALETTE[1], ms=6)
         axes.set(title=title, xlabel="number of the reading")
     figure.axes[0].set_ylabel("residual [µm]")

@@ -151,7 +151,7 @@ class Rig:
         if not any(isinstance(bias, JoinedFilm) for bias in self.biases):
             return ()
         return ("the film that a rod joins to the plate follows without mass and with relaxed "
-                "branches: the mass of its plate belongs in added_mass of the rig",)
+                "branches: the mass of its plate belongs to the mass of the load",)
 
     @property
     def loading(self) -> Loading:
