@@ -141,9 +141,8 @@ def material_name(film: Film) -> str | None:
     def shared(entry: LibraryMaterial) -> list[bool]:
         return [getattr(film, key) == known for key, known in entry.of_film.items()]
 
-    if film.law_range is not None:
-        return None
-    made = [name for name, entry in MATERIALS.items() if entry.material == film.material
+    made = [name for name, entry in MATERIALS.items()
+            if (entry.material, entry.law_range) == (film.material, film.law_range)
             and all(same or getattr(film, key)  # what a file leaves out would be the library's
                     for key, same in zip(entry.of_film, shared(entry), strict=True))]
     return max(made, key=lambda name: sum(shared(MATERIALS[name])), default=None)

@@ -14,13 +14,13 @@ from tests.support.biases import DECLARED as MECHANISMS
 from tests.support.specimens import circular, elliptical, skewed
 from tympan.fem.film.breakdown import STRENGTHS, ConstantStrength, PowerStrength
 from tympan.fem.film.laws import LAWS, Ogden
-from tympan.fem.film.library import EXAMINED, MATERIALS, load_specimen
+from tympan.fem.film.library import EXAMINED, MATERIALS, load_specimen, material_name
 from tympan.fem.membrane.biases import BIASES
 from tympan.fem.rig import Rig
 from tympan.fem.toml_writer import rig_to_toml, specimen_to_toml
 from tympan.geometry.errors import InputError
 from tympan.geometry.outlines import Circle, Rotated, examples
-from tympan.geometry.specimen import Electrode, Plate, Region
+from tympan.geometry.specimen import Electrode, Film, Plate, Region
 from tympan.geometry.units import DIMENSIONS, LARGEST, quantity, quantity_text
 
 OUTLINES = examples()
@@ -76,6 +76,16 @@ def test_every_strength(read, law) -> None:
 def test_a_specimen_with_everything(read) -> None:
     assert read(skewed()) == skewed()
     assert read(elliptical(0.1 + 0.2)) == elliptical(0.1 + 0.2)
+
+
+@pytest.mark.parametrize("name", MATERIALS)
+def test_a_film_of_the_library_keeps_its_name(read, name) -> None:
+    film = replace(circular(), membrane=Film(1e-4, (1.2, 1.2), name, 3.0))
+    assert material_name(film.membrane) == name
+    assert f'material = "{name}"' in specimen_to_toml(film)
+    assert read(film) == film
+    other = replace(film.membrane, law_range=(0.3, 2.9))
+    assert material_name(other) is None  # no file states both a name and a range
 
 
 def test_a_law_of_a_narrow_range_states_it(read) -> None:

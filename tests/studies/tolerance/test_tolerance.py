@@ -14,7 +14,7 @@ import tympan
 from tests.support.specimens import specimen_toml
 from tympan.fem.equilibrium.solve import equilibrium, held
 from tympan.fem.film.breakdown import ConstantStrength
-from tympan.fem.film.library import load_specimen
+from tympan.fem.film.library import MATERIALS, load_specimen
 from tympan.fem.rig import Rig
 from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Specimen
@@ -114,6 +114,19 @@ def test_strengths_are_weibull_s_and_fall_with_the_electrode_s_area() -> None:
                                expected * (-np.log2(1 - shares)) ** (1 / shape), rtol=0.01)
     assert spread.shares[0].name == "strength"
     assert spread.shares[0].alone == pytest.approx(1.0, abs=0.02)
+
+
+@pytest.mark.parametrize("name", MATERIALS)
+def test_films_of_the_library_scatter_as_it_says(name: str) -> None:
+    """Each number that it has a source for, and no other."""
+    film, known = film_of(f'material = "{name}"'), MATERIALS[name].scatter
+    found, words = causes(film, Tolerances())
+    of_library = {cause.name: cause.deviation for cause in found
+                  if cause.source == f"library, {name}"}
+    sizes = {key: getattr(known, key) for key in ("thickness", "stiffness", "permittivity")}
+    assert of_library == {key: size for key, size in sizes.items() if size is not None}
+    assert [line.split()[0] for line in words] == [
+        *(key for key, size in sizes.items() if size is None), "offset"]
 
 
 @pytest.mark.parametrize(("strength", "kind"), [(30e6, "breakdown"), (200e6, "tension")])
