@@ -111,7 +111,8 @@ def read_sheet(file: Path | str, columns: Sequence[Column], some: bool = False,
         raise InputError(error.allowed + reader.advice_on_marks(str(error.given)), file=file,
                          key=error.key, given=error.given) from None
     if not len(sheet):
-        raise InputError("has no readings below the names of its columns", file=sheet.file)
+        raise InputError("; ".join(["has no readings below the names of its columns",
+                                    *sheet.remarks]), file=sheet.file)
     return sheet
 
 
@@ -120,12 +121,13 @@ def sheet_of(reader: Reader, raw: bytes, rows: Callable[[], Iterable[Row]], wide
     """A table that may have no rows; of many, so many are in memory as texts at a time."""
     file, columns = reader.file, reader.columns
     header = reader.chosen(rows()) if some else reader.header(rows())
+    remarks = (*header.remarks, *reader.left_out(header, rows))
     rows = partial(header.rows, rows)
     below, titles = islice(rows(), 1, None), header.titles
     places = {source.column.name: source.place for source in header.sources
               if source.place is not None}
     sheet = Sheet(file, hashlib.sha256(raw).hexdigest(), np.zeros(0, np.int64), {}, titles,
-                  places, rows, wide, header.remarks)
+                  places, rows, wide, remarks)
     lines, parts = [sheet.line], {source.column.name: list[NDArray[Any]]()
                                   for source in header.sources}
     while batch := list(islice(below, TOGETHER)):
@@ -159,6 +161,7 @@ def _values(sheet: Sheet, rows: Sequence[Row], source: Source, reader: Reader) -
             values.append(column.value(cells[source.place], source.factor, source.offset))
         except InputError as error:
             raise sheet.error_in(line, cells, column.name,
-                                 error.allowed + reader.advice_on(cells[source.place], line)
+                                 error.allowed + reader.advice_on(cells[source.place], line,
+                                                                  sheet.titles[source.place])
                                  ) from None
     return np.array(values)

@@ -26,6 +26,8 @@ SEARCHED = 200
 _ENOUGH = 2
 #: So much of a line is shown.
 _SHOWN = 80
+#: So many ranges of lines are listed.
+_RANGES = 4
 #: Sizes of a test piece as messages have them.
 _SIZES = {"area": "18 mm^2", "length": "30 mm"}
 _LINE: Rule = (lambda x: x == int(x) and x >= 1, "must be the number of a line, from 1 on")
@@ -72,6 +74,9 @@ class Layout:
         "unit of the columns that it fits and whose heading has none")] = ""
     missing: Annotated[tuple[str, ...], Key(
         "cells that count as blank; a line without a needed reading is left out")] = ()
+    fill: Annotated[tuple[str, ...], Key(
+        "headings of columns in which a blank cell has the value above, as merged cells leave it"
+        )] = ()
     ignore: Annotated[tuple[str, ...], Key("headings of columns to leave out")] = ()
     columns: tuple[Stated, ...] = ()
 
@@ -123,8 +128,8 @@ class Source:
 class Header:
     """The headings of a table: their line and words, what the columns are read from, and remarks.
 
-    So many rows are ``above`` it; ``without`` are other lines that hold no readings; ``foreign``:
-    no heading is one of ours.
+    So many rows are ``above`` it; ``without`` are other lines that hold no readings; in the columns
+    at ``fill`` a blank cell has the value above; ``foreign``: no heading is one of ours.
     """
 
     line: int
@@ -133,24 +138,42 @@ class Header:
     above: int = 0
     without: frozenset[int] = frozenset()
     missing: frozenset[str] = frozenset()
+    fill: tuple[int, ...] = ()
     foreign: bool = False
     remarks: tuple[str, ...] = ()
 
     def rows(self, rows: Callable[[], Iterable[Row]]) -> Iterator[Row]:
         """The titles and the rows below, as wide as these, without those that lack a reading."""
         yield self.line, list(self.titles)
-        needed = [source.place for source in self.sources
-                  if source.place is not None and source.column.required]
+        for line, cells in self.below(rows):
+            if not self.lacking(cells):
+                yield line, cells
+
+    def below(self, rows: Callable[[], Iterable[Row]]) -> Iterator[Row]:
+        """The rows below the titles, also those that lack a reading."""
+        above = dict.fromkeys(self.fill, "")
         for line, cells in islice(rows(), self.above + 1, None):
-            if line in self.without:
-                continue
             if self.foreign:
                 cells = _as_wide(cells, len(self.titles))
             if self.missing:
                 cells = ["" if cell in self.missing else cell for cell in cells]
-                if any(place < len(cells) and not cells[place] for place in needed):
-                    continue
-            yield line, cells
+            if above:  # also by lines to leave out: what begins a block holds for all of it
+                cells = list(cells)
+                for place in (place for place in above if place < len(cells)):
+                    cells[place] = above[place] = cells[place] or above[place]
+            if line not in self.without:
+                yield line, cells
+
+    def lacking(self, cells: Sequence[str]) -> list[int]:
+        """Places of needed cells that are blank, where such a row is left out."""
+        return [source.place for source in self.sources if self.missing
+                and source.column.required and source.place is not None
+                and source.place < len(cells) and not cells[source.place]]
+
+
+def in_blocks(cells: Sequence[str]) -> bool:
+    """Whether cells of a column stand only in the first row of each block, as merged ones do."""
+    return bool(cells and cells[0]) and 2 * sum(not cell for cell in cells) >= len(cells)
 
 
 def _as_wide(cells: list[str], width: int) -> list[str]:
@@ -214,11 +237,13 @@ class Reader:
                   if column.name in self.usual and column.name not in have
                   and (foreign or column.required)]
         self._require(line, titles, found, lacks, left)
+        fill = tuple(self._place(heading, line, titles) for heading in self.layout.fill)
         remarks: tuple[str, ...] = ()
         if guessed or at or foreign:
             remarks = (self._remark(line, titles, found, left),)
         return Header(line, tuple(titles), tuple(found), at, without,
-                      frozenset(self.layout.missing), foreign or bool(self.layout.columns), remarks)
+                      frozenset(self.layout.missing), fill,
+                      foreign or bool(self.layout.columns), remarks)
 
     def chosen(self, rows: Iterable[Row]) -> Header:
         """The header of a table of which only columns with our very titles are read."""
@@ -233,11 +258,36 @@ class Reader:
         self._require(line, titles, found, {}, [])
         return Header(line, tuple(titles), tuple(found))
 
-    def advice_on(self, cell: str, line: int) -> str:
-        """Advice to leave out a cell that is no number, or its line, in dataset.toml."""
+    def left_out(self, header: Header, rows: Callable[[], Iterable[Row]]) -> tuple[str, ...]:
+        """A remark on the rows that blank cells leave out, if there are any, and what to do."""
+        if not header.missing:
+            return ()
+        below = list(header.below(rows))
+        lacking = [(line, header.lacking(cells)) for line, cells in below]
+        lines: dict[int, list[int]] = {}
+        for line, places in lacking:
+            for place in places:
+                lines.setdefault(place, []).append(line)
+        if not lines:
+            return ()
+        where = "; ".join(f"{header.titles[place]!r} in {_ranges(found)}"
+                          for place, found in sorted(lines.items()))
+        blocks = [header.titles[place] for place in sorted(lines)
+                  if in_blocks([cells[place] for _, cells in below if place < len(cells)])]
+        fill = ", ".join(f'"{title}"' for title in blocks)
+        advice = ("if the value above holds there, "
+                  + self._write(None, f"fill = [{fill}]", "write it into the cells") if blocks else
+                  "if there are values, write them into the cells")
+        return (f"{self.file.name}: {sum(bool(places) for _, places in lacking)} of {len(below)} "
+                f"lines are left out because needed cells are blank: {where}; {advice}",)
+
+    def advice_on(self, cell: str, line: int, title: str) -> str:
+        """Advice to leave out a cell that is no number, or its line, or to fill it."""
         if not self.table or any(mark.isdigit() for mark in cell):
             return ""
-        return "; " + self._write(None, f'missing = ["{cell}"] or skip_lines = [{line}]', "")
+        filled = "" if cell else f' or, if the value above holds, fill = ["{title}"]'
+        return "; " + self._write(
+            None, f'missing = ["{cell}"] or skip_lines = [{line}]{filled}', "")
 
     def advice_on_marks(self, cell: str) -> str:
         """Advice to state a file's decimal mark in dataset.toml."""
@@ -320,12 +370,17 @@ class Reader:
             if not stated.heading:
                 sources.append(Source(column, None, factor, constant=stated.value))
                 continue
-            place = next((place for place, title in enumerate(titles) if title == stated.heading
-                          or title.startswith(f"{stated.heading} (")), None)
-            if place is None:  # in the line that titles_line names
-                raise self._no_heading([(line, [*titles])], {stated.heading})
+            place = self._place(stated.heading, line, titles)
             sources.append(self._converted(column, place, factor, stated, titles[place]))
         return sources
+
+    def _place(self, heading: str, line: int, titles: Sequence[str]) -> int:
+        """Place of a stated heading in the line of the headings."""
+        place = next((place for place, title in enumerate(titles)
+                      if title == heading or title.startswith(f"{heading} (")), None)
+        if place is None:
+            raise self._no_heading([(line, [*titles])], {heading})
+        return place
 
     def _converted(self, column: Column, place: int, factor: float, stated: Stated, title: str
                    ) -> Source:
@@ -512,3 +567,16 @@ def error_at(file: Path, line: int, titles: Sequence[str], place: int, allowed: 
 
 def _listed(titles: Sequence[str]) -> str:
     return "headings are " + ", ".join(repr(title) for title in titles if title)[:4 * _SHOWN]
+
+
+def _ranges(lines: Sequence[int]) -> str:
+    """Lines in words, of many the first ones: "line 5", "lines 5, 7 to 19, 21 to 33 and more"."""
+    ranges: list[list[int]] = []
+    for line in lines:
+        if ranges and line == ranges[-1][-1] + 1:
+            ranges[-1][1:] = [line]
+        else:
+            ranges.append([line])
+    shown = ", ".join(" to ".join(map(str, ends)) for ends in ranges[:_RANGES])
+    more = " and more" if len(ranges) > _RANGES else ""
+    return f"line{'s' if len(lines) > 1 else ''} {shown}{more}"

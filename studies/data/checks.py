@@ -6,7 +6,6 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import pairwise
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -67,14 +66,14 @@ def summary(dataset: Dataset) -> dict[str, Any]:
                 if table is not None]
     voltages += [ranges.voltage_min, ranges.voltage_max] if ranges is not None else []
     scatter = repeat_noise(dataset)
-    readings = {Path(name).stem: len(table) for name, table in dataset.tables.items()}
     tests = dataset.coupons
-    published = Counter[str]() if tests is None else Counter(tests.file.tolist())
+    readings = {table.file.name: len(table) for table in dataset.sheets}
+    readings |= Counter() if tests is None else Counter(tests.file.tolist())
     return {
         "dataset": dataset.name,
         "source": dataset.source,
         "files": [{"name": name, "sha256": sha256,
-                   "readings": published.get(name, readings.get(Path(name).stem))}
+                   "readings": readings.get(name)}
                   for name, sha256 in dataset.files.items()],
         "specimens": [specimen.name for specimen in dataset.specimens],
         "masses_kg": _distinct([dataset.masses]),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -17,8 +17,9 @@ from tympan.geometry.column import NUMBER, Column, Heading
 from tympan.geometry.command_line import command_line, file_word
 from tympan.geometry.errors import InputError, did_you_mean
 from tympan.geometry.formats import Row, TwoMarks, read_rows
-from tympan.geometry.layouts import Header, Layout, Reader, Source
+from tympan.geometry.layouts import Header, Layout, Reader, Source, in_blocks
 from tympan.geometry.read_file import file_bytes
+from tympan.geometry.specimen import Specimen
 from tympan.geometry.units import any_quantity, quantity_text
 from tympan.studies.data.coupon import named_mode
 from tympan.studies.data.dataset import FILES
@@ -40,13 +41,16 @@ _SIZES = {"thickness": ("thickness", "specimen thickness", "dicke", "probendicke
           "length": ("gauge length", "length", "specimen length", "messlange", "einspannlange",
                      "longueur", "longueur initiale", "anfangsmesslange")}
 _CORRECT = "CORRECT THIS: "
+#: Columns of what is set, which holds on until it is changed; what is read is not there if blank.
+_SET = ("specimen", "mass", "voltage", "run", "mode")
 
 
 @dataclass(frozen=True)
 class Draft:
     """Guess of a table: its ``kind``, header and rows, and the decimal mark if stated.
 
-    ``folder`` is where its dataset.toml will stand, ``stated`` whether the kind is no guess.
+    ``specimens`` are those whose files stand near; ``folder`` is where its dataset.toml will
+    stand, ``stated`` whether the kind is no guess.
     """
 
     file: Path
@@ -54,14 +58,14 @@ class Draft:
     header: Header
     rows: tuple[Row, ...]
     decimal: str | None
-    specimen: Path | None
+    specimens: Mapping[Path, Specimen]
     folder: Path
     stated: bool
 
-    @cached_property
+    @property
     def name(self) -> str:
-        """Name of the specimen, "film" where none is known."""
-        return "film" if self.specimen is None else load_specimen(self.specimen).name
+        """Name of the first specimen, "film" where none is known."""
+        return next((film.name for film in self.specimens.values()), "film")
 
     @property
     def score(self) -> float:
@@ -95,9 +99,9 @@ class Draft:
 
         A strip may be pulled further than the plate is from the frame.
         """
-        if not self._of_a_tester or self.specimen is None or self._of_a_strip:
+        if not self._of_a_tester or len(self.specimens) != 1 or self._of_a_strip:
             return False
-        film = load_specimen(self.specimen)
+        film, = self.specimens.values()
         lengths = [source for source in self.header.sources if source.per == "length"]
         moved = [abs(float(cells[source.place])) * source.factor for source in lengths
                  for _, cells in self._below
@@ -110,7 +114,7 @@ class Draft:
         lines = ["# A draft: every line is a guess. Correct it, then run: tympan data .",
                  f"name = {_quoted(self.file.stem)}", "", *self._other(),
                  f"[columns.{self.kind}]", *self._about(), *self._columns(), "",
-                 "[[specimen]]", self._specimen()]
+                 *self._specimens()]
         return "\n".join(lines) + "\n"
 
     def _other(self) -> Iterator[str]:
@@ -134,6 +138,9 @@ class Draft:
                    "other one is taken to separate thousands")
         if words := self._words():
             yield f"missing = [{', '.join(map(_quoted, words))}]  # cells that are no numbers"
+        if filled := [self.header.titles[place] for place in self.header.fill]:
+            yield (f"fill = [{', '.join(map(_quoted, filled))}]  # stands only in the first row of "
+                   "each block: blank cells have the value above")
         left = [title for place, title in enumerate(self.header.titles) if title
                 and place not in {source.place for source in self.header.sources}]
         if left:
@@ -231,11 +238,43 @@ class Draft:
             return False
         return bool(np.corrcoef(np.transpose(pairs))[0, 1] < _FALLING)
 
-    def _specimen(self) -> str:
-        if self.specimen is None:
-            return (f'file = "specimen.toml"  # {_CORRECT}no file of a specimen stands here; the '
-                    "name of yours")
-        return f"file = {_quoted(self._named(self.specimen))}  # the only specimen in its folder"
+    def _specimens(self) -> Iterator[str]:
+        """A file for each name in the table's column of specimens, else the first that is near."""
+        place = next((source.place for source in self.header.sources
+                      if source.column.name == "specimen"), None)
+        said = [] if place is None else [
+            name for name in dict.fromkeys(cells[place] for _, cells in self._below) if name]
+        found = {name: self._file_of(name) for name in said}
+        if any(found.values()):
+            for name, file in found.items():
+                yield "[[specimen]]"
+                yield self._entry(name, file)
+            return
+        yield "[[specimen]]"
+        first, *others = map(self._named, self.specimens or [Path()])
+        if not self.specimens:
+            yield (f'file = "specimen.toml"  # {_CORRECT}no file of a specimen stands here; the '
+                   "name of yours")
+        else:
+            yield f"file = {_quoted(first)}  # " + (
+                f"{_CORRECT}there are also {', '.join(others)}" if others
+                else "the only specimen in its folder")
+
+    def _file_of(self, name: str) -> Path | None:
+        """The file of the specimen of that name, else the file that is called so."""
+        called = {file.stem.casefold(): file for file in self.specimens}
+        return next((file for file, film in self.specimens.items() if film.name == name),
+                    called.get(name.casefold()))
+
+    def _entry(self, name: str, file: Path | None) -> str:
+        """The line that names the file of a specimen that the table names."""
+        if file is None:
+            return (f"file = {_quoted(f'{name}.toml')}  # {_CORRECT}no file of a specimen "
+                    f"{name!r} stands here")
+        own = self.specimens[file].name
+        return f"file = {_quoted(self._named(file))}  # " + (
+            "its name stands in the table" if own == name else
+            f"{_CORRECT}its name is {own!r}, in the table it is {name!r}: write one in both")
 
     def _named(self, file: Path) -> str:
         """A file's name as dataset.toml has to write it: from its own folder."""
@@ -262,8 +301,8 @@ def draft(file: Path | str, kind: str | None = None, folder: Path | None = None)
                          given=kind)
     rows, decimal = _rows(file)
     folder = file.parent if folder is None else folder
-    specimen = _only_specimen(file.parent) or _only_specimen(folder)
-    taken = [Draft(file, name, header, rows, decimal, specimen, folder,
+    specimens = _specimens_in(file.parent) or _specimens_in(folder)
+    taken = [Draft(file, name, header, rows, decimal, specimens, folder,
                    name in (kind, file.stem.lower()))
              for name in (_KINDS if kind is None else (kind,))
              if (header := _header(file, name, rows)) is not None and header.sources]
@@ -303,18 +342,22 @@ def _header(file: Path, kind: str, rows: Sequence[Row]) -> Header | None:
         wanted = {column.name: column for column in FILES[f"{kind}.csv"]}
         sources = tuple(replace(source, column=wanted[source.column.name])
                         for source in header.sources)
-        return replace(header, sources=sources, foreign=True)
+        header = replace(header, sources=sources, foreign=True)
+        below = [cells for _, cells in header.below(lambda: rows)]
+        return replace(header, fill=tuple(
+            source.place for source in sources if source.place is not None
+            and source.column.name in _SET and source.column.required
+            and in_blocks([cells[source.place] for cells in below])))
     return None
 
 
-def _only_specimen(folder: Path) -> Path | None:
-    """The file of a specimen in a folder, if there is one and no other."""
-    found = []
+def _specimens_in(folder: Path) -> dict[Path, Specimen]:
+    """The specimens in a folder by their files."""
+    found = {}
     for file in sorted(folder.glob("*.toml")):
         with suppress(InputError):
-            load_specimen(file)
-            found.append(file)
-    return found[0] if len(found) == 1 else None
+            found[file] = load_specimen(file)
+    return found
 
 
 def _quoted(text: str) -> str:

@@ -284,6 +284,105 @@ def test_a_german_table_of_ones_own_becomes_a_verdict_by_one_edit(
     assert verdict.verdict == "nothing"
 
 
+MERGED = """Probe;Masse (g);Spannung (kV);Weg (mm);Bemerkung
+rund;20,0;0,0;2,14;
+;;1,0;2,18;
+;;2,0;;verloren
+;30,0;0,0;3,14;
+;;1,0;3,18;
+;;2,0;3,24;
+oval;20,0;0,0;1,14;
+;;1,0;1,18;
+;;2,0;1,24;
+"""
+
+
+def merged(folder: Path) -> str:
+    """The draft of a table with merged cells beside the files of two specimens."""
+    for name in ("oval", "rund"):
+        film = SPECIMEN.format(name=name).replace("[[specimen]]\n", "").replace("[specimen.", "[")
+        (folder / f"film {name}.toml").write_text(film, "utf-8")
+    (folder / "Messung 8.csv").write_text(MERGED, "utf-8")
+    return tympan.draft(folder / "Messung 8.csv").read_text("utf-8")
+
+
+def test_a_draft_fills_merged_cells_and_names_the_specimens_of_the_table(tmp_path: Path) -> None:
+    text = merged(tmp_path)
+    assert 'fill = ["Probe", "Masse (g)"]' in text
+    assert "CORRECT THIS" not in text
+    assert text.index("film rund.toml") < text.index("film oval.toml")  # as in the table
+    sheet = read_dataset(tmp_path).static
+    assert sheet is not None
+    assert sheet.specimen.tolist() == ["rund"] * 5 + ["oval"] * 3
+    assert (1e3 * sheet.mass).tolist() == pytest.approx([20] * 2 + [30] * 3 + [20] * 3)
+    assert sheet.line.tolist() == [2, 3, 5, 6, 7, 8, 9, 10]
+    assert sheet.displacement.tolist() == pytest.approx(
+        [2.14e-3, 2.18e-3, 3.14e-3, 3.18e-3, 3.24e-3, 1.14e-3, 1.18e-3, 1.24e-3])
+
+
+def test_a_line_to_skip_still_begins_its_block(tmp_path: Path) -> None:
+    text = merged(tmp_path).replace("fill =", "skip_lines = [8]\nfill =")
+    (tmp_path / "dataset.toml").write_text(text, "utf-8")
+    sheet = read_dataset(tmp_path).static
+    assert sheet is not None
+    assert sheet.specimen.tolist() == ["rund"] * 5 + ["oval"] * 2
+
+
+def test_rows_that_blank_cells_leave_out_are_told_with_what_to_write(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    text = "".join(line for line in merged(tmp_path).splitlines(True)
+                   if not line.startswith("fill"))
+    (tmp_path / "dataset.toml").write_text(text, "utf-8")
+    assert main(["data", str(tmp_path)]) == 0
+    told = capsys.readouterr().out
+    assert "Messung 8.csv  2 readings, SHA-256" in told
+    assert ("7 of 9 lines are left out because needed cells are blank: 'Probe' in lines 3 to 7, 9 "
+            "to 10; 'Masse (g)' in lines 3 to 4, 6 to 7, 9 to 10; 'Weg (mm)' in line 4; if the "
+            "value above holds there, write into dataset.toml, below a line [columns.static]: fill "
+            '= ["Probe", "Masse (g)"]') in told
+    (tmp_path / "dataset.toml").write_text(text.replace('missing = [""]', ""), "utf-8")
+    with pytest.raises(InputError, match=r"holds, fill = ..Probe"):
+        read_dataset(tmp_path)
+    (tmp_path / "dataset.toml").write_text(
+        text.replace("missing", 'fill = ["Prove"]\nmissing'), "utf-8")
+    with pytest.raises(InputError, match="'Prove': has no line with this heading: did you mean"):
+        read_dataset(tmp_path)
+
+
+@pytest.mark.parametrize(("names", "entries"), [
+    (("oval", "rund"), ['"a.toml"  # its name stands in the table',
+                        '"b.toml"  # its name stands in the table']),
+    (("oval",), ['"a.toml"  # its name stands in the table',
+                 '"rund.toml"  # CORRECT THIS: no file of a specimen \'rund\' stands here']),
+    (("x",), ['"a.toml"  # the only specimen in its folder']),
+    (("x", "y"), ['"a.toml"  # CORRECT THIS: there are also b.toml']),
+    ((), ['"specimen.toml"  # CORRECT THIS: no file of a specimen stands here; the name of yours']),
+])
+def test_a_draft_says_which_specimens_stand_where(tmp_path: Path, names: tuple[str, ...],
+                                                  entries: list[str]) -> None:
+    for file, name in zip("ab", names, strict=False):
+        film = SPECIMEN.format(name=name).replace("[[specimen]]\n", "").replace("[specimen.", "[")
+        (tmp_path / f"{file}.toml").write_text(film, "utf-8")
+    (tmp_path / "all.csv").write_text("specimen,mass_g,voltage_kV,displacement_mm\noval,20,0,1\n"
+                                      "oval,20,1,2\nrund,20,0,1\n", "utf-8")
+    text = tympan.draft(tmp_path / "all.csv").read_text("utf-8")
+    assert text.partition("[[specimen]]\nfile = ")[2].strip().split("\n[[specimen]]\nfile = "
+                                                                   ) == entries
+
+
+def test_a_file_called_as_the_table_names_its_specimen_is_asked_about(tmp_path: Path) -> None:
+    merged(tmp_path)
+    (tmp_path / "dataset.toml").unlink()
+    for name in ("oval", "rund"):
+        old = tmp_path / f"film {name}.toml"
+        (tmp_path / f"{name.title()}.toml").write_text(
+            old.read_text("utf-8").replace(f'"{name}"', f'"{name} 1"'), "utf-8")
+        old.unlink()
+    text = tympan.draft(tmp_path / "Messung 8.csv").read_text("utf-8")
+    assert ('file = "Rund.toml"  # CORRECT THIS: its name is \'rund 1\', in the table it is '
+            "'rund': write one in both") in text
+
+
 def test_a_draft_of_a_tester_has_the_size_of_its_strip(tmp_path: Path) -> None:
     text = INSTRON.replace("Engineering Strain", "Extension (mm)").replace(
         "Engineering Stress (MPa)", "Load (N)")
