@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import resources
 from string import Template
 from typing import Annotated, Any
@@ -31,6 +31,8 @@ _CHANGES = 1e-9
 _BASE = 8
 #: Error over the range of deflections from which no higher degree is tried: no bridge tells more.
 _ENOUGH = 1e-5
+#: Share by which a row may be beyond the range: that of rounding, in units too.
+_ROUNDING = 1e-6
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,6 +40,7 @@ class Inverse:
     """Deflection from capacitance C and nominal voltage U.
 
     y = start + Σ a[i][j] uⁱ⁺¹ vʲ with v = (U / highest)² and u = √(C / C₀ − 1), C₀ = Σ b[j] vʲ.
+    Beyond the curves it was fitted to there is none.
     """
 
     start_m: Annotated[float, Key("deflection where u is 0")]
@@ -48,6 +51,8 @@ class Inverse:
     error_m: Annotated[float, Key(
         "largest error over the range, at deflections, and where there are several voltages at one "
         "voltage, that were not fitted")]
+    voltages_V: Annotated[tuple[float, ...], Key("voltages of the curves, ascending")]
+    largest_F: Annotated[tuple[float, ...], Key("largest capacitance of each of these curves")]
 
     def root(self, capacitance: Any, voltage: Any) -> Array:
         """Root u of the excess, 0 where there is none."""
@@ -55,8 +60,24 @@ class Inverse:
         base = polynomial.polyval(v, self.base_F)
         return np.asarray(np.sqrt(np.maximum(np.asarray(capacitance, float) / base - 1, 0.0)))
 
+    @property
+    def ends(self) -> tuple[Array, Array]:
+        """The largest root u at v, ascending; between them it is straight, beyond there is none."""
+        v = np.square(np.array(self.voltages_V) / self.highest_V)
+        u = (1 + _ROUNDING) * self.root(self.largest_F, self.voltages_V)
+        return np.array([v[0] - _ROUNDING, *v, v[-1] + _ROUNDING]), np.array([u[0], *u, u[-1]])
+
     def deflection(self, capacitance: Any, voltage: Any) -> Array:
-        """Deflection [m] of capacitances [F] at nominal voltages [V], which broadcast."""
+        """Deflection [m] of capacitances [F] at nominal voltages [V], which broadcast.
+
+        NaN beyond the curves; the first deflection below its capacitance.
+        """
+        u, v = self.root(capacitance, voltage), np.square(np.asarray(voltage) / self.highest_V)
+        known = u <= np.interp(v, *self.ends, left=np.nan, right=np.nan)
+        return np.asarray(np.where(known, self.continued(capacitance, voltage), np.nan))
+
+    def continued(self, capacitance: Any, voltage: Any) -> Array:
+        """The same by the polynomial alone, also beyond the curves."""
         u, v = self.root(capacitance, voltage), np.square(np.asarray(voltage) / self.highest_V)
         total = polynomial.polyval2d(u, v + 0 * u, np.array(self.coefficients_m))
         return np.asarray(self.start_m + u * total)
@@ -67,11 +88,15 @@ class Inverse:
         word = word if word[0].isalpha() else f"model_{word}"
         text = resources.files("tympan.studies.sense").joinpath("source.txt")
         rows = [", ".join(map(repr, row)) for row in self.coefficients_m]
+        known = [f" * {voltage:g} V: up to {1e12 * largest:.6g} pF"
+                 for voltage, largest in zip(self.voltages_V, self.largest_F, strict=True)]
+        at, ends = (", ".join(map(repr, part.tolist())) for part in self.ends)
         return Template(text.read_text(encoding="utf-8")).substitute(
             title=name, name=word, start=repr(self.start_m), highest=repr(self.highest_V),
             error=f"{1e3 * self.error_m:.2g}", base=", ".join(map(repr, self.base_F)),
             rows=len(rows), columns=len(self.coefficients_m[0]),
-            powers=len(self.base_F),
+            powers=len(self.base_F), known="\n".join(known), at=at, ends=ends,
+            places=len(self.voltages_V) + 2, first=f"{1e3 * self.start_m:.4g}",
             coefficients=", ".join(f"{{{row}}}" for row in rows))
 
 
@@ -100,7 +125,9 @@ def fit_inverse(curves: Sequence[Sampled], beside: Sequence[Sampled], firsts: Se
     base = polynomial.polyfit(first[:, 0] ** 2, first[:, 1], degree)
     start = float(curves[0].deflection[0])
     plain = Inverse(start_m=start, highest_V=highest, base_F=tuple(base.tolist()),
-                    coefficients_m=((0.0,) * count,), error_m=np.inf)
+                    coefficients_m=((0.0,) * count,), error_m=np.inf,
+                    voltages_V=tuple(curve.voltage for curve in curves),
+                    largest_F=tuple(float(curve.capacitance[-1]) for curve in curves))
     root = np.concatenate([plain.root(curve.capacitance, curve.voltage)[::2] for curve in curves])
     charged = np.concatenate([np.full(len(curve.deflection[::2]), each)
                               for curve, each in zip(curves, v, strict=True)])
@@ -115,12 +142,11 @@ def fit_inverse(curves: Sequence[Sampled], beside: Sequence[Sampled], firsts: Se
             len(rise), -1)
         solved = np.linalg.lstsq(matrix, rise, rcond=None)[0].reshape(degree, count)
         solved /= scale ** np.arange(1, degree + 1)[:, None]
-        given = Inverse(start_m=start, highest_V=highest, base_F=plain.base_F, error_m=0.0,
-                        coefficients_m=tuple(map(tuple, solved.tolist())))
-        error = max(float(np.abs(given.deflection(curve.capacitance, curve.voltage)
+        given = replace(plain, coefficients_m=tuple(map(tuple, solved.tolist())))
+        error = max(float(np.abs(given.continued(curve.capacitance, curve.voltage)
                                  - curve.deflection).max()) for curve in (*curves, *beside))
         found.append((error, given))
         if error <= _ENOUGH * float(np.ptp(rise)):
             break
     error, best = min(found, key=lambda each: each[0])
-    return Inverse(**{**vars(best), "error_m": error})
+    return replace(best, error_m=error)

@@ -62,7 +62,8 @@ class SensedState:
     voltage_V: Annotated[float, Key("nominal voltage")]
     displacement_m: Annotated[float, Key("deflection")]
     capacitance_F: Annotated[float, Key("capacitance there")]
-    sensed_m: Annotated[float, Key("deflection that the polynomial tells from it")]
+    sensed_m: Annotated[float | None, Key(
+        "deflection that the polynomial tells from it; none beyond its range")]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,7 +86,10 @@ class SenseResult(SpecimenRecord):
     warnings: Warnings = ()
 
     def sensed(self, capacitance: Any, voltage: Any) -> NDArray[np.float64]:
-        """Deflection [m] of capacitances [F] at nominal voltages [V], by the polynomial."""
+        """Deflection [m] of capacitances [F] at nominal voltages [V], by the polynomial.
+
+        NaN beyond the curves.
+        """
         return self.inverse.deflection(capacitance, voltage)
 
     @property

@@ -129,8 +129,9 @@ def sense(case: SenseCase, settings: Settings,
         table_error_m=max(map(_between_rows, given)),
         states=tuple(SensedState(
             mass_kg=mass, voltage_V=voltage, displacement_m=deflection, capacitance_F=capacitance,
-            sensed_m=float(inverse.deflection(capacitance, voltage)))
-            for mass, voltage, deflection, capacitance in states),
+            sensed_m=None if np.isnan(told) else told)
+            for mass, voltage, deflection, capacitance in states
+            for told in [float(inverse.deflection(capacitance, voltage))]),
         dofs=model.unknowns, wall_s=time.perf_counter() - began,
         warnings=(*warnings, *Case.greatest(specimen, masses, voltages, rig).remarks))
 

@@ -144,7 +144,10 @@ def closed_loop(controller: Controller, plant: Plant, before: float, wanted: Arr
     ``sensed``: deflection by capacitance, where that is what is read.
     """
     def read(plant: Plant) -> Any:
-        return plant.deflection if sensed is None else sensed.deflection(plant.capacitance, 0.0)
+        if sensed is None:
+            return plant.deflection
+        told = sensed.deflection(plant.capacitance, 0.0)
+        return np.where(np.isnan(told), controller.inverse.highest_m, told)  # as the C takes it
 
     reached, voltages, plants = [], [], dict[int, Plant]()
     begin = read(plant)

@@ -397,6 +397,23 @@ def instance(kind: type, use: str, fmu: Path, folder: Path) -> Iterator[Any]:
 
 
 @needs_compiler
+def test_beyond_the_sensor_s_range_the_highest_deflection_is_read(tmp_path: Path) -> None:
+    """The C is given NaN there, and its voltage is that of the run in Python."""
+    controller = designed(0.0, "pi").controller
+    last = actuator().capacitance(0.7 * controller.inverse.highest_m)
+    sensed = replace(_sensed(actuator(), controller), largest_F=(float(last),))
+    in_c = compiled_controller(controller, rest(actuator(), 2e3), tmp_path)
+    read = []
+
+    def voltage_of(wanted: float, capacitance: float) -> float:
+        read.append(float(sensed.deflection(capacitance, 0.0)))
+        return in_c(wanted, read[-1])
+
+    assert_drives_as_ours(controller, voltage_of, sensed)
+    assert 0 < np.isnan(read).sum() < len(read)
+
+
+@needs_compiler
 @pytest.mark.parametrize("sensor", get_args(Measured))
 @pytest.mark.parametrize("method", get_args(Method))
 def test_the_fmu_gives_the_same_voltages_in_the_loop(tmp_path: Path, method: Method,

@@ -157,6 +157,32 @@ def test_compiled_polynomial_is_ours(sensed: SenseResult, tmp_path: Path) -> Non
     in_c = [function(*each) for each in zip(rows["capacitance"], rows["voltage"], strict=True)]
     assert in_c == pytest.approx(rows["by_polynomial"], rel=1e-9, abs=1e-12)
     assert in_c[1] == pytest.approx(rows["displacement"][1], abs=sensed.inverse.error_m + 1e-12)
+    assert np.isfinite(in_c).all()
+    head = source.read_text(encoding="utf-8").partition("#include")[0]
+    for curve in sensed.curves:
+        first, *_, last = curve.capacitance_F
+        read = np.linspace(0.9 * first, 2 * last - first, 41)
+        for voltage in (curve.voltage_V, 0.9 * curve.voltage_V, 1.001 * max(VOLTAGES)):
+            ours = sensed.sensed(read, voltage)
+            assert [function(each, voltage) for each in read] == pytest.approx(
+                ours, rel=1e-9, abs=1e-12, nan_ok=True)
+            within = voltage <= max(VOLTAGES)
+            assert np.isnan(ours[read > 1.001 * last]).all()
+            assert np.isfinite(ours[read <= 0.999 * last]).all() == within
+            assert (ours[read < 0.99 * first] == sensed.inverse.start_m).all() == within
+        assert f" * {curve.voltage_V:g} V: up to {1e12 * last:.6g} pF\n" in head
+    assert np.isnan(function(np.nan, 0.0))
+    assert np.isnan(sensed.sensed(np.nan, 0.0))
+
+
+def test_below_the_lowest_voltage_nothing_is_told() -> None:
+    """And a load beyond the table has no sensed deflection."""
+    found = sense(SenseCase(circular(NEO_HOOKE), voltages=[2e3, 3e3], masses=[0.02], to=1e-3,
+                            points=5), COARSE)
+    assert np.isnan(found.sensed(found.curves[0].capacitance_F[2], [0.0, 1.9e3, 3.1e3])).all()
+    assert np.isfinite(found.sensed(found.curves[0].capacitance_F[2], [2e3, 2.5e3, 3e3])).all()
+    assert [state.displacement_m > 1e-3 for state in found.states] == [True, True]
+    assert [state.sensed_m for state in found.states] == [None, None]
 
 
 def test_both_doors_answer_the_same(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
