@@ -33,7 +33,7 @@ def draw_over(view: SweepView, axes: Axes, of: str, over: tuple[str, str]) -> No
         if drawn.cells:
             axes.add_patch(Rectangle((mark.x - mark.width / 2, HEIGHT - mark.y - mark.height / 2),
                                      mark.width, mark.height, facecolor=mark.colour or "white",
-                                     hatch="////" if mark.hatched else "",
+                                     hatch="////" * mark.hatched + r"\\" * mark.beyond,
                                      edgecolor="white" if mark.colour else "#b8bfca"))
         else:
             axes.plot(mark.x, HEIGHT - mark.y, "o", color=mark.colour or "white",

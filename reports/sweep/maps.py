@@ -42,7 +42,8 @@ HEIGHT = 150.0
 class Mark:
     """A value: where [px], how large [px], of what colour, and what is said of it.
 
-    ``hatched``: some case has no result there, or none has; then there is no colour.
+    ``hatched``: some case has no result there, or none has; then there is no colour. ``beyond``:
+    some case is beyond a limit.
     """
 
     x: float
@@ -52,6 +53,7 @@ class Mark:
     colour: str
     text: str
     hatched: bool = False
+    beyond: bool = False
 
 
 @dataclass(frozen=True)
@@ -138,7 +140,9 @@ def _maps(view: SweepView, across: Measure, up: Measure, columns: Sequence[Measu
         fixed = [load for load in view.loads if load in depends and load not in pair]
         grouped = rows.groupby(pair, sort=False)
         means = grouped.agg(value=(column.name, "mean"), count=(column.name, "count"),
-                            cases=(column.name, "size"), name=("label", "first")).reset_index()
+                            cases=(column.name, "size"), name=("label", "first"),
+                            beyond=("beyond", lambda those: those[those != ""].tolist())
+                            ).reset_index()
         if means["value"].notna().any():
             yield _map(column, across, up, view.shown_words(*fixed), means)
 
@@ -152,8 +156,9 @@ def _map(column: Measure, across: Measure, up: Measure, where: str, means: pd.Da
     y, y_ticks, y_cell = _placed(up, means[up.name], HEIGHT)
     cells = bool(x_cell and y_cell)
     marks = []
-    for at_x, at_y, value, count, cases, name in zip(
-            x, y, values, means["count"], means["cases"], means["name"], strict=True):
+    for at_x, at_y, value, count, cases, name, beyond in zip(
+            x, y, values, means["count"], means["cases"], means["name"], means["beyond"],
+            strict=True):
         share = (value - scale.low) / (scale.high - scale.low)
         colour = to_hex(colormaps[COLOURS](share)) if np.isfinite(value) else ""
         text = digits(value) if colour else "no result"
@@ -161,7 +166,10 @@ def _map(column: Measure, across: Measure, up: Measure, where: str, means: pd.Da
                 else f"{name}: {text}")
         if 0 < count < cases:
             text += f"; {cases - count} of {cases} without a result"
-        marks.append(Mark(at_x, HEIGHT - at_y, x_cell, y_cell, colour, text, count < cases))
+        if beyond:
+            text += (f"; {len(beyond)} of {cases}" if cases > 1 else ",") + f" beyond {beyond[0]}"
+        marks.append(Mark(at_x, HEIGHT - at_y, x_cell, y_cell, colour, text, count < cases,
+                          bool(beyond)))
     bar = [(HEIGHT * (1 - (tick - scale.low) / (scale.high - scale.low)), scale.text(tick))
            for tick in scale.ticks]
     y_ticks = [(HEIGHT - at, text) for at, text in y_ticks]

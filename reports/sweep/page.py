@@ -91,13 +91,17 @@ Cell = tuple[str, float | str]
 
 
 def _rows(view: SweepView) -> tuple[list[str], list[list[Cell]]]:
-    """Headings and rows of the page's table: a specimen under a mass, at the voltage shown."""
+    """Headings and rows of the page's table: a specimen under a mass, at the voltage shown.
+
+    Those beyond a limit come last.
+    """
     keys = [key for key in view.keys if key.name != "voltage" or "voltage" not in view.loads]
     columns = [*keys, *view.columns]
     first = view.at_shown("voltage")
     reached = (view.table["status"] == "equilibrium").reset_coords(drop=True)
     many = "voltage" in view.loads and view.table.sizes["voltage"] > 1
-    headings = ["specimen", *(column.heading for column in columns), *(["voltages reached"] * many)]
+    headings = ["specimen", *(column.heading for column in columns), *(["voltages reached"] * many),
+                "beyond"]
     counts = (reached.sum("voltage").values.ravel().tolist() if many else [0] * len(first))
     rows = []
     for (_, row), count in zip(first.iterrows(), counts, strict=True):
@@ -107,8 +111,9 @@ def _rows(view: SweepView) -> tuple[list[str], list[list[Cell]]]:
             cells.append((f"{value / column.size:.4g}" if isinstance(value, float)
                           and np.isfinite(value) else "" if isinstance(value, float) else value,
                           value if not isinstance(value, float) or np.isfinite(value) else ""))
-        rows.append([*cells, *([(f"{count} of {view.table.sizes['voltage']}", count)] * many)])
-    return headings, rows
+        rows.append([*cells, *([(f"{count} of {view.table.sizes['voltage']}", count)] * many),
+                     (row["beyond"], row["beyond"])])
+    return headings, sorted(rows, key=lambda row: row[-1][0] != "")
 
 
 def _failures(view: SweepView) -> Iterator[FailedCases]:

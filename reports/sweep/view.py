@@ -9,11 +9,12 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
+from tympan.fem.results.limit_states import LIMIT_STATES
 from tympan.geometry.units import DIMENSIONS, unit_factor
 from tympan.studies.sweep.asked import QUANTITIES
 from tympan.studies.sweep.plan import voltage_of
 from tympan.studies.sweep.run import SweepResult
-from tympan.studies.sweep.table import LOADS
+from tympan.studies.sweep.table import LOADS, beyond_limits
 
 
 @dataclass(frozen=True)
@@ -94,10 +95,16 @@ class SweepView:
     @cached_property
     def columns(self) -> tuple[Measure, ...]:
         """Results that are worth a map."""
-        names = ["deflection_m", "stroke_m", *(
+        names = ["deflection_m", "stroke_m", "breakdown_margin", *(
             name for quantity in QUANTITIES.values() for name in quantity.shown)]
         return tuple(Measure.of(self.table[name]) for name in names
                      if name in self.table and bool(np.isfinite(self.table[name]).any()))
+
+    @cached_property
+    def beyond(self) -> dict[str, list[bool]]:
+        """Noun of each limit that some case is beyond, at its voltage or before, and which are."""
+        return {LIMIT_STATES[limit].noun: cases.values.ravel().tolist()
+                for limit, cases in beyond_limits(self.table).items()}
 
     @cached_property
     def rows(self) -> pd.DataFrame:
@@ -106,8 +113,11 @@ class SweepView:
         rows = self.table.to_dataframe(dim_order=axes).reset_index()
         grid = [Measure.of(self.table[axis]) for axis in axes if axis not in ("specimen", *LOADS)]
         values = zip(*(rows[key.name].map(key.text) for key in grid), strict=True)
-        return rows.assign(label=[f"{name} ({', '.join(those)})" for name, those in zip(
-            rows["specimen"], values, strict=True)] if grid else rows["specimen"])
+        labels = [f"{name} ({', '.join(those)})" for name, those in zip(
+            rows["specimen"], values, strict=True)] if grid else rows["specimen"]
+        return rows.assign(label=labels, beyond=[", ".join(
+            limit for limit, fails in self.beyond.items() if fails[number])
+            for number in range(len(rows))])
 
     def at_shown(self, *loads: str) -> pd.DataFrame:
         """The rows under these of the loads that results are shown at."""

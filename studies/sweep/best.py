@@ -18,7 +18,7 @@ from tympan.geometry.errors import InputError
 from tympan.geometry.toml_reader import one_of
 from tympan.geometry.units import DIMENSIONS, quantity, unit_of
 from tympan.studies.sweep.plan import voltage_of
-from tympan.studies.sweep.table import column_name
+from tympan.studies.sweep.table import LOADS, beyond_limits, column_name
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 _SIGNS: dict[str, tuple[Callable[[Any, Any], Any], str]] = {
     "<=": (operator.le, "max"), "<": (operator.lt, "max"),
     ">=": (operator.ge, "min"), ">": (operator.gt, "min")}
+#: Values of a key from which on one of them is not at an end.
+_SIDES = 3
 _CONDITION = re.compile(r"\s*(?P<name>[^<>=]+?)\s*(?P<sign><=|>=|<|>)\s*(?P<bound>[^<>=]+?)\s*")
 
 
@@ -79,8 +81,10 @@ class Best:
     voltages differ from specimen to specimen. ``cases``: how many there are at that voltage;
     ``equilibria``: those with an equilibrium at every voltage up to it; ``kept``: how many of these
     keep each condition; ``rows``: the best of those that keep all, with what they differ in, the
-    result, and ``limited``: by condition the ``value`` of its ``column`` that is farthest from
-    keeping it, None where that was never reached, and at which voltage ``at_V``.
+    result, ``beyond``: the limits it is beyond by then, and
+    ``limited``: by condition the ``value`` of its ``column`` that is farthest from keeping it, None
+    where that was never reached, and at which voltage ``at_V``. ``ends``: the keys in which the
+    best one has the smallest or the largest of three or more values: more may lie beyond.
     """
 
     of: str
@@ -90,18 +94,20 @@ class Best:
     equilibria: int
     kept: Mapping[str, int]
     rows: tuple[Mapping[str, Any], ...]
+    ends: tuple[str, ...] = ()
 
     def json(self) -> dict[str, Any]:
         """Result as a JSON object."""
-        return {**vars(self), "under": list(self.under), "kept": dict(self.kept),
-                "rows": [dict(row) for row in self.rows]}
+        return {**vars(self), "under": list(self.under), "ends": list(self.ends),
+                "kept": dict(self.kept), "rows": [dict(row) for row in self.rows]}
 
     def to_pandas(self) -> Any:
         """A row per case."""
         import pandas as pd
 
         return pd.DataFrame([
-            {key: value for key, value in row.items() if key != "limited"}
+            {key: ", ".join(value) if key == "beyond" else value
+             for key, value in row.items() if key != "limited"}
             | {f"{name}{part}": limit[key] for name, limit in row["limited"].items()
                for key, part in (("value", ""), ("at_V", " at_V"))} for row in self.rows])
 
@@ -146,10 +152,15 @@ def best(table: xr.Dataset, of: str = "stroke", at: float | str | None = None,
         limited.append((condition, worst, where))
     value = value.where(good)
     ranked = value.reset_coords(drop=True).to_series().dropna().sort_values(ascending=False)
-    rows = tuple(_row(table, value, place, column, limited) for place in
-                 (_place(value, index) for index in ranked.index[:count]))
+    beyond = {limit: cases.sel(voltage=volts) if "voltage" in cases.dims else cases
+              for limit, cases in beyond_limits(table).items()}
+    places = [_place(value, index) for index in ranked.index[:count]]
+    rows = tuple(_row(table, value, place, column, limited) | {"beyond": [
+        limit for limit, cases in beyond.items() if cases.sel(place)]}
+        for place in places)
     return Best(column, volts, tuple(condition.text for condition in conditions),
-                int(reached.size), int(reached.sum()), kept, rows)
+                int(reached.size), int(reached.sum()), kept, rows,
+                _ends(table, places[0]) if places else ())
 
 
 def column_of(name: str, table: xr.Dataset, key: str = "under") -> str:
@@ -198,6 +209,17 @@ def _place(value: xr.DataArray, index: Any) -> dict[str, Any]:
                     strict=True))
 
 
+def _on(values: xr.DataArray, place: Mapping[str, Any]) -> dict[str, Any]:
+    return {axis: key for axis, key in place.items() if axis in values.dims}
+
+
+def _ends(table: xr.Dataset, place: Mapping[str, Any]) -> tuple[str, ...]:
+    """Keys of a grid, three values and more of each, whose first or last one a case has."""
+    values = {axis: table[axis].values for axis in place if axis not in ("specimen", *LOADS)}
+    return tuple(axis for axis, those in values.items() if len(those) >= _SIDES
+                 and those.dtype.kind == "f" and place[axis] in (those.min(), those.max()))
+
+
 def _row(table: xr.Dataset, value: xr.DataArray, place: dict[str, Any], column: str,
          limited: Sequence[tuple[Condition, xr.DataArray, xr.DataArray | None]]
          ) -> dict[str, Any]:
@@ -207,7 +229,7 @@ def _row(table: xr.Dataset, value: xr.DataArray, place: dict[str, Any], column: 
            if name != "base" and part.ndim == 0}
     near = {}
     for condition, worst, where in limited:
-        inner = {axis: key for axis, key in place.items() if axis in worst.dims}
+        inner = _on(worst, place)
         near[condition.text] = {
             "column": condition.column, "value": _finite(worst.sel(inner).item()),
             "at_V": None if where is None else float(where.sel(inner))}

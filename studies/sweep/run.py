@@ -11,6 +11,7 @@ from operator import methodcaller
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from tympan.fem.results.limit_states import LIMIT_STATES
 from tympan.geometry.errors import InputError
 from tympan.geometry.process.folder import discard_temporaries
 from tympan.studies.files import (
@@ -23,9 +24,9 @@ from tympan.studies.files import (
 )
 from tympan.studies.parallel import NoValue
 from tympan.studies.sweep.best import Best, best
-from tympan.studies.sweep.plan import Sweep
+from tympan.studies.sweep.plan import Sweep, voltage_of
 from tympan.studies.sweep.reduced import Batch, batches
-from tympan.studies.sweep.table import dataset, read_table, write_tables
+from tympan.studies.sweep.table import beyond_limits, dataset, read_table, write_tables
 from tympan.studies.sweep.task import (
     EXACT_ROW,
     SweepTask,
@@ -79,10 +80,25 @@ class SweepResult:
         """
         return best(self.table, of, self.at_V if at is None else at, under, count)
 
+    @property
+    def warnings(self) -> list[str]:
+        """Sentences: so many films, specimens under a mass, are beyond a limit."""
+        found = []
+        for limit, cases in beyond_limits(self.table).items():
+            where = ""
+            if "voltage" in cases.dims:
+                volts = voltage_of(cases["voltage"].values.tolist(), self.at_V)
+                cases, where = cases.sel(voltage=volts), f" at {volts / 1e3:g} kV"
+            if cases.any():
+                found.append(f"{cases.sum().item()} of {cases.size} films beyond "
+                             f"{LIMIT_STATES[limit].noun}{where}, though they "
+                             "have an equilibrium by the equations")
+        return found
+
     def json(self) -> dict[str, Any]:
         """Result as a JSON object, without the table."""
         return {"cases": sum(self.statuses.values()), "statuses": self.statuses,
-                "solved": self.solved, "kept": self.kept}
+                "solved": self.solved, "kept": self.kept, "warnings": self.warnings}
 
     def save(self, folder: Path) -> None:
         """Write ``sweep.nc``, ``sweep.parquet``, ``sweep.csv`` and last ``sweep.json``."""

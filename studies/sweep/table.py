@@ -154,6 +154,17 @@ def _parameters(axis: str, choices: list[dict[str, Any]]) -> dict[str, Coordinat
     return coordinates
 
 
+def beyond_limits(table: xr.Dataset) -> dict[str, xr.DataArray]:
+    """Cases beyond each limit, at their voltage or on the way up to it: a mask by limit.
+
+    They may be equilibria by the equations nevertheless.
+    """
+    beyond = {"breakdown": table["breakdown_margin"] < 1, "tension": table["slack_share"] > 0}
+    return {limit: cases.copy(data=np.logical_or.accumulate(
+        cases.values, cases.get_axis_num("voltage"))) if "voltage" in cases.dims else cases
+        for limit, cases in beyond.items()}
+
+
 def frame(table: xr.Dataset) -> pd.DataFrame:
     """A row per case: its inputs, then its results; units end the names of all numbers."""
     flat = table.to_dataframe(dim_order=list(table["status"].dims)).reset_index()

@@ -164,3 +164,21 @@ def test_the_page_is_kept_while_a_sweep_runs_but_never_ends_it(view, tmp_path: P
     monkeypatch.setattr(page, "write_text", full)
     keep_page(tmp_path / "out")(so_far)
     assert len(asked) == 2
+
+
+def test_films_beyond_breakdown_are_named_marked_and_last(view: SweepView) -> None:
+    table = view.table.copy(deep=True)
+    strength = 0 * table["deflection_m"] + 2.0 - 1.5 * (table["mass"] > 15e-3)
+    table["breakdown_margin"] = strength.where(table["voltage"] > 3e3).variable
+    weak = SweepView(replace(view.result, table=table))
+    text = render_sweep(weak.result, [])
+    assert "2 of 12 films beyond breakdown at 4 kV" in text
+    assert "breakdown" not in re.sub(r"<p class=.note.*?</p>", "", render_sweep(view.result, []))
+    headings, rows = page._rows(weak)
+    assert [row[-1][0] for row in rows] == [""] * 10 + ["breakdown"] * 2
+    assert rows[0][headings.index("breakdown margin")][0] == "2"
+    masses = {pair.up.name: pair.maps[0] for pair in sweep_maps(weak)}["mass"]
+    heavy = [mark for mark in masses.marks if mark.beyond]
+    assert len(heavy) == 2  # of the third frame no film can be built
+    assert all("beyond breakdown" in mark.text for mark in heavy)
+    assert text.count("url(#beyond)") >= len(heavy)

@@ -73,6 +73,7 @@ def study(options: argparse.Namespace) -> None:
          example="SWEEP.toml -o sweep")
 def sweep(options: argparse.Namespace) -> None:
     """Solve grids, lists or samples of specimens; goes on where it was ended."""
+    from tympan.fem.results.limit_states import LIMIT_STATES
     from tympan.progress import cases, say
     from tympan.reports.rebuild import draw_stored
     from tympan.studies.parallel import processes
@@ -113,7 +114,7 @@ def sweep(options: argparse.Namespace) -> None:
     if options.best is not None:
         asked["best"] = result.best(options.best, under=options.under).json()
     print_record(options, {"table": str(options.output / "sweep.nc"), "page": str(page),
-                           **result.json(), **asked})
+                           **result.json(), **asked}, states=LIMIT_STATES)
 
 
 @command("design",

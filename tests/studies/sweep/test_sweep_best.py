@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import json
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -200,3 +201,26 @@ def test_what_is_wrong_is_said_before_anything_is_solved(tmp_path: Path, capsys,
     assert main(["sweep", str(file), "-o", str(tmp_path / "out"), *asked]) == 2
     assert words in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
+
+
+def test_films_beyond_a_limit_are_counted_marked_and_may_be_left_out(result: SweepResult) -> None:
+    """Thin films exceed their strength at 4 kV; slack ones stay beyond that limit at all above."""
+    table = result.table.copy(deep=True)
+    table["breakdown_margin"] /= 1.9
+    slack = (table["voltage"] == 2e3) & (table["plate.radius"] < 8.5e-3)
+    table["slack_share"] = (0 * table["deflection_m"] + 0.1 * slack).variable
+    found = replace(result, table=table)
+    rows = frame(table)
+    weak = rows[(rows["breakdown_margin"] < 1) & (rows["voltage_V"] == 4e3)]
+    assert 0 < len(weak) < 16
+    ending = " at 4 kV, though they have an equilibrium by the equations"
+    assert found.json()["warnings"] == found.warnings == [
+        f"{len(weak)} of 16 films beyond breakdown{ending}",
+        f"4 of 16 films beyond the first loss of tension{ending}"]
+    assert replace(found, at_V=0.0).warnings == result.warnings == []
+    best = found.best(count=20)
+    assert sum("breakdown" in row["beyond"] for row in best.rows) == len(weak)
+    assert {row["plate.radius_m"] for row in best.rows if "tension" in row["beyond"]} == {8e-3}
+    assert best.ends == ("plate.radius",)  # of two thicknesses each is at an end
+    assert all("breakdown" not in row["beyond"]
+               for row in found.best(under="breakdown_margin > 1").rows)
