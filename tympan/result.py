@@ -160,8 +160,8 @@ class Result(Generic[Numbers]):
     def line(self, along: Literal["x", "y"], points: int = 201) -> xr.Dataset:
         """The fields on the line along x or y through the plate's centre, by distance from it [m].
 
-        ``result.line("x")["stress_1"]`` has ``distance`` as its coordinate. Places that the plate
-        covers are left out.
+        ``result.line("x")["stress_1"]`` has ``distance`` as its coordinate. Where the plate covers
+        it they are nan, so that a curve that is drawn has a gap there.
         """
         import numpy as np
 
@@ -176,7 +176,8 @@ class Result(Generic[Numbers]):
         places = np.tile(centre, (points, 1))
         places[:, axis] = np.linspace(*ends, points)
         values = film.at(places)
-        there = np.isfinite(values["thickness"])
+        film_at = np.flatnonzero(np.isfinite(values["thickness"]))
+        there = slice(film_at[0], film_at[-1] + 1)  # from edge to edge
         return labelled({name: value[there] for name, value in values.items()}, "distance",
                         distance=places[there, axis] - centre[axis])
 
