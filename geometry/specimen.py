@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 from tympan.geometry.errors import InputError
 from tympan.geometry.fields import Key, Registry, takes_units
 from tympan.geometry.outlines import OUTLINES, Circle, Ellipse, Outline, check_outline
+from tympan.geometry.outlines.drawn import Drawn
+from tympan.geometry.outlines.outline import SMALLEST
 from tympan.geometry.paths import any_complex
 from tympan.geometry.rays import exits
 from tympan.geometry.toml_reader import NON_NEGATIVE, POSITIVE, Rule
@@ -383,11 +385,35 @@ class Specimen:
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """Remarks on its drawings: gaps that were closed, curves that were left out, units."""
+        """Remarks on its drawings: gaps closed, curves left out, units, places not kept."""
+        outlines = [("frame", self.frame), *((key, part.outline) for key, part in self._inside)]
+        return (*(f"{key}: {words}" for key, outline in outlines for words in outline.remarks),
+                *self.drawn_elsewhere)
+
+    @property
+    def _inside(self) -> list[tuple[str, Region]]:
+        """Plate and outline of the electrode, by their keys."""
         inside = (("plate", self.plate), ("electrode.outline", self.electrode.outline))
-        outlines = [("frame", self.frame), *((key, part.outline) for key, part in inside
-                                             if part is not None)]
-        return tuple(f"{key}: {words}" for key, outline in outlines for words in outline.remarks)
+        return [(key, part) for key, part in inside if part is not None]
+
+    @property
+    def drawn_elsewhere(self) -> tuple[str, ...]:
+        """Remarks on what the frame's own drawing has at another place in it than the centre."""
+        frame, remarks = self.frame, list[str]()
+        for key, part in self._inside:
+            drawn = part.outline
+            if not (isinstance(frame, Drawn) and isinstance(drawn, Drawn) and part.offset == (0, 0)
+                    and frame.file and frame.file == drawn.file):
+                continue
+            place = np.subtract(drawn.drawn_at, frame.drawn_at)
+            # Parts that were drawn beside each other say nothing.
+            if (np.abs(place).max() > SMALLEST * max(frame.semi_axes)
+                    and frame.level(*place[:, None])[0] < 0):
+                x, y = (f"{round(1e3 * length, 4) + 0.0:g}" for length in place)
+                remarks.append(
+                    f"{key}: is centred in the frame, but was drawn at {x}, {y} mm from its centre:"
+                    f' if it belongs there, write offset = ["{x} mm", "{y} mm"] below [{key}]')
+        return tuple(remarks)
 
     @property
     def centre(self) -> Pair:

@@ -140,7 +140,7 @@ class Case:
     @property
     def remarks(self) -> tuple[str, ...]:
         """Sentences that belong to every result of this case, its rig's among them."""
-        return *self._doubts, *self.rig.remarks
+        return *self._doubts, *self.specimen.drawn_elsewhere, *self.rig.remarks
 
     def doubted(self, reason: str) -> str:
         """A reason why it is refused, and which of its loads may be a slip."""

@@ -125,7 +125,7 @@ def _read(file: str, digest: str, drawing: Drawing) -> Drawn:
     if "error" in answer:
         raise InputError(answer["error"])
     table = Table("", answer, plain=True)
-    return Drawn(tuple(map(_piece, table.tables("pieces"))), tuple(answer["remarks"]))
+    return Drawn(tuple(map(_piece, table.tables("pieces"))), tuple(answer["remarks"]), file)
 
 
 def _piece(table: Table) -> Piece:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Annotated, ClassVar
 
 import numpy as np
 
 from tympan.geometry.fields import Key, read
 from tympan.geometry.outlines.contours import JOINT, piece_ends
+from tympan.geometry.outlines.curve import Curve
 from tympan.geometry.outlines.outline import OUTLINES, Boxed
 from tympan.geometry.outlines.pieces import PIECES, PLACE, Array, Piece, Spline, around
 from tympan.geometry.toml_reader import Table
@@ -55,13 +57,17 @@ def _slopes(step: Array, rise: Array) -> Array:
 @OUTLINES.register
 @dataclass(frozen=True)
 class Drawn(Boxed):
-    """Joined ``segments`` counterclockwise around a closed curve, wherever they lie [m]."""
+    """Joined ``segments`` counterclockwise around a closed curve, wherever they lie [m].
+
+    ``file`` is the drawing that they were read from, if there is one.
+    """
 
     shape: ClassVar[str] = "drawn"
     segments: Annotated[tuple[Piece, ...], Key(
         "its pieces, counterclockwise, each starting where the one before it ends", kinds=PIECES,
         discrete=True)]
     remarks: tuple[str, ...] = field(default=(), compare=False)
+    file: str = field(default="", compare=False)
 
     @classmethod
     def from_table(cls, table: Table) -> Drawn:
@@ -80,3 +86,9 @@ class Drawn(Boxed):
 
     def pieces(self) -> tuple[Piece, ...]:
         return self.segments
+
+    @cached_property
+    def drawn_at(self) -> tuple[float, float]:
+        """The centre of its bounding box where it was drawn [m]."""
+        (west, east), (south, north) = Curve(self.segments).box
+        return (west + east) / 2, (south + north) / 2

@@ -9,6 +9,7 @@ import signal
 from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import cadquery as cq
 import ezdxf
@@ -18,6 +19,7 @@ import pytest
 from tests.support.specimens import circular
 from tympan.cli import main
 from tympan.commands.export import SIZES
+from tympan.fem.film.library import load_specimen
 from tympan.geometry import reader_process
 from tympan.geometry.cad import membrane as cad
 from tympan.geometry.cad import parts
@@ -42,6 +44,7 @@ from tympan.geometry.outlines.step import edge_pieces
 from tympan.geometry.specimen import Film, Plate, Specimen
 from tympan.geometry.toml_reader import Table
 from tympan.geometry.units import quantity
+from tympan.studies.case import Case
 from tympan.studies.paper.actuators import FILES
 
 EXAMPLES = examples()
@@ -396,3 +399,31 @@ def test_curves_are_counted_before_a_library_reads_them(tmp_path: Path) -> None:
     document.modelspace().add_line((0, 0), (1, 0), dxfattribs={"layer": "ENTITIES"})
     document.saveas(tmp_path / "few.dxf")
     assert drawings._curves((tmp_path / "few.dxf").read_bytes()) == 2
+
+
+def test_a_plate_drawn_off_the_centre_of_its_frame_is_told(tmp_path: Path) -> None:
+    """Followed, the advice ends the remark; stated, drawn apart or beside, there is none."""
+    document = ezdxf.new()
+    document.units = ezdxf.units.MM
+    for layer, x, radius in (("frame", 200.0, 40.0), ("plate", 205.08, 8.0), ("away", 300.0, 8.0),
+                             ("centred", 200.001, 8.0)):
+        document.modelspace().add_circle((x, 50.0), radius, {"layer": layer})
+    for name in ("one.dxf", "copy.dxf"):
+        document.saveas(tmp_path / name)
+
+    def film(layer: str, file: str = "one.dxf", **more: Any) -> Specimen:
+        plate = {"shape": "dxf", "file": file, "layer": layer, **more}
+        content = {"name": "film", "plate": plate,
+                   "frame": {"shape": "dxf", "file": "one.dxf", "layer": "frame"},
+                   "membrane": {"thickness": "1 mm", "prestretch": 2, "material": "vhb-4910"}}
+        return load_specimen(Table(tmp_path / "film.toml", content))
+
+    told, = film("plate").drawn_elsewhere
+    assert told == ("plate: is centred in the frame, but was drawn at 5.08, 0 mm from its centre: "
+                    'if it belongs there, write offset = ["5.08 mm", "0 mm"] below [plate]')
+    assert told in film("plate").remarks
+    assert told in Case(film("plate")).remarks
+    assert film("plate").centre == (0, 0)
+    for other in (film("plate", offset=["5.08 mm", "0 mm"]), film("plate", "copy.dxf"),
+                  film("away"), film("centred"), film("plate", offset=["1 mm", "2 mm"])):
+        assert other.drawn_elsewhere == ()
