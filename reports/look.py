@@ -10,11 +10,15 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib import colormaps, style
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize, to_hex
 from matplotlib.figure import Figure
+from matplotlib.legend import Legend
+from matplotlib.lines import Line2D
+from matplotlib.transforms import Bbox
 from numpy.typing import NDArray
 
 from tympan.reports.scales import AxisScale
@@ -59,6 +63,15 @@ _MARKERS = "os^Dv*"  #: as many as colours
 _BAND = 0.15
 #: What it is.
 _BAND_WORDS = "90 % of the films"
+
+#: Share by which axes are made higher at a time, so that their legend finds a place.
+_RAISED = 0.08
+#: How often at most, so that curves keep half of the height.
+_TRIES = 9
+#: How far words may reach beyond the page before it is made larger: less is rounding [mm].
+_CUT = 0.2
+#: Room about words that reach further [mm].
+_ROOM = 1.0
 
 #: Pixels, shape (rows, columns, 3), and the (left, right, bottom, top) they cover [mm].
 Picture = tuple[NDArray[np.uint8], tuple[float, float, float, float]]
@@ -198,13 +211,47 @@ def describe(axes: Axes, across: str = "", up: str = "", title: str = "", bold: 
     axes.set_axisbelow(True)
 
 
+def legend(axes: Axes, handles: Sequence[Artist] | None = None) -> Legend:
+    """A legend that lies over no line: where there is no place for it, the axes get room above."""
+    made = axes.legend(handles=handles, loc="best")
+    for _ in range(_TRIES):
+        bottom, _ = axes.get_ylim()
+        covered = made.get_window_extent()
+        if not any(_meets(line, covered) for line in axes.get_lines()):
+            break
+        higher = axes.transAxes.transform((0.0, 1.0 + _RAISED))
+        axes.set_ylim(bottom, axes.transData.inverted().transform(higher)[1])
+    return made
+
+
+def _meets(line: Line2D, box: Bbox) -> bool:
+    """Whether a line passes a box [pixels]; of marks alone, whether one is in it."""
+    path = line.get_transform().transform_path(line.get_path())
+    if line.get_linestyle() == "None":
+        return bool(box.count_contains(path.vertices))
+    return np.size(path.vertices) > 0 and bool(path.intersects_bbox(box, filled=False))
+
+
+def _whole(figure: Figure) -> Bbox | None:
+    """The page with the words that reach beyond it [inches]; None where none do."""
+    page, drawn = figure.bbox_inches, figure.get_tightbbox()
+    if np.array_equal(Bbox.union([page.padded(_CUT * MM), drawn]), page.padded(_CUT * MM)):
+        return None
+    return Bbox.union([page, drawn.padded(_ROOM * MM)])
+
+
 def save_figure(folder: Path, name: str, compose: Callable[[], Figure],
                 formats: Sequence[str] = ("png", "svg"), dpi: int = DPI) -> list[Path]:
-    """Compose a figure in the one style and write folder/name in each format; answers the files."""
+    """Compose a figure in the one style and write folder/name in each format; answers the files.
+
+    A page that its words reach beyond is written larger.
+    """
     with figure_style():
         figure = compose()
+        page = _whole(figure)
         files = [folder / f"{name}.{kind}" for kind in formats]
         for file in files:
             date = {".pdf": {"CreationDate": None}, ".svg": {"Date": None}}.get(file.suffix, {})
-            write_atomically(file, partial(figure.savefig, dpi=dpi, metadata=date))
+            write_atomically(file, partial(figure.savefig, dpi=dpi, metadata=date,
+                                           bbox_inches=page))
     return files

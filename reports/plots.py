@@ -204,7 +204,7 @@ def _(result: ResponseResult, axes: Axes) -> None:
 @draw.register
 def _(result: PathResult, axes: Axes) -> None:
     draw_stations(axes, result)
-    axes.legend()
+    look.legend(axes)
 
 
 @draw.register
@@ -217,7 +217,7 @@ def _(result: Responses, axes: Axes) -> None:
     voltages = 1e-3 * np.append(first.samples["voltage"], first.first_voltage_V)
     axes.set(xlabel="time (s)", ylabel="displacement read (mm)",
              title=f"voltage between {voltages.min():.4g} and {voltages.max():.4g} kV")
-    axes.legend()
+    look.legend(axes)
 
 
 @draw.register
@@ -226,7 +226,7 @@ def _(result: ControlResult, axes: Axes) -> None:
     draw_deflections(axes, film)
     axes.set(xlabel="time (s)", ylabel="displacement (mm)",
              title=f"{film.specimen}: {1e3 * film.mass_kg:.4g} g")
-    axes.legend()
+    look.legend(axes)
 
 
 @draw.register
@@ -263,7 +263,7 @@ def _(result: SweepResult, axes: Axes, of: str = "deflection_m",
                line["mass_kg"].iloc[0])
     axes.set(xlabel="voltage (kV)", ylabel="deflection (mm)")
     if len(lines) <= _SHOWN:
-        axes.legend()
+        look.legend(axes)
 
 
 @draw.register
@@ -314,7 +314,7 @@ def _(result: BuildResult, axes: Axes) -> None:
                       color=look.colour_of(number), markersize=3,
                       label=f"{name}, {1e3 * mass:.4g} g, {kinematics}")
     axes.set(xlabel="voltage (kV)", ylabel="deflection (mm)")
-    axes.legend()
+    look.legend(axes)
 
 
 @draw.register
@@ -357,7 +357,7 @@ def _(result: OptimiseResult, axes: Axes) -> None:
     axes.plot(np.flatnonzero(accepted), stroke[accepted], "o", color=look.PALETTE[0], markersize=3,
               label="accepted")
     axes.set(xlabel="trial", ylabel="stroke (mm)")
-    axes.legend()
+    look.legend(axes)
 
 
 def _hatch_slack(axes: Axes, film: FilmSurface) -> bool:

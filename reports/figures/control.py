@@ -30,7 +30,7 @@ def _compose(result: ControlResult) -> Figure:
                        f"{film.specimen}, {1e3 * film.mass_kg:g} g")
         style.describe(below, "time (s)", "" if number else "deflection (mm)")
         if not number:
-            below.legend(loc="best")
+            style.legend(below)
     return figure
 
 

@@ -75,7 +75,7 @@ def draw_laws(axes: Axes, result: MaterialFitResult) -> None:
     """Readings and laws of the mode with most readings, on axes."""
     _panel(axes, result, max(MODES, key=lambda mode: result.numbers["readings"].get(mode, 0)),
            _STRESS)
-    axes.legend()
+    style.legend(axes)
 
 
 def _panel(axes: Axes, result: MaterialFitResult, mode: str, up: str) -> None:

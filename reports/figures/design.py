@@ -67,7 +67,7 @@ def _draw_front(axes: Axes, result: DesignResult, front: DesignFront) -> None:
         axes.plot(across * first, up * second, "D", color=style.PALETTE[1], markersize=4.5,
                   label="best film")
     style.describe(axes, words[0], words[1], "all keep the bounds, with margins")
-    axes.legend()
+    style.legend(axes)
 
 
 def _draw_outlines(axes: Axes, result: DesignResult, film: DesignedFilm) -> None:

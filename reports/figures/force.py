@@ -67,7 +67,7 @@ def draw_force_curves(axes: Axes, result: ForceResult) -> None:
     axes.set_ylim(max(min([bottom, *loads]), bottom - room / 2),
                   min(max([top, *loads]), top + room / 2))
     marks = [mark for mark in axes.get_legend_handles_labels()[0] if mark not in lines]
-    axes.legend(handles=[*lines, *marks], loc="best")
+    style.legend(axes, [*lines, *marks])
 
 
 def _curve(axes: Axes, curve: ForceCurve, factor: float, colour: str) -> Line2D:

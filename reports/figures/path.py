@@ -41,7 +41,7 @@ def _compose(result: PathResult) -> Figure:
                               style.LEFT + panels * (_WIDTH + _GAP) - _GAP + style.RIGHT)
     first = style.place_axes(figure, style.LEFT, _TOP, _WIDTH, _HEIGHT)
     draw_stations(first, result)
-    first.legend(loc="best")
+    style.legend(first)
     if panels == 2:
         second = style.place_axes(figure, style.LEFT + _WIDTH + _GAP, _TOP, _WIDTH, _HEIGHT)
         _panel(second, result, _NAMES["charge"], _NAMES["voltage"])

@@ -57,7 +57,7 @@ def draw_capacitance(axes: Axes, result: SenseResult) -> None:
                   color="#303030", markerfacecolor="white", markersize=4.0, zorder=4,
                   label=f"under {1e3 * mass:.4g} g")
     axes.ticklabel_format(useOffset=False)
-    axes.legend()
+    style.legend(axes)
 
 
 def _draw_movers(axes: Axes, result: SenseResult) -> None:
@@ -74,6 +74,6 @@ def _draw_movers(axes: Axes, result: SenseResult) -> None:
                       color=style.colour_of(number), linewidth=_THIN,
                       label=words if number == next(iter(numbers)) else None)
     axes.set_yscale("log")
-    legend = axes.legend()
+    legend = style.legend(axes)
     for handle in legend.get_lines():
         handle.set_color(style.GREY)

@@ -15,6 +15,7 @@ import pytest
 import pyvista as pv
 from matplotlib import colormaps
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
 from PIL import Image
 
 from tests.support.checks.accessible import wordless
@@ -546,6 +547,50 @@ def test_a_legend_is_as_wide_as_its_axes_and_covers_nothing(stored: StudyView, c
     assert all(film.name in texts for film in films)
     assert ("(the" in texts) == (count <= 6)
     assert len(colours) >= count
+
+
+@pytest.mark.parametrize("low", [0.0, -1.1e3, -1.1e9])
+def test_a_picture_is_as_wide_as_its_words(tmp_path: Path, low: float) -> None:
+    """Numbers beside the axis may need more room than is left for them; else nothing changes."""
+    def compose() -> Figure:
+        figure = style.new_figure(40.0, 60.0)
+        axes = style.place_axes(figure, style.LEFT, style.TITLE, 42.0, 20.0)
+        style.describe(axes, "displacement (mm)", "force (mN)")
+        axes.set_ylim(low, 7.0)
+        axes.ticklabel_format(style="plain")
+        return figure
+
+    picture, _ = style.save_figure(tmp_path, "page", compose, dpi=100)
+    pixels = np.asarray(Image.open(picture).convert("RGB"))
+    inked = np.flatnonzero((pixels < 230).any(axis=(0, 2)))
+    assert 0 < inked[0] < inked[-1] < pixels.shape[1] - 1
+    assert (pixels.shape[1] > 240) == (low != 0.0)
+    assert pixels.shape[1] >= int(60.0 * style.MM * 100)
+
+
+@pytest.mark.parametrize("scale", ["linear", "log"])
+def test_a_legend_lies_over_no_line(scale: str) -> None:
+    """Lines from corner to corner leave no place for it within, so there is more room above."""
+    with style.figure_style():
+        figure = style.new_figure(70.0, 100.0)
+        axes = style.place_axes(figure, 14.0, 8.0, 80.0, 50.0)
+        axes.set_yscale(scale)
+        x, y = np.linspace(0.0, 1.0, 3), np.geomspace(1.0, 100.0, 3)
+        for number, values in enumerate((y, y[::-1], 0 * x + 10.0)):
+            axes.plot(x, values, label=f"a line with a long name of its own, number {number}")
+        axes.plot(x, 0 * x + 3.0, "o", linestyle="none", label="marks")
+        bottom, top = axes.get_ylim()
+        legend = style.legend(axes)
+        figure.canvas.draw()
+        box = legend.get_window_extent()
+        for line in axes.get_lines():
+            share = np.linspace(0.0, 1.0, 2001)
+            steps = share if line.get_linestyle() != "None" else np.linspace(0.0, 1.0, 3)
+            places = axes.transData.transform(line.get_xydata())
+            dense = [np.interp(steps, x, part) for part in places.T]
+            assert not box.count_contains(np.transpose(dense))
+        low, high = axes.get_ylim()
+    assert (low, high > top) == (bottom, True)
 
 
 @pytest.mark.parametrize(("low", "high"), [
