@@ -13,7 +13,7 @@ from typing import Any, Self
 from tympan.geometry.errors import InputError
 from tympan.geometry.formats import DECIMAL_COMMA, THOUSANDS
 from tympan.geometry.toml_reader import FINITE, Rule
-from tympan.geometry.units import USUAL, any_quantity, bounded, quantity, unit_factor
+from tympan.geometry.units import SPELLED, USUAL, any_quantity, bounded, quantity, unit_factor
 
 #: How a reading that was not made is written.
 _NOTHING_READ = ("", "-", "–", "n/a", "na")
@@ -28,10 +28,6 @@ _EMPTY_WORDS = frozenset((
     "engineering", "nominal", "nominale", "nenn", "technische", "technisch", "measured", "gemessen",
     "gemessene", "mesure", "mesuree", "axial", "axiale", "value", "wert", "the", "der", "die",
     "das", "le", "la", "de", "du"))
-#: Spellings of units as testers have them, by those that quantities have.
-_SPELLED = {"sec": "s", "sek": "s", "sekunden": "s", "seconds": "s", "secondes": "s", "volt": "V",
-            "volts": "V", "kilovolt": "kV", "gramm": "g", "gram": "g", "grams": "g",
-            "grammes": "g", "newton": "N", "hertz": "Hz"}
 #: Units of numbers that have none, and what each is.
 _PLAIN_UNITS = {"": 1.0, "-": 1.0, "1": 1.0, "mm/mm": 1.0, "m/m": 1.0, "in/in": 1.0, "%": 0.01}
 #: The degree Celsius, which is no multiple of anything.
@@ -107,7 +103,7 @@ def usual_unit(text: str) -> str | None:
     """A unit of somebody else's heading as quantities spell it; None of what is none."""
     unit = unicodedata.normalize("NFKC", text.strip().replace("²", "^2").replace("³", "^3"))
     unit = unit.replace("\u03bc", "u").replace("\u00b0C", CELSIUS)
-    unit = _SPELLED.get(unit.rstrip(".").casefold(), unit)
+    unit = SPELLED.get(unit.rstrip(".").casefold(), unit)
     if unit in _PLAIN_UNITS or unit == CELSIUS:
         return unit
     names = _UNIT_NAME.findall(unit)

@@ -53,9 +53,13 @@ def did_you_mean(word: str, spelled: Mapping[str, str]) -> str:
 
 
 def nearest_word(word: str, words: Iterable[str]) -> str | None:
-    """The word that a slip of the pen may have made another one of; None if none is near."""
-    near = difflib.get_close_matches(word, words, 1)
-    return near[0] if near else None
+    """The word that a slip of the pen may have made another one of; None if none is near.
+
+    Capital and small letters are the same: "KV" is near "kV".
+    """
+    small = {other.casefold(): other for other in reversed([*words])}
+    near = difflib.get_close_matches(word.casefold(), small, 1)
+    return small[near[0]] if near else None
 
 
 def _shortened(text: str) -> str:

@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import stat
+from contextlib import suppress
+from itertools import islice
 from pathlib import Path
 
-from tympan.geometry.errors import InputError
+from tympan.geometry.errors import InputError, did_you_mean
 
 #: Most bytes of a file that a person writes, far more than anyone types.
 WRITTEN = 4_000_000
 #: Most bytes of a table, a drawing or a result. A bound of the memory that one file may take.
 STORED = 100_000_000
+
+#: So many files of a folder are looked at for one that was meant: their names take 0.1 s.
+_LISTED = 2000
 
 
 def file_bytes(file: Path | str, most: int = STORED) -> bytes:
@@ -32,7 +37,8 @@ def file_bytes(file: Path | str, most: int = STORED) -> bytes:
         else:
             content = None
     except OSError as error:
-        raise InputError(f"cannot be read: {error.strerror}", file=file) from None
+        near = _near(file) if isinstance(error, FileNotFoundError) else ""
+        raise InputError(f"cannot be read: {error.strerror}{near}", file=file) from None
     except ValueError:
         raise InputError("cannot be read: no file has NUL in its name", file=file) from None
     if content is None:
@@ -40,6 +46,16 @@ def file_bytes(file: Path | str, most: int = STORED) -> bytes:
     if len(content) > most:
         raise InputError(f"cannot be read: it is longer than {most / 1e6:g} MB", file=file)
     return content
+
+
+def _near(file: Path) -> str:
+    """A question that names the file of that kind in its folder that was meant, if one is near."""
+    with suppress(OSError):
+        there = (other.name for other in islice(file.parent.iterdir(), _LISTED)
+                 if other.suffix == file.suffix)
+        hint = did_you_mean(file.name, {name: repr(name) for name in there})
+        return f"; {hint}".rstrip() if hint else ""
+    return ""
 
 
 def file_text(file: Path | str, most: int = STORED) -> str:

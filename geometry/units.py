@@ -11,7 +11,7 @@ from functools import cache
 from math import floor, log10, pi
 from typing import Any
 
-from tympan.geometry.errors import InputError
+from tympan.geometry.errors import InputError, did_you_mean
 
 
 @dataclass(frozen=True)
@@ -86,6 +86,8 @@ LARGEST = 1e30
 
 _QUANTITY = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|[-+]?inf)\s*(.*?)\s*",
                        re.ASCII)
+#: A quantity with a decimal comma, and what stands on both sides of it.
+_COMMA = re.compile(r"\s*([-+]?\d+),(\d+)([^,]*)", re.ASCII)
 #: What joins a factor of a unit to those before it, and a group of factors or a name and its power.
 _FACTOR = re.compile(r"\s*([*/·]?)\s*(?:\(([^()]+)\)|([^\W\d]\w*)"
                      r"\s*(?:(?:\^|\*\*)\s*([-+]?\d))?(?!\d))\s*")
@@ -114,6 +116,10 @@ _MULTIPLES: dict[str, dict[str, tuple[float, int]]] = {
 }
 USUAL = {name: (*fraction, _POWERS[base]) for base, names in _MULTIPLES.items()
          for name, fraction in names.items()}
+#: Spellings of units as people and testers have them, by those that quantities have.
+SPELLED = {"sec": "s", "sek": "s", "sekunden": "s", "seconds": "s", "secondes": "s", "volt": "V",
+           "volts": "V", "kilovolt": "kV", "kvolt": "kV", "kvolts": "kV", "gramm": "g",
+           "gram": "g", "grams": "g", "grammes": "g", "newton": "N", "hertz": "Hz"}
 
 
 class WrongDimension(ValueError):
@@ -200,8 +206,17 @@ def _si_value(unit: str, dimension: str, allowed: str, given: str) -> float:
     try:
         return _factor(unit, dimension)
     except Exception as error:  # pint raises whatever its tables of names and offsets raise
-        wrong = "wrong dimension" if isinstance(error, WrongDimension) else "unknown unit"
-        raise InputError(f"{wrong}: {allowed}", given=given) from None
+        wrong = ("wrong dimension: " if isinstance(error, WrongDimension)
+                 else f"unknown unit: {_hint(unit, dimension)}")
+        raise InputError(wrong + allowed, given=given) from None
+
+
+def _hint(unit: str, dimension: str) -> str:
+    """A question that names the unit of a dimension that was meant, if one is near."""
+    spelled = {name: name for name in USUAL} | SPELLED
+    wanted = _product(DIMENSIONS[dimension].si)
+    return did_you_mean(unit, {word: repr(name) for word, name in spelled.items()
+                               if wanted and USUAL[name][2] == wanted[1]})
 
 
 def quantity(text: object, dimension: str) -> float:
@@ -222,6 +237,11 @@ def quantity(text: object, dimension: str) -> float:
     if match is None:
         raise InputError(allowed, given=text)
     number, unit = match.groups()
+    if comma := _COMMA.fullmatch(text):
+        whole, rest, unit = comma.groups()
+        either = f' or "{whole}{rest}{unit}"' if len(rest) == 3 else ""  # thousands
+        raise InputError(f'must have a decimal point, no comma: "{whole}.{rest}{unit}"{either}',
+                         given=text)
     if not unit:
         raise InputError(f"has no unit: {allowed}", given=text)
     value = float(number) * _si_value(unit, dimension, allowed, text)

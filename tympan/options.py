@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import re
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -20,6 +21,9 @@ if TYPE_CHECKING:
     from tympan.fem.rig import Rig
     from tympan.geometry.specimen import Specimen
     from tympan.studies.case import Case, Settings
+
+#: Commas between quantities. One between digits is a decimal comma, of which the message says so.
+_COMMAS = re.compile(r",(?!\d)|(?<!\d),")
 
 #: Adds one argument, or several of which one may be given, to a command's parser.
 Argument: TypeAlias = Callable[[argparse._ActionsContainer], object]
@@ -238,7 +242,7 @@ def parse_quantity(text: str, dimension: str, option: str) -> float:
 
 def parse_quantities(text: str, dimension: str, option: str) -> tuple[float, ...]:
     """Quantities given to an option with commas between them [SI]; none of no text."""
-    return tuple(parse_quantity(part, dimension, option) for part in text.split(",") if text)
+    return tuple(parse_quantity(part, dimension, option) for part in _COMMAS.split(text) if text)
 
 
 def parse_numbers(text: str | None, option: str) -> tuple[float, ...] | None:

@@ -11,8 +11,10 @@ import pytest
 
 import tympan
 from tests.support.specimens import OVAL, VHB, circular, specimen_toml
+from tympan.cli import main
 from tympan.fem.film.library import load_specimen
 from tympan.geometry.errors import InputError
+from tympan.options import parse_quantities
 
 AXES = 'semi_axes = ["6 cm", "4.5 cm"]'
 
@@ -32,6 +34,10 @@ AXES = 'semi_axes = ["6 cm", "4.5 cm"]'
     ('"ellipse"', '"oval"', "; did you mean 'ellipse'?"),
     ('"ellipse"', '"square"', "; did you mean 'rounded_rectangle'?"),
     ('"vhb-4910"', '"vhb4910"', "; did you mean 'vhb-4910'?"),
+    ('"vhb-4910"', '"VHB 4910"', "; did you mean 'vhb-4910'?"),
+    ('"vhb-4910"', '"VHB 4905"', "; did you mean 'vhb-4905'?"),
+    ('radius = "1 cm"', 'radius = "1,5 cm"',
+     'radius: given \'1,5 cm\': must have a decimal point, no comma: "1.5 cm"'),
     ("relative_permittivity", "permittivity",
      "membrane.permittivity: unknown key: did you mean 'relative_permittivity' (ε_r of the mounte"),
     (AXES, f'{AXES}\nname = "x"',
@@ -45,6 +51,39 @@ def test_a_key_is_asked_about(tmp_path: Path, old: str, new: str, words: str) ->
         load_specimen(file)
     assert str(wrong.value).startswith(f"{file}: ")
     assert words in str(wrong.value)
+
+
+@pytest.mark.parametrize(("option", "given", "words"), [
+    ("--voltage", "3 KV", "unknown unit: did you mean 'kV'? must be a voltage"),
+    ("--voltage", "3 xyz", "unknown unit: must be a voltage"),
+    ("--mass", "20 gramm", "unknown unit: did you mean 'g'? must be a mass"),
+    ("--mass", "20 Kg", "unknown unit: did you mean 'kg'? must be a mass"),
+    ("--voltage", "3,5 kV", 'must have a decimal point, no comma: "3.5 kV"'),
+    ("--voltage", "1,000 V", 'must have a decimal point, no comma: "1.000 V" or "1000 V"'),
+    ("--voltage", "1,000,5 V", "unknown unit: must be a voltage"),
+])
+def test_a_unit_or_a_decimal_comma_is_asked_about(tmp_path: Path, option: str, given: str,
+                                                  words: str,
+                                                  capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "oval.toml").write_text(specimen_toml())
+    assert main(["solve", str(tmp_path / "oval.toml"), "--mass", "20 g", option, given]) == 2
+    assert words in capsys.readouterr().err
+
+
+def test_quantities_without_blanks_between_are_read() -> None:
+    assert parse_quantities("0 kV,3.5 kV, 4 kV", "voltage", "--voltage") == (0, 3500, 4000)
+    with pytest.raises(InputError, match=r'no comma: "3\.5 kV"'):
+        parse_quantities("0 kV, 3,5 kV", "voltage", "--voltage")
+
+
+def test_a_missing_file_is_looked_for_in_its_folder(tmp_path: Path) -> None:
+    (tmp_path / "oval.toml").write_text(specimen_toml())
+    (tmp_path / "ovl.csv").touch()
+    for name, words in (("ovl.toml", "; did you mean 'oval.toml'?"), ("rigid.toml", "directory"),
+                        ("none/oval.toml", "directory")):
+        with pytest.raises(InputError) as wrong:
+            load_specimen(tmp_path / name)
+        assert str(wrong.value).endswith(words)
 
 
 RECTANGLE = 'shape = "rounded_rectangle"\ncorner_radius = "1 cm"\n'

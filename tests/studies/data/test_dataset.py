@@ -177,7 +177,8 @@ STATIC_MESSAGES = [
     ("specimen,mass_mm\n",
      "column 2: given 'mass_mm': wrong dimension: must be a unit of mass, such as g"),
     ("specimen,voltage_kVolts\n",
-     "column 2: given 'voltage_kVolts': unknown unit: must be a unit of voltage"),
+     "column 2: given 'voltage_kVolts': unknown unit: did you mean 'kV'? "
+     "must be a unit of voltage"),
     ("specimen,mass_g,mass_g\n", "column 3: given 'mass_g': is there twice"),
     ("specimen,mass_g,mass_kg\n", "column 3: given 'mass_kg': one column of mass only"),
     ("specimen,mass_g,\n", "line 1, column 3: given '': must have a name"),
