@@ -224,13 +224,15 @@ class Arguments:
     """The arguments of a function as a message knows them.
 
     ``positional`` may be given without a name, ``names`` are all, ``needed`` those without a
-    default; ``known`` has the names, and what people write instead of them, as messages spell them.
+    default; ``known`` has the names, and what people write instead of them, as messages spell them;
+    ``meanings`` those of fields.
     """
 
     positional: tuple[str, ...]
     names: tuple[str, ...]
     needed: tuple[str, ...]
     known: Mapping[str, str]
+    meanings: Mapping[str, str]
     many: bool = False
 
     @classmethod
@@ -250,6 +252,8 @@ class Arguments:
         return cls(tuple(item.name for item in single if item.kind is not item.KEYWORD_ONLY), names,
                    tuple(item.name for item in single if item.default is item.empty),
                    also | {name: repr(name) for name in names},
+                   {} if declared is None else {
+                       item.name: item.says.meaning for item in fields_of(declared)},
                    any(item.kind is item.VAR_POSITIONAL for item in listed))
 
     def named(self, values: Sequence[Any], named: Mapping[str, Any]) -> Content:
@@ -272,7 +276,8 @@ class Arguments:
         """Refuse what lacks one of these names."""
         for name in names:
             if name not in given:
-                raise InputError("is missing", key=name)
+                meaning = self.meanings.get(name)
+                raise InputError("is missing" + f" ({meaning})" * bool(meaning), key=name)
 
 
 def names_arguments(more: Any = None) -> Callable[[F], F]:

@@ -239,6 +239,13 @@ class Film:
         return self.prestretch[0] * self.prestretch[1]
 
     @property
+    def slack(self) -> bool:
+        """Whether the prestretch compresses the film so that it is slack before it is loaded."""
+        first, second = map(np.atleast_1d, sorted(self.prestretch, reverse=True))
+        pulls = np.array(self.material.derivatives(first, second)[1:3])
+        return min(self.prestretch) < 1 and bool((pulls < 0).any())
+
+    @property
     def volume_per_area(self) -> float:
         """Virgin volume of all layers per mounted area [m]: by this a stack is n films."""
         return self.layers * (self.thickness / self.area_prestretch)
@@ -427,6 +434,15 @@ class Specimen:
                              "modes, sensitivity, sweep, draw and export", key="plate",
                              given=f"none in {self.name}")
         return self.plate
+
+    @property
+    def sharp_corners(self) -> NDArray[np.float64]:
+        """Corners of plate and frame that point into the film, shape (n, 2) [m]."""
+        corners = [self.frame.curve.sharp_corners(outwards=False)]
+        if self.plate is not None:
+            corners.append(self.plate.outline.curve.sharp_corners(outwards=True)
+                           + np.real(self.plate.offset))
+        return np.vstack(corners)
 
     @property
     def gap(self) -> float:

@@ -39,7 +39,7 @@ class Table:
     """One TOML table while it is read, its dotted path, and the keys asked for so far.
 
     ``known`` has the keys it may hold by all words that people write for them, with what the key
-    holds where the word is another one.
+    holds where the word is another one; ``meanings`` what each key holds.
 
     A quantity is a text with a unit; in a ``plain`` table an SI number under a key that ends with
     the unit, ``radius_m``. All are answered in SI. ``above``: the table it stands in.
@@ -51,6 +51,7 @@ class Table:
     plain: bool = False
     asked: set[str] = field(default_factory=set)
     known: dict[str, tuple[str, str]] = field(default_factory=dict)
+    meanings: dict[str, str] = field(default_factory=dict)
     above: Table | None = None
 
     @classmethod
@@ -81,6 +82,7 @@ class Table:
 
     def knows(self, key: str, also: Sequence[str] = (), meaning: str = "") -> None:
         """Let messages offer a key where a word near it, or near one of ``also``, is written."""
+        self.meanings[key] = meaning
         self.known = dict.fromkeys(also, (key, meaning)) | self.known | {key: (key, "")}
 
     def __contains__(self, key: str) -> bool:
@@ -92,7 +94,9 @@ class Table:
         if key in self.data:
             return self.data[key]
         if default is MISSING:
-            raise self.error(key, f"is missing{self._instead(key)}")
+            meaning = self.meanings.get(key)
+            raise self.error(key, "is missing" + (
+                self._instead(key) or f" ({meaning})" * bool(meaning)))
         return default
 
     def _instead(self, key: str) -> str:

@@ -230,6 +230,8 @@ class Limit:
     y_m: Annotated[float, Key("y of the same place")]
     spread: Annotated[float, Key("how far the voltage may be off, relative")] = 0.0
     at_edge: Annotated[bool, Key("whether it begins at the edge of an electrode")] = False
+    at_corner: Annotated[bool, Key("whether it begins at a sharp corner, where the film's stress "
+                                   "and field grow with every refinement of the mesh")] = False
 
     @property
     def state(self) -> LimitState:
@@ -240,7 +242,17 @@ class Limit:
     @property
     def place(self) -> str:
         """Place where it begins, in millimetres."""
-        return place_text(self.x_m, self.y_m) + ", the electrode's edge" * self.at_edge
+        return (place_text(self.x_m, self.y_m) + ", the electrode's edge" * self.at_edge
+                + ", a sharp corner" * self.at_corner)
+
+    @property
+    def advice(self) -> str | None:
+        """Advice to make it more certain; None where it is certain enough."""
+        if self.at_corner:
+            return ("the finer the mesh, the lower this voltage: round the corner, with `fillet` "
+                    "or `corner_radius`")
+        return None if self.resolved else (
+            "the mesh hardly resolves this: divide its elements further, with a larger --refine")
 
     @property
     def text(self) -> str:

@@ -69,6 +69,8 @@ _THINS = "followed until the film, wrinkled, thins without bound"
 
 #: Difference of two deflections, relative to the frame, that are one.
 _SAME = 1e-6
+#: Distance of a node from a corner, relative to the frame, that is at it: rounding of the mesher.
+_AT_CORNER = 1e-6
 
 #: Elements on one side of an electrode's edge err alike and show a part of an error alone.
 #: Where a wrinkled film ends there, it was up to 1.47 times as much (six meshes, three masses).
@@ -468,6 +470,19 @@ class Stop:
         mesh = self.model.discretisation
         node = mesh.connectivity.ravel()[np.argmin(state.field(self))]
         return bool((mesh.electrode_edge.every == node).any())
+
+    def at_sharp_corner(self, state: LimitState) -> bool:
+        """Whether a limit state begins in an element at a corner where the film is singular.
+
+        Not one that depends on the whole film, which such a corner changes little.
+        """
+        if not any(sign.local for sign in state.signs):
+            return False
+        mesh, specimen = self.model.discretisation, self.model.specimen
+        element = int(np.argmin(state.field(self))) // mesh.connectivity.shape[1]
+        nodes = mesh.reference[mesh.connectivity[element], None, :2]
+        away = np.linalg.norm(nodes - specimen.sharp_corners, axis=-1)
+        return bool((away < _AT_CORNER * max(specimen.frame.semi_axes)).any())
 
     def missed(self, state: LimitState, sign: Sign) -> float:
         """Error of a limit state's number for the mesh, in its own unit.

@@ -200,16 +200,15 @@ def lawful(film: Film, l1: Any, l2: Any, derivatives: tuple[Any, ...]) -> NDArra
 
 
 def beyond_range(film: Film, position: Array, l1: Array, l2: Array) -> list[str]:
-    """Stretches visited outside the range of the film's law, in a sentence; none where it has none.
+    """Stretches visited outside the range of the film's law, in a sentence.
 
-    Thickness counts as well as the plane, unless no test could have had such a range of all three:
-    a strip stretched to the upper end is already thinner than the lower one.
+    Of a law without a range, those in the plane at which any film tears. Thickness counts as well
+    as the plane, unless no test could have had such a range of all three: a strip stretched to the
+    upper end is already thinner than the lower one.
     """
-    if film.law_range is None:
-        return []
-    low, high = film.law_range
+    low, high = film.law_range or (0.0, STRETCH_RANGE[1])
     visited = {"a stretch in its plane": np.concatenate([l1, l2])}
-    if low <= _ROUNDED * high**-0.5:
+    if film.law_range is not None and low <= _ROUNDED * high**-0.5:
         visited["a thickness stretch"] = 1 / (l1 * l2)
     parts = []
     for name, stretch in visited.items():
@@ -220,8 +219,11 @@ def beyond_range(film: Film, position: Array, l1: Array, l2: Array) -> list[str]
                 parts.append(f"{name} of {stretch[end]:.3g} at {place}")
     if not parts:
         return []
-    return [f"the film's law is used outside its range {low:.3g} to {high:.3g}: the film visits "
-            f"{' and '.join(parts)}; what it says there was not tested"]
+    visits = f"the film visits {' and '.join(parts)}"
+    if film.law_range is None:
+        return [f"{visits}, beyond {high:.3g}, to which laws are tested: a real film tears before"]
+    return [f"the film's law is used outside its range {low:.3g} to {high:.3g}: {visits}; what it "
+            "says there was not tested"]
 
 
 def _derivatives(material: Material, l1: Any, l2: Any) -> tuple[Array, Array, tuple[Array, ...]]:

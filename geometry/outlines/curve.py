@@ -30,6 +30,9 @@ _MANY = 64
 _AT_END = 1e-12
 #: Turn of direction that is a corner [rad].
 _SHARP = 1e-6
+#: Turn of direction from which on a film's stress at the corner is worth a word [rad]. Smaller ones
+#: are those of circles drawn as polygons, of 30 sides and more.
+_BLUNT = 0.21
 
 
 @dataclass(frozen=True)
@@ -160,6 +163,11 @@ class Curve:
     def starts(self) -> Array:
         """First points of the pieces, shape (pieces, 2) [m]."""
         return np.vstack([piece.at(np.zeros(1))[0] for piece in self.pieces])
+
+    def sharp_corners(self, outwards: bool) -> Array:
+        """Corners that point outwards, or inwards, by a turn that is worth a word, shape (n, 2)."""
+        turns = self.turns() if outwards else -self.turns()
+        return self.starts.real[turns > _BLUNT]
 
     def turns(self) -> Array:
         """Angle by which the direction turns at the start of every piece [rad]."""

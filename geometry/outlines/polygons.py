@@ -50,8 +50,8 @@ class RoundedRectangle(Outline):
     shape: ClassVar[str] = "rounded_rectangle"
     also: ClassVar[tuple[str, ...]] = ("rectangle", "square", "box")
     semi_axes: Annotated[tuple[float, float], replace(SEMI_AXES, doubled=("width", "height"))]
-    corner_radius: Annotated[float, Key("of the corners; 0 leaves them sharp", "length", _ROUNDING,
-                                        also=("radius", "fillet"))]
+    corner_radius: Annotated[float, Key('of the corners; "0 mm" leaves them sharp', "length",
+                                        _ROUNDING, also=("radius", "fillet"))]
 
     def __post_init__(self) -> None:
         if np.real(self.corner_radius) > min(np.real(self.semi_axes)) * (1 + 1e-12):

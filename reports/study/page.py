@@ -201,8 +201,9 @@ def curve_warnings(name: str, curve: VoltageCurve) -> Iterator[str]:
     if unsolved:
         yield _say("no_result", name, curve.mass, unsolved)
     for limit in curve.limits.told:
-        if not limit.resolved:
-            yield _say("unresolved", name, curve.mass, limit.state.sentence.format(limit.text))
+        if limit.advice:
+            yield _say("unresolved", name, curve.mass, limit.state.sentence.format(limit.text),
+                       limit.advice)
     if curve.limits.end is None and curve.limits.instability is None:
         yield _say("ended", name, curve.mass, curve.limits.ended)
 

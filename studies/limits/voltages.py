@@ -104,13 +104,24 @@ class Rise:
 
     @property
     def warnings(self) -> list[str]:
-        """Warnings of stretches that the film visits on its way and its law is not meant for."""
-        if not self.stops:
+        """Warnings of stretches that the film visits on its way and its law is not meant for.
+
+        With the voltage from which on it does, where it does not so without voltage. That a film
+        tears is said of what comes before its first limit.
+        """
+        film = self.model.specimen.membrane
+        visits = [(stop.fields.position, stop.fields.stretch_1, stop.fields.stretch_2)
+                  for stop in self.stops]
+        begins = next((case.voltage for case, visited in zip(self.cases, visits, strict=True)
+                       if beyond_range(film, *visited)), None)
+        if begins is None:
             return []
-        fields = [stop.fields for stop in self.stops]
-        position, first, second = (np.concatenate([getattr(part, name) for part in fields])
-                                   for name in ("position", "stretch_1", "stretch_2"))
-        return beyond_range(self.model.specimen.membrane, position, first, second)
+        beyond = self.limits.beyond(begins)
+        if beyond and film.law_range is None:
+            return []
+        where = f" (from {begins / 1e3:.3g} kV on{', beyond the limit' if beyond else ''})"
+        return [warning + where * (begins > 0)
+                for warning in beyond_range(film, *map(np.concatenate, zip(*visits, strict=True)))]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -413,9 +424,10 @@ def _limit(case: Case, stop: Stop) -> Limit:
     """The limit at a stop where one is passed."""
     assert stop.event is not None
     kind = _KINDS[stop.event.what]
+    state = LIMIT_STATES[kind]
     return Limit(kind=kind, voltage_V=_nominal(case, stop.station.voltage_V), x_m=stop.event.x_m,
                  y_m=stop.event.y_m, spread=stop.event.spread,
-                 at_edge=stop.on_electrode_edge(LIMIT_STATES[kind]))
+                 at_edge=stop.on_electrode_edge(state), at_corner=stop.at_sharp_corner(state))
 
 
 def _same(first: Limit, second: Limit) -> bool:

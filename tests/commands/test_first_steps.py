@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shlex
 import shutil
 import subprocess
@@ -87,6 +88,15 @@ def test_a_drawing_has_the_specimen_s_sizes(oval: str, capsys) -> None:
     text = Path("drawing/oval-specimen.svg").read_text(encoding="utf-8")
     for words in ("frame 120 mm", ">90 mm", "plate 20 mm", "200 µm mounted", "gap 35 mm"):
         assert words in text
+
+
+def test_a_drawing_warns_of_a_film_that_is_mounted_slack(oval: str, capsys) -> None:
+    """Compressed along one axis it may still be tense, pulled by the other."""
+    text = Path(oval).read_text(encoding="utf-8")
+    for prestretch, slack in (("0.8", True), ("[1.5, 0.9]", False), ("[1.1, 0.9]", True)):
+        Path(oval).write_text(re.sub("prestretch = .*", f"prestretch = {prestretch}", text))
+        assert main(["draw", oval, "-o", "drawing"]) == 0
+        assert ("slack before it is loaded" in capsys.readouterr().out) == slack
 
 
 def test_a_drawing_shades_what_the_electrode_covers(oval: str) -> None:

@@ -89,10 +89,10 @@ def test_a_missing_file_is_looked_for_in_its_folder(tmp_path: Path) -> None:
 RECTANGLE = 'shape = "rounded_rectangle"\ncorner_radius = "1 cm"\n'
 
 
-def rectangle(folder: Path, sizes: str) -> tympan.RoundedRectangle:
+def rectangle(folder: Path, sizes: str, first: str = RECTANGLE) -> tympan.RoundedRectangle:
     """The frame of a specimen file that gives the sizes of a rectangle so."""
     file = folder / "rectangle.toml"
-    file.write_text(specimen_toml().replace(OVAL, RECTANGLE + sizes))
+    file.write_text(specimen_toml().replace(OVAL, first + sizes))
     frame: tympan.RoundedRectangle = load_specimen(file).frame
     return frame
 
@@ -129,8 +129,15 @@ def test_half_a_width_must_be_a_size(tmp_path: Path) -> None:
 def test_what_is_far_from_any_key_is_not_guessed(tmp_path: Path) -> None:
     file = tmp_path / "oval.toml"
     file.write_text(specimen_toml().replace(OVAL, 'shape = "ellipse"\ncolour = "red"'))
-    with pytest.raises(InputError, match=r"frame.semi_axes: is missing$"):
+    with pytest.raises(InputError, match=r"frame.semi_axes: is missing \(half extents [^?]*\)$"):
         load_specimen(file)
+
+
+def test_a_missing_key_says_what_it_holds(tmp_path: Path) -> None:
+    for ask in (lambda: rectangle(tmp_path, AXES, 'shape = "rounded_rectangle"\n'),
+                lambda: tympan.RoundedRectangle(width="6 cm", height="6 cm")):
+        with pytest.raises(InputError, match=r'corner_radius: is missing .*"0 mm" leaves them sh'):
+            ask()
 
 
 def film(**values: object) -> tympan.Film:

@@ -413,7 +413,7 @@ def test_limits_that_are_not_sure_and_curves_without_an_end_are_warned_of(
     texts = list(html.curve_warnings("a", replace(stored.specimens[0].curves[0], limits=rough)))
     assert texts == [
         "a: under 17.9 g the film loses tension from 6 kV ± 30 % on; the mesh hardly resolves "
-        "this: divide its elements, --refine 2",
+        "this: divide its elements further, with a larger --refine",
         "a: under 17.9 g the film was not followed further"]
 
 

@@ -14,16 +14,16 @@ from tests.oracles.laws import gent
 from tests.oracles.unstable import slack_voltage
 from tests.support.specimens import ROOT5, circular, elliptical
 from tympan.fem.film.laws import Gent, NeoHooke
-from tympan.fem.film.library import MATERIALS
+from tympan.fem.film.library import MATERIALS, library_strength
 from tympan.fem.rig import Rig
 from tympan.geometry.errors import InputError
 from tympan.geometry.mesher import MeshSettings
-from tympan.geometry.outlines import Circle, Ellipse, RoundedRectangle
+from tympan.geometry.outlines import Circle, Ellipse, Polygon, RegularPolygon, RoundedRectangle
 from tympan.geometry.specimen import Electrode, Film, Plate, Region, Specimen
 from tympan.studies.alpha import AlphaSettings, LoadGrid, alpha
 from tympan.studies.case import Case, CaseResult, Settings, solve
 from tympan.studies.files import from_json
-from tympan.studies.limits import Limits, curve, limits, solve_within
+from tympan.studies.limits import Limits, curve, limits, rise, solve_within
 from tympan.studies.limits.loads import charged, usual_masses, usual_voltages
 from tympan.studies.path import path
 
@@ -283,3 +283,36 @@ def test_a_curve_says_at_which_mass_and_voltage_it_is() -> None:
     said: list[str] = []
     curve(SOFT, [17.9e-3], COARSE, voltages=[1000.0, 2000.0, 30e3], progress=said.append)
     assert said == [f"circle: 17.9 g{at}" for at in ("", ", 1 kV", ", 2 kV", ", 30 kV")]
+
+
+def test_a_limit_at_a_sharp_corner_asks_for_a_fillet_and_no_finer_mesh() -> None:
+    """The film's range ends beyond the first limit, so its warning has a voltage."""
+    sheet = Film(100e-6, (1.2, 1.2), MATERIALS["elastosil-2030"].material, 2.8,
+                 strength=library_strength(MATERIALS["elastosil-2030"].breakdown),
+                 law_range=(0.3, 1.5))
+    frame = RoundedRectangle((30e-3, 30e-3), 0.0)
+    found = {}
+    for fillet in (0.0, 1e-3):
+        plate = Plate(RegularPolygon(6, 8e-3, fillet), (1e-3, 0.0))
+        specimen = Specimen("hexagon", frame, plate, sheet)
+        found[fillet] = rise(Case(specimen, mass=20e-3), COARSE)
+        assert len(specimen.sharp_corners) == (6 if fillet == 0 else 0)
+    sharp, round_ = (risen.limits.breakdown for risen in found.values())
+    assert sharp is not None
+    assert round_ is not None
+    assert "a sharp corner" in sharp.place
+    assert "round the corner" in str(sharp.advice)
+    assert "refine" not in str(sharp.advice)
+    assert not round_.at_corner
+    assert "corner" not in f"{round_.place} {round_.advice}"
+    said, = found[1e-3].warnings
+    volts = float(re.search(r"\(from (\S+) kV on, beyond the limit\)$", said)[1])
+    assert volts * 1e3 > round_.voltage_V
+
+
+def test_corners_are_sharp_where_they_point_into_the_film() -> None:
+    ell = Polygon(((-40e-3, -40e-3), (40e-3, -40e-3), (40e-3, 10e-3), (10e-3, 10e-3),
+                   (10e-3, 40e-3), (-40e-3, 40e-3)))
+    film = SOFT.membrane
+    specimen = Specimen("ell", ell, Plate(RegularPolygon(64, 5e-3), (-15e-3, -15e-3)), film)
+    assert specimen.sharp_corners == pytest.approx(np.array([[10e-3, 10e-3]]))

@@ -80,6 +80,9 @@ def test_solve_and_sweep_warn_of_a_film_beyond_its_law(tmp_path: Path, capsys,
     assert "used outside its range 0.408 to 6" in warned["fitted"]
     assert "a thickness stretch of 0.2 at x" in warned["fitted"]
     assert "range" not in warned["wide"] + warned["plain"]
+    assert main(["solve", "plain.toml", "--mass", "2 kg", "--json"]) == 0
+    torn, = json.loads(capsys.readouterr().out)["warnings"]
+    assert "beyond 6, to which laws are tested: a real film tears before" in torn
     assert main(["limits", "fitted.toml", "--mass", "5 g", "--json"]) == 0
     said, = json.loads(capsys.readouterr().out)["warnings"]
     assert "used outside its range 0.408 to 6" in said
