@@ -38,6 +38,15 @@ from tympan.studies.sweep.table import frame
 from tympan.studies.tolerance.result import ToleranceResult
 from tympan.studies.trace import Responses
 
+#: Rows of a table that are shown.
+_ROWS = 12
+#: Columns of a table that are printed: as many as a terminal is wide.
+_COLUMNS = 8
+#: Letters of a cell that are printed.
+_LETTERS = 60
+#: How numbers are shown.
+_DIGITS = "{:.6g}".format
+
 
 def labelled(values: Mapping[str, NDArray[np.float64]], along: str,
              **places: NDArray[np.float64]) -> xr.Dataset:
@@ -102,14 +111,25 @@ def _units(name: str) -> dict[str, str]:
 
 def html(result: object) -> str:
     """Table of names, values and units; columns of several rows have their unit in their name."""
-    rows, digits = table(result), "{:.6g}".format
+    rows, most = _shown(result)
+    return str(rows.to_html(index=False, max_rows=most, border=0, na_rep="", float_format=_DIGITS))
+
+
+def text(result: object) -> str:
+    """Table of names, values and units for a terminal; the middle of a wide one is left out."""
+    rows, most = _shown(result)
+    return str(rows.to_string(index=False, max_rows=most, max_cols=_COLUMNS, na_rep="",
+                              max_colwidth=_LETTERS, float_format=_DIGITS))
+
+
+def _shown(result: object) -> tuple[pd.DataFrame, int | None]:
+    """Table to show of a result, and most rows of it; None for all."""
+    rows = table(result)
     if len(rows) != 1:
-        return str(rows.to_html(index=False, max_rows=12, border=0, na_rep="",
-                                float_format=digits))
+        return rows, _ROWS
     row = pd.json_normalize(rows.to_dict("records")).iloc[0].dropna()
-    listed = pd.DataFrame([(name, value, unit_of(str(name)) or "") for name, value in row.items()],
-                          columns=["name", "value", "unit"])
-    return str(listed.to_html(index=False, border=0, float_format=digits))
+    return pd.DataFrame([(name, value, unit_of(str(name)) or "") for name, value in row.items()],
+                        columns=["name", "value", "unit"]), None
 
 
 @singledispatch

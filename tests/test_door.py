@@ -657,5 +657,14 @@ def test_notebooks_and_datasets_have_units(solved: tympan.Result[CaseResult]) ->
     for voltage, curve in zip((0.0, 2e3), pushed.curves, strict=True):
         assert curves["force_N"].sel(voltage_V=voltage).values == pytest.approx(curve.force_N)
     assert "<th>displacement_m</th>" in pushed._repr_html_()
+    # What is printed is the same table, cut.
+    lines = [line.split() for line in str(solved).splitlines()]
+    assert lines[0] == ["CaseResult"]
+    assert ["deflection_m", f"{solved.deflection_m:.6g}", "m"] in lines
+    assert "displacement_m" in repr(pushed)
+    many = tympan.Result(replace(pushed.numbers, curves=100 * pushed.curves))
+    assert len(many.to_pandas()) == 600
+    assert len(str(many).splitlines()) < 20
+    assert max(map(len, str(many).splitlines())) <= 120
     linear = tympan.sensitivity(circular(), "heave", settings=COARSE, mass="17.9 g").to_xarray()
     assert set(linear.dims) == {"quantity", "parameter"}

@@ -80,6 +80,12 @@ class Result(Generic[Numbers]):
 
         return plot(self.numbers, target, **choices)
 
+    def __repr__(self) -> str:
+        """Table of a notebook as text."""
+        from tympan.reports.tables import text
+
+        return f"{type(self.numbers).__name__}\n{text(self.numbers)}"
+
     def _repr_html_(self) -> str:
         """Table of names, values and units for a notebook, with the picture where there is one.
 
