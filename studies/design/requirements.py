@@ -11,7 +11,7 @@ from typing import Any, Self
 
 from tympan.fem.film.library import library_material, load_specimen
 from tympan.fem.rig import MOST_MASS, MOST_VOLTAGE, Rig
-from tympan.geometry.fields import checks_types, field_at, read
+from tympan.geometry.fields import checks_types, field_at, fields_of, read
 from tympan.geometry.outlines import area, perimeter
 from tympan.geometry.paths import at
 from tympan.geometry.specimen import Specimen, require_different_names
@@ -247,13 +247,22 @@ def _variables(table: Table, specimens: tuple[Specimen, ...], exact: bool
         raise table.error("vary", f"must name at least one of {', '.join(sorted(known))}")
     for key, given in inner.data.items():
         if key not in known:
-            raise inner.error(key, one_of(key, known), given)
+            instead = next((words[key] for words in map(_halves, specimens) if key in words), "")
+            raise inner.error(key, instead + one_of(key, known), given)
         for specimen in specimens:
             if key in keys[specimen.name]:
                 found[specimen.name].append(
                     _varied(inner, key, keys[specimen.name][key], specimen, exact))
     inner.done()
     return {name: tuple(several) for name, several in found.items()}
+
+
+def _halves(specimen: Specimen) -> dict[str, str]:
+    """Advice by words of files for twice a number, such as the width of a frame."""
+    parts = {"frame": specimen.frame, "plate": specimen.plate and specimen.plate.outline}
+    return {f"{part}.{word}": f"write {part}.{each.key}.{number} and half of these lengths; "
+            for part, outline in parts.items() if outline is not None
+            for each in fields_of(type(outline)) for number, word in enumerate(each.says.doubled)}
 
 
 def _varied(table: Table, key: str, names: tuple[str, ...], specimen: Specimen, exact: bool

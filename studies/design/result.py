@@ -25,6 +25,10 @@ from tympan.studies.files import (
 )
 from tympan.studies.tolerance.result import Chance
 
+#: Relative difference from a bound that is none: reduced films, by which is searched, and finite
+#: elements differ by less.
+_NEAR = 1e-3
+
 #: Whether a film keeps all bounds.
 DesignStatus = Literal["met", "impossible"]
 
@@ -64,6 +68,15 @@ class DesignedQuantity:
     attainable: Annotated[float | None, Key(
         "best value that keeps all other bounds, where a bound that binds cannot be kept [SI]; "
         "none elsewhere, or where the others cannot be kept either")] = None
+
+    @property
+    def missed(self) -> bool:
+        """Whether the bound is not kept by what the films reach, or by the film without scatter."""
+        judged = self.value if self.reached is None else self.reached
+        if judged is None or self.bound is None:
+            return False
+        beyond = judged - self.bound if self.sense == "at most" else self.bound - judged
+        return beyond > _NEAR * abs(self.bound)
 
 
 @dataclass(frozen=True, kw_only=True)

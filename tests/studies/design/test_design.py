@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+from dataclasses import replace
 from functools import cache
 from math import pi
 from pathlib import Path
@@ -204,6 +205,12 @@ def test_what_cannot_be_met_says_which_bound_binds_and_what_can_be(tmp_path: Pat
     assert result.status == film.status == "impossible"
     assert film.aim < 0
     assert {each.name for each in film.binding} >= {"stroke", "frequency"}
+    assert {each.name for each in film.quantities if each.missed} == {"stroke", "frequency"}
+    for sense in ("at least", "at most"):
+        for share in (0.99, 0.9995, 1.0005, 1.01):
+            stroke_ = replace(film.quantity("stroke"), sense=sense)
+            beside = replace(stroke_, bound=share * stroke_.value)
+            assert beside.missed == (share == (1.01 if sense == "at least" else 0.99))
     attainable = film.quantity("stroke").attainable
     assert attainable < 0.4e-3
     for share, status in ((0.99, "met"), (1.01, "impossible")):
@@ -315,6 +322,14 @@ def test_what_finite_elements_do_not_search_is_one_message(tmp_path: Path, text:
     with pytest.raises(InputError, match=rf"wanted\.toml: {message}"):
         requirements(tmp_path, f'{text}\n[vary]\n"plate.radius" = ["9 mm", "2 cm"]',
                      loads='mass = "17.9 g"\nvoltage = "4 kV"\nsearch = "finite elements"')
+
+
+def test_a_width_that_varies_is_told_the_half_that_may(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"vary\.frame\.height: .*write frame\.semi_axes\.1 and "
+                                         r"half of these lengths; must be one of"):
+        requirements(tmp_path, '[want]\nstroke = "2 mm"\n[vary]\n"frame.height" = ["6 cm", "8 cm"]',
+                     frame='shape = "rounded_rectangle"\nwidth = "9 cm"\nheight = "9 cm"\n'
+                           'corner_radius = "1 cm"')
 
 
 @pytest.mark.parametrize(("text", "message"), [
