@@ -1,8 +1,11 @@
 """The voltages at which many films of a family first meet a limit, and which.
 
-As U² rises, the least tension, the square of the plate's stiffness and what the largest field
+As U² rises, the least tension, the square of the film's least stiffness and what the largest field
 leaves of the strength fall smoothly, to 0 at a loss of tension, at pull-in, at breakdown. So each
 limit is foreseen from the last three states, and the next state is taken most of the way to it.
+
+At a pull-in U² has its maximum. Near it a film moves with the root of what U² lacks of that, and so
+do the other margins: they fall ever faster, but need not reach 0.
 """
 
 from __future__ import annotations
@@ -20,6 +23,8 @@ Array = NDArray[Any]
 
 #: What is met, in the order of the margins; a film that gives way in itself has no margin.
 KINDS: tuple[LimitKind, ...] = ("tension", "pull_in", "breakdown", "instability")
+
+_PULL_IN = KINDS.index("pull_in")
 
 #: Part of the range of U² of the first state above the lowest.
 _FIRST = 0.25
@@ -63,7 +68,7 @@ def first_limits(find: Find, count: int, low: float, high: float) -> FirstLimits
     some = np.flatnonzero((start.values > 0).all(1) & start.firm)
     voltage, kind = np.full(count, np.nan), np.zeros(count, dtype=np.int64)
     below, beyond = np.full(count, low), np.full(count, np.inf)
-    gives_way = np.zeros(count, dtype=bool)
+    gives_way, met = np.zeros(count, dtype=bool), np.zeros(count, dtype=np.int64)
     # U², margins and states of the last three that there are, the last one first.
     x = np.full((3, count), low)
     margins, q = np.array([start.values] * 3), np.array([start.q] * 3)
@@ -77,12 +82,13 @@ def first_limits(find: Find, count: int, low: float, high: float) -> FirstLimits
         gives_way[some] = sound & ~found.firm
         sound &= found.firm
         below[some[sound]], beyond[some[~sound]] = tried[some[sound]], tried[some[~sound]]
+        met[some[~sound]] = np.where(there, found.values.argmin(1), _PULL_IN)[~sound]
         ahead = _ahead(x[:, some], margins[:, some])
         foreseen = x[0, some] + ahead.min(1)
         # What is met before it was foreseen is between two states.
         inside = (foreseen > below[some]) & (foreseen < beyond[some])
         middle = np.where(np.isfinite(beyond[some]), (below[some] + beyond[some]) / 2, high)
-        kind[some] = np.where(gives_way[some], 3, ahead.argmin(1))
+        kind[some] = np.where(gives_way[some], 3, np.where(inside, ahead.argmin(1), met[some]))
         end = np.where(inside, foreseen, middle)
         voltage[some] = np.sqrt(end)
         near = np.where(inside, np.abs(end - x[0, some]), beyond[some] - below[some])
@@ -104,7 +110,19 @@ def _carried(x: Array, q: Array, tried: Array, some: Array) -> Array:
 
 
 def _ahead(x: Array, margins: Array) -> Array:
-    """Distance in U² to where margins are 0, (films, 3), by the parabola of the last three."""
+    """Distance in U² to where margins are 0, (films, 3): infinite beyond a pull-in."""
+    most = _root(x, margins[..., _PULL_IN:_PULL_IN + 1])[:, 0]
+    with np.errstate(all="ignore"):
+        left = np.sqrt(x[0] + most - x)
+        ahead, to_most = _root(np.where(np.isfinite(left), -left, x), margins), left[0, :, None]
+        bent = np.where(ahead < to_most, ahead * (2 * to_most - ahead), np.inf)
+    ahead = np.where(np.isfinite(most)[:, None], bent, ahead)
+    ahead[:, _PULL_IN] = most
+    return ahead
+
+
+def _root(x: Array, margins: Array) -> Array:
+    """Distance in x to where margins are 0, (films, margins), by the parabola of the last three."""
     last, before, first = margins
     with np.errstate(all="ignore"):
         slope = (last - before) / (x[0] - x[1])[:, None]

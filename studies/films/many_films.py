@@ -295,7 +295,7 @@ class Films:
         One tangent serves as long as corrections by it fall fast.
         """
         balance = Balance(guess.copy(), np.zeros(len(guess), dtype=bool),
-                          np.full(len(guess), np.nan))
+                          *np.full((2, len(guess)), np.nan))
         active = np.flatnonzero(np.isfinite(self.few.volumes[films]).all(-1))
         gap = np.broadcast_to(self.gap, len(self))[films]
         for _ in range(ITERATIONS):
@@ -319,6 +319,7 @@ class Films:
             some, pull, stiffness = some[finite], pull[finite], stiffness[finite]
             firm, inverse = _positive(stiffness), np.linalg.inv(stiffness)
             balance.stiffness[some] = 1 / inverse[:, 0, 0]
+            balance.least[some] = 1 / np.linalg.norm(inverse, axis=(1, 2))
             going, before = [], np.full(len(some), np.inf)
             for correction in range(_CHORDS + 1):
                 step = (inverse @ pull[..., None])[..., 0]
@@ -357,7 +358,7 @@ class Films:
                 ) -> Balance:
         """States after loads rose from none, the force first, in so many steps each."""
         q, sound = start, np.ones(len(start), dtype=bool)
-        stiffness = np.full(len(start), np.nan)
+        stiffness, least = np.full((2, len(start)), np.nan)
         for load in range(2):
             for share in np.linspace(0, 1, steps + 1)[1:]:
                 some = np.flatnonzero(sound)
@@ -365,8 +366,8 @@ class Films:
                 step = self.balanced(films[some], force[some] * (1.0 if load else share),
                                      voltages, q[some])
                 q[some], sound[some] = step.q, step.sound
-                stiffness[some] = step.stiffness
-        return Balance(q, sound, stiffness)
+                stiffness[some], least[some] = step.stiffness, step.least
+        return Balance(q, sound, stiffness, least)
 
 
 @dataclass(frozen=True, eq=False)
@@ -412,11 +413,16 @@ class Extremes:
 
 @dataclass(frozen=True, eq=False)
 class Balance:
-    """States q, whether each is a stable equilibrium, and the plate's stiffness there [N/m]."""
+    """States q, whether each is a stable equilibrium, and the plate's stiffness there [N/m].
+
+    ``least``: about the least stiffness against any motion along the shapes [N/m]. It is 0 where a
+    film pulls in; the plate's may jump there, if other parts of the film move.
+    """
 
     q: Array
     sound: NDArray[np.bool_]
     stiffness: Array
+    least: Array
 
 
 @dataclass(frozen=True, eq=False)

@@ -227,8 +227,13 @@ class Reduction:
 
     @classmethod
     def of(cls, snapshots: Sequence[Snapshot], motion_left_out: float = _MOTION_LEFT_OUT,
-           work_left_out: float = _WORK_LEFT_OUT, most: int = _MOST_SHAPES) -> Reduction:
-        """Reduction by snapshots of films that all move so that it leaves out little of these."""
+           work_left_out: float = _WORK_LEFT_OUT, most: int = _MOST_SHAPES,
+           softening: float = 0.0) -> Reduction:
+        """Reduction by snapshots of films that all move so that it leaves out little of these.
+
+        With ``softening`` the points also reproduce what snapshots resist the motion that they
+        resist least, to ``work_left_out`` over ``softening`` of the resistance that is left.
+        """
         motions = [_rigid(shot.model, motion) for shot in snapshots for motion in
                    (shot.state.positions - shot.model.discretisation.reference, *shot.rates)]
         moved, heave = (np.array(part) for part in zip(*motions, strict=True))
@@ -236,6 +241,9 @@ class Reduction:
         shapes = np.tensordot(shares, moved, 1)
         squared = max(shot.state.voltage_squared for shot in snapshots)
         works = np.concatenate([_works(shapes, shot, squared) for shot in snapshots])
+        if softening:
+            works = np.concatenate([works, *(softening * _softest(shapes, shot, softening)
+                                             for shot in snapshots)])
         return cls(shapes, *_cubature(works, work_left_out))
 
     def film(self, model: Model) -> ReducedFilm:
@@ -319,6 +327,35 @@ def _works(shapes: Array, snapshot: Snapshot, voltage_squared: float) -> Array:
     works *= model.volumes.ravel() * model.discretisation.mirrored
     sizes = np.abs(works).sum(1)
     return np.asarray(works[sizes > 0] / sizes[sizes > 0, None])
+
+
+def _softest(shapes: Array, snapshot: Snapshot, least: float) -> Array:
+    """Forces of each point against the motion that a state resists least, shape (shapes, points).
+
+    Relative to what is left of the resistance: it is small where that of law and tension and that
+    of the voltage nearly cancel, near a pull-in. ``least``: as small as that is looked at.
+    """
+    model = snapshot.model
+    density = model.density(snapshot.state.voltage_squared)(
+        model.cauchy_green(snapshot.state.positions))
+    gradients = _gradients(model, shapes)
+    slope = _slopes(gradients, model.discretisation.deformation(snapshot.state.positions))
+    bent = np.einsum("kip,pij->kjp", slope, np.asarray(density.tangent).reshape(-1, 3, 3))
+    pulled = np.einsum("kpca,pab->kpcb", gradients,
+                       np.asarray(density.stress).reshape(-1, 3)[:, _MATRIX])
+    tangent = np.einsum("kjp,ljp->klp", bent, slope) + np.einsum("kpcb,lpcb->klp", pulled,
+                                                                 gradients)
+    tangent *= model.volumes.ravel()
+    # As parts of what they would be if nothing in them cancelled.
+    sizes = np.sqrt(np.abs(np.einsum("kkp->kp", tangent)).sum(1))
+    tangent /= np.multiply.outer(sizes, sizes)[..., None]
+    resistances, motions = np.linalg.eigh(tangent.sum(2))
+    cancelled = (1 - resistances[0]) / max(resistances[0], least)
+    return np.asarray(cancelled * np.einsum("klp,l->kp", tangent, motions[:, 0]))
+
+
+#: Numbers of the components of S in Voigt form, as a matrix.
+_MATRIX = np.array([[0, 2], [2, 1]])
 
 
 def _stress(model: Model, c: Any, voltage_squared: float = 0.0) -> Array:

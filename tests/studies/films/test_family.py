@@ -128,6 +128,26 @@ def test_limits_are_those_of_finite_elements() -> None:
     assert np.isinf([low.tension, low.pull_in, low.taut]).all()
 
 
+def test_films_that_soften_pull_in_where_finite_elements_do() -> None:
+    """Parts of the film give way beside the plate, which is still stiff, and still in tension."""
+    soft = Specimen("soft", Circle(45e-3), Plate(Circle(11e-3)), replace(
+        OVAL.membrane, material=Ogden((40e3,), (1.6,))))
+    scatter = {"membrane.thickness": (0.95e-3, 1.05e-3), "stiffness": (0.95, 1.05)}
+    films = FilmFamily.around(soft, scatter, (0.15, 0.25), (0.0, 9.5e3),
+                              family=FamilySettings(rounds=2, checks=4))
+    rows, _, _ = drawn(films.box, 3, 4)
+    ends = films.ends(rows, 0.2)
+    assert np.isinf(ends.tension).all()
+    np.testing.assert_array_equal(ends.taut, ends.pull_in)
+    for row, voltage in zip(rows, ends.pull_in[:, 0], strict=True):
+        model = build_model(films.box.member(row), Settings(), Rig().loading)
+        ramp = equilibrium(model, 0.2, 12e3)
+        assert (ramp.status, ramp.kind) == ("no_equilibrium", "pull_in")
+        assert ramp.limit is not None
+        assert voltage == pytest.approx(ramp.limit**0.5, rel=1e-2)
+        assert model.in_tension(equilibrium(model, 0.2, 0.9999 * ramp.limit**0.5).state)
+
+
 def test_many_films_at_once_are_each_alone() -> None:
     """The same forces and stiffness as of the one film that the same reduction makes."""
     films = family(True)
@@ -154,7 +174,8 @@ def test_more_snapshots_are_nearer() -> None:
         return float(np.abs(states.deflection / known.deflection - 1).max())
 
     few, some, many = map(worst, (3, 6, 14))
-    assert few > 3 * some > 3 * many
+    assert few > some
+    assert few > 10 * many
 
 
 def test_beyond_the_box_and_beyond_pull_in_nothing_is_said() -> None:

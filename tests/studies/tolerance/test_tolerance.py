@@ -152,6 +152,18 @@ def test_first_limits_are_those_of_finite_elements(strength: float, kind: str) -
         assert found.voltage[1 + film_number] == pytest.approx(known.voltage_V, rel=3e-3)
 
 
+def test_a_first_limit_that_is_not_that_of_finite_elements_is_told() -> None:
+    drawn, _ = drawn_films()
+    limits = drawn.limits()
+    assert drawn.first is not None
+    assert not any("finite elements" in words for words in limits.warnings)
+    assert drawn.first.voltage_V == pytest.approx(limits.voltage[0], rel=3e-3)
+    for other in (replace(drawn.first, voltage_V=1.02 * drawn.first.voltage_V),
+                  replace(drawn.first, kind="pull_in")):
+        said, *_ = replace(limits, drawn=replace(drawn, first=other)).warnings
+        assert "by finite elements, but the first loss of tension at" in said
+
+
 def exact(drawn: Drawn, film: int) -> dict[str, float]:
     """The quantities of a film by finite elements on a mesh of its own."""
     case = Case(drawn.family.box.member(drawn.rows[film]))
