@@ -115,6 +115,7 @@ def rested(seconds: float) -> float:
 
 
 HOARDING = """
+import mmap
 import resource
 import numpy as np
 from tympan.studies.sweep.cluster import _hoarded
@@ -125,6 +126,9 @@ def faults(_=None):
         np.ones(200_000)
     return resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before
 
+before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt
+mmap.mmap(-1, 1 << 20)[:] = bytes(1 << 20)
+print(resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before)
 faults()
 print(faults())
 _hoarded(lambda _: (faults(), print(faults())), None)
@@ -144,5 +148,7 @@ def test_a_task_keeps_the_memory_it_frees_as_long_as_it_runs() -> None:
     printed = subprocess.run([sys.executable, "-c", HOARDING], env=environment, capture_output=True,
                              text=True,
                              check=True).stdout
-    before, inside, after = map(int, printed.split())
+    fresh, before, inside, after = map(int, printed.split())
+    if not fresh:
+        pytest.skip("the kernel counted no fault of fresh pages")
     assert inside < 0.1 * min(before, after)
