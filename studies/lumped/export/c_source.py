@@ -82,7 +82,7 @@ def even_series(function: Callable[[Floats], Floats], reach: float) -> tuple[Flo
     between = np.cos(np.linspace(0, np.pi, 1000)[1:-1])
     values = of(between)
     for degree in _DEGREES:
-        coefficients: Floats = np.asarray(chebyshev.chebinterpolate(of, degree))  # type: ignore[type-var]
+        coefficients = np.real(chebyshev.Chebyshev.interpolate(of, degree).coef).astype(float)
         misses = np.abs(chebyshev.chebval(between, coefficients) - values)
         error = float(misses.max() / max(np.abs(values).max(), np.finfo(float).tiny))
         if error < TOLERANCE:
