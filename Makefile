@@ -6,7 +6,7 @@ PYTHON ?= $(shell for p in python3.12 python3.13 python3.11 python3; do \
   $$p -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))' 2>/dev/null && echo $$p && break; done)
 OUT ?= out
 
-.PHONY: study check test benchmarks scaling verification robustness spreads films-in-time hidden verdict-cases fuzz hostile drawings signals optimum outlines map lumped-build paper coupons coupon-rubbers external house verdict-pictures page-pictures doc-pictures docs locks clean
+.PHONY: study check test benchmarks scaling verification robustness spreads films-in-time hidden hidden-page verdict-cases fuzz hostile drawings signals optimum outlines map lumped-build paper coupons coupon-rubbers external house verdict-pictures page-pictures doc-pictures docs locks clean
 
 study: .venv/ready
 	.venv/bin/tympan study -o "$(OUT)"
@@ -50,6 +50,10 @@ films-in-time: .venv/dev
 
 hidden: .venv/dev
 	OPENBLAS_NUM_THREADS=1 .venv/bin/python -m benchmarks.trials.hidden_effects --workers 2 --keep hidden-trials.jsonl -o docs/hidden-effects.md
+
+# The pages of the trials that are published, without running one.
+hidden-page: .venv/dev
+	.venv/bin/python -m benchmarks.trials.hidden_effects --minutes 0 --keep benchmarks/trials/hidden-trials.jsonl -o docs/hidden-effects.md
 
 verdict-cases: .venv/dev
 	.venv/bin/python -m benchmarks.trials.verdict_cases

@@ -3,24 +3,29 @@
     python -m benchmarks.trials.hidden_effects [--scale 1] [--seed 2026] [--workers 2] [--keep FILE]
     [--minutes M] [--only POPULATION ...] [--strata NAME=COUNT,...] [-o docs/hidden-effects.md]
 
-Trials that FILE has already are not run again, so that a study may be stopped and taken up. Trials
-of all kinds are mixed, so that one that is stopped after some minutes has its share of each; with 0
-minutes only the pages are written. With --only, trials of these populations alone are run; with
---strata those with more evidence than readings at rest, of these kinds, so many of each. Their page
-is beside the other one, and each is written only if some of its trials were run.
+Trials that FILE has already are not run again, so that a study may be stopped and taken up. Each
+line of FILE has the commit of the program that made it. Trials of all kinds are mixed, so that one
+that is stopped after some minutes has its share of each. With 0 minutes only the pages are written:
+those published are of hidden-trials.jsonl in this folder. With --only, trials of these populations
+alone are run; with --strata those with more evidence than readings at rest, of these kinds, so many
+of each. Their page is beside the other one, and each is written only if some of its trials were
+run.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from math import inf
 from multiprocessing import get_context
 from pathlib import Path
+from typing import Any
 
 from benchmarks.trials.rates.kinds import rates
 from benchmarks.trials.rates.page import draw_power, page
@@ -38,6 +43,9 @@ COUNTS = {"null": 200, "single": 160, "strong": 240, "pair": 120, "duo": 160, "o
           "frequencies": 60, "lines": 40, "transients": 40, "mixture": 20, "coupons": 60,
           "film": 24, "rough": 80, "rough transients": 48, "mess": 300,
           "strangers": 160, "force": 60}
+
+#: Trials of which the published pages are.
+PUBLISHED = Path(__file__).with_name("hidden-trials.jsonl")
 
 _labs: list[Lab] = []
 
@@ -77,6 +85,7 @@ def study(lab: Lab, counts: dict[str, int], workers: int, keep: Path | None = No
     """All trials run, or read from where they were kept; those still to be begun after some minutes
     left out."""
     records, done = kept(keep)
+    made_by = program()
     trials = [trial for trial in order(counts) if trial not in done]
     end = time.monotonic() + 60 * minutes
     with ProcessPoolExecutor(workers, get_context("spawn"), _start,
@@ -89,17 +98,40 @@ def study(lab: Lab, counts: dict[str, int], workers: int, keep: Path | None = No
             if keep is not None:
                 with keep.open("a", encoding="utf-8") as file:
                     rows = [record.json() for record in trial_records]
-                    file.write(json.dumps({"trial": [name, number], "records": rows}) + "\n")
+                    file.write(json.dumps({"trial": [name, number], "program": made_by,
+                                           "records": rows}) + "\n")
             if time.monotonic() > end:
                 pool.shutdown(cancel_futures=True)
                 break
     return sorted(records, key=lambda record: (record.population, record.number))
 
 
+def program() -> str:
+    """The commit of this checkout, with a + where files differ from it; "unknown" without git."""
+    def git(*words: str) -> str:
+        return subprocess.run(["git", *words], cwd=Path(__file__).parent, check=True,
+                              capture_output=True, text=True).stdout.strip()
+
+    try:
+        return git("rev-parse", "--short=8", "HEAD") + "+" * bool(
+            git("status", "--porcelain", "--untracked-files=no"))
+    except (OSError, subprocess.CalledProcessError):
+        return "unknown"
+
+
+def programs(keep: Path) -> dict[str, int]:
+    """Numbers of the trials kept in a file, by the commit of the program that made them."""
+    return Counter(row.get("program", "unknown") for row in _rows(keep))
+
+
+def _rows(keep: Path | None) -> list[dict[str, Any]]:
+    lines = keep.read_text(encoding="utf-8").splitlines() if keep and keep.exists() else []
+    return [json.loads(line) for line in lines]
+
+
 def kept(keep: Path | None) -> tuple[list[Record], set[tuple[str, int]]]:
     """Records kept in a file, and the trials they are of."""
-    lines = keep.read_text(encoding="utf-8").splitlines() if keep and keep.exists() else []
-    rows = [json.loads(line) for line in lines]
+    rows = _rows(keep)
     done = {(row["trial"][0], row["trial"][1]) for row in rows}
     return [Record.of_json(content) for row in rows for content in row["records"]], done
 
@@ -118,8 +150,9 @@ def write(records: Sequence[Record], about: Callable[[Iterable[str]], str], file
         draw_maps(usual, file.with_name("alias-maps.png"))
 
 
-def told(records: Sequence[Record], seed: int, counts: dict[str, int]) -> str:
-    """What was run, and what of it was planned."""
+def told(records: Sequence[Record], seed: int, counts: dict[str, int],
+         made_by: Mapping[str, int] | None = None) -> str:
+    """Trials that were run, those that were planned, and the programs that made them."""
     done = {name: len({record.number for record in records
                        if record.population.partition(",")[0].startswith(name)})
             for name in counts}
@@ -127,8 +160,12 @@ def told(records: Sequence[Record], seed: int, counts: dict[str, int]) -> str:
     lines = [f"Seed {seed}. Trials: {drawn}; drawn again for "
              f"want of an equilibrium or a film {sum(record.again for record in records)} times."]
     if done != counts:
-        lines.append(f"**Stopped early**: {sum(done.values())} of {sum(counts.values())} trials, "
-                     "in an order in which each kind has its share; `make hidden` runs them all.")
+        lines.append(f"**Stopped early**: {sum(done.values())} of {sum(counts.values())} trials; "
+                     "`make hidden` runs them all.")
+    if made_by:
+        commits = ", ".join(f"{name} ({count} trials)" for name, count in made_by.items())
+        lines.append(f"Commits of the programs that made these and the trials of the other page: "
+                     f"{commits}.")
     return "\n".join(lines)
 
 
@@ -160,7 +197,8 @@ def main() -> None:
 
     def about(populations: Iterable[str]) -> str:
         return told(records, options.seed, {name: counts[name] for name in counts
-                                            if name in populations})
+                                            if name in populations},
+                    programs(options.keep) if options.keep else None)
 
     if options.output:
         write(records, about, options.output)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import MISSING, asdict, dataclass, fields
 from typing import Any
 
 from tympan.studies.diagnosis.inference.identifiability import SEEN, TOLD
@@ -66,8 +66,11 @@ class Record:
         return bool(set(self.named) - set(self.truth))
 
     def json(self) -> dict[str, Any]:
-        """As a JSON object."""
-        return asdict(self)
+        """A JSON object of what is known: values that differ from those of a blank record."""
+        blank = {field.name: field.default for field in fields(self)
+                 if field.default is not MISSING}
+        return {name: value for name, value in asdict(self).items()
+                if name not in blank or value != blank[name]}
 
     @classmethod
     def of_json(cls, content: dict[str, Any]) -> Record:
