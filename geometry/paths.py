@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields, is_dataclass, replace
+from functools import cache, lru_cache
 from typing import Any
 
 from tympan.geometry.fields import fields_of
@@ -55,7 +56,7 @@ def with_numbers(value: Any, numbers: Mapping[str, Any]) -> Any:
     InputError
         When something with these numbers cannot be.
     """
-    return _placed(value, numbers, lambda old, new: replace(old, **new))
+    return _placed(value, _tree(tuple(numbers)), numbers, lambda old, new: replace(old, **new))
 
 
 def with_arrays(value: Any, arrays: Mapping[str, Any]) -> Any:
@@ -70,30 +71,53 @@ def with_arrays(value: Any, arrays: Mapping[str, Any]) -> Any:
     >>> with_arrays(Ellipse((0.06, 0.045)), {"semi_axes.0": np.array([0.06, 0.07])}).semi_axes
     (array([0.06, 0.07]), 0.045)
     """
-    return _placed(value, arrays, _unchecked)
+    return _placed(value, _tree(tuple(arrays)), arrays, _unchecked)
 
 
 def _unchecked(value: Any, new: Mapping[str, Any]) -> Any:
     copied = object.__new__(type(value))
-    for item in fields(value):
-        object.__setattr__(copied, item.name, new.get(item.name, getattr(value, item.name)))
+    vars(copied).update({name: new[name] if name in new else getattr(value, name)
+                         for name in _names(value.__class__)})
     return copied
 
 
-def _placed(value: Any, news: Mapping[str, Any], copy: Callable[[Any, Mapping[str, Any]], Any]
-            ) -> Any:
+@cache
+def _names(kind: type) -> tuple[str, ...]:
+    """Names of a dataclass's fields."""
+    return tuple(item.name for item in fields(kind))
+
+
+#: Paths by their first key, each with what follows; a whole path at its end.
+_Tree = dict[str, Any]
+
+
+@lru_cache(maxsize=256)
+def _tree(paths: tuple[str, ...]) -> _Tree | str:
+    """Paths with dots as a tree; the empty path is that of the whole."""
+    if "" in paths:
+        return ""
+    tree: _Tree = {}
+    for path in paths:
+        *way, last = path.split(".")
+        inner = tree
+        for name in way:
+            inner = inner.setdefault(name, {})
+        inner[last] = path
+    return tree
+
+
+def _placed(value: Any, tree: _Tree | str, news: Mapping[str, Any],
+            copy: Callable[[Any, Mapping[str, Any]], Any]) -> Any:
     """A copy with something else at these paths; ``copy`` makes that of a dataclass."""
-    if "" in news:
-        return news[""]
-    inner: dict[str, dict[str, Any]] = {}
-    for path, new in news.items():
-        name, _, rest = path.partition(".")
-        inner.setdefault(name, {})[rest] = new
+    if isinstance(tree, str):
+        return news[tree]
     if isinstance(value, tuple):
-        return tuple(_placed(item, inner[str(index)], copy) if str(index) in inner else item
-                     for index, item in enumerate(value))
-    return copy(value, {name: _placed(getattr(value, name), part, copy)
-                        for name, part in inner.items()})
+        items = list(value)
+        for index, part in tree.items():
+            items[int(index)] = _placed(items[int(index)], part, news, copy)
+        return tuple(items)
+    return copy(value, {name: _placed(getattr(value, name), part, news, copy)
+                        for name, part in tree.items()})
 
 
 def any_complex(value: Any) -> bool:

@@ -140,7 +140,7 @@ class Case:
     @property
     def remarks(self) -> tuple[str, ...]:
         """Sentences that belong to every result of this case, its rig's among them."""
-        return *self._doubts, *self.specimen.drawn_elsewhere, *self.rig.remarks
+        return remarks_on(self.specimen, self.rig, self.mass, self.voltage)
 
     def doubted(self, reason: str) -> str:
         """A reason why it is refused, and which of its loads may be a slip."""
@@ -659,6 +659,12 @@ def field_warnings(fields: Fields, loss: LostTension, film: Film | None,
     if film is None:
         return warnings
     return warnings + failures(film, fields.position, fields.stretch_1, fields.stretch_2)
+
+
+def remarks_on(specimen: Specimen, rig: Rig, mass: float, voltage: float) -> tuple[str, ...]:
+    """Sentences for every result of a specimen on a rig under a mass [kg] and a voltage [V]."""
+    return (*implausible_loads(specimen, rig, mass, voltage), *specimen.drawn_elsewhere,
+            *rig.remarks)
 
 
 def breakdown_warning(share: float, electric: float, strength: float, x: float, y: float

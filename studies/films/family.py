@@ -96,6 +96,10 @@ _NEARLY = 0.03
 #: many more would exceed that.
 _MARGIN = 1.5
 
+#: Share of a deflection from which on its error is not that of the film's largest one: sweeps leave
+#: such states to finite elements.
+_LARGE = 1e-4
+
 #: Random films that are solved on meshes of their own.
 _REMESHED = 4
 
@@ -546,12 +550,22 @@ class FilmFamily:
 
     def _error(self, films: Films, number: Array, q: Array, force: Array, squared: Array,
                stiffness: Array, shape: tuple[int, ...]) -> Array:
-        """Errors of deflections [m], (states,): of each film that at its largest deflection."""
-        deflection = np.where(np.isfinite(q[:, 0]), np.abs(q[:, 0]), -1.0)
+        """Errors of deflections [m], (states,): of each film that at its largest deflection.
+
+        States of which that is a large share have estimates of their own.
+        """
+        there = np.abs(q[:, 0])
+        deflection = np.where(np.isfinite(there), there, -1.0)
         most = deflection.reshape(shape).argmax(1) + shape[1] * np.arange(shape[0])
-        off = self.error(films, number[most], q[most], force[most], squared[most],
-                         stiffness[most])
-        return np.where(np.isfinite(q[:, 0]), np.repeat(off, shape[1]), np.nan)
+
+        def of(some: Array) -> Array:
+            return self.error(films, number[some], q[some], force[some], squared[some],
+                              stiffness[some])
+
+        result = np.where(np.isfinite(there), np.repeat(of(most), shape[1]), np.nan)
+        large = np.flatnonzero(result > _LARGE * there)
+        result[large] = of(large)
+        return result
 
 
 def _frequency(films: Films, number: Array, q: Array, squared: Array, mass: Array) -> Array:

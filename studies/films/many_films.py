@@ -41,10 +41,6 @@ _SLOW = 0.2
 
 #: Pairs of the components (ia) of ∂x/∂ξ, 0 ≤ p ≤ q < 6, of a symmetric 6 × 6 matrix.
 _PAIRS = tuple(combinations_with_replacement(range(6), 2))
-#: Number of the pair of two components, (6, 6).
-_WHOLE = np.array([[_PAIRS.index((min(p, q), max(p, q))) for q in range(6)] for p in range(6)])
-#: States whose tangents are computed together: their moduli times slopes stay in a core's cache.
-_IN_CACHE = 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,19 +61,30 @@ class ShapesAt:
         return self.sites.tangents(self.shapes).reshape(len(self.shapes), -1)
 
     @cached_property
-    def by_point(self) -> Array:
-        """∂φ/∂ξ, (points, 6, shapes)."""
-        count = len(self.shapes)
-        return np.ascontiguousarray(self.slopes.reshape(count, 6, -1).transpose(2, 1, 0))
+    def _halves(self) -> tuple[Numbers, Numbers]:
+        """Both shapes of each pair, once."""
+        return np.triu_indices(len(self.shapes))
+
+    @cached_property
+    def products(self) -> Array:
+        """∂φ/∂ξ times ∂φ/∂ξ, pairs of components and points by pairs of shapes, both once."""
+        slopes = self.slopes.reshape(len(self.shapes), 6, -1)
+        first, second = (slopes[half] for half in self._halves)
+        result = np.empty((len(_PAIRS), slopes.shape[2], len(first)))
+        for number, (p, q) in enumerate(_PAIRS):
+            both = first[:, p] * second[:, q]
+            if p != q:
+                both += second[:, p] * first[:, q]
+            result[number] = both.T
+        return result.reshape(-1, len(first))
 
     def coupled(self, moduli: Array) -> Array:
         """Tangents, (states, shapes, shapes), of moduli by pairs, (states, 21, points)."""
-        slopes, result = self.by_point, np.empty((len(moduli), *2 * (len(self.shapes),)))
-        flat = slopes.reshape(-1, len(self.shapes)).T
-        for start in range(0, len(moduli), _IN_CACHE):
-            part = moduli[start:start + _IN_CACHE].transpose(0, 2, 1)[:, :, _WHOLE]
-            result[start:start + len(part)] = flat @ (part @ slopes).reshape(
-                len(part), -1, len(flat))
+        first, second = self._halves
+        half = moduli.reshape(len(moduli), -1) @ self.products
+        result = np.empty((len(moduli), *2 * (len(self.shapes),)))
+        result[:, first, second] = half
+        result[:, second, first] = half
         return result
 
 

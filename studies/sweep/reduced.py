@@ -10,8 +10,9 @@ from __future__ import annotations
 
 import time
 from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import repeat
 from typing import Any
 
 import numpy as np
@@ -22,7 +23,7 @@ from tympan.geometry.errors import InputError
 from tympan.geometry.outlines import area
 from tympan.geometry.process.threads import one_thread
 from tympan.geometry.specimen import Specimen
-from tympan.studies.case import Case, Settings, breakdown_warning
+from tympan.studies.case import Settings, breakdown_warning, remarks_on
 from tympan.studies.films.box import Box, kind_of
 from tympan.studies.films.family import FamilyStates, FilmFamily, require_reducible
 from tympan.studies.sweep.asked import QUANTITIES, Ask
@@ -93,9 +94,8 @@ class Kin:
 
 def forces_of(task: SweepTask) -> list[float]:
     """Forces on the plate of a task's film [N], one for each mass."""
-    plate = task.specimen.needed_plate()
-    return [Case(task.specimen, mass=mass, rig=task.rig).force(area(plate.outline))
-            for mass in task.masses]
+    rig, plate_area = task.rig, area(task.specimen.needed_plate().outline)
+    return [float(rig.rubbed(rig.force(mass, plate_area))) for mass in task.masses]
 
 
 def film_voltages_of(task: SweepTask) -> list[float]:
@@ -211,19 +211,23 @@ def _rows(tasks: Sequence[SweepTask], family: FilmFamily, states: FamilyStates) 
                states.weakest.tolist(), strict=True)
     made = []
     for task, warned, *values in zip(tasks, near, *columns, strict=True):
-        highest = max(task.voltages, key=abs)
-        remarks = [remark for mass in task.masses for remark in [list(Case(
-            task.specimen, mass=mass, voltage=highest, rig=task.rig).remarks)] * len(task.voltages)]
         rows = []
         for case_id, remark, (part, electric, strength, place), *row in zip(
-                task.ids, remarks, zip(*warned, strict=True), *values, strict=True):
-            rows.append(blank | dict(zip(numbers, row, strict=True)) | {
-                "id": case_id,
-                "warnings": [*breakdown_warning(part, electric, strength, *place), *remark]})
+                task.ids, _remarks(task), zip(*warned, strict=True), *values, strict=True):
+            rows.append({**blank, **dict(zip(numbers, row, strict=True)), "id": case_id,
+                         "warnings": [*breakdown_warning(part, electric, strength, *place),
+                                      *remark]})
             if not part:
                 rows[-1] |= dict.fromkeys(("breakdown_margin", "breakdown_x_m", "breakdown_y_m"))
         made.append(rows)
     return made
+
+
+def _remarks(task: SweepTask) -> Iterator[tuple[str, ...]]:
+    """Remarks on the loads of each row, by the highest voltage."""
+    highest = max(task.voltages, key=abs)
+    for mass in task.masses:
+        yield from repeat(remarks_on(task.specimen, task.rig, mass, highest), len(task.voltages))
 
 
 def _completed(task: SweepTask, rows: list[Row], sure: Array, took: float) -> TaskResult:

@@ -26,7 +26,7 @@ from tympan.studies.sweep.asked import QUANTITIES, Ask, AskedCase, Record, Solve
 
 #: To be raised whenever a change of mesher or solver changes results: finished cases of before are
 #: then not reused.
-REVISION = 2
+REVISION = 3
 
 #: Of a case that could not even be tried: no film can be built or meshed, or the process that tried
 #: it died.
