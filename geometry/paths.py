@@ -26,9 +26,8 @@ def numbers(value: Any, path: str) -> tuple[str, ...]:
                      for name in numbers(item, f"{path}.{index}"))
     if not is_dataclass(value):
         return ()
-    discrete = {field.name for field in fields_of(type(value)) if field.discrete}
-    return tuple(name for item in fields(value) if item.name not in discrete
-                 for name in numbers(getattr(value, item.name), f"{path}.{item.name}"))
+    return tuple(found for name in _continuous(value.__class__)
+                 for found in numbers(getattr(value, name), f"{path}.{name}"))
 
 
 def at(value: Any, path: Sequence[str]) -> Any:
@@ -87,6 +86,13 @@ def _names(kind: type) -> tuple[str, ...]:
     return tuple(item.name for item in fields(kind))
 
 
+@cache
+def _continuous(kind: type) -> tuple[str, ...]:
+    """Names of those whose numbers have values between their values."""
+    discrete = {field.name for field in fields_of(kind) if field.discrete}
+    return tuple(name for name in _names(kind) if name not in discrete)
+
+
 #: Paths by their first key, each with what follows; a whole path at its end.
 _Tree = dict[str, Any]
 
@@ -127,5 +133,5 @@ def any_complex(value: Any) -> bool:
     if isinstance(value, tuple):
         return any(map(any_complex, value))
     if is_dataclass(value):
-        return any(any_complex(getattr(value, item.name)) for item in fields(value))
+        return any(any_complex(getattr(value, name)) for name in _names(value.__class__))
     return isinstance(value, complex)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
@@ -78,17 +78,37 @@ class Superellipse(Outline):
 
     def pieces(self) -> tuple[Piece, ...]:
         """One spline in each quadrant, through points at eccentric angles graded alike in all."""
-        angles = _angles(float(np.real(self.exponent)))
-        quadrant, splines = _quadrant(angles, self.exponent), []
-        for _ in range(4):
-            points, slopes = (part * np.array(self.semi_axes) for part in quadrant)
-            splines.append(spline_through(angles, points, slopes))
-            quadrant = tuple(np.column_stack([-part[:, 1], part[:, 0]]) for part in quadrant)
-        return tuple(splines)
+        return tuple(self._spline(number) for number in range(4))
+
+    @cached_property
+    def mirrored(self) -> Curve:
+        """The first quadrant."""
+        return Curve((self._spline(0),))
+
+    def points(self, count: int) -> Array:
+        if count % 4:
+            return super().points(count)
+        share = np.arange(count // 4) / (count // 4)
+        places, axes = self.mirrored.pieces[0].at(share)[0], np.array(self.semi_axes)
+        return np.vstack([_turned(places / axes, number) * axes for number in range(4)]).T
 
     def level(self, x: Array, y: Array) -> Array:
         """Signed distance [m]; the nearest point lies in the quadrant of the place."""
-        return Curve(self.curve.pieces[:1]).level(np.abs(x), np.abs(y))
+        return self.mirrored.level(np.abs(x), np.abs(y))
+
+    def _spline(self, number: int) -> Piece:
+        """One of the quadrants, counterclockwise."""
+        angles = _angles(float(np.real(self.exponent)))
+        points, slopes = (_turned(part, number) * np.array(self.semi_axes)
+                          for part in _quadrant(angles, self.exponent))
+        return spline_through(angles, points, slopes)
+
+
+def _turned(points: Array, times: int) -> Array:
+    """Points, (n, 2), after so many quarter turns counterclockwise."""
+    for _ in range(times):
+        points = np.column_stack([-points[:, 1], points[:, 0]])
+    return points
 
 
 def _quadrant(angle: Array, exponent: Any) -> tuple[Array, ...]:

@@ -67,6 +67,11 @@ class Outline(FieldsAlone, ABC):
         """The pieces, centred on their bounding box."""
         return Curve(self.pieces())
 
+    @property
+    def mirrored(self) -> Curve:
+        """A part of the curve whose mirror images are the others; all of it where none is known."""
+        return self.curve
+
     def level(self, x: Array, y: Array) -> Array:
         """Negative inside, positive outside; near the curve, about the distance [m]."""
         return self.curve.level(x, y)
@@ -165,7 +170,7 @@ def _check(outline: Any) -> None:
     if not all(map(holds, outline.semi_axes)):
         raise InputError(f"its half extents {words}", given=", ".join(
             f"{1e3 * extent:.4g} mm" for extent in outline.semi_axes))
-    curve = outline.curve
+    curve = outline.mirrored
     size = float(max(outline.semi_axes))
     lengths = curve.lengths
     if lengths.min() < SMALLEST * size:
@@ -174,6 +179,7 @@ def _check(outline: Any) -> None:
                      f"its larger half extent of {size * 1e3:.4g} mm")
     _curvature(outline, curve, size)
     if not outline.simple:
+        curve = outline.curve
         _crossing(outline, curve, size)
         if curve.area < 0:
             raise _error(outline, curve.starts[0],

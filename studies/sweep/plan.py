@@ -144,7 +144,7 @@ def read_sweep(file: Path, settings: Settings = Settings(), exact: bool = False,
             grid.pop(name, None)
     points = [dict(zip(grid, values, strict=True)) for values in product(*grid.values())]
     places = [(number, {**row, **point}) for number, row in enumerate(rows) for point in points]
-    rigs = [_rig(table, choice) for _, choice in places]
+    rigs = _rigs(table, [choice for _, choice in places])
     table.done()
     digits = len(str(max(len(rows) - 1, 1)))
 
@@ -371,6 +371,13 @@ def _specimen(table: Table, file: Path, content: Mapping[str, Any], choice: Choi
                or name.rpartition(".")[0] == key.rpartition(".")[0] for name in changes):
             raise
         raise InputError(error.allowed, file=file, key=key, given=error.given) from None
+
+
+def _rigs(table: Table, choices: Sequence[Choice]) -> list[Rig]:
+    """The rig of each choice; all choices have the same keys."""
+    if any(key.startswith(_RIG) for key in choices[0]):
+        return [_rig(table, choice) for choice in choices]
+    return [_rig(table, {})] * len(choices)
 
 
 def _rig(table: Table, choice: Choice) -> Rig:
