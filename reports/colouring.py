@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -79,11 +80,13 @@ def about_zero(low: float, high: float) -> AxisScale:
     return AxisScale(-half.high, half.high, (*(-tick for tick in ticks[::-1]), 0.0, *ticks))
 
 
+@cache
 def colour_table(name: str) -> NDArray[np.uint8]:
     """The 256 colours of a map, shape (256, 3)."""
     return np.round(255 * colormaps[name](np.arange(256))[:, :3]).astype(np.uint8)
 
 
+@cache
 def css_gradient(name: str = look.COLOURS) -> str:
     """The colours of a map as a style sheet writes them, from left to right."""
     stops = ", ".join(f"rgb({red}, {green}, {blue})" for red, green, blue

@@ -16,7 +16,7 @@ from scipy.spatial import cKDTree
 from tympan.fem.discretisation.isoparametric import tabulated
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import State
-from tympan.fem.results.fields import cell_fields, whole
+from tympan.fem.results.fields import Unfolding, cell_fields, whole
 from tympan.geometry.errors import InputError
 from tympan.studies.files import remove, write_atomically, write_text
 
@@ -157,12 +157,14 @@ def series_files(folder: Path, name: str) -> list[Path]:
     return sorted(file for file in folder.glob("*.vtu") if numbered.fullmatch(file.name))
 
 
-def film_surface(model: Model, state: State, parts: int = 6, **nodal: Array) -> FilmSurface:
+def film_surface(model: Model, state: State, parts: int = 6, unfolding: Unfolding | None = None,
+                 **nodal: Array) -> FilmSurface:
     """The whole film with all fields of :data:`STORED`, each element cut into ``parts``² triangles.
 
-    Further ``nodal`` vectors of the whole film, shape (nodes, 3), are interpolated.
+    ``unfolding``: that of the model's mesh, where it is known. Further ``nodal`` vectors of the
+    whole film, shape (nodes, 3), are interpolated.
     """
-    model, state = whole(model, state)
+    model, state = whole(model, state, unfolding)
     points, triangles = cut_triangles(model, parts)
     [fields] = cell_fields(model, [state], points)
     values = {name: np.ascontiguousarray(getattr(fields, name)) for name in STORED}

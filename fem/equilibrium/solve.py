@@ -12,7 +12,7 @@ from tympan.fem.equilibrium.path_following import PathSettings
 from tympan.fem.equilibrium.ramp import SLACK, Outcome, Ramp, still_slack, without_mechanism
 from tympan.fem.equilibrium.snap import landed, snapped
 from tympan.fem.membrane.model import Model
-from tympan.fem.membrane.state import Load
+from tympan.fem.membrane.state import Load, State
 
 #: Distance from an unstable equilibrium, relative to the frame, below which a plate is at it.
 _AT_IT = 1e-9
@@ -20,7 +20,7 @@ _AT_IT = 1e-9
 #: Unknowns from which on elements of half the order find the start: below, they save little. Set by
 #: trial.
 _LARGE = 5_000
-#: How far the equilibrium may be from such a start, relative to its motion. If it is further, the
+#: How far an equilibrium may be from a guess of it, relative to its motion. If it is further, the
 #: film is beside a limit. Set by trial.
 _ALIKE = 0.1
 
@@ -110,12 +110,23 @@ def _nested(model: Model, force: float, voltage: float, pressure: float, setting
     before = outcome.state.positions - coarse.discretisation.reference
     guess = replace(outcome.state, positions=fine.reference
                     + fine.interpolated(coarse.discretisation, before))
+    solution = equilibrium_near(model, guess, settings)
+    return None if solution is None else replace(outcome, solution=solution)
+
+
+def equilibrium_near(model: Model, guess: State, settings: PathSettings, alike: float = _ALIKE
+                     ) -> Solution | None:
+    """The equilibrium under the loads of a guess near it; None where the film is not like that.
+
+    Such a film is beside a limit or wrinkled, or Newton's method goes astray. ``alike``: how far it
+    may be from the guess, relative to its motion.
+    """
     solution = newton(model, guess, settings=settings.newton)
     if solution.converged and solution.stable and model.in_tension(solution.state):
         gone, missed = (length(model, difference(model, solution.state, state))
                         for state in (model.mounted(), guess))
-        if missed <= _ALIKE * gone and not still_slack(model, solution.state):
-            return replace(outcome, solution=solution)
+        if missed <= alike * gone and not still_slack(model, solution.state):
+            return solution
     solution.release()
     return None
 

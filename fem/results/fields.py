@@ -78,18 +78,48 @@ class Fields:
         return Fields(*(getattr(self, item.name)[choice] for item in fields(self)))
 
 
-def whole(model: Model, state: State) -> tuple[Model, State]:
-    """Model and state of the whole film when only a part of it was meshed."""
+@dataclass(frozen=True, eq=False)
+class Unfolding:
+    """The whole of a film that was meshed in part, for that mesh however its nodes move.
+
+    Of each node of the whole ``origin`` is the one in the part, (nodes,); ``signs`` of its x and y
+    over those of that, (2, nodes).
+    """
+
+    part: Discretisation
+    full: Discretisation
+    origin: Array
+    signs: Array
+
+    @classmethod
+    def of(cls, part: Discretisation) -> Unfolding:
+        """Mirror a part of a film into the whole."""
+        full, origin, signs = unfold(part.mesh, part.planes)
+        return cls(part, Discretisation.of(full), origin, signs)
+
+    def whole(self, model: Model, state: State) -> tuple[Model, State]:
+        """Model and state of the whole film; the model's nodes may have moved."""
+        mesh, full, flow = model.discretisation, self.full, model.flow
+        positions = state.positions[self.origin]
+        positions[:, :2] *= self.signs.T
+        if mesh is not self.part:
+            motion = (mesh.reference - self.part.reference)[:, :2]
+            full = full.moved(motion[self.origin] * self.signs.T)
+        if flow is not None:
+            flow = _unfolded(flow, mesh, full, self.origin, self.signs)
+        return (replace(model, discretisation=full, flow=flow),
+                replace(state, positions=positions))
+
+
+def whole(model: Model, state: State, unfolding: Unfolding | None = None) -> tuple[Model, State]:
+    """Model and state of the whole film when only a part of it was meshed.
+
+    ``unfolding``: that of the model's mesh, where it is known.
+    """
     mesh = model.discretisation
     if not mesh.planes:
         return model, state
-    full, origin, signs = unfold(mesh.mesh, mesh.planes)
-    positions = state.positions[origin]
-    positions[:, :2] *= signs.T
-    unfolded = Discretisation.of(full)
-    flow = None if model.flow is None else _unfolded(model.flow, mesh, unfolded, origin, signs)
-    film = replace(model, discretisation=unfolded, flow=flow)
-    return film, replace(state, positions=positions)
+    return (unfolding or Unfolding.of(mesh)).whole(model, state)
 
 
 def _unfolded(flow: Flow, part: Discretisation, full: Discretisation, origin: Array, signs: Array

@@ -86,6 +86,35 @@ def test_a_moved_control_gives_what_solve_gives(key: str, value: float) -> None:
     same_as_solved(scene)
 
 
+@pytest.mark.parametrize(("key", "value"), [
+    ("voltage", 3500.0), ("mass", 0.03), ("stiffness", 1.25), ("membrane.prestretch.0", 2.1),
+    ("frame.semi_axes.0", 66e-3), ("plate.outline.radius", 9e-3)])
+def test_a_control_that_slides_is_near_what_solve_gives_and_there_when_it_rests(
+        key: str, value: float) -> None:
+    session = Session()
+    session.scene(OVAL)
+    view = changed(OVAL, key, value)
+    scene, expected = session.scene(view, sliding=True), solve(view.case, SETTINGS)
+    assert scene.guessed == (key not in ("voltage", "mass"))
+    for name, rel in (("deflection_m", 1e-6), ("capacitance_F", 1e-6),
+                      ("max_true_stress_Pa", 5e-4)):
+        assert getattr(scene.result, name) == pytest.approx(getattr(expected, name), rel=rel)
+    blocked = session.blocked(view, sliding=True).force
+    scene = session.scene(view)
+    assert not scene.guessed
+    same_as_solved(scene)
+    assert session.blocked(view).force == pytest.approx(blocked, rel=1e-5)
+
+
+def test_a_mesh_does_not_slide_far_nor_to_another_kind_of_film() -> None:
+    session = Session()
+    session.scene(OVAL)
+    for view in (changed(OVAL, "frame.semi_axes.0", 80e-3), changed(OVAL, "plate.offset.0", 2e-3)):
+        scene = session.scene(view, sliding=True)
+        assert not scene.guessed
+        same_as_solved(scene)
+
+
 def test_random_moves_give_what_solve_gives() -> None:
     session = Session()
     for view in random_views(OVAL, 30, most_voltage=3e3):

@@ -12,7 +12,7 @@ from jinja2 import Template
 from numpy.typing import NDArray
 
 from tympan.explore.session import FollowedCurve, Readings
-from tympan.reports.figures.curve import VoltageCurve, voltage_curves
+from tympan.reports.figures.curve import VoltageCurve
 from tympan.reports.scales import AxisScale, round_scale
 from tympan.reports.template import template
 
@@ -47,17 +47,17 @@ class _Panel:
     top: float
     bottom: float
 
-    def place(self, x: float, y: float) -> tuple[float, float]:
-        """Pixels of a point."""
+    def place(self, x: Any, y: Any) -> tuple[Any, Any]:
+        """Pixels of points."""
         right = _WIDTH - _RIGHT
         along = (x - self.across.low) / (self.across.high - self.across.low)
         high = (y - self.up.low) / (self.up.high - self.up.low)
-        return (round(_LEFT + along * (right - _LEFT), 1),
-                round(self.bottom - high * (self.bottom - self.top), 1))
+        return _LEFT + along * (right - _LEFT), self.bottom - high * (self.bottom - self.top)
 
     def path(self, x: Array, y: Array) -> str:
         """A line through points."""
-        return "M" + "L".join(f"{a} {b}" for a, b in map(self.place, x.tolist(), y.tolist()))
+        places = np.column_stack(self.place(x, y)).ravel().tolist()
+        return "M" + "L".join(["%.1f %.1f"] * (len(places) // 2)) % tuple(places)
 
     def parts(self, words: str, named: bool, lines: Sequence[Any], points: Sequence[Any]
               ) -> dict[str, Any]:
@@ -65,15 +65,15 @@ class _Panel:
         return {
             "left": _LEFT, "right": _WIDTH - _RIGHT, "top": self.top, "bottom": self.bottom,
             "words": words, "named": named, "lines": lines, "points": points,
-            "across": [{"at": self.place(tick, self.up.low)[0], "text": self.across.text(tick)}
-                       for tick in self.across.ticks],
-            "up": [{"at": self.place(self.across.low, tick)[1], "text": self.up.text(tick)}
-                   for tick in self.up.ticks]}
+            "across": [{"at": round(self.place(tick, self.up.low)[0], 1),
+                        "text": self.across.text(tick)} for tick in self.across.ticks],
+            "up": [{"at": round(self.place(self.across.low, tick)[1], 1),
+                    "text": self.up.text(tick)} for tick in self.up.ticks]}
 
 
 def drawn_curve(curve: FollowedCurve, here: tuple[float, float] | None) -> str:
     """The curve as SVG; ``here`` is where the film is, in kV and mm."""
-    line, = voltage_curves(curve.curve)
+    line = curve.line
     readings = curve.readings
     across = _scale(line.voltage, () if readings is None else readings.voltage / 1e3,
                     () if here is None else here[:1])
@@ -146,7 +146,7 @@ def _residuals(across: AxisScale, readings: Readings, top: float) -> dict[str, A
 def _point(panel: _Panel, x: float, y: float, kind: str, r: float, word: str = ""
            ) -> dict[str, Any]:
     across, down = panel.place(x, y)
-    return {"kind": kind, "x": across, "y": down, "r": r, "word": word}
+    return {"kind": kind, "x": round(across, 1), "y": round(down, 1), "r": r, "word": word}
 
 
 def _title(line: VoltageCurve, readings: Readings | None) -> str:

@@ -9,7 +9,6 @@ from typing import TypeAlias
 from tympan.explore.session import Blocked, FollowedCurve, Scene
 from tympan.fem.results.limit_states import LIMIT_STATES
 from tympan.geometry.units import BENCH, unit_of
-from tympan.reports.figures.curve import voltage_curves
 from tympan.reports.template import digits
 from tympan.studies.alpha import AlphaResult
 from tympan.studies.case import Limit
@@ -58,7 +57,7 @@ def blocked_rows(blocked: Blocked, stale: bool = False) -> list[Row]:
 
 def curve_rows(curve: FollowedCurve, deflection: float, stale: bool = False) -> list[Row]:
     """Stroke to a deflection [m] of a curve, and its first limit; ``stale``: of another film."""
-    line, = voltage_curves(curve.curve)
+    line = curve.line
     rows = []
     if len(line.voltage) and line.voltage[0] == 0:
         stroke = _within(1e3 * deflection - float(line.deflection[0]),

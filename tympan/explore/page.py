@@ -8,6 +8,7 @@ import os
 from collections.abc import AsyncGenerator, Iterator
 from dataclasses import asdict, dataclass, replace
 from functools import partial
+from itertools import chain, count
 from pathlib import Path
 from typing import Any
 
@@ -80,10 +81,14 @@ class Picture:
 
 @dataclass(frozen=True)
 class Asked:
-    """A view to be shown; its plate's ``blocked`` force may come from elsewhere."""
+    """A view to be shown; its plate's ``blocked`` force may come from elsewhere.
+
+    ``sliding``: its numbers are about to change again, so that a moved mesh will do.
+    """
 
     view: FilmView
     blocked: bool = True
+    sliding: bool = False
 
 
 def scene_answers() -> Answer:
@@ -92,11 +97,11 @@ def scene_answers() -> Answer:
 
     def answer(asked: Asked) -> Iterator[Picture | Blocked]:
         view = asked.view
-        scene = session.scene(view)
+        scene = session.scene(view, asked.sliding)
         film = None if scene.film is None else record_of({_described(scene): scene.film}, even=True)
         yield Picture(replace(scene, film=None), film)
         if film is not None and asked.blocked:
-            yield session.blocked(view)
+            yield session.blocked(view, asked.sliding)
 
     return answer
 
@@ -269,23 +274,29 @@ class Page:
         return self.curve is not None and _same_film(self.curve.view, self.view)
 
     def _solve(self) -> None:
-        end = self._end
-        if end is not None and self.view.voltage > end.voltage_V:
-            self._scenes.drop()
-            self._beyond(end)
+        if self._is_beyond:
+            self._beyond()
             return
         near = self._is_near
         if near and self._near is not None:
             self._near[1].ask(self.view)
-        self._scenes.ask(Asked(self.view, not (near and self.state["quick"])))
+        self._scenes.ask(Asked(self.view, not (near and self.state["quick"]), sliding=True))
 
     @property
     def _is_near(self) -> bool:
         """Whether the view is one of the reduced films, made or about to be."""
         return self._near is not None and self._near[0].row(self.view) is not None
 
-    def _beyond(self, end: Limit) -> None:
+    @property
+    def _is_beyond(self) -> bool:
+        """Whether the view's film is known to end before its voltage."""
+        end = self._end
+        return end is not None and self.view.voltage > end.voltage_V
+
+    def _beyond(self) -> None:
+        """Say so in place of a picture."""
         assert self.curve is not None
+        self._scenes.drop()
         self._say(f"{self.view.voltage / 1e3:.4g} kV is past the film's end: "
                   f"{self.curve.curve.curves[0].limits.ended}. {self._kept}", trouble=True)
 
@@ -362,8 +373,9 @@ class Page:
     def _settle(self) -> None:
         """Have finite elements say what is not theirs yet."""
         self._resting = None
-        if self._is_near and (self.blocked is None or self.blocked.off
-                              or self.blocked.view != self.view):
+        guessed = self.scene is not None and self.scene.guessed and not self._is_beyond
+        if guessed or (self._is_near and (self.blocked is None or self.blocked.off
+                                       or self.blocked.view != self.view)):
             if self._scenes.busy:  # with the picture, which would be given up
                 self._resting = asyncio.get_running_loop().call_later(_LATER, self._settle)
                 return
@@ -441,10 +453,8 @@ class Page:
         Where the sliders stand is the page's to say: one may be moving.
         """
         self._list_controls()
-        end = self._end
-        if end is not None and self.view.voltage > end.voltage_V:
-            self._scenes.drop()
-            self._beyond(end)
+        if self._is_beyond:
+            self._beyond()
 
     def _choose(self, number: int) -> None:
         if 0 <= number < len(self.subject.specimens):
@@ -505,8 +515,7 @@ class Page:
 
 def _free(name: str) -> str:
     """A name under which the current folder has no specimen yet."""
-    names: Iterator[str] = (f"{name}{end}" for end in
-                            ("", *(f"-{number}" for number in range(2, 10_000))))
+    names = chain([name], (f"{name}-{number}" for number in count(2)))
     return next(name for name in names if not Path(f"{name}.toml").exists())
 
 

@@ -6,20 +6,25 @@ import ctypes
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tympan.explore.view import FilmView
+from tympan.fem.derivatives.shape import motion_between, moved_by
 from tympan.fem.equilibrium.newton import Solution
 from tympan.fem.equilibrium.ramp import Outcome
-from tympan.fem.equilibrium.solve import equilibrium
+from tympan.fem.equilibrium.solve import equilibrium, equilibrium_near
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import HEAVE
+from tympan.fem.results.fields import Unfolding
 from tympan.fem.rig import DIRECTIONS, Rig
 from tympan.geometry.errors import InputError
+from tympan.geometry.paths import at
 from tympan.geometry.specimen import Specimen
+from tympan.reports.figures.curve import VoltageCurve, voltage_curves
 from tympan.studies.alpha import AlphaResult, AlphaSettings, alpha
 from tympan.studies.case import (
     Case,
@@ -32,10 +37,18 @@ from tympan.studies.case import (
 )
 from tympan.studies.columns import Sheet
 from tympan.studies.film_surface import FilmSurface, film_surface
+from tympan.studies.films.box import kind_of, varying
 from tympan.studies.force import blocked_force
 from tympan.studies.limits import CurveResult, curve
 
 Array = NDArray[Any]
+
+#: By how much numbers may differ, relative, where a mesh moves with them.
+_LITTLE = 0.2
+
+#: How far an equilibrium may be from that of another film, relative to its motion, while numbers
+#: change. A second equilibrium of one film is farther away.
+_ALIKE = 0.5
 
 #: Every element of a film is drawn as so many triangles, squared.
 _PARTS = 3
@@ -57,30 +70,38 @@ class Blocked:
 class Scene:
     """The numbers of a view and its film.
 
-    ``film`` is None where there is no equilibrium: ``result.warnings`` say why.
+    ``film`` is None where there is no equilibrium: ``result.warnings`` say why. ``guessed``:
+    found from another film, perhaps on the mesh of that, moved. On its own mesh the deflection
+    differs by some 1e-7, the largest stress by some 1e-4.
     """
 
     view: FilmView
     result: CaseResult
     film: FilmSurface | None = None
+    guessed: bool = False
 
 
 class Session:
     """Solves views; a mesh serves as long as the next film needs the same.
 
-    An equilibrium is the start of the next one where only mass or voltage differ. Where that does
-    not lead to one, the film is loaded anew, as ``tympan solve`` does.
+    An equilibrium is the start of the next one where only mass or voltage differ, and while numbers
+    slide a guess of it where others do. Where that does not lead to one, the film is loaded anew,
+    as ``tympan solve`` does.
     """
 
     def __init__(self, settings: Settings = Settings()) -> None:
         self.settings = settings
         self._needs: object = None
+        #: The model as it was meshed.
         self._model: Model | None = None
-        self._start: tuple[Specimen, Rig, Solution] | None = None
-        self._rest: tuple[FilmView, Solution] | None = None
+        self._unfolding: Unfolding | None = None
+        self._start: tuple[Model, Rig, Solution] | None = None
+        #: Whether that is one of a guess, or of a mesh that was moved.
+        self._guessed = False
+        self._rest: tuple[FilmView, Model, Solution] | None = None
 
-    def scene(self, view: FilmView) -> Scene:
-        """The film of a view.
+    def scene(self, view: FilmView, sliding: bool = False) -> Scene:
+        """The film of a view; while controls are ``sliding`` on the mesh at hand, moved.
 
         Raises
         ------
@@ -88,29 +109,39 @@ class Session:
             When it cannot be meshed.
         """
         case = view.case
-        model = self._meshed(case)
-        outcome = self._equilibrium(model, case)
+        model = self._modelled(case, sliding)
+        outcome = self._equilibrium(model, case, sliding)
         (result, _), = summaries(model, [(case, outcome)], 0.0)
-        if outcome.status != "equilibrium":
-            return Scene(view, result)
-        return Scene(view, result, film_surface(model, outcome.state, _PARTS))
+        film = None
+        if outcome.status == "equilibrium":
+            film = film_surface(model, outcome.state, _PARTS, self._unfolding)
+        return Scene(view, result, film, self._guessed)
 
-    def blocked(self, view: FilmView) -> Blocked:
-        """Blocked force of the plate of a view."""
-        model, rest = self._meshed(view.case), replace(view, voltage=0.0)
+    def blocked(self, view: FilmView, sliding: bool = False) -> Blocked:
+        """Blocked force of the plate of a view; ``sliding`` as for :meth:`scene`."""
+        model, rest = self._modelled(view.case, sliding), replace(view, voltage=0.0)
         if HEAVE not in model.plate_freedoms:
             return Blocked(view, None)
-        if self._rest is None or self._rest[0] != rest:
-            start = self._start
+        if self._rest is None or (self._rest[0], self._rest[1].discretisation) != (
+                rest, model.discretisation):
+            start, guessed = self._start, self._guessed
             if model.loading.softening:
                 self._start = None  # from there it may come to rest elsewhere
-            outcome = self._equilibrium(model, rest.case)
-            self._start = start
+            outcome = self._equilibrium(model, rest.case, sliding)
+            self._start, self._guessed = start, guessed
             if outcome.status != "equilibrium":
                 return Blocked(view, None)
-            self._rest = rest, outcome.solution
-        return Blocked(view, blocked_force(model, self._rest[1], view.case.film_voltage,
+            self._rest = rest, model, outcome.solution
+        return Blocked(view, blocked_force(model, self._rest[2], view.case.film_voltage,
                                            self.settings.path))
+
+    def _modelled(self, case: Case, sliding: bool) -> Model:
+        """The model of a case, on its own mesh or, while numbers slide, the one at hand."""
+        if sliding and self._start is not None and self._start[1] == case.rig and (
+                self._start[0].specimen == case.specimen):
+            return self._start[0]
+        moved = self._moved(case) if sliding else None
+        return self._meshed(case) if moved is None else moved
 
     def _meshed(self, case: Case) -> Model:
         specimen, loading = case.specimen, case.rig.loading
@@ -119,21 +150,70 @@ class Session:
             self._model, self._needs = None, None  # not half of it where meshing fails
             _forget_films()
             self._model = build_model(specimen, self.settings, loading)
+            self._unfolding = Unfolding.of(self._model.discretisation)
             self._needs = needs
-        if self._model.specimen != specimen:
-            self._model = replace(self._model, specimen=specimen)
-        return self._model
+        return self._model if self._model.specimen == specimen else replace(
+            self._model, specimen=specimen)
 
-    def _equilibrium(self, model: Model, case: Case) -> Outcome:
+    def _moved(self, case: Case) -> Model | None:
+        """The model on the mesh at hand, moved to the lengths of a case; None if it is too far."""
+        model, specimen, loading = self._model, case.specimen, case.rig.loading
+        if model is None or not _is_alike(specimen, model.specimen):
+            return None
+        other = model.specimen
+        there = replace(specimen, frame=other.frame, plate=other.plate, electrode=other.electrode)
+        if (loading, needs_mesh(there, self.settings, loading)) != self._needs:
+            return None
+        try:
+            motion = motion_between(model.discretisation, other, specimen)
+        except InputError:
+            return None
+        if not motion.any():
+            return replace(model, specimen=specimen)
+        return replace(model, discretisation=model.discretisation.moved(motion), specimen=specimen)
+
+    def _equilibrium(self, model: Model, case: Case, sliding: bool = False) -> Outcome:
         loads = (case.force(model.plate_area), case.film_voltage, case.rig.gas_pressure)
         outcome = None
-        if self._start is not None and self._start[:2] == (case.specimen, case.rig):
-            outcome = equilibrium(model, *loads, self._start[2], self.settings.path)
+        if self._start is not None and self._start[1] == case.rig and (
+                sliding or not self._guessed):
+            before, _, solution = self._start
+            if (before.specimen, before.discretisation) == (model.specimen, model.discretisation):
+                outcome = equilibrium(model, *loads, solution, self.settings.path)
+            elif sliding:
+                outcome = self._near(model, before, solution, *loads)
+                self._guessed = outcome is not None
         if outcome is None or outcome.status != "equilibrium":
             outcome = equilibrium(model, *loads, settings=self.settings.path)
-        self._start = ((case.specimen, case.rig, outcome.solution)
+            self._guessed = not self._is_own(model)
+        self._start = ((model, case.rig, outcome.solution)
                        if outcome.status == "equilibrium" else None)
         return outcome
+
+    def _near(self, model: Model, before: Model, solution: Solution, force: float, voltage: float,
+              pressure: float) -> Outcome | None:
+        """The equilibrium near that of another film; None where it is not like that."""
+        mesh, settings = model.discretisation, self.settings.path.bounded(model)
+        if before.discretisation.unknowns is not mesh.unknowns or model.loading.softening:
+            return None
+        motion = (mesh.reference - before.discretisation.reference)[:, :2]
+        _, guess = moved_by(before, solution.state, model.specimen, motion)
+        loaded = guess.under(force=force, voltage=voltage**2, pressure=pressure)
+        near = equilibrium_near(model, loaded, settings, _ALIKE)
+        return None if near is None else Outcome("equilibrium", near)
+
+    def _is_own(self, model: Model) -> bool:
+        """Whether a model is on a mesh of its own."""
+        return self._model is not None and model.discretisation is self._model.discretisation
+
+
+def _is_alike(specimen: Specimen, other: Specimen) -> bool:
+    """Whether specimens differ in numbers alone, and in these by a little."""
+    if kind_of(specimen) != kind_of(other) or specimen.mirror_planes != other.mirror_planes:
+        return False
+    here, there = (np.array([at(one, name.split(".")) for name in varying(one)], dtype=float)
+                   for one in (specimen, other))
+    return bool((np.abs(here - there) <= _LITTLE * np.abs(there)).all())
 
 
 def _forget_films() -> None:
@@ -199,6 +279,12 @@ class FollowedCurve:
     readings: Readings | None = None
     circles: AlphaResult | str | None = None
     off: Off | None = None
+
+    @cached_property
+    def line(self) -> VoltageCurve:
+        """The curve as it is drawn."""
+        line, = voltage_curves(self.curve)
+        return line
 
 
 def followed(question: Question, settings: Settings = Settings()) -> Iterator[FollowedCurve]:
