@@ -187,6 +187,8 @@ class Rig:
         >>> [Rig(friction=0.01).rubbed(0.18, direction) for direction in (1.0, 0.0, -1.0)]
         [0.16999999999999998, 0.18, 0.19]
         """
+        if isinstance(self.friction, float) and self.friction == 0:
+            return force
         return _not_turned(force, force - direction * self.friction)
 
     def film_voltage(self, voltage: Any, direction: Any = 0.0) -> Any:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from functools import cached_property, partial
+from dataclasses import dataclass
+from functools import cached_property, lru_cache, partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tympan.fem.membrane.biases import Bias
-from tympan.fem.membrane.loading import Loading
+from tympan.fem.membrane.loading import Guide, Loading
 from tympan.geometry.outlines import area
 from tympan.studies.case import solved_loading
 from tympan.studies.diagnosis.hypothesis import (
@@ -77,12 +78,8 @@ class FilmsAtRest:
         alike = like is not None and np.array_equal(like.unknowns[SIZES], unknowns[SIZES])
         self.setup: Setup = like.setup if like and alike else films.outer(hypothesis, unknowns)
         self.rig = self.setup.rig
-        grids = [law.grid for law in films.laws]
-        self.reach = np.array([grid.heave for grid in grids])[states.specimen]
-        self.odd = np.array([grid.odd for grid in grids])[states.specimen]
-        self.low, self.high = -_BELOW * self.reach, (1 + BEYOND) * self.reach
-        self.top = (1 + BEYOND) * np.array(
-            [grid.voltage_squared for grid in grids])[states.specimen]
+        self._reached: _Reach = like._reached if like is not None else _Reach.of(films, states)
+        self.low, self.high, self.top = self._reached.low, self._reached.high, self._reached.top
         self.free = np.isnan(states.heave)
 
     @cached_property
@@ -96,10 +93,10 @@ class FilmsAtRest:
         return load
 
     @cached_property
-    def _film_weight(self) -> Array:
+    def _film_weight(self) -> Array | float:
         """Share of its film's own weight that each plate carries [N], shape (states,)."""
         if self.films.masses is None:
-            return np.zeros(len(self.states))
+            return 0.0
         return self.films.masses.film_weight[self.states.specimen]
 
     @cached_property
@@ -297,23 +294,54 @@ class FilmsAtRest:
     @cached_property
     def _biases(self) -> tuple[Bias, ...]:
         """Mechanisms between plate and ground, but for the rig's spring."""
-        acting = Loading(self.rig.biases, guide=self.rig.guide, gravity=self.rig.gravity)
-        return solved_loading(acting, COARSE).biases
+        return _mechanisms(self.rig.biases, self.rig.guide, self.rig.gravity)
 
     def _film_force(self, heave: Array) -> tuple[Array, Array]:
         """Force of films of nominal stiffness [N], with its derivative by the deflection [N/m]."""
-        at = np.clip(heave, self.low, self.high)
-        share = at / self.reach
-        x = np.where(self.odd, 2 * share**2, 2 * share) - 1
+        at, reach, odd = np.clip(heave, self.low, self.high), self._reached.heave, self._reached.odd
+        share = at / reach
+        x = 2 * share - 1 if odd is None else np.where(odd, 2 * share**2, 2 * share) - 1
         force, rate = np.broadcast_to(self.powers[-1], x.shape), np.zeros_like(x)
         for power in self.powers[-2::-1]:
             rate = rate * x + force
             force = force * x + power
-        rate = rate * np.where(self.odd, 4 * share, 2.0) / self.reach
-        if self.odd.any():
-            rate = np.where(self.odd, force + at * rate, rate)
-            force = np.where(self.odd, at * force, force)
+        rate = rate * (2.0 if odd is None else np.where(odd, 4 * share, 2.0)) / reach
+        if odd is not None:
+            rate = np.where(odd, force + at * rate, rate)
+            force = np.where(odd, at * force, force)
         return force + rate * (heave - at), rate
+
+
+@lru_cache(maxsize=32)
+def _mechanisms(biases: tuple[Bias, ...], guide: Guide, gravity: float) -> tuple[Bias, ...]:
+    """Mechanisms with their joined films solved; kept, since a fit asks thousands of times."""
+    return solved_loading(Loading(biases, guide=guide, gravity=gravity), COARSE).biases
+
+
+@dataclass(frozen=True, eq=False)
+class _Reach:
+    """Part of the force laws that states are in, shape (states,) each.
+
+    ``heave`` [m] and ``top``, a U² [V²], are the largest; ``low`` and ``high`` [m] bound where the
+    laws are trusted. ``odd``: states whose force changes its sign with the heave, None for no such
+    state.
+    """
+
+    heave: Array
+    odd: Mask | None
+    low: Array
+    high: Array
+    top: Array
+
+    @classmethod
+    def of(cls, films: ReducedFilms, states: States) -> _Reach:
+        """Reach of each state's film."""
+        grids = [law.grid for law in films.laws]
+        heave = np.array([grid.heave for grid in grids])[states.specimen]
+        odd = np.array([grid.odd for grid in grids])[states.specimen]
+        voltage_squared = np.array([grid.voltage_squared for grid in grids])[states.specimen]
+        return cls(heave, odd if odd.any() else None, -_BELOW * heave, (1 + BEYOND) * heave,
+                   (1 + BEYOND) * voltage_squared)
 
 
 def resting_place(balance: Balance, low: Array, high: Array) -> tuple[Array, Mask]:
