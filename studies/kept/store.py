@@ -216,6 +216,8 @@ def _pieces(value: object) -> Iterator[bytes]:
     elif isinstance(value, np.ndarray):
         yield f"{value.dtype.str} {value.shape}".encode()
         yield np.ascontiguousarray(value).tobytes()
+    elif type(value) is tuple and all(type(item) is float for item in value):
+        yield repr(value).encode()  # as of a single number: of points on curves there are thousands
     elif isinstance(value, tuple | list | frozenset):
         items = [b"".join(_pieces(item)) for item in value]
         yield str([len(item) for item in items]).encode()
