@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -25,7 +25,13 @@ from tympan.studies.design.result import (
     DesignStatus,
     FailedKind,
 )
-from tympan.studies.design.scatter import ScatteredFilms, missed_exactly
+from tympan.studies.design.scatter import (
+    KeptByMost,
+    ScatteredFilms,
+    drawn,
+    missed_exactly,
+    of_share,
+)
 from tympan.studies.design.search import KEPT, Search
 from tympan.studies.design.space import DesignSpace
 from tympan.studies.design.sqp import Descent
@@ -51,6 +57,10 @@ _NEARLY = (0.75, 0.96)
 _RELAXED = 0.01
 #: Rounds after which margins go half the way: two films may call each for the margins of the other.
 _DAMPED = 3
+#: Designs of which is looked at what a bound that cannot be kept may be instead.
+_EASED = 3
+#: Rounds without a film that keeps all bounds before most of the films shall, whichever they are.
+_IN_VAIN = 2
 #: Factors between which the share that may fail each bound changes at once.
 _LEVEL_STEP = (0.7, 1.4)
 #: Quantities that are told of every film.
@@ -62,15 +72,25 @@ _TOLD = ("stroke", "blocked_force", "work", "frequency", TENSION, "voltage", "ma
 class Sought:
     """End of the search, the margins it had, and the film by finite elements.
 
-    ``off``: by what share of each bound reduced films are better than finite elements.
+    ``off``: by what share of each bound reduced films are better than finite elements; ``priced``:
+    what a share of each bound costs of the aim, (bounds,), where the search's end does not say.
     """
 
     search: Search
     end: Descent
     possible: bool
     exact: ExactFilm | None = None
-    off: Mapping[str, float] | None = None
+    off: Mapping[str, float] = field(default_factory=dict)
     films: ScatteredFilms | None = None
+    priced: Array | None = None
+
+    @property
+    def prices(self) -> Array:
+        """Cost of a share of each bound, in the aim, (bounds,)."""
+        if self.priced is not None:
+            return self.priced
+        multipliers = self.end.multipliers
+        return np.zeros(len(self.search.bounds)) if multipliers is None else multipliers.limits
 
     @property
     def values(self) -> Array:
@@ -135,26 +155,29 @@ def _sought(space: DesignSpace, settings: Settings) -> Sought:
     """The best film of a space, with margins for what scatters and for what reduced films miss."""
     requirements = space.requirements
     search = Search(space, requirements.kept(space.specimen), requirements.best)
-    found = _settled(search, search.starts())
-    failing = 1 - requirements.share
-    level, shifts = _AIMED * failing, dict[str, float]()
-    films: ScatteredFilms | None = None
-    exact = _exact(found, settings)
-    kept: tuple[Sought, ExactFilm] | None = None
+    found = _checked(_settled(search, search.starts()), settings)
+    failing, points = 1 - requirements.share, drawn(space, _DRAWN, 1) if space.scatter else None
+    level, shifts, vain = _AIMED * failing, dict[str, float](), 0
+    kept: Sought | None = None
+    likely, most = found, -1.0
     for number in range(_ROUNDS):
-        wanted, failed = _off(found, exact), _AIMED
-        if space.scatter:
-            films = ScatteredFilms.of(found.search, found.values, _DRAWN, 1)
-            failed = (1 - films.kept(wanted).mean()) / failing
-            wanted = {key: value + wanted[key] for key, value in films.shifts(level).items()}
+        wanted, failed = dict(found.off), _AIMED
+        if points is not None:
+            films = ScatteredFilms.of(found.search, found.values, points)
+            share = float(films.kept(wanted).mean())
+            failed = (1 - share) / failing
+            likely, most = (found, share) if share > most else (likely, most)
+            shift = films.shifts(found.values, level)
+            wanted = {key: value + shift.get(key, 0.0) for key, value in wanted.items()}
         change = max(abs(value - shifts.get(key, np.inf)) for key, value in wanted.items())
         few = _NEARLY[0] <= failed <= _NEARLY[1]
-        many = films is not None and found.possible and failed > _NEARLY[1]
-        if films is not None and found.possible and not many:
-            kept = max(filter(None, [kept, (found, exact)]), key=lambda pair: pair[0].aim)
-        if (change < _SETTLED and not many) or (few and change < _NEAR):
+        many = points is not None and found.possible and failed > _NEARLY[1]
+        if points is not None and found.possible and not many:
+            kept = max(filter(None, [kept, found]), key=lambda each: each.aim)
+        vain += not found.possible
+        if (change < _SETTLED and not many) or (few and change < _NEAR) or vain > _IN_VAIN:
             break
-        if found.possible and change < _NEAR and films is not None:
+        if found.possible and change < _NEAR and points is not None:
             level = min(failing, level * float(np.clip(_AIMED / failed, *_LEVEL_STEP)))
         if number >= _DAMPED:
             wanted = {key: (value + shifts[key]) / 2 for key, value in wanted.items()}
@@ -165,15 +188,52 @@ def _sought(space: DesignSpace, settings: Settings) -> Sought:
         if level < _AIMED * failing and before.possible and not found.possible:
             found = before
             break
-        exact = _exact(found, settings)
+        found = _checked(found, settings)
     else:  # between films that call each for the margins of the other
-        found, exact = kept or (found, exact)
-    off = _off(found, exact)
-    if space.scatter:
-        films = ScatteredFilms.of(found.search, found.values, _JUDGED, 2)
-        found = replace(found, possible=found.possible
-                        and chance(films.kept(off)).high >= requirements.share)
-    return replace(found, exact=exact, off=off, films=films)
+        found = kept or found
+    if points is None:
+        return found
+    if found.possible and (judged := _judged(found)).possible:
+        return judged
+    return _kept_by_most(likely, settings)
+
+
+def _checked(found: Sought, settings: Settings) -> Sought:
+    """The film with its finite elements, and what reduced films are off by these."""
+    space, values, search = found.search.space, found.values, found.search
+    requirements = space.requirements
+    exact = ExactFilm(space.built(values), space.load(values), space.voltage(values),
+                      requirements.rig, settings, requirements.margin)
+    reduced = replace(search, shifts={}).missed(space.films(values[None]))[0]
+    by_elements = missed_exactly(search, exact)
+    off = by_elements - reduced if np.isfinite(by_elements).all() else np.zeros(len(reduced))
+    return replace(found, exact=exact, off=dict(zip(search.bounds, off.tolist(), strict=True)))
+
+
+def _judged(found: Sought) -> Sought:
+    """The film with others about it, by which it is possible or not."""
+    space = found.search.space
+    films = ScatteredFilms.of(found.search, found.values, drawn(space, _JUDGED, 2))
+    enough = chance(films.kept(found.off)).high >= space.requirements.share
+    return replace(found, films=films, possible=found.possible and enough)
+
+
+def _kept_by_most(found: Sought, settings: Settings) -> Sought:
+    """The film most of whose copies keep all bounds, from one on; the best where enough do."""
+    search, requirements = found.search, found.search.space.requirements
+    most = KeptByMost(replace(search, best="", shifts={}), found.off, requirements.share)
+    end = most.from_start(most.likeliest(found.end.x[: len(search.space.variables)]))
+    if end.here is None:
+        return _judged(found)
+    nearest = replace(found, end=end, possible=end.status != "infeasible", search=most.search)
+    if nearest.possible and requirements.best and end.here.value >= 0:
+        best = KeptByMost(replace(most.search, best=requirements.best), found.off,
+                          1 - _AIMED * (1 - requirements.share))
+        if (ended := best.from_start(end.x)).here is not None and ended.status != "infeasible":
+            best_film = replace(nearest, end=ended, search=best.search, priced=best.prices(ended))
+            if (judged := _judged(_checked(best_film, settings))).possible:
+                return judged
+    return _judged(_checked(replace(nearest, priced=most.prices(end)), settings))
 
 
 def _settled(search: Search, starts: Array) -> Sought:
@@ -194,25 +254,6 @@ def _settled(search: Search, starts: Array) -> Sought:
     return Sought(search, best, possible=best.here is not None and best.status != "infeasible")
 
 
-def _exact(found: Sought, settings: Settings) -> ExactFilm:
-    """The film without scatter, by finite elements."""
-    space, values = found.search.space, found.values
-    requirements = space.requirements
-    return ExactFilm(space.built(values), space.load(values), space.voltage(values),
-                     requirements.rig, settings, requirements.margin)
-
-
-def _off(found: Sought, exact: ExactFilm) -> dict[str, float]:
-    """Share of each bound by which reduced films are better than finite elements."""
-    search = found.search
-    bare = replace(search, shifts={})
-    reduced = bare.missed(search.space.films(found.values[None]))[0]
-    by_elements = missed_exactly(search, exact)
-    if not np.isfinite(by_elements).all():
-        return dict.fromkeys(search.bounds, 0.0)
-    return dict(zip(search.bounds, (by_elements - reduced).tolist(), strict=True))
-
-
 def _film(found: Sought) -> DesignedFilm:
     """The film as it is stored."""
     space, values, exact = found.search.space, found.values, found.exact
@@ -220,7 +261,7 @@ def _film(found: Sought) -> DesignedFilm:
     status: DesignStatus = "met" if found.possible else "impossible"
     reached = None
     if found.films is not None:
-        reached = chance(found.films.kept(found.off or {}))
+        reached = chance(found.films.kept(found.off))
     return DesignedFilm(
         specimen=space.specimen.name, status=status, specimen_file="", rig_file="",
         mass_kg=space.load(values), voltage_V=space.voltage(values), aim=found.aim,
@@ -251,9 +292,7 @@ def _scale(found: Sought) -> float:
 def _quantities(found: Sought) -> list[DesignedQuantity]:
     search, exact = found.search, found.exact
     assert exact is not None
-    prices = np.zeros(len(search.bounds))
-    if found.end.multipliers is not None:
-        prices = found.end.multipliers.limits
+    prices = found.prices
     keys = dict.fromkeys((*search.bounds, *_TOLD, *filter(None, [search.space.requirements.best]),
                           *(search.space.requirements.front or ())))
     reduced = search.space.films(found.values[None])
@@ -288,7 +327,7 @@ def _reached(found: Sought, key: str) -> float | None:
     if not np.isfinite(values).any():
         return None
     values = np.where(np.isfinite(values), values, 0.0 if quantity.gain else np.inf)
-    value = float(np.quantile(values, 1 - share if quantity.gain else share))
+    value = of_share(values, share, gain=quantity.gain)
     return value if np.isfinite(value) else None
 
 
@@ -306,22 +345,32 @@ def _eased(found: Sought, key: str) -> float:
 
 
 def _attainable(found: Sought, key: str) -> float | None:
-    """The best bound that could be kept with all others, with the same margins."""
-    search = found.search
+    """The best bound that could be kept with all others."""
+    search, quantity = found.search, QUANTITIES[key]
     if key == TENSION:
         return None
+    space, size = search.space, len(search.space.variables)
+    sign, missed = 1 if quantity.gain else -1, found.off[key] * search.bounds[key]
     others = {other: bound for other, bound in search.bounds.items() if other != key}
     alone = replace(search, bounds=others, best=key)
-    ended = _settled_best(alone, found.end.x[: len(search.space.variables)])
-    if ended is None:
-        return None
-    values = search.space.values(ended.x)
-    value = float(QUANTITIES[key].of(search.space.films(values[None]))[0])
-    shift = search.shifts.get(key, 0.0) * search.bounds[key]
-    return value - shift if QUANTITIES[key].gain else value + shift
-
-
-def _settled_best(search: Search, x: Array) -> Descent | None:
-    """End of a search from a place and random ones; None where no film keeps its bounds."""
-    end = search.found(np.concatenate([x[None], search.starts()]))
-    return None if end is None or end.status == "infeasible" else end
+    starts = np.concatenate([found.end.x[None, :size], alone.starts()])
+    if found.films is None or not quantity.scatters:
+        ended = alone.found(starts)
+        if ended is None or ended.status == "infeasible":
+            return None
+        value = float(quantity.of(space.films(space.values(ended.x)[None]))[0])
+        return value - sign * missed
+    share, points, values = space.requirements.share, drawn(space, _DRAWN, 1), found.values
+    reached = list[float]()
+    for _ in range(_EASED):
+        films = ScatteredFilms.of(search, values, points)
+        attained = films.attained(key, found.off, share)
+        reached += [] if attained is None else [attained - sign * missed]
+        # Half of the films that may fail do so by each of the other bounds.
+        shifts = films.shifts(values, (1 - share) / 2)
+        ended = replace(alone, shifts={other: shifts.get(other, 0.0) + found.off[other]
+                                       for other in others}).found(starts)
+        if ended is None or ended.status == "infeasible":
+            break
+        starts, values = ended.x[None], space.values(ended.x)
+    return max(reached, key=lambda value: sign * value, default=None)

@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import qmc
 
 from tympan.studies.design.quantities import QUANTITIES, misses
 from tympan.studies.design.space import DesignSpace, FamilyFilms
@@ -21,9 +20,7 @@ from tympan.studies.design.sqp import Descent, DescentSettings, Linearisation, m
 
 Array = NDArray[Any]
 
-#: Random films among which the search begins, a power of two.
-_FILMS = 512
-#: Of these the best, from each of which it goes on.
+#: Best ones of the random films, from each of which the search goes on.
 _STARTS = 2
 #: Step of differences, as a share of a variable's range: truncation 1e-6, rounding 1e-7.
 _STEP = 1e-3
@@ -71,9 +68,7 @@ class Search:
     def at(self, x: Array, renew: bool = False) -> Linearisation | None:
         """Values and slopes at shares x of the ranges."""
         size = len(self.space.variables)
-        unit = np.eye(size)
-        ahead = np.clip(x[:size] + _STEP * unit, 0, 1)
-        behind = np.clip(x[:size] - _STEP * unit, 0, 1)
+        ahead, behind = around(x[:size])
         places = np.concatenate([x[None, :size], ahead, behind])
         films = self.space.films(self.space.values(places))
         c = self.missed(films)
@@ -115,9 +110,7 @@ class Search:
 
     def starts(self) -> Array:
         """The best of random films, (starts, variables)."""
-        sequence = qmc.Sobol(len(self.space.variables), seed=np.random.default_rng(1))
-        x = sequence.random_base2(int(np.log2(_FILMS)))
-        films = self.space.films(self.space.values(x))
+        x, films = self.space.random
         missed = np.maximum(self.missed(films).max(1), -np.inf if not self.best else 0.0)
         merit = -_PRICE * missed
         if self.best:
@@ -130,6 +123,12 @@ class Search:
         """The best of steps from some films, None where none of them has its states."""
         ends = [end for start in starts if (end := self.from_start(start)).here is not None]
         return max(ends, key=lambda end: (end.status != "infeasible", _value(end)), default=None)
+
+
+def around(x: Array) -> tuple[Array, Array]:
+    """Shares a little above and below in one variable each, (variables, variables) both."""
+    unit = np.eye(len(x))
+    return np.clip(x + _STEP * unit, 0, 1), np.clip(x - _STEP * unit, 0, 1)
 
 
 def _value(end: Descent) -> float:

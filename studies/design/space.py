@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import qmc
 
 from tympan.geometry.errors import InputError
 from tympan.geometry.outlines import area
@@ -24,6 +25,8 @@ from tympan.studies.tolerance.given import AMPLIFIER, LOAD, Cause, causes
 
 Array = NDArray[Any]
 
+#: Random films among which searches begin, a power of two.
+_RANDOM = 512
 #: How the family is made: what its estimate leaves, finite elements correct at the end.
 _FAMILY = FamilySettings(error=1e-3, rounds=2, candidates=128, checks=8)
 
@@ -50,9 +53,11 @@ class FamilyFilms:
     @cached_property
     def states(self) -> FamilyStates:
         """The states of each film."""
+        masses = None
+        if self.masses is not None:  # beyond its voltage no frequency is asked for
+            masses = np.where(np.arange(self.across.shape[1]) < 2, self.masses[:, None], np.nan)
         return self.family.states(self.rows, self.loads[:, None], self.across, check=False,
-                                  masses=None if self.masses is None else self.masses[:, None],
-                                  loose=True)
+                                  masses=masses, loose=True)
 
     @property
     def deflection(self) -> Array:
@@ -139,6 +144,13 @@ class DesignSpace(Ranges):
                                    settings, _FAMILY)
         return cls(middle, variables, requirements, family, scatter)
 
+    @cached_property
+    def random(self) -> tuple[Array, FamilyFilms]:
+        """Shares of random films, (films, variables), and these films without scatter."""
+        sequence = qmc.Sobol(len(self.variables), seed=np.random.default_rng(1))
+        x = np.asarray(sequence.random_base2(int(np.log2(_RANDOM))))
+        return x, self.films(self.values(x))
+
     def load(self, values: Array) -> float:
         """Nominal mass on the plate [kg]."""
         return self._load(values, "mass", self.requirements.mass)
@@ -164,18 +176,29 @@ class DesignSpace(Ranges):
                            for read in (self.load, self.voltage))
         return self._loaded(rows, masses, np.where(known, voltage, np.nan), 1.0, specimens)
 
-    def scattered(self, values: Array, points: Array) -> FamilyFilms:
-        """Films that are drawn about one, at points (films, inputs) from 0 to 1."""
-        specimen = self.built(values)
-        drawn = Rows.of(Scattered(specimen, self.scatter).values(points))
-        rows = np.repeat(self.family.box.row(specimen)[None], len(points), 0)
-        strength = drawn.strength * median_strength(self.family, rows[0], self.scatter)
-        for name, column in zip(drawn.names, drawn.rows.T, strict=True):
-            rows[:, self.family.box.names.index(name)] = column
-        films = self._loaded(rows, self.load(values) * drawn.load,
-                             np.full(len(points), self.voltage(values)), drawn.amplifier,
-                             [specimen] * len(points))
-        return replace(films, strength=strength)
+    def scattered(self, designs: Array, points: Array) -> FamilyFilms:
+        """Films that are drawn about designs, at points (films, inputs) from 0 to 1.
+
+        ``designs``: values of one, (variables,), or of several, (designs, variables), whose films
+        follow one another.
+        """
+        designs = np.atleast_2d(designs)
+        specimens, count = [self.built(values) for values in designs], len(points)
+        middles = np.array([self.family.box.row(specimen) for specimen in specimens])
+        drawn = [Rows.of(Scattered(specimen, self.scatter).values(points))
+                 for specimen in specimens]
+        rows = np.repeat(middles, count, 0)
+        for number, own in enumerate(drawn):
+            places = [self.family.box.names.index(name) for name in own.names]
+            rows[number * count:(number + 1) * count, places] = own.rows
+        strength = [own.strength * median_strength(self.family, middle, self.scatter)
+                    for own, middle in zip(drawn, middles, strict=True)]
+        masses = [self.load(values) * own.load for values, own in zip(designs, drawn, strict=True)]
+        films = self._loaded(rows, np.concatenate(masses),
+                             np.repeat([self.voltage(values) for values in designs], count),
+                             np.concatenate([own.amplifier for own in drawn]),
+                             [specimen for specimen in specimens for _ in range(count)])
+        return replace(films, strength=np.concatenate(strength))
 
     @property
     def inputs(self) -> int:
