@@ -348,19 +348,30 @@ class Films:
                 pull[:, 0] = 0.0 if held else pull[:, 0] - force[some]
         return np.concatenate([*going, some])
 
-    def charged(self, films: Numbers, force: Array, q: Array, squared: Array) -> Charged:
-        """States near equilibria, corrected once by U² [V²] with the plate where it is."""
+    def charged(self, films: Numbers, force: Array, q: Array, squared: Array, chords: int = 0
+                ) -> Charged:
+        """States near equilibria, corrected by U² [V²] with the plate where it is.
+
+        Once, and so many times more by the same tangents; rates are those of the state that was
+        given. Such corrections fall by what the first one was over the state.
+        """
         pull, stiffness = self.pull(films, q, squared)
         scale = float(np.abs(squared).max())
         # Forces are straight in U².
         by_voltage = (self.forces(films, q, squared + scale) - pull) / scale
-        pull[:, 0] -= force
+        firm = _positive(stiffness)
         inverse = np.linalg.inv(np.concatenate([by_voltage[..., None], stiffness[..., 1:]], -1))
-        step = (inverse @ pull[..., None])[..., 0]
         rates = -(inverse @ stiffness[..., :1])[..., 0]
-        squared, slope = np.maximum(squared - step[:, 0], 0.0), rates[:, 0].copy()
-        step[:, 0], rates[:, 0] = 0.0, 1.0
-        return Charged(q - step, squared, rates, slope, inverse[:, 0, 0])
+        slope, rates[:, 0] = rates[:, 0].copy(), 1.0
+        for correction in range(chords + 1):
+            if correction:
+                pull = self.forces(films, q, squared)
+            pull[:, 0] -= force
+            step = (inverse @ pull[..., None])[..., 0]
+            squared = squared - step[:, 0]
+            step[:, 0] = 0.0
+            q = q - step
+        return Charged(q, np.maximum(squared, 0.0), rates, slope, inverse[:, 0, 0], firm)
 
     def carried(self, films: Numbers, force: Array, squared: Array, start: Array, steps: int
                 ) -> Balance:
@@ -438,7 +449,7 @@ class Charged:
     """States q, (states, shapes), with plates where they are under U² [V²], (states,).
 
     ``rates`` of both by the plate's deflection, that of U² ``slope``; ``by_force``: rate of U² by
-    the force on a plate that stays [V²/N].
+    the force on a plate that stays [V²/N]; ``firm``: whether the film resists any motion.
     """
 
     q: Array
@@ -446,6 +457,7 @@ class Charged:
     rates: Array
     slope: Array
     by_force: Array
+    firm: NDArray[np.bool_]
 
     @property
     def stiffness(self) -> Array:

@@ -1,7 +1,9 @@
 """A film of a family as its voltage rises, to its first limits, in some milliseconds.
 
-The states are those by which :func:`tympan.studies.films.first_limits.first_limits` finds the
-limits. Each has its rate, so U² as a function of the plate's deflection is known between them.
+The states of a first film are those by which
+:func:`tympan.studies.films.first_limits.first_limits` finds the limits. Those of a film like it are
+found from these, all at once. Each has its rate, so U² as a function of the plate's deflection is
+known between them.
 """
 
 from __future__ import annotations
@@ -32,8 +34,24 @@ _MORE_AND_MORE = 1.5
 _FAR = 0.03
 #: How far beyond the end the last of these is, over the deflection by the voltage.
 _BEYOND = 0.05
+#: States beyond the first of a film that is found from another one.
+_ALONG = 10
+#: How much farther than the other film it is looked for, over the deflection by the voltage.
+_AHEAD = 0.25
+#: Corrections of these states by their first tangents.
+_CHORDS = 2
+#: By how much U² of a state may be corrected after these, over the largest: what is left is that
+#: times the same again.
+_MISSED = 1e-3
+#: Fewest states before the end.
+_ENOUGH = 6
+
 #: How far from a limit its margin is looked at again, over the deflection by the voltage.
 _ASIDE = 0.02
+#: How often at most a limit is corrected by its margin.
+_CLOSING = 3
+#: Correction after which it is not, over the deflection by the voltage: what is left is its square.
+_CLOSE = 3e-3
 #: What local numbers of the reduced film may be off: stresses over the largest one, and the share
 #: of the strength. Set by trial: limits of nine films were wrong by half of what follows.
 _LOCAL = 2e-3
@@ -60,7 +78,7 @@ class FamilyRise:
     ``limits`` that are met, by kind; ``rest``: amplitudes q of the film without voltage.
     ``whole``: it pulls in at the last point, taut and firm all the way. Otherwise it loses tension
     there, or the family holds it no further. ``off``: by how much the force on the plate may be
-    wrong [N].
+    wrong [N]. ``path``: U² and q as a function of the deflection.
     """
 
     deflection: Array
@@ -70,24 +88,33 @@ class FamilyRise:
     whole: bool
     off: float
     rest: Array
+    path: CubicHermiteSpline
 
     def error(self, deflection: float) -> float:
         """Error of a deflection at a given voltage [m]."""
         return self.off / float(np.interp(deflection, self.deflection, np.abs(self.stiffness)))
 
 
-def rise(family: FilmFamily, row: Array, force: float) -> FamilyRise | None:
+def rise(family: FilmFamily, row: Array, force: float, last: FamilyRise | None = None
+         ) -> FamilyRise | None:
     """A film with these parameters, (names,), under a force on its plate [N].
 
-    None where the family does not hold it at rest, or a voltage does not move its plate.
+    None where the family does not hold it at rest, or a voltage does not move its plate. ``last``:
+    the rise of a film like it, from whose states its own are found in half the time.
     """
     film = _Film(family, row, force)
-    seen: list[tuple[Array, Margins]] = []
+    ended = (None if last is None else _followed(film, last)) or _searched(film)
+    return None if ended is None else _to_end(film, *ended)
+
+
+def _searched(film: _Film) -> tuple[_Way, LimitKind | None, float] | None:
+    """The way of a film, what ends it, and at which deflection; by a search for its limits."""
+    family, seen = film.family, list[tuple[Array, Margins]]()
 
     def found(some: Array, squared: Array, near: Array | None) -> Margins:
         # Breakdown is looked for later: films go on beyond it.
-        margins = family.margins(film.films, film.places, np.array([force]), np.array([np.inf]),
-                                 True, some, squared, near)
+        margins = family.margins(film.films, film.places, np.array([film.force]),
+                                 np.array([np.inf]), True, some, squared, near)
         seen.append((squared, margins))
         return margins
 
@@ -103,13 +130,68 @@ def rise(family: FilmFamily, row: Array, force: float) -> FamilyRise | None:
     kind = KINDS[end.kind[0]] if np.isfinite(end.voltage[0]) else None
     highest = float(min(end.voltage[0] ** 2, family.squared[1]))
     last = way.place(kind, highest)
-    share = np.linspace(0.0, 1.0, _MORE + 1)[1:]
-    near = way.path(q[0, 0] + (1 + _BEYOND) * (last - q[0, 0]) * share**_MORE_AND_MORE)
+    near = way.path(_spaced(q[0, 0], (1 + _BEYOND) * (last - q[0, 0]), _MORE))
     with np.errstate(all="ignore"):
         more = film.charged(near[:, 0], near[:, 1:])
     # A state whose guess was far off is corrected again nowhere.
     sure = np.abs(more.squared - near[:, 0]) < _FAR * near[:, 0].max()
-    return _to_end(film, _Way.of(way.states.joined(more.some(sure))), kind, highest)
+    way = _Way.of(way.states.joined(more.some(sure)))
+    return way, kind, way.place(kind, highest)
+
+
+def _followed(film: _Film, last: FamilyRise) -> tuple[_Way, LimitKind | None, float] | None:
+    """The same from the states of a film like it; None where these are too few or too far."""
+    family = film.family
+    number, force = np.zeros(1, dtype=np.int64), np.array([film.force])
+    lowest = np.array([family.squared[0]])
+    rest = film.films.balanced(number, force, lowest, last.rest[None])
+    if not (rest.sound.all() and film.holds):
+        return None
+    start, reach = rest.q[0, 0], last.deflection[-1] - last.deflection[0]
+    y = _spaced(start, (1 + _AHEAD) * reach, _ALONG)
+    there = np.clip(y, last.deflection[0], last.path.x[-1])
+    with np.errstate(all="ignore"):
+        guess = last.path(there)[:, 1:] * (y / there)[:, None]
+        near = film.charged(film.squared(guess), guess, _CHORDS)
+        states = film.charged(np.concatenate([lowest, near.squared]),
+                              np.concatenate([rest.q, near.q]))
+        here = film.local(np.column_stack([states.squared, states.q]))
+    missed = np.abs(states.squared[1:] - near.squared) / film.family.squared[1]
+    good = np.isfinite(here.stress_2).all(1) & np.append(True, missed < _MISSED)
+    count = len(good) if good.all() else int(good.argmin())
+    if count < _ENOUGH:
+        return None
+    way = _Way.of(states.some(slice(0, count)))
+    tension, sound = np.asarray(here.stress_2.min(1)), np.asarray(here.sound.all(1))
+    kind, end = _end(film, way, tension[:count], sound[:count])
+    before = way.states.q[:, 0] < end
+    if before.all() or before.sum() < _ENOUGH or not way.states.firm[before].all():
+        return None
+    return way, kind, end
+
+
+def _end(film: _Film, way: _Way, tension: Array, sound: Array) -> tuple[LimitKind | None, float]:
+    """First end of a film but for breakdown, and its deflection; infinite of none.
+
+    Of states the least ``tension`` [Pa], and whether the film is firm in itself.
+    """
+    y = way.states.q[:, 0]
+    slack = CubicSpline(y, tension).roots(extrapolate=False)
+    found: list[tuple[float, LimitKind | None]] = [
+        (float(min(slack, default=np.inf)), "tension"),
+        (float(min(way.of_squared.derivative().roots(extrapolate=False), default=np.inf)),
+         "pull_in"),
+        (float(min(y[~sound], default=np.inf)), "instability"),
+        (float(min(way.of_squared.solve(film.family.squared[1], extrapolate=False),
+                   default=np.inf)), None)]
+    place, kind = min(found, key=lambda each: each[0])
+    return kind, place
+
+
+def _spaced(start: float, reach: float, count: int) -> Array:
+    """Deflections beyond a first one, closer where they begin."""
+    share = np.linspace(0.0, 1.0, count + 1)[1:]
+    return np.asarray(start + reach * share**_MORE_AND_MORE)
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,10 +212,23 @@ class _Film:
         """The film at the family's places."""
         return self.films.at(self.family.looked_at)
 
-    def charged(self, squared: Array, q: Array) -> Charged:
+    @property
+    def holds(self) -> bool:
+        """Whether it is one of the family."""
+        return bool(self.family.box.holds(self.row[None])[0]
+                    and self.family.force[0] <= self.force <= self.family.force[1])
+
+    def charged(self, squared: Array, q: Array, chords: int = 0) -> Charged:
         """States near equilibria, as :meth:`Films.charged` corrects them."""
         return self.films.charged(np.zeros(len(q), dtype=np.int64), np.full(len(q), self.force), q,
-                                  squared)
+                                  squared, chords)
+
+    def squared(self, q: Array) -> Array:
+        """U² [V²] by which states q hold their plates, (states,)."""
+        number, scale = np.zeros(len(q), dtype=np.int64), self.family.squared[1]
+        without, by = (self.films.forces(number, q, np.full(len(q), squared))[:, 0]
+                       for squared in (0.0, scale))
+        return np.asarray(scale * (self.force - without) / (by - without))
 
     def local(self, states: Array) -> Local:
         """Stretches, stresses and fields of states, (states, 1 + shapes): U² and q."""
@@ -156,9 +251,14 @@ class _Way:
             states.q[:, 0], np.column_stack([states.squared, states.q]),
             np.column_stack([states.slope, states.rates])))
 
+    @property
+    def of_squared(self) -> CubicHermiteSpline:
+        """U² as a function of the deflection."""
+        return CubicHermiteSpline.construct_fast(self.path.c[..., 0], self.path.x)
+
     def place(self, kind: str | None, squared: float) -> float:
         """Deflection [m] at which U² [V²] is first met, or at its top for a pull-in."""
-        of_squared = CubicHermiteSpline.construct_fast(self.path.c[..., 0], self.path.x)
+        of_squared = self.of_squared
         if kind == "pull_in":
             roots = of_squared.derivative().roots(extrapolate=False)
             # Beyond the last state U² is a parabola.
@@ -168,9 +268,9 @@ class _Way:
         return float(min(roots[roots >= self.path.x[0]], default=self.path.x[-1]))
 
 
-def _to_end(film: _Film, way: _Way, kind: LimitKind | None, highest: float) -> FamilyRise:
+def _to_end(film: _Film, way: _Way, kind: LimitKind | None, last: float) -> FamilyRise:
     """The way to the first of tension lost and pull-in, or as far as states are there."""
-    states, first, last = way.states, float(way.path.x[0]), way.place(kind, highest)
+    states, first = way.states, float(way.path.x[0])
     off = _force_error(film, states.some(states.q[:, 0] < last))
     limits: dict[LimitKind, FamilyLimit] = {}
     if kind is not None and kind != "instability":
@@ -187,23 +287,28 @@ def _to_end(film: _Film, way: _Way, kind: LimitKind | None, highest: float) -> F
     squared = way.path(y)[:, 0]
     squared[0] = film.family.squared[0]  # but for what rounding leaves
     return FamilyRise(y, squared, np.interp(y, states.q[:, 0], states.stiffness), limits,
-                      kind == "pull_in", off, states.q[0])
+                      kind == "pull_in", off, states.q[0], way.path)
 
 
 def _limit(film: _Film, way: _Way, kind: str, place: float, off: float
            ) -> tuple[FamilyLimit, float]:
     """A limit near a deflection, and where it is; forces may be wrong by ``off`` [N]."""
-    y = np.array([place, place - _ASIDE * (place - way.path.x[0])])
-    here = film.local(way.path(y))
-    worst, scale, end = {
-        "tension": (-here.stress_2, float(here.stress_1[0].max()), 0.0),
-        "breakdown": (here.share, 1.0, 1.0),
-        "pull_in": (here.stretch_1 * here.stretch_2, 0.0, np.nan)}[kind]
     error = off * abs(float(np.interp(place, way.states.q[:, 0], way.states.by_force)))
-    if scale:
+    for _ in range(_CLOSING):
+        y = np.array([place, place - _ASIDE * (place - way.path.x[0])])
+        here = film.local(way.path(y))
+        worst, scale, end = {
+            "tension": (-here.stress_2, float(here.stress_1[0].max()), 0.0),
+            "breakdown": (here.share, 1.0, 1.0),
+            "pull_in": (here.stretch_1 * here.stretch_2, 0.0, np.nan)}[kind]
+        if not scale:
+            break
         margins = worst.max(1)
         rate = float((margins[0] - margins[1]) / (y[0] - y[1]))
-        place += (end - float(margins[0])) / rate
+        before, place = place, place + (end - float(margins[0])) / rate
+        if abs(place - before) < _CLOSE * (place - way.path.x[0]):
+            break
+    if scale:
         error += _LOCAL * scale * abs(float(way.path(place, 1)[0]) / rate)
     at_x, at_y = film.family.places.at(film.films.nodes)[0, int(np.argmax(worst[0]))]
     return FamilyLimit(float(way.path(place)[0]), error, float(at_x), float(at_y)), place

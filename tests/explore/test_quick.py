@@ -19,8 +19,10 @@ from tympan.fem.membrane.biases import Constant
 from tympan.fem.rig import Rig
 from tympan.reports.figures.curve import voltage_curves
 from tympan.studies.case import Settings, solve
+from tympan.studies.films import rise as rises
 from tympan.studies.films.family import FilmFamily
 from tympan.studies.films.first_limits import Margins
+from tympan.studies.films.rise import FamilyRise, rise
 from tympan.studies.limits import curve
 
 OVAL = FilmView(elliptical(60e-3), mass=0.0179, voltage=2000.0)
@@ -30,10 +32,22 @@ END = 8.2e3
 
 
 @pytest.fixture(scope="module")
-def quick() -> Callable[[Any], Iterator[QuickCurve]]:
+def family() -> FilmFamily:
+    """The films near the oval."""
+    films = Neighbours.of(OVAL, END)
+    assert films is not None
+    made = films.family()
+    assert made is not None
+    return made
+
+
+@pytest.fixture
+def quick(family: FilmFamily, monkeypatch: pytest.MonkeyPatch
+          ) -> Callable[[Any], Iterator[QuickCurve]]:
     """What answers views near the oval."""
     films = Neighbours.of(OVAL, END)
     assert films is not None
+    monkeypatch.setattr(Neighbours, "family", lambda _: family)
     return by_family(films)
 
 
@@ -72,6 +86,38 @@ def test_a_moved_control_gives_the_curve_the_limits_and_the_force_of_finite_elem
     assert answer.blocked.force == pytest.approx(blocked, rel=2e-3)
     shown, = blocked_rows(answer.blocked)
     assert str(shown["text"]).endswith(" mN")
+
+
+@pytest.mark.parametrize("change", [
+    {"mass": 0.025}, {"mass": 0.008}, {"stiffness": 0.85}, {"membrane.prestretch.0": 2.4},
+    {"membrane.thickness": 1.15e-3}, {"frame.semi_axes.0": 66e-3},
+    {"plate.outline.radius": 9e-3, "stiffness": 1.15}])
+def test_a_film_found_from_another_is_the_one_that_a_search_finds(
+        change: dict[str, float], family: FilmFamily, monkeypatch: pytest.MonkeyPatch) -> None:
+    films = Neighbours.of(OVAL, END)
+    assert films is not None
+    view = OVAL
+    for key, value in change.items():
+        view = changed(view, key, value)
+
+    def risen(of: FilmView, last: FamilyRise | None = None) -> FamilyRise:
+        row = films.row(of)
+        assert row is not None
+        made = rise(family, row, 9.81 * of.mass, last)
+        assert made is not None
+        return made
+
+    searched, start = risen(view), risen(OVAL)
+    monkeypatch.setattr(rises, "first_limits", None)  # nothing is searched any more
+    found = risen(view, start)
+    assert found.whole == searched.whole
+    assert found.limits.keys() == searched.limits.keys()
+    for kind, limit in found.limits.items():
+        assert limit.squared == pytest.approx(searched.limits[kind].squared, abs=limit.off)
+    inner = slice(1, -1)
+    exact = family.states(films.row(view), 9.81 * view.mass, found.squared[None, inner] ** 0.5,
+                          check=False).deflection[0]
+    assert found.deflection[inner] == pytest.approx(exact, abs=2e-4 * found.deflection[-1])
 
 
 def test_what_a_reduced_film_does_not_know_is_open(

@@ -123,10 +123,9 @@ def by_family(films: Neighbours) -> Answer:
             return
         film = replace(view, voltage=0.0)
         if not last or last[0][0] != film:
-            row = films.row(view)
-            case = view.case
-            last[:] = [(film, None if row is None else rise(
-                family, row, case.force(area(view.specimen.needed_plate().outline))))]
+            row, before = films.row(view), last[0][1] if last else None
+            force = view.case.force(area(view.specimen.needed_plate().outline))
+            last[:] = [(film, None if row is None else rise(family, row, force, before))]
         risen = last[0][1]
         yield QuickCurve(view) if risen is None else _quick(view, family, films, risen)
 
