@@ -29,9 +29,9 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-import xarray as xr
 
 from tympan.fem.discretisation.discretisation import Discretisation
 from tympan.fem.film.library import load_specimen
@@ -47,6 +47,9 @@ from tympan.studies.sweep.cluster import cluster
 from tympan.studies.sweep.plan import Sweep, read_sweep
 from tympan.studies.sweep.run import Pool, run_sweep
 from tympan.studies.sweep.task import SweepTask
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 AIM = 10.0  # seconds for 1000 specimens on two processors
 REDUCED = 1e-4  # largest difference of a reduced film's deflection, relative
@@ -127,6 +130,8 @@ def timed(words: str, sweep: Sweep, folder: Path, solve: Pool) -> Timing:
     print(f"{words:<24}{ended - began:>8.1f} s, {ended - first:.1f} s from the first result, "
           f"{summary.solved / (ended - began):.0f} cases/s"
           + f", CPU {cpu:.3f} s a specimen   {summary.statuses}", flush=True)
+    import xarray as xr  # not above: the processes that solve import this file, too
+
     with xr.open_dataset(folder / "sweep.nc", engine="h5netcdf") as table:
         return Timing(ended - began, ended - first, table.load())
 

@@ -29,7 +29,6 @@ from tympan.geometry.specimen import Specimen
 from tympan.studies.films.film import NoBalance, ReducedFilm
 from tympan.studies.films.motion import ReducedMotion
 from tympan.studies.signals import Pieces, Signal, Sine, ramp, random_steps, step
-from tympan.studies.trace import Trace
 
 Array = NDArray[np.float64]
 
@@ -205,6 +204,8 @@ def error_of(film: ReducedFilm, model: Model, force: float, signal: Signal, spri
         moments = list(motion.moments())
     except (NoBalance, Stopped):
         return float("inf")
+    from tympan.studies.trace import Trace  # imports pandas, which films of a sweep do not need
+
     exact = Trace(np.array([moment.time for moment in field])).at(
         np.array([moment.state.plate.deflection for moment in field]), when)
     near = Trace(np.array([moment.time for moment in moments])).at(

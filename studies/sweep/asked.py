@@ -18,7 +18,6 @@ from tympan.studies.alpha import AlphaSettings, alpha
 from tympan.studies.case import Case, Settings
 from tympan.studies.force import ForceCase, force
 from tympan.studies.limits import limits
-from tympan.studies.lumped.build import BuildSettings, build
 from tympan.studies.modes import carried
 from tympan.studies.tolerance.bands import FEW_REACH, deflection_bands
 from tympan.studies.tolerance.given import Tolerances, causes
@@ -232,6 +231,8 @@ def _force(asked: SolvedCase) -> Record:
     "lumped_held_out_error": "largest error of the deflection, relative, at loads not fitted",
 }, shown=("lumped_stiffness", "lumped_permittivity"))
 def _lumped(asked: AskedCase) -> Record:
+    from tympan.studies.lumped.build import BuildSettings, build  # imports pandas, half a second
+
     circles, specimen, rig = asked.ask.circles, asked.case.specimen, asked.case.rig
     loads = BuildSettings.suited([specimen], asked.settings, rig, circles=circles.circles,
                                  radii=circles.radii)

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import qmc
 
 from tympan.fem.rig import Rig
 from tympan.geometry.outlines import area
@@ -158,5 +157,7 @@ def _drawn(specimen: Specimen, tolerances: Tolerances) -> tuple[Scattered, Array
     """Scattering numbers, and points of films in them."""
     specimen.needed_plate()
     scattered = Scattered(specimen, causes(specimen, tolerances)[0])
+    from scipy.stats import qmc  # half a second, and no need of one who asks for no bands
+
     sequence = qmc.Sobol(scattered.inputs, seed=np.random.default_rng(_SEED))
     return scattered, np.asarray(sequence.random_base2(int(np.log2(_FILMS))))

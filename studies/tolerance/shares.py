@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import qmc, sobol_indices
 
 Array = NDArray[Any]
 
@@ -33,6 +32,8 @@ class Design:
     @classmethod
     def drawn(cls, groups: Sequence[Sequence[bool]], count: int, seed: int) -> Design:
         """Design of about so many points: Sobol's sequence, whose length is a power of two."""
+        from scipy.stats import qmc  # half a second, also for who draws no films
+
         chosen = np.array(groups, dtype=bool)
         inputs = chosen.shape[1]
         power = max(4, round(np.log2(count / (len(chosen) + 2))))
@@ -58,6 +59,8 @@ class Design:
 
         A row with such a point stands as the mean everywhere, which is as if it were not there.
         """
+        from scipy.stats import sobol_indices
+
         table = np.asarray(values, dtype=float).reshape(len(self.uniform), -1).copy()
         there = np.isfinite(table).all(0)
         table[:, ~there] = table[:2, there].mean()

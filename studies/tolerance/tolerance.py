@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import binomtest
 
 from tympan.fem.results.limit_states import LIMIT_STATES
 from tympan.fem.rig import MASSES, VOLTAGES, Rig
@@ -321,6 +320,8 @@ def _stated(cause: Cause) -> GivenTolerance:
 
 def chance(reached: NDArray[np.bool_]) -> Chance:
     """Share of films with its 95 % limits, by Wilson's interval."""
+    from scipy.stats import binomtest  # half a second, also for who draws no films
+
     interval = binomtest(int(reached.sum()), len(reached)).proportion_ci(method="wilson")
     return Chance(probability=float(reached.mean()), low=float(interval.low),
                   high=float(interval.high))
