@@ -23,6 +23,7 @@ from benchmarks.trials.synthetic_trials import (
     Array,
     Design,
     Means,
+    Stranger,
     Truth,
     circles,
     draw,
@@ -32,11 +33,12 @@ from benchmarks.trials.synthetic_trials import (
     paper,
     readings,
 )
-from benchmarks.trials.unmodelled_faults import FURTHER, STRANGERS, Draw
+from benchmarks.trials.unmodelled_faults import FURTHER, STRANGERS, Draw, Label
 from tympan.geometry.errors import InputError
 from tympan.studies.data.dataset import read_dataset
 from tympan.studies.diagnosis.diagnose import conclude
 from tympan.studies.diagnosis.hypothesis import Cause, Hypothesis, hypotheses_of
+from tympan.studies.diagnosis.inference.families import one_load_instead
 from tympan.studies.diagnosis.inference.identifiability import SEEN, TOLD
 from tympan.studies.diagnosis.inference.verdict import Judgement
 from tympan.studies.diagnosis.reading_table import ReadingTable
@@ -315,16 +317,26 @@ def _strangers(lab: Lab, generator: np.random.Generator, number: int) -> list[Re
     bench = design, simulation, "elements" if means == "equations" else means
     record, truth, judgement = _lacking("strangers", kinds, number, bench, generator)
     stranger, told = truth.stranger, set() if judgement is None else blamed(judgement)
-    if judgement is not None and stranger.family is not None and len(judgement.named) == 1:
-        (cause,) = judgement.named
-        if (cause.effect.family is stranger.family
-                and (cause.which is None or cause.which == stranger.at_fault)):
-            # Its family is told, and how much of what that measures.
-            record = replace(record, named=(), listed=record.named)
+    if judgement is not None and len(judgement.named) == 1 and _said(stranger, judgement):
+        record = replace(record, named=(), listed=record.named)
     if at_fault := stranger.at_fault:
         record = replace(record, rows=(int(at_fault in told), 1,
                                        len(told - {at_fault})))
     return [gained(record, design, truth, judgement)]
+
+
+def _said(stranger: Stranger, judgement: Judgement) -> bool:
+    """Whether what is named is said of the stranger, too, with its true size.
+
+    Its family is told, and how much of what that measures; or the load that may weigh so much.
+    """
+    (cause,), fitted = judgement.named, judgement.chosen
+    if isinstance(stranger, Label) and fitted is not None:
+        loads = one_load_instead(fitted, cause, judgement.table, judgement.simulation.setup.rig)
+        return any(low <= stranger.mass(label) <= high for label, (low, high) in loads.items()
+                   if stranger.mass(label) != label)
+    return (stranger.family is not None and cause.effect.family is stranger.family
+            and (cause.which is None or cause.which == stranger.at_fault))
 
 
 def _lacking(population: str, kinds: Mapping[str, Draw], number: int,

@@ -20,7 +20,11 @@ from tympan.studies.diagnosis.fits.evidence import interval
 from tympan.studies.diagnosis.fits.fit import Fit
 from tympan.studies.diagnosis.gain import GainReport, gain_of
 from tympan.studies.diagnosis.hypothesis import Cause
-from tympan.studies.diagnosis.inference.families import family_size, undecided
+from tympan.studies.diagnosis.inference.families import (
+    family_size,
+    one_load_instead,
+    undecided,
+)
 from tympan.studies.diagnosis.inference.identifiability import detectable_effects
 from tympan.studies.diagnosis.inference.noise_told import probability_off
 from tympan.studies.diagnosis.inference.posterior import Posterior
@@ -47,6 +51,7 @@ from tympan.studies.diagnosis.sentences import (
     suspects_among,
     together,
     where,
+    with_other_loads,
 )
 from tympan.studies.diagnosis.shown.curves import curves
 from tympan.studies.diagnosis.shown.loaded_films import loaded_films
@@ -333,8 +338,8 @@ class Conclusions:
                 probabilities.get(other, 0.0) for other in alike or (cause,))))
             yield result.FoundCause(
                 effect=cause.name, which=cause.which, again=cause.again, probability=probability,
-                headline=(f"{family.headline} ({chance})" if family
-                          else headline_of(fit, cause, chance)),
+                headline=(f"{family.headline} ({chance})" if family else with_other_loads(
+                    headline_of(fit, cause, chance), self._loads_instead(fit, cause))),
                 clear=any(size.clear for size in found_sizes(fit, cause).values()),
                 check=check_of(cause, self.readings.told, self._suspects), family=family,
                 surprise=fit.surprise(cause), only_its_size=cause in rivals,
@@ -364,6 +369,9 @@ class Conclusions:
         return result.FoundFamily(
             name=family.name, headline=family_finding(family, size, cause.which), size=_shown(size),
             members=tuple(effect.name for effect in family.members), member=headline_of(fit, cause))
+
+    def _loads_instead(self, fit: Fit, cause: Cause) -> dict[float, tuple[float, float]]:
+        return one_load_instead(fit, cause, self.films.table, self.simulation.setup.rig)
 
     def _with_more_noise(self) -> float | None:
         """Probability of what is named with a larger noise, roughly; None where nothing is named.

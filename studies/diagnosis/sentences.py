@@ -78,6 +78,15 @@ def headline_of(fit: Fit, cause: Cause, chance: str = "") -> str:
     return f"{sentence} ({inside})" if inside else sentence
 
 
+def with_other_loads(headline: str, loads: Mapping[float, tuple[float, float]]) -> str:
+    """Headline of a mass on every load, with what one load alone would weigh that does as much."""
+    if not loads:
+        return headline
+    each = [WORDS["one_load"].format(label=1e3 * label, low=1e3 * low, high=1e3 * high)
+            for label, (low, high) in loads.items()]
+    return WORDS["one_load_instead"].format(headline=headline, loads=listed(each, "or"))
+
+
 def check_of(cause: Cause, told: set[Quantity], suspects: Collection[Cause] = ()) -> str:
     """Advice on what to look at on the bench, by what the readings tell already."""
     family = cause.effect.family if undecided(cause, told, suspects) else None

@@ -7,10 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from tympan.fem.rig import Rig
 from tympan.studies.diagnosis.evidence.kind import Model
 from tympan.studies.diagnosis.fits.evidence import interval
 from tympan.studies.diagnosis.fits.fit import Fit
 from tympan.studies.diagnosis.hypothesis import Cause, sizes_of
+from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.effects.effect import Quantity
 from tympan.studies.effects.findings import FoundSize
 
@@ -40,6 +42,29 @@ def family_size(model: Model, fits: Mapping[Cause, Fit]) -> FoundSize:
     sizes = [_size(model, fitted, cause) for cause, fitted in fits.items()]
     return replace(sizes[0], low=min(size.low for size in sizes),
                    high=max(size.high for size in sizes))
+
+
+def one_load_instead(fit: Fit, cause: Cause, table: ReadingTable, rig: Rig
+                     ) -> dict[float, tuple[float, float]]:
+    """Limits of the mass [kg] of one of two loads by itself that does as much, by its label [kg].
+
+    Where deflections under two loads were read, with stiffness and permittivity fitted, only the
+    ratio of the loads tells: that one label is wrong does the same as a mass on every load. Empty
+    with more loads, readings of other kinds, springs, mechanisms or gas: those tell the two apart.
+    """
+    labels = np.unique(table.states.mass).tolist()
+    alone = not (rig.spring or rig.biases or rig.plate_pressure)
+    if cause.name != "unaccounted_mass" or len(labels) != 2 or not alone or not table.lengths.all():
+        return {}
+    more = np.array(interval(fit, sizes_of(fit.hypothesis, cause).start)[1:])
+
+    def instead(label: float, other: float) -> tuple[float, float]:
+        carried = rig.unaccounted_mass
+        masses = (other + carried) * (label + carried + more) / (other + carried + more) - carried
+        return float(masses.min()), float(masses.max())
+
+    first, second = labels
+    return {first: instead(first, second), second: instead(second, first)}
 
 
 def _size(model: Model, fitted: Fit, cause: Cause) -> FoundSize:

@@ -25,12 +25,16 @@ from tympan.studies.data.dataset import read_dataset
 from tympan.studies.diagnosis.diagnose import diagnose
 from tympan.studies.diagnosis.gain import gain_of
 from tympan.studies.diagnosis.hypothesis import Cause
-from tympan.studies.diagnosis.inference.families import family_size, undecided
+from tympan.studies.diagnosis.inference.families import (
+    family_size,
+    one_load_instead,
+    undecided,
+)
 from tympan.studies.diagnosis.inference.verdict import judge
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.reduced.simulation import Simulation
 from tympan.studies.diagnosis.result import FoundCause, FoundFamily, ShownSize
-from tympan.studies.diagnosis.sentences import suspects_among
+from tympan.studies.diagnosis.sentences import suspects_among, with_other_loads
 from tympan.studies.diagnosis.shown.curves import curves
 from tympan.studies.effects import EFFECTS, Setup
 from tympan.studies.effects.effect import Quantity
@@ -209,6 +213,36 @@ def test_what_does_the_same_to_one_film_has_one_name(
     assert measure.low < 1e3 * size < measure.high
     assert diagnosis.next_experiment is not None
     assert diagnosis.next_experiment.what.startswith("weigh plate, hook, lead and every load")
+
+
+@pytest.mark.parametrize("wrong", [0, 1])
+def test_a_wrong_label_of_one_of_two_loads_is_told_beside_a_mass_on_both(
+        three_shapes: Simulation, wrong: int) -> None:
+    """Only the ratio of two loads tells; the weight that is wrong is within its limits."""
+    masses, more = (17.9e-3, 22.45e-3), 0.9e-3
+    table = design(SIGMA, masses=masses)
+    label = masses[wrong]
+    loaded = replace(table, states=replace(table.states, mass=np.where(
+        table.states.mass == label, label + more, table.states.mass)))
+    table = table.with_values(read(three_shapes, loaded, (), [], seed=6).value)
+    cause = Cause("unaccounted_mass")
+    judged = judge(three_shapes, table, [cause, Cause("sensor_zero"), Cause("parallel_spring")])
+    assert judged.named == (cause,)
+    assert judged.chosen is not None
+    rig = three_shapes.setup.rig
+    loads = one_load_instead(judged.chosen, cause, table, rig)
+    low, high = loads[label]
+    assert low < label + more < high
+    assert high - low < 0.3e-3
+    said = with_other_loads("Every load is 1 g lighter than its label", loads)
+    assert f"only one of the two is wrong: that of {1e3 * masses[0]:.4g} g has" in said
+    assert f"that of {1e3 * label:.4g} g has {1e3 * low:.4g} to {1e3 * high:.4g} g" in said
+    # A third load, and a spring, tell one label from all.
+    third = replace(table, states=replace(table.states, mass=np.r_[
+        30e-3, table.states.mass[1:]]))
+    assert one_load_instead(judged.chosen, cause, third, rig) == {}
+    assert one_load_instead(judged.chosen, cause, table, replace(rig, spring=5.0)) == {}
+    assert with_other_loads("as it is", {}) == "as it is"
 
 
 def test_suspects_that_have_one_name_are_one() -> None:
