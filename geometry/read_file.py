@@ -37,7 +37,7 @@ def file_bytes(file: Path | str, most: int = STORED) -> bytes:
         else:
             content = None
     except OSError as error:
-        near = _near(file) if isinstance(error, FileNotFoundError) else ""
+        near = near_name(file) if isinstance(error, FileNotFoundError) else ""
         raise InputError(f"cannot be read: {error.strerror}{near}", file=file) from None
     except ValueError:
         raise InputError("cannot be read: no file has NUL in its name", file=file) from None
@@ -48,8 +48,11 @@ def file_bytes(file: Path | str, most: int = STORED) -> bytes:
     return content
 
 
-def _near(file: Path) -> str:
-    """A question that names the file of that kind in its folder that was meant, if one is near."""
+def near_name(file: Path) -> str:
+    """A question after a message that a file or folder is missing.
+
+    It names what was meant, if that stands beside it, has the same ending and a similar name.
+    """
     with suppress(OSError):
         there = (other.name for other in islice(file.parent.iterdir(), _LISTED)
                  if other.suffix == file.suffix)

@@ -195,7 +195,8 @@ class Film:
         "n of the permittivity ε_r (J/J_p)^(-n), J = λ₁λ₂, J_p its mounted value",
         rule=_EXPONENT)] = 0.0
     density: Annotated[float, Key(
-        "mass per volume; 0 is a weightless film", "density", _DENSITY)] = 0.0
+        "mass per volume; left out, the film is weightless, also one of the library",
+        "density", _DENSITY)] = 0.0
     strength: Annotated[Strength | None, Key(
         "what the film withstands electrically: a law with its constants, or a name of the "
         "library; left out, that of the library's material", name="breakdown",

@@ -30,7 +30,7 @@ from tympan.geometry.meanings import (
     TIMES,
     VOLTAGES,
 )
-from tympan.geometry.read_file import file_bytes
+from tympan.geometry.read_file import file_bytes, near_name
 from tympan.geometry.specimen import Specimen
 from tympan.geometry.toml_reader import FINITE, NON_NEGATIVE, POSITIVE, Rule, Table
 from tympan.studies.columns import Column, Sheet, read_sheet
@@ -261,8 +261,8 @@ def read_dataset(folder: Path | str, planned: bool = False) -> Dataset:
     if folder.name == "dataset.toml" and folder.is_file():
         folder = folder.parent
     if not folder.is_dir():
-        raise InputError("must be a folder with dataset.toml and at least one CSV file of readings",
-                         file=folder)
+        raise InputError("must be a folder with dataset.toml and at least one CSV file of readings"
+                         + near_name(folder) * (not folder.exists()), file=folder)
     about = folder / "dataset.toml"
     dataset = read(Dataset, Table.read(about), {(Dataset, "specimens"): _specimens,
                                                 (Dataset, "rig"): _rig,

@@ -340,6 +340,7 @@ def test_folders_that_cannot_be_read(tmp_path, capsys) -> None:
     (tmp_path / "file").touch()
     for name, message in (("none", "must be a folder with dataset.toml"),
                           ("file", "must be a folder"),
+                          ("emtpy", "did you mean 'empty'?"),
                           ("empty", "dataset.toml: cannot be read: No such file")):
         assert main(["data", str(tmp_path / name)]) == 2
         assert message in capsys.readouterr().err
