@@ -8,8 +8,8 @@ line of FILE has the commit of the program that made it. Trials of all kinds are
 that is stopped after some minutes has its share of each. With 0 minutes only the pages are written:
 those published are of hidden-trials.jsonl in this folder. With --only, trials of these populations
 alone are run; with --strata those with more evidence than readings at rest, of these kinds, so many
-of each. Their page is beside the other one, and each is written only if some of its trials were
-run.
+of each. Their page and that of messy benches are beside the other one, and each is written only if
+some of its trials were run.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
-from benchmarks.trials.rates.kinds import rates
-from benchmarks.trials.rates.page import draw_power, page
+from benchmarks.trials.rates.kinds import BENCH, bench_rates, rates
+from benchmarks.trials.rates.page import bench_page, draw_power, page
 from benchmarks.trials.rates.sizes import draw_maps, draw_sizes
 from benchmarks.trials.rates.strata import strata_page, strata_rates
 from benchmarks.trials.record import Record
@@ -119,9 +119,10 @@ def program() -> str:
         return "unknown"
 
 
-def programs(keep: Path) -> dict[str, int]:
+def programs(keep: Path, populations: Iterable[str]) -> dict[str, int]:
     """Numbers of the trials kept in a file, by the commit of the program that made them."""
-    return Counter(row.get("program", "unknown") for row in _rows(keep))
+    some = set(populations)
+    return Counter(row.get("program", "unknown") for row in _rows(keep) if row["trial"][0] in some)
 
 
 def _rows(keep: Path | None) -> list[dict[str, Any]]:
@@ -143,11 +144,14 @@ def write(records: Sequence[Record], about: Callable[[Iterable[str]], str], file
     if further:
         file.with_name(f"{file.stem}-strata.md").write_text(
             strata_page(further, about(SMOOTH)), encoding="utf-8")
-    if usual := [record for record in records if record.population not in strata]:
-        file.write_text(page(usual, about(set(COUNTS) - set(SMOOTH))), encoding="utf-8")
-        draw_power(usual, file.with_suffix(".png"))
-        draw_sizes(usual, file.with_name(f"{file.stem}-sizes.png"))
-        draw_maps(usual, file.with_name("alias-maps.png"))
+    if messy := [record for record in records if record.population in BENCH]:
+        file.with_name(f"{file.stem}-bench.md").write_text(
+            bench_page(messy, about(BENCH)), encoding="utf-8")
+    if tidy := [record for record in records if record.population not in strata | {*BENCH}]:
+        file.write_text(page(tidy, about(set(COUNTS) - {*SMOOTH, *BENCH})), encoding="utf-8")
+        draw_power(tidy, file.with_suffix(".png"))
+        draw_sizes(tidy, file.with_name(f"{file.stem}-sizes.png"))
+        draw_maps(tidy, file.with_name("alias-maps.png"))
 
 
 def told(records: Sequence[Record], seed: int, counts: dict[str, int],
@@ -164,8 +168,7 @@ def told(records: Sequence[Record], seed: int, counts: dict[str, int],
                      "`make hidden` runs them all.")
     if made_by:
         commits = ", ".join(f"{name} ({count} trials)" for name, count in made_by.items())
-        lines.append(f"Commits of the programs that made these and the trials of the other page: "
-                     f"{commits}.")
+        lines.append(f"Made by the program at commit {commits}.")
     return "\n".join(lines)
 
 
@@ -196,13 +199,14 @@ def main() -> None:
         records, _ = kept(options.keep)
 
     def about(populations: Iterable[str]) -> str:
-        return told(records, options.seed, {name: counts[name] for name in counts
-                                            if name in populations},
-                    programs(options.keep) if options.keep else None)
+        asked = {name: counts[name] for name in counts if name in set(populations)}
+        return told(records, options.seed, asked,
+                    programs(options.keep, asked) if options.keep else None)
 
     if options.output:
         write(records, about, options.output)
-    print(about(asked), *(rate.row() for rate in (*rates(records), *strata_rates(records))
+    print(about(asked), *(rate.row() for rate in (
+        *rates(records), *bench_rates(records), *strata_rates(records))
                           if rate.count), sep="\n")
     sys.stdout.flush()
 

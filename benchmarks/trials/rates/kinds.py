@@ -20,23 +20,36 @@ _BINS = 8
 #: diagnosis.
 _MIXTURE = {"single": 0.6, "pair": 0.2, "outside": 0.2}
 
+#: Populations of benches as they are.
+BENCH = ("mess", "mess, without", "strangers", "gain")
+
 #: Records that say something, by population.
 Kinds = dict[str, list[Record]]
 
 
 def rates(records: Sequence[Record]) -> list[Rate]:
-    """The rates of the study."""
+    """The rates of tidy readings at rest."""
+    kinds = _kinds(records)
+    return [*_of_single(kinds), *_of_sets(kinds, records), *_of_outside(kinds), *_of_pairs(kinds),
+            *_of_wrong_noise_and_law(kinds),
+            share("refused, or ended in an error", list(records),
+                  lambda record: record.verdict in GONE),
+            *_of_rough(kinds), *_of_random(kinds, records), *size_rates(records)]
+
+
+def bench_rates(records: Sequence[Record]) -> list[Rate]:
+    """The rates of messy readings, of causes that the library lacks, and of gains in prediction."""
+    kinds = _kinds(records)
+    return [*_of_mess(kinds), *_of_strangers(kinds), *_of_gains(kinds)]
+
+
+def _kinds(records: Sequence[Record]) -> Kinds:
     kinds: Kinds = {}
     for record in records:
         some = kinds.setdefault(record.population, [])
         if record.verdict not in GONE:
             some.append(record)
-    return [*_of_single(kinds), *_of_sets(kinds, records), *_of_outside(kinds), *_of_pairs(kinds),
-            *_of_wrong_noise_and_law(kinds),
-            share("refused, or ended in an error", list(records),
-                  lambda record: record.verdict in GONE),
-            *_of_rough(kinds), *_of_mess(kinds), *_of_strangers(kinds), *_of_gains(kinds),
-            *_of_random(kinds, records), *size_rates(records)]
+    return kinds
 
 
 def _named(kinds: Kinds) -> list[Record]:
@@ -158,6 +171,9 @@ def _of_mess(kinds: Kinds) -> list[Rate]:
                 _alarm, high=0.05) for kind in dict.fromkeys(record.words for record in every)),
         share("mess of any kind, nothing hidden: false alarms",
               [record for record in every if not record.truth], _alarm, high=0.05),
+        *(share(f"{kind}, one identifiable effect: it is named",
+                [record for record in named if record.words == kind], _right)
+          for kind in dict.fromkeys(record.words for record in every)),
         share("mess, one identifiable effect: it is named", named, _right, low=0.8),
         share("the same sets without mess: it is named",
               [record for record in clean if record.number in numbers], _right),

@@ -8,11 +8,14 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.trials.rates.kinds import calibration, power, rates
+from benchmarks.trials.rates.kinds import bench_rates, calibration, power, rates
 from benchmarks.trials.rates.rate import Rate
 from benchmarks.trials.rates.sizes import size_lines
 from benchmarks.trials.record import Record
 from tympan.studies.diagnosis.inference.identifiability import SEEN, TOLD
+
+#: Head of the table of strangers.
+_STRANGER = "stranger | trials | verdicts | specimen or column told"
 
 
 def page(records: Sequence[Record], about: str) -> str:
@@ -24,9 +27,14 @@ def page(records: Sequence[Record], about: str) -> str:
         calibration=table("stated | there | trials", (
             f"{stated:.2f} | {true:.2f} | {count}"
             for stated, true, count in calibration(records)[1])),
-        strangers=table("stranger | trials | verdicts | specimen or column told",
-                        _strangers(records)),
-        sizes="\n".join(size_lines(records)))
+        strangers=table(_STRANGER, _strangers(records)), sizes="\n".join(size_lines(records)))
+
+
+def bench_page(records: Sequence[Record], about: str) -> str:
+    """The text of the page of benches as they are."""
+    text = Path(__file__).with_name("bench.md").read_text(encoding="utf-8")
+    return text.format(seen=SEEN, told=TOLD, about=about, rates=rate_table(bench_rates(records)),
+                       strangers=table(_STRANGER, _strangers(records)))
 
 
 def table(head: str, rows: Iterable[str]) -> str:

@@ -12,10 +12,18 @@ import pytest
 from scipy.stats import kstest
 
 from benchmarks.trials.axisymmetric_readings import heaves
-from benchmarks.trials.hidden_effects import COUNTS, lab_of, order, study
+from benchmarks.trials.hidden_effects import (
+    COUNTS,
+    PUBLISHED,
+    kept,
+    lab_of,
+    order,
+    programs,
+    study,
+)
 from benchmarks.trials.judging import fitted_to, stands_out
 from benchmarks.trials.mess import MESSES
-from benchmarks.trials.rates.kinds import rates
+from benchmarks.trials.rates.kinds import BENCH, bench_rates, rates
 from benchmarks.trials.rates.page import page
 from benchmarks.trials.rates.rate import Rate
 from benchmarks.trials.rates.sizes import draw_maps, draw_sizes, size_rates
@@ -389,6 +397,29 @@ def test_rates_by_size_count_in_their_band(tmp_path: Path) -> None:
     for draw_file in (draw_sizes, draw_maps):
         draw_file(records, tmp_path / "picture.png")
         assert (tmp_path / "picture.png").stat().st_size > 10_000
+
+
+def test_the_published_page_is_what_the_published_trials_say() -> None:
+    """Each rate of the page, from the trials themselves; none without the commit that made it."""
+    records, done = kept(PUBLISHED)
+    text = (Path(__file__).parents[3] / "docs/hidden-effects-bench.md").read_text(encoding="utf-8")
+    shown = [rate.row() for rate in bench_rates(
+        [record for record in records if record.population in BENCH])]
+    assert len(shown) > 20
+    assert [row for row in shown if row not in text] == []
+    assert sum(programs(PUBLISHED, COUNTS).values()) == len(done)
+    assert "unknown" not in programs(PUBLISHED, COUNTS)
+
+
+@pytest.mark.parametrize("number", [0, 1])
+def test_published_trials_come_out_as_they_did(number: int) -> None:
+    """Of the same seed as the study's, of which the first have nothing hidden."""
+    records, _ = kept(PUBLISHED)
+    (before,) = [record for record in records
+                 if (record.population, record.number) == ("mess", number)]
+    (again,) = Lab(2026).run("mess", number)
+    assert (again.verdict, again.named, again.rows) == (before.verdict, before.named, before.rows)
+    assert again.p_value == pytest.approx(before.p_value, abs=0.02)
 
 
 @pytest.mark.study

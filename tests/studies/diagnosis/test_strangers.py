@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from benchmarks.trials.judging import blamed
-from benchmarks.trials.rates.kinds import rates
-from benchmarks.trials.rates.page import page
+from benchmarks.trials.rates.kinds import bench_rates
+from benchmarks.trials.rates.page import bench_page
 from benchmarks.trials.record import Record
 from benchmarks.trials.synthetic_trials import Design, Truth, paper, readings
 from benchmarks.trials.trial import measured
@@ -160,7 +160,7 @@ def test_rates_count_what_is_told_of_strangers() -> None:
                       limits=(0.1, 0.3), held=0.2, predicted=(8, 10)),
                Record("gain", 1, "elements", ("drift",), 0, 90.0, 90.0, "named", ("drift",),
                       limits=(0.1, 0.3), held=0.4)]
-    by_words = {rate.what: (rate.hits, rate.count) for rate in rates(records)}
+    by_words = {rate.what: (rate.hits, rate.count) for rate in bench_rates(records)}
     assert by_words["strangers: some effect is named"] == (1, 5)
     assert by_words["strangers, Δχ² ≥ 25 from the library: some effect is named"] == (1, 4)
     assert by_words["the same, of one specimen or column: that is told"] == (2, 4)
@@ -173,4 +173,5 @@ def test_rates_count_what_is_told_of_strangers() -> None:
     assert by_words[f"{every} named: {within}"] == (27, 30)
     assert by_words["one effect: the gain's 95 % limits hold the ratio at states held back"] == (
         1, 2)
-    assert "| one frame bent oval | 4 | unexplained 3; drift 1 | 2 of 4 |" in page(records, "")
+    text = bench_page(records, "")
+    assert "| one frame bent oval | 4 | unexplained 3; drift 1 | 2 of 4 |" in text
