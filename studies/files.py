@@ -217,7 +217,8 @@ def _converted(kind: Any, value: Any, file: Path | str | None, key: str, unit: s
             elif own in value:
                 arguments[item.name] = _converted(hints[item.name], value[own], file, path, unit)
             elif item.default is MISSING and item.default_factory is MISSING:
-                raise InputError("is missing", file=file, key=path)
+                raise InputError("is missing: run the command that wrote the file again",
+                                 file=file, key=path)
         return cast(Any, kind)(**arguments)
     if origin is Literal:
         if value not in inner:

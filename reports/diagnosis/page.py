@@ -122,6 +122,18 @@ def verdict_words(diagnosis: Diagnosis) -> str:
     return " ".join(filter(None, (words, _said("told", diagnosis))))
 
 
+def readings_words(diagnosis: Diagnosis) -> str:
+    """Number of readings and of the films or strips they are of, such as 56 readings of 3 films."""
+    counts = []
+    for part in (diagnosis, diagnosis.coupons):
+        for name, what in ((READINGS, "film"), (STRIPS, "strip")):
+            if part is not None and name in part.tables:
+                read = part.tables[name]["specimen"]
+                several = len({*read})
+                counts.append(f"{len(read)} readings of {several} {what}{'s' * (several != 1)}")
+    return " and ".join(counts)
+
+
 def _unit(diagnosis: Diagnosis) -> str:
     """The unit of errors for people."""
     return diagnosis.unit.replace("u", "µ")
