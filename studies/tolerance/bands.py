@@ -59,6 +59,13 @@ def bands(values: Array) -> tuple[Band | None, ...]:
     return tuple(found)
 
 
+def quantity_bands(copies: Copies, mass: float, voltage: float) -> dict[str, Band]:
+    """Bands of films under a nominal mass [kg] and voltage [V], by the keys of a result."""
+    solved = copies.solved(mass, voltage, swings=False)
+    return {key: band for key, values in solved.items() if key != "frequency_Hz"
+            for band in bands(values) if band is not None}
+
+
 @singledispatch
 def banded(result: Any, specimen: Specimen, tolerances: Tolerances, rig: Rig, settings: Settings
            ) -> Any:
@@ -70,9 +77,7 @@ def banded(result: Any, specimen: Specimen, tolerances: Tolerances, rig: Rig, se
 def _(result: CaseResult, specimen: Specimen, tolerances: Tolerances, rig: Rig, settings: Settings
       ) -> CaseResult:
     copies = _under(specimen, tolerances, [result.mass_kg], result.voltage_V, rig, settings)
-    solved = copies.solved(result.mass_kg, result.voltage_V)
-    found = {key: band for key, values in solved.items() if key != "frequency_Hz"
-             for band in bands(values) if band is not None}
+    found = quantity_bands(copies, result.mass_kg, result.voltage_V)
     if found:
         return replace(result, bands=found)
     return replace(result, warnings=(*result.warnings, FEW_REACH))
@@ -91,7 +96,7 @@ def _(result: CurveResult, specimen: Specimen, tolerances: Tolerances, rig: Rig,
     for curve in result.curves:
         of_mass = there & np.isclose(table["mass"], curve.mass_kg, rtol=1e-9)
         voltages = np.linspace(0.0, table["voltage"][of_mass].max(initial=0.0), _VOLTAGES)
-        deflections = copies.solved(curve.mass_kg, voltages)["deflection_m"]
+        deflections = copies.solved(curve.mass_kg, voltages, swings=False)["deflection_m"]
         curves.append(replace(curve, band_voltage_V=tuple(voltages.tolist()),
                               band_deflection_m=bands(deflections)))
     return replace(result, curves=tuple(curves))
@@ -105,7 +110,7 @@ def _(result: ForceResult, specimen: Specimen, tolerances: Tolerances, rig: Rig,
     if most <= 0:
         return result
     highest = max(abs(curve.voltage_V) for curve in result.curves)
-    scattered, points = _drawn(specimen, tolerances)
+    scattered, points = drawn(specimen, tolerances)
     copies = Copies.of(scattered, points, (_LEAST * most, most),
                        float(rig.film_voltage(highest)), rig, settings)
     curves, first = [], result.curves[0]
@@ -147,13 +152,13 @@ def _held(copies: Copies, place: float, force: float, across: Array) -> Array:
 def _under(specimen: Specimen, tolerances: Tolerances, masses: Sequence[float], voltage: float,
            rig: Rig, settings: Settings) -> Copies:
     """Films under some masses [kg], up to a nominal voltage [V]."""
-    scattered, points = _drawn(specimen, tolerances)
+    scattered, points = drawn(specimen, tolerances)
     forces = [float(rig.force(mass, area(specimen.needed_plate().outline))) for mass in masses]
     return Copies.of(scattered, points, (min(forces), max(forces)),
                      float(rig.film_voltage(max(voltage, 1.0))), rig, settings)
 
 
-def _drawn(specimen: Specimen, tolerances: Tolerances) -> tuple[Scattered, Array]:
+def drawn(specimen: Specimen, tolerances: Tolerances) -> tuple[Scattered, Array]:
     """Scattering numbers, and points of films in them."""
     specimen.needed_plate()
     scattered = Scattered(specimen, causes(specimen, tolerances)[0])

@@ -14,7 +14,7 @@ from tympan.fem.rig import Rig
 from tympan.geometry.outlines import area
 from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Settings
-from tympan.studies.films.box import Box
+from tympan.studies.films.box import STIFFNESS, Box
 from tympan.studies.films.family import BLOCK, FamilySettings, FilmFamily
 from tympan.studies.films.many_films import Films
 from tympan.studies.tolerance.given import AMPLIFIER, FACTORS, LOAD, Cause
@@ -64,6 +64,15 @@ class Scattered:
             values[target] = cause.moved(values.get(target, self._nominal(target)), shares)
         return values
 
+    def forces(self, forces: tuple[float, float]) -> tuple[float, float]:
+        """Lowest and highest force of films under nominal forces of a range [N]."""
+        loads, (low, high) = self.around().get(LOAD, (1.0, 1.0)), forces
+        return min(low * share for share in loads), max(high * share for share in loads)
+
+    def highest(self, voltage: float) -> float:
+        """Highest voltage of films under a nominal one [V]."""
+        return voltage * self.around().get(AMPLIFIER, (1.0, 1.0))[1]
+
     def _nominal(self, target: str) -> float:
         if target in FACTORS:
             return 1.0
@@ -112,15 +121,29 @@ class Copies:
 
         Both are those of the film without scatter.
         """
-        middle = np.full((1, points.shape[1]), 0.5)
-        drawn = Rows.of(scattered.values(np.concatenate([middle, points])))
         around = scattered.around()
-        loads, amplifiers = (around.get(name, (1.0, 1.0)) for name in (LOAD, AMPLIFIER))
-        (low, high), specimen = forces, scattered.specimen
         family = FilmFamily.around(
-            specimen, {name: around[name] for name in drawn.names},
-            (min(low * share for share in loads), max(high * share for share in loads)),
-            (0.0, voltage * amplifiers[1]), rig, settings, FamilySettings(error=_ERROR))
+            scattered.specimen, {name: limits for name, limits in around.items()
+                                 if name not in FACTORS},
+            scattered.forces(forces), (0.0, scattered.highest(voltage)), rig, settings,
+            FamilySettings(error=_ERROR))
+        return cls.within(family, scattered, points, rig)
+
+    @classmethod
+    def within(cls, family: FilmFamily, scattered: Scattered, points: Array, rig: Rig,
+               stiffness: float = 1.0) -> Self:
+        """Films at points, (films, inputs), that a family holds.
+
+        Numbers that do not scatter are those of the specimen, whose law has a factor ``stiffness``.
+        """
+        middle = np.full((1, points.shape[1]), 0.5)
+        values = scattered.values(np.concatenate([middle, points]))
+        row = dict(zip(family.box.names, family.box.row(scattered.specimen), strict=True))
+        count = 1 + len(points)
+        every = {name: values.get(name, np.full(count, value)) for name, value in row.items()}
+        if STIFFNESS in every:
+            every[STIFFNESS] = stiffness * every[STIFFNESS]
+        drawn = Rows.of(every | {name: values[name] for name in FACTORS if name in values})
         strength = drawn.strength * median_strength(family, drawn.rows[0], scattered.causes)
         return cls(rig, family, replace(drawn, strength=strength))
 
@@ -143,16 +166,18 @@ class Copies:
         nominal = self.rig.film_voltage(np.atleast_1d(voltages))
         return np.asarray(self.drawn.amplifier[:, None] * nominal)
 
-    def solved(self, mass: float, voltages: Any, rest: Array | None = None) -> dict[str, Array]:
+    def solved(self, mass: float, voltages: Any, rest: Array | None = None, *,
+               swings: bool = True) -> dict[str, Array]:
         """Numbers of the films at nominal voltages [V], (films, voltages), by key; nan where none.
 
         Such a film has no stable equilibrium, or is not firm, in tension and below its strength.
-        ``rest``: what :meth:`rests` answers, where it is known.
+        ``rest``: what :meth:`rests` answers, where it is known; without ``swings`` frequencies are
+        left out.
         """
         forces = self.forces(mass)
         swinging = mass * self.drawn.load + self.rig.unaccounted_mass + self.rig.added_mass
         states = self.family.states(self._films, forces[:, None], self.across(voltages), False,
-                                    swinging[:, None])
+                                    swinging[:, None] if swings else None)
         rest = self.rests(forces) if rest is None else rest
         holds = states.holds & states.sound & np.isfinite(rest[:, :1])
         holds &= states.breakdown < self.drawn.strength[:, None]

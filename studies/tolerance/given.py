@@ -6,7 +6,7 @@ one jig, one amplifier) share the second.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
@@ -145,6 +145,17 @@ class Tolerances:
         return read(cls, Table.read(file))
 
 
+
+
+def of_library(tolerances: Tolerances, specimen: Specimen) -> Tolerances:
+    """Tolerances that state what the library says of a specimen's film, if they left it out.
+
+    A film that is stiffer by a factor is none of the library any more, but scatters as before.
+    """
+    usual = _defaults(specimen)
+    known = {name: usual[name][0] for name in ("thickness", "stiffness", "permittivity")
+             if getattr(tolerances, name) is None}
+    return replace(tolerances, **known)
 
 
 @dataclass(frozen=True)

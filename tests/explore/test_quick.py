@@ -8,11 +8,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.interpolate import PchipInterpolator
 
 from tests.support.specimens import elliptical
-from tympan.explore.numbers import blocked_rows, curve_rows, limit_rows
+from tympan.explore.curve import drawn_curve
+from tympan.explore.latest import Pause
+from tympan.explore.numbers import blocked_rows, curve_rows, limit_rows, result_rows
 from tympan.explore.quick import Neighbours, QuickCurve, by_family
-from tympan.explore.session import Session
+from tympan.explore.session import Bands, Session
 from tympan.explore.view import FilmView, changed
 from tympan.fem.film.breakdown import ConstantStrength
 from tympan.fem.membrane.biases import Constant
@@ -24,8 +27,14 @@ from tympan.studies.films.family import FilmFamily
 from tympan.studies.films.first_limits import Margins
 from tympan.studies.films.rise import FamilyRise, rise
 from tympan.studies.limits import curve
+from tympan.studies.tolerance.bands import banded
+from tympan.studies.tolerance.given import LengthScatter, Scatter, Tolerances
 
 OVAL = FilmView(elliptical(60e-3), mass=0.0179, voltage=2000.0)
+
+#: Scatter of the oval.
+TOLERANCES = Tolerances(stiffness=Scatter(batch=0.1), thickness=Scatter(film=0.03),
+                        offset=LengthScatter(film=0.0))
 
 #: Where the oval ends [V].
 END = 8.2e3
@@ -156,6 +165,69 @@ def test_a_film_that_keeps_its_tension_is_followed_to_its_pull_in(
     assert expected is not None
     assert limits.pull_in.voltage_V == pytest.approx(expected.voltage_V, rel=5e-4)
     assert "not reached" in {row["text"] for row in limit_rows(answer.curve)}
+
+
+@pytest.fixture(scope="module")
+def scattering() -> tuple[Neighbours, FilmFamily]:
+    """The films near the oval, and those that scatter about each of them."""
+    films = Neighbours.of(OVAL, END, TOLERANCES)
+    assert films is not None
+    made = films.family()
+    assert made is not None
+    return films, made
+
+
+@pytest.mark.parametrize("change", [
+    {"mass": 0.024, "voltage": 4000.0}, {"stiffness": 1.19}, {"frame.semi_axes.0": 66e-3}])
+def test_bands_about_a_view_are_those_of_solve_and_curve(
+        change: dict[str, float], scattering: tuple[Neighbours, FilmFamily],
+        monkeypatch: pytest.MonkeyPatch) -> None:
+    films, family = scattering
+    monkeypatch.setattr(Neighbours, "family", lambda _: family)
+    view = OVAL
+    for key, value in change.items():
+        view = changed(view, key, value)
+    answer, *parts = by_family(films)(view)
+    assert isinstance(answer, QuickCurve)
+    assert answer.curve is not None
+    assert isinstance(parts[0], Pause)  # controls that go on slide as if nothing scattered
+    found = [part for part in parts if isinstance(part, Bands)][-1]
+    settings = Settings()
+    case = banded(solve(view.case, settings), view.actuator, TOLERANCES, view.rig, settings)
+    for key, band in found.numbers.items():
+        expected = case.bands[key]
+        for name in ("low", "median", "high", "share"):
+            assert getattr(band, name) == pytest.approx(getattr(expected, name), rel=2e-3)
+    assert found.numbers.keys() == {"deflection_m", "stroke_m", "capacitance_F"}
+    line, = voltage_curves(banded(curve(view.actuator, [view.mass], settings, view.rig),
+                                  view.actuator, TOLERANCES, view.rig, settings))
+    places, *edges = answer.curve.banded(found).line.band
+    told = np.isfinite(edges[0])
+    assert told.sum() >= 5
+    for mine, theirs in zip(edges, line.band[1:], strict=True):
+        there = np.isfinite(theirs) & (line.band[0] <= places[told][-1])
+        between = PchipInterpolator(places[told] ** 2, mine[told])(line.band[0][there] ** 2)
+        # Nine voltages tell it between them; the edges themselves are known to 5 % of the width.
+        assert between == pytest.approx(theirs[there], rel=1e-2)
+
+
+def test_a_voltage_alone_has_no_new_bands_of_the_curve(
+        scattering: tuple[Neighbours, FilmFamily], monkeypatch: pytest.MonkeyPatch) -> None:
+    films, family = scattering
+    monkeypatch.setattr(Neighbours, "family", lambda _: family)
+    answers = by_family(films)
+    first = [part for part in answers(OVAL) if isinstance(part, Bands)]
+    other = replace(OVAL, voltage=3000.0)
+    second = [part for part in answers(other) if isinstance(part, Bands)]
+    assert {part.deflections for part in second} == {first[-1].deflections}
+    assert len(second) < len(first)
+    text = {row["key"]: str(row["text"]) for row in result_rows(
+        Session().scene(other), second[-1].numbers)}["deflection_m"]
+    band = second[-1].numbers["deflection_m"]
+    assert text.endswith(f" mm ({1e3 * band.low:.3g} to {1e3 * band.high:.3g})")
+    followed_curve = next(iter(answers(other))).curve
+    assert 'class="band"' in drawn_curve(followed_curve.banded(second[-1]), None)
+    assert 'class="band"' not in drawn_curve(followed_curve, None)
 
 
 def test_breakdown_before_the_end_is_that_of_finite_elements() -> None:

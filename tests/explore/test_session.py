@@ -24,7 +24,7 @@ from tests.support.specimens import circular, elliptical, skewed, specimen_toml
 from tympan.explore import latest
 from tympan.explore.copied import command_of, python_of
 from tympan.explore.curve import drawn_curve
-from tympan.explore.latest import Latest, Trouble
+from tympan.explore.latest import Latest, Pause, Trouble
 from tympan.explore.numbers import blocked_rows, curve_rows, limit_rows, result_rows
 from tympan.explore.page import Asked, Page, Picture, scene_answers
 from tympan.explore.session import (
@@ -495,7 +495,10 @@ def test_a_folder_of_specimens_and_its_rig_are_explored_together(tmp_path: Path)
 
 
 def slow_square() -> Callable[[Any], Iterator[Any]]:
-    """Answers the square of a number after that many tenths of a second; 13 ends the process."""
+    """Answers the square of a number after that many tenths of a second; 13 ends the process.
+
+    After 3 it pauses for a minute.
+    """
     def answer(number: int) -> Iterator[int]:
         time.sleep(abs(number) / 10)
         if number == 13:
@@ -503,6 +506,9 @@ def slow_square() -> Callable[[Any], Iterator[Any]]:
         if number < 0:
             raise InputError("must not be negative", key="number", given=number)
         yield number * number
+        if number == 3:
+            yield Pause(60.0)
+            yield -1
 
     return answer
 
@@ -537,6 +543,12 @@ def test_the_newest_question_is_answered_and_those_between_are_dropped(
     monkeypatch.setattr(latest, "_PRELOADED", [])
     first, second = asked([(0, 3), (0, 1), (0, 2), (0, 4)], 60.0, 2)
     assert (first, second) == ((9, False), (16, True))
+
+
+def test_an_answer_that_pauses_ends_where_another_question_is_asked() -> None:
+    began = time.perf_counter()
+    assert asked([(0, 3), (None, 1), (None, 2)], 60.0, 3) == [(9, True), (1, True), (4, True)]
+    assert time.perf_counter() - began < 50
 
 
 def test_what_nobody_waits_for_is_given_up_and_a_process_that_dies_is_replaced() -> None:

@@ -7,8 +7,9 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from tympan.commands.cases import TOLERANCES, given_tolerances
 from tympan.geometry.errors import Failure, InputError
-from tympan.options import RIG, argument, command, parse_quantity
+from tympan.options import RIG, argument, command, naming_file, parse_quantity
 
 if TYPE_CHECKING:
     from tympan.explore.server import Explorer
@@ -20,7 +21,7 @@ _PORTS = (0, 65535)
                              help="a specimen, a folder of readings, or a folder of specimens"),
          argument("--mass", help='on the plate at first, such as "17.9 g" (default: the one '
                                  "measured most, or one that suits the film)"),
-         argument("--voltage", default="0 kV", help="across the film at first"), RIG,
+         argument("--voltage", default="0 kV", help="across the film at first"), RIG, TOLERANCES,
          argument("--port", type=int, default=0, within=_PORTS, metavar="N",
                   help="to listen on (default: any that is free)"),
          argument("--host", default="127.0.0.1", metavar="ADDRESS",
@@ -70,7 +71,9 @@ def _explorer(options: argparse.Namespace) -> Explorer:
     from tympan.explore.subject import read_subject
     from tympan.explore.view import changed
     from tympan.studies.case import Settings
+    from tympan.studies.films.family import require_reducible
     from tympan.studies.limits.loads import usual_masses
+    from tympan.studies.tolerance.given import causes
 
     subject = read_subject(options.subject, options.rig)
     mass = None
@@ -80,4 +83,10 @@ def _explorer(options: argparse.Namespace) -> Explorer:
         mass = usual_masses(subject.specimens[0], Settings(), subject.rig)[0]
     start = changed(subject.view(0, mass), "mass", subject.view(0, mass).mass)
     start = changed(start, "voltage", parse_quantity(options.voltage, "voltage", "--voltage"))
-    return Explorer(subject, start, options.host, options.port, report=say)
+    tolerances = given_tolerances(options)
+    if tolerances is not None:
+        with naming_file(options.tolerances or None):
+            for specimen in subject.specimens:
+                require_reducible(specimen, subject.rig)
+                causes(specimen, tolerances)
+    return Explorer(subject, start, options.host, options.port, report=say, tolerances=tolerances)

@@ -77,7 +77,8 @@ def drawn_curve(curve: FollowedCurve, here: tuple[float, float] | None) -> str:
     readings = curve.readings
     across = _scale(line.voltage, () if readings is None else readings.voltage / 1e3,
                     () if here is None else here[:1])
-    up = _scale(line.deflection, () if readings is None else readings.measured * 1e3,
+    up = _scale(line.deflection, line.band[1:].ravel(),
+                () if readings is None else readings.measured * 1e3,
                 () if here is None else here[1:])
     panel = _Panel(across, up, _TOP, _TOP + _HIGH)
     panels = [panel.parts("deflection (mm)", readings is None, list(_lines(panel, line)),
@@ -104,7 +105,13 @@ def _scale(*values: Any) -> AxisScale:
 
 
 def _lines(panel: _Panel, line: VoltageCurve) -> Iterator[dict[str, str]]:
-    """The curve to its first limit, beyond that, and as that of a film kept from wrinkling."""
+    """The band, the curve to its first limit, beyond that, and as kept from wrinkling."""
+    places, *edges = line.band
+    there = np.isfinite(edges).all(0)
+    if there.sum() > 1:
+        low, high = (edge[there] for edge in edges)
+        around = np.append(places[there], places[there][::-1]), np.append(low, high[::-1])
+        yield {"kind": "band", "path": f"{panel.path(*around)}Z"}
     if len(line.voltage) < 2:
         return
     x, y = line.line

@@ -16,7 +16,7 @@ from typing import Any, TypeAlias
 from tympan.geometry.errors import InputError
 from tympan.studies.parallel import begin_worker, signals_blocked
 
-#: Answers a question, in several parts where some come sooner.
+#: Answers a question, in several parts where some come sooner; a :class:`Pause` between them.
 Answer: TypeAlias = Callable[[Any], Iterator[Any]]
 
 #: What processes hold when they start: to import it takes longer than to start one.
@@ -28,6 +28,13 @@ class Trouble:
     """Why a question has no answer."""
 
     words: str
+
+
+@dataclass(frozen=True)
+class Pause:
+    """Place in an answer where it is given up for a newer question that comes within a time [s]."""
+
+    seconds: float = 0.0
 
 
 def prepared() -> ForkServerContext:
@@ -55,6 +62,8 @@ class Latest:
         self._number = 0
         self._waiting: tuple[int, Any] | None = None
         self._running: int | None = None
+        #: Whether the running answer has come to a pause: the next question is sent at once.
+        self._paused = False
         self._process: BaseProcess | None = None
         self._pipe: Connection | None = None
 
@@ -67,7 +76,7 @@ class Latest:
         """Ask the newest question."""
         self._number += 1
         self._waiting = self._number, question
-        if self._running is None:
+        if self._running is None or self._paused:
             self._send()
         elif self._patience is not None:
             self._loop.call_later(self._patience, self._give_up, self._running)
@@ -81,6 +90,7 @@ class Latest:
     def close(self) -> None:
         """End the process."""
         self._waiting = self._running = None
+        self._paused = False
         if self._pipe is not None:
             self._loop.remove_reader(self._pipe.fileno())
             self._pipe.close()
@@ -96,7 +106,7 @@ class Latest:
         if self._pipe is None:
             self._start()
         assert self._pipe is not None
-        self._running = self._waiting[0]
+        self._running, self._paused = self._waiting[0], False
         self._pipe.send(self._waiting)
         self._waiting = None
 
@@ -130,8 +140,14 @@ class Latest:
                           number == self._number)
             return
         if done:
-            self._running = None
-            self._send()
+            # One that paused was perhaps given up for the question that runs now.
+            if number == self._running:
+                self._running = None
+                self._send()
+        elif isinstance(part, Pause):
+            if number == self._running:
+                self._paused = True
+                self._send()
         else:
             self._deliver(part, number == self._number)
 
@@ -148,6 +164,8 @@ def _work(make: Callable[[], Answer], pipe: Connection) -> None:
             return
         for part in _parts(answer, question):
             pipe.send((number, part, False))
+            if isinstance(part, Pause) and pipe.poll(part.seconds):
+                break
         pipe.send((number, None, True))
 
 

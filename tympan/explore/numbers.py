@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from math import floor, log10
 from typing import TypeAlias
 
@@ -11,7 +11,7 @@ from tympan.fem.results.limit_states import LIMIT_STATES
 from tympan.geometry.units import BENCH, unit_of
 from tympan.reports.template import digits
 from tympan.studies.alpha import AlphaResult
-from tympan.studies.case import Limit
+from tympan.studies.case import Band, Limit
 
 #: What of a result is shown, and what it is called.
 SHOWN = {
@@ -35,15 +35,23 @@ _LARGE = 5e-3
 Row: TypeAlias = dict[str, str | bool]
 
 
-def result_rows(scene: Scene) -> list[Row]:
-    """Numbers of an equilibrium."""
-    rows = []
+def result_rows(scene: Scene, bands: Mapping[str, Band] | None = None) -> list[Row]:
+    """Numbers of an equilibrium; in brackets 5 and 95 % of films that scatter about it."""
+    rows, bands = [], bands or {}
     for key, words in SHOWN.items():
         unit, factor = BENCH.get(unit_of(key) or "", ("", 1.0))
         value = getattr(scene.result, key)
         if value is not None and not (key == "reading_m" and value == scene.result.deflection_m):
-            rows.append(_row(key, words, f"{digits(factor * value, _DIGITS)} {unit}"))
+            text = f"{digits(factor * value, _DIGITS)} {unit}"
+            rows.append(_row(key, words, text + _spread(bands.get(key), factor)))
     return rows
+
+
+def _spread(band: Band | None, factor: float) -> str:
+    """Edges of a band in brackets; "" of none."""
+    if band is None:
+        return ""
+    return f" ({digits(factor * band.low, _FEW)} to {digits(factor * band.high, _FEW)})"
 
 
 def blocked_rows(blocked: Blocked, stale: bool = False) -> list[Row]:
@@ -55,14 +63,19 @@ def blocked_rows(blocked: Blocked, stale: bool = False) -> list[Row]:
     return [_row("blocked", "blocked force where it rests at 0 kV", f"{text} {unit}", stale)]
 
 
-def curve_rows(curve: FollowedCurve, deflection: float, stale: bool = False) -> list[Row]:
-    """Stroke to a deflection [m] of a curve, and its first limit; ``stale``: of another film."""
+def curve_rows(curve: FollowedCurve, deflection: float, stale: bool = False,
+               band: Band | None = None) -> list[Row]:
+    """Stroke to a deflection [m] of a curve, and its first limit; ``stale``: of another film.
+
+    ``band``: of the stroke.
+    """
     line = curve.line
     rows = []
     if len(line.voltage) and line.voltage[0] == 0:
         stroke = _within(1e3 * deflection - float(line.deflection[0]),
                          1e3 * (curve.off.deflection if curve.off else 0.0))
-        rows.append(_row("stroke", "stroke from 0 kV", "…" if stale else f"{stroke} mm", stale))
+        text = "…" if stale else f"{stroke} mm{_spread(band, 1e3)}"
+        rows.append(_row("stroke", "stroke from 0 kV", text, stale))
     first = line.limits.limit
     text = line.end if first is None else f"{first.state.verb} at {_voltage(first, curve)}"
     return [*rows, _row("first", "first limit", text, stale)]

@@ -24,6 +24,7 @@ from tympan.explore.numbers import (
 )
 from tympan.explore.quick import Neighbours, QuickCurve, quick_answers
 from tympan.explore.session import (
+    Bands,
     Blocked,
     FollowedCurve,
     Question,
@@ -51,6 +52,7 @@ from tympan.geometry.specimen import Specimen
 from tympan.reports.viewer.payload import record_of
 from tympan.studies.case import Limit
 from tympan.studies.files import write_text
+from tympan.studies.tolerance.given import Tolerances
 
 #: How long a solve that nobody waits for any more may go on [s]; a curve is given up at once.
 _PATIENCE = 0.7
@@ -66,6 +68,9 @@ _USUAL = 10e3
 #: What a slider of the voltage goes to, over the voltage where the film ends.
 _BEYOND = 1.15
 
+
+#: Explanation of the numbers in brackets.
+_SCATTER = "In brackets: 5 and 95 % of films whose numbers scatter."
 
 #: Who says a curve that finite elements have not said yet.
 _BY = "by a reduced film; finite elements follow"
@@ -115,8 +120,9 @@ def curve_answers() -> Answer:
 class Page:
     """Content of one page, its ``state`` as the browser's script knows it."""
 
-    def __init__(self, subject: Subject, start: FilmView) -> None:
-        self.subject, self._first = subject, start
+    def __init__(self, subject: Subject, start: FilmView, tolerances: Tolerances | None = None
+                 ) -> None:
+        self.subject, self._first, self._tolerances = subject, start, tolerances
         self.start = self.base = start
         self.view = start
         self.state: dict[str, Any] = {}
@@ -127,6 +133,7 @@ class Page:
         self.scene: Scene | None = None
         self.blocked: Blocked | None = None
         self.curve: FollowedCurve | None = None
+        self.bands: Bands | None = None
         self._written: tuple[Specimen, str] | None = None
         self._resting: asyncio.TimerHandle | None = None
         self._asked: FilmView | None = None
@@ -178,12 +185,12 @@ class Page:
         mass = None if masses else self._first.mass
         self.start = self.subject.view(number, mass) if number else self._first
         self.tell(title=self.subject.name, chosen=number, written="", folder=str(Path.cwd()),
-                  film=None, curve="", by="", quick=False, loads="", numbers=[], limits=[],
-                  following=False,
+                  film=None, curve="", by="", quick=False, loads="", scatter="", numbers=[],
+                  limits=[], following=False,
                   names=[specimen.name for specimen in self.subject.specimens],
                   masses=[f"{mass * 1e3:.6g} g" for mass in masses])
         self._say("")
-        self.scene = self.blocked = self.curve = self._asked = None
+        self.scene = self.blocked = self.curve = self.bands = self._asked = None
         # A shape that was left comes back with its own numbers.
         self._outlines = {part: examples() | {shape_of(self.start, part): outline_of(
             self.start, part)} for part in SHAPED}
@@ -334,13 +341,15 @@ class Page:
         scene, blocked, curve = self.scene, self.blocked, self.curve
         if scene is None:
             return
-        rows = result_rows(scene)
+        bands = self.bands
+        numbers = bands.numbers if bands is not None and bands.view == scene.view else {}
+        rows = result_rows(scene, numbers)
         if blocked is not None:
             rows += blocked_rows(blocked, blocked.view != scene.view)
         if curve is not None:
             rows += curve_rows(curve, scene.result.deflection_m or 0.0,
-                               not _same_film(curve.view, scene.view))
-        self.tell(numbers=rows)
+                               not _same_film(curve.view, scene.view), numbers.get("stroke_m"))
+        self.tell(numbers=rows, scatter=_SCATTER if numbers else "")
 
     def _draw_curve(self) -> None:
         if self.curve is None:
@@ -348,7 +357,10 @@ class Page:
         here = None
         if self.scene is not None and _same_film(self.curve.view, self.scene.view):
             here = (self.scene.view.voltage / 1e3, 1e3 * (self.scene.result.deflection_m or 0.0))
-        self.tell(curve=drawn_curve(self.curve, here), limits=limit_rows(self.curve),
+        curve = self.curve
+        if self.bands is not None and _same_film(curve.view, self.bands.view):
+            curve = curve.banded(self.bands)
+        self.tell(curve=drawn_curve(curve, here), limits=limit_rows(self.curve),
                   by="" if self.curve.off is None else _BY)
 
     def _rest(self) -> None:
@@ -382,10 +394,15 @@ class Page:
             self._scenes.ask(Asked(self.view))
         if self._asked is None or not _same_film(self._asked, self.view):
             self._asked = self.view
-            self._curves.ask(Question(self.view, self.subject.static))
+            near = self._is_near and bool(self.state["quick"])
+            self._curves.ask(Question(self.view, self.subject.static,
+                                      None if near else self._tolerances))
 
-    def _followed(self, part: FollowedCurve | Trouble, newest: bool) -> None:
+    def _followed(self, part: FollowedCurve | Bands | Trouble, newest: bool) -> None:
         if not newest:
+            return
+        if isinstance(part, Bands):
+            self._put_bands(part)
             return
         if not isinstance(part, Trouble) and self._is_followed and not _same_film(
                 part.view, self.view):
@@ -413,6 +430,17 @@ class Page:
         self._list_numbers()
         self._draw_curve()
 
+    def _put_bands(self, bands: Bands) -> None:
+        """Show how films scatter; what was found of the same film or view stays."""
+        known = self.bands
+        if known is not None and not bands.numbers and known.view == bands.view:
+            bands = replace(bands, numbers=known.numbers)
+        if known is not None and not bands.voltages and _same_film(known.view, bands.view):
+            bands = replace(bands, voltages=known.voltages, deflections=known.deflections)
+        self.bands = bands
+        self._list_numbers()
+        self._draw_curve()
+
     @property
     def _measured(self) -> bool:
         """Whether there are readings of the specimen, with which finite elements are compared."""
@@ -421,7 +449,7 @@ class Page:
     def _reduce(self, curve: FollowedCurve) -> None:
         """Make reduced films about a film that was followed."""
         end = float(curve.curve.table["voltage"].max(initial=0.0))
-        films = Neighbours.of(curve.view, end) if end else None
+        films = Neighbours.of(curve.view, end, self._tolerances) if end else None
         if films is None:
             return
         if self._near is not None:
@@ -430,9 +458,13 @@ class Page:
         self.tell(quick=False)
         self._near[1].ask(self.view)
 
-    def _quickened(self, part: QuickCurve | Trouble, newest: bool) -> None:
+    def _quickened(self, part: QuickCurve | Bands | Trouble, newest: bool) -> None:
         """The reduced films have answered."""
         self.tell(quick=not isinstance(part, Trouble))
+        if isinstance(part, Bands):
+            if newest:
+                self._put_bands(part)
+            return
         if isinstance(part, Trouble):
             return
         if part.blocked is not None and (self.blocked is None or self.blocked.off

@@ -1,4 +1,4 @@
-"""Curve, limits and blocked force of a view within a move, by a family of reduced films about it.
+"""Curve, limits, blocked force, then bands of a view, by a family of reduced films about it.
 
 The family is made in a process of its own, in some seconds, and answers there from then on. What it
 does not hold is left to finite elements.
@@ -7,15 +7,15 @@ does not hold is left to finite elements.
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tympan.explore.latest import Answer
-from tympan.explore.session import Blocked, FollowedCurve, Off
+from tympan.explore.latest import Answer, Pause
+from tympan.explore.session import Bands, Blocked, FollowedCurve, Off
 from tympan.explore.view import FilmView, controls, value_of
 from tympan.fem.rig import MOST_VOLTAGE, Rig
 from tympan.geometry.errors import InputError
@@ -26,6 +26,9 @@ from tympan.studies.films.box import STIFFNESS, Box, kind_of, varying
 from tympan.studies.films.family import FamilySettings, FilmFamily, require_reducible
 from tympan.studies.films.rise import FamilyRise, rise
 from tympan.studies.limits.curve import CURVES, CurveResult, MassCurve
+from tympan.studies.tolerance.bands import bands, drawn
+from tympan.studies.tolerance.drawn import Copies
+from tympan.studies.tolerance.given import FACTORS, Tolerances
 
 Array = NDArray[Any]
 
@@ -42,6 +45,16 @@ _FAMILY = FamilySettings(error=1e-4, rounds=3, checks=12)
 _BEHIND = 5
 
 
+#: How long no other view may be asked for before the bands of one are sought [s]: it is the time
+#: after which controls are at rest.
+_REST = 0.15
+#: Voltages at which a curve has bands, evenly in U²: edges bend most where the film ends.
+_VOLTAGES = 9
+#: Parts in which films of a band are computed; it is shown after each. The first 64 films of 512
+#: tell its edges to some 15 % of its width, all of them to 5 %.
+_PARTS = 8
+
+
 @dataclass(frozen=True, eq=False)
 class QuickCurve:
     """Answer of a family to a view; ``curve`` is None where it holds no such film."""
@@ -53,19 +66,26 @@ class QuickCurve:
 
 @dataclass(frozen=True, eq=False)
 class Neighbours:
-    """Films about a ``view`` and loads up to a ``mass`` [kg] and a nominal ``voltage`` [V]."""
+    """Films about a ``view`` and loads up to a ``mass`` [kg] and a nominal ``voltage`` [V].
+
+    Views are within ``reach``; all films, those that scatter about a view too, within ``box``.
+    """
 
     view: FilmView
+    reach: Box
     box: Box
     mass: float
     voltage: float
     settings: Settings = field(default_factory=Settings)
+    tolerances: Tolerances | None = None
 
     @classmethod
-    def of(cls, view: FilmView, voltage: float) -> Neighbours | None:
+    def of(cls, view: FilmView, voltage: float, tolerances: Tolerances | None = None
+           ) -> Neighbours | None:
         """Those of a film that ends at a voltage; None where none can be reduced.
 
-        Numbers that are 0 stay: most are offsets, which take the film its mirror planes.
+        Numbers that are 0 stay, if they do not scatter: most are offsets, which take the film its
+        mirror planes.
         """
         try:
             require_reducible(view.specimen, view.rig)
@@ -73,14 +93,17 @@ class Neighbours:
             limits = {key: ((1 - _WIDE) * value, (1 + _WIDE) * value)
                       for key in (control.key for control in controls(view))
                       if key in known and (value := value_of(view, key)) > 0}
-            box = Box.around(view.specimen, limits)
+            reach = box = Box.around(view.specimen, limits)
+            if tolerances is not None:
+                box = Box.around(view.specimen, _widened(limits, view, tolerances))
         except InputError:
             return None
         # A line of the electrode within the film may give way by itself.
         if not view.specimen.electrode.everywhere:
             return None
         mass = next(control for control in controls(view) if control.key == "mass")
-        return cls(view, box, mass.high / mass.factor, min(_BEYOND * voltage, MOST_VOLTAGE))
+        return cls(view, reach, box, mass.high / mass.factor, min(_BEYOND * voltage, MOST_VOLTAGE),
+                   tolerances=tolerances)
 
     def row(self, view: FilmView) -> Array | None:
         """The parameters of a view, (names,), None where it is none of these films."""
@@ -89,22 +112,83 @@ class Neighbours:
             return None
         if kind_of(view.specimen) != kind_of(base):
             return None
-        names = [name for name in self.box.names if name != STIFFNESS]
+        names = [name for name in self.reach.names if name != STIFFNESS]
         same = with_arrays(view.specimen, {name: value_of(self.view, name) for name in names})
-        row = np.array([value_of(view, name) for name in self.box.names])
-        return row if same == base and self.box.holds(row[None])[0] else None
+        inner, row = (np.array([value_of(view, name) for name in box.names])
+                      for box in (self.reach, self.box))
+        return row if same == base and self.reach.holds(inner[None])[0] else None
 
     def family(self) -> FilmFamily | None:
         """The family of these films; None where it cannot be made."""
         rig, plate = self.view.rig, area(self.view.specimen.needed_plate().outline)
-        forces = sorted(rig.force(mass, plate * size) for mass in (0.0, self.mass)
-                        for size in ((1 - _WIDE) ** 2, (1 + _WIDE) ** 2))
+        found = sorted(rig.force(mass, plate * size) for mass in (0.0, self.mass)
+                       for size in ((1 - _WIDE) ** 2, (1 + _WIDE) ** 2))
+        forces, voltage = (found[0], found[-1]), float(rig.film_voltage(self.voltage))
+        if self.tolerances is not None:
+            scattered, _ = drawn(self.view.specimen, self.tolerances)
+            forces, voltage = scattered.forces(forces), scattered.highest(voltage)
         try:
-            return FilmFamily.over(self.box, (forces[0], forces[-1]),
-                                   (0.0, float(rig.film_voltage(self.voltage))), rig,
-                                   self.settings, _FAMILY)
+            return FilmFamily.over(self.box, forces, (0.0, voltage), rig, self.settings, _FAMILY)
         except InputError:
             return None
+
+
+def _widened(limits: Mapping[str, tuple[float, float]], view: FilmView, tolerances: Tolerances
+             ) -> dict[str, tuple[float, float]]:
+    """Limits of numbers, so far apart that films between them may scatter about any of these."""
+    scattered, _ = drawn(view.specimen, tolerances)
+    around = {name: edges for name, edges in scattered.around().items() if name not in FACTORS}
+    wide = dict(limits)
+    for name, (low, high) in around.items():
+        value = 1.0 if name == STIFFNESS else value_of(view, name)
+        first, last = limits.get(name, (value, value))
+        # Lengths scatter by as much whatever they are, other numbers in proportion.
+        wide[name] = (min(first + low - value, first * low / value if value else low),
+                      max(last + high - value, last * high / value if value else high))
+    return wide
+
+
+@dataclass(eq=False)
+class _Scatter:
+    """Films of a family that scatter about a view; the bands of the last curve are kept."""
+
+    family: FilmFamily
+    tolerances: Tolerances
+    curve: Bands | None = None
+
+    def bands(self, view: FilmView, end: float) -> Iterator[Bands | Pause]:
+        """Bands of a view's numbers and of its curve to an end [V]; of ever more films."""
+        yield Pause(_REST)
+        film = replace(view, voltage=0.0)
+        known = self.curve if self.curve is not None and self.curve.view == film else None
+        scattered, points = drawn(view.specimen, self.tolerances)
+        copies = Copies.within(self.family, scattered, points, view.rig, view.stiffness)
+        found = Bands(view, *((), ()) if known is None else (known.voltages, known.deflections))
+        for solved in _growing(copies, view.mass, np.array([view.voltage])):
+            here = {key: band for key, values in solved.items() if key != "frequency_Hz"
+                    if (band := bands(values)[0]) is not None}
+            found = replace(found, numbers=here)
+            yield found
+            yield Pause()
+        if known is not None:
+            return
+        voltages = end * np.linspace(0.0, 1.0, _VOLTAGES) ** 0.5
+        for solved in _growing(copies, view.mass, voltages):
+            found = replace(found, voltages=tuple(voltages.tolist()),
+                            deflections=bands(solved["deflection_m"]))
+            yield found
+            yield Pause()
+        self.curve = replace(found, view=film)
+
+
+def _growing(copies: Copies, mass: float, voltages: Array) -> Iterator[dict[str, Array]]:
+    """Numbers of ever more films at some voltages [V]; the first is the one without scatter."""
+    solved: list[dict[str, Array]] = []
+    for some in np.array_split(np.arange(1, len(copies.drawn.rows)), _PARTS):
+        part = replace(copies, drawn=copies.drawn.part(np.append(0, some)))
+        found = part.solved(mass, voltages, swings=False)
+        solved.append({key: values[bool(solved):] for key, values in found.items()})
+        yield {key: np.concatenate([each[key] for each in solved]) for key in found}
 
 
 def quick_answers(films: Neighbours) -> Answer:
@@ -117,8 +201,11 @@ def by_family(films: Neighbours) -> Answer:
     """Answers to views by a family, once that is made."""
     family = films.family()
     last: list[tuple[FilmView, FamilyRise | None]] = []
+    scatter = None
+    if family is not None and films.tolerances is not None:
+        scatter = _Scatter(family, films.tolerances)
 
-    def answer(view: FilmView) -> Iterator[QuickCurve]:
+    def answer(view: FilmView) -> Iterator[QuickCurve | Bands | Pause]:
         if family is None:
             return
         film = replace(view, voltage=0.0)
@@ -128,6 +215,8 @@ def by_family(films: Neighbours) -> Answer:
             last[:] = [(film, None if row is None else rise(family, row, force, before))]
         risen = last[0][1]
         yield QuickCurve(view) if risen is None else _quick(view, family, films, risen)
+        if risen is not None and scatter is not None:
+            yield from scatter.bands(view, _nominal(view.rig, float(risen.squared[-1])))
 
     return answer
 

@@ -18,6 +18,7 @@ from tympan.explore.subject import Subject
 from tympan.explore.talk import talk
 from tympan.explore.view import FilmView
 from tympan.reports.template import text_of
+from tympan.studies.tolerance.given import Tolerances
 
 #: How long a page whose browser went away is kept for it to come back [s].
 _KEPT = 10.0
@@ -52,7 +53,8 @@ class Explorer:
     """All pages of a subject.
 
     ``host`` and ``port`` are what is listened on, port 0 for any that is free; who asks without the
-    ``token`` is refused. ``report`` gets a line where the server itself makes a mistake.
+    ``token`` is refused. ``report`` gets a line where the server itself makes a mistake. With
+    ``tolerances`` pages show how films scatter.
     """
 
     subject: Subject
@@ -61,6 +63,7 @@ class Explorer:
     port: int = 0
     token: str = field(default_factory=lambda: secrets.token_urlsafe(16))
     report: Callable[[str], object] = print
+    tolerances: Tolerances | None = None
     pages: dict[str, _Served] = field(default_factory=dict)
     _door: Door | None = None
     _runner: web.ServerRunner | None = None
@@ -114,7 +117,7 @@ class Explorer:
         if len(self.pages) >= _MOST:
             raise web.HTTPServiceUnavailable(text=f"{_MOST} pages are open: close one\n")
         name = secrets.token_hex(4)
-        self.pages[name] = _Served(Page(self.subject, self.start))
+        self.pages[name] = _Served(Page(self.subject, self.start, self.tolerances))
         response = web.Response(status=302, headers={"Location": f"/{name}/index.html"})
         response.set_cookie(self._cookie, self.token, httponly=True, samesite="Strict")
         self._drop_later(name)

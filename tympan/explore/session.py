@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -27,6 +27,7 @@ from tympan.geometry.specimen import Specimen
 from tympan.reports.figures.curve import VoltageCurve, voltage_curves
 from tympan.studies.alpha import AlphaResult, AlphaSettings, alpha
 from tympan.studies.case import (
+    Band,
     Case,
     CaseResult,
     Settings,
@@ -40,6 +41,8 @@ from tympan.studies.film_surface import FilmSurface, film_surface
 from tympan.studies.films.box import kind_of, varying
 from tympan.studies.force import blocked_force
 from tympan.studies.limits import CurveResult, curve
+from tympan.studies.tolerance.bands import banded
+from tympan.studies.tolerance.given import Tolerances, of_library
 
 Array = NDArray[Any]
 
@@ -248,10 +251,14 @@ class Readings:
 
 @dataclass(frozen=True)
 class Question:
-    """Question for a curve: its view, whose voltage is nothing to it, and readings to meet."""
+    """Question for a curve: its view, whose voltage is nothing to it, and readings to meet.
+
+    With ``tolerances`` the curve comes again at last, with the band of films that scatter so.
+    """
 
     view: FilmView
     static: Sheet | None = None
+    tolerances: Tolerances | None = None
 
 
 @dataclass(frozen=True)
@@ -264,6 +271,20 @@ class Off:
 
     deflection: float
     whole: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Bands:
+    """Films whose numbers scatter about those of a view, under its mass.
+
+    Bands of the deflection [m] at some ``voltages`` [V], and of ``numbers`` of the view by the keys
+    of a result.
+    """
+
+    view: FilmView
+    voltages: tuple[float, ...]
+    deflections: tuple[Band | None, ...]
+    numbers: Mapping[str, Band] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
@@ -286,9 +307,16 @@ class FollowedCurve:
         line, = voltage_curves(self.curve)
         return line
 
+    def banded(self, bands: Bands) -> FollowedCurve:
+        """The curve with bands of films that scatter about it."""
+        curve, = self.curve.curves
+        curve = replace(curve, band_voltage_V=bands.voltages, band_deflection_m=bands.deflections)
+        return replace(self, curve=replace(self.curve, curves=(curve,)))
 
-def followed(question: Question, settings: Settings = Settings()) -> Iterator[FollowedCurve]:
-    """The curve to the film's limits, with readings; then also the circles that stand for it."""
+
+def followed(question: Question, settings: Settings = Settings()
+             ) -> Iterator[FollowedCurve | Bands]:
+    """The curve to the film's limits, with readings; then the circles that stand for it; bands."""
     _forget_films()
     view = question.view
     specimen = view.actuator
@@ -304,6 +332,11 @@ def followed(question: Question, settings: Settings = Settings()) -> Iterator[Fo
         yield replace(line, circles=alpha(specimen, settings, AlphaSettings(), view.rig))
     except InputError as error:
         yield replace(line, circles=error.allowed)
+    if question.tolerances is not None:
+        scatter = of_library(question.tolerances, view.specimen)
+        with suppress(InputError):  # hardly any film like it has an equilibrium
+            scattered = banded(along, specimen, scatter, view.rig, settings).curves[0]
+            yield Bands(view, scattered.band_voltage_V, scattered.band_deflection_m)
 
 
 def compared(view: FilmView, static: Sheet, settings: Settings, highest: float) -> Readings | None:
