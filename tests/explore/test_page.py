@@ -213,6 +213,19 @@ def test_film_curve_and_controls_are_in_view_together(page: Any, width: int, hei
         assert right <= width
 
 
+#: Names of numbers and controls that take more than a line.
+WRAPPED = """() => [...document.querySelectorAll("dt, .control label")].filter(element =>
+  element.getBoundingClientRect().height > 1.7 * parseFloat(getComputedStyle(element).fontSize)
+).map(element => element.textContent)"""
+
+
+@pytest.mark.parametrize("width", [1400, 820])
+def test_names_of_numbers_and_controls_are_in_one_line(page: Any, width: int) -> None:
+    page.wait_for_selector("#limit-alpha-1", timeout=60_000)
+    page.set_viewport_size({"width": width, "height": 900})
+    assert page.evaluate(WRAPPED) == []
+
+
 def typed(page: Any, key: str, text: str) -> None:
     """Type into a number field."""
     escaped = key.replace(".", r"\.")

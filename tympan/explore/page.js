@@ -56,11 +56,13 @@ function show(parts) {
 }
 
 function list(id, prefix, rows) {
-  part(id).replaceChildren(...rows.flatMap((row) => {
+  part(id).replaceChildren(...rows.map((row) => {
+    const item = document.createElement("div");
     const name = document.createElement("dt"), text = document.createElement("dd");
     name.textContent = row.name; text.textContent = row.text; text.id = `${prefix}-${row.key}`;
     text.classList.toggle("stale", row.stale);
-    return [name, text];
+    item.append(name, text);
+    return item;
   }));
 }
 

@@ -73,7 +73,7 @@ _BEYOND = 1.15
 _SCATTER = "In brackets: 5 and 95 % of films whose numbers scatter."
 
 #: Who says a curve that finite elements have not said yet.
-_BY = "by a reduced film; finite elements follow"
+_BY = "by a reduced film at first"
 
 
 @dataclass(frozen=True, eq=False)
