@@ -29,10 +29,11 @@ from tympan.studies.design.scatter import (
     KeptByMost,
     ScatteredFilms,
     drawn,
+    kept_by_most,
     missed_exactly,
     of_share,
 )
-from tympan.studies.design.search import KEPT, Search
+from tympan.studies.design.search import KEPT, Search, value_of
 from tympan.studies.design.space import DesignSpace
 from tympan.studies.design.sqp import Descent
 from tympan.studies.tolerance.tolerance import chance
@@ -221,19 +222,24 @@ def _judged(found: Sought) -> Sought:
 def _kept_by_most(found: Sought, settings: Settings) -> Sought:
     """The film most of whose copies keep all bounds, from one on; the best where enough do."""
     search, requirements = found.search, found.search.space.requirements
-    most = KeptByMost(replace(search, best="", shifts={}), found.off, requirements.share)
-    end = most.from_start(most.likeliest(found.end.x[: len(search.space.variables)]))
-    if end.here is None:
+    share, off = requirements.share, found.off
+    search = replace(search, best="", shifts={})
+    x = found.end.x[: len(search.space.variables)]
+    nearest = kept_by_most(search, off, share, KeptByMost(search, off, share, x).likeliest())
+    if nearest is None:
         return _judged(found)
-    nearest = replace(found, end=end, possible=end.status != "infeasible", search=most.search)
-    if nearest.possible and requirements.best and end.here.value >= 0:
-        best = KeptByMost(replace(most.search, best=requirements.best), found.off,
-                          1 - _AIMED * (1 - requirements.share))
-        if (ended := best.from_start(end.x)).here is not None and ended.status != "infeasible":
-            best_film = replace(nearest, end=ended, search=best.search, priced=best.prices(ended))
-            if (judged := _judged(_checked(best_film, settings))).possible:
-                return judged
-    return _judged(_checked(replace(nearest, priced=most.prices(end)), settings))
+    tried = [nearest]
+    _, end = nearest
+    if requirements.best and end.status == "optimum" and value_of(end) >= 0:
+        best = kept_by_most(replace(search, best=requirements.best), off,
+                            1 - _AIMED * (1 - share), end.x)
+        tried += [] if best is None else [best]
+    for most, end in reversed(tried):
+        film = Sought(most.search, end, end.status == "optimum", priced=most.prices(end))
+        judged = _judged(_checked(film, settings))
+        if judged.possible:
+            break
+    return judged
 
 
 def _settled(search: Search, starts: Array) -> Sought:

@@ -18,31 +18,44 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import norm, qmc
 
-from tympan.geometry.errors import InputError
 from tympan.studies.design.quantities import QUANTITIES, TENSION, misses
-from tympan.studies.design.search import Search, around
+from tympan.studies.design.search import KEPT, Search, value_of
 from tympan.studies.design.space import DesignSpace, FamilyFilms
-from tympan.studies.design.sqp import Descent, DescentSettings, Linearisation, maximise
+from tympan.studies.design.sqp import (
+    Descent,
+    DescentSettings,
+    Linearisation,
+    Status,
+    kkt,
+    maximise,
+)
 
 Array = NDArray[Any]
 
-#: What a film without equilibrium misses of the margin to the loss of tension: more than any.
+#: What a film without equilibrium misses of the margin to the loss of tension.
 _LOST = 10.0
+#: Share missed from which on that is the reason: more than any, less than what errors leave of it.
+_NONE = 5.0
 #: Share of a bound that the worst film must reach for its ratio to the nominal one to say anything.
 _LITTLE = 0.05
 #: Fewest films from which others are judged that have no equilibrium.
 _FEWEST = 16
 #: Films drawn about a design that is sought by the share of them that keep all bounds.
 _DRAWN = 512
-#: Of these, films next to the one that just that share does better than: they tell the slope.
+#: Of these, films next to the one that just the share does better than: they tell the slope.
 _NEXT = 32
 #: Random designs that may be better starts than the one that is known.
-_LOOKED_AT = 6
+_LOOKED_AT = 15
 #: Films about each of these.
 _FEW = 128
 
-#: The miss of 512 films is smooth to some 1e-3; at most a dozen steps of a second each.
-_DESCENT = DescentSettings(step=2e-3, gain=1e-4, residual=3e-2, violation=1e-3, iterations=12,
+#: Designs on a way at most.
+_ROUNDS = 8
+#: Share of the ranges by which a way goes no further.
+_STILL = 2e-3
+
+#: The miss of 512 films is smooth to some 1e-3.
+_DESCENT = DescentSettings(step=1e-3, gain=1e-5, residual=3e-2, violation=KEPT, iterations=15,
                            near=1.0)
 
 
@@ -90,23 +103,24 @@ class ScatteredFilms:
             found[key] = change / reached if key != TENSION and reached > _LITTLE else change
         return found
 
-    def guessed(self, values: Array, others: Array) -> Array:
-        """Shares by which copies of other designs would miss each bound, if all scatter alike.
+    def lines(self, values: Array) -> tuple[Array, Array]:
+        """Misses of copies by that of the design: rates and constants, (bounds, films) each.
 
-        Of the design of some ``values`` these copies are; ``others``: what other designs miss
-        without scatter, (designs, bounds). Shape (bounds, designs, films).
+        If those of another design scattered as these about the design of some ``values``: in
+        proportion to the quantity itself.
         """
         nominal = self.search.missed(self.search.space.films(values[None]))[0]
-        found = []
-        for key, copies, own, other in zip(self.keys, self.missed.T, nominal, others.T,
-                                           strict=True):
-            sign = -1.0 if QUANTITIES[key].gain else 1.0
+        rates, constants = np.ones_like(self.missed), self.missed - nominal
+        for number, key in enumerate(self.keys):
             if key == TENSION:
-                found.append(np.add.outer(other, copies - own))
-            else:  # in proportion to the quantity itself
-                ratio = (1 + sign * copies) / (1 + sign * own)
-                found.append(sign * (np.multiply.outer(1 + sign * other, ratio) - 1))
-        return np.array(found)
+                continue
+            sign = -1.0 if QUANTITIES[key].gain else 1.0
+            copies = self.missed[:, number]
+            there = np.isfinite(copies)
+            ratio = (1 + sign * copies[there]) / (1 + sign * nominal[number])
+            rates[:, number], constants[:, number] = 0.0, -np.inf
+            rates[there, number], constants[there, number] = ratio, sign * (ratio - 1)
+        return rates.T, constants.T
 
     def kept(self, off: Mapping[str, float]) -> NDArray[np.bool_]:
         """Mask of films that keep all bounds, reduced films being ``off`` by so much, (films,)."""
@@ -115,10 +129,6 @@ class ScatteredFilms:
     def worst(self, off: Mapping[str, float]) -> Array:
         """Largest share by which each film misses a bound, (films,)."""
         return np.asarray((self.missed + self._errors(off)).max(1))
-
-    def worst_bounds(self, off: Mapping[str, float]) -> NDArray[np.int64]:
-        """Number of the bound of which that is, (films,)."""
-        return np.asarray((self.missed + self._errors(off)).argmax(1))
 
     def _errors(self, off: Mapping[str, float]) -> Array:
         return np.array([off.get(key, 0.0) for key in self.keys])
@@ -139,55 +149,42 @@ class KeptByMost:
 
     That share is to be largest, or, where the search has a quantity that is to be best, not below
     0. ``share`` of the films that are most; reduced films are ``off`` finite elements by so much.
+    Films scatter as those about a design at shares ``about`` of the ranges, where this is exact.
     """
 
     search: Search
     off: Mapping[str, float]
     share: float
+    about: Array
 
     @cached_property
-    def points(self) -> Array:
-        """Points of the films."""
-        return drawn(self.search.space, _DRAWN, 1)
+    def _lines(self) -> tuple[Array, Array]:
+        """Misses of copies by that of their design."""
+        values = self.search.space.values(self.about)
+        copies = ScatteredFilms.of(self.search, values, drawn(self.search.space, _DRAWN, 1))
+        rates, constants = copies.lines(values)
+        errors = [self.off.get(key, 0.0) for key in copies.keys]
+        return rates, constants + np.reshape(errors, (-1, 1))
 
-    def from_start(self, x: Array) -> Descent:
-        """End of steps from a design at shares x of the ranges."""
-        return maximise(self, x, _DESCENT)
-
-    def likeliest(self, x: Array) -> Array:
-        """Start at shares x, or at one of random designs whose copies keep the bounds better.
-
-        A few of these are looked at: those that would be best if copies of all scattered as those
-        of x do.
-        """
-        space, bare = self.search.space, replace(self.search, shifts={})
-        copies = ScatteredFilms.of(self.search, space.values(x), self.points)
-        shares, films = space.random
-        missed = bare.missed(films)
-        scatters = np.array([QUANTITIES[key].scatters for key in bare.bounds])
-        with np.errstate(invalid="ignore"):
-            guessed = copies.guessed(space.values(x), missed[:, scatters]).max(0)
-            found = np.maximum(np.quantile(guessed, self.share, axis=1),
-                               missed[:, ~scatters].max(1, initial=-np.inf))
-        order = np.argsort(np.where(np.isfinite(found), found, np.inf))[:_LOOKED_AT]
-        starts = np.concatenate([x[None], shares[order]])
-        points = self.points[:: len(self.points) // _FEW]
-        worst = ScatteredFilms.of(self.search, space.values(starts), points).worst(self.off)
-        return np.asarray(starts[np.argmin([exceeded(each, 1 - self.share) for each
-                                            in worst.reshape(len(starts), -1)])])
+    @cached_property
+    def _scatters(self) -> NDArray[np.bool_]:
+        return np.array([QUANTITIES[key].scatters for key in self.search.bounds])
 
     def at(self, x: Array, renew: bool = False) -> Linearisation | None:
         """Values and slopes at shares x of the ranges."""
         common = [] if self.search.best else [0.5]
         bare = replace(self.search, shifts={}).at(np.append(x, common))
-        try:
-            miss, slope, _ = self.missed(x)
-        except InputError:
+        if bare is None:
             return None
-        if bare is None or not np.isfinite(slope).all():
-            return None
-        same = [not QUANTITIES[key].scatters for key in self.search.bounds]
-        limits, slopes = bare.limits[same], bare.limit_slopes[same, : len(x)]
+        scatters, slopes = self._scatters, bare.limit_slopes[:, : len(x)]
+        rates, constants = self._lines
+        missed = rates * bare.limits[scatters, None] + constants
+        next_to = self._next_to(missed.max(0))
+        worst = missed[:, next_to].argmax(0)
+        # The slope of a quantile is the mean of those of the films next to it.
+        slope = (rates[worst, next_to, None] * slopes[scatters][worst]).mean(0)
+        miss = exceeded(missed.max(0), 1 - self.share)
+        limits, slopes = bare.limits[~scatters], slopes[~scatters]
         if not self.search.best:
             return Linearisation(-miss, -slope, limits, slopes)
         return Linearisation(bare.value, bare.slope, np.append(limits, miss),
@@ -197,39 +194,75 @@ class KeptByMost:
         """Nothing is."""
         return 0.0, np.zeros(len(x))
 
-    def missed(self, x: Array) -> tuple[float, Array, dict[str, float]]:
-        """Share that most films do not miss any bound by; its slope; whose bound's it is.
-
-        The slope of a quantile is the mean of those of the films next to it. ``bounds``: by key the
-        share of these films of which it is the worst.
-        """
-        space, size = self.search.space, len(x)
-        films = ScatteredFilms.of(self.search, space.values(x), self.points)
-        worst = films.worst(self.off)
+    def _next_to(self, worst: Array) -> NDArray[np.int64]:
+        """Numbers of the films next to the one that just the share does better than."""
         order = np.argsort(worst)
-        order = order[worst[order] < _LOST]
+        order = order[worst[order] < _NONE]
         place = min(int(self.share * len(worst)), len(order) - 1)
-        following = order[max(place - _NEXT // 2, 0): place + _NEXT // 2]
-        ahead, behind = around(x)
-        places = space.values(np.concatenate([ahead, behind]))
-        moved = ScatteredFilms.of(self.search, places, self.points[following]).worst(self.off)
-        moved = np.where(moved < _LOST, moved, np.nan).reshape(2, size, -1)
-        change = (moved[0] - moved[1]) / (ahead - behind).diagonal()[:, None]
-        there = np.isfinite(change)
-        slope = np.where(there, change, 0.0).sum(1) / np.maximum(there.sum(1), 1)
-        bounds = films.worst_bounds(self.off)[following]
-        return (exceeded(worst, 1 - self.share), slope,
-                {key: float((bounds == number).mean()) for number, key in enumerate(films.keys)})
+        return order[max(place - _NEXT // 2, 0): place + _NEXT // 2]
+
+    def likeliest(self) -> Array:
+        """Start at the design, or at one of random ones whose copies keep the bounds better.
+
+        A few of these are looked at: those that would be best if all scattered alike.
+        """
+        space, bare = self.search.space, replace(self.search, shifts={})
+        shares, films = space.random
+        missed, (rates, constants) = bare.missed(films), self._lines
+        guessed = missed[:, self._scatters, None] * rates + constants
+        found = np.maximum(np.quantile(guessed.max(1), self.share, axis=1),
+                           missed[:, ~self._scatters].max(1, initial=-np.inf))
+        order = np.argsort(np.where(np.isfinite(found), found, np.inf))[:_LOOKED_AT]
+        starts = np.concatenate([self.about[None], shares[order]])
+        films_about = ScatteredFilms.of(self.search, space.values(starts), drawn(space, _FEW, 1))
+        worst = films_about.worst(self.off).reshape(len(starts), -1)
+        return np.asarray(starts[np.argmin([exceeded(each, 1 - self.share) for each in worst])])
+
+    def ended(self, here: Linearisation) -> Descent:
+        """End of a search at the design, with its values there."""
+        status: Status = "optimum" if here.violation <= KEPT else "infeasible"
+        return Descent(status, self.about, here, kkt(self, self.about, here), 1, 0)
 
     def prices(self, end: Descent) -> Array:
         """Cost of a share of each bound, in the aim, (bounds,)."""
         assert end.multipliers is not None
-        limits, found = end.multipliers.limits.tolist(), []
-        price = limits.pop() if self.search.best else 1.0
-        _, _, weights = self.missed(end.x)
-        for key in self.search.bounds:
-            found.append(price * weights[key] if QUANTITIES[key].scatters else limits.pop(0))
-        return np.array(found)
+        assert end.here is not None
+        prices, limits = np.zeros(len(self._scatters)), end.multipliers.limits
+        prices[~self._scatters] = limits[: int((~self._scatters).sum())]
+        bare = replace(self.search, best="", shifts={}).at(np.append(end.x, 0.5))
+        assert bare is not None
+        rates, constants = self._lines
+        missed = rates * bare.limits[self._scatters, None] + constants
+        worst = missed[:, self._next_to(missed.max(0))].argmax(0)
+        shares = np.bincount(worst, minlength=len(missed)) / len(worst)
+        prices[self._scatters] = shares * (limits[-1] if self.search.best else 1.0)
+        return prices
+
+
+def kept_by_most(search: Search, off: Mapping[str, float], share: float, x: Array
+                 ) -> tuple[KeptByMost, Descent] | None:
+    """The best of designs on a way from shares x, each by films about the one before.
+
+    None where a film without scatter has no states.
+    """
+    best: tuple[KeptByMost, Descent] | None = None
+    for _ in range(_ROUNDS):
+        most = KeptByMost(search, off, share, x)
+        here = most.at(x)
+        found = None if here is None else most.ended(here)
+        if found is not None and (best is None or _rank(found) > _rank(best[1])):
+            best = most, found
+            end = maximise(most, x, _DESCENT)
+            x = x if end.here is None else end.x
+        elif best is not None:  # films scatter otherwise there: half the way
+            x = (x + best[1].x) / 2
+        if best is None or np.abs(x - best[1].x).max() < _STILL:
+            break
+    return best
+
+
+def _rank(end: Descent) -> tuple[bool, float]:
+    return end.status == "optimum", value_of(end)
 
 
 def drawn(space: DesignSpace, count: int, seed: int) -> Array:
@@ -247,15 +280,18 @@ def of_share(values: Array, share: float, *, gain: bool) -> float:
 def exceeded(missed: Array, failing: float) -> float:
     """Share missed that this share of the films exceed.
 
-    Where more have no equilibrium, it is estimated as if all were distributed normally.
+    Where more have no equilibrium, it is estimated as if all were distributed normally; it is then
+    above 0, and the more of them there are.
     """
     missed = missed[missed > -np.inf]
-    there = np.sort(missed[missed < _LOST])
-    if len(there) > (1 - failing) * (len(missed) - 1) + 1 or len(there) < _FEWEST:
+    there = np.sort(missed[missed < _NONE])
+    lacking = (1 - failing) * (len(missed) - 1) + 1 - len(there)
+    if lacking < 0 or len(there) < _FEWEST:
         return float(np.quantile(missed, 1 - failing)) if len(missed) else _LOST
     at = norm.ppf((np.arange(len(there)) + 0.5) / len(missed))
     slope, middle = np.polyfit(at, there, 1)
-    return float(middle + slope * norm.ppf(1 - failing))
+    estimate = middle + slope * norm.ppf(1 - failing)
+    return float(max(estimate, there[-1], 0.0) + lacking / len(missed))
 
 
 def missed_exactly(search: Search, film: Any) -> Array:

@@ -68,7 +68,9 @@ class Search:
     def at(self, x: Array, renew: bool = False) -> Linearisation | None:
         """Values and slopes at shares x of the ranges."""
         size = len(self.space.variables)
-        ahead, behind = around(x[:size])
+        unit = np.eye(size)
+        ahead = np.clip(x[:size] + _STEP * unit, 0, 1)
+        behind = np.clip(x[:size] - _STEP * unit, 0, 1)
         places = np.concatenate([x[None, :size], ahead, behind])
         films = self.space.films(self.space.values(places))
         c = self.missed(films)
@@ -122,15 +124,10 @@ class Search:
     def found(self, starts: Array) -> Descent | None:
         """The best of steps from some films, None where none of them has its states."""
         ends = [end for start in starts if (end := self.from_start(start)).here is not None]
-        return max(ends, key=lambda end: (end.status != "infeasible", _value(end)), default=None)
+        return max(ends, key=lambda end: (end.status != "infeasible", value_of(end)), default=None)
 
 
-def around(x: Array) -> tuple[Array, Array]:
-    """Shares a little above and below in one variable each, (variables, variables) both."""
-    unit = np.eye(len(x))
-    return np.clip(x + _STEP * unit, 0, 1), np.clip(x - _STEP * unit, 0, 1)
-
-
-def _value(end: Descent) -> float:
+def value_of(end: Descent) -> float:
+    """Value of an end to compare it with others that keep the bounds as well, or as badly."""
     assert end.here is not None
     return end.here.value if end.status != "infeasible" else -end.here.violation

@@ -37,7 +37,7 @@ from tympan.studies.case import Settings, meshed, solved_loading
 from tympan.studies.films.box import Box, between
 from tympan.studies.films.check import ResidualCheck
 from tympan.studies.films.first_limits import KINDS, FirstLimits, Margins, first_limits
-from tympan.studies.films.many_films import Films, FilmsAt, ShapesAt
+from tympan.studies.films.many_films import Films, FilmsAt, ShapesAt, positive_definite
 from tympan.studies.films.reduction import Reduction, Snapshot, plate_freedoms
 from tympan.studies.films.sites import Sites
 
@@ -574,6 +574,8 @@ def _frequency(films: Films, number: Array, q: Array, squared: Array, mass: Arra
     some = np.flatnonzero(np.isfinite(q).all(1) & np.isfinite(mass))
     if len(some):
         _, stiffness = films.pull(number[some], q[some], squared[some])
+        firm = positive_definite(stiffness)  # next to a pull-in one may be none
+        some, stiffness = some[firm], stiffness[firm]
         inertia = films.inertia[number[some]]
         inertia[:, 0, 0] += mass[some]
         # Of K v = w² M v the largest 1/w², as the eigenvalue of a symmetric matrix.

@@ -325,7 +325,7 @@ class Films:
                 stiffness[:, 0, 0] = 1.0
             finite = np.isfinite(stiffness).all((1, 2)) & np.isfinite(pull).all(1)
             some, pull, stiffness = some[finite], pull[finite], stiffness[finite]
-            firm, inverse = _positive(stiffness), np.linalg.inv(stiffness)
+            firm, inverse = positive_definite(stiffness), np.linalg.inv(stiffness)
             balance.stiffness[some] = 1 / inverse[:, 0, 0]
             balance.least[some] = 1 / np.linalg.norm(inverse, axis=(1, 2))
             going, before = [], np.full(len(some), np.inf)
@@ -359,7 +359,7 @@ class Films:
         scale = float(np.abs(squared).max())
         # Forces are straight in U².
         by_voltage = (self.forces(films, q, squared + scale) - pull) / scale
-        firm = _positive(stiffness)
+        firm = positive_definite(stiffness)
         inverse = np.linalg.inv(np.concatenate([by_voltage[..., None], stiffness[..., 1:]], -1))
         rates = -(inverse @ stiffness[..., :1])[..., 0]
         slope, rates[:, 0] = rates[:, 0].copy(), 1.0
@@ -536,7 +536,7 @@ class Strained:
         return result
 
 
-def _positive(matrices: Array) -> NDArray[np.bool_]:
+def positive_definite(matrices: Array) -> NDArray[np.bool_]:
     """Mask of symmetric matrices (n, n) that are positive definite."""
     try:
         np.linalg.cholesky(matrices)
