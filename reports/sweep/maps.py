@@ -10,19 +10,22 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from matplotlib import colormaps
-from matplotlib.colors import to_hex
 
 from tympan.geometry.errors import InputError
 from tympan.reports.look import COLOURS
 from tympan.reports.scales import AxisScale, round_scale
 from tympan.reports.sweep.view import Measure, SweepView
 from tympan.reports.template import digits
+from tympan.studies.sweep.plan import MOST
 
 #: Most values of a key that get a row or column each.
 _FEW = 12
 
 #: Most maps, so that a browser can show the page: of the first keys, then.
 _MOST_PAIRS = 28
+
+#: Most marks of a page's map without cells: with so many in each of 45 maps it has 9 MB.
+_MOST_MARKS = 2000
 
 #: Ticks of a map [px]: where, and what is written there.
 Ticks = list[tuple[float, str]]
@@ -58,7 +61,10 @@ class Mark:
 
 @dataclass(frozen=True)
 class Map:
-    """One result over two keys; ``where``: the loads it is at; ``bar``: ticks of its colours."""
+    """One result over two keys; ``where``: the loads it is at; ``bar``: ticks of its colours.
+
+    ``shown``: how many of the cases, where these are too many for a page.
+    """
 
     title: str
     where: str
@@ -67,6 +73,7 @@ class Map:
     marks: list[Mark]
     bar: Ticks
     cells: bool
+    shown: str = ""
 
     @property
     def margins(self) -> tuple[float, float]:
@@ -104,8 +111,9 @@ class Maps:
 def sweep_maps(view: SweepView) -> list[Maps]:
     """Maps of every pair of keys over which something varies."""
     pairs = list(combinations(view.keys, 2))[:_MOST_PAIRS]
-    over_pairs = (Maps(across, up, [drawn for drawn, _ in _maps(view, across, up, view.columns)])
-             for across, up in pairs)
+    over_pairs = (Maps(across, up, [drawn for drawn, _ in _maps(view, across, up, view.columns,
+                                                                _MOST_MARKS)])
+                  for across, up in pairs)
     return [maps for maps in over_pairs if maps.maps]
 
 
@@ -126,13 +134,20 @@ def map_of(view: SweepView, column: Measure, across: Measure, up: Measure
 
 def colours() -> list[str]:
     """Those of a scale, from its low end to its high one."""
-    return [to_hex(colormaps[COLOURS](share)) for share in np.linspace(0, 1, 12)]
+    return _hex(np.linspace(0, 1, 12))
 
 
-def _maps(view: SweepView, across: Measure, up: Measure, columns: Sequence[Measure]
-          ) -> Iterator[tuple[Map, AxisScale]]:
+def _hex(shares: np.ndarray) -> list[str]:
+    """Colours at shares of a scale."""
+    levels = np.round(255 * colormaps[COLOURS](shares)[:, :3]).astype(int)
+    return [f"#{red:02x}{green:02x}{blue:02x}" for red, green, blue in levels.tolist()]
+
+
+def _maps(view: SweepView, across: Measure, up: Measure, columns: Sequence[Measure],
+          most: int = MOST) -> Iterator[tuple[Map, AxisScale]]:
     pair = [across.name, up.name]
     rows = view.at_shown(*({"mass", "voltage"} - set(pair)))
+    rows = rows.assign(word=rows["beyond"].where(rows["beyond"] != ""))
     for column in columns:
         depends = view.table[column.name].dims
         if any(key in view.loads and key not in depends for key in pair):
@@ -141,39 +156,43 @@ def _maps(view: SweepView, across: Measure, up: Measure, columns: Sequence[Measu
         grouped = rows.groupby(pair, sort=False)
         means = grouped.agg(value=(column.name, "mean"), count=(column.name, "count"),
                             cases=(column.name, "size"), name=("label", "first"),
-                            beyond=("beyond", lambda those: those[those != ""].tolist())
-                            ).reset_index()
+                            word=("word", "first"), beyond=("word", "count")).reset_index()
         if means["value"].notna().any():
-            yield _map(column, across, up, view.shown_words(*fixed), means)
+            yield _map(column, across, up, view.shown_words(*fixed), means, most)
 
 
-def _map(column: Measure, across: Measure, up: Measure, where: str, means: pd.DataFrame
-         ) -> tuple[Map, AxisScale]:
+def _map(column: Measure, across: Measure, up: Measure, where: str, means: pd.DataFrame,
+         most: int) -> tuple[Map, AxisScale]:
     values = means["value"].to_numpy(float) / column.size
     finite = values[np.isfinite(values)]
     scale = round_scale(finite.min(), finite.max())
     x, x_ticks, x_cell = _placed(across, means[across.name], WIDTH)
     y, y_ticks, y_cell = _placed(up, means[up.name], HEIGHT)
     cells = bool(x_cell and y_cell)
+    shown = ""
+    if not cells and len(means) > most:
+        some = np.linspace(0, len(means) - 1, most).astype(int)
+        x, y, values = x[some], y[some], values[some]
+        shown, means = f"{most:,} of {len(means):,} cases", means.iloc[some]
+    shades = _hex((values - scale.low) / (scale.high - scale.low))
     marks = []
-    for at_x, at_y, value, count, cases, name, beyond in zip(
-            x, y, values, means["count"], means["cases"], means["name"], means["beyond"],
-            strict=True):
-        share = (value - scale.low) / (scale.high - scale.low)
-        colour = to_hex(colormaps[COLOURS](share)) if np.isfinite(value) else ""
+    for at_x, at_y, value, shade, count, cases, name, beyond, word in zip(
+            x.tolist(), y.tolist(), values.tolist(), shades, means["count"], means["cases"],
+            means["name"], means["beyond"], means["word"], strict=True):
+        colour = shade if np.isfinite(value) else ""
         text = digits(value) if colour else "no result"
         text = (f"{text}, mean of {count}" if count > 1 else text if cases > 1
                 else f"{name}: {text}")
         if 0 < count < cases:
             text += f"; {cases - count} of {cases} without a result"
         if beyond:
-            text += (f"; {len(beyond)} of {cases}" if cases > 1 else ",") + f" beyond {beyond[0]}"
+            text += (f"; {beyond} of {cases}" if cases > 1 else ",") + f" beyond {word}"
         marks.append(Mark(at_x, HEIGHT - at_y, x_cell, y_cell, colour, text, count < cases,
                           bool(beyond)))
     bar = [(HEIGHT * (1 - (tick - scale.low) / (scale.high - scale.low)), scale.text(tick))
            for tick in scale.ticks]
     y_ticks = [(HEIGHT - at, text) for at, text in y_ticks]
-    return Map(column.heading, where, x_ticks, y_ticks, marks, bar, cells), scale
+    return Map(column.heading, where, x_ticks, y_ticks, marks, bar, cells, shown), scale
 
 
 def _placed(key: Measure, values: pd.Series[Any], length: float

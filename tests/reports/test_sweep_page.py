@@ -105,6 +105,16 @@ def test_all_films_of_a_map_are_at_one_voltage(view: SweepView, at: float | str 
         sweep_maps(SweepView(view.result, "3 kV"))
 
 
+def test_a_map_of_too_many_cases_has_some_of_them(view: SweepView, monkeypatch) -> None:
+    monkeypatch.setattr("tympan.reports.sweep.maps._FEW", 1)
+    monkeypatch.setattr("tympan.reports.sweep.maps._MOST_MARKS", 2)
+    across, up = (key for key in view.keys if key.name in ("plate.radius", "mass"))
+    maps = next(maps.maps for maps in sweep_maps(view)
+                if {maps.across, maps.up} == {across, up})
+    assert {(len(drawn.marks), drawn.shown) for drawn in maps} == {(2, "2 of 4 cases")}
+    assert "; 2 of 4 cases</figcaption>" in render_sweep(view.result, [])
+
+
 def test_the_page_names_the_voltage_of_its_maps(view: SweepView) -> None:
     assert "All films are compared at one voltage, 4 kV" in render_sweep(view.result, [])
     text = render_sweep(replace(view.result, at_V=2e3), [])
