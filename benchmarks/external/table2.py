@@ -159,7 +159,7 @@ def _ratios(ratios: list[dict[str, Any]]) -> str:
 def _attempts(attempts: list[dict[str, Any]]) -> str:
     rows = [[attempt["headline"], f"{attempt['explains']:.0%}", f"{attempt['prior_widths']:.1f}"]
             for attempt in attempts if attempt["explains"] > 0.05]
-    return table(["one effect alone", "of the squared misfit", "usual widths"], rows)
+    return table(["one effect alone", "of the squared misfit", "size over its prior scale"], rows)
 
 
 def _by_ends(records: Mapping[str, Mapping[str, Any]]) -> str:
