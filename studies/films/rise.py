@@ -39,10 +39,10 @@ _ALONG = 10
 #: How much farther than the other film it is looked for, over the deflection by the voltage.
 _AHEAD = 0.25
 #: Corrections of these states by their first tangents.
-_CHORDS = 2
+_CHORDS = 1
 #: By how much U² of a state may be corrected after these, over the largest: what is left is that
 #: times the same again.
-_MISSED = 1e-3
+_MISSED = 3e-3
 #: Fewest states before the end.
 _ENOUGH = 6
 

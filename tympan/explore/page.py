@@ -334,7 +334,9 @@ class Page:
         self.tell(film=part.film, loads=loads_of(scene), busy=False,
                   message="; ".join(scene.result.warnings), trouble=False)
         self._list_numbers()
-        self._draw_curve()
+        # Where the reduced films are about to answer, they have the curve drawn.
+        if self._near is None or not self._near[1].busy or self._is_followed:
+            self._draw_curve()
 
     def _list_numbers(self) -> None:
         """The numbers of the film that is shown; those that are still another one's are stale."""

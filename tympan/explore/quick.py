@@ -200,7 +200,7 @@ def quick_answers(films: Neighbours) -> Answer:
 def by_family(films: Neighbours) -> Answer:
     """Answers to views by a family, once that is made."""
     family = films.family()
-    last: list[tuple[FilmView, FamilyRise | None]] = []
+    last: list[tuple[FilmView, Array | None, FamilyRise | None]] = []
     scatter = None
     if family is not None and films.tolerances is not None:
         scatter = _Scatter(family, films.tolerances)
@@ -210,20 +210,19 @@ def by_family(films: Neighbours) -> Answer:
             return
         film = replace(view, voltage=0.0)
         if not last or last[0][0] != film:
-            row, before = films.row(view), last[0][1] if last else None
+            row, before = films.row(view), last[0][2] if last else None
             force = view.case.force(area(view.specimen.needed_plate().outline))
-            last[:] = [(film, None if row is None else rise(family, row, force, before))]
-        risen = last[0][1]
-        yield QuickCurve(view) if risen is None else _quick(view, family, films, risen)
+            last[:] = [(film, row, None if row is None else rise(family, row, force, before))]
+        _, row, risen = last[0]
+        yield (QuickCurve(view) if row is None or risen is None else
+               _quick(view, family, row, risen))
         if risen is not None and scatter is not None:
             yield from scatter.bands(view, _nominal(view.rig, float(risen.squared[-1])))
 
     return answer
 
 
-def _quick(view: FilmView, family: FilmFamily, films: Neighbours, risen: FamilyRise) -> QuickCurve:
-    row = films.row(view)
-    assert row is not None
+def _quick(view: FilmView, family: FilmFamily, row: Array, risen: FamilyRise) -> QuickCurve:
     across = view.case.film_voltage
     force = family.held_forces(row[None], risen.rest[None], np.array([across]))[0]
     carried = view.case.force(area(view.specimen.needed_plate().outline))
