@@ -551,8 +551,8 @@ def fit_material(*files: File, laws: Sequence[str] = (), noise: float | str | No
 
 @names_arguments()
 @one_thread()
-def design(requirements: Requirements | File | None = None, settings: Settings = Settings()
-           ) -> Result[DesignResult | OptimiseResult]:
+def design(requirements: Requirements | File | None = None, settings: Settings = Settings(),
+           workers: int = 1) -> Result[DesignResult | OptimiseResult]:
     """The best films for requirements, which 95 % of the films with their tolerances keep.
 
     ``requirements``: a file, or :class:`Requirements`. ``result.films[0]`` is the best film, with
@@ -560,7 +560,8 @@ def design(requirements: Requirements | File | None = None, settings: Settings =
     specimens by file name. ``result.status`` is "impossible" where no film keeps all bounds.
     A file with ``search = "finite elements"``, or without ``[want]``, is searched by these:
     ``result.json()`` has the best design of each measure of the frame that is held. Without a file
-    these are of the paper's large ellipse.
+    these are of the paper's large ellipse. Several kinds of films are searched side by side by so
+    many ``workers``; with more than one the calling script needs a main guard.
     """
     from tympan.studies.design import best_films
     from tympan.studies.design.requirements import Requirements
@@ -569,7 +570,7 @@ def design(requirements: Requirements | File | None = None, settings: Settings =
         requirements = Requirements.shipped()
     elif not isinstance(requirements, Requirements):
         requirements = Requirements.read(Path(requirements))
-    return Result(best_films(requirements, settings))
+    return Result(best_films(requirements, settings, workers=workers))
 
 
 @names_arguments()

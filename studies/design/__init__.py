@@ -22,9 +22,11 @@ if TYPE_CHECKING:
 
 
 def best_films(requirements: Requirements, settings: Settings = Settings(),
-               progress: Callable[[str], None] = lambda words: None
+               progress: Callable[[str], None] = lambda words: None, workers: int = 1
                ) -> DesignResult | OptimiseResult:
     """The best films, by the search that the requirements name.
+
+    Several kinds are searched side by side by so many ``workers``, by reduced films.
 
     Raises
     ------
@@ -38,4 +40,4 @@ def best_films(requirements: Requirements, settings: Settings = Settings(),
         return optimise(ElementSpace.of(requirements), settings, progress)
     from tympan.studies.design.design import design
 
-    return design(requirements, settings, progress)
+    return design(requirements, settings, progress, workers)

@@ -5,12 +5,14 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tympan.geometry.errors import InputError
+from tympan.geometry.specimen import Specimen
 from tympan.geometry.units import DIMENSIONS
 from tympan.studies.case import Settings
 from tympan.studies.design.exact import ExactFilm
@@ -36,6 +38,7 @@ from tympan.studies.design.scatter import (
 from tympan.studies.design.search import KEPT, Search, value_of
 from tympan.studies.design.space import DesignSpace
 from tympan.studies.design.sqp import Descent
+from tympan.studies.parallel import mapped
 from tympan.studies.tolerance.tolerance import chance
 
 Array = NDArray[Any]
@@ -106,9 +109,20 @@ class Sought:
         return self.end.here.value
 
 
+@dataclass(frozen=True, eq=False)
+class _Kind:
+    """The best film of one kind: as it is stored, its specimen, and the search's end for others."""
+
+    film: DesignedFilm
+    specimen: Specimen
+    sought: Sought | None
+
+
 def design(requirements: Requirements, settings: Settings = Settings(),
-           progress: Callable[[str], None] = lambda words: None) -> DesignResult:
+           progress: Callable[[str], None] = lambda words: None, workers: int = 1) -> DesignResult:
     """The best film of each kind; that a requirement cannot be met is a result, too.
+
+    So many ``workers`` search kinds side by side, a process each.
 
     Raises
     ------
@@ -116,33 +130,29 @@ def design(requirements: Requirements, settings: Settings = Settings(),
         When no kind has a reduced film, or none bears its loads.
     """
     began = time.perf_counter()
-    found: list[tuple[Sought, DesignedFilm]] = []
-    failed: list[FailedKind] = []
+    found, failed = list[_Kind](), list[FailedKind]()
+    kinds = mapped(partial(_kind, requirements, settings), requirements.specimens,
+                   min(workers, len(requirements.specimens)))
     for specimen in requirements.specimens:
         progress(specimen.name)
-        try:
-            space = DesignSpace.of(requirements, specimen, settings)
-            sought = _sought(space, settings)
-        except InputError as error:
-            if len(requirements.specimens) == 1:
-                raise
-            failed.append(FailedKind(specimen=specimen.name, reason=str(error)))
-            continue
-        found.append((sought, _film(sought)))
+        kind = next(kinds)
+        if isinstance(kind, _Kind):
+            found.append(kind)
+        else:
+            failed.append(kind)
     if not found:
         raise InputError("has no film that bears its loads; " + failed[0].reason,
                          key="requirements", given=requirements.name)
-    found.sort(key=lambda pair: (not pair[0].possible, -pair[0].aim))
+    found.sort(key=lambda kind: (kind.film.status != "met", -kind.film.aim))
     films, specimens, rigs = [], {}, {}
-    for number, (sought, film) in enumerate(found, start=1):
+    for number, kind in enumerate(found, start=1):
         name = f"{requirements.name}-{number}"
-        film = replace(film, specimen_file=f"{name}.toml", rig_file=f"{name}-rig.toml")
+        film = replace(kind.film, specimen_file=f"{name}.toml", rig_file=f"{name}-rig.toml")
         films.append(film)
-        made = sought.search.space.built(sought.values)
-        specimens[film.specimen_file] = replace(made, name=name)
+        specimens[film.specimen_file] = replace(kind.specimen, name=name)
         rigs[film.rig_file] = requirements.rig
-    chosen, between = found[0][0], None
-    if requirements.front is not None and chosen.possible:
+    chosen, between = found[0].sought, None
+    if requirements.front is not None and chosen is not None and chosen.possible:
         progress("front")
         size = len(chosen.search.space.variables)
         between = front(chosen.search, chosen.end.x[:size], requirements.front)
@@ -150,6 +160,19 @@ def design(requirements: Requirements, settings: Settings = Settings(),
         name=requirements.name, status=films[0].status, best=requirements.best,
         share=requirements.share, films=tuple(films), failed=tuple(failed),
         front=between, wall_s=time.perf_counter() - began, specimens=specimens, rigs=rigs)
+
+
+def _kind(requirements: Requirements, settings: Settings, specimen: Specimen) -> _Kind | FailedKind:
+    """The best film of one kind; if it is the only one and has none, the reason is raised."""
+    try:
+        sought = _sought(DesignSpace.of(requirements, specimen, settings), settings)
+    except InputError as error:
+        if len(requirements.specimens) == 1:
+            raise
+        return FailedKind(specimen=specimen.name, reason=str(error))
+    # A process has a family's films to send where others are sought between them alone.
+    return _Kind(_film(sought), sought.search.space.built(sought.values),
+                 None if requirements.front is None else sought)
 
 
 def _sought(space: DesignSpace, settings: Settings) -> Sought:
@@ -237,8 +260,9 @@ def _kept_by_most(found: Sought, settings: Settings) -> Sought:
     for most, end in reversed(tried):
         film = Sought(most.search, end, end.status == "optimum", priced=most.prices(end))
         judged = _judged(_checked(film, settings))
-        if judged.possible:
-            break
+        if judged.possible and judged.films is not None:  # others between it and more have margins
+            shifts = judged.films.shifts(judged.values, 1 - share)
+            return replace(judged, search=replace(judged.search, shifts=shifts))
     return judged
 
 

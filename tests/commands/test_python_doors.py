@@ -14,6 +14,7 @@ NAMES = [command.name for command in COMMANDS]
 #: Options whose default is another in Python, and why.
 OTHERWISE = {
     ("diagnose", "workers"): "more than one process needs a main guard in the script",
+    ("design", "workers"): "more than one process needs a main guard in the script",
     ("sweep", "workers"): "more than one process needs a main guard in the script",
 }
 

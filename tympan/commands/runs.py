@@ -81,7 +81,7 @@ def sweep(options: argparse.Namespace) -> None:
     from tympan.studies.sweep.plan import read_sweep
     from tympan.studies.sweep.run import Checkpoint, run_sweep, unsolved
 
-    workers = len(os.sched_getaffinity(0)) if options.workers is None else options.workers
+    workers = _workers(options)
     wait = parse_quantity(options.wait, "time", "--wait")
     if wait < 0:
         raise InputError("must not be negative", key="--wait", given=options.wait)
@@ -117,13 +117,21 @@ def sweep(options: argparse.Namespace) -> None:
                            **result.json(), **asked}, states=LIMIT_STATES)
 
 
+def _workers(options: argparse.Namespace) -> int:
+    """Processes that are asked for, or one for each processor."""
+    return len(os.sched_getaffinity(0)) if options.workers is None else int(options.workers)
+
+
 @command("design",
          argument("requirements", type=Path, nargs="?", metavar="REQUIREMENTS.toml",
                   help="what is wanted, what is given and what may vary, as docs/howto/design.md "
                        "has it; left out: the paper's large ellipse at equal frame area and "
                        "perimeter"),
          output("for specimens and rigs (TOML), the numbers (JSON, CSV) and a picture (PNG, SVG); "
-                "a search by finite elements has the folder optimum if left out"), JSON, MESH,
+                "a search by finite elements has the folder optimum if left out"),
+         argument("--workers", type=int, metavar="N", within=PROCESSES,
+                  help="processes for several kinds of films (default: the processors)"), JSON,
+         MESH,
          example="REQUIREMENTS.toml -o design", formerly=("optimise",))
 def design(options: argparse.Namespace) -> None:
     """Films for requirements: the best ones, what binds, and what it costs to relax it.
@@ -142,7 +150,7 @@ def design(options: argparse.Namespace) -> None:
         options.command = "design by finite elements"  # stored, drawn and told as such
         options.output = options.output or Path("optimum")
     with bar(requirements.steps) as progress:
-        result = best_films(requirements, read_settings(options), progress)
+        result = best_films(requirements, read_settings(options), progress, _workers(options))
     finish(options, result, ends=END_VERBS)
 
 

@@ -338,7 +338,7 @@ def test_each_film_of_a_catalogue_is_searched_and_is_what_solve_makes_of_it(tmp_
                           '[[film]]\nthickness = ["0.7 mm", "1 mm"]\nlayers = [1, 2]',
                           loads='mass = "17.9 g"\nvoltage = "2.5 kV"\ntolerances = "none"')
     coarse = Settings(tympan.MeshSettings().refined(0.5))
-    result = design(wanted, coarse)
+    result = design(wanted, coarse, workers=2)
     assert [film.aim for film in result.films] == sorted(
         (film.aim for film in result.films), reverse=True)
     made = [result.specimens[film.specimen_file] for film in result.films]
