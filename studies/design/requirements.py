@@ -327,6 +327,9 @@ def _wanted(table: Table, specimens: tuple[Specimen, ...], exact: bool
             if key == BREAKDOWN and any(each.membrane.strength is None for each in specimens):
                 raise inner.error(key, "needs films whose electric strength is known "
                                        "(membrane.breakdown)")
+            if key == TENSION and given in _BEST.values():
+                raise inner.error(key, "must be a bound, such as 1.2: reduced films are followed "
+                                       "no further than to it", given)
             if given == _BEST[quantity.gain] and inner.where == "want":
                 if best:
                     raise inner.error(key, f"only one quantity can be best: {best} is", given)
@@ -353,8 +356,9 @@ def _front(table: Table) -> tuple[str, str] | None:
         return None
     pair = table.texts("front")
     for key in pair:
-        if key not in REDUCED:
-            raise table.error("front", one_of(key, REDUCED), key)
+        known = {name: each for name, each in REDUCED.items() if name != TENSION}
+        if key not in known:
+            raise table.error("front", one_of(key, known), key)
     if len(pair) != 2 or pair[0] == pair[1]:
         raise table.error("front", "must be two different quantities", list(pair))
     return pair[0], pair[1]

@@ -402,6 +402,8 @@ def test_a_width_that_varies_is_told_the_half_that_may(tmp_path: Path) -> None:
     ('[want]\nstrok = "2 mm"\n[vary]\n"plate.radius" = ["1 cm", "2 cm"]',
      r"want\.strok: .*'stroke'"),
     ('[want]\nstroke = "2 g"\n[vary]\n"plate.radius" = ["1 cm", "2 cm"]', r"want\.stroke: given"),
+    ('[want]\ntension_margin = "largest"\n[vary]\n"plate.radius" = ["1 cm", "2 cm"]',
+     r"want\.tension_margin: .*must be a bound, such as 1.2"),
     ('[want]\nstroke = "least"\n[vary]\n"plate.radius" = ["1 cm", "2 cm"]',
      r'want\.stroke: given .least.: must be "largest"'),
     ('[want]\nstroke = "largest"\nwork = "largest"\n[vary]\n"plate.radius" = ["1 cm", "2 cm"]',
