@@ -51,9 +51,9 @@ films-in-time: .venv/dev
 hidden: .venv/dev
 	OPENBLAS_NUM_THREADS=1 .venv/bin/python -m benchmarks.trials.hidden_effects --workers 2 --keep hidden-trials.jsonl -o docs/hidden-effects.md
 
-# The pages of the trials that are published, without running one.
+# The pages of which all trials are published, without running one.
 hidden-page: .venv/dev
-	.venv/bin/python -m benchmarks.trials.hidden_effects --minutes 0 --keep benchmarks/trials/hidden-trials.jsonl -o docs/hidden-effects.md
+	.venv/bin/python -m benchmarks.trials.hidden_effects --minutes 0 --whole --keep benchmarks/trials/hidden-trials.jsonl -o docs/hidden-effects.md
 
 verdict-cases: .venv/dev
 	.venv/bin/python -m benchmarks.trials.verdict_cases

@@ -1,7 +1,8 @@
 """Effects hidden in hundreds of sets of readings, and how often they are found.
 
     python -m benchmarks.trials.hidden_effects [--scale 1] [--seed 2026] [--workers 2] [--keep FILE]
-    [--minutes M] [--only POPULATION ...] [--strata NAME=COUNT,...] [-o docs/hidden-effects.md]
+    [--minutes M] [--only POPULATION ...] [--strata NAME=COUNT,...] [--whole]
+    [-o docs/hidden-effects.md]
 
 Trials that FILE has already are not run again, so that a study may be stopped and taken up. Each
 line of FILE has the commit of the program that made it. Trials of all kinds are mixed, so that one
@@ -9,7 +10,7 @@ that is stopped after some minutes has its share of each. With 0 minutes only th
 those published are of hidden-trials.jsonl in this folder. With --only, trials of these populations
 alone are run; with --strata those with more evidence than readings at rest, of these kinds, so many
 of each. Their page and that of messy benches are beside the other one, and each is written only if
-some of its trials were run.
+some of its trials were run; with --whole only if all were.
 """
 
 from __future__ import annotations
@@ -137,6 +138,22 @@ def kept(keep: Path | None) -> tuple[list[Record], set[tuple[str, int]]]:
     return [Record.of_json(content) for row in rows for content in row["records"]], done
 
 
+def of_whole_pages(records: Sequence[Record], done: Iterable[tuple[str, int]],
+                   counts: Mapping[str, int]) -> list[Record]:
+    """Records for those pages alone of which all trials are done."""
+    reached = Counter(name for name, _ in done)
+    lacking = {name for name, count in counts.items() if reached[name] < count}
+    tidy = set(COUNTS) - {*SMOOTH, *BENCH}
+    whole = {name for group in ({*SMOOTH}, {*BENCH}, tidy) if not lacking & group for name in group}
+    strata = {population_of(name, view): name for name in SMOOTH for view in STRATA[name].views}
+
+    def page_of(population: str) -> str:
+        name = strata.get(population, population)
+        return name if name in COUNTS or name in BENCH else "null"
+
+    return [record for record in records if page_of(record.population) in whole]
+
+
 def write(records: Sequence[Record], about: Callable[[Iterable[str]], str], file: Path) -> None:
     """The pages that there are records for, and their pictures; ``about`` some populations."""
     strata = {population_of(name, view) for name in SMOOTH for view in STRATA[name].views}
@@ -186,6 +203,8 @@ def main() -> None:
                         metavar="POPULATION", help=f"run these alone: {', '.join(COUNTS)}")
     parser.add_argument("--strata", type=_strata, metavar="NAME=COUNT,...",
                         help=f"run these alone: {', '.join(STRATA)}; counts may be left out")
+    parser.add_argument("--whole", action="store_true",
+                        help="write those pages alone of which all trials are there")
     parser.add_argument("-o", "--output", type=Path,
                         help="Markdown file to put the rates in; pictures and strata beside it")
     options = parser.parse_args()
@@ -204,7 +223,8 @@ def main() -> None:
                     programs(options.keep, asked) if options.keep else None)
 
     if options.output:
-        write(records, about, options.output)
+        shown = of_whole_pages(records, kept(options.keep)[1], counts) if options.whole else records
+        write(shown, about, options.output)
     print(about(asked), *(rate.row() for rate in (
         *rates(records), *bench_rates(records), *strata_rates(records))
                           if rate.count), sep="\n")

@@ -3,7 +3,7 @@ hundreds (make hidden)."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,6 +17,7 @@ from benchmarks.trials.hidden_effects import (
     PUBLISHED,
     kept,
     lab_of,
+    of_whole_pages,
     order,
     programs,
     study,
@@ -409,6 +410,20 @@ def test_the_published_page_is_what_the_published_trials_say() -> None:
     assert [row for row in shown if row not in text] == []
     assert sum(programs(PUBLISHED, COUNTS).values()) == len(done)
     assert "unknown" not in programs(PUBLISHED, COUNTS)
+
+
+def test_a_page_is_written_of_all_its_trials_or_not_at_all() -> None:
+    def records(names: Iterable[str]) -> list[Record]:
+        return [Record(name, 0, "elements", (), 0, 0.0, 0.0) for name in names]
+
+    counts = dict.fromkeys(COUNTS, 1)
+    bench, tidy = [name for name in COUNTS if name in BENCH], ["null", "noise", "rough"]
+    every = records([*BENCH, "null", "noise stated too small", "deleted", "frequencies"])
+    done = {(name, 0) for name in COUNTS}
+    assert of_whole_pages(every, done, counts) == every
+    messy = of_whole_pages(every, {(name, 0) for name in bench}, counts)
+    assert [record.population for record in messy] == [*BENCH]
+    assert of_whole_pages(every, done - {(bench[0], 0), (tidy[1], 0), ("lines", 0)}, counts) == []
 
 
 @pytest.mark.parametrize("number", [0, 1])
