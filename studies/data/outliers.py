@@ -18,6 +18,9 @@ _FAR = 6.0
 _MOST = 0.25
 #: Fewest readings of a ramp that tell a curve and one that is off it.
 _FEWEST = 6
+#: Least scatter, over the largest reading: no sensor resolves so little, and a computer's rounding
+#: is less.
+_LEAST = 1e-6
 #: Share of a reading within which it is another one times ten, or with the other sign.
 _SAME = 0.05
 
@@ -38,16 +41,17 @@ class Outlier:
 def outliers(static: Sheet, rows: Numbers, noise: float | None) -> list[Outlier]:
     """Those among some rows; ``noise`` is the standard deviation of a reading [m], if stated.
 
-    The scale is the median of what all curves miss, or the noise if that is more. The readings are
-    taken away one by one, the farthest first, for one moves the curve of its neighbours. The last
-    one before the ramp's end counts only if its sign or a factor of ten makes it right: a film near
-    pull-in moves more than any smooth curve foretells.
+    The scale is the median of what all curves miss, or the noise if that is more, or a millionth of
+    the largest reading. The readings are taken away one by one, the farthest first, for one moves
+    the curve of its neighbours. The last one before the ramp's end counts only if its sign or a
+    factor of ten makes it right: a film near pull-in moves more than any smooth curve foretells.
     """
     every = [ramp for ramp in ramps(static, rows) if len(ramp.rows) >= _FEWEST]
     if not every:
         return []
     scale = max(float(np.median(np.abs(np.concatenate([ramp.studentised for ramp in every])))
-                      ) / MEDIAN, noise or 0.0)
+                      ) / MEDIAN, noise or 0.0,
+                _LEAST * max(float(np.abs(ramp.read).max()) for ramp in every))
     found = list[Outlier]()
     for whole in every:
         ramp = whole

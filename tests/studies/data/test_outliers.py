@@ -61,6 +61,18 @@ def test_a_film_near_its_fold_has_no_outliers(tmp_path: Path, share: float, nois
         assert told(tmp_path / "data", read, None) == []
 
 
+def test_rounding_of_a_computer_is_no_outlier(tmp_path: Path) -> None:
+    """Readings on a curve that fits them all but for a few last digits of one."""
+    curved = 2e-3 + 3e-5 * np.arange(9.0) ** 2
+    static = read_dataset(written(tmp_path / "data", [curved, curved])).static
+    assert static is not None
+    static.displacement[4] += 1e-12
+    rows = np.arange(len(static))
+    assert outliers(static, rows, None) == []
+    static.displacement[4] += 1e-6
+    assert [one.row for one in outliers(static, rows, None)] == [4]
+
+
 @pytest.mark.parametrize(("factor", "words"), [
     (-1.0, "the sign is wrong"), (10.0, "ten times too large"), (0.1, "ten times too small")])
 @pytest.mark.parametrize("place", [4, 10])
