@@ -178,8 +178,9 @@ def told(records: Sequence[Record], seed: int, counts: dict[str, int],
                        if record.population.partition(",")[0].startswith(name)})
             for name in counts}
     drawn = ", ".join(f"{count} {name}" for name, count in done.items())
+    again = sum(record.again for record in records if record.population.startswith(tuple(counts)))
     lines = [f"Seed {seed}. Trials: {drawn}; drawn again for "
-             f"want of an equilibrium or a film {sum(record.again for record in records)} times."]
+             f"want of an equilibrium or a film {again} times."]
     if done != counts:
         lines.append(f"**Stopped early**: {sum(done.values())} of {sum(counts.values())} trials; "
                      "`make hidden` runs them all.")
