@@ -1,7 +1,9 @@
 """Shares of a variance: Sobol's indices of groups of inputs, by Saltelli's design.
 
 A. Saltelli and others, Comput. Phys. Commun. 181, 259 (2010): two samples A and B of all inputs,
-and for each group of inputs one that has this group of B and all else of A.
+and for each group of inputs one that has this group of B and all else of A. That paper lists two
+estimates of each index: one is exact where the group does nothing, one where it does everything.
+Here an index is a mean of both, weighted by how near it is to either end.
 """
 
 from __future__ import annotations
@@ -54,25 +56,38 @@ class Design:
         numbers = size * np.arange(samples)[:, None] + np.arange(count)
         return replace(self, uniform=self.uniform[:, :count]), numbers.ravel()
 
-    def shares(self, values: Array, seed: int = 0) -> Shares:
-        """Shares of the variance of values at all points; nan where there is none.
-
-        A row with such a point stands as the mean everywhere, which is as if it were not there.
-        """
-        from scipy.stats import sobol_indices
-
-        table = np.asarray(values, dtype=float).reshape(len(self.uniform), -1).copy()
+    def shares(self, values: Array) -> Shares:
+        """Shares of the variance of values at all points; a row with a nan is left out."""
+        table = np.asarray(values, dtype=float).reshape(len(self.uniform), -1)
         there = np.isfinite(table).all(0)
-        table[:, ~there] = table[:2, there].mean()
-        found = sobol_indices(n=table.shape[1], func={
-            "f_A": table[:1], "f_B": table[1:2], "f_AB": table[2:, None, :]}, rng=seed)
-        alone, total = np.atleast_1d(found.first_order), np.atleast_1d(found.total_order)
-        # Of the ratio that a share is, by each row's part in it; Sobol's points do better.
-        first, second, *mixed = table - table[:2].mean()
+        first, second, *others = table[:, there] - table[:2, there].mean()
+        mixed, scores = np.array(others), self.uniform[:2, there] - 0.5
+        # What a group does in B does not depend on B's other inputs. So these may be taken off B's
+        # values, as far as the values are linear in them: means stay, and scatter less.
+        slopes, *_ = np.linalg.lstsq(np.concatenate(scores), np.append(first, second))
+        own = second - np.where(self.groups, 0.0, slopes) @ scores[1].T
         variance = (first**2 + second**2) / 2
-        parts = second * (np.array(mixed) - first) - alone[:, None] * variance
-        off = _LIMITS * parts.std(1) / (variance.mean() * table.shape[1] ** 0.5)
+        alone, off = _weighted(own * (mixed - first), variance - (second - mixed) ** 2 / 2,
+                               variance)
+        total, _ = _weighted((first - mixed) ** 2 / 2, variance - first * (mixed - second),
+                             variance)
         return Shares(alone, total, alone - off, alone + off)
+
+
+def _weighted(one: Array, other: Array, variance: Array) -> tuple[Array, Array]:
+    """Share of the variance by two estimates of it, and its limits of 95 %, (groups,).
+
+    The estimates (groups, rows) and the variance (rows,) are what each row adds to their means.
+    ``one`` is exact where the share is 0, the ``other`` where it is 1.
+    """
+    whole = variance.mean()
+    first = np.clip(one.mean(1, keepdims=True) / whole, 0.0, 1.0)
+    weight = (1 - first) ** 2 / ((1 - first) ** 2 + first**2)
+    parts = weight * one + (1 - weight) * other
+    share = parts.mean(1) / whole
+    # Of the ratio that a share is, by each row's part in it; Sobol's points do better.
+    off = (parts - share[:, None] * variance).std(1)
+    return share, _LIMITS * off / (whole * len(variance) ** 0.5)
 
 
 @dataclass(frozen=True, eq=False)

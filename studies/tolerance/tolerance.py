@@ -70,7 +70,7 @@ class ToleranceCase:
     """A specimen whose numbers scatter, under a nominal ``mass`` [kg] and ``voltage`` [V].
 
     Mass and voltage suit the film where they are not given. About so many ``films`` are drawn, by
-    a ``seed``: their number is a power of two times two more than there are tolerances.
+    a ``seed``: their number is a power of two times three more than there are tolerances.
     """
 
     specimen: Specimen
