@@ -63,8 +63,30 @@ _MOVE = """
   slider.dispatchEvent(new Event('input', {bubbles: true}));
 })"""
 
+#: Slides without a rest between moves, so many milliseconds apart, and answers how many pictures
+#: were drawn. While controls move no finite elements are asked for curves and bands.
+_SLIDE = """
+([id, values, apart]) => new Promise(done => {
+  const slider = document.getElementById(id);
+  let pictures = 0, next = 0;
+  const draw = () => { pictures += 1; window.drawn = draw; };
+  window.drawn = draw;
+  const moving = setInterval(() => {
+    if (next == values.length) {
+      clearInterval(moving);
+      window.drawn = null;
+      done(pictures);
+      return;
+    }
+    slider.value = values[next++];
+    slider.dispatchEvent(new Event('input', {bubbles: true}));
+  }, apart);
+})"""
+
 #: How long the controls rest before a slider is measured [ms]: finite elements are done then.
 _REST = 4000
+#: Between moves of a slider that does not rest [ms]: less than after which controls are at rest.
+_APART = 100
 
 #: Sliders that are measured, between values; but for the offset these have reduced films.
 SLIDERS = {"voltage": (1.0, 6.0), "mass": (10.0, 25.0), "stiffness": (0.85, 1.15),
@@ -103,6 +125,14 @@ def main() -> None:
                 shares = [1e3 * (after - start) / options.moves
                           for start, after in zip(before, busy(running), strict=True)]
                 print_times(key, times, *shares)
+                page.wait_for_timeout(_REST)
+                before = busy(running)
+                pictures = slid(page, key, within, options.moves)
+                own, browser = (1e3 * (after - start) / options.moves
+                                for start, after in zip(before, busy(running), strict=True))
+                print(f"{'':<18} {options.moves} moves {_APART} ms apart, {pictures} pictures: "
+                      f"{own:.0f} ms of the explorer a move, {browser:.0f} ms of the browser",
+                      flush=True)
             wander(page, running, options.moves_in_all)
 
 
@@ -112,6 +142,15 @@ def timed(page: Any, key: str, within: tuple[float, float], moves: int) -> Itera
     for value in generator.uniform(*within, moves):
         page.wait_for_timeout(250)
         yield page.evaluate(_MOVE, [f"slider-{key}", f"{value:.2f}"])
+
+
+def slid(page: Any, key: str, within: tuple[float, float], moves: int) -> int:
+    """Pictures of a slider that moves there and back without a rest."""
+    low, high = within
+    share = (1 - np.cos(2 * np.pi * np.linspace(0.0, 1.0, moves))) / 2
+    values = [f"{value:.2f}" for value in low + (high - low) * share]
+    pictures: int = page.evaluate(_SLIDE, [f"slider-{key}", values, _APART])
+    return pictures
 
 
 def print_times(key: str, times: list[float], server: float, browser: float) -> None:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tympan.fem.rig import Rig
 from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Specimen
 from tympan.geometry.units import DIMENSIONS
@@ -111,10 +112,11 @@ class Sought:
 
 @dataclass(frozen=True, eq=False)
 class _Kind:
-    """The best film of one kind: as it is stored, its specimen, and the search's end for others."""
+    """The best film of one kind as it is stored, its files, and the search's end for others."""
 
     film: DesignedFilm
     specimen: Specimen
+    rig: Rig
     sought: Sought | None
 
 
@@ -150,7 +152,7 @@ def design(requirements: Requirements, settings: Settings = Settings(),
         film = replace(kind.film, specimen_file=f"{name}.toml", rig_file=f"{name}-rig.toml")
         films.append(film)
         specimens[film.specimen_file] = replace(kind.specimen, name=name)
-        rigs[film.rig_file] = requirements.rig
+        rigs[film.rig_file] = kind.rig
     chosen, between = found[0].sought, None
     if requirements.front is not None and chosen is not None and chosen.possible:
         progress("front")
@@ -171,7 +173,8 @@ def _kind(requirements: Requirements, settings: Settings, specimen: Specimen) ->
             raise
         return FailedKind(specimen=specimen.name, reason=str(error))
     # A process has a family's films to send where others are sought between them alone.
-    return _Kind(_film(sought), sought.search.space.built(sought.values),
+    space, values = sought.search.space, sought.values
+    return _Kind(_film(sought), space.built(values), space.rig(values),
                  None if requirements.front is None else sought)
 
 
@@ -227,7 +230,7 @@ def _checked(found: Sought, settings: Settings) -> Sought:
     space, values, search = found.search.space, found.values, found.search
     requirements = space.requirements
     exact = ExactFilm(space.built(values), space.load(values), space.voltage(values),
-                      requirements.rig, settings, requirements.margin)
+                      space.rig(values), settings, requirements.margin)
     reduced = replace(search, shifts={}).missed(space.films(values[None]))[0]
     by_elements = missed_exactly(search, exact)
     off = by_elements - reduced if np.isfinite(by_elements).all() else np.zeros(len(reduced))

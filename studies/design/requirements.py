@@ -15,11 +15,11 @@ from tympan.geometry.fields import checks_types, field_at, fields_of, read
 from tympan.geometry.outlines import area, perimeter
 from tympan.geometry.paths import at
 from tympan.geometry.specimen import Specimen, require_different_names
-from tympan.geometry.toml_reader import FINITE, POSITIVE, Rule, Table, one_of
+from tympan.geometry.toml_reader import FINITE, NON_NEGATIVE, POSITIVE, Rule, Table, one_of
 from tympan.studies.case import Settings
 from tympan.studies.design.quantities import BREAKDOWN, LIMITS, QUANTITIES, REDUCED, TENSION
 from tympan.studies.design.ranges import Vary
-from tympan.studies.films.box import varying
+from tympan.studies.films.box import SPRING, varying
 from tympan.studies.limits.loads import usual_masses, usual_voltages
 from tympan.studies.paper.actuators import FILES
 from tympan.studies.tolerance.given import Tolerances
@@ -31,6 +31,10 @@ LOADS: dict[str, Rule] = {
     "mass": (lambda x: 0 < x <= MOST_MASS, f"must be above 0 and at most {MOST_MASS:g} kg"),
     "voltage": (lambda x: 0 < x <= MOST_VOLTAGE,
                 f"must be above 0 and at most {MOST_VOLTAGE / 1e3:g} kV")}
+#: All that may vary beside numbers of the specimen: dimensions and rules.
+_BESIDE: dict[str, tuple[str, Rule]] = {
+    **{key: (key, rule) for key, rule in LOADS.items()},
+    SPRING: ("stiffness per length", NON_NEGATIVE)}
 
 #: What of a frame may be held, by its name in files, and the word for holding nothing.
 MEASURES = {"area": area, "perimeter": perimeter}
@@ -104,7 +108,7 @@ class Requirements:
             if key in table:
                 raise table.error(key, 'needs search = "finite elements"')
         specimens = _specimens(table, exact)
-        variables = _variables(table, specimens, exact)
+        variables = _variables(table, specimens, rig, exact)
         loads = _loads(table, specimens, rig, variables, exact)
         bounds, best = _wanted(table, specimens, exact)
         more: dict[str, Any] = {"tolerances": None}
@@ -237,7 +241,7 @@ def _by_elements(table: Table, specimen: Specimen, variables: tuple[Vary, ...], 
             "starts": tuple(_start(start, variables, own) for start in table.tables("start"))}
 
 
-def _variables(table: Table, specimens: tuple[Specimen, ...], exact: bool
+def _variables(table: Table, specimens: tuple[Specimen, ...], rig: Rig, exact: bool
                ) -> dict[str, tuple[Vary, ...]]:
     """Keys that vary of each specimen, by its name; a key must be known to one of them."""
     inner, keys = table.table("vary"), {each.name: _keys(each, exact) for each in specimens}
@@ -249,6 +253,8 @@ def _variables(table: Table, specimens: tuple[Specimen, ...], exact: bool
         if key not in known:
             instead = next((words[key] for words in map(_halves, specimens) if key in words), "")
             raise inner.error(key, instead + one_of(key, known), given)
+        if key == SPRING and rig.spring:
+            raise inner.error(key, "is given in [rig], and varies, too: only one of both", given)
         for specimen in specimens:
             if key in keys[specimen.name]:
                 found[specimen.name].append(
@@ -268,9 +274,12 @@ def _halves(specimen: Specimen) -> dict[str, str]:
 def _varied(table: Table, key: str, names: tuple[str, ...], specimen: Specimen, exact: bool
             ) -> Vary:
     """A key's numbers of one specimen; by finite elements the search begins at its own."""
-    declared = None if key in LOADS else field_at(specimen, tuple(names[0].split(".")))
-    dimension = key if key in LOADS else declared.says.dimension if declared is not None else ""
-    rule = FINITE if exact else LOADS.get(key, POSITIVE)
+    if key in _BESIDE:
+        dimension, rule = _BESIDE[key]
+    else:
+        declared = field_at(specimen, tuple(names[0].split(".")))
+        dimension = declared.says.dimension if declared is not None else ""
+        rule = FINITE if exact else POSITIVE
     low, high = table.numbers(key, dimension, count=2, rule=rule)
     if not low < high:
         raise table.error(key, "must be a lower and a larger upper bound", table.data[key])
@@ -294,7 +303,7 @@ def _keys(specimen: Specimen, exact: bool) -> dict[str, tuple[str, ...]]:
         head, _, last = key.rpartition(".")
         if last.isdigit() and not exact:
             found[head] = (*found.get(head, ()), name)
-    return found if exact else {**found, **dict.fromkeys(LOADS, ())}
+    return found if exact else {**found, **dict.fromkeys(_BESIDE, ())}
 
 
 def _start(table: Table, variables: tuple[Vary, ...], own: tuple[float, ...]) -> tuple[float, ...]:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import qmc
 
+from tympan.fem.rig import Rig
 from tympan.geometry.errors import InputError
 from tympan.geometry.outlines import area
 from tympan.geometry.paths import at
@@ -18,7 +19,7 @@ from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Settings
 from tympan.studies.design.ranges import Ranges, Vary
 from tympan.studies.design.requirements import Requirements
-from tympan.studies.films.box import STIFFNESS
+from tympan.studies.films.box import SPRING, STIFFNESS
 from tympan.studies.films.family import FamilySettings, FamilyStates, FilmFamily
 from tympan.studies.tolerance.drawn import Rows, Scattered, median_strength
 from tympan.studies.tolerance.given import AMPLIFIER, LOAD, Cause, causes
@@ -121,7 +122,8 @@ class DesignSpace(Ranges):
         except InputError as error:
             raise InputError("has a film in the middle of its ranges that cannot be built: "
                              f"{error}", key="vary", given=specimen.name) from None
-        box = {name: (each.low, each.high) for each in variables for name in each.names}
+        box = {name: (each.low, each.high) for each in variables
+               for name in (each.names or ((SPRING,) if each.key == SPRING else ()))}
         loads = {LOAD: (1.0, 1.0), AMPLIFIER: (1.0, 1.0)}
         scatter: tuple[Cause, ...] = ()
         if requirements.tolerances is not None:
@@ -159,6 +161,15 @@ class DesignSpace(Ranges):
         """Nominal voltage [V]."""
         return self._load(values, "voltage", self.requirements.voltage)
 
+    def rig(self, values: Array) -> Rig:
+        """Rig of the film, with the spring of these values."""
+        spring = self._load(values, SPRING, self.requirements.rig.spring)
+        return replace(self.requirements.rig, spring=spring)
+
+    def _row(self, specimen: Specimen, values: Array) -> Array:
+        """The family's parameters of a specimen with the spring of some values."""
+        return self.family.box.row(specimen, self._load(values, SPRING, 0.0))
+
     def _load(self, values: Array, key: str, given: float) -> float:
         return next((float(value) for each, value in zip(self.variables, values, strict=True)
                      if each.key == key), given)
@@ -170,8 +181,8 @@ class DesignSpace(Ranges):
         """
         specimens = [self._specimen(each) for each in values]
         known = np.array([specimen is not None for specimen in specimens])
-        rows = np.array([self.family.box.row(self.specimen if specimen is None else specimen)
-                         for specimen in specimens])
+        rows = np.array([self._row(self.specimen if specimen is None else specimen, each)
+                         for specimen, each in zip(specimens, values, strict=True)])
         masses, voltage = (np.array([read(each) for each in values])
                            for read in (self.load, self.voltage))
         return self._loaded(rows, masses, np.where(known, voltage, np.nan), 1.0, specimens)
@@ -184,7 +195,8 @@ class DesignSpace(Ranges):
         """
         designs = np.atleast_2d(designs)
         specimens, count = [self.built(values) for values in designs], len(points)
-        middles = np.array([self.family.box.row(specimen) for specimen in specimens])
+        middles = np.array([self._row(specimen, values)
+                            for specimen, values in zip(specimens, designs, strict=True)])
         drawn = [Rows.of(Scattered(specimen, self.scatter).values(points))
                  for specimen in specimens]
         rows = np.repeat(middles, count, 0)

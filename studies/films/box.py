@@ -20,6 +20,10 @@ Array = NDArray[Any]
 
 #: The factor on all stresses of the film's law, a parameter beside the numbers of the specimen.
 STIFFNESS = "stiffness"
+#: The spring between plate and ground [N/m], beside those of the rig: another such parameter.
+SPRING = "rig.spring"
+#: Parameters that are no numbers of the specimen, and their dimensions.
+_BESIDE = {STIFFNESS: "", SPRING: "stiffness per length"}
 
 #: The law's part of a specimen.
 _LAW = "membrane.material"
@@ -44,8 +48,9 @@ class Box:
     """A specimen and the ``names`` of its numbers that vary, from lowest to highest value [SI].
 
     A name is the path of a number in the specimen, such as "frame.semi_axes.0",
-    "plate.outline.radius" or "membrane.thickness", or "stiffness": a factor on all stresses of the
-    law. Of values ``low`` and ``high`` the shape is (names,); rows of parameters have it last.
+    "plate.outline.radius" or "membrane.thickness". "stiffness" is a factor on all stresses of the
+    law, "rig.spring" a spring on the plate [N/m]. Of values ``low`` and ``high`` the shape is
+    (names,); rows of parameters have it last.
     """
 
     specimen: Specimen
@@ -62,13 +67,14 @@ class Box:
         InputError
             When a number is not there or cannot vary, or limits are none.
         """
-        known, edges = (*varying(specimen), STIFFNESS), []
+        known, edges = (*varying(specimen), *_BESIDE), []
         for name, given in limits.items():
             if name not in known:
                 raise InputError("is no number of the specimen that films of a family may differ "
                                  f"in; these are {', '.join(known)}", key=name)
-            field = field_at(specimen, tuple(name.split(".")))
-            edges.append(between(given, field.says.dimension if field else "", name))
+            field = None if name in _BESIDE else field_at(specimen, tuple(name.split(".")))
+            dimension = field.says.dimension if field else _BESIDE.get(name, "")
+            edges.append(between(given, dimension, name))
             if edges[-1][0] == edges[-1][1]:
                 raise InputError(_BETWEEN, key=name, given=given)
         if STIFFNESS in limits and any(name.startswith(_LAW) for name in limits):
@@ -89,9 +95,13 @@ class Box:
         away = np.abs((rows[:, differs] - (low + high) / 2) / (high - low)).max(1, initial=0.0)
         return cls(specimens[int(away.argmin())], names, low, high)
 
-    def row(self, specimen: Specimen) -> Array:
-        """The parameters of a specimen of the family, whose law has factor 1, shape (names,)."""
-        return np.array([1.0 if name == STIFFNESS else at(specimen, name.split("."))
+    def row(self, specimen: Specimen, spring: float = 0.0) -> Array:
+        """The parameters of a specimen of the family, whose law has factor 1, shape (names,).
+
+        And those of a ``spring`` on its plate [N/m].
+        """
+        beside = {STIFFNESS: 1.0, SPRING: spring}
+        return np.array([beside[name] if name in beside else at(specimen, name.split("."))
                          for name in self.names], dtype=float)
 
     def member(self, row: Array) -> Specimen:
@@ -103,12 +113,19 @@ class Box:
 
     def columns(self, rows: Array) -> dict[str, Array]:
         """The numbers of the specimen, by path, in which films differ, (films,) each."""
-        columns = {name: rows[:, number] for number, name in enumerate(self.names)}
+        columns = {name: rows[:, number] for number, name in enumerate(self.names)
+                   if name != SPRING}
         factor = columns.pop(STIFFNESS, None)
         if factor is not None:
             columns |= {path: factor * at(self.specimen, path.split("."))
                         for path in self._stresses}
         return columns
+
+    def springs(self, rows: Array) -> Array:
+        """Stiffness of the springs in which films differ [N/m], (films,)."""
+        if SPRING not in self.names:
+            return np.zeros(len(rows))
+        return np.asarray(rows[:, self.names.index(SPRING)])
 
     @cached_property
     def _stresses(self) -> tuple[str, ...]:

@@ -27,6 +27,7 @@ from tympan.fem.equilibrium.path_following import PathSettings
 from tympan.fem.equilibrium.ramp import Outcome
 from tympan.fem.equilibrium.solve import equilibrium
 from tympan.fem.membrane.biases import Spring
+from tympan.fem.membrane.loading import Loading
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import Load, PlateMotion, State
 from tympan.fem.results.fields import node_fields
@@ -48,11 +49,11 @@ Array = NDArray[Any]
 class FamilySettings:
     """Settings of how a family is made.
 
-    ``error``: share of the deflection by which films may be off, as far as the estimate says;
-    ``first``: random films that it begins with, and ``more`` for each parameter; ``batch``: films
-    that are added at once where the estimate is largest, ``rounds`` times at most; ``candidates``:
-    random films among which these are sought; ``checks``: random films by which the estimate is
-    scaled. All are drawn with ``seed``.
+    ``error``: share of the deflection by which films may be off, as far as the estimate says, and
+    what decides how many shapes they have; ``first``: random films that it begins with,
+    and ``more`` for each parameter; ``batch``: films that are added at once where the estimate is
+    largest, ``rounds`` times at most; ``candidates``: random films among which these are sought;
+    ``checks``: random films by which the estimate is scaled. All are drawn with ``seed``.
     """
 
     error: float = 2e-5
@@ -66,9 +67,10 @@ class FamilySettings:
 
 
 #: What the shapes leave out of a deformation, over the largest one: some 1e-5 of the deflection,
-#: which is stationary in the shapes.
+#: which is stationary in the shapes. With a larger error it grows as the root of that.
 _MOTION = 1e-4
-#: What the points leave out of forces, to which the deflection is in proportion.
+#: What the points leave out of forces, to which the deflection is in proportion. If it grew with
+#: the error, plates that hardly move would be off by 1e-7 m.
 _WORK = 2e-5
 #: How much the resistance that is left of films that soften counts beside forces: points reproduce
 #: it to 1e-3. Without it films of an Ogden law with α = 1.6 pull in at 7 % less voltage than by
@@ -191,12 +193,24 @@ class Ground:
         specimen, mesh = self.box.member(row), self.model.discretisation
         if self.box.lengths:
             mesh = mesh.moved(self._motion(specimen))
-        return replace(self.model, discretisation=mesh, specimen=specimen)
+        return replace(self.model, discretisation=mesh, specimen=specimen,
+                       loading=self._loading(row))
 
     def fresh(self, row: Array) -> Model:
         """The film with these parameters on a mesh of its own."""
         own = meshed(self.box.member(row), self.settings, self.model.discretisation.planes)
-        return replace(own, loading=self.model.loading)
+        return replace(own, loading=self._loading(row))
+
+    def _loading(self, row: Array) -> Loading:
+        """The rig's loading, with the spring of a film."""
+        loading, spring = self.model.loading, float(self.box.springs(row[None])[0])
+        return replace(loading, biases=(*loading.biases, Spring(spring))) if spring else loading
+
+    def springs(self, rows: Array) -> Array:
+        """Stiffness of all springs on the plates of films [N/m], (films,)."""
+        own = sum(bias.stiffness for bias in self.model.loading.biases
+                  if isinstance(bias, Spring))
+        return own + self.box.springs(rows)
 
     def _motion(self, specimen: Specimen) -> Array:
         return motion_between(self.model.discretisation, self.box.specimen, specimen)
@@ -320,8 +334,9 @@ class FilmFamily:
         """The films of a specimen with these limits of its numbers, by name, and of the loads.
 
         A name is the path of a number in the specimen, such as "frame.semi_axes.0" or
-        "membrane.thickness", or "stiffness", a factor on all stresses of the law; ``force`` acts on
-        the plate, ``voltage`` across the film. All are lowest and highest, in SI or with a unit.
+        "membrane.thickness". "stiffness" is a factor on all stresses of the law, "rig.spring" a
+        spring on the plate beside those of the rig. ``force`` acts on the plate, ``voltage`` across
+        the film. All are lowest and highest, in SI or with a unit.
 
         Raises
         ------
@@ -348,7 +363,7 @@ class FilmFamily:
     def films(self, rows: Array) -> Films:
         """The films with these parameters, rows of (films, names)."""
         return replace(self._one, rows=rows, columns=self.box.columns(rows),
-                       nodes=self.ground.nodes(rows))
+                       nodes=self.ground.nodes(rows), spring=self.ground.springs(rows))
 
     def blocks(self, parameters: Any) -> Iterator[tuple[slice, Films]]:
         """Films that are computed together, and which of all they are; :meth:`films` are a block.
@@ -437,7 +452,7 @@ class FilmFamily:
         holds &= loose | ~slack
         q[~holds] = np.nan
         capacitance, energy = films.stored(number, q, squared)
-        carried = np.where(holds, force - films.spring * q[:, 0], np.nan)
+        carried = np.where(holds, force - films.spring[number] * q[:, 0], np.nan)
         error = np.full(len(q), np.nan)
         if check:
             error = self._error(films, number, q, force, squared, balance.stiffness, shape)
@@ -588,12 +603,11 @@ def _frequency(films: Films, number: Array, q: Array, squared: Array, mass: Arra
 def films_of(ground: Ground, reduction: Reduction, rows: Array) -> Films:
     """The films with these parameters."""
     whole, shapes = Sites.quadrature(ground.model.discretisation), reduction.shapes
-    loading = ground.model.loading
-    spring = sum(bias.stiffness for bias in loading.biases if isinstance(bias, Spring))
     return Films(ground.box.specimen, rows, ground.box.columns(rows), ground.nodes(rows),
                  ShapesAt(whole.some(reduction.points, reduction.shares), shapes),
                  ShapesAt(whole, shapes),
-                 loading.gravity, spring, np.array([ground.box.specimen.gap]))
+                 ground.model.loading.gravity, ground.springs(rows),
+                 np.array([ground.box.specimen.gap]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -726,7 +740,8 @@ class _Making:
 
     def _family(self, shots: Sequence[Snapshot], rows: Array, forces: Array, squares: Array
                 ) -> FilmFamily:
-        reduction = Reduction.of(shots, _MOTION, _WORK, _MOST, _SOFTENING)
+        motion = _MOTION * (self.settings.error / FamilySettings.error) ** 0.5
+        reduction = Reduction.of(shots, motion, _WORK, _MOST, _SOFTENING)
         films = films_of(self.ground, reduction, rows)
         number = np.arange(len(rows))
         balance = films.carried(number, forces, squares, np.zeros((len(rows), films.count)),

@@ -10,7 +10,7 @@ equations are those of :class:`tympan.studies.films.film.ReducedFilm` with relax
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, fields
 from functools import cached_property
 from itertools import combinations_with_replacement
 from operator import add
@@ -110,7 +110,7 @@ class Films:
 
     ``rows``: their family's parameters, (films, names); ``nodes`` of their meshes [m], (films,
     nodes, 2); their shapes at the ``points`` that stand for all and at the ``whole`` of them;
-    ``gravity`` on the films' own mass, ``spring`` on their plates [N/m].
+    ``gravity`` on the films' own mass, ``spring`` on their plates [N/m], (films,).
     """
 
     specimen: Specimen
@@ -119,9 +119,9 @@ class Films:
     nodes: Array
     points: ShapesAt
     whole: ShapesAt
-    gravity: float = 0.0
-    spring: float = 0.0
-    gap: Array = field(default_factory=lambda: np.ones(1))
+    gravity: float
+    spring: Array
+    gap: Array
 
     def __len__(self) -> int:
         return len(self.nodes)
@@ -217,7 +217,7 @@ class Films:
         """Generalised forces of films [N], weight included, and derivatives, by states q."""
         strained, stress, bend = self._stressed(films, q, squared, tangent=True)
         stiffness = self.few.shapes.coupled(strained.moduli(stress, bend))
-        stiffness[:, 0, 0] += self.spring
+        stiffness[:, 0, 0] += self.spring[films]
         return self._forces(films, q, strained, stress), stiffness
 
     def forces(self, films: Numbers, q: Array, squared: Array) -> Array:
@@ -239,7 +239,7 @@ class Films:
     def _forces(self, films: Numbers, q: Array, strained: Strained, stress: Array) -> Array:
         by = strained.forces(stress).transpose(1, 0, 2).reshape(len(q), -1)
         forces = by @ self.few.shapes.slopes.T - self.weight[films]
-        forces[:, 0] += self.spring * q[:, 0]
+        forces[:, 0] += self.spring[films] * q[:, 0]
         return np.asarray(forces)
 
     def density(self, films: Numbers, squared: Array, covered: Array) -> FilmDensity:

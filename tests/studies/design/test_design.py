@@ -109,6 +109,36 @@ def test_the_largest_stroke_at_a_frequency_is_that_of_the_equations(tmp_path: Pa
     assert found.quantity("stroke").value == pytest.approx(stroke(ring(prestretch=known)), rel=2e-3)
 
 
+def test_the_least_spring_for_a_frequency_is_that_of_the_equations(tmp_path: Path) -> None:
+    """A softer spring leaves more stroke; the film is softest under the voltage."""
+    wanted = requirements(tmp_path, '[want]\nstroke = "largest"\nfrequency = "13 Hz"\n'
+                          '[vary]\n"rig.spring" = ["0 N/m", "60 N/m"]')
+    result = design(wanted)
+    found, = result.films
+
+    def carried(spring: float, voltage: float) -> float:
+        return float(brentq(lambda force: force + spring * deflection(ring(), voltage, force)
+                            - FORCE, 0.1 * FORCE, FORCE, xtol=1e-12))
+
+    def frequency_on(spring: float) -> float:
+        force, step = carried(spring, U), 1e-4 * FORCE
+        slope = (deflection(ring(), U, force + step) - deflection(ring(), U, force - step)) / step
+        return float(((2 / slope + spring) / MASS) ** 0.5 / (2 * pi))
+
+    known = brentq(lambda spring: frequency_on(spring) - 13, 0.0, 60.0)
+    assert result.status == "met"
+    assert found.numbers["rig.spring"].value == pytest.approx(known, rel=2e-3)
+    moved = [deflection(ring(), voltage, carried(known, voltage)) for voltage in (0.0, U)]
+    assert found.quantity("stroke").value == pytest.approx(moved[1] - moved[0], rel=2e-3)
+    assert result.rigs["wanted-1-rig.toml"].spring == found.numbers["rig.spring"].value
+
+
+def test_a_spring_that_varies_is_not_given_too(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"vary\.rig\.spring: .* is given in \[rig\]"):
+        requirements(tmp_path, '[rig]\nspring = "5 N/m"\n[want]\nstroke = "largest"\n'
+                     '[vary]\n"rig.spring" = ["0 N/m", "60 N/m"]')
+
+
 def test_the_paper_s_ellipse_as_a_requirement_is_the_known_optimum(tmp_path: Path) -> None:
     """That of docs/optimum.md: 2.3191 mm, 58.0 by 58.2 mm, plate 8.569 mm, tension binding."""
     shutil.copy(FILES["elliptical-large"], tmp_path / "large.toml")

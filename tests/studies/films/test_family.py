@@ -87,6 +87,36 @@ def test_errors_of_films_with_plates_off_centre_are_covered() -> None:
     assert (states.error[:, 0] <= 3e-4 * known).all()
 
 
+def test_films_on_different_springs_are_those_of_finite_elements() -> None:
+    limits = {"rig.spring": ("0 N/m", "60 N/m"), "membrane.thickness": ("0.9 mm", "1.1 mm")}
+    films = FilmFamily.around(OVAL, limits, FORCE, VOLTAGE, Rig(spring=5.0))
+    rows, forces, voltages = drawn(films.box, 20, 5)
+    states = films.states(rows, forces[:, None], voltages[:, None])
+    assert states.holds.all()
+    for number, (row, force, voltage) in enumerate(zip(rows, forces, voltages, strict=True)):
+        rig = Rig(spring=5.0 + row[0])
+        model = build_model(films.box.member(row), Settings(), rig.loading)
+        outcome = equilibrium(model, force, voltage)
+        known, found = model.deflection(outcome.state), states.deflection[number, 0]
+        assert found == pytest.approx(known, rel=5e-5)
+        assert states.error[number, 0] <= 1e-4 * known
+        assert states.force[number, 0] == pytest.approx(force - rig.spring * known, rel=1e-4)
+
+
+@pytest.mark.parametrize("error", [1e-4, 1e-3])
+def test_a_larger_error_is_that_of_films_with_fewer_shapes(error: float) -> None:
+    films = FilmFamily.around(OVAL, SHAPES, FORCE, VOLTAGE, family=FamilySettings(error=error))
+    assert len(films.reduction.shapes) < len(family().reduction.shapes)
+    rows, forces, voltages = drawn(films.box, 40, 11)
+    states = films.states(rows, forces[:, None], voltages[:, None])
+    known = np.array([exact(films.box, *each)[0]
+                      for each in zip(rows, forces, voltages, strict=True)])
+    off = np.abs(states.deflection[:, 0] - known)
+    assert (off <= error * known).all()
+    assert (off <= states.error[:, 0]).mean() >= 0.95
+    assert np.median(states.error[:, 0] / known) <= 2 * error
+
+
 def test_the_stiffness_is_the_slope_of_the_force() -> None:
     films = family()
     rows, _, voltages = drawn(films.box, 5, 3)
