@@ -214,8 +214,9 @@ def naming_options(options: argparse.Namespace, **names: str) -> Iterator[None]:
         name = names.get(str(error.key), str(error.key))
         if not hasattr(options, name):
             raise
+        given = getattr(options, name)
         raise InputError(error.allowed, key=option_name(name),
-                         given=getattr(options, name)) from None
+                         given=str(given) if isinstance(given, Path) else given) from None
 
 
 @contextmanager

@@ -297,7 +297,10 @@ def require_reducible(specimen: Specimen, rig: Rig) -> None:
                                             and not (bias.rest or bias.preload)
                                             for bias in loading.biases))):
         if given:
-            raise InputError("has no reduced film: finite elements solve it", key=key)
+            spring = "; a spring without rest or preload has" * (key == "rig.bias")
+            raise InputError("has no reduced film, by which tolerances and designs are solved"
+                             f"{spring}: leave it out, or ask for single films by finite elements",
+                             key=key)
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tympan.fem.rig import Rig
+from tympan.geometry.errors import InputError
 from tympan.geometry.outlines import area
 from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Band, Case, CaseResult, Settings
@@ -137,7 +138,8 @@ def deflection_bands(specimen: Specimen, tolerances: Tolerances, masses: Sequenc
     found = []
     for mass, most in zip(masses, reached, strict=True):
         there = [voltage for voltage in voltages if abs(voltage) <= most]
-        of_mass = iter(bands(copies.solved(mass, there)["deflection_m"]) if there else ())
+        of_mass = iter(bands(copies.solved(mass, there, swings=False)["deflection_m"])
+                       if there else ())
         found.append(tuple(next(of_mass) if voltage in there else None for voltage in voltages))
     return found
 
@@ -154,6 +156,9 @@ def _under(specimen: Specimen, tolerances: Tolerances, masses: Sequence[float], 
     """Films under some masses [kg], up to a nominal voltage [V]."""
     scattered, points = drawn(specimen, tolerances)
     forces = [float(rig.force(mass, area(specimen.needed_plate().outline))) for mass in masses]
+    if not any(forces):
+        raise InputError("must be above 0: without a load the plate of no film moves, so there is "
+                         "no band", key="mass", given="0 g")
     return Copies.of(scattered, points, (min(forces), max(forces)),
                      float(rig.film_voltage(max(voltage, 1.0))), rig, settings)
 

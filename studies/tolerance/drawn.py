@@ -182,8 +182,10 @@ class Copies:
         rest = self.rests(forces) if rest is None else rest
         holds = states.holds & states.sound & np.isfinite(rest[:, :1])
         holds &= states.breakdown < self.drawn.strength[:, None]
-        values = {"deflection_m": states.deflection,
-                  "stroke_m": states.deflection - rest[:, :1],
+        # Without a load the film is flat; what its equations leave of a deflection is rounding.
+        loaded = forces[:, None] != 0
+        values = {"deflection_m": loaded * states.deflection,
+                  "stroke_m": loaded * (states.deflection - rest[:, :1]),
                   "capacitance_F": states.capacitance, "frequency_Hz": states.frequency}
         return {key: np.where(holds, value, np.nan) for key, value in values.items()}
 

@@ -6,6 +6,7 @@ one jig, one amplifier) share the second.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
@@ -17,6 +18,7 @@ from scipy.special import erf, gamma
 from tympan.fem.film.library import MATERIALS, material_name
 from tympan.geometry.errors import InputError
 from tympan.geometry.fields import Key, checks_types, field_at, read, require, takes_units
+from tympan.geometry.paths import at, with_numbers
 from tympan.geometry.specimen import Specimen
 from tympan.geometry.toml_reader import Rule, Table
 from tympan.studies.films.box import STIFFNESS, varying
@@ -196,7 +198,8 @@ def causes(specimen: Specimen, tolerances: Tolerances) -> tuple[tuple[Cause, ...
     Raises
     ------
     InputError
-        When a number scatters that the specimen has not, or nothing scatters.
+        When a number scatters that the specimen has not, or so far that a film cannot be built, or
+        nothing scatters.
     """
     found, words = list[Cause](), list[str]()
     usual = _defaults(specimen)
@@ -204,8 +207,10 @@ def causes(specimen: Specimen, tolerances: Tolerances) -> tuple[tuple[Cause, ...
         name, given = item.name, getattr(tolerances, item.name)
         targets = _targets(specimen, name)
         if given is not None and not targets and any(vars(given).values()):
-            raise InputError("has no place: the specimen has no such number, or its outline has "
-                             f"more than {_MOST_LENGTHS} lengths", key=name)
+            why = ("the electrode has no uncovered band (margin_frame, margin_plate)"
+                   if name == "margin" else
+                   f"the outline has no lengths that may scatter, or more than {_MOST_LENGTHS}")
+            raise InputError(f"must be left out: {why}", key=name)
         scatter, source, reason = usual[name] if given is None else (given, "given", "")
         if scatter is None:
             words.append(f"{name} does not scatter: {reason}")
@@ -220,7 +225,29 @@ def causes(specimen: Specimen, tolerances: Tolerances) -> tuple[tuple[Cause, ...
     if not found:
         raise InputError("lets nothing scatter: give one number a standard deviation above 0",
                          key="tolerances")
+    _require_films(specimen, found)
     return tuple(found), words
+
+
+def _require_films(specimen: Specimen, found: Sequence[Cause]) -> None:
+    """Refuse lengths that scatter so far that a film at the ends cannot be built."""
+    lengths = [cause for cause in found if not cause.relative]
+    for share in (0.0, 1.0):
+        ends: dict[str, Any] = {}
+        for cause in lengths:
+            for target in cause.targets:
+                value = ends.get(target, at(specimen, target.split(".")))
+                # A small frame is beside a large plate, which is the worst.
+                end = share if cause.name == "frame" else 1 - share
+                ends[target] = float(cause.moved(value, np.array(end)))
+        try:
+            with_numbers(specimen, ends)
+        except InputError as error:
+            widest = max(lengths, key=lambda cause: cause.deviation)
+            raise InputError(
+                "is too large: three standard deviations off, a film of these tolerances cannot be "
+                f"built ({error})", key=f"{widest.name}.{widest.scope}",
+                given=f"{1e3 * widest.deviation:g} mm") from None
 
 
 def _targets(specimen: Specimen, name: str) -> tuple[str, ...]:

@@ -69,7 +69,7 @@ class Spread:
         "standard deviation between films of one batch; none where shares are not told")]
     shares: Annotated[tuple[VarianceShare, ...], Key(
         "what makes the variance, the largest first; empty where too many films do not reach the "
-        "voltage")]
+        "voltage, or all films have the same value")]
     interactions: Annotated[float | None, Key(
         "rest of the variance, which tolerances make together: with all shares it is 1")]
     bins: Annotated[tuple[float, ...], Key("edges of the histogram's bins, ascending")]
@@ -115,8 +115,9 @@ class ToleranceResult(CaseRecord):
         "distributions, by quantity and unit; limit_V, the nominal voltage of the first limit, is "
         "of the films of limits.films that have one")]
     limits: Annotated[FilmLimits, Key("first limits")]
-    error: Annotated[float, Key(
-        "largest estimated error of the reduced films' deflection, relative, of some of them")]
+    error: Annotated[float | None, Key(
+        "largest estimated error of the reduced films' deflection, relative, of some of them; none "
+        "where no film reaches the voltage")]
     made_s: Annotated[float, Key("time that making the family of films took, of wall_s")]
     wall_s: WallTime
     warnings: Warnings = ()

@@ -17,7 +17,7 @@ from tympan.geometry.fields import Key, require, takes_units
 from tympan.geometry.outlines import area
 from tympan.geometry.specimen import Specimen
 from tympan.geometry.toml_reader import Rule
-from tympan.studies.case import Case, Limit, Settings
+from tympan.studies.case import Case, Limit, Settings, solve
 from tympan.studies.films.family import FilmFamily
 from tympan.studies.films.first_limits import KINDS
 from tympan.studies.limits.loads import usual_masses, usual_voltages
@@ -62,6 +62,8 @@ _ASTRAY = 0.01
 _FEW = 0.005
 #: Bins of a histogram.
 _BINS = 40
+#: Standard deviation over the value below which films are alike: a computer's rounding.
+_ALIKE = 1e-9
 
 
 @takes_units
@@ -108,6 +110,9 @@ def tolerance(case: ToleranceCase, settings: Settings,
     began = time.perf_counter()
     found, words = causes(case.specimen, case.tolerances)
     mass, voltage = case.loaded(settings)
+    if not mass > 0:
+        raise InputError("must be above 0: without a load the plate of no film moves", key="mass",
+                         given=f"{1e3 * mass:g} g")
     if not voltage > 0:
         raise InputError("must be above 0: films are compared without and under it", key="voltage",
                          given=f"{voltage:g} V")
@@ -124,7 +129,8 @@ def tolerance(case: ToleranceCase, settings: Settings,
         quantities=drawn.spreads(values, reached) | limits.spread(), limits=limits.record(),
         error=drawn.error(),
         made_s=made - began, wall_s=time.perf_counter() - began,
-        warnings=(*warnings, *_missed(reached), *limits.warnings, *_without_air(case.rig)))
+        warnings=(*warnings, *_missed(reached), *drawn.excuse(values, case, settings),
+                  *limits.warnings, *_without_air(case.rig)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -201,13 +207,23 @@ class Drawn:
         """Mask of the films that reach the voltage, the nominal one left out."""
         return np.isfinite(values["deflection_m"][1:])
 
-    def error(self) -> float:
-        """Largest estimated error of the deflection of the first films, relative."""
+    def error(self) -> float | None:
+        """Largest estimated error of the deflection of the first films, relative, if any."""
         some = slice(0, _CHECKED)
         states = self.family.states(self.rows[some], self.forces[some, None],
                                     self.voltages[some, None])
         share = states.error / np.abs(states.deflection)
-        return float(np.nanmax(share)) if np.isfinite(share).any() else float("nan")
+        return float(np.nanmax(share)) if np.isfinite(share).any() else None
+
+    def excuse(self, values: dict[str, Array], case: ToleranceCase, settings: Settings
+               ) -> list[str]:
+        """Why the film without scatter does not reach the voltage, by finite elements."""
+        if np.isfinite(values["deflection_m"][0]):
+            return []
+        found = solve(Case(case.specimen, mass=self.mass, voltage=self.voltage, rig=case.rig),
+                      settings)
+        return ["the film without scatter does not reach the voltage: "
+                + "; ".join(found.warnings)]
 
     def spreads(self, values: dict[str, Array], reached: NDArray[np.bool_]) -> dict[str, Spread]:
         """Distributions by key; none where hardly any film reaches the voltage."""
@@ -231,9 +247,12 @@ class Drawn:
         nominal, films = float(values[0]), values[1:]
         there = films[np.isfinite(films)]
         low, median, high = np.quantile(there, _TOLD)
-        counts, bins = np.histogram(there, min(_BINS, round(len(there) ** 0.5 / 2)))
-        deviation = float(there.std())
+        deviation, alike = float(there.std()), _ALIKE * float(np.abs(there).max())
         told = len(there) >= (1 - _MISSED) * len(films)
+        count = min(_BINS, round(len(there) ** 0.5 / 2))
+        if deviation <= alike:
+            deviation, told, count = 0.0, False, 1
+        counts, bins = np.histogram(there, count, (there.min() - alike, there.max() + alike))
         shares, apart, rest = self._shares(films, design) if told else ((), None, None)
         return Spread(
             nominal=nominal if np.isfinite(nominal) else None, median=float(median),
@@ -291,8 +310,10 @@ class Limited:
         highest, missing = self.record().highest_V / 1e3, 1 - self._met.mean()
         if missing <= _FEW:
             return self._astray
-        return [*self._astray, f"{100 * missing:.2g} % of the films have no limit up to "
-                f"{highest:.3g} kV: the distribution of the first limit is without them"]
+        left = ("there is no distribution of the first limit" if missing > _MISSED
+                else "the distribution of the first limit is without them")
+        return [*self._astray, f"{100 * missing:.3g} % of the films have no limit up to "
+                f"{highest:.3g} kV: {left}"]
 
     @property
     def _astray(self) -> list[str]:
@@ -334,5 +355,7 @@ def _without_air(rig: Rig) -> list[str]:
 def _missed(reached: NDArray[np.bool_]) -> list[str]:
     if reached.mean() >= 1 - _MISSED:
         return []
+    if reached.sum() < _BINS:
+        return ["hardly any film reaches the voltage: there are no distributions under it"]
     return ["more than 5 % of the films do not reach the voltage: the distributions are of those "
             "that do, and no shares of variance are told"]

@@ -135,6 +135,51 @@ def test_strengths_are_weibull_s_and_fall_with_the_electrode_s_area() -> None:
     assert spread.shares[0].alone == pytest.approx(1.0, abs=0.02)
 
 
+def test_what_does_not_differ_between_films_has_no_shares() -> None:
+    """Electric strengths alone scatter: all films deflect alike."""
+    given = replace(STILL, strength=StrengthScatter(shape=10))
+    result = tolerance(ToleranceCase(oval(), mass=MASS, voltage=VOLTAGE, tolerances=given,
+                                     films=100), Settings())
+    spread = result.quantities["deflection_m"]
+    assert spread.deviation == 0
+    assert spread.low == pytest.approx(spread.high, rel=1e-12)
+    assert spread.shares == ()
+    assert sum(spread.counts) == result.films
+
+
+def test_a_voltage_that_no_film_reaches_is_explained(tmp_path: Path) -> None:
+    result = tympan.tolerance(oval(), mass=MASS, voltage="30 kV", films=100)
+    assert result.reached.probability == 0
+    assert result.error is None
+    assert any("does not reach the voltage: the film loses tension" in line
+               for line in result.warnings)
+    assert not [line for line in result.warnings if "e+" in line]
+    assert list(result.quantities) == ["limit_V"]
+    result.save(tmp_path)
+    assert (tmp_path / "oval-tolerance.json").is_file()
+
+
+@pytest.mark.parametrize(("key", "given", "size"), [
+    ("frame", LengthScatter(film="20 mm"), "20 mm"), ("plate", LengthScatter(batch=4e-3), "4 mm"),
+    ("offset", LengthScatter(film=12e-3), "12 mm")])
+def test_lengths_that_scatter_too_far_are_refused_by_their_key(
+        key: str, given: LengthScatter, size: str) -> None:
+    with pytest.raises(InputError, match=rf"^{key}\.(film|batch): given '{size}': is too large"):
+        ToleranceCase(oval(), tolerances=replace(STILL, **{key: given}))
+
+
+def test_a_film_without_a_load_has_no_band() -> None:
+    for mass in (0.0, "0 g"):
+        with pytest.raises(InputError, match=r"^mass: given '0 g': must be above 0"):
+            tympan.tolerance(oval(), mass=mass, voltage=VOLTAGE)
+        with pytest.raises(InputError, match=r"^mass: given '0 g': must be above 0"):
+            tympan.solve(oval(), mass=mass, voltage=VOLTAGE, tolerances=Tolerances())
+    curves = tympan.curve(oval(), 0.0, MASS, tolerances=Tolerances()).curves
+    bands = {curve.mass_kg: curve.band_deflection_m for curve in curves}
+    assert {edge for band in bands[0.0] if band for edge in (band.low, band.high)} == {0.0}
+    assert bands[MASS][0].low > 1e-3
+
+
 @pytest.mark.parametrize("name", MATERIALS)
 def test_films_of_the_library_scatter_as_it_says(name: str) -> None:
     """Each number that it has a source for, and no other."""
