@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,11 +47,11 @@ class _Equilibrium:
 
 
 @dataclass(frozen=True)
-class _Load:
-    """Mechanisms between plate and ground, and a weight [N]."""
+class PlateLoad:
+    """Mechanisms between plate and ground, and a weight [N], of many films an array."""
 
     biases: tuple[Bias, ...]
-    weight: float
+    weight: Any
 
     def pull(self, displacement: Array) -> tuple[Array, Array]:
         """Force on the film at displacements [N], and its slope [N/m]."""
@@ -58,11 +59,11 @@ class _Load:
                            or [(0.0, 0.0)] for place in displacement.tolist()]).sum(axis=1)
         return self.weight - pushes[:, 0], -pushes[:, 1]
 
-    def work(self, start: float, end: float) -> float:
+    def work(self, start: Any, end: Any) -> Any:
         """Work on the film between two displacements [J]."""
         stored = sum(bias.derivatives(end)[0] - bias.derivatives(start)[0]
                      for bias in self.biases)
-        return self.weight * (end - start) - float(stored)
+        return self.weight * (end - start) - stored
 
 
 def load_line(model: Model, rig: Rig, mass: float, curves: Sequence[Followed],
@@ -72,7 +73,7 @@ def load_line(model: Model, rig: Rig, mass: float, curves: Sequence[Followed],
     The line is drawn at displacements [m], as far as what acts reaches. ``model`` has all that acts
     between plate and ground, that of the curves nothing of it.
     """
-    load = _Load(model.loading.biases, float(rig.force(mass, model.plate_area)))
+    load = PlateLoad(model.loading.biases, float(rig.force(mass, model.plate_area)))
     found = [_equilibria(model, load, curve, settings) for curve in curves]
     reached = _reached(load, curves, found)
     names = dict.fromkeys(bias.law.replace("_", " ") for bias in load.biases)
@@ -93,7 +94,7 @@ def load_line(model: Model, rig: Rig, mass: float, curves: Sequence[Followed],
     return _with_cycle(line, load, first, last, _snaps(found, reached), settings)
 
 
-def _equilibria(model: Model, load: _Load, curve: Followed, settings: PathSettings
+def _equilibria(model: Model, load: PlateLoad, curve: Followed, settings: PathSettings
                 ) -> list[_Equilibrium]:
     """Crossings of a curve and a load line, in order of displacement."""
     where = curve.displacement
@@ -120,7 +121,7 @@ def _equilibria(model: Model, load: _Load, curve: Followed, settings: PathSettin
     return sorted(result, key=lambda each: each.displacement)
 
 
-def _reached(load: _Load, curves: Sequence[Followed], found: Sequence[list[_Equilibrium]]
+def _reached(load: PlateLoad, curves: Sequence[Followed], found: Sequence[list[_Equilibrium]]
              ) -> list[_Equilibrium | None]:
     """Equilibrium a plate without inertia reaches on each curve, flat on the first at first."""
     place = 0.0
@@ -152,8 +153,8 @@ def _snaps(found: Sequence[list[_Equilibrium]], reached: Sequence[_Equilibrium |
     return False
 
 
-def _with_cycle(line: LoadLine, load: _Load, first: _Equilibrium, last: _Equilibrium, snaps: bool,
-                settings: PathSettings) -> LoadLine:
+def _with_cycle(line: LoadLine, load: PlateLoad, first: _Equilibrium, last: _Equilibrium,
+                snaps: bool, settings: PathSettings) -> LoadLine:
     """A load line with stroke, work and electrical energy between two of its equilibria."""
     start, end = first.displacement, last.displacement
     mass, volume = _film_mass_and_volume(first.curve.model)
@@ -166,36 +167,53 @@ def _with_cycle(line: LoadLine, load: _Load, first: _Equilibrium, last: _Equilib
     if others[0] is None or others[1] is None:
         return line
     model = first.curve.model
-    # The corners in the order of the cycle: charged, moved, discharged, moved back.
-    corners = [_Corner.of(model, solution.state)
+    corners = [_corner(model, solution.state)
                for solution in (first.solution, others[0], last.solution, others[1])]
-    given = [corners[1].stored - corners[0].stored,
-             corners[1].voltage * (corners[2].charge - corners[1].charge),
-             corners[3].stored - corners[2].stored,
-             corners[0].voltage * (corners[0].charge - corners[3].charge)]
-    into, out = sum(max(part, 0.0) for part in given), -sum(min(part, 0.0) for part in given)
+    into, out = map(float, exchanged(corners))
     stroke = corners[2].stored - corners[0].stored - work
     return replace(line, ideal_work_J=into - out, electrical_in_J=into, electrical_out_J=out,
                    coupling=(into - out) / into if into > 0 else None,
                    efficiency=abs(work) / stroke if stroke > 0 and not snaps else None)
 
 
-@dataclass(frozen=True)
-class _Corner:
-    """Energy ``stored`` in a film [J], its ``charge`` [C] and its ``voltage`` [V]."""
+@dataclass(frozen=True, eq=False)
+class Corner:
+    """Energy ``stored`` in a film [J], its ``charge`` [C] and its ``voltage`` [V].
 
-    stored: float
-    charge: float
-    voltage: float
+    Of many films at a corner each is an array.
+    """
+
+    stored: Any
+    charge: Any
+    voltage: Any
 
     @classmethod
-    def of(cls, model: Model, state: State) -> _Corner:
-        """Corner of a cycle at a state, the weight and the gas of the film included."""
-        alone = state.under(force=0.0)
-        _, capacitance, energy = (float(value[0]) for value in film_integrals(model, [alone]))
-        voltage = max(state.voltage_squared, 0.0) ** 0.5
+    def of(cls, potential: Any, capacitance: Any, voltage: Any) -> Corner:
+        """Corner by the film's potential at constant voltage [J] and its capacitance [F]."""
         charge = capacitance * voltage
-        return cls(energy - load_work(model, alone) + voltage * charge, charge, voltage)
+        return cls(potential + voltage * charge, charge, voltage)
+
+
+def exchanged(corners: Sequence[Corner]) -> tuple[Any, Any]:
+    """Energies [J] that the supply gives and gets back in a cycle.
+
+    The corners are in the order of the cycle: charged, moved, discharged, moved back.
+    """
+    first, charged, moved, discharged = corners
+    given = [charged.stored - first.stored,
+             charged.voltage * (moved.charge - charged.charge),
+             discharged.stored - moved.stored,
+             first.voltage * (first.charge - discharged.charge)]
+    return sum(np.maximum(part, 0.0) for part in given), -sum(np.minimum(part, 0.0)
+                                                              for part in given)
+
+
+def _corner(model: Model, state: State) -> Corner:
+    """Corner of a cycle at a state, the weight and the gas of the film included."""
+    alone = state.under(force=0.0)
+    _, capacitance, energy = (float(value[0]) for value in film_integrals(model, [alone]))
+    voltage = max(state.voltage_squared, 0.0) ** 0.5
+    return Corner.of(energy - load_work(model, alone), capacitance, voltage)
 
 
 def _film_mass_and_volume(model: Model) -> tuple[float, float]:

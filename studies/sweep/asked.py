@@ -7,6 +7,8 @@ from dataclasses import dataclass, field, replace
 from math import prod
 from typing import Any
 
+import numpy as np
+
 from tympan.fem.equilibrium.ramp import Outcome
 from tympan.fem.membrane.model import Model
 from tympan.fem.results.limit_states import LIMIT_STATES
@@ -19,6 +21,8 @@ from tympan.studies.case import Case, Settings
 from tympan.studies.force import ForceCase, force
 from tympan.studies.limits import limits
 from tympan.studies.modes import carried
+from tympan.studies.sweep.family_rows import FamilyRows
+from tympan.studies.sweep.strokes import WIDER, strokes
 from tympan.studies.tolerance.bands import FEW_REACH, deflection_bands
 from tympan.studies.tolerance.given import Tolerances, causes
 
@@ -72,11 +76,14 @@ class SolvedCase(AskedCase):
 
 #: Displacements of the curves on which a stroke is looked for, which are smooth.
 _POINTS = 9
-#: How far these go, over the deflection.
-_WIDER = 1.1
+#: What is said of a row without voltage.
+_NO_STROKE = "there is no stroke without voltage"
 
 #: What a quantity asks of a case; of what depends on no voltage that needs not be solved.
 Answer = Callable[[Any], Any]
+
+#: What a family answers for its rows, films first: a record, or None where finite elements must.
+FamilyAnswer = Callable[[FamilyRows], list[list[Record | None]]]
 
 #: The quantity that tolerances are for.
 BANDS = "bands"
@@ -88,7 +95,9 @@ class AskedQuantity:
 
     ``{n}`` in a name is the number of a circle. ``shown`` are the columns that say most. ``loads``
     are those it depends on, from the front of mass and voltage; ``answer`` is asked once for each
-    of their values, or once ``together`` for a list of records, masses first.
+    of their values, or once ``together`` for a list of records, masses first. ``by_family``: how a
+    family of films answers it; without, what asks for equilibria needs those of finite elements.
+    ``equilibria``: as many cost as much as an answer by finite elements to one of these.
     """
 
     name: str
@@ -98,6 +107,8 @@ class AskedQuantity:
     loads: tuple[str, ...]
     answer: Answer
     together: bool = False
+    by_family: FamilyAnswer | None = None
+    equilibria: int = 0
 
     def names(self, circles: int) -> list[str]:
         """Its columns for so many circles at most."""
@@ -133,13 +144,15 @@ QUANTITIES: Registry[AskedQuantity] = Registry("name")
 
 
 def quantity_of(meaning: str, columns: Mapping[str, str], shown: tuple[str, ...],
-                loads: tuple[str, ...] = (), together: bool = False
+                loads: tuple[str, ...] = (), together: bool = False,
+                by_family: FamilyAnswer | None = None, equilibria: int = 0
                 ) -> Callable[[Answer], AskedQuantity]:
     """Make a function the quantity of its name."""
     def registered(answer: Answer) -> AskedQuantity:
         name = answer.__name__.strip("_")
         made: AskedQuantity = QUANTITIES.register(
-            AskedQuantity(name, meaning, columns, shown, loads, answer, together))
+            AskedQuantity(name, meaning, columns, shown, loads, answer, together, by_family,
+                          equilibria))
         return made
 
     return registered
@@ -198,21 +211,35 @@ def _modes(asked: SolvedCase) -> Record:
             **dict(zip(("tilt_1_Hz", "tilt_2_Hz"), tilt, strict=False)), "warnings": missing}
 
 
+def _force_by_family(rows: FamilyRows) -> list[list[Record | None]]:
+    found, films = strokes(rows), len(rows.forces)
+    numbers = {"blocked_force_N": found.blocked, "work_J": found.work, "ideal_work_J": found.ideal,
+               "electrical_in_J": found.given, "coupling": found.ideal / found.given}
+    voltages = np.tile(rows.voltages, rows.forces.shape[1]).ravel().tolist()
+    records: list[Record | None] = []
+    for voltage, sure, *values in zip(voltages, found.sure.tolist(), *(
+            column.tolist() for column in numbers.values()), strict=True):
+        answer = dict(zip(numbers, values, strict=True)) | {"warnings": []} if sure else None
+        records.append(answer if voltage else {"warnings": [_NO_STROKE]})
+    return [records[start:start + len(records) // films]
+            for start in range(0, len(records), len(records) // films)]
+
+
 @quantity_of("force of the held plate from no voltage to this one, as `tympan force` finds it", {
     "blocked_force_N": "its fall, the plate held where it rests without voltage",
     "work_J": "work of the stroke under the load",
     "ideal_work_J": "work of the cycle that changes the voltage with the plate held",
     "electrical_in_J": "energy that the supply gives in that cycle",
     "coupling": "ideal work over that energy",
-}, shown=("blocked_force_N", "work_J"), loads=("mass", "voltage"))
+}, shown=("blocked_force_N", "work_J"), loads=("mass", "voltage"), by_family=_force_by_family,
+             equilibria=10)
 def _force(asked: SolvedCase) -> Record:
     case, state = asked.case, asked.outcome.state
     if asked.outcome.status != "equilibrium" or not case.voltage:
-        return {"warnings": ["there is no equilibrium" if case.voltage else
-                             "there is no stroke without voltage"]}
+        return {"warnings": ["there is no equilibrium" if case.voltage else _NO_STROKE]}
     deflection = asked.model.deflection(state)
     pulled = ForceCase(case.specimen, voltages=(0.0, case.voltage), masses=(case.mass,),
-                       start=min(0.0, _WIDER * deflection), to=max(0.0, _WIDER * deflection),
+                       start=min(0.0, WIDER * deflection), to=max(0.0, WIDER * deflection),
                        points=_POINTS, rig=case.rig)
     result = force(pulled, asked.settings)
     line = result.loads[0]

@@ -26,7 +26,8 @@ from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Settings, breakdown_warning, remarks_on
 from tympan.studies.films.box import Box, kind_of
 from tympan.studies.films.family import FamilyStates, FilmFamily, require_reducible
-from tympan.studies.sweep.asked import QUANTITIES, Ask
+from tympan.studies.sweep.asked import QUANTITIES, Record
+from tympan.studies.sweep.family_rows import FamilyRows
 from tympan.studies.sweep.task import (
     BY_REDUCED,
     COLUMNS,
@@ -37,13 +38,6 @@ from tympan.studies.sweep.task import (
 )
 
 Array = NDArray[Any]
-
-#: The largest error of a row's deflection, as a share of it, that is not left to finite elements.
-EXACT = 1e-4
-
-#: How far a film's least tension is from none in a row that is not left to finite elements, over
-#: its largest stress: between nodes it may be less than at these.
-_TENSE = 0.01
 
 #: Equilibria and, for each specimen, meshes, which cost as much as so many, from which on a family
 #: is worth its making: that takes as long as finite elements of some 1000 of them.
@@ -77,6 +71,8 @@ class Kin:
         box = Box.of([task.specimen for task in tasks])
         forces = [force for task in tasks for force in forces_of(task)]
         voltages = [abs(voltage) for task in tasks for voltage in film_voltages_of(task)]
+        if any(QUANTITIES[name].of_states for name in tasks[0].ask.names):
+            voltages.append(0.0)  # what is asked of a state begins without voltage
         named = zip(box.names, box.low.tolist(), box.high.tolist(), strict=True)
         return cls(replace(box.specimen, name="family"), tuple(named), (min(forces), max(forces)),
                    (min(voltages), max(voltages)), tasks[0].rig, tasks[0].settings)
@@ -112,7 +108,7 @@ def in_families(tasks: list[SweepTask | None]) -> list[SweepTask | None]:
     result = list(tasks)
     for numbers in groups.values():
         members = [task for number in numbers if (task := tasks[number]) is not None]
-        if len(members) * (_MESH + len(members[0].ids)) < _WORTH:
+        if len(members) * _cost(members[0]) < _WORTH:
             continue
         kin = Kin.of(members)
         if not kin.box:
@@ -120,6 +116,12 @@ def in_families(tasks: list[SweepTask | None]) -> list[SweepTask | None]:
         for number, task in zip(numbers, members, strict=True):
             result[number] = replace(task, kin=kin, family=kin_id(kin))
     return result
+
+
+def _cost(task: SweepTask) -> int:
+    """Equilibria that cost as much as what a family may answer of a task."""
+    answers = [QUANTITIES[name].equilibria for name in task.ask.names]
+    return _MESH + len(task.ids) * (1 + sum(answers))
 
 
 def kin_id(kin: Kin) -> str:
@@ -130,8 +132,9 @@ def kin_id(kin: Kin) -> str:
 def _reducible(task: SweepTask) -> bool:
     """Whether a reduced film has all that is asked of a task."""
     specimen = task.specimen
+    asked = [QUANTITIES[name] for name in task.ask.names]
     if task.fields or task.figures or specimen.plate is None or any(
-            QUANTITIES[name].of_states for name in task.ask.names):
+            quantity.of_states and quantity.by_family is None for quantity in asked):
         return False
     try:
         require_reducible(specimen, task.rig)
@@ -160,18 +163,19 @@ class Batch:
             return {task.id: task.run() for task in self.tasks}
         with one_thread():
             began = time.perf_counter()
-            rows = [family.box.row(task.specimen) for task in self.tasks]
-            loads = [np.meshgrid(forces_of(task), film_voltages_of(task), indexing="ij")
-                     for task in self.tasks]
-            forces, voltages = (np.array([load[part].ravel() for load in loads])
-                                for part in range(2))
-            states = family.states(np.array(rows), forces, voltages)
-            # Of states that are none comparisons are false.
-            sure = (states.holds & (states.error <= EXACT * np.abs(states.deflection))
-                    & (states.tension > _TENSE * states.stress) & states.sound)
-            made = _rows(self.tasks, family, states)
+            rows = FamilyRows.of(
+                family, np.array([family.box.row(task.specimen) for task in self.tasks]),
+                self.tasks[0].rig, *(np.array([loads(task) for task in self.tasks])
+                                     for loads in (forces_of, film_voltages_of)))
+            answers = {name: answer(rows) for name in self.tasks[0].ask.names
+                       if (answer := QUANTITIES[name].by_family) is not None}
+            made = _rows(self.tasks, family, rows.states)
+            sure = rows.sure
+            for films in answers.values():
+                sure &= [[record is not None for record in film] for film in films]
             took = (time.perf_counter() - began) / len(self.tasks)
-        return {task.id: _completed(task, made[number], sure[number], took)
+        return {task.id: _completed(task, made[number], {
+            name: films[number] for name, films in answers.items()}, sure[number], took)
                 for number, task in enumerate(self.tasks)}
 
 
@@ -230,17 +234,22 @@ def _remarks(task: SweepTask) -> Iterator[tuple[str, ...]]:
         yield from repeat(remarks_on(task.specimen, task.rig, mass, highest), len(task.voltages))
 
 
-def _completed(task: SweepTask, rows: list[Row], sure: Array, took: float) -> TaskResult:
-    """Rows of a task, those that are not sure by finite elements."""
+def _completed(task: SweepTask, rows: list[Row], answers: dict[str, list[Record | None]],
+               sure: Array, took: float) -> TaskResult:
+    """Rows of a task and answers to what is asked, those that are not sure by finite elements."""
     began, count = time.perf_counter(), len(task.voltages)
+    asked = replace(task.ask, names=tuple(answers))
     for start, mass in zip(range(0, len(rows), count), task.masses, strict=True):
         missing = [number for number in range(start, start + count) if not sure[number]]
         if not missing:
             continue
-        part = replace(task, masses=(mass,), kin=None, family="",
-                       voltages=tuple(task.voltages[number - start] for number in missing),
-                       ask=Ask())
-        for number, row in zip(missing, part.run().rows, strict=True):
-            rows[number] = row | {"id": task.ids[number]}
-    return TaskResult(rows, task.answers(), took + time.perf_counter() - began)
-
+        part = replace(task, masses=(mass,), kin=None, family="", ask=asked,
+                       voltages=tuple(task.voltages[number - start] for number in missing))
+        solved = part.run()
+        for place, number in enumerate(missing):
+            rows[number] = solved.rows[place] | {"id": task.ids[number]}
+            for name, records in answers.items():
+                records[number] = solved.answers[name][place]
+    found = {name: [record for record in records if record is not None]
+             for name, records in answers.items()}
+    return TaskResult(rows, task.answers() | found, took + time.perf_counter() - began)

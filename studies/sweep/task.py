@@ -163,7 +163,8 @@ class SweepTask:
 
     def answers(self) -> dict[str, list[Record]]:
         """Answers to what is asked of it, where that needs no equilibrium of its cases."""
-        answers: dict[str, list[Record]] = {name: [] for name in self.ask.names}
+        answers: dict[str, list[Record]] = {name: [] for name in self.ask.names
+                                            if not QUANTITIES[name].of_states}
         if not answers:
             return answers
         with _TURN, one_thread():

@@ -11,9 +11,10 @@ import pytest
 import xarray as xr
 
 from tympan.studies.parallel import processes, serial
+from tympan.studies.sweep import strokes
 from tympan.studies.sweep.cluster import cluster
+from tympan.studies.sweep.family_rows import EXACT
 from tympan.studies.sweep.plan import Sweep, read_sweep
-from tympan.studies.sweep.reduced import EXACT
 from tympan.studies.sweep.run import run_sweep
 
 SPECIMEN = """name = "oval"
@@ -147,6 +148,97 @@ def test_limits_are_asked_of_finite_elements_beside_reduced_rows(tmp_path: Path)
         np.testing.assert_array_equal(near[name], known[name])
     asked = planned(tmp_path, ask='ask = ["modes"]\n')
     assert not any(entry.task.family for entry in asked.entries if entry.task)
+
+
+FORCE = """specimen = "oval.toml"
+mass = "17.9 g"
+voltage = {voltages}
+ask = ["force"]
+[sample]
+method = "sobol"
+count = 60
+[sample.ranges]
+"frame.semi_axes.0" = ["4.5 cm", "7.5 cm"]
+"plate.radius" = ["8 mm", "15 mm"]
+"membrane.thickness" = ["0.9 mm", "1.1 mm"]
+"membrane.prestretch.0" = [2.1, 2.4]
+"membrane.prestretch.1" = [2.1, 2.4]
+"""
+
+#: What is asked of the force.
+STROKE = ("blocked_force_N", "work_J", "ideal_work_J", "electrical_in_J", "coupling")
+
+
+def forced(folder: Path, exact: bool = False,
+           voltages: str = '["0 kV", "1 kV", "4 kV", "6 kV"]') -> Sweep:
+    folder.joinpath("oval.toml").write_text(SPECIMEN + 'density = "960 kg/m^3"\n')
+    folder.joinpath("SWEEP.toml").write_text(FORCE.format(voltages=voltages))
+    return read_sweep(folder / "SWEEP.toml", exact=exact)
+
+
+@pytest.fixture(scope="module")
+def pulled(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder of a finished sweep with force, in "out"."""
+    folder = tmp_path_factory.mktemp("pulled")
+    run_sweep(forced(folder), folder / "out", serial)
+    return folder
+
+
+def test_the_force_of_reduced_rows_is_that_of_finite_elements(pulled: Path) -> None:
+    plan, some = forced(pulled, exact=True), slice(None, None, 3)
+    exact = run_sweep(replace(plan, entries=plan.entries[some]), pulled / "exact", serial).table
+    assert exact.sizes["specimen"] == 20
+    assert (exact["by"] == "finite elements").all()
+    near = table(pulled / "out").isel(specimen=some)
+    reduced = (near["by"] == "reduced").values
+    assert reduced.mean() > 0.9
+    assert (near["force_warnings"].values == exact["force_warnings"].values).all()
+    for name in STROKE:
+        known = exact[name].values
+        assert np.isfinite(known[..., 1:]).all()
+        assert np.isnan(known[..., 0]).all()
+        np.testing.assert_allclose(near[name].values, known, rtol=EXACT, err_msg=name)
+        # Of finite elements they are the same to the last digits, so these were not asked.
+        assert (np.abs(near[name].values - known) > 1e-12 * known)[reduced].mean() > 0.6
+
+
+def test_processes_give_the_same_forces(pulled: Path, tmp_path: Path) -> None:
+    before = table(pulled / "out")
+    run_sweep(forced(tmp_path), tmp_path / "two", partial(processes, workers=2))
+    there = table(tmp_path / "two")
+    assert (there["by"] == before["by"]).all()
+    for name in STROKE:
+        np.testing.assert_allclose(there[name], before[name], rtol=1e-9, err_msg=name)
+
+
+def test_forces_beyond_the_family_s_reach_are_those_of_finite_elements(tmp_path: Path) -> None:
+    tables = []
+    for exact in (False, True):
+        plan = forced(tmp_path, exact, '["1 kV", "6 kV", "9 kV", "11 kV"]')
+        part = replace(plan, entries=plan.entries[:2])
+        tables.append(run_sweep(part, tmp_path / f"out-{exact}", serial).table)
+    near, known = tables
+    elements = (near["by"] == "finite elements").values
+    assert elements.any()
+    assert not elements.all()
+    assert (near["status"].values == known["status"].values).all()
+    assert (known["status"] != "equilibrium").any()
+    assert (near["force_warnings"].values == known["force_warnings"].values).all()
+    for name in STROKE:
+        np.testing.assert_allclose(near[name], known[name], rtol=EXACT, err_msg=name)
+        np.testing.assert_allclose(near[name].values[elements], known[name].values[elements],
+                                   rtol=1e-6, err_msg=name)
+
+
+def test_a_row_whose_force_is_not_sure_comes_from_finite_elements(
+        tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    plan = forced(tmp_path, voltages='["1 kV", "3 kV", "4 kV", "5 kV"]')
+    part = replace(plan, entries=plan.entries[:1])
+    assert (run_sweep(part, tmp_path / "sure", serial).table["by"] == "reduced").all()
+    monkeypatch.setattr(strokes, "ESTIMATED", 1e-9)
+    table = run_sweep(part, tmp_path / "unsure", serial).table
+    assert (table["by"] == "finite elements").all()
+    assert table["work_J"].notnull().all()
 
 
 def test_few_specimens_and_exact_ones_keep_the_ids_of_finite_elements(tmp_path: Path) -> None:
