@@ -333,6 +333,8 @@ def _entry(key: str, value: object) -> tuple[str, str]:
     (('max field', '17.768 MV/m'), ('dofs', '1426'))
     >>> _entry("semi_axes_m", [0.06, 0.045])
     ('semi axes', '60, 45 mm')
+    >>> _entry("frame.semi_axes.0_m", 0.06), _entry("statuses", {"equilibrium": 2, "failed": 1})
+    (('frame.semi_axes.0', '60 mm'), ('statuses', '2 equilibrium, 1 failed'))
     """
     si = unit_of(key)
     name = key if si is None else key.removesuffix(suffix_of(si))
@@ -340,4 +342,7 @@ def _entry(key: str, value: object) -> tuple[str, str]:
     numbers: list[Any] = list(value) if isinstance(value, list | tuple) else [value]
     if numbers and all(isinstance(number, float) for number in numbers):
         value = f"{', '.join(f'{factor * number:.5g}' for number in numbers)} {unit}".rstrip()
-    return name.replace("_", " "), str(value)
+    if isinstance(value, dict):
+        value = ", ".join(f"{count} {word}" for word, count in value.items()).replace("_", " ")
+    # The path of a key of a file is written as there.
+    return name if "." in name else name.replace("_", " "), str(value)

@@ -130,6 +130,8 @@ def _failures(view: SweepView) -> Iterator[FailedCases]:
         solved = ~rows_of["status"].isin([WAITING, "failed"])
         if "voltage" in quantity.loads:
             solved &= rows_of["status"] == "equilibrium"
+        if quantity.change:
+            solved &= rows_of["voltage"] != 0
         yield from _alike(name, rows_of[missing.all(axis=1) & solved], reason)
 
 

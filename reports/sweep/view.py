@@ -10,7 +10,7 @@ import pandas as pd
 import xarray as xr
 
 from tympan.fem.results.limit_states import LIMIT_STATES
-from tympan.geometry.units import DIMENSIONS, unit_factor
+from tympan.geometry.units import BENCH, DIMENSIONS, unit_factor
 from tympan.studies.sweep.asked import QUANTITIES
 from tympan.studies.sweep.plan import voltage_of
 from tympan.studies.sweep.run import SweepResult
@@ -32,8 +32,11 @@ class Measure:
         name, si = str(array.name), array.attrs.get("units")
         for key, dimension in DIMENSIONS.items():
             if dimension.si == si:
-                unit = (*dimension.usual, dimension.symbol)[0]
-                size = unit_factor(unit, key) if dimension.usual else 1.0
+                unit, factor = BENCH.get(si, (dimension.symbol, 1.0))
+                size = 1 / factor
+                if dimension.usual:
+                    unit = dimension.usual[0]
+                    size = unit_factor(unit, key)
                 label = name.removesuffix(dimension.suffix)
                 return cls(name, label if "." in name else label.replace("_", " "), unit, size)
         return cls(name, name if "." in name else name.replace("_", " "), "", 1.0)

@@ -98,6 +98,7 @@ class AskedQuantity:
     of their values, or once ``together`` for a list of records, masses first. ``by_family``: how a
     family of films answers it; without, what asks for equilibria needs those of finite elements.
     ``equilibria``: as many cost as much as an answer by finite elements to one of these.
+    ``change``: whether it is what changes from no voltage to that of the case.
     """
 
     name: str
@@ -109,6 +110,7 @@ class AskedQuantity:
     together: bool = False
     by_family: FamilyAnswer | None = None
     equilibria: int = 0
+    change: bool = False
 
     def names(self, circles: int) -> list[str]:
         """Its columns for so many circles at most."""
@@ -145,14 +147,14 @@ QUANTITIES: Registry[AskedQuantity] = Registry("name")
 
 def quantity_of(meaning: str, columns: Mapping[str, str], shown: tuple[str, ...],
                 loads: tuple[str, ...] = (), together: bool = False,
-                by_family: FamilyAnswer | None = None, equilibria: int = 0
-                ) -> Callable[[Answer], AskedQuantity]:
+                by_family: FamilyAnswer | None = None, equilibria: int = 0,
+                change: bool = False) -> Callable[[Answer], AskedQuantity]:
     """Make a function the quantity of its name."""
     def registered(answer: Answer) -> AskedQuantity:
         name = answer.__name__.strip("_")
         made: AskedQuantity = QUANTITIES.register(
             AskedQuantity(name, meaning, columns, shown, loads, answer, together, by_family,
-                          equilibria))
+                          equilibria, change))
         return made
 
     return registered
@@ -232,7 +234,7 @@ def _force_by_family(rows: FamilyRows) -> list[list[Record | None]]:
     "electrical_in_J": "energy that the supply gives in that cycle",
     "coupling": "ideal work over that energy",
 }, shown=("blocked_force_N", "work_J"), loads=("mass", "voltage"), by_family=_force_by_family,
-             equilibria=10)
+             equilibria=10, change=True)
 def _force(asked: SolvedCase) -> Record:
     case, state = asked.case, asked.outcome.state
     if asked.outcome.status != "equilibrium" or not case.voltage:

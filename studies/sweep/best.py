@@ -1,7 +1,9 @@
 """The best cases of a sweep: the largest of a result at one voltage, conditions kept on the way.
 
 A film goes through every voltage from the lowest to that one, and its stress, for one, is largest
-without voltage. So a condition on what depends on the voltage must hold at all of them.
+without voltage. So a condition on what depends on the voltage must hold at all of them. Strokes,
+and what else changes from no voltage to one, are none at first: a least one must be reached at that
+voltage alone.
 """
 
 from __future__ import annotations
@@ -17,6 +19,7 @@ import numpy as np
 from tympan.geometry.errors import InputError
 from tympan.geometry.toml_reader import one_of
 from tympan.geometry.units import DIMENSIONS, quantity, unit_of
+from tympan.studies.sweep.asked import QUANTITIES
 from tympan.studies.sweep.plan import voltage_of
 from tympan.studies.sweep.table import LOADS, beyond_limits, column_name
 
@@ -63,6 +66,9 @@ class Condition:
         if "voltage" not in values.dims:
             return values, None
         farthest = _SIGNS[self.sign][1]
+        if farthest == "min" and self.column in _changes():
+            there = values.isel(voltage=-1)
+            return there, there.copy(data=np.full(there.shape, values["voltage"][-1]))
         never = -np.inf if farthest == "max" else np.inf
         place = getattr(values.fillna(never), f"arg{farthest}")("voltage")
         return getattr(values, farthest)("voltage"), values["voltage"][place]
@@ -161,6 +167,12 @@ def best(table: xr.Dataset, of: str = "stroke", at: float | str | None = None,
     return Best(column, volts, tuple(condition.text for condition in conditions),
                 int(reached.size), int(reached.sum()), kept, rows,
                 _ends(table, places[0]) if places else ())
+
+
+def _changes() -> set[str]:
+    """Columns of what changes from no voltage to that of the row."""
+    return {"stroke_m", *(column for quantity in QUANTITIES.values() if quantity.change
+                          for column in quantity.columns)}
 
 
 def column_of(name: str, table: xr.Dataset, key: str = "under") -> str:

@@ -71,8 +71,8 @@ class Kin:
         box = Box.of([task.specimen for task in tasks])
         forces = [force for task in tasks for force in forces_of(task)]
         voltages = [abs(voltage) for task in tasks for voltage in film_voltages_of(task)]
-        if any(QUANTITIES[name].of_states for name in tasks[0].ask.names):
-            voltages.append(0.0)  # what is asked of a state begins without voltage
+        if any(QUANTITIES[name].change for name in tasks[0].ask.names):
+            voltages.append(0.0)
         named = zip(box.names, box.low.tolist(), box.high.tolist(), strict=True)
         return cls(replace(box.specimen, name="family"), tuple(named), (min(forces), max(forces)),
                    (min(voltages), max(voltages)), tasks[0].rig, tasks[0].settings)

@@ -95,9 +95,14 @@ class SweepResult:
                              "have an equilibrium by the equations")
         return found
 
+    @property
+    def by(self) -> dict[str, int]:
+        """Numbers of rows from a reduced film and from finite elements, by these words."""
+        return dict(Counter(filter(None, self.table["by"].values.ravel().tolist())))
+
     def json(self) -> dict[str, Any]:
         """Result as a JSON object, without the table."""
-        return {"cases": sum(self.statuses.values()), "statuses": self.statuses,
+        return {"cases": sum(self.statuses.values()), "statuses": self.statuses, "by": self.by,
                 "solved": self.solved, "kept": self.kept, "warnings": self.warnings}
 
     def save(self, folder: Path) -> None:

@@ -115,6 +115,37 @@ def test_a_map_of_too_many_cases_has_some_of_them(view: SweepView, monkeypatch) 
     assert "; 2 of 4 cases</figcaption>" in render_sweep(view.result, [])
 
 
+def test_what_there_is_not_without_voltage_has_not_failed(tmp_path: Path) -> None:
+    sweep = read(tmp_path, TEXT.replace('"alpha", "limits"', '"force"'))
+    results = {}
+    for entry in sweep.entries:
+        if entry.task is None:
+            continue
+        made = made_up(entry.task)
+        records = [{"warnings": ["there is no stroke without voltage"]} if not number % 3 else
+                   {"warnings": ["no stroke was found"]} if number == 1 else
+                   {"blocked_force_N": 0.0123, "work_J": 4.5e-6, "warnings": []}
+                   for number in range(len(made.rows))]
+        results[entry.task.id] = TaskResult(made.rows, {"force": records})
+    table = dataset(sweep, results)
+    text = render_sweep(SweepResult({}, 0, 0, "us", "", False, table), [])
+    assert "there is no stroke without voltage" not in text
+    assert "no stroke was found" in text
+    assert "blocked force [mN]" in text
+    assert "work [mJ]" in text
+    assert ">12.3<" in text
+    assert ">0.0045<" in text
+
+
+def test_the_page_says_how_many_rows_a_reduced_film_solved(view: SweepView) -> None:
+    assert "by a reduced film" not in render_sweep(view.result, [])
+    table = view.table.copy(deep=True)
+    table["by"][:, :, :, 1:] = "reduced"
+    count = int((table["by"] == "reduced").sum())
+    assert f"cases, {count} of them by a reduced film." in render_sweep(
+        replace(view.result, table=table), [])
+
+
 def test_the_page_names_the_voltage_of_its_maps(view: SweepView) -> None:
     assert "All films are compared at one voltage, 4 kV" in render_sweep(view.result, [])
     text = render_sweep(replace(view.result, at_V=2e3), [])

@@ -63,7 +63,8 @@ def study(options: argparse.Namespace) -> None:
                   help='also list the cases with the largest of a result, such as "stroke"'),
          argument("--under", metavar="CONDITION", action="append", default=[],
                   help='that they keep at every voltage up to that, such as "max_true_stress < '
-                       '131 kPa, breakdown_margin > 1.5"'),
+                       '131 kPa, breakdown_margin > 1.5"; a least stroke, force or work is one at '
+                       "that voltage"),
          argument("--exact", action="store_true",
                   help="solve every row by finite elements; without, many specimens that differ in "
                        "numbers alone are solved by a reduced film, its error in each row"),

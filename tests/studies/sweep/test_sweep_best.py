@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections import Counter
 from dataclasses import replace
 from pathlib import Path
@@ -111,6 +112,33 @@ def test_conditions_at_the_voltage_alone_would_let_films_pass(result: SweepResul
     assert len(there) > len(result.best(under="max_true_stress < 120 kPa", count=100).rows) > 0
 
 
+def test_a_least_stroke_is_one_at_the_voltage_itself(result: SweepResult) -> None:
+    """Without voltage no film has any; a largest one holds on the way, too."""
+    rows = frame(result.table)
+    there = rows[(rows["voltage_V"] == 4e3) & (rows["stroke_m"] > 0.6)]
+    answer = result.best("max_true_stress", under="stroke > 0.6 m", count=100)
+    assert len(answer.rows) == len(there) == answer.kept["stroke > 0.6 m"]
+    assert 0 < len(there) < answer.equilibria
+    for row in answer.rows:
+        reached = row["limited"]["stroke > 0.6 m"]
+        assert reached["at_V"] == 4e3
+        assert reached["value"] > 0.6
+    assert len(result.best(under="stroke <= 0.6 m", count=100).rows) == (
+        answer.equilibria - len(there))
+    assert not result.best(under="deflection > 1 m", at=0.0).rows
+
+
+def test_a_least_force_is_one_at_the_voltage_itself(result: SweepResult) -> None:
+    table = result.table.assign(blocked_force_N=(
+        10 * result.table["stroke_m"]).where(result.table["voltage"] > 0))
+    table["blocked_force_N"].attrs["units"] = "N"
+    found = replace(result, table=table)
+    forced = found.best(under="blocked_force > 6 N", count=100)
+    assert [row["plate.radius_m"] for row in forced.rows] == [
+        row["plate.radius_m"] for row in found.best(under="stroke > 0.6 m", count=100).rows]
+    assert forced.rows
+
+
 def test_a_limit_that_was_never_reached_is_beyond_any(result: SweepResult) -> None:
     answer = result.best("stroke", under="breakdown_V > 8 kV, pull_in > 4 kV", count=100)
     assert {row["plate.radius_m"] for row in answer.rows} == {0.01, 0.011}
@@ -186,7 +214,10 @@ def test_command_and_python_answer_alike(tmp_path: Path, capsys) -> None:
     assert first["stroke_m"] == pytest.approx(charged.deflection_m - rest.deflection_m, rel=1e-5)
     assert first["limited"][under]["value"] == pytest.approx(rest.max_true_stress_Pa, rel=1e-6)
     assert main(line[:-1]) == 0
-    assert f"{under}: {rest.max_true_stress_Pa / 1e3:.5g} kPa at 0 kV" in capsys.readouterr().out
+    words = capsys.readouterr().out
+    assert f"{under}: {rest.max_true_stress_Pa / 1e3:.5g} kPa at 0 kV" in words
+    assert re.search("statuses +6 equilibrium\nby +6 finite elements\n", words)
+    assert swept.by == {"finite elements": 6}
 
 
 @pytest.mark.parametrize(("asked", "words"), [
