@@ -93,12 +93,6 @@ class VoltageCurve:
     band: Array = field(default_factory=lambda: np.empty((3, 0)))
 
     @property
-    def pull_in(self) -> float | None:
-        """The voltage of pull-in [kV]."""
-        limit = self.limits.pull_in
-        return None if limit is None else limit.voltage_V / 1e3
-
-    @property
     def end(self) -> str:
         """Its first limit, and how it ends, in words with numbers."""
         limits = self.limits
@@ -121,17 +115,20 @@ class VoltageCurve:
     def parts(self) -> tuple[Points, Points, Points]:
         """Masks of the line's points before its first limit, beyond it, and beyond its end.
 
-        Beyond a snap the plate is at rest as before it.
         The last are those of a film that thins, were it kept from wrinkling. Each part begins where
         the one before it ends.
         """
         way = self.way
         y = way * self.line[1]
-        first = next((limit for limit in self.limits.reached if limit.state.signs), None)
-        ends = first, self.limits.end if self.limits.thins else None
+        ends = self.first, self.limits.end if self.limits.thins else None
         low, high = (np.inf if limit is None else way * self.deflection_at(limit)
                      for limit in ends)
         return (y <= low + _SAME, (y >= low - _SAME) & (y <= high + _SAME), y >= high - _SAME)
+
+    @property
+    def first(self) -> Limit | None:
+        """Its first limit; beyond a snap the plate is at rest as before it."""
+        return next((limit for limit in self.limits.reached if limit.state.signs), None)
 
     def deflection_at(self, limit: Limit) -> float:
         """Deflection on the curve at a limit: the curve has a point there."""

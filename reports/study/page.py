@@ -148,7 +148,7 @@ def _shares_of_load(ends: Sequence[dict[str, Any]], least: float) -> list[float]
 def strokes(run: StudyView) -> str:
     """Stroke of each plate by the voltage, under the picture's mass or the curves' lightest.
 
-    Over the voltages that were asked for, or as far as each film goes.
+    Over the voltages that were asked for, or to each film's first limit.
     """
     masses = sorted({curve.mass for item in run.specimens for curve in item.curves})
     if not masses:
@@ -163,14 +163,19 @@ def strokes(run: StudyView) -> str:
 
 
 def stroke(name: str, curve: VoltageCurve, low: float, high: float) -> dict[str, Any]:
-    """Travel of one plate [mm] between two voltages [kV], or before it pulls in."""
+    """Travel of one plate [mm] between two voltages [kV], or to the film's first limit."""
     end = float(curve.voltage[-1]) if len(curve.voltage) else -1.0
     if end < low:
         trouble = "it pulls in at once" if len(curve.voltage) else "no equilibrium"
         return {"name": name, "trouble": trouble}
-    pull_in = curve.pull_in if curve.pull_in is not None and curve.pull_in < high else None
-    return {"name": name, "trouble": "", "pull_in": pull_in, "end": min(end, high),
-            "stroke": curve.at(min(end, high)) - curve.at(low)}
+    limit = curve.first
+    if limit is None or limit.voltage_V >= 1e3 * high:
+        return {"name": name, "trouble": "", "limit": None, "end": min(end, high),
+                "stroke": curve.at(min(end, high)) - curve.at(low)}
+    if limit.voltage_V < 1e3 * low:
+        return {"name": name, "trouble": f"it {limit.state.verb} at {limit.text}"}
+    return {"name": name, "trouble": "", "limit": limit,
+            "stroke": curve.deflection_at(limit) - curve.at(low)}
 
 
 def _mixtures(alphas: Sequence[AlphaResult]) -> str:

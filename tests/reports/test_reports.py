@@ -390,9 +390,8 @@ def test_pull_in_is_told_and_marked(stored: StudyView, page: Page) -> None:
     limited = Limits(pull_in=Limit(kind="pull_in", voltage_V=8234.0, x_m=0.0, y_m=0.0),
                      ended="the film pulls in")
     curve = replace(stored.specimens[0].curves[0], limits=limited)
-    assert curve.pull_in == 8.234
     assert curve.end == "pulls in at 8.234 kV (the limit)"
-    assert "pull_in" in html.stroke("a", curve, 0.0, 40.0)
+    assert html.stroke("a", curve, 0.0, 40.0)["limit"] == limited.pull_in
     # An ordinary limit is no warning, as it stands in the table with its place.
     assert not list(html.curve_warnings("circular", curve))
     for item in stored.specimens:
@@ -501,6 +500,19 @@ def curve_to(end: float, thins: bool) -> VoltageCurve:
                     ended="the film pulls in")
     deflection = 2 + 8 * (voltage / voltage[-1]) ** 6
     return VoltageCurve(10.0, limits, voltage, deflection, np.zeros(0), (), np.zeros(0))
+
+
+def test_a_stroke_ends_at_the_first_limit() -> None:
+    """Not at a pull-in that only a film kept from wrinkling would reach."""
+    curve = curve_to(8.0, True)
+    found = html.stroke("a", curve, 0.0, np.inf)
+    assert found["limit"].kind == "tension"
+    assert found["stroke"] == pytest.approx(8 * (8.0 / 8.2) ** 6, rel=0.05)
+    before = html.stroke("a", curve, 2.0, 6.0)
+    assert before["limit"] is None
+    assert before["stroke"] == pytest.approx(8 * ((6 / 8.2) ** 6 - (2 / 8.2) ** 6), rel=0.05)
+    assert html.stroke("a", curve, 8.1, 8.2) == {"name": "a", "trouble":
+                                                 "it loses tension at 8 kV"}
 
 
 @pytest.mark.parametrize(("ends", "words"), [
