@@ -20,7 +20,7 @@ from tympan.geometry.outlines.outline import SMALLEST
 from tympan.geometry.paths import any_complex
 from tympan.geometry.rays import exits
 from tympan.geometry.toml_reader import NON_NEGATIVE, POSITIVE, Rule
-from tympan.geometry.units import quantities_text
+from tympan.geometry.units import place_text, quantities_text
 
 Stretch = NDArray[np.float64] | NDArray[np.complex128]
 Pair = tuple[float, float]
@@ -343,16 +343,22 @@ class Specimen:
 
     def _check_plate(self) -> None:
         gap, (x, y) = self._narrowest
-        place = f"{x * 1e3:.4g}, {y * 1e3:.4g} mm"
+        place = place_text(x, y)
         if gap <= 0:
             raise InputError(f"the plate must lie inside the frame: it reaches {-gap * 1e3:.4g} mm "
-                             f"beyond it at {place}", key="plate",
-                             given="offset "
-                                   + quantities_text(self.needed_plate().offset, "length"))
+                             f"beyond it at {place}", key="plate", given=self._plate_words)
         if gap < 1e-3 * max(self.frame.semi_axes):
             raise InputError("the plate must leave a gap of at least a thousandth of the frame's "
                              "half extent", key="plate",
                              given=f"a gap of {gap * 1e3:.4g} mm at {place}")
+
+    @property
+    def _plate_words(self) -> str:
+        """The plate's shape, size and offset."""
+        plate = self.needed_plate()
+        size = " × ".join(f"{2e3 * half:.4g}" for half in plate.outline.semi_axes)
+        moved = f", offset {quantities_text(plate.offset, 'length')}" if any(plate.offset) else ""
+        return f"{plate.outline.shape.replace('_', ' ')} of {size} mm{moved}"
 
     def _check_electrode(self) -> None:
         if self.electrode.outline is not None:

@@ -20,7 +20,7 @@ from tympan.geometry.errors import InputError
 from tympan.geometry.process.interruption import signals_wait
 from tympan.geometry.read_file import file_text
 from tympan.geometry.specimen import Specimen, Unbuildable
-from tympan.geometry.toml_reader import WHOLE, Rule, Table
+from tympan.geometry.toml_reader import WHOLE, Rule, Table, one_of
 from tympan.geometry.units import DIMENSIONS, any_quantity, quantity
 from tympan.studies.alpha import AlphaSettings
 from tympan.studies.case import Case, Settings
@@ -197,9 +197,12 @@ def voltage_of(voltages: Sequence[float], at: float | str | None) -> float:
 def _ask(table: Table) -> Ask:
     """Questions on every specimen, and the circles that stand for it."""
     names = table.value("ask", [])
-    if (not isinstance(names, list) or len(set(map(repr, names))) < len(names)
-            or not all(isinstance(name, str) and name in QUANTITIES for name in names)):
-        raise table.error("ask", f"must be a list of any of {', '.join(QUANTITIES)}", names)
+    if not isinstance(names, list) or len(set(map(repr, names))) < len(names):
+        raise table.error("ask", f"must be a list of different ones of {', '.join(QUANTITIES)}, "
+                                 'such as ["limits"]', names)
+    for name in names:
+        if not isinstance(name, str) or name not in QUANTITIES:
+            raise table.error("ask", one_of(name, QUANTITIES), name)
     default = AlphaSettings()
     circles = int(table.number("circles", default=default.circles, rule=WHOLE))
     radii = table.text("radii", default.radii)

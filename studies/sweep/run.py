@@ -29,6 +29,7 @@ from tympan.studies.sweep.reduced import Batch, batches
 from tympan.studies.sweep.table import beyond_limits, dataset, read_table, write_tables
 from tympan.studies.sweep.task import (
     EXACT_ROW,
+    FAILED,
     SweepTask,
     TaskResult,
     solver,
@@ -47,6 +48,9 @@ Progress = Callable[[int, int], None]
 
 #: Called after each task with what answers the result so far.
 Watch = Callable[[Callable[[], "SweepResult"]], None]
+
+#: Reasons for cases without result that are told: a screen has room for these.
+_REASONS = 3
 
 #: What a finished sweep leaves beside its tasks, and its page.
 FILES = ("sweep.nc", "sweep.parquet", "sweep.csv", "sweep.json", "sweep.html")
@@ -96,6 +100,18 @@ class SweepResult:
         return found
 
     @property
+    def failures(self) -> list[str]:
+        """Sentences: so many cases have no result, with the reason, the most frequent first."""
+        status = self.table["status"].values.ravel().tolist()
+        reasons = Counter(reason for kind, reason in zip(
+            status, self.table["warnings"].values.ravel().tolist(), strict=True)
+            if kind in (FAILED, "not_converged"))
+        found = [f"{count} case{'s' * (count > 1)} without result: {reason}"
+                 for reason, count in reasons.most_common(_REASONS)]
+        left = sum(reasons.values()) - sum(count for _, count in reasons.most_common(_REASONS))
+        return found + [f"{left} more cases without result: the page has all reasons"] * (left > 0)
+
+    @property
     def by(self) -> dict[str, int]:
         """Numbers of rows from a reduced film and from finite elements, by these words."""
         return dict(Counter(filter(None, self.table["by"].values.ravel().tolist())))
@@ -103,7 +119,8 @@ class SweepResult:
     def json(self) -> dict[str, Any]:
         """Result as a JSON object, without the table."""
         return {"cases": sum(self.statuses.values()), "statuses": self.statuses, "by": self.by,
-                "solved": self.solved, "kept": self.kept, "warnings": self.warnings}
+                "solved": self.solved, "kept": self.kept,
+                "warnings": [*self.warnings, *self.failures]}
 
     def save(self, folder: Path) -> None:
         """Write ``sweep.nc``, ``sweep.parquet``, ``sweep.csv`` and last ``sweep.json``."""

@@ -234,7 +234,11 @@ def test_an_impossible_combination_is_a_row_with_the_reason(tmp_path) -> None:
     summary = run_sweep(read(tmp_path, text), tmp_path / "out", serial)
     assert summary.statuses == {"equilibrium": 1, "no_equilibrium": 1, "failed": 2}
     cases = table(tmp_path / "out")
-    assert "plate must lie inside the frame" in str(cases["warnings"][0, 1, 0, 0].item())
+    reason = str(cases["warnings"][0, 1, 0, 0].item())
+    assert reason == ("plate: given 'circle of 100 × 100 mm': the plate must lie inside the frame: "
+                      "it reaches 5 mm beyond it at x 0.0 mm, y 45.0 mm")
+    assert summary.failures == [f"2 cases without result: {reason}"]
+    assert summary.json()["warnings"] == summary.failures
     assert "thins without bound" in str(cases["warnings"][0, 0, 0, 1].item())
     assert np.isnan(cases["deflection_m"].values).tolist() == [[[[False, True]], [[True, True]]]]
 

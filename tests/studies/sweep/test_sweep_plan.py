@@ -145,7 +145,7 @@ REFUSED = {
     "undotted": (LOADS + '[grid]\nplate.radius = ["1 cm"]',
                  r"grid.plate: must be a list; write a dotted key"),
     "ask": (LOADS + 'ask = ["alfa"]',
-            r"SWEEP.toml: ask: given .*'alfa'.*: must be a list of any of alpha, limits, modes"),
+            r"SWEEP.toml: ask: given 'alfa': must be one of alpha, .*; did you mean 'alpha'"),
     "asked twice": (LOADS + 'ask = ["modes", "modes"]', r"SWEEP.toml: ask: "),
     "circles": (LOADS + 'circles = 7', r"SWEEP.toml: circles: given 7: must be from 1 to 6"),
     "radii": (LOADS + 'radii = "best"', r"SWEEP.toml: radii: given 'best': must be one of"),
