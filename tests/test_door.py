@@ -562,7 +562,7 @@ def test_lumped_models_are_those_of_the_commands(tmp_path: Path,
     (lambda film: tympan.MeshSettings(growth="x"), "growth: given 'x': must be a number"),
     (lambda film: tympan.Polygon([3, 4, 5]), "vertices.*must be pairs of numbers"),
     (lambda film: replace(film, plate=tympan.Plate(tympan.Circle(0.01), (0.04, 0.0))),
-     "plate: given 'offset 40 mm, 0 mm': the plate must lie inside"),
+     "plate: given 'circle of 20 × 20 mm, offset 40 mm, 0 mm': the plate must lie inside"),
     (lambda film: tympan.export(film, "x", width="20 m"), "width: given '20000 mm': must be from"),
 ])
 def test_a_wrong_argument_is_one_clear_message(call: Any, words: str) -> None:
