@@ -69,17 +69,22 @@ class ExactFilm:
         return [equilibrium(self._model, self._load, self._across(share),
                             settings=self.settings.path) for share in shares]
 
-    @cached_property
+    @property
+    def _there(self) -> NDArray[np.bool_]:
+        """Mask of those that are equilibria."""
+        return np.array([outcome.status == "equilibrium" for outcome in self.outcomes])
+
+    @property
     def sound(self) -> bool:
-        """Whether all are equilibria."""
-        return all(outcome.status == "equilibrium" for outcome in self.outcomes)
+        """Whether those without and under the voltage are equilibria."""
+        return bool(self._there[:2].all())
 
     @cached_property
     def _fields(self) -> list[Fields]:
         return node_fields(self._model, [outcome.state for outcome in self.outcomes])
 
     def _row(self, values: Sequence[float]) -> Array:
-        return np.array([values]) if self.sound else np.full((1, len(values)), np.nan)
+        return np.where(self._there, [values], np.nan)
 
     @property
     def deflection(self) -> Array:
@@ -92,11 +97,17 @@ class ExactFilm:
 
     @property
     def stress(self) -> Array:
-        return self._row([each.stress_1.max() for each in self._fields])
+        """Largest stress; beyond a limit that of the last equilibrium before it."""
+        stress = np.array([[each.stress_1.max() for each in self._fields]])
+        return stress if self.sound else np.full_like(stress, np.nan)
 
     @property
     def tension(self) -> Array:
-        return self._row([each.stress_2.min() for each in self._fields])
+        """Least tension; beyond a limit as if the film bore compression."""
+        found = self._row([each.stress_2.min() for each in self._fields])
+        if self.sound and not self._there.all():  # falls with U², to 0 at the limit
+            found[0, -1] = found[0, 0] * (1 - (self.margin / self.limit[0]) ** 2)
+        return found
 
     @property
     def electric(self) -> Array:

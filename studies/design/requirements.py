@@ -11,6 +11,7 @@ from typing import Any, Self
 
 from tympan.fem.film.library import library_material, load_specimen
 from tympan.fem.rig import MOST_MASS, MOST_VOLTAGE, Rig
+from tympan.geometry.errors import InputError
 from tympan.geometry.fields import checks_types, field_at, fields_of, read
 from tympan.geometry.outlines import area, perimeter
 from tympan.geometry.paths import at
@@ -20,6 +21,7 @@ from tympan.studies.case import Settings
 from tympan.studies.design.quantities import BREAKDOWN, LIMITS, QUANTITIES, REDUCED, TENSION
 from tympan.studies.design.ranges import Vary
 from tympan.studies.films.box import SPRING, varying
+from tympan.studies.films.family import require_reducible
 from tympan.studies.limits.loads import usual_masses, usual_voltages
 from tympan.studies.paper.actuators import FILES
 from tympan.studies.tolerance.given import Tolerances
@@ -42,6 +44,9 @@ NOTHING = "nothing"
 #: Ways to search, by their words in files, and whether it is by finite elements.
 _SEARCHES = {"reduced films": False, "finite elements": True}
 _WORDS = {exact: words for words, exact in _SEARCHES.items()}
+
+#: Number below 0 that tells which numbers may be there: offsets and exponents, no length.
+_SIGNED = 1e-3
 
 _SHARE: Rule = (lambda x: 0.5 <= x <= 0.99, "must be a share of the films from 0.5 to 0.99")
 _LAYERS: Rule = (lambda x: x == int(x) and 1 <= x <= 100, "must be whole numbers from 1 to 100")
@@ -108,6 +113,11 @@ class Requirements:
             if key in table:
                 raise table.error(key, 'needs search = "finite elements"')
         specimens = _specimens(table, exact)
+        for specimen in () if exact else specimens:
+            try:
+                require_reducible(specimen, rig)
+            except InputError as error:
+                raise error.located(file=table.file) from None
         variables = _variables(table, specimens, rig, exact)
         loads = _loads(table, specimens, rig, variables, exact)
         bounds, best = _wanted(table, specimens, exact)
@@ -179,7 +189,10 @@ def _specimen(table: Table, key: str, name: str) -> Specimen:
 def _films(table: Table) -> list[dict[str, Any]]:
     """Films of one entry of the catalogue: every thickness in every number of layers."""
     name = table.text("material") if "material" in table else ""
-    material = {"material": library_material(name)} if name else {}
+    try:
+        material = {"material": library_material(name)} if name else {}
+    except InputError as error:
+        raise table.error("material", error.allowed, name) from None
     thicknesses = table.numbers("thickness", "length", rule=POSITIVE)
     layers = table.numbers("layers", default=(1,), rule=_LAYERS)
     table.asked.add("material")
@@ -252,6 +265,9 @@ def _variables(table: Table, specimens: tuple[Specimen, ...], rig: Rig, exact: b
     for key, given in inner.data.items():
         if key not in known:
             instead = next((words[key] for words in map(_halves, specimens) if key in words), "")
+            if exact and any(key in _keys(each, False) for each in specimens):
+                instead = ("a search by finite elements, as without [want], varies lengths of "
+                           "frame and plate alone; ")
             raise inner.error(key, instead + one_of(key, known), given)
         if key == SPRING and rig.spring:
             raise inner.error(key, "is given in [rig], and varies, too: only one of both", given)
@@ -279,7 +295,9 @@ def _varied(table: Table, key: str, names: tuple[str, ...], specimen: Specimen, 
     else:
         declared = field_at(specimen, tuple(names[0].split(".")))
         dimension = declared.says.dimension if declared is not None else ""
-        rule = FINITE if exact else POSITIVE
+        declared_rule = declared.says.rule if declared is not None else None
+        signed = declared_rule is not None and declared_rule[0](-_SIGNED)
+        rule = FINITE if exact or signed else POSITIVE
     low, high = table.numbers(key, dimension, count=2, rule=rule)
     if not low < high:
         raise table.error(key, "must be a lower and a larger upper bound", table.data[key])
@@ -346,8 +364,8 @@ def _wanted(table: Table, specimens: tuple[Specimen, ...], exact: bool
                 inner.asked.add(key)
                 continue
             if given in _BEST.values():
-                raise inner.error(key, f'must be "{_BEST[quantity.gain]}" in [want], or a bound: '
-                                       f"{quantity.sense}", given)
+                raise inner.error(key, f'must be "{_BEST[quantity.gain]}" in [want], or a number '
+                                       f"that it is to be {quantity.sense}", given)
             if key in bounds:
                 raise inner.error(key, "has a bound in [want], too: only one of both", given)
             bounds[key] = inner.number(key, quantity.dimension, rule=quantity.rule)
@@ -361,6 +379,7 @@ def _wanted(table: Table, specimens: tuple[Specimen, ...], exact: bool
 
 
 def _front(table: Table) -> tuple[str, str] | None:
+    table.asked.add("front")
     if "front" not in table:
         return None
     pair = table.texts("front")

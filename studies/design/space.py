@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -14,7 +14,7 @@ from scipy.stats import qmc
 from tympan.fem.rig import Rig
 from tympan.geometry.errors import InputError
 from tympan.geometry.outlines import area
-from tympan.geometry.paths import at
+from tympan.geometry.paths import at, with_numbers
 from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Settings
 from tympan.studies.design.ranges import Ranges, Vary
@@ -28,6 +28,10 @@ Array = NDArray[Any]
 
 #: Random films among which searches begin, a power of two.
 _RANDOM = 512
+#: Where in its range a length of the plate is in the film whose mesh moves to all others; a length
+#: of the frame is as far from its other end. From the middle film's mesh none reaches 2 % of random
+#: films about the smallest gaps of an ellipse; from there one reaches all.
+_NARROW = 0.75
 #: How the family is made: what its estimate leaves, finite elements correct at the end.
 _FAMILY = FamilySettings(error=1e-3, rounds=2, candidates=128, checks=8)
 
@@ -104,6 +108,22 @@ class FamilyFilms:
         return np.asarray(self.states.holds.all(1) & self.states.sound[:, :2].all(1))
 
 
+def _meshed(middle: Specimen, box: Mapping[str, tuple[float, float]]) -> Specimen:
+    """The film whose mesh moves to all others: with a narrow gap, as a mesh is better drawn out.
+
+    A mesh of the middle film that moves to a small frame with a large plate turns elements over.
+    """
+    places = {name: (1 - _NARROW if name.startswith("frame.") else _NARROW)
+              for name in box if name.startswith(("frame.", "plate.outline."))}
+    try:
+        narrow: Specimen = with_numbers(middle, {
+            name: box[name][0] + share * (box[name][1] - box[name][0])
+            for name, share in places.items()})
+    except InputError:
+        return middle
+    return narrow
+
+
 @dataclass(frozen=True, eq=False)
 class DesignSpace(Ranges):
     """Films of one specimen whose numbers vary as requirements allow, and scatter."""
@@ -142,8 +162,8 @@ class DesignSpace(Ranges):
         most = float(rig.film_voltage(requirements.voltage * requirements.margin))
         force = (float(rig.force(masses[0] * loads[LOAD][0], plate)),
                  float(rig.force(masses[1] * loads[LOAD][1], plate)))
-        family = FilmFamily.around(middle, box, force, (0.0, most * loads[AMPLIFIER][1]), rig,
-                                   settings, _FAMILY)
+        family = FilmFamily.around(_meshed(middle, box), box, force,
+                                   (0.0, most * loads[AMPLIFIER][1]), rig, settings, _FAMILY)
         return cls(middle, variables, requirements, family, scatter)
 
     @cached_property

@@ -19,6 +19,7 @@ from tympan.options import (
     command,
     either,
     finish,
+    naming_file,
     naming_options,
     output,
     parse_quantity,
@@ -150,7 +151,7 @@ def design(options: argparse.Namespace) -> None:
     if requirements.held:
         options.command = "design by finite elements"  # stored, drawn and told as such
         options.output = options.output or Path("optimum")
-    with bar(requirements.steps) as progress:
+    with naming_file(options.requirements), bar(requirements.steps) as progress:
         result = best_films(requirements, read_settings(options), progress, _workers(options))
     finish(options, result, ends=END_VERBS)
 

@@ -16,7 +16,7 @@ from scipy.stats import qmc
 
 import tympan
 from tests.oracles import axisymmetric
-from tests.support.specimens import ROUND, SOFT, reference_film, specimen_toml
+from tests.support.specimens import OVAL, ROUND, SOFT, reference_film, specimen_toml
 from tympan.cli import main
 from tympan.fem.film.laws import Ogden
 from tympan.fem.film.library import load_specimen
@@ -224,6 +224,18 @@ blocked_force = "41.052 mN"
 """
 
 
+def test_a_film_that_ends_before_its_margin_has_all_other_numbers() -> None:
+    """It misses its margin by little, as the one that ends after it keeps it by little."""
+    film = load_specimen(FILES["elliptical-large"])
+    ends = ExactFilm(film, MASS, 6.5e3, Rig(), Settings()).limit[0]
+    before, beyond = (ExactFilm(film, MASS, 6.5e3, Rig(), Settings(), share * ends)
+                      for share in (0.99, 1.01))
+    for key in ("stroke", "work", "max_true_stress", "blocked_force", "frequency"):
+        assert QUANTITIES[key].of(beyond)[0] == pytest.approx(QUANTITIES[key].of(before)[0])
+    kept, lost = (misses("tension_margin", 1.2, each)[0] for each in (before, beyond))
+    assert -0.1 < kept < 0 < lost < 0.1
+
+
 def test_films_are_refused_by_the_share_that_keeps_all_bounds_alone(tmp_path: Path) -> None:
     """With equal margins of all bounds 93 % keep them; of the answer's other copies 95 % do."""
     wanted = requirements(tmp_path, BETWEEN, 'material = "vhb-4910-neo-hooke"',
@@ -291,6 +303,21 @@ def test_no_film_of_the_equations_meets_what_is_impossible(tmp_path: Path) -> No
     kept = np.array([min(stroke(film) / 0.4e-3, frequency(film) / 11.2) - 1 for film in films])
     assert kept.max() < answer.aim + 1e-3 < 0
     assert kept.max() == pytest.approx(answer.aim, abs=0.03)
+
+
+def test_the_smallest_gap_in_the_ranges_is_searched_too(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A mesh of the middle film cannot move there; the frequency is that of finite elements."""
+    requirements(tmp_path, '[want]\nstroke = "largest"\nfrequency = "40 Hz"\n[vary]\n'
+                 '"frame.semi_axes.0" = ["30 mm", "60 mm"]\n"frame.semi_axes.1" = '
+                 '["25 mm", "45 mm"]\n"plate.radius" = ["6 mm", "15 mm"]', frame=OVAL)
+    assert main(["design", str(tmp_path / "wanted.toml")]) == 0
+    printed = capsys.readouterr().out
+    assert "of the bound that is missed most" in printed
+    assert "of stroke" not in printed
+    film = design(Requirements.read(tmp_path / "wanted.toml")).films[0]
+    assert {key: number.value for key, number in film.numbers.items()} == pytest.approx(
+        {"frame.semi_axes.0": 0.03, "frame.semi_axes.1": 0.025, "plate.radius": 0.015}, rel=1e-3)
 
 
 def test_what_cannot_be_met_says_which_bound_binds_and_what_can_be(tmp_path: Path) -> None:
@@ -420,6 +447,16 @@ def test_what_finite_elements_do_not_search_is_one_message(tmp_path: Path, text:
                      loads='mass = "17.9 g"\nvoltage = "4 kV"\nsearch = "finite elements"')
 
 
+def test_numbers_that_may_be_negative_vary_from_below_0(tmp_path: Path) -> None:
+    """An offset and an exponent may, a length may not."""
+    found = requirements(tmp_path, '[want]\nstroke = "2 mm"\n[vary]\n"plate.offset.0" = ["-3 mm", '
+                         '"3 mm"]\n"membrane.permittivity_exponent" = [-1, 1]')
+    assert [each.low for each in found.variables["film"]] == [-3e-3, -1]
+    with pytest.raises(InputError, match=r"vary\.plate\.radius: given '-3 mm': must be positive"):
+        requirements(tmp_path,
+                     '[want]\nstroke = "2 mm"\n[vary]\n"plate.radius" = ["-3 mm", "3 mm"]')
+
+
 def test_a_width_that_varies_is_told_the_half_that_may(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"vary\.frame\.height: .*write frame\.semi_axes\.1 and "
                                          r"half of these lengths; must be one of"):
@@ -435,7 +472,11 @@ def test_a_width_that_varies_is_told_the_half_that_may(tmp_path: Path) -> None:
     ('[want]\ntension_margin = "largest"\n[vary]\n"plate.radius" = ["1 cm", "2 cm"]',
      r"want\.tension_margin: .*must be a bound, such as 1.2"),
     ('[want]\nstroke = "least"\n[vary]\n"plate.radius" = ["1 cm", "2 cm"]',
-     r'want\.stroke: given .least.: must be "largest"'),
+     r'want\.stroke: given .least.: must be "largest" in \[want\], or a number that it is to be'),
+    ('[[film]]\nmaterial = "vhb"\nthickness = ["1 mm"]\n[want]\nstroke = "2 mm"\n[vary]\n'
+     '"plate.radius" = ["1 cm", "2 cm"]', r"film\.0\.material: given 'vhb'"),
+    ('[vary]\n"membrane.prestretch" = [1.8, 2.5]',
+     r"vary\.membrane\.prestretch: .*as without \[want\], varies lengths"),
     ('[want]\nstroke = "largest"\nwork = "largest"\n[vary]\n"plate.radius" = ["1 cm", "2 cm"]',
      r"want\.work: .*only one quantity can be best: stroke is"),
     ('[want]\n[vary]\n"plate.radius" = ["1 cm", "2 cm"]', r"want: must name at least one of"),
@@ -466,7 +507,7 @@ def test_a_wrong_file_is_one_message(tmp_path: Path, text: str, message: str) ->
     ('[want]\nstroke = "largest"\n[vary]\n"plate.radius" = ["5 cm", "6 cm"]',
      "vary: .*in the middle of its ranges that cannot be built: .*inside the frame"),
     ('[rig]\ngas_pressure = "20 Pa"\n[want]\nstroke = "largest"\n[vary]\n'
-     '"plate.radius" = ["1 cm", "2 cm"]', "gas_pressure: has no reduced film")])
+     '"plate.radius" = ["1 cm", "2 cm"]', r"wanted\.toml: rig\.gas_pressure: has no reduced film")])
 def test_films_that_are_not_searched_are_refused(tmp_path: Path, text: str, message: str) -> None:
     with pytest.raises(InputError, match=message):
         design(requirements(tmp_path, text))
