@@ -104,6 +104,15 @@ class SweepView:
                      if name in self.table and bool(np.isfinite(self.table[name]).any()))
 
     @cached_property
+    def explained(self) -> list[tuple[str, list[tuple[str, str]]]]:
+        """Meanings of what was asked for, each with headings and meanings of its columns."""
+        headings = {column.name: column.heading for column in self.columns}
+        found = [(quantity.meaning.replace("`", ""),
+                  [(headings[name], quantity.meaning_of(name)) for name in quantity.shown
+                   if name in headings]) for quantity in QUANTITIES.values()]
+        return [(meaning, columns) for meaning, columns in found if columns]
+
+    @cached_property
     def beyond(self) -> dict[str, list[bool]]:
         """Noun of each limit that some case is beyond, at its voltage or before, and which are."""
         return {LIMIT_STATES[limit].noun: cases.values.ravel().tolist()

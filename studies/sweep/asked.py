@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from math import prod
@@ -117,6 +118,10 @@ class AskedQuantity:
         return [name.format(n=number) for name in self.columns
                 for number in range(1, circles + 1 if "{n}" in name else 2)]
 
+    def meaning_of(self, column: str) -> str:
+        """Meaning of one of its columns."""
+        return self.columns.get(column) or self.columns[re.sub(r"\d+", "{n}", column, count=1)]
+
     @property
     def of_states(self) -> bool:
         """Whether it asks for the equilibria of cases."""
@@ -164,7 +169,7 @@ def quantity_of(meaning: str, columns: Mapping[str, str], shown: tuple[str, ...]
     "alpha_{n}": "weight of circle n",
     "circle_{n}_m": "its radius",
     "alpha_fit_error": "force error of the mixture, relative, at the loads of the fit",
-    "alpha_held_out_error": "the same at other loads",
+    "alpha_held_out_error": "its force error, relative, at other loads",
 }, shown=("alpha_1", "alpha_held_out_error"))
 def _alpha(asked: AskedCase) -> Record:
     result = alpha(asked.case.specimen, asked.settings, asked.ask.circles, asked.case.rig)

@@ -137,6 +137,15 @@ def test_what_there_is_not_without_voltage_has_not_failed(tmp_path: Path) -> Non
     assert ">0.0045<" in text
 
 
+def test_the_page_says_what_its_columns_mean(view: SweepView) -> None:
+    text = render_sweep(view.result, [])
+    assert ("<li>Weights of the membrane circles that stand for it, as tympan alpha finds them. "
+            "<b>alpha 1</b>: weight of circle n; <b>alpha held out error</b>: its force error, "
+            "relative, at other loads.</li>") in text
+    assert "<b>last equilibrium [kV]</b>: beyond this nominal voltage there is none" in text
+    assert "<b>tension" not in text  # nothing was found, so no column shows it
+
+
 def test_the_page_says_how_many_rows_a_reduced_film_solved(view: SweepView) -> None:
     assert "by a reduced film" not in render_sweep(view.result, [])
     table = view.table.copy(deep=True)
