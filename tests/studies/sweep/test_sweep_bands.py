@@ -82,5 +82,5 @@ def test_a_file_may_ask_for_bands_and_others_keep_their_cases(file: Path) -> Non
 
 
 def test_tolerances_of_what_a_film_has_not_are_refused(file: Path) -> None:
-    with pytest.raises(InputError, match=r"tolerances\.margin: has no place"):
+    with pytest.raises(InputError, match=r"tolerances\.margin: must be left out"):
         tympan.sweep(file, tolerances=Tolerances(margin=LengthScatter(film=1e-4)))
