@@ -23,6 +23,10 @@ from tympan.studies.modes import carried, heaving_frequency
 
 Array = NDArray[Any]
 
+#: A film that does not bear its margin ends before it, by this share of it at least: its end is
+#: known to some 1e-4.
+_SHORT = 1 - 1e-4
+
 
 @dataclass(frozen=True, eq=False)
 class ExactFilm:
@@ -106,7 +110,8 @@ class ExactFilm:
         """Least tension; beyond a limit as if the film bore compression."""
         found = self._row([each.stress_2.min() for each in self._fields])
         if self.sound and not self._there.all():  # falls with U², to 0 at the limit
-            found[0, -1] = found[0, 0] * (1 - (self.margin / self.limit[0]) ** 2)
+            end = min(float(self.limit[0]), _SHORT * self.margin)
+            found[0, -1] = found[0, 0] * (1 - (self.margin / end) ** 2)
         return found
 
     @property

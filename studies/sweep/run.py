@@ -30,6 +30,7 @@ from tympan.studies.sweep.table import beyond_limits, dataset, read_table, write
 from tympan.studies.sweep.task import (
     EXACT_ROW,
     FAILED,
+    PackedResult,
     SweepTask,
     TaskResult,
     solver,
@@ -220,11 +221,11 @@ def run_sweep(sweep: Sweep, folder: Path, pool: Pool,
     discard_temporaries(folder)
     discard_temporaries(folder / "tasks")
     tasks = tasks_of(sweep)
-    results: dict[str, TaskResult] = {}
+    results: dict[str, PackedResult] = {}
     for task_id, task in tasks.items():
         if (finished := checkpoint.get(task)) is not None:
-            results[task_id] = finished
-    kept = done = sum(len(result.rows) for result in results.values())
+            results[task_id] = finished.packed()
+    kept = done = sum(result.cases for result in results.values())
     progress(done, kept)
     missing = {task_id: task for task_id, task in tasks.items() if task_id not in results}
     if missing:  # what is there belongs to another plan, or to an older solver
@@ -241,8 +242,8 @@ def run_sweep(sweep: Sweep, folder: Path, pool: Pool,
             else:
                 result = answer[task.id]
                 checkpoint.put(task, result)
-            results[task.id] = result
-            done += len(result.rows)
+            results[task.id] = result.packed()
+            done += len(task.ids)
         progress(done, kept)
         watch(so_far)
     whole = so_far()
@@ -255,7 +256,8 @@ def unsolved(sweep: Sweep) -> SweepResult:
     return _result(sweep, {}, 0, 0)
 
 
-def _result(sweep: Sweep, results: Mapping[str, TaskResult], solved: int, kept: int) -> SweepResult:
+def _result(sweep: Sweep, results: Mapping[str, PackedResult], solved: int, kept: int
+            ) -> SweepResult:
     table = dataset(sweep, results)
     statuses = dict(Counter(table["status"].values.ravel().tolist()))
     return SweepResult(statuses, solved, kept, solver(), sweep.source, sweep.figures, table,

@@ -15,7 +15,16 @@ from tympan.geometry.units import DIMENSIONS, unit_of
 from tympan.studies.files import write_atomically, write_text
 from tympan.studies.sweep.asked import QUANTITIES
 from tympan.studies.sweep.plan import Entry, Sweep, read_quantity
-from tympan.studies.sweep.task import COLUMNS, WAITING, TaskResult, solver, without_result
+from tympan.studies.sweep.task import (
+    COLUMNS,
+    NUMBERS,
+    TEXTS,
+    WAITING,
+    WARNINGS_JOINED,
+    PackedResult,
+    solver,
+    without_result,
+)
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -54,7 +63,7 @@ def read_table(file: Path) -> xr.Dataset:
                          file=file) from None
 
 
-def dataset(sweep: Sweep, results: Mapping[str, TaskResult]) -> xr.Dataset:
+def dataset(sweep: Sweep, results: Mapping[str, PackedResult]) -> xr.Dataset:
     """Dimensions specimen, the grid's keys, mass and voltage, each with its values as index.
 
     ``results`` are by the task's id; who has none waits. What a list or a sample varies, loads
@@ -69,13 +78,16 @@ def dataset(sweep: Sweep, results: Mapping[str, TaskResult]) -> xr.Dataset:
     axes = ("specimen", *sweep.grid, *(load for load in LOADS if coordinates[load][0] == load))
     kept = [_result(sweep, entry, results) for entry in sweep.entries]
 
-    def variable(names: tuple[str, ...], values: list[Any]) -> tuple[tuple[str, ...], np.ndarray]:
+    def variable(names: tuple[str, ...], values: Any) -> tuple[tuple[str, ...], np.ndarray]:
         shape = tuple(len(coordinates[name][1]) for name in names)
         return names, _column(values).reshape(shape)
 
-    data = {name: variable(axes, [row[name] for result in kept for row in result.rows])
-            for name in ("id", *COLUMNS) if name != "by"}
-    data["by"] = variable(axes, [row["by"] or "" for result in kept for row in result.rows])
+    numbers = dict(zip(NUMBERS, np.concatenate([result.numbers for result in kept], axis=1),
+                       strict=True))
+    texts = {name: [text for result in kept for text in result.texts[name]] for name in TEXTS}
+    texts["id"] = [case_id for entry in sweep.entries for case_id in _ids(entry)]
+    columns: dict[str, Any] = numbers | texts
+    data = {name: variable(axes, columns[name]) for name in ("id", *COLUMNS)}
     for name in sweep.ask.names:
         quantity = QUANTITIES[name]
         records = [record for result in kept for record in result.answers[name]]
@@ -106,14 +118,21 @@ def _with_stroke(table: xr.Dataset) -> xr.Dataset:
     return table.assign(stroke_m=stroke)[names]
 
 
-def _result(sweep: Sweep, entry: Entry, results: Mapping[str, TaskResult]) -> TaskResult:
+def _result(sweep: Sweep, entry: Entry, results: Mapping[str, PackedResult]) -> PackedResult:
     """Result of an entry's task, or why there is none."""
     if entry.task is not None and entry.task.id in results:
         return results[entry.task.id]
     loads = dict(zip(LOADS, (len(entry.masses), len(entry.voltages)), strict=True))
     if entry.task is None:
-        return without_result([""] * prod(loads.values()), sweep.ask, loads, entry.reason)
-    return without_result(entry.task.ids, sweep.ask, loads, "", WAITING)
+        return without_result(_ids(entry), sweep.ask, loads, entry.reason).packed()
+    return without_result(_ids(entry), sweep.ask, loads, "", WAITING).packed()
+
+
+def _ids(entry: Entry) -> Sequence[str]:
+    """Ids of an entry's cases, blank of what cannot be built."""
+    if entry.task is None:
+        return [""] * (len(entry.masses) * len(entry.voltages))
+    return entry.task.ids
 
 
 def _coordinates(sweep: Sweep) -> dict[str, Coordinate]:
@@ -197,10 +216,12 @@ def flattened(choice: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
             yield key, value
 
 
-def _column(values: list[Any]) -> np.ndarray:
+def _column(values: Any) -> np.ndarray:
     """Texts as they are, lists of warnings joined, numbers with nan for those that are missing."""
+    if isinstance(values, np.ndarray):
+        return values
     if all(isinstance(value, str) for value in values):
         return np.array(values, dtype=object)
     if all(isinstance(value, list) for value in values):
-        return np.array([" | ".join(value) for value in values], dtype=object)
+        return np.array([WARNINGS_JOINED.join(value) for value in values], dtype=object)
     return np.array([np.nan if value is None else float(value) for value in values])

@@ -55,7 +55,7 @@ def view(tmp_path_factory) -> SweepView:
     tasks = [entry.task for entry in sweep.entries if entry.task is not None]
     results = {task.id: made_up(task) for task in tasks[:-1]}
     results[tasks[1].id] = without_result(tasks[1].ids, tasks[1].ask, tasks[1].loads, "it broke")
-    table = dataset(sweep, results)
+    table = dataset(sweep, {name: result.packed() for name, result in results.items()})
     return SweepView(SweepResult(dict(Counter(table["status"].values.ravel().tolist())), 0, 0, "us",
                                  sweep.source, False, table))
 
@@ -127,7 +127,7 @@ def test_what_there_is_not_without_voltage_has_not_failed(tmp_path: Path) -> Non
                    {"blocked_force_N": 0.0123, "work_J": 4.5e-6, "warnings": []}
                    for number in range(len(made.rows))]
         results[entry.task.id] = TaskResult(made.rows, {"force": records})
-    table = dataset(sweep, results)
+    table = dataset(sweep, {name: result.packed() for name, result in results.items()})
     text = render_sweep(SweepResult({}, 0, 0, "us", "", False, table), [])
     assert "there is no stroke without voltage" not in text
     assert "no stroke was found" in text

@@ -236,5 +236,5 @@ def test_bands_of_films_that_scatter_are_stored_with_results_curves_and_forces(
     assert len(first.banded) > 10
     assert stored.force is not None
     assert all(len(curve.banded) > 10 for curve in stored.force.curves)
-    with pytest.raises(InputError, match="margin: has no place"):
+    with pytest.raises(InputError, match="margin: must be left out"):
         study.run_study(replace(plan, tolerances=Tolerances(margin=LengthScatter(film=1e-4))))

@@ -205,6 +205,24 @@ def test_films_that_scatter_keep_the_bounds_by_finite_elements() -> None:
     assert failed <= 5
 
 
+def test_a_margin_that_is_just_not_borne_is_missed_by_little(tmp_path: Path) -> None:
+    """Finite elements have no state there: what they miss continues what is left before it."""
+    wanted = requirements(tmp_path, '[want]\nstroke = "largest"\n'
+                          '[vary]\n"plate.radius" = ["6 mm", "2 cm"]')
+    specimen = wanted.specimens[0]
+    end = float(ExactFilm(specimen, MASS, 1e3, Rig(), Settings(), 1.2).limit[0]) * 1e3
+    missed = []
+    for share in (0.99, 0.995, 1.005, 1.01):
+        film = ExactFilm(specimen, MASS, share * end / 1.2, Rig(), Settings(), 1.2)
+        assert film.sound
+        missed.append(float(misses("tension_margin", 1.2, film)[0]))
+    assert missed[0] < missed[1] < 0 < missed[2] < missed[3]
+    # Next to its end the least tension falls faster than in proportion to U².
+    rates = np.diff(missed) / [1, 2, 1]
+    assert 0.3 * rates[0] < rates[2] < rates[0]
+    assert 0.3 * rates[0] < rates[1] < 1.1 * rates[0]
+
+
 def test_reduced_films_have_what_finite_elements_have() -> None:
     result, _ = scattered()
     for each in result.films[0].quantities:

@@ -56,7 +56,7 @@ def made_up(task: SweepTask) -> TaskResult:
 @pytest.fixture(scope="module")
 def result(tmp_path_factory) -> SweepResult:
     sweep = read(tmp_path_factory.mktemp("sweep"), TEXT)
-    table = dataset(sweep, {entry.task.id: made_up(entry.task) for entry in sweep.entries
+    table = dataset(sweep, {entry.task.id: made_up(entry.task).packed() for entry in sweep.entries
                             if entry.task is not None})
     return SweepResult(dict(Counter(table["status"].values.ravel().tolist())), 0, 0, "us",
                        sweep.source, False, table)
@@ -179,7 +179,7 @@ def test_voltages_of_their_own_are_compared_as_they_are(tmp_path: Path) -> None:
             "id": entry.task.ids[0], "warnings": [], "status": "equilibrium",
             "deflection_m": 1e-3 + 1e-7 * entry.voltages[0]}
         made[entry.task.id] = TaskResult([row], {})
-    table = dataset(sweep, made)
+    table = dataset(sweep, {name: result.packed() for name, result in made.items()})
     assert np.isnan(table["stroke_m"]).all()
     answer = SweepResult({}, 0, 0, "us", "", False, table).best("deflection")
     assert [row["deflection_m"] for row in answer.rows] == pytest.approx([1.2e-3, 1e-3])

@@ -366,7 +366,7 @@ def test_a_wrong_file_is_one_message(tmp_path: Path, text: str, message: str) ->
 
 
 def test_what_cannot_scatter_is_refused() -> None:
-    with pytest.raises(InputError, match="margin: has no place"):
+    with pytest.raises(InputError, match="margin: must be left out"):
         ToleranceCase(oval(), tolerances=Tolerances(margin=LengthScatter(film=1e-4)))
     with pytest.raises(InputError, match="lets nothing scatter"):
         ToleranceCase(oval(), tolerances=STILL)
