@@ -112,14 +112,14 @@ def control(*actuators: Specimen | LumpedModel | File, signal: str = "step",
     ``fmu=True`` ``result.save(folder)`` also writes NAME-control.fmu. The rest is as for
     ``simulate``.
     """
-    from tympan.studies.lumped.control.run import ControlSettings, controlled
+    from tympan.studies.lumped.control.run import ControlSettings, controlled, supplied
     from tympan.studies.signals import Wave
 
     loop = ControlSettings(supply=supply, interval=interval, sensor_lag=sensor_lag,
                            method=method, sensor=sensor, fmu=fmu)
     voltages = Wave(signal, interval=loop.interval, **wave).signal()
     case = _case(actuators, mass=mass, paper=paper, alpha=alpha, table_1=table_1, rig=rig)
-    return Result(controlled(case.chosen(loop.supply, settings), voltages, loop))
+    return Result(controlled(supplied(case, loop, settings), voltages, loop))
 
 
 @names_arguments()

@@ -41,7 +41,8 @@ _LEAST = 0.05
 #: Of the random numbers.
 _SEED = 1
 #: Said where there is no band.
-FEW_REACH = "more than 5 % of the films do not reach the voltage: there is no band"
+FEW_REACH = ("more than 5 % of the films do not reach the voltage, or are beyond the range of "
+             "their law: there is no band")
 
 
 def bands(values: Array) -> tuple[Band | None, ...]:

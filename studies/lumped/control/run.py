@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 from tympan.geometry.errors import InputError
 from tympan.geometry.fields import Key, require, takes_units
 from tympan.geometry.toml_reader import NON_NEGATIVE, POSITIVE
+from tympan.studies.case import Settings
 from tympan.studies.lumped.actuator import Actuator, Viscous
-from tympan.studies.lumped.case import ChosenActuators
+from tympan.studies.lumped.case import ChosenActuators, LumpedCase
 from tympan.studies.lumped.control.controller import Controller, Method
 from tympan.studies.lumped.control.design import Design, design
 from tympan.studies.lumped.control.loop import Margins
@@ -66,6 +67,8 @@ _MASS_SCATTER = 0.05
 _VISCOUS_SCATTER = 0.2
 #: Times in which a swing falls by a factor e that a disturbance is followed: to 1e-4.
 _DECAYS = 10.0
+#: Samples for which a disturbance is followed at most: some seconds of computing.
+_LONGEST = 20_000
 
 
 #: Deflections up to which capacitance is known, over the highest at rest: what swings goes further.
@@ -165,6 +168,26 @@ def closed_loop(controller: Controller, plant: Plant, before: float, wanted: Arr
         progress((number + 1) / len(wanted))
     time = _times(len(wanted), controller.interval_s)
     return LoopRun(time, wanted, np.array(reached), np.array(voltages), plants)
+
+
+def supplied(case: LumpedCase, control: ControlSettings, settings: Settings,
+             progress: Callable[[str], None] = lambda words: None) -> ChosenActuators:
+    """The actuators, good up to the highest voltage of the supply.
+
+    Raises
+    ------
+    InputError
+        Where a film does not bear that voltage.
+    """
+    try:
+        return case.chosen(control.supply, settings, progress)
+    except InputError as error:
+        if not str(error.given).endswith(" kV"):
+            raise
+        raise InputError(
+            f"{error.allowed}. The film must bear the highest voltage of the supply, "
+            f"{control.supply / 1e3:g} kV: give a lower one as supply", key=error.key,
+            given=error.given) from None
 
 
 def controlled(chosen: ChosenActuators, signal: Signal, settings: ControlSettings,
@@ -358,16 +381,17 @@ def _limit(missed: Array, time: float | None, soonest: float | None, interval: f
 
 def _disturbed(controller: Controller, actuator: Actuator, plant: Plant,
                settings: ControlSettings, sensed: Inverse | None) -> Disturbance:
-    """A mass put on the plate in the middle of its travel, until the swing is over."""
+    """A mass put on the plate in the middle of its travel, until swing and loop are done."""
     inverse = controller.inverse
     voltage = float(np.sqrt(inverse.squared((inverse.lowest_m + inverse.highest_m) / 2)))
     begin, mass = plant.rested(voltage), _DISTURBED * float(actuator.moved)
     target, heavier = float(begin.deflection), begin.under(actuator.mass + mass)
     swing, ratio = _swing(linearise(replace(actuator, mass=actuator.mass + mass), voltage,
                                     by="U2"))
-    length = _DECAYS / (2 * np.pi * swing * ratio or controller.integral_per_s)
+    rates = filter(None, (2 * np.pi * swing * ratio, controller.integral_per_s))
+    count = 1 + int(min(_DECAYS / min(rates) / controller.interval_s, _LONGEST))
     run = closed_loop(controller, heavier, target,
-                      np.full(int(length / controller.interval_s) + 1, target),
+                      np.full(count, target),
                       settings.sensor_lag, sensed=sensed)
     shifted = float(heavier.rested(voltage).deflection) - target
     return Disturbance(mass_kg=mass, open_m=shifted,

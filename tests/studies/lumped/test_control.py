@@ -202,6 +202,20 @@ def chosen() -> ChosenActuators:
     return ChosenActuators(LumpedCase((), (MODEL,)), (actuator(),), ())
 
 
+def test_a_film_that_does_not_bear_the_supply_says_so() -> None:
+    with pytest.raises(InputError, match=r"given '9 kV': .*of the supply, 9 kV: give a lower one"):
+        tympan.lumped.control(OVAL, mass="17.9 g", high="1 kV", duration="2 s", supply="9 kV")
+
+
+def test_a_slow_loop_is_followed_until_it_is_done() -> None:
+    """Without feedback the mass moves the plate by ``open_m``; the loop takes it off, by 1/K_i."""
+    film, = controlled(chosen(), step(0.0, 3e3, 0.0, 3.0), ControlSettings(interval=1.0)).films
+    disturbance = film.disturbance
+    assert 0.1 < disturbance.largest_m / disturbance.open_m <= 1
+    assert disturbance.settled_s is not None
+    assert 1 < disturbance.settled_s * film.controller.integral_per_s < 20
+
+
 def test_the_largest_pole_of_films_is_that_of_each_alone() -> None:
     """Of an array, against the loop of one that is written out, with and without a late sensor."""
     films = scattered_films(actuator(), 3)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from tympan.commands.lumped.response import ACTUATORS, chosen_actuators, read_case
+from tympan.commands.lumped.response import ACTUATORS, read_case
 from tympan.commands.signal import VOLTAGES, wave_of
 from tympan.geometry.errors import InputError
 from tympan.options import (
@@ -16,6 +16,7 @@ from tympan.options import (
     naming_options,
     output,
     parse_quantity,
+    read_settings,
 )
 
 
@@ -45,7 +46,7 @@ def lumped_control(options: argparse.Namespace) -> None:
     designed on the lumped model, linearised from no voltage to the supply's.
     """
     from tympan.progress import bar
-    from tympan.studies.lumped.control.run import ControlSettings, controlled
+    from tympan.studies.lumped.control.run import ControlSettings, controlled, supplied
 
     if options.fmu and not options.output:
         raise InputError("must be given to say where the FMU goes", key="-o")
@@ -56,7 +57,9 @@ def lumped_control(options: argparse.Namespace) -> None:
             interval=parse_quantity(options.interval, "time", "--interval"),
             sensor_lag=parse_quantity(options.sensor_lag, "time", "--sensor-lag"),
             method=options.method, sensor=options.sensor, fmu=options.fmu)
-    chosen = chosen_actuators(options, read_case(options), settings.supply)
+    case = read_case(options)
+    with naming_options(options), bar(4 * len(case.specimens)) as progress:
+        chosen = supplied(case, settings, read_settings(options), progress)
     with naming_options(options), bar(len(chosen.actuators)) as progress:
         result = controlled(chosen, signal, settings, progress)
     finish(options, result)
