@@ -60,6 +60,8 @@ def render_study(run: StudyView, stress: str, curves_: str, viewer: str = "", fo
         run=run, summary=study_summary(run), warnings=study_warnings(run),
         stress=stress, curves=curves_, viewer=viewer, forces=forces_,
         pulled=[item.force for item in run.stored.specimens if item.force is not None],
+        not_pulled=[item.name for item, stored in zip(
+            run.specimens, run.stored.specimens, strict=True) if stored.force is None],
         limit_states={kind: state for kind, state in LIMIT_STATES.items()
                       if any(getattr(curve.limits, kind) for item in run.specimens
                              for curve in item.curves)},
@@ -73,6 +75,8 @@ def render_study(run: StudyView, stress: str, curves_: str, viewer: str = "", fo
 def settings(stored: StudyResult) -> Iterator[tuple[str, str, str]]:
     """Settings of the study, flat: where a setting belongs, its name, and value and unit."""
     loads = {item.specimen: to_json(item.loads) for item in stored.alphas}
+    for record in loads.values():
+        record["chosen by what the film bears"] = record.pop("from_film")
     for where, record in (("Rig", stored.rig), ("Computation", stored.settings),
                           ("Loads for α", loads), ("Libraries", stored.libraries)):
         yield from ((where, name, value) for name, value in _flat(record))

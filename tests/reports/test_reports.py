@@ -386,6 +386,15 @@ def test_page_has_results_and_settings(page: Page, study_folder: Path) -> None:
     assert "around plate" in page.shown
 
 
+def test_a_film_without_force_curves_is_named(stored: StudyView, page: Page) -> None:
+    assert "There are no curves of" not in page.shown
+    first, second = stored.stored.specimens
+    slack = replace(stored, stored=replace(stored.stored, specimens=(
+        first, replace(second, force=None))))
+    text = Page(html.render_study(slack, "", "")).shown
+    assert "There are no curves of standing: a film that is slack where it is flat" in text
+
+
 def test_pull_in_is_told_and_marked(stored: StudyView, page: Page) -> None:
     limited = Limits(pull_in=Limit(kind="pull_in", voltage_V=8234.0, x_m=0.0, y_m=0.0),
                      ended="the film pulls in")
