@@ -213,10 +213,21 @@ def naming_options(options: argparse.Namespace, **names: str) -> Iterator[None]:
     except InputError as error:
         name = names.get(str(error.key), str(error.key))
         if not hasattr(options, name):
-            raise
+            raise _in_its_file(error, options) from None
         given = getattr(options, name)
         raise InputError(error.allowed, key=option_name(name),
                          given=str(given) if isinstance(given, Path) else given) from None
+
+
+def _in_its_file(error: InputError, options: argparse.Namespace) -> InputError:
+    """The error with the file that its key is of: the rig's or the specimen's."""
+    part, _, key = str(error.key).partition(".")
+    if part == "rig" and getattr(options, "rig", None) and not error.file:
+        return InputError(error.allowed, file=options.rig, key=key, given=error.given)
+    if part in ("membrane", "electrode"):
+        given = getattr(options, "specimen", None) or getattr(options, "subject", None)
+        return error.located(file=given)
+    return error
 
 
 @contextmanager

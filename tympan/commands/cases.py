@@ -62,7 +62,7 @@ def _banded(options: argparse.Namespace, result: Any, specimen: Specimen, rig: R
         return result
     from tympan.studies.tolerance.bands import banded
 
-    with naming_options(options), naming_file(options.tolerances or None):
+    with naming_file(options.tolerances or None), naming_options(options):
         return banded(result, specimen, given, rig, read_settings(options))
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from tympan.commands.cases import TOLERANCES, given_tolerances
 from tympan.geometry.errors import Failure, InputError
-from tympan.options import RIG, argument, command, naming_file, parse_quantity
+from tympan.options import RIG, argument, command, naming_file, naming_options, parse_quantity
 
 if TYPE_CHECKING:
     from tympan.explore.server import Explorer
@@ -85,7 +85,7 @@ def _explorer(options: argparse.Namespace) -> Explorer:
     start = changed(start, "voltage", parse_quantity(options.voltage, "voltage", "--voltage"))
     tolerances = given_tolerances(options)
     if tolerances is not None:
-        with naming_file(options.tolerances or None):
+        with naming_file(options.tolerances or None), naming_options(options):
             for specimen in subject.specimens:
                 require_reducible(specimen, subject.rig)
                 causes(specimen, tolerances)

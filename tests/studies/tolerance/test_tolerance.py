@@ -13,6 +13,7 @@ from scipy.special import ndtri
 
 import tympan
 from tests.support.specimens import specimen_toml
+from tympan.cli import main
 from tympan.fem.equilibrium.solve import equilibrium, held
 from tympan.fem.film.breakdown import ConstantStrength
 from tympan.fem.film.library import MATERIALS, load_specimen
@@ -157,6 +158,23 @@ def test_a_voltage_that_no_film_reaches_is_explained(tmp_path: Path) -> None:
     assert list(result.quantities) == ["limit_V"]
     result.save(tmp_path)
     assert (tmp_path / "oval-tolerance.json").is_file()
+
+
+@pytest.mark.parametrize("command", ["tolerance", "solve"])
+def test_what_has_no_reduced_film_is_refused_by_its_own_file(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str], command: str) -> None:
+    film, patched, rig, given = (tmp_path / f"{name}.toml" for name in (
+        "film", "patched", "bench", "tolerances"))
+    film.write_text(specimen_toml(), encoding="utf-8")
+    patched.write_text(specimen_toml() + '\n[[electrode.patch]]\ncentre = ["25 mm", "0 mm"]\n'
+                       'diameter = "12 mm"\n', encoding="utf-8")
+    rig.write_text('gas_pressure = "20 Pa"\n', encoding="utf-8")
+    given.write_text("[thickness]\nfilm = 0.02\n", encoding="utf-8")
+    loads = ["--mass", "17.9 g", "--voltage", "3 kV", "--tolerances", str(given)]
+    for arguments, said in (([str(film), *loads, "--rig", str(rig)], "bench.toml: gas_pressure: "),
+                            ([str(patched), *loads], "patched.toml: electrode.patch: ")):
+        assert main([command, *arguments]) == 2
+        assert f"{said}has no reduced film" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(("key", "given", "size"), [
