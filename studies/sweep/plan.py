@@ -161,7 +161,9 @@ def read_sweep(file: Path, settings: Settings = Settings(), exact: bool = False,
         if specimen.plate is None:
             for mass in masses:
                 Case(specimen, mass=mass, rig=rig)  # refuses what would act on a plate
-        task = SweepTask(specimen, rig, masses, voltages, settings, fields, solver(), figures, ask)
+        # A copy has none of what its check has computed: of a spline that is 100 kB.
+        task = SweepTask(copy.deepcopy(specimen), rig, masses, voltages, settings, fields, solver(),
+                         figures, ask)
         return Entry(name, base.stem, choice, masses, voltages, task)
 
     specimens = len(bases) * len(places)
