@@ -26,6 +26,8 @@ _HEIGHT = 44.0
 _NAMES = 32.0
 #: Most films that are drawn.
 _MOST = 4
+#: Largest value over its bound that has a bar of its length; of a larger one the number is told.
+_LONGEST = 3.0
 
 
 def draw_design(result: DesignResult, folder: Path) -> list[Path]:
@@ -90,20 +92,23 @@ def draw_bounds(axes: Axes, result: DesignResult, film: DesignedFilm) -> None:
         colour = style.PALETTE[1] if each.binding else style.PALETTE[0]
         value = _share(each, each.value)
         if value is not None:
-            axes.barh(number, value, 0.5, color=colour)
+            axes.barh(number, min(value, _LONGEST), 0.5, color=colour)
+        if value is not None and value > _LONGEST:
+            axes.text(_LONGEST - 0.05, number, f"{value:.3g} >", ha="right", va="center",
+                      color="white")
         reached = _share(each, each.reached)
-        if reached is not None:
+        if reached is not None and reached < _LONGEST:
             axes.plot([reached] * 2, [number - 0.4, number + 0.4], color=style.PALETTE[5],
                       linewidth=1.4)
     axes.axvline(1.0, color=style.GREY, linewidth=0.9, linestyle=":")
     axes.set_yticks(range(len(bounded)), [
         f"{each.name.replace('_', ' ')} {'≥' if each.sense == 'at least' else '≤'}"
         for each in bounded])
-    axes.set_xlim(0.0, 3.0)
+    axes.set_xlim(0.0, _LONGEST)
     title = "" if film.reached is None else f"; line: {100 * result.share:g} % of films"
     style.describe(axes, "value over bound", "", f"orange: binds{title}")
 
 
 def _share(each: DesignedQuantity, value: float | None) -> float | None:
     """A value over its bound."""
-    return None if value is None or each.bound is None else min(value / each.bound, 3.0)
+    return None if value is None or each.bound is None else value / each.bound

@@ -17,6 +17,8 @@ _WIDTH = 56.0
 _HEIGHT = 30.0
 #: Room between histogram and shares, for the names of these [mm].
 _GAP = 32.0
+#: Ends of the axis of films that are all alike, over their value.
+_ALIKE = (0.9, 1.1)
 #: Least share that has a bar.
 _LEAST = 0.01
 #: Most bars.
@@ -52,6 +54,8 @@ def draw_histogram(axes: Axes, name: str, spread: Spread) -> None:
     if spread.nominal is not None:
         axes.plot(factor * spread.nominal, 0, "^", color=style.PALETTE[1], markersize=5.0,
                   clip_on=False, zorder=4)
+    if spread.deviation == 0:  # a bar as wide as rounding has no scale
+        axes.set_xlim(*(factor * spread.median * np.array(_ALIKE)))
     axes.set_title("median, 5 and 95 %; triangle: without scatter", loc="left")
 
 
@@ -64,4 +68,7 @@ def _draw_shares(axes: Axes, spread: Spread) -> None:
         axes.plot([100 * max(share.low, 0.0), 100 * min(share.high, 1.0)], [number] * 2,
                   color=style.GREY, linewidth=0.9)
     axes.set_yticks(range(len(shown)), [share.label for share in shown])
+    if not shown:
+        why = "all films are alike" if spread.deviation == 0 else "too few films reach the voltage"
+        axes.text(50, 0.5, why, ha="center", va="center", transform=axes.get_xaxis_transform())
     axes.set_xlim(0, 100)

@@ -6,11 +6,13 @@ import json
 import shutil
 from dataclasses import replace
 from functools import cache
+from itertools import count
 from math import pi
 from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 from scipy.optimize import brentq
 from scipy.stats import qmc
 
@@ -22,6 +24,7 @@ from tympan.fem.film.laws import Ogden
 from tympan.fem.film.library import load_specimen
 from tympan.fem.rig import Rig
 from tympan.geometry.errors import InputError
+from tympan.reports.figures.design import draw_bounds
 from tympan.studies.case import Settings
 from tympan.studies.design.design import design
 from tympan.studies.design.elements.optimise import OptimiseResult
@@ -221,6 +224,18 @@ def test_a_margin_that_is_just_not_borne_is_missed_by_little(tmp_path: Path) -> 
     rates = np.diff(missed) / [1, 2, 1]
     assert 0.3 * rates[0] < rates[2] < rates[0]
     assert 0.3 * rates[0] < rates[1] < 1.1 * rates[0]
+
+
+def test_a_bar_beyond_its_axis_has_its_number() -> None:
+    result, _ = scattered()
+    quantities = tuple(replace(each, bound=each.value / share) if each.value else each
+                       for each, share in zip(result.films[0].quantities, count(1), strict=False))
+    axes = Figure().subplots()
+    draw_bounds(axes, result, replace(result.films[0], quantities=quantities))
+    told = [text.get_text() for text in axes.texts]
+    assert told[::-1] == [f"{share} >" for share, each in enumerate(quantities, 1)
+                          if each.value and share > 3]
+    assert axes.get_xlim() == (0, 3)
 
 
 def test_reduced_films_have_what_finite_elements_have() -> None:
