@@ -69,7 +69,7 @@ _SLIDE = """
 ([id, values, apart]) => new Promise(done => {
   const slider = document.getElementById(id);
   let pictures = 0, next = 0;
-  const draw = () => { pictures += 1; window.drawn = draw; };
+  const draw = () => { pictures += 1; queueMicrotask(() => { window.drawn = draw; }); };
   window.drawn = draw;
   const moving = setInterval(() => {
     if (next == values.length) {
