@@ -141,7 +141,7 @@ def test_what_cannot_be_an_outline_is_refused_with_its_place(outline: Outline, w
 def test_a_plate_beyond_a_frame_that_bends_inwards_is_refused_with_its_place() -> None:
     notched = Polygon(((-40e-3, -40e-3), (0.0, -5e-3), (40e-3, -40e-3), (40e-3, 40e-3),
                        (-40e-3, 40e-3)))
-    with pytest.raises(InputError, match=r"beyond it at 0, -5 mm"):
+    with pytest.raises(InputError, match=r"beyond it at x 0.00 mm, y -5.00 mm"):
         Specimen("film", notched, Plate(Circle(12e-3)), circular().membrane)
 
 
