@@ -93,7 +93,7 @@ class TaskResult:
 
 @dataclass(frozen=True, eq=False)
 class PackedResult:
-    """A task's result in a fifth of the memory: ``numbers`` of :data:`NUMBERS`, (columns, rows).
+    """A task's result in little memory: ``numbers`` of :data:`NUMBERS`, (columns, rows).
 
     nan where there is none; ``texts`` by column, warnings of a row joined with " | ".
     """
