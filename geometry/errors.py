@@ -34,6 +34,10 @@ class InputError(ValueError):
                           given=self.given)
 
 
+class VoltageError(InputError):
+    """A voltage that the film, or the model of it, does not bear."""
+
+
 class Failure(RuntimeError):
     """A failure that ends a command with a message though its input is right."""
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from tympan.fem.membrane.model import Model
 from tympan.fem.rig import Rig, checked_load
-from tympan.geometry.errors import InputError
+from tympan.geometry.errors import InputError, VoltageError
 from tympan.geometry.specimen import Specimen
 from tympan.studies.alpha import AlphaResult, AlphaSettings, LoadGrid, alpha
 from tympan.studies.alpha.circles import Samples, equilibria
@@ -311,8 +311,8 @@ def _at_rest(model: Model, settings: Settings, chosen: BuildSettings,
                 if outcome.status == "no_equilibrium":
                     missing = "has no equilibrium"
                 reason = f"the field model {missing}: {failure_reason(outcome)}"
-                raise InputError(chosen.greatest(case.specimen, rig).doubted(reason),
-                                 key=load, given=f"{1e-3 * case.voltage:.5g} kV")
+                raise VoltageError(chosen.greatest(case.specimen, rig).doubted(reason),
+                                   key=load, given=f"{1e-3 * case.voltage:.5g} kV")
             deflection = outcome.state.plate.deflection
             if deflection <= 1e-6 * model.size:
                 raise InputError("the plate must sink: the mass is too small to tell a force",

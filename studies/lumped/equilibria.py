@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
 from tympan.fem.roots import root_between
-from tympan.geometry.errors import InputError
+from tympan.geometry.errors import VoltageError
 from tympan.studies.lumped.actuator import Actuator
 
 Array = NDArray[np.float64]
@@ -94,13 +94,13 @@ def rest_curve(actuator: Actuator, voltages: Any) -> Array:
 def rest(actuator: Actuator, voltage: float) -> float:
     """Deflection where one actuator settles [m] when load and voltage are put on slowly.
 
-    Beyond pull-in that is nowhere, an InputError.
+    Beyond pull-in that is nowhere, a VoltageError.
     """
     y = float(rest_curve(actuator, voltage))
     if np.isnan(y):
         reason = f"has no stable rest: {limit_words(actuator)}"
-        raise InputError(actuator.case(voltage).doubted(reason),
-                         given=f"{voltage / 1e3:g} kV", key=actuator.label)
+        raise VoltageError(actuator.case(voltage).doubted(reason),
+                           given=f"{voltage / 1e3:g} kV", key=actuator.label)
     return y
 
 

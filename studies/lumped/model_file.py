@@ -16,7 +16,7 @@ import numpy as np
 from tympan.fem.film.library import load_specimen
 from tympan.fem.rig import Rig
 from tympan.fem.toml_writer import specimen_content, toml
-from tympan.geometry.errors import InputError
+from tympan.geometry.errors import VoltageError
 from tympan.geometry.specimen import Specimen
 from tympan.geometry.toml_reader import NON_NEGATIVE, POSITIVE, Rule, Table
 from tympan.studies.circles import MembraneCircle
@@ -58,10 +58,10 @@ class LumpedModel:
     def check(self, voltage: float) -> None:
         """Refuse a voltage across the film [V] beyond those it is for."""
         if abs(voltage) > self.highest_voltage * (1 + 1e-9):
-            raise InputError(f"the model was built for at most {self.highest_voltage / 1e3:.5g} kV "
-                             "across the film and does not know where it pulls in: build it for "
-                             "more with --voltages",
-                             key=self.specimen.name, given=f"{voltage / 1e3:.5g} kV")
+            raise VoltageError(f"the model was built for at most {self.highest_voltage / 1e3:.5g} "
+                               "kV across the film and does not know where it pulls in: build it "
+                               "for more with --voltages",
+                               key=self.specimen.name, given=f"{voltage / 1e3:.5g} kV")
 
     def actuator(self, mass: float, rig: Rig = Rig()) -> Actuator:
         return Actuator(self.circles, self.weights, mass, self.viscous, rig,

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from tympan.geometry.errors import InputError
+from tympan.geometry.errors import InputError, VoltageError
 from tympan.geometry.fields import Key, require, takes_units
 from tympan.geometry.toml_reader import NON_NEGATIVE, POSITIVE
 from tympan.studies.case import Settings
@@ -176,15 +176,13 @@ def supplied(case: LumpedCase, control: ControlSettings, settings: Settings,
 
     Raises
     ------
-    InputError
+    VoltageError
         Where a film does not bear that voltage.
     """
     try:
         return case.chosen(control.supply, settings, progress)
-    except InputError as error:
-        if not str(error.given).endswith(" kV"):
-            raise
-        raise InputError(
+    except VoltageError as error:
+        raise VoltageError(
             f"{error.allowed}. The film must bear the highest voltage of the supply, "
             f"{control.supply / 1e3:g} kV: give a lower one as supply", key=error.key,
             given=error.given) from None
