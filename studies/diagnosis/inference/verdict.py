@@ -32,12 +32,11 @@ from tympan.studies.estimation.noise import Noise
 
 Array = NDArray[np.float64]
 
-#: Probability by noise alone below which something is wrong: noise as benches have it, of heavy
-#: tails or with slips and memory, goes below it twice as often as the normal one that tests assume.
+#: Probability by noise alone below which something is wrong, or is left by a cause unexplained:
+#: noise as benches have it, of heavy tails or with slips and memory, goes below it twice as often
+#: as the normal one that tests assume.
 ALARM = 0.02
-#: Probability by noise alone below which what a cause leaves is not explained by it.
-ADEQUATE = 0.01
-#: The same below which a cause is out of the question where another one leaves noise.
+#: Probability by noise alone below which a cause is out of the question where another one leaves noise.
 HARDLY = 1e-3
 #: Probability from which a cause is named.
 SURE = 0.9
@@ -335,11 +334,11 @@ class _Adequacy:
         """Whether the nominal model may leave noise of some of the readings."""
         others = fit(self.base.simulation, (), self.base.table[rows].compact(),
                      self.base.nominal.unknowns)
-        return others.possible and self._test(others, rows).p_value >= ADEQUATE
+        return others.possible and self._test(others, rows).p_value >= ALARM
 
     def enough(self, fit: Fit) -> bool:
         """Whether it may be noise."""
-        return self.of(fit).p_value >= ADEQUATE
+        return self.of(fit).p_value >= ALARM
 
 
 def _weighed(base: Judgement, exploration: Exploration, adequacy: _Adequacy) -> Judgement:
