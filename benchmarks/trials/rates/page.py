@@ -17,6 +17,23 @@ from tympan.studies.diagnosis.inference.identifiability import SEEN, TOLD
 #: Head of the table of strangers.
 _STRANGER = "stranger | trials | verdicts | specimen or column told"
 
+#: Rows of the verdict's page: what was in the readings, what was said, and the rate of that.
+_VERDICTS = (
+    ("nothing", "something is wrong", "nothing hidden: false alarms"),
+    ("nothing but errors as benches make them: outliers, drift", "something is wrong",
+     "mess of any kind, nothing hidden: false alarms"),
+    ("one effect that shows", "something is wrong", f"one effect, Δχ² ≥ {SEEN:g}: detected"),
+    ("one effect that shows and that no other effect imitates", "this effect is *named*",
+     "one identifiable effect: it is named"),
+    ("one effect that shows and that no other effect imitates", "another one is *named*",
+     "one identifiable effect: another is named"),
+    ("a cause that is not in the library and that no effect imitates", "*unexplained*",
+     f"outside the library, Δχ² ≥ {SEEN:g} from it: unexplained"),
+    ("a cause that is not in the library and that no effect imitates", "some effect is *named*",
+     "outside the library: some effect is named"),
+    ("an effect that was deleted from the library", "another one is *named*",
+     "the true effect deleted from the library: another is named"))
+
 
 def page(records: Sequence[Record], about: str) -> str:
     """The page's text."""
@@ -35,6 +52,26 @@ def bench_page(records: Sequence[Record], about: str) -> str:
     text = Path(__file__).with_name("bench.md").read_text(encoding="utf-8")
     return text.format(seen=SEEN, told=TOLD, about=about, rates=rate_table(bench_rates(records)),
                        strangers=table(_STRANGER, _strangers(records)))
+
+
+def verdict_rows(records: Sequence[Record]) -> list[str]:
+    """Rows of the table of docs/explanation/verdict.md."""
+    known = {rate.what: rate for rate in (*rates(records), *bench_rates(records))}
+    return [f"| {there} | {said} | {_often(known[what])} |" for there, said, what in _VERDICTS]
+
+
+def _often(rate: Rate) -> str:
+    """A rate in words, with its interval."""
+    low, high = map(_percent, rate.interval)
+    if not rate.hits:
+        return f"0 of {rate.count} (at most {high} %)"
+    return f"{_percent(rate.share)} % ({low} to {high} %)"
+
+
+def _percent(share: float) -> str:
+    """Two digits; of what is nearly all, two of what is lacking."""
+    places = 1 if min(share, 1 - share) < 0.095 else 0
+    return f"{100 * share:.{places}f}".removesuffix(".0")
 
 
 def table(head: str, rows: Iterable[str]) -> str:

@@ -25,10 +25,12 @@ from benchmarks.trials.hidden_effects import (
 from benchmarks.trials.judging import fitted_to, stands_out
 from benchmarks.trials.mess import MESSES
 from benchmarks.trials.rates.kinds import BENCH, bench_rates, rates
-from benchmarks.trials.rates.page import page
+from benchmarks.trials.rates.page import page, verdict_rows
 from benchmarks.trials.rates.rate import Rate
 from benchmarks.trials.rates.sizes import draw_maps, draw_sizes, size_rates
+from benchmarks.trials.rates.strata import strata_rates
 from benchmarks.trials.record import Record
+from benchmarks.trials.strata.trials import SMOOTH, STRATA, population_of
 from benchmarks.trials.synthetic_trials import (
     Design,
     Means,
@@ -61,6 +63,7 @@ from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.readings import prepared_readings
 from tympan.studies.diagnosis.reduced.growth import refined
 
+DOCS = Path(__file__).parents[3] / "docs"
 SEED = 11
 ROOT5 = 5**0.5
 
@@ -400,16 +403,29 @@ def test_rates_by_size_count_in_their_band(tmp_path: Path) -> None:
         assert (tmp_path / "picture.png").stat().st_size > 10_000
 
 
-def test_the_published_page_is_what_the_published_trials_say() -> None:
-    """Each rate of the page, from the trials themselves; none without the commit that made it."""
+def test_the_published_pages_are_what_the_published_trials_say() -> None:
+    """Each rate of the pages, from the trials themselves; none without the commit that made it."""
     records, done = kept(PUBLISHED)
-    text = (Path(__file__).parents[3] / "docs/hidden-effects-bench.md").read_text(encoding="utf-8")
-    shown = [rate.row() for rate in bench_rates(
-        [record for record in records if record.population in BENCH])]
-    assert len(shown) > 20
-    assert [row for row in shown if row not in text] == []
+    strata = {population_of(name, view) for name in SMOOTH for view in STRATA[name].views}
+    pages = {
+        "hidden-effects": rates([record for record in records
+                                 if record.population not in strata | {*BENCH}]),
+        "hidden-effects-bench": bench_rates(records),
+        "hidden-effects-strata": strata_rates([record for record in records
+                                               if record.population in strata])}
+    for name, shown in pages.items():
+        text = (DOCS / f"{name}.md").read_text(encoding="utf-8")
+        rows = [rate.row() for rate in shown if rate.count]
+        assert len(rows) > 20, name
+        assert [row for row in rows if row not in text] == [], name
+    assert done == set(order(COUNTS))
     assert sum(programs(PUBLISHED, COUNTS).values()) == len(done)
     assert "unknown" not in programs(PUBLISHED, COUNTS)
+
+
+def test_the_page_of_verdicts_has_the_rates_of_the_published_trials() -> None:
+    text = (DOCS / "explanation/verdict.md").read_text(encoding="utf-8")
+    assert [row for row in verdict_rows(kept(PUBLISHED)[0]) if row not in text] == []
 
 
 def test_a_page_is_written_of_all_its_trials_or_not_at_all() -> None:
