@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -35,6 +36,7 @@ from tympan.studies.diagnosis.result import (
     FoundCause,
     Misfit,
     Ratio,
+    ReadingOff,
 )
 from tympan.studies.diagnosis.sentences import plain, probability_text, suspects_among
 from tympan.studies.effects import EFFECTS
@@ -57,6 +59,10 @@ _UNKNOWN = 0.1
 
 #: Effects told of where none explains what is wrong.
 _TRIED = 4
+
+#: Outliers in successive lines from which they may be a sensor that was moved, and by what share of
+#: the first one's shift the others may differ from it: a typing error is of one line.
+_SHIFTED, _ALIKE = 3, 0.5
 
 
 def build_diagnosis_page(diagnosis: Diagnosis, folder: Path) -> list[Path]:
@@ -157,7 +163,7 @@ def _worst_ratios(misfit: Misfit) -> list[Ratio]:
 def _template(name: str) -> Template:
     return template(name, number=number, digits=digits, like=like, error=error, chance=chance,
                     probability=probability_text, plain=plain, capitalised=capitalised,
-                    times=times, label=cause_label,
+                    times=times, label=cause_label, shifted=shifted,
                     lines=lambda numbers: lines_of(np.array(numbers)),
                     explanation=lambda cause: EFFECTS[cause.effect].explanation)
 
@@ -201,6 +207,26 @@ def error(value: float | None) -> str:
 def times(factor: float) -> str:
     """Words for a factor, such as "3 times"."""
     return f"{factor:.2g} times"
+
+
+def shifted(off: Sequence[ReadingOff]) -> tuple[ReadingOff, ReadingOff, float] | None:
+    """First and last of the most outliers in successive lines that are off alike, and their shift.
+
+    None where there are no three.
+    """
+    most: list[tuple[ReadingOff, float]] = []
+    shifts = [(reading, reading.read - reading.expected) for reading in off]
+    for start, (_, shift) in enumerate(shifts):
+        group = shifts[start:start + 1]
+        for (before, _), (reading, other) in pairwise(shifts[start:]):
+            if ((reading.file, reading.line) != (before.file, before.line + 1)
+                    or abs(other - shift) > _ALIKE * abs(shift)):
+                break
+            group.append((reading, other))
+        most = max(most, group, key=len)
+    if len(most) < _SHIFTED:
+        return None
+    return most[0][0], most[-1][0], float(np.median([shift for _, shift in most]))
 
 
 def capitalised(words: str) -> str:

@@ -18,6 +18,7 @@ from tympan.studies.diagnosis.result import (
     FoundFamily,
     NextExperiment,
     NoEffect,
+    ReadingOff,
     Robust,
     ShownSize,
     Verdict,
@@ -59,6 +60,22 @@ def test_where_nothing_explains_it_there_may_be_no_extended_model() -> None:
     assert ["<code>extended</code>" in page for page in pages] == [True, False]
     assert ["so there is no extended model" in page for page in pages] == [False, True]
     assert all("these count the misfit" in page for page in pages)
+
+
+@pytest.mark.parametrize(("shifts", "words"), [
+    ({7: 0.118, 8: 0.126, 9: 0.108},
+     "Lines 7 to 9 are all about 0.118 mm too large: was the sensor moved before line 7?"),
+    ({3: 0.9, 7: -0.12, 8: -0.13, 9: -0.1}, "Lines 7 to 9 are all about 0.12 mm too small"),
+    ({7: 0.118, 8: 0.126}, ""), ({7: 0.1, 8: -0.1, 9: 0.1}, ""), ({7: 0.1, 9: 0.1, 11: 0.1}, "")])
+def test_outliers_in_a_row_that_are_off_alike_are_a_sensor_that_was_moved(
+        shifts: dict[int, float], words: str) -> None:
+    off = tuple(ReadingOff(file="static.csv", line=line, kind="displacement", specimen="a",
+                           unit="mm", read=2.0 + shift, expected=2.0, probability=1.0)
+                for line, shift in shifts.items())
+    told = " ".join(verdict_words(replace(
+        diagnosed("named", cause("drift", "Readings rise", named=True)), readings_off=off)).split())
+    assert words in told
+    assert ("was the sensor moved" in told) == bool(words)
 
 
 @pytest.mark.parametrize(("kind", "lines"), [("labels", (46, 47, 50)), ("film", ())])
