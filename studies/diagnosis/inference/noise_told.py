@@ -2,14 +2,16 @@
 
 Beside what a model misses, a reading may be off by itself, as a slip of the pen is, and an error
 may remember the one before. Each is weighed as any cause is: by how probable it makes what several
-models miss. A misfit that is smooth in voltage, mass and specimen is one of the models, so that it
-is not taken for noise. Mixtures of good and bad readings: Hogg, Bovy, Lang, arXiv:1008.4686 (2010).
+models miss. A misfit that is smooth in voltage, mass and specimen is one of the models, and so is
+one that jumps once, so that neither is taken for noise. Mixtures of good and bad readings: Hogg,
+Bovy, Lang, arXiv:1008.4686 (2010).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain as chain_iterables
 from itertools import product
 from operator import itemgetter
 
@@ -44,7 +46,10 @@ SHARES = (1.0, 0.5)
 #: differs by, which for a correlation of 0.9 is a half of all.
 _LOUDER = 2.0
 
-#: Sizes of smooth misfits that are tried: the root of all their squares, over the noise.
+#: Fewest readings of a jump, and beside it: fewer are off by themselves, as slips of the pen are.
+_FEW = 4
+
+#: Sizes of misfits that are tried: the root of all their squares, over the noise.
 _SMOOTH = np.geomspace(1.0, 1e4, 9)
 
 #: Models for which readings are taken away, those that are missed least. A bound of the cost.
@@ -111,11 +116,12 @@ class Told:
 
 
 def noise_told(noise: Noise, models: Sequence[Missed], smooth: Callable[[], Iterable[Array]],
-               chain: Memory | None = None) -> Told:
+               chain: Memory | None = None, jumps: Sequence[Array] = ()) -> Told:
     """Noise that makes the residuals of some models most probable; nothing if it is as stated.
 
     ``models``: the nominal one first; ``smooth`` answers columns of which what else it may miss is
-    a random sum, (n, columns), of one kind of misfit after the other.
+    a random sum, (n, columns), of one kind of misfit after the other; ``jumps``: columns of which
+    it may miss one, whichever it is.
     """
     count, stated, nothing = len(noise), float(noise.freedom.sum()), Told.nothing(len(noise))
     remembers = chain is not None and np.any(chain.run >= 0)
@@ -153,8 +159,10 @@ def noise_told(noise: Noise, models: Sequence[Missed], smooth: Callable[[], Iter
             return nothing
     residual, jacobian = (noise.whitened(part)
                           for part in (models[0].residual, models[0].jacobian))
-    misfits = (_smooth_value(residual, jacobian, noise.whitened(columns), stated)
-               for columns in smooth())
+    misfits = chain_iterables(
+        (_jump_value(residual, jacobian, noise.whitened(columns), stated) for columns in jumps),
+        (_smooth_value(residual, jacobian, noise.whitened(columns), stated)
+         for columns in smooth()))
     return nothing if any(misfit > value for misfit in misfits) else told
 
 
@@ -270,10 +278,38 @@ def _smooth_value(residual: Array, jacobian: Array, smooth: Array, stated: float
     directions, sizes, _ = np.linalg.svd(columns, full_matrices=False)
     sizes = sizes / max(sizes.max(initial=0.0), 1e-300)
     parts, squares = (directions.T @ rest) ** 2, float(rest @ rest)
+    return _of_any_size(parts, sizes, squares, basis.shape[1], len(rest), stated)
+
+
+def _jump_value(residual: Array, jacobian: Array, jumps: Array, stated: float) -> float:
+    """The same with one jump of any size, each as probable as the others.
+
+    One of a few readings is none: these are off by themselves.
+    """
+    rows = np.count_nonzero(jumps, axis=0)
+    jumps = jumps[:, (rows >= _FEW) & (rows <= len(jumps) - _FEW)]
+    basis = orthonormal(jacobian)
+    columns, rest = without(basis, jumps), without(basis, residual)
+    lengths = np.sum(columns**2, axis=0)
+    columns, lengths = columns[:, lengths > RANK], lengths[lengths > RANK]
+    if not len(lengths):
+        return -np.inf
+    part = np.max((columns.T @ rest) ** 2 / lengths, keepdims=True)
+    return _of_any_size(part, np.ones(1), float(rest @ rest), basis.shape[1], len(rest),
+                        stated) - float(np.log(len(lengths)))
+
+
+def _of_any_size(parts: Array, sizes: Array, squares: float, unknowns: int, count: int,
+                 stated: float) -> float:
+    """Probability of ``squares`` with a misfit of any size beside unknowns.
+
+    ``parts`` of the squares are along its directions, ``sizes`` those of its directions, over the
+    largest.
+    """
     values = []
     for size in _SMOOTH.tolist():
         wider = 1 + (size * sizes) ** 2
         left = max(squares - float(np.sum(parts * (1 - 1 / wider))), 0.0)
-        values.append(_value(left, basis.shape[1] + 1, len(rest), stated)
+        values.append(_value(left, unknowns + 1, count, stated)
                       - 0.5 * float(np.log(wider).sum()))
     return max(values)

@@ -122,7 +122,8 @@ class NominalMisfit:
     def noise_told(self, models: Sequence[Missed], remembers: bool) -> Told:
         """Noise of readings by the residuals of models."""
         chain = chain_of(self.table) if remembers else None
-        return noise_told(self.stated, models, self._smooth_misfits, chain)
+        jumps = [self.patterns[name] for name in JUMPS if name in self.patterns]
+        return noise_told(self.stated, models, self._smooth_misfits, chain, jumps)
 
     def _smooth_misfits(self) -> Iterator[Array]:
         """Columns of smooth misfits, of patterns and of processes.
