@@ -25,6 +25,8 @@ CHAIN = Memory(np.zeros(COUNT, np.int64), np.arange(COUNT, dtype=float), np.ones
 #: What stiffness and permittivity change, and three effects: a zero, one by mass, one by voltage.
 NUISANCE = 1e-3 * np.column_stack([1 + SHARE**2, SHARE**2 + 0.4 * SHARE**4])
 EFFECTS = 1e-4 * np.column_stack([np.ones(COUNT), RAMP % 2 - 0.5, SHARE**6])
+#: A sensor that is knocked: from some reading on, all are shifted.
+STEPS = SIGMA * np.tri(COUNT)[:, 1:]
 #: Three films under two masses.
 TABLE = rows(States.of(RAMP // 2, np.where(RAMP % 2, 22e-3, 18e-3), 6.5e3 * SHARE), "displacement",
              SIGMA)
@@ -43,7 +45,7 @@ def told_of(errors: Array, stated: bool = True, chain: Memory | None = CHAIN) ->
     values = errors + NUISANCE @ [0.3, -0.2]
     models = [Missed(values, NUISANCE), *(
         Missed(values, np.column_stack([NUISANCE, effect])) for effect in EFFECTS.T)]
-    return noise_told(noise, models, lambda: smooth_columns(TABLE), chain)
+    return noise_told(noise, models, lambda: smooth_columns(TABLE), chain, [STEPS])
 
 
 @pytest.mark.parametrize("stated", [True, False], ids=["stated", "nothing stated"])
@@ -100,6 +102,15 @@ def test_a_misfit_is_not_taken_for_noise(size: float, most: int) -> None:
     unknown = [told_of(SIGMA * (random.normal(size=COUNT) + strange)) for _ in range(20)]
     assert sum(one.anything for one in known) <= 1
     assert sum(one.anything for one in unknown) <= most
+
+
+@pytest.mark.parametrize("size", [5.0, 12.0, 40.0])
+@pytest.mark.parametrize("left", [4, 8, 20, 33])
+def test_a_sensor_that_was_knocked_is_not_taken_for_noise(size: float, left: int) -> None:
+    """A shift of the last readings: neither outliers, few as they are, nor errors that remember."""
+    random, knocked = np.random.default_rng(17), np.arange(COUNT) >= COUNT - left
+    told = [told_of(SIGMA * (random.normal(size=COUNT) + size * knocked)) for _ in range(10)]
+    assert sum(one.anything for one in told) <= 1
 
 
 def test_without_a_chain_no_error_remembers() -> None:
