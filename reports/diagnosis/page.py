@@ -60,9 +60,11 @@ _UNKNOWN = 0.1
 #: Effects told of where none explains what is wrong.
 _TRIED = 4
 
-#: Outliers in successive lines from which they may be a sensor that was moved, and by what share of
-#: the first one's shift the others may differ from it: a typing error is of one line.
-_SHIFTED, _ALIKE = 3, 0.5
+#: Outliers in successive lines from which they may be a sensor that was moved: a typing error is of
+#: one line.
+_SHIFTED = 3
+#: By what share of the first one's shift the others' may differ from it.
+_ALIKE = 0.5
 
 
 def build_diagnosis_page(diagnosis: Diagnosis, folder: Path) -> list[Path]:

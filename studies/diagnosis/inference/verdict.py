@@ -36,7 +36,8 @@ Array = NDArray[np.float64]
 #: noise as benches have it, of heavy tails or with slips and memory, goes below it twice as often
 #: as the normal one that tests assume.
 ALARM = 0.02
-#: Probability by noise alone below which a cause is out of the question where another one leaves noise.
+#: Probability by noise alone below which a cause is out of the question where another one leaves
+#: noise.
 HARDLY = 1e-3
 #: Probability from which a cause is named.
 SURE = 0.9
