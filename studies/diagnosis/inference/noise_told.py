@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import chain as chain_iterables
 from itertools import product
 from operator import itemgetter
 
@@ -159,11 +158,12 @@ def noise_told(noise: Noise, models: Sequence[Missed], smooth: Callable[[], Iter
             return nothing
     residual, jacobian = (noise.whitened(part)
                           for part in (models[0].residual, models[0].jacobian))
-    misfits = chain_iterables(
-        (_jump_value(residual, jacobian, noise.whitened(columns), stated) for columns in jumps),
-        (_smooth_value(residual, jacobian, noise.whitened(columns), stated)
-         for columns in smooth()))
-    return nothing if any(misfit > value for misfit in misfits) else told
+    if (any(_jump_value(residual, jacobian, noise.whitened(columns), stated) > value
+            for columns in jumps)
+            or any(_smooth_value(residual, jacobian, noise.whitened(columns), stated) > value
+                   for columns in smooth())):
+        return nothing
+    return told
 
 
 def probability_off(size: Array) -> Array:
