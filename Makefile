@@ -6,7 +6,7 @@ PYTHON ?= $(shell for p in python3.12 python3.13 python3.11 python3; do \
   $$p -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))' 2>/dev/null && echo $$p && break; done)
 OUT ?= out
 
-.PHONY: study check test benchmarks scaling verification robustness spreads films-in-time hidden hidden-page verdict-cases fuzz hostile drawings signals optimum outlines map lumped-build paper coupons coupon-rubbers external house verdict-pictures page-pictures doc-pictures docs locks clean
+.PHONY: study check test study-tests benchmarks scaling verification robustness spreads films-in-time hidden hidden-page verdict-cases fuzz hostile drawings signals optimum outlines map lumped-build paper coupons coupon-rubbers external house verdict-pictures page-pictures doc-pictures docs locks clean
 
 study: .venv/ready
 	.venv/bin/tympan study -o "$(OUT)"
@@ -19,7 +19,11 @@ check: .venv/dev
 	OPENBLAS_NUM_THREADS=1 .venv/bin/python -m pytest -n 2 -q -m "not study" tests/commands/test_smoke.py tests/test_readability.py
 
 test: .venv/dev
-	OPENBLAS_NUM_THREADS=1 .venv/bin/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder --durations=50
+	OPENBLAS_NUM_THREADS=1 .venv/bin/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
+
+# The dear tests, of which `make test` runs a tenth: whole verdicts, statistics, every value of a parameter.
+study-tests: .venv/dev
+	OPENBLAS_NUM_THREADS=1 .venv/bin/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder -m study
 
 benchmarks: .venv/dev
 	.venv/bin/python -m benchmarks.reference_problem

@@ -8,20 +8,15 @@ import pickle
 import signal
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from benchmarks.explore.browser import browsing, chromium
-from tests.support.models import model
-from tests.support.specimens import skewed
-from tympan.fem.membrane.model import Model
-from tympan.fem.rig import Rig
-from tympan.studies.diagnosis.reduced.force_law import Grid
-from tympan.studies.diagnosis.reduced.sampling import force_laws
-from tympan.studies.diagnosis.reduced.simulation import Simulation
-from tympan.studies.effects import Setup
-from tympan.studies.paper.actuators import actuators
+if TYPE_CHECKING:  # a fixture imports what it makes: whoever does not ask for it does not wait
+    from tympan.fem.membrane.model import Model
+    from tympan.studies.diagnosis.reduced.simulation import Simulation
+
+pytest_plugins = ["tests.support.costs"]
 
 # Started in the background, a shell's commands ignore Ctrl-C, and so would those tested here.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
@@ -42,6 +37,9 @@ def shared_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="session")
 def skewed_model() -> Model:
+    from tests.support.models import model
+    from tests.support.specimens import skewed
+
     return model(skewed(), refine=0.7, order=2)
 
 
@@ -51,6 +49,13 @@ def three_shapes(tmp_path_factory: pytest.TempPathFactory) -> Simulation:
 
     Made by one of several test processes.
     """
+    from tympan.fem.rig import Rig
+    from tympan.studies.diagnosis.reduced.force_law import Grid
+    from tympan.studies.diagnosis.reduced.sampling import force_laws
+    from tympan.studies.diagnosis.reduced.simulation import Simulation
+    from tympan.studies.effects import Setup
+    from tympan.studies.paper.actuators import actuators
+
     folder = shared_folder(tmp_path_factory)
     with (folder / "three_shapes.lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
@@ -68,6 +73,8 @@ def three_shapes(tmp_path_factory: pytest.TempPathFactory) -> Simulation:
 def browser() -> Iterator[Any]:
     """A headless Chromium, where there is one."""
     pytest.importorskip("playwright", reason="playwright is not installed")
+    from benchmarks.explore.browser import browsing, chromium
+
     executable = chromium()
     if executable is None:
         pytest.skip("Chromium is not installed")

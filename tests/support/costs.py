@@ -1,0 +1,121 @@
+"""Processor seconds of each test, and a tenth of the dear ones, drawn anew for every commit.
+
+A plugin of pytest. What a test may cost, and what to do where it costs more, is in CONTRIBUTING.md.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+from collections import defaultdict
+from collections.abc import Iterator
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+import pytest
+from _pytest.mark.structures import ParameterSet
+
+#: A test in the suite costs at most so many processor seconds, with the fixtures it is first to ask
+#: for. At 10 s a hundred such tests would take the suite's whole time.
+ALLOWED = 10.0
+#: How many of the dearest tests are printed.
+PRINTED = 10
+#: Share of the dear tests that every run of the suite has.
+SHARE = 0.1
+#: Dear tests from here on take minutes and are never drawn.
+MOST = 60.0
+
+_SECONDS = "processor_s"
+
+
+def processor_seconds() -> float:
+    """Processor time of this process and of its ended children, in seconds."""
+    times = os.times()
+    return times.user + times.system + times.children_user + times.children_system
+
+
+def commits() -> int:
+    """Count of commits of this checkout, 0 where it has no history."""
+    counted = subprocess.run(["git", "rev-list", "--count", "HEAD"], cwd=Path(__file__).parent,
+                             capture_output=True, text=True, check=False)
+    return int(counted.stdout) if counted.returncode == 0 else 0
+
+
+def is_drawn(name: str, seed: int) -> bool:
+    """Whether a dear test of this name runs with the suite at this seed."""
+    return int(sha256(f"{seed} {name}".encode()).hexdigest()[:8], 16) < SHARE * 2**32
+
+
+def dear(*values: Any, seconds: float, name: str | None = None) -> ParameterSet:
+    """Values of a parametrised test that alone costs so many processor seconds.
+
+    It is run by ``make study-tests``; the suite runs a tenth of such tests, drawn anew for every
+    commit.
+    """
+    return pytest.param(*values, marks=pytest.mark.study(seconds=seconds), id=name)
+
+
+def seconds_of(item: pytest.Item) -> float | None:
+    """Stated cost of a dear test, None where it has none."""
+    marker = item.get_closest_marker("study")
+    return None if marker is None else marker.kwargs.get("seconds")
+
+
+def draws(config: pytest.Config) -> bool:
+    """Whether a run is that of the whole suite, without the dear tests."""
+    return (config.args_source == pytest.Config.ArgsSource.TESTPATHS
+            and "not study" in config.option.markexpr)
+
+
+def pytest_report_header(config: pytest.Config) -> list[str]:
+    if not draws(config):
+        return []
+    return [f"dear tests: {SHARE:.0%} of those of at most {MOST:g} s, drawn by seed {commits()} "
+            "(count of commits)"]
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Let the dear tests that are drawn run as all others do."""
+    if not draws(config):
+        return
+    seed = commits()
+    for item in items:
+        seconds = seconds_of(item)
+        if seconds is not None and seconds <= MOST and is_drawn(item.nodeid, seed):
+            item.own_markers[:] = [mark for mark in item.own_markers if mark.name != "study"]
+
+
+class Clock:
+    """Processor time at the last report of this process."""
+
+    def __init__(self) -> None:
+        self.last = processor_seconds()
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_runtest_makereport(self) -> Iterator[None]:
+        report = yield
+        now = processor_seconds()
+        report.user_properties.append((_SECONDS, now - self.last))
+        self.last = now
+        return report
+
+
+def pytest_sessionstart(session: pytest.Session) -> None:
+    session.config.pluginmanager.register(Clock())
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """Print the dearest tests, and the seconds of all."""
+    costs: dict[str, float] = defaultdict(float)
+    for reports in terminalreporter.stats.values():
+        for report in reports:
+            costs[getattr(report, "nodeid", "")] += dict(
+                getattr(report, "user_properties", ())).get(_SECONDS, 0.0)
+    dearest = sorted(costs.items(), key=lambda pair: -pair[1])[:PRINTED]
+    terminalreporter.write_sep("=", f"dearest {len(dearest)} of {len(costs)} tests, "
+                                    f"{sum(costs.values()):.0f} processor seconds in all")
+    for name, seconds in dearest:
+        above = f"  above {ALLOWED:g} s: see CONTRIBUTING.md" if seconds > ALLOWED else ""
+        terminalreporter.write_line(f"{seconds:7.2f} s  {name}{above}")
