@@ -8,6 +8,10 @@ OUT ?= out
 
 .PHONY: study check test study-tests benchmarks scaling verification robustness spreads films-in-time hidden hidden-page verdict-cases fuzz hostile drawings signals optimum outlines map lumped-build paper coupons coupon-rubbers external house verdict-pictures page-pictures doc-pictures docs locks clean
 
+# Compiled modules are kept, whatever the environment says: some hundred processes of the tests would each compile all
+# that they import again.
+PYTEST = OPENBLAS_NUM_THREADS=1 PYTHONDONTWRITEBYTECODE= .venv/bin/python -m pytest
+
 study: .venv/ready
 	.venv/bin/tympan study -o "$(OUT)"
 
@@ -16,14 +20,14 @@ check: .venv/dev
 	.venv/bin/ruff check .
 	.venv/bin/mypy
 	.venv/bin/lint-imports
-	OPENBLAS_NUM_THREADS=1 .venv/bin/python -m pytest -n 2 -q -m "not study" tests/commands/test_smoke.py tests/test_readability.py
+	$(PYTEST) -n 2 -q -m "not study" tests/commands/test_smoke.py tests/test_readability.py
 
 test: .venv/dev
-	OPENBLAS_NUM_THREADS=1 .venv/bin/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
+	$(PYTEST) -n 2 --dist loadfile --no-loadscope-reorder
 
 # The dear tests, of which `make test` runs a tenth: whole verdicts, statistics, every value of a parameter.
 study-tests: .venv/dev
-	OPENBLAS_NUM_THREADS=1 .venv/bin/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder -m study
+	$(PYTEST) -n 2 --dist loadfile --no-loadscope-reorder -m study
 
 benchmarks: .venv/dev
 	.venv/bin/python -m benchmarks.reference_problem
