@@ -18,6 +18,7 @@ from matplotlib import pyplot
 from PIL import Image
 
 from tests.support.checks.accessible import wordless
+from tests.support.costs import dear
 from tympan import cli
 from tympan.cli import main
 from tympan.commands import COMMANDS
@@ -55,7 +56,13 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
         pyplot.close(number)
 
 
-@pytest.mark.parametrize("script", SCRIPTS, ids=lambda script: script.stem[5:])
+#: Processor seconds of the tutorials that take longest.
+DEAR = {"plot_5_own_data_diagnosed": 30}
+
+
+@pytest.mark.parametrize("script", [
+    dear(script, seconds=DEAR[script.stem], name=script.stem[5:]) if script.stem in DEAR
+    else pytest.param(script, id=script.stem[5:]) for script in SCRIPTS])
 def test_a_tutorial_runs_and_draws(script: Path, folder: Path, capsys) -> None:
     before = set(pyplot.get_fignums())
     runpy.run_path(str(script))

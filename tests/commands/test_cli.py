@@ -15,6 +15,7 @@ import meshio
 import numpy as np
 import pytest
 
+from tests.support.costs import dear
 from tests.support.specimens import ROUND, SOFT, specimen_toml
 from tympan.cli import main
 from tympan.reports.rebuild import KINDS
@@ -151,8 +152,11 @@ def test_a_result_that_does_not_exist_leaves_no_old_fields(tmp_path, capsys) -> 
     assert "no_equilibrium" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("prestretch", ["1, 1", "0.99, 0.99", "0.5, 0.5"])
-@pytest.mark.parametrize("mass", ["0 g", "0.001 g", "17.9 g"])
+@pytest.mark.parametrize(("mass", "prestretch"), [
+    ("0 g", "1, 1"), ("0 g", "0.5, 0.5"), ("0.001 g", "0.99, 0.99"), ("17.9 g", "1, 1"),
+    dear("17.9 g", "0.5, 0.5", seconds=3), dear("17.9 g", "0.99, 0.99", seconds=2),
+    dear("0.001 g", "0.5, 0.5", seconds=1.5), dear("0 g", "0.99, 0.99", seconds=1),
+    dear("0.001 g", "1, 1", seconds=1)])
 def test_slack_films_end_with_a_status(tmp_path, capsys, prestretch: str, mass: str) -> None:
     file = tmp_path / "slack.toml"
     file.write_text(SOFT_FILM.replace("2.2360679775, 2.2360679775", prestretch))

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import PchipInterpolator
 
+from tests.support.costs import dear
 from tests.support.specimens import elliptical
 from tympan.explore.curve import drawn_curve
 from tympan.explore.latest import Pause
@@ -178,7 +179,8 @@ def scattering() -> tuple[Neighbours, FilmFamily]:
 
 
 @pytest.mark.parametrize("change", [
-    {"mass": 0.024, "voltage": 4000.0}, {"stiffness": 1.19}, {"frame.semi_axes.0": 66e-3}])
+    dear({"mass": 0.024, "voltage": 4000.0}, seconds=20), {"stiffness": 1.19},
+    dear({"frame.semi_axes.0": 66e-3}, seconds=18)])
 def test_bands_about_a_view_are_those_of_solve_and_curve(
         change: dict[str, float], scattering: tuple[Neighbours, FilmFamily],
         monkeypatch: pytest.MonkeyPatch) -> None:
@@ -230,6 +232,7 @@ def test_a_voltage_alone_has_no_new_bands_of_the_curve(
     assert 'class="band"' not in drawn_curve(followed_curve, None)
 
 
+@pytest.mark.study(seconds=14)
 def test_breakdown_before_the_end_is_that_of_finite_elements() -> None:
     film = replace(OVAL.specimen.membrane, strength=ConstantStrength(40e6))
     view = replace(OVAL, specimen=replace(OVAL.specimen, membrane=film))

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.support.costs import dear
 from tests.support.datasets import write_dataset
 from tests.support.specimens import SOFT, specimen_toml
 from tympan.cli import main
@@ -171,9 +172,12 @@ def test_every_kind_has_a_run() -> None:
     assert set(RUNS) == set(KINDS)
 
 
+#: Processor seconds of the dearest runs.
+DEAR = {"diagnose": 75, "outlines": 24, "lumped paper": 23}
+
+
 @pytest.mark.parametrize("command", [
-    pytest.param(command, marks=pytest.mark.study if command == "diagnose" else ())
-    for command in KINDS])
+    dear(command, seconds=DEAR[command]) if command in DEAR else command for command in KINDS])
 def test_figures_are_drawn_again_byte_for_byte(command: str, tmp_path: Path) -> None:
     folder = tmp_path / "folder"
     RUNS[command](folder)
