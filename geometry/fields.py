@@ -483,7 +483,7 @@ def _in_si(field: Field, value: Any) -> Any:
         if field.item not in (float, int) and get_origin(field.item) is not tuple:
             _require_part(field, value)
             return tuple(value) if isinstance(value, list) else value
-        part = _numbers(field, value) if field.several else _one_number(field, value)
+        part: Any = _numbers(field, value) if field.several else _one_number(field, value)
         _require_limits(field, part, value)
         if field.item is int:
             return tuple(map(int, part)) if field.several else int(part)
@@ -547,7 +547,7 @@ def _require_limits(field: Field, part: Any, given: Any) -> None:
 
 
 def _told(field: Field, part: Any, given: Any) -> Any:
-    """What was given for a number or numbers, for a message: a text as it was written."""
+    """Value for a message: a text as it was written, numbers with their unit."""
     return given if isinstance(given, str) else _shown(field, part)
 
 

@@ -89,10 +89,10 @@ def read_apart(kind: str, file: str, keys: dict[str, Any]) -> dict[str, Any]:
             raise
     if process.returncode:
         seconds, memory = _limits().values()
-        less = ": the limits of this process, as ulimit sets them" * (
-            seconds < _SECONDS or memory < _MEMORY)
-        raise InputError("cannot be read: it is damaged, or takes far more than others of its "
-                         f"size, {seconds} s or {memory / 2**30:.3g} GB{less}")
+        less = (f"; a limit of this process (ulimit) leaves it {seconds} s: raise that"
+                * (seconds < _SECONDS or memory < _MEMORY))
+        raise InputError("cannot be read: it is damaged, or takes far more time than others of its "
+                         f"size or more than {memory / 2**30:.3g} GB to read{less}")
     record: dict[str, Any] = json.loads(output)
     return record
 

@@ -89,7 +89,7 @@ _QUANTITY = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|[-+]?inf)
 #: A quantity with a decimal comma, and what stands on both sides of it.
 _COMMA = re.compile(r"\s*([-+]?\d+),(\d+)([^,]*)", re.ASCII)
 #: What begins another quantity behind a first one.
-_ANOTHER = re.compile(r"[;,]\s*[-+]?\.?\d", re.ASCII)
+_ANOTHER = re.compile(r"[^\W\d_]\s*[;,]\s*[-+]?\.?\d")
 #: What joins a factor of a unit to those before it, and a group of factors or a name and its power.
 _FACTOR = re.compile(r"\s*([*/·]?)\s*(?:\(([^()]+)\)|([^\W\d]\w*)"
                      r"\s*(?:(?:\^|\*\*)\s*([-+]?\d))?(?!\d))\s*")
