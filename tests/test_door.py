@@ -75,7 +75,8 @@ def test_the_readme_s_eight_lines(tmp_path: Path) -> None:
     status, deflection = done.stdout.split()
     assert status == "equilibrium"
     assert float(deflection) == CaseResult.load(tmp_path / "solved").deflection_m
-    assert {file.name for file in tmp_path.rglob("oval.*")} == {"oval.png", "oval.json", "oval.vtu"}
+    assert {file.name for file in tmp_path.rglob("oval.*")} == {
+        "oval.png", "oval.svg", "oval.json", "oval.vtu"}
 
 
 def test_parts_take_units_and_lists() -> None:

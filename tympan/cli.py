@@ -20,7 +20,7 @@ from tympan.geometry.toml_reader import one_of
 #: What people write for an option, by the option's own name without dashes.
 _SYNONYMS = {"weight": "mass", "load": "mass", "gram": "mass", "potential": "voltage",
              "volt": "voltage", "tension": "voltage", "folder": "output", "directory": "output",
-             "out": "output", "jobs": "workers", "processes": "workers", "mesh": "refine"}
+             "jobs": "workers", "processes": "workers", "mesh": "refine"}
 
 #: Types of values that argparse converts, in words.
 _KINDS: dict[Any, str] = {int: "a whole number", float: "a number"}

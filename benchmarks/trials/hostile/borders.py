@@ -22,7 +22,7 @@ from benchmarks.trials.hostile.inputs import (
 )
 
 #: A line of a file that is nobody's business.
-_SECRET = "root:x:0:0:secret"
+_SECRET = "root:x:0:0:root"
 _ABROAD = "must be a relative path, at most 2 folders up"
 _DRAWN = f'name = "film"\n[frame]\nshape = "dxf"\nfile = "{{}}"\n{BODY}{VHB}'
 
@@ -49,8 +49,8 @@ def _dataset(name: str, keys: str, words: str, **files: str | bytes) -> Case:
 @group("files elsewhere")
 def files_elsewhere() -> Cases:
     """A file of somebody else's names no file of the user's, and no message quotes one."""
-    never = "Traceback|secret|root:"
-    for path in ("/etc/passwd", "../../../secret", "a/../../secret"):
+    never = "Traceback|root|x:0:0"
+    for path in ("/etc/passwd", "../../../notes", "a/../../notes"):
         yield _dataset(f"table {path}", f'[columns.static]\nfile = "{path}"\n',
                        f"columns.static.file: given '{path}': {_ABROAD}")
         yield Case(f"specimen {path}", "data data", {
@@ -64,17 +64,17 @@ def files_elsewhere() -> Cases:
         yield Case(f"specimen of a sweep {path}", "sweep SWEEP.toml -o out", {
             "SWEEP.toml": LOADS.replace("specimen.toml", path)},
             f"specimen: given '{path}': {_ABROAD}")
-    secret = {"secret": f"{_SECRET}\n"}
+    notes = {"notes": f"{_SECRET}\n"}
     yield Case("no table", "data data", {
-        "data/dataset.toml": DATASET + '[columns.static]\nfile = "../secret"\n', **secret},
-        "secret: line 1: has no heading that is known", never=never)
+        "data/dataset.toml": DATASET + '[columns.static]\nfile = "../notes"\n', **notes},
+        "notes: line 1: has no heading that is known", never=never)
     yield Case("no table with a heading", "data data", {
-        "data/dataset.toml": DATASET + '[columns.static]\nfile = "../secret"\n'
-                                       'displacement_mm = "Weg"\n', **secret},
-        "secret: line 1: given 'Weg': has no line with this heading", never=never)
-    yield Case("no drawing", SOLVE, {"specimen.toml": _DRAWN.format("secret"), **secret},
+        "data/dataset.toml": DATASET + '[columns.static]\nfile = "../notes"\n'
+                                       'displacement_mm = "Weg"\n', **notes},
+        "notes: line 1: given 'Weg': has no line with this heading", never=never)
+    yield Case("no drawing", SOLVE, {"specimen.toml": _DRAWN.format("notes"), **notes},
                "is no DXF file that can be read: it is damaged", never=never)
-    yield Case("no specimen", "solve secret --mass '1 g'", secret, "secret: is not valid TOML",
+    yield Case("no specimen", "solve notes --mass '1 g'", notes, "notes: is not valid TOML",
                never=never)
 
 
@@ -89,7 +89,7 @@ def other_kinds() -> Cases:
                         ("study specimen.toml -o out", "specimens = "),
                         ("sweep specimen.toml -o out", r"\[grid\]"),
                         (f"{SOLVE} --rig specimen.toml", "--rig|gravity"),
-                        (f"{SOLVE} --tolerances specimen.toml", r"\[batch\]")):
+                        ("tolerance specimen.toml --tolerances specimen.toml", r"\[batch\]")):
         yield Case(line, line, GOOD,
                    f"^tympan: specimen.toml: is the file of a specimen, .*{words}")
     for name, files in (("rig.toml", rig), ("data/dataset.toml", data), ("SWEEP.toml", sweep)):

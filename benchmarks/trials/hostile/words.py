@@ -29,7 +29,7 @@ def words() -> Cases:
     yield Case("two masses for one", "solve specimen.toml --mass '10 g, 20 g'", GOOD,
                "--mass: .*must be one mass .*: here are several")
     for option, meant in (("--weight '1 g'", "--mass"), ("--load '1 g'", "--mass"),
-                          ("--potential '1 kV'", "--voltage"), ("--out a", "--output")):
+                          ("--potential '1 kV'", "--voltage"), ("--folder a", "--output")):
         yield Case(option, f"solve specimen.toml {option}", GOOD, f"did you mean {meant}[?]")
     yield Case("no number", "solve specimen.toml --mass '1 g' --refine much", GOOD,
                "--refine: given 'much': must be a number")
