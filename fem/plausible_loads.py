@@ -8,6 +8,7 @@ import numpy as np
 
 from tympan.fem.film.admissibility import equibiaxial_stiffness
 from tympan.fem.film.density import maxwell, small_strain_modulus
+from tympan.fem.membrane.biases import Bias, JoinedFilm
 from tympan.fem.rig import Rig
 from tympan.geometry.outlines import area, perimeter
 from tympan.geometry.specimen import Specimen
@@ -24,6 +25,10 @@ _LEAST_STRAIN = 1e-5
 #: Maxwell stress over stiffness from which on a voltage is seen in a deflection.
 _SEEN = 1e-4
 
+#: Deflections at which the force of a mechanism is looked at; of a steep one the largest may be
+#: missed, which is far from what is doubted.
+_PLACES = 41
+
 #: Stiffness of a neo-Hookean electrode, stretched equally along both axes, over its modulus.
 _EQUIBIAXIAL = 6.0
 
@@ -32,17 +37,18 @@ def implausible_loads(specimen: Specimen, rig: Rig, mass: float, voltage: float)
     """Likely intended values of a mass [kg] and a nominal voltage [V], in sentences; mostly none.
 
     The door they came through does not matter, only what they do to the film. Of several voltages
-    the highest counts. A weight that something else may carry is not judged, nor is a film whose
-    law gives it no stiffness, such as the paper's Eq. (8).
+    the highest counts. What springs and other mechanisms carry is left to them. A film whose law
+    gives it no stiffness, such as the paper's Eq. (8), is not judged.
     """
     stiffness, around = _stiffness(specimen)
     doubts: list[str] = []
     if not 0 < stiffness < np.inf:
         return doubts
-    if mass and not rig.biases and rig.guide != "fixed":
+    if mass and rig.guide != "fixed":
         frame = specimen.frame
         weight = abs(mass * rig.gravity)
         others = rig.spring * max(frame.semi_axes)
+        others += sum(_carried(bias, max(frame.semi_axes)) for bias in rig.biases)
         if rig.gas_pressure:  # an area takes as long as a hundred of these looks
             others += abs(rig.gas_pressure) * area(frame)
         if weight > _MOST_WEIGHT * around + others:
@@ -59,6 +65,14 @@ def implausible_loads(specimen: Specimen, rig: Rig, mass: float, voltage: float)
         meant = strain * 1e6 >= _SEEN
         doubts.append(words + f': was "{voltage:.4g} kV" meant?' * meant)
     return doubts
+
+
+def _carried(bias: Bias, far: float) -> float:
+    """Largest force of a mechanism [N] on a plate that moves so far [m], either way."""
+    if isinstance(bias, JoinedFilm):
+        return _MOST_WEIGHT * _stiffness(bias.specimen)[1]
+    forces = [abs(np.real(bias.derivatives(at)[1])) for at in np.linspace(-far, far, _PLACES)]
+    return float(np.nanmax(forces)) if np.isfinite(forces).any() else np.inf
 
 
 @lru_cache(maxsize=32)

@@ -125,7 +125,7 @@ class Rig:
     @classmethod
     def read(cls, file: Path | str) -> Self:
         """The rig of a TOML file."""
-        return read(cls, Table.read(file))
+        return read(cls, Table.read(file, "rig"))
 
     def pressed(self, pressure: float | str | None) -> Rig:
         """The same rig with the gas below the film at a pressure, where one is given."""

@@ -24,6 +24,9 @@ from tympan.geometry.formats import Row, TwoMarks, read_rows, unfolded
 from tympan.geometry.layouts import Layout, Reader, Source
 from tympan.geometry.read_file import file_bytes
 
+#: Values of a column that has to grow are so far apart [s or m]: no instrument tells less, and
+#: slopes over smaller steps are no numbers.
+LEAST_STEP = 1e-9
 #: Rows of a table that are texts at a time: as numbers they take a tenth of the memory.
 TOGETHER = 10_000
 

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable, Mapping
-from pathlib import Path
-from typing import Self
+from datetime import date, time
+from pathlib import Path, PurePath
+from typing import Any, Self
 
 #: Letters of a value in a message: some two lines of a terminal.
 _LONGEST = 200
+#: So many parts of a list are written out; more would be cut in any case.
+_PARTS = 100
 
 
 class InputError(ValueError):
@@ -25,7 +28,7 @@ class InputError(ValueError):
         self.allowed, self.file, self.key, self.given = allowed, file, key, given
         parts = [str(part) for part in (file, key) if part is not None]
         if given is not None:
-            parts.append(f"given {_shortened(repr(given))}")
+            parts.append(f"given {_shortened(written(given))}")
         super().__init__(_printable(": ".join([*parts, allowed])))
 
     def located(self, *, file: Path | str | None = None, key: str | None = None) -> Self:
@@ -64,6 +67,53 @@ def nearest_word(word: str, words: Iterable[str]) -> str | None:
     small = {other.casefold(): other for other in reversed([*words])}
     near = difflib.get_close_matches(word.casefold(), small, 1)
     return small[near[0]] if near else None
+
+
+def written(value: Any) -> str:
+    """A value as its author wrote it, without the words of Python for it.
+
+    Texts are in quotation marks, and so are paths; numbers of NumPy are numbers, arrays lists,
+    dates of TOML dates. Of any other object there is the name of its class.
+
+    Examples
+    --------
+    >>> written(Path("a/.mat")), written([1, Path("b")]), written(date(2026, 11, 28))
+    ("'a/.mat'", "[1, 'b']", '2026-11-28')
+    >>> written(object()), written({"radius": [1.5]}), written(10**5000)
+    ('an object', "{'radius': [1.5]}", 'a number of more than 4300 digits')
+    """
+    value = value.tolist() if hasattr(value, "tolist") else value
+    if value is None:
+        return "nothing"
+    if isinstance(value, str | PurePath):
+        return repr(str(value))
+    if isinstance(value, date | time):  # of which a date with a time is one
+        return value.isoformat()
+    if isinstance(value, bool | int | float | complex):
+        try:
+            return repr(value)
+        except ValueError:
+            return "a number of more than 4300 digits"
+    if isinstance(value, Mapping):
+        entries = ", ".join(f"{written(key)}: {written(part)}"
+                            for key, part in [*value.items()][:_PARTS])
+        return f"{{{entries}}}"
+    if isinstance(value, list | tuple):
+        parts = ", ".join(map(written, value[:_PARTS]))
+        return f"[{parts}]" if isinstance(value, list) else f"({parts})"
+    return one(value if isinstance(value, type) else type(value))
+
+
+def one(kind: Any) -> str:
+    """A class as a noun with its article.
+
+    Examples
+    --------
+    >>> one(Path), one(int), one(InputError)
+    ('a Path', 'an int', 'an InputError')
+    """
+    name = str(getattr(kind, "__name__", kind))
+    return f"{'an' if name[0] in 'aeiouAEIOU' else 'a'} {name}"
 
 
 def _shortened(text: str) -> str:

@@ -25,6 +25,7 @@ from dataclasses import fields as dataclass_fields
 from functools import cache, cached_property, wraps
 from inspect import get_annotations, signature, unwrap
 from itertools import chain
+from math import inf
 from numbers import Integral, Number
 from os import PathLike
 from types import NoneType, UnionType
@@ -41,13 +42,23 @@ from typing import (
     get_type_hints,
 )
 
-from tympan.geometry.errors import InputError, did_you_mean
+from tympan.geometry.errors import InputError, did_you_mean, one
 from tympan.geometry.toml_reader import FINITE, WHOLE, Rule, Table, one_of
-from tympan.geometry.units import DIMENSIONS, quantities_text, quantity, quantity_text
+from tympan.geometry.units import (
+    DIMENSIONS,
+    LARGEST,
+    bounded,
+    quantities_text,
+    quantity,
+    quantity_text,
+)
 
 T = TypeVar("T")
 F = TypeVar("F", bound=Callable[..., Any])
 Content = dict[str, Any]
+
+#: What is said of a text without letters, wherever it stands: as one that is missing.
+EMPTY = "is empty: give a value, or leave it out"
 
 #: Readers that know more than the declaration, by dataclass and field: they get table and key.
 Special = Mapping[tuple[type, str], Callable[[Table, str], Any]]
@@ -58,8 +69,9 @@ class Key:
     """Content of a key of an input file, or of a result; of a result the meaning alone.
 
     ``dimension`` is one of :data:`tympan.geometry.units.DIMENSIONS`, "" for plain numbers; ``rule``
-    the limits of every number; ``name`` the key where it is not the field's name; ``kinds`` what a
-    table, or each of a list of tables, may be. ``inline``: the kind's keys stand beside this one's.
+    the limits of a text or of every number, from a file or from Python; ``name`` the key where it
+    is not the field's name; ``kinds`` what a table, or each of a list of tables, may be.
+    ``inline``: the kind's keys stand beside this one's.
     ``needs`` names another key, without which (or where that is 0) this one has no place. A
     ``discrete`` field has no derivatives. ``default`` says what a missing key means, where the
     dataclass finds that out itself, in ``completed``. ``also``: what people write instead of the
@@ -124,6 +136,16 @@ class Field:
         parts = get_args(self.kind)
         return len(parts) if self.several and parts[-1] is not Ellipsis else None
 
+    @cached_property
+    def rule(self) -> Rule:
+        """The limits of each of its numbers; where they are whole numbers, that too."""
+        if self.item is not int:
+            return self.says.rule
+        if self.says.rule is FINITE:
+            return WHOLE
+        holds, words = self.says.rule
+        return (lambda x: WHOLE[0](x) and holds(x)), words
+
     @property
     def discrete(self) -> bool:
         """Whether there are no values between its values."""
@@ -182,7 +204,8 @@ def takes_units(cls: Any) -> Any:
 
     Texts carry their unit, lists serve as tuples, names of a library as what they stand for, and
     what is left out is completed as a file's. What cannot be used is an :class:`InputError` that
-    names the key: a wrong unit, an array in place of a number, an unknown or a missing name.
+    names the key: a wrong unit, a number beyond its limits, an array in place of a number, an
+    unknown or a missing name. An imaginary step of a number is not looked at.
     """
     of_numbers = cls.__init__
     halves = [field for field in fields_of(cls) if field.says.doubled]
@@ -197,7 +220,7 @@ def takes_units(cls: Any) -> Any:
         declared, required = _by_name(cls)
         given = arguments.named(values, named)
         for name in others.keys() & given.keys():
-            _require_type(others[name], given[name], name)
+            arguments.require_type(others[name], given[name], name)
         for field in halves:
             given = _halved(field, given)
         given = {name: _in_si(declared[name], value) if name in declared else value
@@ -225,7 +248,7 @@ class Arguments:
 
     ``positional`` may be given without a name, ``names`` are all, ``needed`` those without a
     default; ``known`` has the names, and what people write instead of them, as messages spell them;
-    ``meanings`` those of fields.
+    ``meanings`` those of fields; ``blank`` are those whose default is a text without letters.
     """
 
     positional: tuple[str, ...]
@@ -234,6 +257,7 @@ class Arguments:
     known: Mapping[str, str]
     meanings: Mapping[str, str]
     many: bool = False
+    blank: frozenset[str] = frozenset()
 
     @classmethod
     def of(cls, function: Callable[..., Any], declared: Any = None, *more: str) -> Arguments:
@@ -254,7 +278,8 @@ class Arguments:
                    also | {name: repr(name) for name in names},
                    {} if declared is None else {
                        item.name: item.says.meaning for item in fields_of(declared)},
-                   any(item.kind is item.VAR_POSITIONAL for item in listed))
+                   any(item.kind is item.VAR_POSITIONAL for item in listed),
+                   frozenset(item.name for item in listed if item.default == ""))
 
     def named(self, values: Sequence[Any], named: Mapping[str, Any]) -> Content:
         """The values by their names."""
@@ -271,6 +296,14 @@ class Arguments:
             if name in given:
                 raise InputError("is given twice, by its place and by its name", key=name)
         return given | dict(named)
+
+    def require_type(self, hint: Any, value: Any, name: str) -> None:
+        """Refuse a value of another type than that of an annotation, and an empty text."""
+        _require_type(hint, value, name)
+        if (isinstance(value, str | PathLike) and not str(value).strip() and name not in self.blank
+                and not {str, PathLike}.isdisjoint(get_origin(kind) or kind
+                                                   for kind in _kinds(hint))):
+            raise InputError(EMPTY, key=name, given=value)
 
     def require(self, given: Mapping[str, Any], names: Sequence[str]) -> None:
         """Refuse what lacks one of these names."""
@@ -302,7 +335,7 @@ def names_arguments(more: Any = None) -> Callable[[F], F]:
             arguments.require(given, arguments.needed)
             rest = values[len(arguments.positional):] if many else ()
             for name, value in (*given.items(), *((str(many), value) for value in rest)):
-                _require_type(_type_of(hints[name], places), value, name)
+                arguments.require_type(_type_of(hints[name], places), value, name)
             return function(*values, **named)
 
         return cast(F, checked)
@@ -320,7 +353,7 @@ def checks_types(cls: Any) -> Any:
         given = arguments.named(values, named)
         arguments.require(given, arguments.needed)
         for name, value in given.items():
-            _require_type(hints[name], value, name)
+            arguments.require_type(hints[name], value, name)
         of_any(self, **given)
 
     cls.__init__ = checked
@@ -354,7 +387,7 @@ def _require_type(hint: Any, value: Any, key: str) -> None:
     if _fits(hint, value):
         return
     kinds = [get_origin(kind) or kind for kind in _kinds(hint)]
-    words = " or ".join(_TYPES.get(kind, _one(kind)) for kind in kinds if kind is not NoneType)
+    words = " or ".join(_TYPES.get(kind, one(kind)) for kind in kinds if kind is not NoneType)
     advice = ("; tympan.load(FILE) reads one" if words.startswith("a Specimen")
               and isinstance(value, str | PathLike) else
               "; call once for each of several" if float in kinds and hasattr(value, "__len__")
@@ -366,11 +399,6 @@ def _require_type(hint: Any, value: Any, key: str) -> None:
 _TYPES: dict[Any, str] = {
     float: "a number", str: "a text", int: "a whole number", bool: "True or False",
     PathLike: "a path", Sequence: "a list"}
-
-
-def _one(kind: Any) -> str:
-    name = str(getattr(kind, "__name__", kind))
-    return f"{'an' if name[0] in 'AEIOU' else 'a'} {name}"
 
 
 def _kinds(hint: Any) -> tuple[Any, ...]:
@@ -389,7 +417,7 @@ def _is_a(kind: Any, value: Any) -> bool:
     """Whether a value is of a kind; arrays serve as lists, and a text or number as one of them."""
     item, kind = get_args(kind), get_origin(kind) or kind
     if kind is float:
-        return isinstance(value, Number) or getattr(value, "ndim", None) == 0
+        return _is_number(value)
     if kind is int:
         return isinstance(value, Integral) and not isinstance(value, bool)
     if kind is Sequence:
@@ -404,6 +432,18 @@ def _is_a(kind: Any, value: Any) -> bool:
     # Of a protocol it is not known before it is used.
     return (not isinstance(kind, type) or getattr(kind, "_is_protocol", False)
             or isinstance(value, kind))
+
+
+def _is_number(value: Any) -> bool:
+    """Whether a value is one number; True is none, and neither is a masked cell of a table."""
+    if getattr(value, "ndim", None) == 0:
+        return value.dtype.kind in "iufc" and not _is_masked(value)
+    return isinstance(value, Number) and not isinstance(value, bool)
+
+
+def _is_masked(value: Any) -> bool:
+    """Whether a value is a cell of a table of NumPy that is masked, so that it holds no number."""
+    return getattr(value, "ndim", None) == 0 and bool(getattr(value, "mask", False))
 
 
 def number(value: Any, dimension: str, key: str) -> float:
@@ -432,7 +472,8 @@ def numbers(values: Any, dimension: str, key: str) -> tuple[float, ...]:
 
 def _in_si(field: Field, value: Any) -> Any:
     """Arguments of a constructor as the dataclass keeps them."""
-    if type(value) is float and not field.several:
+    if (type(value) is float and field.kind is float
+            and -LARGEST <= value <= LARGEST and field.rule[0](value)):
         return value  # what nearly all are, in each of a search's many thousand specimens
     try:
         if isinstance(value, str) and field.says.kinds is not None and field.says.kinds.by_name:
@@ -442,7 +483,11 @@ def _in_si(field: Field, value: Any) -> Any:
         if field.item not in (float, int) and get_origin(field.item) is not tuple:
             _require_part(field, value)
             return tuple(value) if isinstance(value, list) else value
-        return _numbers(field, value) if field.several else _one_number(field, value)
+        part: Any = _numbers(field, value) if field.several else _one_number(field, value)
+        _require_limits(field, part, value)
+        if field.item is int:
+            return tuple(map(int, part)) if field.several else int(part)
+        return part
     except InputError as error:
         raise error.located(key=field.key) from None
 
@@ -451,7 +496,8 @@ def _require_part(field: Field, value: Any) -> None:
     """Refuse what can be no part of an actuator: a text, a number."""
     if field.several and not isinstance(value, list | tuple):
         raise InputError("must be a list", given=value)
-    says, of_type = field.says, get_origin(field.item) is Literal or is_dataclass(field.item)
+    says, of_type = field.says, (field.item is bool or get_origin(field.item) is Literal
+                                 or is_dataclass(field.item))
     if says.kinds is None and field.item is not str and not of_type:
         return  # anything may be there: an outline's many knots
     for part in value if field.several else (value,):
@@ -459,28 +505,67 @@ def _require_part(field: Field, value: Any) -> None:
             continue
         if says.kinds is not None:
             # A package's kind is a dataclass, whatever else it is.
-            if not is_dataclass(part):
+            if not is_dataclass(part) or isinstance(part, type):
                 kinds = [kind.__name__ for kind in says.kinds.values() if isinstance(kind, type)]
                 raise InputError(f"must be one of {', '.join(kinds)}", given=part)
         elif field.item is str:
-            if not isinstance(part, str | PathLike):
-                raise InputError("must be a text", given=part)
+            _require_text(field, part)
         else:
             _require_type(field.item, part, field.key)
+
+
+def _require_text(field: Field, text: Any) -> None:
+    """Refuse what is no text, or beyond the limits of the field's."""
+    if not isinstance(text, str | PathLike):
+        raise InputError("must be a text", given=text)
+    if not str(text).strip() and field.default != text and not field.several:
+        raise InputError(EMPTY, given=text)
+    if field.says.rule is not FINITE and not field.says.rule[0](str(text)):
+        raise InputError(field.says.rule[1], given=text)
+
+
+def _require_limits(field: Field, part: Any, given: Any) -> None:
+    """Refuse numbers beyond their limits, or too few; an imaginary step does not count."""
+    holds, words = field.rule
+    items = part if field.several else (part,)
+    if field.several and len(part) < field.says.least and part != field.default:
+        what = "points" if get_origin(field.item) is tuple else "numbers"
+        raise InputError(f"must be at least {field.says.least} {what}",
+                         given=_told(field, part, given))
+    reals = [item.real for item in
+             (chain(*items) if get_origin(field.item) is tuple else items)]
+    if all(map(holds, reals)) and max(map(abs, reals), default=0.0) <= LARGEST:
+        return
+    try:
+        for real in reals:
+            if not holds(real):
+                raise InputError(words)
+            if abs(real) != inf:
+                bounded(real)
+    except InputError as error:
+        raise InputError(error.allowed, given=_told(field, part, given)) from None
+
+
+def _told(field: Field, part: Any, given: Any) -> Any:
+    """Value for a message: a text as it was written, numbers with their unit."""
+    return given if isinstance(given, str) else _shown(field, part)
 
 
 def _one_number(field: Field, value: Any) -> Any:
     """A number, or a text with its unit [SI]."""
     if isinstance(value, str) and field.says.dimension:
         return quantity(value, field.says.dimension)
-    if getattr(value, "ndim", None) == 0:
-        return value.item()
-    if not isinstance(value, Number):
+    if _is_masked(value):
+        raise InputError("is masked, so that it holds no number: give one, or leave it out",
+                         given="a masked cell")
+    if not _is_number(value):
         unit = f" with its unit or in {symbol(field)}" if field.says.dimension else ""
         several = hasattr(value, "__len__") and not isinstance(value, str)
         raise InputError(f"must be one number{unit}"
                          + "; call once for each of several" * several, given=value)
-    return value
+    if getattr(value, "ndim", None) == 0:
+        return value.item()
+    return value if isinstance(value, int | float | complex) else float(value)
 
 
 def _numbers(field: Field, value: Any) -> tuple[Any, ...]:
@@ -493,17 +578,15 @@ def _numbers(field: Field, value: Any) -> tuple[Any, ...]:
             or (field.count is not None and len(value) != field.count)):
         what = "numbers" if get_origin(field.item) is not tuple else "pairs of numbers"
         raise InputError(f"must be {field.count or 'a list of'} {what}", given=value)
-    types = set(map(type, value))
-    if get_origin(field.item) is tuple and not all(issubclass(kind, list | tuple)
-                                                   for kind in types):
+    types, of_pairs = set(map(type, value)), get_origin(field.item) is tuple
+    if of_pairs and not (all(issubclass(kind, list | tuple) for kind in types)
+                         and {2} >= set(map(len, value))):
         raise InputError("must be pairs of numbers", given=value)
     # Outlines have hundreds of numbers: no call for each, and no look at each where they are made.
-    if {float} >= types or ({tuple} == types and {float} >= set(map(type, chain(*value)))):
-        return tuple(value)
-    return tuple([item if isinstance(item, float) else
-                  tuple([_one_number(field, part) for part in item])
-                  if isinstance(item, list | tuple) else _one_number(field, item)
-                  for item in value])
+    if {float} >= (set(map(type, chain(*value))) if of_pairs else types):
+        return tuple(map(tuple, value)) if of_pairs else tuple(value)
+    return tuple([tuple([_one_number(field, part) for part in item]) if of_pairs else
+                  _one_number(field, item) for item in value])
 
 
 def _halved(field: Field, given: Content) -> Content:
@@ -624,16 +707,6 @@ def write(value: Any, plain: bool = False) -> Content:
     return content
 
 
-def require(value: Any) -> None:
-    """Refuse numbers beyond their limits; an imaginary step does not count."""
-    for field in fields_of(type(value)):
-        holds, words = field.says.rule
-        part = getattr(value, field.name)
-        for item in part if field.several and part is not None else (part,):
-            if isinstance(item, int | float | complex) and not holds(item.real):
-                raise InputError(words, key=field.key, given=_shown(field, part))
-
-
 def _shown(field: Field, part: Any) -> Any:
     """A number or numbers of a field as a person reads them, with their unit."""
     if not field.says.dimension:
@@ -641,7 +714,7 @@ def _shown(field: Field, part: Any) -> Any:
     try:
         return quantities_text([item.real for item in (part if field.several else (part,))],
                                field.says.dimension)
-    except InputError:  # nan, or more than any quantity
+    except (InputError, OverflowError):  # nan, or more than any quantity
         return part
 
 
@@ -675,7 +748,7 @@ def _read(field: Field, table: Table, special: Special | None) -> Any:
         return table.truth(key)
     if get_origin(item) is tuple:
         return table.places(key, says.least, field.count, says.rule)
-    rule = WHOLE if item is int and says.rule is FINITE else says.rule
+    rule = field.rule
     doubled = [table.spelled(word, says.dimension) for word in says.doubled]
     for word in doubled:
         if word in table and key in table:

@@ -371,10 +371,16 @@ def workbook_rows(file: Path, content: bytes) -> list[Row]:
             sheet = names.get(file.stem.lower()) or book.worksheets[0]
             sheet.reset_dimensions()  # those it declares need not be its own
             rows = _filled(file, sheet.iter_rows(values_only=True))
+            others = [other.title for other in book.worksheets if other is not sheet]
     except (InputError, MemoryError):
         raise
-    except Exception as error:  # whatever a broken archive or its XML raises
-        raise InputError(f"is no workbook that can be read: {error}", file=file) from None
+    except Exception:  # whatever a broken archive or its XML raises, in words of Python
+        raise InputError("is no workbook that can be read: it is damaged, or of another kind; save "
+                         "it again as .xlsx, or as CSV in UTF-8", file=file) from None
+    if others and not rows:
+        raise InputError("is empty; there are also the sheets " + ", ".join(map(repr, others))
+                         + f": call the one to be read {file.stem!r}, or put it first", file=file,
+                         key=f"sheet {sheet.title!r}")
     width = max((len(row) for _, row in rows), default=0)
     if width * len(rows) > _MOST_CELLS:
         raise _too_many(file, width * len(rows), _MOST_CELLS, "cells")

@@ -16,7 +16,7 @@ from typing import Annotated, Literal
 
 from tympan.geometry.column import NUMBER, Column, Heading, Meaning, usual_unit
 from tympan.geometry.errors import InputError, did_you_mean
-from tympan.geometry.fields import Key, fields_of, read, require, takes_units
+from tympan.geometry.fields import Key, fields_of, read, takes_units
 from tympan.geometry.formats import Row
 from tympan.geometry.toml_reader import POSITIVE, Rule, Table
 
@@ -30,7 +30,7 @@ _SHOWN = 80
 _RANGES = 4
 #: Sizes of a test piece as messages have them.
 _SIZES = {"area": "18 mm^2", "length": "30 mm"}
-_LINE: Rule = (lambda x: x == int(x) and x >= 1, "must be the number of a line, from 1 on")
+_LINE: Rule = (lambda x: x >= 1, "must be the number of a line, from 1 on")
 
 
 @takes_units
@@ -79,9 +79,6 @@ class Layout:
         )] = ()
     ignore: Annotated[tuple[str, ...], Key("headings of columns to leave out")] = ()
     columns: tuple[Stated, ...] = ()
-
-    def __post_init__(self) -> None:
-        require(self)
 
     @classmethod
     def from_table(cls, table: Table) -> Layout:
@@ -213,18 +210,20 @@ class Reader:
                              file=self.file)
         at = self._titles_at(first)
         line, titles = first[at]
+        self._require_headings_read(line)
         titles, units = self._with_units(titles, first[at + 1:at + 2])
         without = frozenset(self.layout.skip_lines) | units
         stated = self._stated_sources(line, titles)
         taken = {source.place for source in stated}
-        own = [place for place, title in enumerate(titles) if place not in taken
-               and any(column.claims(title) for column in self.columns)]
+        used = [place for place, title in enumerate(titles)
+                if place not in taken and title not in self.layout.ignore]
+        own = [place for place in used
+               if any(column.claims(titles[place]) for column in self.columns)]
         foreign = not own
         found = [*stated]
         for place in own:
             found.append(self._own(line, titles, place, found))
-        free = [place for place, title in enumerate(titles)
-                if place not in taken and place not in own and title not in self.layout.ignore]
+        free = [place for place in used if place not in own]
         guessed, lacks = self._guessed(line, titles, free, [source.column for source in found])
         found += guessed
         left = [place for place in free if place not in {source.place for source in guessed}]
@@ -244,6 +243,20 @@ class Reader:
         return Header(line, tuple(titles), tuple(found), at, without,
                       frozenset(self.layout.missing), fill,
                       foreign or bool(self.layout.columns), remarks)
+
+    def _require_headings_read(self, line: int) -> None:
+        """Refuse a layout that leaves out what it reads: the line of the headings, a column."""
+        layout, key = self.layout, f"columns.{self.table}"
+        if line in layout.skip_lines:
+            raise InputError("has the headings, which are read: leave it out of skip_lines, or say "
+                             "with titles_line where the headings are", file=self.file,
+                             key=f"{key}.skip_lines", given=line)
+        for use, headings in (("read", [stated.heading for stated in layout.columns]),
+                              ("filled", layout.fill)):
+            for heading in {*headings} & {*layout.ignore}:
+                raise InputError(f"is ignored and {use}: leave it out of `ignore`, or write no "
+                                 "line that names it", file=self.file, key=f"{key}.ignore",
+                                 given=heading)
 
     def chosen(self, rows: Iterable[Row]) -> Header:
         """The header of a table of which only columns with our very titles are read."""
@@ -330,7 +343,8 @@ class Reader:
         best = max(first, key=lambda row: len(headings & {*row[1]}) + sum(map(self._known, row[1])))
         heading = next(iter(sorted(headings - {*best[1]})), "")
         near = did_you_mean(heading, {title: repr(title) for _, row in first for title in row})
-        return InputError(f"has no line with this heading: {near}{_listed(best[1])}",
+        listed = _listed(best[1]) if len(best[1]) >= _ENOUGH else "no line has several cells"
+        return InputError(f"has no line with this heading: {near}{listed}",
                           file=self.file, key=f"line {best[0]}", given=heading)
 
     def _known(self, title: str) -> bool:
@@ -512,7 +526,8 @@ class Reader:
                                            "call the columns so, in a line of headings with "
                                            "commas, semicolons or tabs between them"),
                              file=self.file, key=f"line {line}",
-                             given=", ".join(titles)[:_SHOWN])
+                             # What is no table is not quoted: it may be anything.
+                             given=(", ".join(titles)[:_SHOWN] if len(titles) >= _ENOUGH else None))
         column = next((item for item in absent if item.name in lacks), absent[0])
         words = (f"the column {column.title} is" if len(absent) == 1 else
                  f"the columns {', '.join(item.title for item in absent)} are")

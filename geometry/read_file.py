@@ -5,7 +5,7 @@ from __future__ import annotations
 import stat
 from contextlib import suppress
 from itertools import islice
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 
 from tympan.geometry.errors import InputError, did_you_mean
 
@@ -13,6 +13,10 @@ from tympan.geometry.errors import InputError, did_you_mean
 WRITTEN = 4_000_000
 #: Most bytes of a table, a drawing or a result. A bound of the memory that one file may take.
 STORED = 100_000_000
+
+#: So many folders up a file may name another one: the draft of a dataset in data/set/ names tables
+#: in raw/ so. Further up are files of other people.
+_UP = 2
 
 #: So many files of a folder are looked at for one that was meant: their names take 0.1 s.
 _LISTED = 2000
@@ -46,6 +50,28 @@ def file_bytes(file: Path | str, most: int = STORED) -> bytes:
     if len(content) > most:
         raise InputError(f"cannot be read: it is longer than {most / 1e6:g} MB", file=file)
     return content
+
+
+def beside(folder: Path | str, name: str) -> Path:
+    """The file that a file in a ``folder`` names.
+
+    Raises
+    ------
+    InputError
+        When the name is no relative path, or leads further up than two folders: what somebody else
+        wrote must not read any file of the user's.
+
+    Examples
+    --------
+    >>> beside("data/set", "../oval.toml").as_posix()
+    'data/set/../oval.toml'
+    """
+    path = PurePosixPath(name)
+    below = next((at for at, part in enumerate(path.parts) if part != ".."), len(path.parts))
+    if path.is_absolute() or below > _UP or ".." in path.parts[below:]:
+        raise InputError(f"must be a relative path, at most {_UP} folders up: copy the file "
+                         "nearer, or put a link to it there", given=name)
+    return Path(folder) / name
 
 
 def near_name(file: Path) -> str:

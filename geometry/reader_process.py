@@ -88,10 +88,23 @@ def read_apart(kind: str, file: str, keys: dict[str, Any]) -> dict[str, Any]:
             process.kill()
             raise
     if process.returncode:
+        seconds, memory = _limits().values()
+        less = (f"; a limit of this process (ulimit) leaves it {seconds} s: raise that"
+                * (seconds < _SECONDS or memory < _MEMORY))
         raise InputError("cannot be read: it is damaged, or takes far more time than others of its "
-                         f"size or more than {_MEMORY >> 30} GB to read")
+                         f"size or more than {memory / 2**30:.3g} GB to read{less}")
     record: dict[str, Any] = json.loads(output)
     return record
+
+
+def _limits() -> dict[int, int]:
+    """Limits of the process by resource, its time first: a hard limit cannot be raised."""
+    import resource
+
+    wanted = {resource.RLIMIT_CPU: _SECONDS, resource.RLIMIT_AS: _MEMORY}
+    hard = {kind: resource.getrlimit(kind)[1] for kind in wanted}
+    return {kind: most if hard[kind] == resource.RLIM_INFINITY else min(most, hard[kind])
+            for kind, most in wanted.items()}
 
 
 @contextmanager
@@ -128,8 +141,7 @@ def answer(load: Callable[[str], None], record: Callable[..., dict[str, Any]]) -
     # What the libraries print must not be taken for the answer.
     with os.fdopen(os.dup(sys.stdout.fileno()), "w") as output:
         os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
-        for limit, most in ((resource.RLIMIT_AS, _MEMORY), (resource.RLIMIT_CPU, _SECONDS),
-                            (resource.RLIMIT_CORE, 0)):
+        for limit, most in {**_limits(), resource.RLIMIT_CORE: 0}.items():
             resource.setrlimit(limit, (most, most))
         kind = sys.argv[1]
         with suppress(ImportError):  # said in the record

@@ -37,8 +37,7 @@ _DENSITY: Rule = (lambda x: x == 0 or 1 <= x <= 30e3,
 _ELECTRODE: Rule = (lambda x: 0 <= x <= 100, "must be from 0 (weightless) to 100 kg/m^2")
 _UNEVEN: Rule = (lambda x: -0.9 <= x <= 0.9, "must be from -0.9 to 0.9")
 _THICKNESS: Rule = (lambda x: 1e-7 <= x <= 0.1, "must be positive, from 0.1 um to 10 cm")
-_LAYERS: Rule = (lambda x: x == int(x) and 1 <= x <= 1000,
-                 "must be a whole number from 1 to 1000")
+_LAYERS: Rule = (lambda x: 1 <= x <= 1000, "must be a whole number from 1 to 1000")
 _PERMITTIVITY: Rule = (lambda x: 1 <= x <= 1000, "must be at least 1 (vacuum) and at most 1000")
 
 

@@ -6,20 +6,22 @@ import re
 import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import MISSING, dataclass, field
+from math import inf
 from pathlib import Path
 from typing import Any, Self, TypeVar
 
 from tympan.geometry.errors import InputError, did_you_mean, nearest_word
-from tympan.geometry.read_file import WRITTEN, file_text
+from tympan.geometry.file_kinds import require_kind
+from tympan.geometry.read_file import WRITTEN, beside, file_text
 from tympan.geometry.units import DIMENSIONS, bounded, quantity
 
 T = TypeVar("T")
 Rule = tuple[Callable[[Any], bool], str]
 
-POSITIVE: Rule = (lambda x: 0 < x < float("inf"), "must be positive")
-NON_NEGATIVE: Rule = (lambda x: 0 <= x < float("inf"), "must not be negative")
-FINITE: Rule = (lambda x: abs(x) < float("inf"), "must be finite")
-WHOLE: Rule = (lambda x: x == int(x), "must be a whole number")
+POSITIVE: Rule = (lambda x: 0 < x < inf, "must be positive")
+NON_NEGATIVE: Rule = (lambda x: 0 <= x < inf, "must not be negative")
+FINITE: Rule = (lambda x: -inf < x < inf, "must be finite")
+WHOLE: Rule = (lambda x: x % 1 == 0, "must be a whole number")
 
 #: Most tables and lists within each other, and dots of a key: no file of tympan needs more than a
 #: few, and on many the parser of the standard library takes very long.
@@ -55,8 +57,12 @@ class Table:
     above: Table | None = None
 
     @classmethod
-    def read(cls, file: Path | str) -> Self:
-        """Parse a file; what cannot be read is an :class:`InputError` with line and column."""
+    def read(cls, file: Path | str, kind: str = "") -> Self:
+        """Parse a file; what cannot be read is an :class:`InputError` with line and column.
+
+        ``kind`` is one of :data:`tympan.geometry.file_kinds.KINDS`: a file of another one is
+        refused, with what takes it.
+        """
         text = file_text(file, WRITTEN)
         too_deep = f"is not valid TOML: tables are nested more than {_DEEPEST} deep"
         if _TOO_DOTTED.search(text):
@@ -70,6 +76,7 @@ class Table:
         except ValueError:  # of more digits than Python reads
             raise InputError("is not valid TOML: a number has too many digits", file=file) from None
         _check_values(data, file, too_deep)
+        require_kind(file, data, kind)
         return cls(file, data)
 
     def path(self, key: str) -> str:
@@ -133,6 +140,17 @@ class Table:
         if rule is not None and not rule[0](value):
             raise self.error(key, rule[1], value)
         return value
+
+    def beside(self, key: str) -> Path:
+        """The file that a key names, from the folder of the table's own."""
+        return self.named_file(key, self.text(key))
+
+    def named_file(self, key: str, name: str) -> Path:
+        """The file of a ``name`` under a key, from the folder of the table's own."""
+        try:
+            return beside(Path(self.file).parent, name)
+        except InputError as error:
+            raise self.error(key, error.allowed, name) from None
 
     def truth(self, key: str, default: Any = MISSING) -> bool:
         """True or false."""

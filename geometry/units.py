@@ -88,6 +88,8 @@ _QUANTITY = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|[-+]?inf)
                        re.ASCII)
 #: A quantity with a decimal comma, and what stands on both sides of it.
 _COMMA = re.compile(r"\s*([-+]?\d+),(\d+)([^,]*)", re.ASCII)
+#: What begins another quantity behind a first one.
+_ANOTHER = re.compile(r"[^\W\d_]\s*[;,]\s*[-+]?\.?\d")
 #: What joins a factor of a unit to those before it, and a group of factors or a name and its power.
 _FACTOR = re.compile(r"\s*([*/·]?)\s*(?:\(([^()]+)\)|([^\W\d]\w*)"
                      r"\s*(?:(?:\^|\*\*)\s*([-+]?\d))?(?!\d))\s*")
@@ -244,6 +246,9 @@ def quantity(text: object, dimension: str) -> float:
                          given=text)
     if not unit:
         raise InputError(f"has no unit: {allowed}", given=text)
+    if _ANOTHER.search(unit):
+        raise InputError(f'must be one {dimension} with its unit, such as '
+                         f'"{DIMENSIONS[dimension].example}": here are several', given=text)
     value = float(number) * _si_value(unit, dimension, allowed, text)
     if number.endswith("inf"):
         return value

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 from pkgutil import resolve_name
+from typing import Any
 
 from tympan.geometry.command_line import command_line
 from tympan.geometry.errors import InputError
@@ -58,6 +59,15 @@ def draw_stored(command: str, folder: Path, specimen: str) -> list[Path]:
     names = [specimen] if "*" in marker else []
     result = resolve_name(f"tympan.studies.{stored}").load(folder, *names)
     return list(resolve_name(f"tympan.reports.{draw}")(result, folder))
+
+
+def draw_result(result: Any, folder: Path) -> list[Path]:
+    """Draw a result that was just saved into a folder, as the command of its kind does."""
+    for command, (_, _, stored) in KINDS.items():
+        if (stored.endswith(f":{type(result).__name__}")
+                and resolve_name(f"tympan.studies.{stored}") is type(result)):
+            return draw_stored(command, folder, getattr(result, "specimen", ""))
+    return []
 
 
 def _is_solved(film: Path) -> bool:

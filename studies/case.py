@@ -39,7 +39,7 @@ from tympan.fem.results.firmness import firmness
 from tympan.fem.results.limit_states import LIMIT_STATES, PULL_IN, LimitState
 from tympan.fem.rig import DIRECTIONS, Rig, checked_load
 from tympan.geometry.errors import InputError
-from tympan.geometry.fields import Key, checks_types, require, takes_units
+from tympan.geometry.fields import Key, checks_types, takes_units
 from tympan.geometry.mesh import unfold
 from tympan.geometry.mesher import MeshSettings
 from tympan.geometry.specimen import Film, Specimen
@@ -109,7 +109,6 @@ class Case:
 
     def __post_init__(self) -> None:
         checked_load(self.mass, self.voltage, self.rig.gas_pressure)
-        require(self)
         if isinstance(self.direction, str) and self.direction in DIRECTIONS:
             object.__setattr__(self, "direction", DIRECTIONS[self.direction])
         if self.direction not in DIRECTIONS.values():

@@ -22,7 +22,13 @@ import numpy as np
 
 from tympan.geometry.errors import InputError
 from tympan.geometry.fields import Key, fields_of
-from tympan.geometry.process.folder import is_own, put, temporary_beside
+from tympan.geometry.process.folder import (
+    is_own,
+    put,
+    take_away,
+    temporary_beside,
+    together,
+)
 from tympan.geometry.process.interruption import raise_again
 from tympan.geometry.read_file import STORED, file_text
 
@@ -54,18 +60,22 @@ def remove(folder: Path, *names: str) -> None:
     raise_again()
     try:
         for file in [file for file in map(folder.joinpath, names) if is_own(file)]:
-            file.unlink(missing_ok=True)
+            take_away(file)
     except OSError as error:
         raise InputError(f"cannot be written: {error.strerror}", file=folder) from None
 
 
 @contextmanager
 def replaced(folder: Path, names: Iterable[str]) -> Iterator[None]:
-    """Pictures of an earlier run stay until others of their names are there; those left over go."""
+    """Replace a result with its pictures: all of it, or nothing where something fails.
+
+    Pictures of an earlier run stay until others of their names are there; those left over go.
+    """
     before = {name: (folder / name).stat().st_ino for name in names if is_own(folder / name)}
-    yield
-    remove(folder, *(name for name, number in before.items()
-                     if (folder / name).exists() and (folder / name).stat().st_ino == number))
+    with together(folder):
+        yield
+        remove(folder, *(name for name, number in before.items()
+                         if (folder / name).exists() and (folder / name).stat().st_ino == number))
 
 
 def write_text(file: Path, text: str, hashed: bool = False) -> None:
@@ -121,8 +131,11 @@ def read_json(file: Path) -> Any:
     text = read_text(file)
     try:
         return json.loads(text)
-    except (ValueError, RecursionError) as error:  # also of too many digits, or nested too deeply
+    except json.JSONDecodeError as error:
         raise InputError(f"is not valid JSON: {error}", file=file) from None
+    except (ValueError, RecursionError):
+        raise InputError("is not valid JSON: a number has too many digits, or objects are nested "
+                         "too deep", file=file) from None
 
 
 def stored_file(folder: Path, pattern: str, name: str | None, writer: str) -> Path:

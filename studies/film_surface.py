@@ -123,10 +123,9 @@ class FilmSurface:
                 raise ValueError("arrays do not belong together")
             if not len(triangles) or triangles.max() >= len(points):
                 raise ValueError("triangles without points")
-        except Exception as error:  # the reader raises whatever XML, base64, zlib and NumPy raise
+        except Exception:  # the reader raises whatever XML, base64, zlib and NumPy raise
             raise InputError("is not a film as this version writes it: run the command that wrote "
-                             f"the folder again ({type(error).__name__}: {error})",
-                             file=file) from None
+                             "the folder again", file=file) from None
         if not all(np.isfinite(value).all() for value in (points, *values.values())):
             raise InputError("holds values that are not finite", file=file)
         upwards = values.pop(_DEFLECTION, None) is not None

@@ -17,14 +17,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tympan.fem.rig import Rig
+from tympan.geometry.columns import LEAST_STEP
 from tympan.geometry.errors import InputError
-from tympan.geometry.fields import Key, require, takes_units
+from tympan.geometry.fields import Key, takes_units
 from tympan.geometry.meanings import TIMES, VOLTAGES
 from tympan.geometry.toml_reader import POSITIVE, Rule
 from tympan.studies.columns import Column, read_sheet
 
 Array = NDArray[np.float64]
 _HIGHEST = 1e6
+_DURATION: Rule = (lambda x: LEAST_STEP <= x < np.inf, "must be positive, 1 ns at least")
 _STRAIGHT = 1e-9  # of the largest change of voltage in time: what is no change of it
 
 
@@ -172,7 +174,7 @@ class Wave:
     low: Annotated[float, Key("before a step; lower end of the others", "voltage")] = 0.0
     high: Annotated[float, Key("after a step; upper end", "voltage")] = 3.5e3
     duration: Annotated[float, Key("of step and ramp; of each random level; period of a sine",
-                                   "time", POSITIVE)] = 30.0
+                                   "time", _DURATION)] = 30.0
     interval: Annotated[float, Key("between samples of what follows it", "time", POSITIVE)] = 1e-3
     count: int | None = None
     seed: int = 0
@@ -181,9 +183,6 @@ class Wave:
         def __init__(self, kind: str = "step", *, low: float | str = 0.0, high: float | str = 3.5e3,
                      duration: float | str = 30.0, interval: float | str = 1e-3,
                      count: int | None = None, seed: int = 0) -> None: ...
-
-    def __post_init__(self) -> None:
-        require(self)
 
     @property
     def period(self) -> float | None:
@@ -242,8 +241,9 @@ def read_signal(file: Path | str) -> Pieces:
     sheet = read_sheet(file, (Column("t", "s", also=(TIMES,)),
                               Column("voltage", "kV", limited, also=(VOLTAGES,))))
     time, voltage = sheet["t"], sheet["voltage"]
-    for row in np.flatnonzero(np.diff(time) <= 0):
-        raise sheet.error(int(row) + 1, "t", f"must be after the line before, {time[row]:g} s")
+    for row in np.flatnonzero(np.diff(time) < LEAST_STEP):
+        raise sheet.error(int(row) + 1, "t", "must be after the line before, by 1 ns at least: "
+                                             f"that is at {time[row]:g} s")
     if len(time) < 2:
         raise InputError("must have at least two rows", file=file)
     return through(time - time[0], voltage)

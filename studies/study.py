@@ -238,11 +238,11 @@ def read_study(file: Path) -> Study:
     Keys: ``specimens`` (files beside it) and optionally name, mass, voltage, rig and loads. Loads
     that are left out follow from the films.
     """
-    table = Table.read(file)
+    table = Table.read(file, "study")
     names = table.value("specimens")
     if not isinstance(names, list) or not names or not all(isinstance(name, str) for name in names):
         raise table.error("specimens", "must be a list of specimen files", names)
-    paths = [file.parent / name for name in names]
+    paths = [table.named_file("specimens", name) for name in names]
     specimens = tuple(map(load_specimen, paths))
     repeated = [name for name, count in Counter(item.name for item in specimens).items()
                 if count > 1]

@@ -28,7 +28,7 @@ from tympan.fem.transient.circuit import Circuit
 from tympan.fem.transient.energy import Energy, EnergyBalance
 from tympan.fem.transient.integrate import Moment, StepSettings, Stopped, Transient
 from tympan.geometry.errors import InputError
-from tympan.geometry.fields import Key, require, takes_units
+from tympan.geometry.fields import Key, takes_units
 from tympan.geometry.specimen import Specimen, require_different_names
 from tympan.geometry.toml_reader import NON_NEGATIVE
 from tympan.studies.case import (
@@ -100,7 +100,6 @@ class TransientCase:
     def __post_init__(self) -> None:
         self.specimen.needed_plate()
         checked_load(self.mass, self.signal.peak, self.rig.gas_pressure)
-        require(self)
         if self.inertia and self.mass + self.rig.added_mass <= 0:
             raise InputError("must be positive where the plate swings: the film has no inertia",
                              key="mass", given=f"{self.mass:g} kg")

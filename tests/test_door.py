@@ -40,6 +40,7 @@ from tympan.studies.alpha import AlphaSettings, LoadGrid
 from tympan.studies.case import Case, CaseResult, Settings, equilibrate, solve
 from tympan.studies.design.elements.optimise import OptimiseResult
 from tympan.studies.diagnosis.result import FoundCause, ShownSize
+from tympan.studies.files import write_text
 from tympan.studies.study import line_profile
 
 ROOT = Path(__file__).parent.parent
@@ -74,7 +75,8 @@ def test_the_readme_s_eight_lines(tmp_path: Path) -> None:
     status, deflection = done.stdout.split()
     assert status == "equilibrium"
     assert float(deflection) == CaseResult.load(tmp_path / "solved").deflection_m
-    assert {file.name for file in tmp_path.rglob("oval.*")} == {"oval.png", "oval.json", "oval.vtu"}
+    assert {file.name for file in tmp_path.rglob("oval.*")} == {
+        "oval.png", "oval.svg", "oval.json", "oval.vtu"}
 
 
 def test_parts_take_units_and_lists() -> None:
@@ -109,7 +111,10 @@ def test_a_result_has_the_study_s_numbers(solved: tympan.Result[CaseResult]) -> 
 
 def test_a_result_is_saved_drawn_and_tabulated(solved: tympan.Result[CaseResult],
                                                tmp_path: Path) -> None:
+    (tmp_path / "folder").mkdir()
+    write_text(tmp_path / "folder" / "circle.png", "of a command before")
     assert CaseResult.load(solved.save(tmp_path / "folder")) == solved.numbers
+    assert (tmp_path / "folder" / "circle.png").read_bytes().startswith(b"\x89PNG")
     assert json.loads(solved.save(tmp_path / "a.json").read_text()) == solved.json()
     assert solved.save(tmp_path / "a.csv").read_text().startswith("specimen,mass_kg,voltage_V")
     assert solved.to_xarray()["deflection_m"].item() == solved.deflection_m

@@ -17,6 +17,14 @@ from tympan.geometry.reader_process import ready_for
 from tympan.geometry.system import out_of_memory
 from tympan.geometry.toml_reader import one_of
 
+#: What people write for an option, by the option's own name without dashes.
+_SYNONYMS = {"weight": "mass", "load": "mass", "gram": "mass", "potential": "voltage",
+             "volt": "voltage", "tension": "voltage", "folder": "output", "directory": "output",
+             "jobs": "workers", "processes": "workers", "mesh": "refine"}
+
+#: Types of values that argparse converts, in words.
+_KINDS: dict[Any, str] = {int: "a whole number", float: "a number"}
+
 #: Shells whose completion scripts shtab writes.
 SHELLS = ("bash", "zsh", "tcsh")
 
@@ -58,19 +66,42 @@ class _Asking(argparse.ArgumentParser):
             spelled = {word: repr(name) for name in names for word in (name, *_also(name))}
             raise InputError(f"unknown command: {did_you_mean(value, spelled)}known are "
                              f"{', '.join(names)}", given=value)
-        raise InputError(one_of(str(value), options), given=value,
-                         key="/".join(action.option_strings) or action.dest)
+        raise InputError(one_of(str(value), options), given=value, key=_name(action))
+
+    def _get_values(self, action: argparse.Action, texts: list[str]) -> Any:
+        empty = not isinstance(action, argparse._SubParsersAction) and any(
+            not text.strip() for text in texts)
+        if empty:
+            raise InputError("is empty, as a variable that the shell does not know: give a value, "
+                             "or leave it out", key=_name(action), given="")
+        return super()._get_values(action, texts)
+
+    def _get_value(self, action: argparse.Action, text: str) -> Any:
+        try:
+            return super()._get_value(action, text)
+        except argparse.ArgumentError:
+            kind = _KINDS.get(action.type, "another value")
+            raise InputError(f"must be {kind}", key=_name(action), given=text) from None
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
         options, rest = super().parse_known_args(args, namespace)
         if rest:
-            spelled = {name: name for action in self._actions for name in action.option_strings}
+            known = [name for action in self._actions for name in action.option_strings]
+            spelled = {name.lstrip("-"): name for name in known}
+            spelled |= {word: f"--{name}" for word, name in _SYNONYMS.items()
+                        if f"--{name}" in known and word not in spelled}
             option = rest[0].partition("=")[0]
-            raise InputError(f"unknown option: {did_you_mean(option, spelled)}known are "
-                             f"{', '.join(spelled)}" if option.startswith("-") else
+            hint = did_you_mean(option.lstrip("-"), spelled)
+            raise InputError(f"unknown option: {hint}known are {', '.join(known)}"
+                             if option.startswith("-") else
                              "is one argument too many; values with blanks need quotation marks",
                              given=option)
         return options, rest
+
+
+def _name(action: argparse.Action) -> str:
+    """An option by its names, another argument by its own."""
+    return "/".join(action.option_strings) or str(action.metavar or action.dest)
 
 
 def _also(name: str) -> tuple[str, ...]:

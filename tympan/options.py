@@ -91,7 +91,8 @@ def argument(*names: str, within: tuple[float, float] | None = None, **settings:
     words = settings.get("help") or ""
     if "help" in settings and "%(" not in words:
         words = settings["help"] = words.replace("%", "%%")
-    if settings.get("default") not in (None, "", []) and "%(" not in words:
+    hidden = words == argparse.SUPPRESS
+    if settings.get("default") not in (None, "", []) and "%(" not in words and not hidden:
         settings["help"] = f"{words} (default: %(default)s)".strip()
     return lambda parser: parser.add_argument(*names, **settings)
 
@@ -254,6 +255,10 @@ def parse_quantity(text: str, dimension: str, option: str) -> float:
 
 def parse_quantities(text: str, dimension: str, option: str) -> tuple[float, ...]:
     """Quantities given to an option with commas between them [SI]; none of no text."""
+    if ";" in text:
+        raise InputError("must have commas between quantities, such as "
+                         f'"{", ".join(part.strip() for part in text.split(";"))}"', key=option,
+                         given=text)
     return tuple(parse_quantity(part, dimension, option) for part in _COMMAS.split(text) if text)
 
 

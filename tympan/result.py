@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, Literal, Protocol, TypeVar
 
 from tympan.geometry.errors import InputError
+from tympan.geometry.fields import EMPTY
 from tympan.geometry.process.folder import alone
 
 if TYPE_CHECKING:
@@ -103,17 +104,21 @@ class Result(Generic[Numbers]):
         return html(self.numbers) + picture
 
     def save(self, target: str | os.PathLike[str]) -> Path:
-        """Write what the command writes into a folder; into NAME.json or NAME.csv numbers alone.
+        """Write what the command writes, into a folder: numbers, fields and pictures.
 
-        The matrices of ``lumped.linearise`` also go into NAME.mat or NAME.npz.
+        Into NAME.json or NAME.csv go the numbers alone. The matrices of ``lumped.linearise`` also
+        go into NAME.mat or NAME.npz.
 
         Raises
         ------
         InputError
             When the name ends in anything else.
         """
+        from tympan.reports.rebuild import draw_result
         from tympan.studies.files import replaced, write_json, write_text
 
+        if not str(target).strip():
+            raise InputError(EMPTY, key="target", given=target)
         target = Path(target)
         if target.suffix:
             writers = file_writers(type(self.numbers), target)
@@ -127,6 +132,7 @@ class Result(Generic[Numbers]):
             with (alone(target, _PATIENCE),
                   replaced(target, getattr(self.numbers, "pictures", ()))):
                 self.numbers.save(target)
+                draw_result(self.numbers, target)
         return target
 
     def to_pandas(self) -> pd.DataFrame:

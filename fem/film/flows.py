@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar
 
-from tympan.geometry.fields import Key, require
+from tympan.geometry.fields import Key
 from tympan.geometry.specimen import FLOWS
 from tympan.geometry.toml_reader import NON_NEGATIVE, POSITIVE, Rule
 
@@ -42,9 +42,6 @@ class ShearThinning:
     stretch_gain: Annotated[float, Key("k: growth with the dashpot's stretch, over η₀",
                                        rule=NON_NEGATIVE)] = 0.0
     stretch_exponent: Annotated[float, Key("β₁ of that growth", rule=_POWER)] = 1.0
-
-    def __post_init__(self) -> None:
-        require(self)
 
     def relative_viscosity(self, stretch: Any, stress_squared: Any) -> Any:
         grown = stretch**self.stretch_exponent - 3.0**self.stretch_exponent

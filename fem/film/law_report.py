@@ -80,7 +80,7 @@ def subject(name: str, mounted: float | None = None) -> tuple[Material, float]:
         raise InputError(f"must be a specimen file or one of {', '.join(laws)}", key="material",
                          given=name)
     readers = {**READERS, (Film, "material"): examine_material}
-    film = read(Specimen, Table.read(name), readers).membrane
+    film = read(Specimen, Table.read(name, "specimen"), readers).membrane
     return film.material, mounted or film.area_prestretch**0.5
 
 

@@ -191,4 +191,5 @@ READERS: Special = {(Film, "material"): read_material}
 
 def load_specimen(source: Table | Path | str) -> Specimen:
     """The specimen of a TOML file or table, with the laws and the library known here."""
-    return read(Specimen, source if isinstance(source, Table) else Table.read(source), READERS)
+    table = source if isinstance(source, Table) else Table.read(source, "specimen")
+    return read(Specimen, table, READERS)

@@ -18,20 +18,23 @@ from numpy.typing import NDArray
 
 from tympan.fem.complex_step import complex_step
 from tympan.fem.film.library import load_specimen
-from tympan.geometry.columns import Column, Sheet, read_sheet
+from tympan.geometry.columns import LEAST_STEP, Column, Sheet, read_sheet
 from tympan.geometry.errors import InputError
-from tympan.geometry.fields import Content, Key, Registry, read, require
+from tympan.geometry.fields import Content, Key, Registry, read
 from tympan.geometry.specimen import Specimen
 from tympan.geometry.toml_reader import NON_NEGATIVE, POSITIVE, Rule, Table
-from tympan.geometry.units import unit_factor
+from tympan.geometry.units import quantities_text, unit_factor
 
 Array = NDArray[Any]
 
 _POWER: Rule = (lambda x: 1 < x <= 12, "must be above 1 and at most 12")
-_COUNT: Rule = (lambda x: 1 <= x <= 1000, "must be from 1 to 1000")
+_COUNT: Rule = (lambda x: 1 <= x <= 1000, "must be a whole number from 1 to 1000")
 
 #: Share of its length up to which a beam's compression is taken: beyond, its slopes are not small.
 _MOST_COMPRESSED = 0.05
+#: Largest thickness of a beam over its length: at it, shear adds some 12 % to the deflection of
+#: each half, 12.5 times the square of this share for a Poisson's ratio of 0.3.
+_THICKEST = 0.1
 #: Terms of the series about a beam without axial force: at π² the last is below 1e-16 of the sum.
 _TERMS = 26
 #: Square of a half beam's phase at which it buckles by itself, its ends at rest.
@@ -226,7 +229,10 @@ class BuckledBeam:
     middle: Annotated[float, Key("deflection at which the beams are straight", "length")] = 0.0
 
     def __post_init__(self) -> None:
-        require(self)
+        if np.real(self.thickness) > _THICKEST * np.real(self.length):
+            raise InputError("must be at most a tenth of the length: a thicker beam also shears, "
+                             "which is not modelled", key="thickness",
+                             given=f"{1e3 * self.thickness:g} mm of {1e3 * self.length:g} mm")
         if np.real(self.compression) > _MOST_COMPRESSED * np.real(self.length):
             raise InputError("must be at most 5 % of the length: further the beam's slopes are not "
                              "small", key="compression", given=f"{1e3 * self.compression:g} mm of "
@@ -381,9 +387,10 @@ class ForceTable:
         if len(self.force) != len(self.displacement):
             raise InputError(f"must have as many numbers as `displacement`, "
                              f"{len(self.displacement)}", key="force", given=len(self.force))
-        if not np.all(np.diff(self.displacement) > 0):
-            raise InputError("must grow from one number to the next: a table has one force at each "
-                             "deflection", key="displacement", given=str(self.displacement))
+        if not np.all(np.diff(self.displacement) >= LEAST_STEP):
+            raise InputError("must grow from one number to the next, by 1 nm at least: a table has "
+                             "one force at each deflection", key="displacement",
+                             given=quantities_text(self.displacement, "length"))
 
     @property
     def softening(self) -> tuple[Interval, ...]:
@@ -415,7 +422,7 @@ class ForceTable:
 def _file_beside(table: Table, key: str) -> str | None:
     """The file that a key names, from the folder of the table's own; None without the key."""
     named = table.value(key, None)
-    return None if named is None else str(Path(table.file).parent / table.text(key))
+    return None if named is None else str(table.beside(key))
 
 
 def _titles(table: Table, key: str) -> tuple[str, ...] | None:
@@ -442,11 +449,12 @@ def _measured(file: Path, titles: tuple[str, ...] | None
         raise InputError(f"must have from 2 to {_MOST_ROWS} rows: one force at each displacement",
                          file=file, given=f"{len(sheet)} rows")
     steps = np.diff(where)
-    turns = np.flatnonzero(steps * np.sign(steps[0] or 1.0) <= 0)
+    turns = np.flatnonzero(steps * np.sign(steps[0] or 1.0) < LEAST_STEP)
     if len(turns):
         raise sheet.error(int(turns[0]) + 1, columns[0].name,
-                          "must be one run that goes one way: a table has one force at each "
-                          "displacement; keep the way out or the way back, or their mean")
+                          "must be one run that goes one way, by 1 nm a line at least: a table has "
+                          "one force at each displacement; keep the way out or the way back, or "
+                          "their mean")
     order = slice(None, None, int(np.sign(steps[0])))
     where, force = where[order], force[order]
     _check_sign(sheet, where, force)
@@ -517,7 +525,6 @@ class JoinedFilm:
         "where the other frame is: below is where deflections go")] = "below"
 
     def __post_init__(self) -> None:
-        require(self)
         self.specimen.needed_plate()
         most = _MOST_HELD * max(self.specimen.frame.semi_axes)
         out = float(np.real(self.other(0.0)))
@@ -547,5 +554,5 @@ class JoinedFilm:
 def _specimen_beside(table: Table, key: str) -> Specimen:
     """The specimen of a file in the table's own folder, or of a table."""
     if isinstance(table.value(key), str):
-        return load_specimen(Path(table.file).parent / table.text(key))
+        return load_specimen(table.beside(key))
     return load_specimen(table.table(key))

@@ -52,7 +52,7 @@ class Drawing(ABC):
     def from_table(cls, table: Table) -> Drawn:
         """Its pieces, joined."""
         drawing = read(cls, table)
-        file = Path(table.file).parent / drawing.file
+        file = table.beside("file")
         try:
             digest = hashlib.sha256(file_bytes(file)).hexdigest()
             return _read(str(file), digest, drawing)
@@ -162,10 +162,9 @@ def record(kind: str, file: str, keys: dict[str, Any]) -> dict[str, Any]:
         return {"library": str(error)}
     except MemoryError:
         raise  # ends the process, of which the message is one on its limits
-    except Exception as error:  # the libraries raise whatever they meet
-        reason = " ".join(str(error).split())[:200]
-        return {"error": f"is no {kind.upper()} file that can be read: "
-                         f"{type(error).__name__}: {reason}"}
+    except Exception:  # the libraries raise whatever they meet, in words of Python and of the file
+        return {"error": f"is no {kind.upper()} file that can be read: it is damaged, or of "
+                         "another kind; export it again from the program that drew it"}
 
 
 def _in_range(sheet: Sheet) -> None:

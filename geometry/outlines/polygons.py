@@ -14,7 +14,7 @@ from tympan.geometry.outlines.outline import OUTLINES, SEMI_AXES, SIZE, Boxed, O
 from tympan.geometry.outlines.pieces import PLACE, Arc, Line, Piece, Point, around, direction
 from tympan.geometry.toml_reader import Rule
 
-_SIDES: Rule = (lambda x: x == int(x) and 3 <= x <= 100, "must be a whole number from 3 to 100")
+_SIDES: Rule = (lambda x: 3 <= x <= 100, "must be a whole number from 3 to 100")
 _ROUNDING: Rule = (lambda x: x == 0 or 1e-6 <= x <= 10,
                    "must be 0 (sharp corners) or from 1 um to 10 m")
 

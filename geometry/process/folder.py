@@ -17,6 +17,7 @@ import tempfile
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from contextvars import ContextVar
 from functools import cache
 from pathlib import Path
 
@@ -37,6 +38,9 @@ _FRESH = 60.0
 _MOST = 16_000_000
 #: How often a folder that is in use is tried again by those who wait [s].
 _GLANCE = 0.05
+#: What results were before those who write several together: each file that they replaced or
+#: removed, and the other name of its content; None where there was none.
+_BEFORE: ContextVar[dict[Path, Path | None] | None] = ContextVar("before", default=None)
 #: A link is not followed, and a pipe not waited for.
 _PLAIN = os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
 _FOLDER = os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW | os.O_CLOEXEC
@@ -92,7 +96,60 @@ def put(temporary: Path, file: Path, listed: bool = True) -> None:
                 end = stream.seek(0, os.SEEK_END)
                 begin = "\n" if end and os.pread(handle, 1, end - 1) != b"\n" else ""
                 stream.write(f"{begin}{line}\n".encode(errors="surrogateescape"))
+        _keep(file)
         temporary.replace(file)
+
+
+def take_away(file: Path) -> None:
+    """Remove a result, if it is there."""
+    with signals_wait():
+        _keep(file)
+        file.unlink(missing_ok=True)
+
+
+def _keep(file: Path) -> None:
+    """Give the content of a result another name before it is replaced, where it may come back."""
+    before = _BEFORE.get()
+    if before is None or file in before:
+        return
+    before[file] = None
+    if os.path.lexists(file):
+        other = file.with_name(f"{TEMPORARY}{os.getpid()}-{len(before)}{file.suffix}")
+        with suppress(FileNotFoundError):  # of another process of this number, which was killed
+            other.unlink()
+        os.link(file, other, follow_symlinks=False)
+        before[file] = other
+
+
+@contextmanager
+def together(folder: Path) -> Iterator[None]:
+    """All results that are written into a folder meanwhile, or none.
+
+    A failure leaves the earlier ones and their list. Their content needs no room meanwhile.
+    """
+    before: dict[Path, Path | None] = {}
+    manifest = folder / MANIFEST
+    listed = manifest.stat().st_size if manifest.is_file() else 0
+    token = _BEFORE.set(before)
+    try:
+        yield
+    except BaseException:
+        with signals_wait():
+            for file, other in before.items():
+                with suppress(OSError):
+                    if other is None:
+                        file.unlink(missing_ok=True)
+                    else:
+                        other.replace(file)
+            with suppress(OSError):
+                os.truncate(manifest, listed)
+        raise
+    finally:
+        _BEFORE.reset(token)
+        with signals_wait():
+            for other in filter(None, before.values()):
+                with suppress(OSError):
+                    other.unlink(missing_ok=True)
 
 
 @contextmanager

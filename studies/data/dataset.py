@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from tympan.fem.film.library import load_specimen
 from tympan.fem.rig import Rig
+from tympan.geometry.columns import LEAST_STEP
 from tympan.geometry.errors import InputError, did_you_mean
 from tympan.geometry.fields import Key, read
 from tympan.geometry.formats import FORMATS, Format, format_of, suffixes
@@ -47,9 +48,6 @@ _FREQUENCY: Rule = (lambda x: 0 < x <= 1e6, "must be above 0 Hz, to 1 MHz")
 _QUALITY: Rule = (lambda x: x > 0.5, "must be above 0.5: a plate more damped does not swing")
 _TIME: Rule = (lambda x: abs(x) <= 1e9, "must be within 1e9 s")
 _STRIPS: Rule = (lambda x: 0 <= x < 1, "must be a share from 0 (all alike) to below 1")
-#: Times of a run are so far apart [s].
-_APART = 1e-9
-
 #: The column every file but coupon.csv has.
 SPECIMEN = Column.labels("specimen", also=SPECIMENS)
 _LOAD: tuple[Column, ...] = (SPECIMEN, Column("mass", "g", _MASS, also=(MASSES, LOADS)))
@@ -264,7 +262,7 @@ def read_dataset(folder: Path | str, planned: bool = False) -> Dataset:
         raise InputError("must be a folder with dataset.toml and at least one CSV file of readings"
                          + near_name(folder) * (not folder.exists()), file=folder)
     about = folder / "dataset.toml"
-    dataset = read(Dataset, Table.read(about), {(Dataset, "specimens"): _specimens,
+    dataset = read(Dataset, Table.read(about, "dataset"), {(Dataset, "specimens"): _specimens,
                                                 (Dataset, "rig"): _rig,
                                                 (Dataset, "layouts"): _layouts})
     files = {name: hashlib.sha256(file_bytes(folder / name)).hexdigest()
@@ -326,10 +324,17 @@ def read_dataset(folder: Path | str, planned: bool = False) -> Dataset:
 def _layouts(table: Table, key: str) -> dict[str, Layout]:
     """The layouts of files by their names without suffix."""
     part, kinds = table.table(key, {}), [Path(name).stem for name in FILES]
-    layouts = {kind: Layout.from_table(part.table(kind)) for kind in kinds if kind in part}
+    layouts = {kind: _layout(part.table(kind)) for kind in kinds if kind in part}
     part.asked.update(kinds)
     part.done()
     return layouts
+
+
+def _layout(table: Table) -> Layout:
+    """A layout whose file stands near the dataset."""
+    if "file" in table:
+        table.beside("file")
+    return Layout.from_table(table)
 
 
 def _usual(dataset: Dataset, file: Path) -> dict[str, str]:
@@ -393,7 +398,7 @@ def _specimen_table(entry: Table) -> Table:
     if others:
         raise entry.error("file", "must stand alone, or the specimen's own keys without it: "
                                   f"there is also {', '.join(others)}", entry.data["file"])
-    return Table.read(Path(entry.file).parent / entry.text("file"))
+    return Table.read(entry.beside("file"), "specimen")
 
 
 def _rig(table: Table, key: str) -> Rig:
@@ -418,7 +423,7 @@ def _check_times(transients: Sheet) -> None:
     runs = [np.unique(transients[name], return_inverse=True)[1].ravel()
             for name in ("specimen", "mass", "run")]
     order = np.lexsort((transients.t, *runs))
-    close = np.diff(transients.t[order]) < _APART
+    close = np.diff(transients.t[order]) < LEAST_STEP
     close &= np.all([np.diff(run[order]) == 0 for run in runs], axis=0)
     for earlier, later in zip(order[:-1][close], order[1:][close], strict=True):
         row, other = max(earlier, later), min(earlier, later)

@@ -18,7 +18,7 @@ from tympan.geometry.command_line import command_line, file_word
 from tympan.geometry.errors import InputError, did_you_mean
 from tympan.geometry.formats import Row, TwoMarks, read_rows
 from tympan.geometry.layouts import Header, Layout, Reader, Source, in_blocks
-from tympan.geometry.read_file import file_bytes
+from tympan.geometry.read_file import beside, file_bytes
 from tympan.geometry.specimen import Specimen
 from tympan.geometry.units import any_quantity, quantity_text
 from tympan.studies.data.coupon import named_mode
@@ -251,14 +251,14 @@ class Draft:
                 yield self._entry(name, file)
             return
         yield "[[specimen]]"
-        first, *others = map(self._named, self.specimens or [Path()])
         if not self.specimens:
             yield (f'file = "specimen.toml"  # {_CORRECT}no file of a specimen stands here; the '
                    "name of yours")
-        else:
-            yield f"file = {_quoted(first)}  # " + (
-                f"{_CORRECT}there are also {', '.join(others)}" if others
-                else "the only specimen in its folder")
+            return
+        first, *others = map(self._named, self.specimens)
+        yield f"file = {_quoted(first)}  # " + (
+            f"{_CORRECT}there are also {', '.join(others)}" if others
+            else "the only specimen in its folder")
 
     def _file_of(self, name: str) -> Path | None:
         """The file of the specimen of that name, else the file that is called so."""
@@ -277,11 +277,13 @@ class Draft:
             f"{_CORRECT}its name is {own!r}, in the table it is {name!r}: write one in both")
 
     def _named(self, file: Path) -> str:
-        """A file's name as dataset.toml has to write it: from its own folder."""
+        """A file's name as dataset.toml has to write it: from its own folder, near enough."""
+        name = Path(os.path.relpath(file, self.folder)).as_posix()
         try:
-            return Path(os.path.relpath(file, self.folder)).as_posix()
-        except ValueError:  # on another drive
-            return file.resolve().as_posix()
+            beside(self.folder, name)
+        except InputError as error:
+            raise error.located(file=file) from None
+        return name
 
 
 def draft(file: Path | str, kind: str | None = None, folder: Path | None = None) -> Draft:

@@ -97,7 +97,7 @@ class Requirements:
     @classmethod
     def read(cls, file: Path | str) -> Self:
         """The requirements of a TOML file; specimens are files beside it, or the paper's."""
-        return cls._of(Table.read(file))
+        return cls._of(Table.read(file, "requirements"))
 
     @classmethod
     def shipped(cls) -> Self:
@@ -181,7 +181,7 @@ def _specimen(table: Table, key: str, name: str) -> Specimen:
     if not name.endswith(".toml") and name not in FILES:
         raise table.error(key, "must be a specimen file, ending in .toml, or one of "
                                f"{', '.join(FILES)}", name)
-    specimen = load_specimen(FILES[name] if name in FILES else Path(table.file).parent / name)
+    specimen = load_specimen(FILES[name] if name in FILES else table.named_file(key, name))
     specimen.needed_plate()
     return specimen
 
@@ -397,6 +397,6 @@ def _tolerances(table: Table) -> Tolerances | None:
     if given == "none":
         return None
     if isinstance(given, str):
-        return Tolerances.read(Path(table.file).parent / given)
+        return Tolerances.read(table.beside("tolerances"))
     return read(Tolerances, table.table("tolerances", {}))
 

@@ -16,7 +16,7 @@ from tympan.fem.equilibrium.solve import held
 from tympan.fem.membrane.model import Model
 from tympan.fem.rig import AGAINST_THE_WAY, MASSES, OF_TESTER, VOLTAGES, Rig
 from tympan.geometry.errors import InputError
-from tympan.geometry.fields import Key, require, takes_units
+from tympan.geometry.fields import Key, takes_units
 from tympan.geometry.specimen import Specimen
 from tympan.geometry.toml_reader import POSITIVE, Rule
 from tympan.studies.case import Case, Settings, build_model, solved_loading
@@ -27,9 +27,8 @@ from tympan.studies.force.result import ForceLimit, ForceLoop, ForceResult
 
 #: Displacements of a curve where their number is not given: a smooth line.
 USUAL_POINTS = 61
-_COUNTS: Rule = (lambda x: x == int(x) and 2 <= x <= 10_000,
-                 "must be a whole number from 2 to 10000")
-_CYCLES: Rule = (lambda x: x == int(x) and 1 <= x <= 1000, "must be a whole number from 1 to 1000")
+_COUNTS: Rule = (lambda x: 2 <= x <= 10_000, "must be a whole number from 2 to 10000")
+_CYCLES: Rule = (lambda x: 1 <= x <= 1000, "must be a whole number from 1 to 1000")
 
 
 @takes_units
@@ -61,7 +60,6 @@ class ForceCase:
                      cycles: int = ..., rig: Rig = ...) -> None: ...
 
     def __post_init__(self) -> None:
-        require(self)
         self.specimen.needed_plate()
         if self.rig.guide == "fixed":
             raise InputError("must let the plate move: it is to be displaced", key="guide",

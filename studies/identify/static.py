@@ -119,8 +119,9 @@ class StaticProblem:
                                        -_HIGHEST_STRESS, _HIGHEST_STRESS) for i in (1, 2, 3)]
         else:
             constants.append(Constant("stiffness", "1", 1.0, 1.0, 1e-3, 1e3))
+        # Those that a film may have: 1 is vacuum.
         constants.append(Constant("relative_permittivity", "1", first.relative_permittivity, 5.0,
-                                  0.0, 1e3))
+                                  1.0, 1e3))
         constants += [Constant(name, "1", 0.5, 0.5, 0.0, 1.0)
                       for name in dict.fromkeys(self._alphas) if name]
         return tuple(constants)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from tympan.fem.rig import Rig
 from tympan.geometry.errors import InputError
-from tympan.geometry.fields import Key, require, takes_units
+from tympan.geometry.fields import Key, takes_units
 from tympan.geometry.specimen import Specimen, require_different_names
 from tympan.studies.case import Settings
 from tympan.studies.limits.loads import usual_masses
@@ -52,7 +52,6 @@ class LumpedCase:
                      table_1: float | None = None, rig: Rig = Rig()) -> None: ...
 
     def __post_init__(self) -> None:
-        require(self)
         if not (self.specimens or self.models):
             raise InputError("give a specimen, or a model of one", key="specimens")
         require_different_names([*self.specimens, *(model.specimen for model in self.models)])

@@ -99,7 +99,7 @@ def _film_content(film: ReducedFilm) -> dict[str, Any]:
 
 def read_model(file: Path | str) -> LumpedModel:
     """The model of a file."""
-    table = Table.read(file)
+    table = Table.read(file, "lumped model")
     specimen = load_specimen(replace(table.table("specimen"), plain=True))
     circles = table.tables("circle")
     if not circles:

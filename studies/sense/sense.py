@@ -17,7 +17,7 @@ from tympan.fem.equilibrium.solve import held
 from tympan.fem.results.fields import film_integrals
 from tympan.fem.rig import MASSES, VOLTAGES, Rig
 from tympan.geometry.errors import Failure, InputError
-from tympan.geometry.fields import Key, require, takes_units
+from tympan.geometry.fields import Key, takes_units
 from tympan.geometry.specimen import Specimen
 from tympan.geometry.toml_reader import Rule
 from tympan.studies.case import Case, Settings, build_model, solve_grid
@@ -31,7 +31,7 @@ Array = NDArray[np.float64]
 
 #: Rows of the table of each voltage where their number is not given.
 USUAL_POINTS = 21
-_COUNTS: Rule = (lambda x: x == int(x) and 5 <= x <= 1000, "must be a whole number from 5 to 1000")
+_COUNTS: Rule = (lambda x: 5 <= x <= 1000, "must be a whole number from 5 to 1000")
 
 #: How much further than the loads' largest deflection curves go where no end is given.
 _ROOM = 1.1
@@ -75,7 +75,6 @@ class SenseCase:
                      to: float | str | None = ..., points: int = ..., rig: Rig = ...) -> None: ...
 
     def __post_init__(self) -> None:
-        require(self)
         self.specimen.needed_plate()
 
 

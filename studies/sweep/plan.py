@@ -120,7 +120,7 @@ def read_sweep(file: Path, settings: Settings = Settings(), exact: bool = False,
     errors; a combination of allowed values that cannot be built is an entry without a task instead,
     unless all are.
     """
-    table = Table.read(file)
+    table = Table.read(file, "sweep")
     fields, figures = table.truth("fields", False), table.truth("figures", False)
     ask = _ask(table) if tolerances is None else _ask(table).banded(tolerances)
     given = table.value("specimen")
@@ -132,7 +132,8 @@ def read_sweep(file: Path, settings: Settings = Settings(), exact: bool = False,
     stem, times = Counter(Path(name).stem for name in names).most_common(1)[0]
     if times > 1:
         raise table.error("specimen", "must be files of different names", stem)
-    bases = {file.parent / name: Table.read(file.parent / name).data for name in names}
+    bases = {base: Table.read(base, "specimen").data
+             for base in (table.named_file("specimen", name) for name in names)}
     grid, rows = choices(table)
     varied, loads = {*grid, *rows[0]}, {}
     for name in _LOADS:
@@ -390,7 +391,7 @@ def _rig(table: Table, choice: Choice) -> Rig:
     changes = {key.removeprefix(_RIG): value for key, value in choice.items()
                if key.startswith(_RIG)}
     given = table.value("rig", {})
-    rig = (Table.read(Path(table.file).parent / given) if isinstance(given, str)
+    rig = (Table.read(table.beside("rig"), "rig") if isinstance(given, str)
            else table.table("rig", {}))
     return Rig.from_table(Table(table.file, with_choice(rig.data, changes, table), "rig")
                           if changes else rig)

@@ -58,8 +58,8 @@ def read_table(file: Path) -> xr.Dataset:
         return xr.load_dataset(file, engine="h5netcdf")
     except FileNotFoundError:
         raise InputError("is missing: run tympan sweep again", file=file) from None
-    except Exception as error:  # HDF5 and its readers raise whatever they meet
-        raise InputError(f"is no table of a sweep: {type(error).__name__}: {error}",
+    except Exception:  # HDF5 and its readers raise whatever they meet
+        raise InputError("is no table of a sweep that can be read: run tympan sweep again",
                          file=file) from None
 
 

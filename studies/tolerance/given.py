@@ -17,7 +17,7 @@ from scipy.special import erf, gamma
 
 from tympan.fem.film.library import MATERIALS, material_name
 from tympan.geometry.errors import InputError
-from tympan.geometry.fields import Key, checks_types, field_at, read, require, takes_units
+from tympan.geometry.fields import Key, checks_types, field_at, read, takes_units
 from tympan.geometry.paths import at, with_numbers
 from tympan.geometry.specimen import Specimen
 from tympan.geometry.toml_reader import Rule, Table
@@ -65,9 +65,6 @@ class Scatter:
     batch: Annotated[float, Key("from batch to batch: films of one batch share it",
                                 rule=_SHARE)] = 0.0
 
-    def __post_init__(self) -> None:
-        require(self)
-
 
 @takes_units
 @dataclass(frozen=True)
@@ -77,9 +74,6 @@ class LengthScatter:
     film: Annotated[float, Key("from film to film", "length", _LENGTH)] = 0.0
     batch: Annotated[float, Key("from batch to batch: films of one batch share it", "length",
                                 _LENGTH)] = 0.0
-
-    def __post_init__(self) -> None:
-        require(self)
 
 
 @takes_units
@@ -95,9 +89,6 @@ class StrengthScatter:
                                 "it does not", rule=_SHAPE)]
     area: Annotated[float | None, Key("of the electrodes that the strength was measured with",
                                       "area", _AREA, default="this film's")] = None
-
-    def __post_init__(self) -> None:
-        require(self)
 
     @property
     def deviation(self) -> float:
@@ -144,9 +135,7 @@ class Tolerances:
     @classmethod
     def read(cls, file: Path | str) -> Self:
         """The tolerances of a TOML file."""
-        return read(cls, Table.read(file))
-
-
+        return read(cls, Table.read(file, "tolerances"))
 
 
 def of_library(tolerances: Tolerances, specimen: Specimen) -> Tolerances:

@@ -11,6 +11,7 @@ import pytest
 from scipy.constants import epsilon_0, g, pi
 
 import tympan
+from tests.support.biases import DECLARED
 from tests.support.specimens import NEO_HOOKE, ROOT5, circular
 from tympan.cli import main
 from tympan.fem.film.admissibility import equibiaxial_stiffness
@@ -71,9 +72,12 @@ def test_a_law_without_stiffness_is_no_yardstick() -> None:
 def test_what_else_carries_the_weight_is_not_forgotten() -> None:
     assert not doubts(17.9, rig=Rig(guide="fixed"))
     assert not doubts(17.9, rig=Rig(gas_pressure=176 / (pi * 0.045**2)))
-    assert not doubts(17.9, rig=Rig(gravity=0.0))
+    assert not doubts(17.9, rig=Rig(gravity=9.81e-3))
     assert not doubts(17.9, rig=Rig(spring=176 / 0.045))
     assert not doubts(17.9, rig=Rig(biases=(Spring(176 / 0.01),)))
+    # What carries grams leaves the question.
+    for law in ("spring", "constant", "magnet", "table"):
+        assert 'was "20 g" meant?' in doubts(20.0, rig=Rig(biases=(DECLARED[law],)))
 
 
 @pytest.mark.parametrize("prestretch", [1.0, ROOT5, 4.0])

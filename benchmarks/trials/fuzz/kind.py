@@ -74,7 +74,8 @@ class Kind:
 
     ``seconds`` of processor time are enough: loads that are left out follow from the film, which
     is then solved. ``change`` is one change of a content; ``refusals`` are what reading may raise;
-    contents that are ``refused`` raise it before they are changed.
+    contents that are ``refused`` raise it before they are changed. ``spoken``: the message has the
+    words of somebody else's package.
     """
 
     file: str
@@ -84,6 +85,7 @@ class Kind:
     change: Change = changed_text
     refusals: tuple[type[BaseException], ...] = (InputError,)
     refused: bool = False
+    spoken: bool = False
 
 
 #: By name; each file of this folder adds those of its subject.

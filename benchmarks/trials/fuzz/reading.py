@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 
 from benchmarks.trials.fuzz import kinds
 from benchmarks.trials.fuzz.contents import DATASET, SPECIMENS, STATIC
+from benchmarks.trials.python_words import words_of_python
 from tympan.geometry.outlines import drawings
 
 
@@ -65,9 +66,13 @@ def survive(name: str, content: bytes) -> None:
     """Read a content as its kind; drawings in this process, which shows what they raise."""
     _import_libraries(name)
     kind = kinds()[name]
-    with (tempfile.TemporaryDirectory() as scratch, _limited(kind.seconds),
-          suppress(*kind.refusals)):
-        _read(name, content, Path(scratch))
+    with tempfile.TemporaryDirectory() as scratch, _limited(kind.seconds):
+        said = ""
+        try:
+            _read(name, content, Path(scratch))
+        except kind.refusals as refusal:
+            said = str(refusal)
+    assert kind.spoken or not words_of_python(said), said
 
 
 def _read(name: str, content: bytes, folder: Path) -> None:

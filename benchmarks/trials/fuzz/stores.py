@@ -139,4 +139,4 @@ register("cache", Kind("films.sqlite", (_sound_cache(),), _read_cache, change=ch
 for _name, _content in (("odd_law.py", MODULE), ("entry_points.txt", POINTS),
                         ("METADATA", METADATA)):
     register(f"package {_name}", Kind(f"changed-{_name}", (_content.encode(),), _read_package,
-                                      refused=True))
+                                      refused=True, spoken=True))

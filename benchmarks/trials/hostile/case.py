@@ -14,6 +14,8 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from benchmarks.trials.python_words import words_of_python
+
 #: Seconds to a message.
 SECONDS = 2.0
 #: Seconds to an answer where the input is right.
@@ -48,6 +50,8 @@ class Case:
         Called with the folder before the command, for links, old folders and the like.
     check
         Called with the folder after the command; returns in a word what is wrong there, or "".
+    plain
+        Whether the message must have no words of Python; a package's own error has some.
     program
         Arguments of Python before ``arguments``; empty where these begin with a script.
     """
@@ -64,6 +68,7 @@ class Case:
     largest_file: int | None = None
     prepare: Callable[[Path], object] | None = None
     check: Callable[[Path], str] | None = None
+    plain: bool = True
     program: tuple[str, ...] = ("-m", "tympan")
 
     @property
@@ -122,6 +127,8 @@ class Answer:
             return "other output"
         if case.refused and self.error.count("\n") != 1:
             return "not one line"
+        if case.refused and case.plain and words_of_python(self.error):
+            return "Python's words"
         if self.fault_of_files:
             return self.fault_of_files
         allowed = case.seconds or (SECONDS if case.refused else PATIENCE)

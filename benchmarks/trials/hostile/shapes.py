@@ -12,7 +12,7 @@ import ezdxf
 from ezdxf.layouts import Modelspace
 
 from benchmarks.trials.hostile.case import Case, Cases, group
-from benchmarks.trials.hostile.inputs import BODY, SOLVE, SPECIMEN, VHB
+from benchmarks.trials.hostile.inputs import BODY, GOOD, SOLVE, SPECIMEN, VHB
 
 CORNERS = ((0, 0), (90, 0), (90, 80), (0, 80))
 
@@ -84,6 +84,9 @@ def disk_full() -> Cases:
     outlined = SPECIMEN + '[electrode.outline]\nshape = "circle"\nradius = "3 cm"\n'
     yield Case("no temporary files", SOLVE, {"specimen.toml": outlined}, "temporary files",
                largest_file=1000)
+    yield Case("no room for the picture", "force specimen.toml --to '1 mm' --points 3 -o out",
+               GOOD, "out/oval-force.*cannot be written: File too large", largest_file=8000,
+               seconds=60.0, check=lambda folder: "files" if (folder / "out").exists() else "")
 
 
 @group("outlines")

@@ -182,6 +182,7 @@ def packages() -> Cases:
         path = {"PYTHONPATH": os.pathsep.join(filter(None, [
             "site", str(Path(__file__).parents[3]), os.environ.get("PYTHONPATH", "")]))}
         yield Case(f"{name}, asked for", "solve odd.toml --mass '1 g' --json", files,
-                   "^tympan: package odd, entry point 'odd' of tympan.laws: ", environment=path)
+                   "^tympan: package odd, entry point 'odd' of tympan.laws: ", environment=path,
+                   plain=False)
         yield Case(f"{name}, not asked for", f"{SOLVE} --json", files, "^$", status=0,
                    shows="^{.*}\n$", environment=path)

@@ -14,7 +14,7 @@ from typing import Annotated, Any, ClassVar
 import numpy as np
 
 from tympan.geometry.errors import InputError
-from tympan.geometry.fields import Key, require
+from tympan.geometry.fields import Key
 from tympan.geometry.specimen import LAWS
 from tympan.geometry.toml_reader import POSITIVE, Rule
 
@@ -52,9 +52,6 @@ def of_first_invariant(energy: Callable[[Any], tuple[Any, Any, Any]], l1: Any, l
 
 class FirstInvariantLaw(ABC):
     """A law whose energy is a function f of I₁ − 3 alone."""
-
-    def __post_init__(self) -> None:
-        require(self)
 
     @property
     def locking(self) -> float:

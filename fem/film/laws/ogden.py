@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar
 
 from tympan.geometry.errors import InputError
-from tympan.geometry.fields import Key, require
+from tympan.geometry.fields import Key
 from tympan.geometry.specimen import LAWS
 from tympan.geometry.toml_reader import Rule
 
@@ -91,7 +91,6 @@ class Prestretched:
                              key="beta",
                              given=f"{len(self.beta)}, {len(self.gamma)} and {len(self.alpha)} "
                                    "values")
-        require(self)
 
     @classmethod
     def completed(cls, values: dict[str, Any]) -> dict[str, Any]:

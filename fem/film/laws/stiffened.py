@@ -9,7 +9,7 @@ from typing import Annotated, Any, ClassVar
 import numpy as np
 
 from tympan.fem.film.laws.invariants import MooneyRivlin, of_first_invariant
-from tympan.geometry.fields import Key, fields_of, require
+from tympan.geometry.fields import Key, fields_of
 from tympan.geometry.specimen import LAWS, Material
 from tympan.geometry.toml_reader import POSITIVE, Rule
 
@@ -49,9 +49,6 @@ class Stiffened:
     exponent: Annotated[float, Key("h: above 0 hardens, below softens", rule=_EXPONENT)]
     invariant: Annotated[float, Key("I_m, the first invariant of the mounted film",
                                     rule=_INVARIANT)]
-
-    def __post_init__(self) -> None:
-        require(self)
 
     def derivatives(self, l1: Any, l2: Any) -> tuple[Any, ...]:
         return _sum(self.nominal.derivatives(l1, l2), of_first_invariant(self._energy, l1, l2))
@@ -98,9 +95,6 @@ class MooneyShare:
     nominal: Annotated[Material, Key("the law that gives up a share", kinds=LAWS)]
     share: Annotated[float, Key("s: of the stress, from the second invariant", rule=_SHARE)]
     area: Annotated[float, Key("J, the area stretch of the mounted film", rule=POSITIVE)]
-
-    def __post_init__(self) -> None:
-        require(self)
 
     def derivatives(self, l1: Any, l2: Any) -> tuple[Any, ...]:
         slope = self.share * _neo_hookean_slope(self.nominal)

@@ -12,7 +12,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from tympan.geometry.errors import InputError, VoltageError
-from tympan.geometry.fields import Key, require, takes_units
+from tympan.geometry.fields import Key, takes_units
 from tympan.geometry.toml_reader import NON_NEGATIVE, POSITIVE
 from tympan.studies.case import Settings
 from tympan.studies.lumped.actuator import Actuator, Viscous
@@ -101,7 +101,6 @@ class ControlSettings:
                      sensor: Measured = "deflection", fmu: bool = False) -> None: ...
 
     def __post_init__(self) -> None:
-        require(self)
         for key, allowed in (("method", get_args(Method)), ("sensor", get_args(Measured))):
             if getattr(self, key) not in allowed:
                 raise InputError("must be one of " + ", ".join(allowed), key=key,
