@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import closing
 from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -213,9 +214,10 @@ def map_readings(places: Sequence[Reading], map_settings: MapSettings, workers: 
                  progress: Callable[[str], None] = lambda _: None) -> list[Reading]:
     """Readings at every place, in their order; where nothing is in equilibrium, the reason."""
     readings = []
-    for reading in mapped(partial(_read, map_settings), places, workers):
-        progress(reading.specimen.name)
-        readings.append(reading)
+    with closing(mapped(partial(_read, map_settings), places, workers)) as made:
+        for reading in made:
+            progress(reading.specimen.name)
+            readings.append(reading)
     return readings
 
 

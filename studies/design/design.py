@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
+from contextlib import closing
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
@@ -133,15 +134,15 @@ def design(requirements: Requirements, settings: Settings = Settings(),
     """
     began = time.perf_counter()
     found, failed = list[_Kind](), list[FailedKind]()
-    kinds = mapped(partial(_kind, requirements, settings), requirements.specimens,
-                   min(workers, len(requirements.specimens)))
-    for specimen in requirements.specimens:
-        progress(specimen.name)
-        kind = next(kinds)
-        if isinstance(kind, _Kind):
-            found.append(kind)
-        else:
-            failed.append(kind)
+    with closing(mapped(partial(_kind, requirements, settings), requirements.specimens,
+                        min(workers, len(requirements.specimens)))) as kinds:
+        for specimen in requirements.specimens:
+            progress(specimen.name)
+            kind = next(kinds)
+            if isinstance(kind, _Kind):
+                found.append(kind)
+            else:
+                failed.append(kind)
     if not found:
         raise InputError("has no film that bears its loads; " + failed[0].reason,
                          key="requirements", given=requirements.name)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -204,10 +205,11 @@ def self_checked(bench: Bench, count: int, workers: int = 1,
                  progress: Callable[[int, int], None] = lambda done, all_of_them: None
                  ) -> SelfCheck:
     """So many synthetic sets judged."""
-    sets = []
-    for made in mapped(_judged, [(bench, number) for number in range(count)], workers):
-        sets.append(made)
-        progress(len(sets), count)
+    sets, tasks = [], [(bench, number) for number in range(count)]
+    with closing(mapped(_judged, tasks, workers)) as judged:
+        for made in judged:
+            sets.append(made)
+            progress(len(sets), count)
     return summary_of(sets, bench.seed)
 
 

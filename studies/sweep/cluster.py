@@ -7,7 +7,7 @@ import ctypes
 import os
 import pickle
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Generator, Mapping
 from dataclasses import dataclass, field
 from queue import Empty, SimpleQueue
 from typing import Any
@@ -36,7 +36,7 @@ _MAP_DEFAULT = 128 << 10
 
 def cluster(function: Callable[[Item], Value], items: Mapping[str, Item], address: str,
             wait: float = 60.0, say: Callable[[str], None] = lambda words: None
-            ) -> Iterator[tuple[str, Value | NoValue]]:
+            ) -> Generator[tuple[str, Value | NoValue], None, None]:
     """Values by key as they come back from a scheduler, such as at ``tcp://10.0.0.5:8786``.
 
     Where there is no worker it waits for one, ``wait`` seconds, and says so once. Dask tries an
@@ -80,7 +80,7 @@ def cluster(function: Callable[[Item], Value], items: Mapping[str, Item], addres
                 raise workers.scheduler_lost()
             if future.status == "error":
                 workers.check()
-            yield waiting.pop(future.key), value_or_reason(future)
+            yield waiting.pop(future.key), value_or_reason(future.result)
             future.release()
     finally:
         client.close(timeout=2)

@@ -5,7 +5,8 @@ from __future__ import annotations
 import hashlib
 import json
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
+from contextlib import closing
 from dataclasses import dataclass, field
 from operator import methodcaller
 from pathlib import Path
@@ -42,7 +43,7 @@ if TYPE_CHECKING:
 
 #: Runs a function of batches of tasks, by id, in any order.
 Pool = Callable[[Callable[[Batch], dict[str, TaskResult]], Mapping[str, Batch]],
-                Iterator[tuple[str, dict[str, TaskResult] | NoValue]]]
+                Generator[tuple[str, dict[str, TaskResult] | NoValue], None, None]]
 
 #: Called with the number of cases that are ready and of those that were so from the start.
 Progress = Callable[[int, int], None]
@@ -235,17 +236,18 @@ def run_sweep(sweep: Sweep, folder: Path, pool: Pool,
         return _result(sweep, results, done - kept, kept)
 
     together = batches(missing)
-    for first, answer in pool(methodcaller("run"), together):
-        for task in together[first].tasks:
-            if isinstance(answer, NoValue):  # not kept: another run may have more luck
-                result = without_result(task.ids, task.ask, task.loads, answer.reason)
-            else:
-                result = answer[task.id]
-                checkpoint.put(task, result)
-            results[task.id] = result.packed()
-            done += len(task.ids)
-        progress(done, kept)
-        watch(so_far)
+    with closing(pool(methodcaller("run"), together)) as answers:
+        for first, answer in answers:
+            for task in together[first].tasks:
+                if isinstance(answer, NoValue):  # not kept: another run may have more luck
+                    result = without_result(task.ids, task.ask, task.loads, answer.reason)
+                else:
+                    result = answer[task.id]
+                    checkpoint.put(task, result)
+                results[task.id] = result.packed()
+                done += len(task.ids)
+            progress(done, kept)
+            watch(so_far)
     whole = so_far()
     whole.save(folder)
     return whole

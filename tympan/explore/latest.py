@@ -14,7 +14,7 @@ from multiprocessing.process import BaseProcess
 from typing import Any, TypeAlias
 
 from tympan.geometry.errors import InputError
-from tympan.studies.parallel import begin_worker, signals_blocked
+from tympan.geometry.process.workers import begin_worker, signals_blocked, start_worker
 
 #: Answers a question, in several parts where some come sooner; a :class:`Pause` between them.
 Answer: TypeAlias = Callable[[Any], Iterator[Any]]
@@ -114,8 +114,7 @@ class Latest:
         context = prepared()
         self._pipe, other = context.Pipe()
         self._process = context.Process(target=_work, args=(self._make, other), daemon=True)
-        with signals_blocked():
-            self._process.start()
+        start_worker(self._process)
         other.close()
         self._loop.add_reader(self._pipe.fileno(), self._received)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import closing
 from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import TypeVar
@@ -177,10 +178,10 @@ def solve_chains(chains: Sequence[Chain], workers: int,
     solved = [chain.at_once() for chain in chains]
     missing = [chain for chain, answer in zip(chains, solved, strict=True) if answer is None]
     count = sum(len(chain.samples) for chain in missing)
-    answers = mapped(_run, missing, workers if count > _FEW else 1)
-    for done, number in enumerate(n for n, answer in enumerate(solved) if answer is None):
-        solved[number] = next(answers)
-        progress(done, len(missing))
+    with closing(mapped(_run, missing, workers if count > _FEW else 1)) as answers:
+        for done, number in enumerate(n for n, answer in enumerate(solved) if answer is None):
+            solved[number] = next(answers)
+            progress(done, len(missing))
     return [answer for answer in solved if answer is not None]
 
 
