@@ -84,23 +84,13 @@ gap = "25 mm"
 [vary]
 "plate.radius" = ["8 mm", "14 mm"]
 """
-OPTIMISE = """
-specimen = "round.toml"
-reference = "round.toml"
-mass = "20 g"
-voltage = "3 kV"
-[vary]
-"plate.radius" = ["9 mm", "12 mm"]
-[limits]
-max_field = "60 MV/m"
-"""
 DATASET = 'name = "readings"\n[[specimen]]' + ROUND.replace("\n[", "\n[specimen.")
 READINGS = "".join(f"round,{mass},{kilovolts},{0.12 * mass + 0.02 * kilovolts**2}\n"
                    for mass in (15, 20) for kilovolts in (0, 1, 2, 3, 4))
 TESTS = "".join(f"uniaxial,{stretch},{20 * (stretch - stretch**-2)}\n"
                 for stretch in (1.2, 1.4, 1.6, 1.9, 2.1, 2.5, 2.8))
 FILES = {"rounded.toml": ROUNDED, "round.toml": ROUND, "film.toml": FILM, "STUDY.toml": STUDY,
-         "SWEEP.toml": SWEEP, "OPTIMISE.toml": OPTIMISE, "REQUIREMENTS.toml": REQUIREMENTS,
+         "SWEEP.toml": SWEEP, "REQUIREMENTS.toml": REQUIREMENTS,
          "viscous.toml": ROUND + BRANCH,
          "coupon.csv": f"mode,stretch,nominal_stress_kPa\n{TESTS}",
          "readings/dataset.toml": DATASET,

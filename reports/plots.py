@@ -36,7 +36,6 @@ from tympan.reports.sweep.view import SweepView
 from tympan.reports.template import percent
 from tympan.studies.alpha import AlphaResult
 from tympan.studies.case import CaseResult
-from tympan.studies.design.elements.optimise import OptimiseResult
 from tympan.studies.design.result import DesignResult
 from tympan.studies.diagnosis.film_fit import FilmFit
 from tympan.studies.diagnosis.result import Diagnosis
@@ -347,17 +346,6 @@ def _(result: FilmFit, axes: Axes) -> None:
 @draw.register
 def _(result: DesignResult, axes: Axes) -> None:
     draw_bounds(axes, result, result.films[0])
-
-
-@draw.register
-def _(result: OptimiseResult, axes: Axes) -> None:
-    stroke = 1e3 * np.asarray(result.trials["stroke"], float)
-    axes.plot(stroke, "o", color=look.PALETTE[5], markersize=2, label="tried")
-    accepted = np.asarray(result.trials["accepted"], bool)
-    axes.plot(np.flatnonzero(accepted), stroke[accepted], "o", color=look.PALETTE[0], markersize=3,
-              label="accepted")
-    axes.set(xlabel="trial", ylabel="stroke (mm)")
-    look.legend(axes)
 
 
 def _hatch_slack(axes: Axes, film: FilmSurface) -> bool:

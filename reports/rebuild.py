@@ -25,8 +25,6 @@ KINDS = {
     "map": ("alpha-map.json", "figures.alpha:draw_map", "alpha.map:AlphaMap"),
     "sweep": ("sweep.json", "sweep.page:build_sweep_page", "sweep.run:SweepResult"),
     "design": ("design.json", "figures.design:draw_design", "design.result:DesignResult"),
-    "design by finite elements": ("optimum.json", "figures.optimum:draw_optimum",
-                                  "design.elements.optimise:OptimiseResult"),
     "material fit": ("fit.json", "figures.coupon:draw_fit", "material.result:MaterialFitResult"),
     "diagnose": ("diagnosis.json", "diagnosis.page:build_diagnosis_page",
                  "diagnosis.result:Diagnosis"),

@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from tympan.geometry.units import unit_of
 from tympan.studies.alpha import AlphaResult
 from tympan.studies.case import CaseResult
-from tympan.studies.design.elements.optimise import OptimiseResult
 from tympan.studies.design.result import DesignResult
 from tympan.studies.diagnosis.film_fit import FilmFit
 from tympan.studies.diagnosis.result import Diagnosis
@@ -279,11 +278,6 @@ def _(result: FilmFit) -> Any:
 @table.register
 def _(result: DesignResult) -> Any:
     return pd.DataFrame([{"film": film.specimen_file, "quantity": each.name, **{
-        key: getattr(each, key) for key in ("unit", "value", "reached", "sense", "bound",
+        key: getattr(each, key) for key in ("unit", "given", "value", "reached", "sense", "bound",
                                             "binding", "relaxing", "attainable")}}
         for film in result.films for each in film.quantities])
-
-
-@table.register
-def _(result: OptimiseResult) -> Any:
-    return pd.DataFrame(dict(result.trials))

@@ -323,16 +323,13 @@ def stops(case: Case, model: Model, start: State, along: Along, settings: PathSe
 class Stop:
     """A point of a branch: what is seen there, what happens there, if anything.
 
-    ``ended`` says why the branch would end with it; ``along`` what grows along the branch;
-    ``sign``: the one that changes with the event.
+    ``ended`` says why the branch would end with it; ``along`` what grows along the branch.
     """
 
     model: Model
     point: PathPoint
     event: Event | None = None
     ended: str = ""
-    sign: Sign | None = None
-
     along: Along = "voltage"
 
     @cached_property
@@ -637,7 +634,7 @@ def _happening(case: Case, stop: Stop, state: LimitState, sign: Sign,
         spread *= pace / abs(value) if value else 0.0
     x, y = stop.place(state)
     what = cast(What, state.event)
-    return replace(stop, sign=sign, event=Event(
+    return replace(stop, event=Event(
         what=what, value=value, unit=_GROWING[stop.along][1], x_m=x, y_m=y, spread=spread,
         station=stop.station))
 

@@ -38,7 +38,6 @@ from tympan.geometry.mesher import MeshSettings
 from tympan.geometry.process.threads import one_thread
 from tympan.studies.alpha import AlphaSettings, LoadGrid
 from tympan.studies.case import Case, CaseResult, Settings, equilibrate, solve
-from tympan.studies.design.elements.optimise import OptimiseResult
 from tympan.studies.diagnosis.result import FoundCause, ShownSize
 from tympan.studies.files import write_text
 from tympan.studies.study import line_profile
@@ -243,17 +242,6 @@ def test_a_diagnosis_has_a_picture_and_a_table() -> None:
     assert [label.get_text() for label in axes.get_yticklabels()] == [
         "prestretch loss of B", "prestretch loss of A"]
     assert [bar.get_width() for bar in axes.patches] == [0.04, 0.9]
-
-
-def test_an_optimum_has_a_picture_and_a_table() -> None:
-    trials = {"trial": np.arange(3.0), "stroke": np.array([1e-3, np.nan, 1.2e-3]),
-              "accepted": np.array([1.0, 0.0, 1.0])}
-    result = tympan.Result(OptimiseResult({"optima": []}, trials, {}, {}))
-    assert result.to_pandas()["stroke"].tolist() == pytest.approx([1e-3, np.nan, 1.2e-3],
-                                                                  nan_ok=True)
-    tried, accepted = result.plot(Figure().add_subplot()).lines
-    assert tried.get_ydata().tolist() == pytest.approx([1.0, np.nan, 1.2], nan_ok=True)
-    assert accepted.get_xydata() == pytest.approx(np.array([[0, 1.0], [2, 1.2]]))
 
 
 def test_a_film_in_time_is_that_of_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]

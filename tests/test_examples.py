@@ -83,14 +83,6 @@ frame_area = "70 cm^2"
 "frame.semi_axes.0" = ["5 cm", "7 cm"]
 "plate.radius" = ["8 mm", "12 mm"]
 """
-OPTIMISE = """specimen = "oval.toml"
-mass = "17.9 g"
-voltage = "3 kV"
-[vary]
-"plate.radius" = ["8 mm", "12 mm"]
-[limits]
-breakdown_margin = 2.0
-"""
 STUDY = 'specimens = ["oval.toml"]\nmass = "17.9 g"\nvoltage = "2 kV"\n'
 #: A table whose headings are no columns' names.
 WEIGHTS = "Mass (g),Voltage (kV),Deflection (mm)\n10,0,1.2\n10,1,1.25\n20,0,2.4\n"
@@ -100,7 +92,7 @@ def test_the_examples_of_the_api_page_are_right(tmp_path: Path, monkeypatch: pyt
                                                 ) -> None:
     monkeypatch.chdir(tmp_path)
     written(tmp_path, 'specimen = "oval.toml"\nmass = ["17.9 g"]\nvoltage = ["0 kV", "2 kV"]',
-            REQUIREMENTS=REQUIREMENTS, OPTIMISE=OPTIMISE, STUDY=STUDY)
+            REQUIREMENTS=REQUIREMENTS, STUDY=STUDY)
     for name, text in (("weights", WEIGHTS), ("coupon", COUPON)):
         (tmp_path / f"{name}.csv").write_text(text, encoding="utf-8")
     film = load_specimen(Path("oval.toml"))

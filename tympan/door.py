@@ -26,7 +26,6 @@ if TYPE_CHECKING:
 
     from tympan.fem.film.law_report import Examination
     from tympan.studies.alpha import AlphaResult, AlphaSettings
-    from tympan.studies.design.elements.optimise import OptimiseResult
     from tympan.studies.design.requirements import Requirements
     from tympan.studies.design.result import DesignResult
     from tympan.studies.diagnosis.film_fit import FilmFit
@@ -552,18 +551,17 @@ def fit_material(*files: File, laws: Sequence[str] = (), noise: float | str | No
 @names_arguments()
 @one_thread()
 def design(requirements: Requirements | File | None = None, settings: Settings = Settings(),
-           workers: int = 1) -> Result[DesignResult | OptimiseResult]:
+           workers: int = 1) -> Result[DesignResult]:
     """The best films for requirements, which 95 % of the films with their tolerances keep.
 
     ``requirements``: a file, or :class:`Requirements`. ``result.films[0]`` is the best film, with
-    what it has, which bounds bind and what it costs to relax them; ``result.specimens`` the films'
-    specimens by file name. ``result.status`` is "impossible" where no film keeps all bounds.
-    A file with ``search = "finite elements"``, or without ``[want]``, is searched by these:
-    ``result.json()`` has the best design of each measure of the frame that is held. Without a file
-    these are of the paper's large ellipse. Several kinds of films are searched side by side by so
-    many ``workers``; with more than one the calling script needs a main guard.
+    what it and the given one have, which bounds bind and what it costs to relax them;
+    ``result.specimens`` the films' specimens by file name. ``result.status`` is "impossible" where
+    no film keeps all bounds. Without a file the film is an ellipse with the largest stroke, its
+    frame at most as large as that of the paper's large one. Several kinds of films are searched
+    side by side by so many ``workers``; with more than one the calling script needs a main guard.
     """
-    from tympan.studies.design import best_films
+    from tympan.studies.design.design import design as best_films
     from tympan.studies.design.requirements import Requirements
 
     if requirements is None:
@@ -575,7 +573,7 @@ def design(requirements: Requirements | File | None = None, settings: Settings =
 
 @names_arguments()
 def optimise(file: File | None = None, settings: Settings = Settings()
-             ) -> Result[DesignResult | OptimiseResult]:
+             ) -> Result[DesignResult]:
     """The former name of :func:`design`, which takes its place."""
     return design(file, settings)
 

@@ -36,7 +36,7 @@ from tympan.fem.equilibrium.tangent import Tangent
 from tympan.fem.membrane.loading import Loading
 from tympan.fem.membrane.model import Model, Parts
 from tympan.fem.membrane.state import Load, State
-from tympan.fem.results.firmness import EdgeSpot, Spot, firmness, spots_at
+from tympan.fem.results.firmness import firmness, spot_at
 from tympan.geometry.errors import InputError
 from tympan.geometry.paths import at, numbers, with_change
 from tympan.geometry.specimen import Specimen
@@ -245,41 +245,19 @@ def limit_gradient(model: Model, critical: PathPoint, load: Load,
     return result
 
 
-@dataclass(frozen=True)
-class Remaining:
-    """A film's firmness left at a spot [Pa], its derivatives by a load and by parameters.
-
-    The load, U² of a voltage, at which it is used up changes by −``by`` over ``by_load``.
-    """
-
-    value: float
-    by_load: float
-    by: dict[str, float]
-
-
-def firmness_left(model: Model, critical: PathPoint, load: Load, by: Mapping[str, ModelParameter],
-                  spots: Sequence[Spot | EdgeSpot]) -> list[Remaining]:
-    """Firmness left at spots at a point of a branch, at constant other loads.
-
-    Arguments are those of :func:`limit_gradient`.
-    """
-    quantities = {str(number): firmness_at(spot) for number, spot in enumerate(spots)}
-    parameter, state = _load(load), critical.state
-    slopes = gradient_many(model, critical.solution, quantities, {**by, load: parameter})
-    scale = 2 * parameter.value(model, state) if load == "voltage" else 1.0
-    return [Remaining(float(np.real(quantity.value(model, state))), slopes[name].pop(load) / scale,
-                      slopes[name]) for name, quantity in quantities.items()]
-
-
 def thinning_gradient(model: Model, critical: PathPoint, load: Load,
                       by: Mapping[str, ModelParameter]) -> dict[str, float]:
     """Derivatives of a load, U² of a voltage, at which a film begins to thin without bound.
 
     Its firmness stays used up there. Arguments are those of :func:`limit_gradient`.
     """
-    place = int(np.argmin(firmness(model, critical.state)))
-    left, = firmness_left(model, critical, load, by, spots_at(model, critical.state, [place]))
-    return {name: -slope / left.by_load for name, slope in left.by.items()}
+    state, parameter = critical.state, _load(load)
+    spot = spot_at(model, state, int(np.argmin(firmness(model, state))))
+    slopes = gradient_many(model, critical.solution, {"": firmness_at(spot)},
+                           {**by, load: parameter})[""]
+    scale = 2 * parameter.value(model, state) if load == "voltage" else 1.0
+    by_load = slopes.pop(load) / scale
+    return {name: -slope / by_load for name, slope in slopes.items()}
 
 
 def _extent(motion: Parts) -> float:

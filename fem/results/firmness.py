@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -123,20 +123,16 @@ class EdgeSpot:
         return interface_margin(sides, edge.along[[self.number]])[0]
 
 
-def spots_at(model: Model, state: State, places: Iterable[int]) -> list[Spot | EdgeSpot]:
-    """Spots at which :func:`firmness` has its values, by places, element-major."""
+def spot_at(model: Model, state: State, place: int) -> Spot | EdgeSpot:
+    """Spot at which :func:`firmness` has the value of a place, element-major."""
     (elliptic, thinning, near), edge = _margins(model, state), edge_firmness(model, state)
     mesh = model.discretisation
-    spots: list[Spot | EdgeSpot] = []
-    for place in places:
-        element, local = divmod(place, elliptic.shape[1])
-        thins = bool(thinning[element, local] <= elliptic[element, local])
-        if edge[element, local] < min(elliptic[element, local], thinning[element, local]):
-            node = mesh.connectivity[element, local]
-            spots.append(EdgeSpot(int(np.searchsorted(mesh.electrode_edge.nodes, node))))
-        else:
-            spots.append(Spot(element, local, thins, not thins and bool(near[element])))
-    return spots
+    element, local = divmod(place, elliptic.shape[1])
+    thins = bool(thinning[element, local] <= elliptic[element, local])
+    if edge[element, local] < min(elliptic[element, local], thinning[element, local]):
+        node = mesh.connectivity[element, local]
+        return EdgeSpot(int(np.searchsorted(mesh.electrode_edge.nodes, node)))
+    return Spot(element, local, thins, not thins and bool(near[element]))
 
 
 def _margins(model: Model, state: State) -> tuple[Array, Array, NDArray[np.bool_]]:

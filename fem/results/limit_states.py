@@ -73,8 +73,8 @@ class LimitState:
     say how certain it is. ``signs``: it happens where the first of them changes; a snap, which has
     none, is a limit point beyond which the plate comes to rest again. ``verb`` is said of the film,
     ``noun`` stands alone, ``sentence`` holds a voltage, ``legend`` is for the picture of a path;
-    ``marker`` is matplotlib's. ``ends``: beyond it the film has no equilibrium, or no stable one.
-    ``falling``: it is met as the voltage falls, once it was beyond another.
+    ``marker`` is matplotlib's. ``falling``: it is met as the voltage falls, once it was beyond
+    another.
     """
 
     kind: str
@@ -87,7 +87,6 @@ class LimitState:
     sentence: str
     marker: str
     legend: str
-    ends: bool = False
     falling: bool = False
 
 
@@ -139,10 +138,9 @@ INSTABILITY: LimitState = LIMIT_STATES.register(LimitState(
     "instability", "instability", _firmness, lambda point: point.rough_firmness,
     (_least(_firmness), Sign(lambda point: point.given_way, of_state=False, local=False)),
     verb="gives way", noun="the film's own instability", sentence="gives way in itself at {}",
-    legend="film gives way in itself", marker="D", ends=True))
+    legend="film gives way in itself", marker="D"))
 
 PULL_IN: LimitState = LIMIT_STATES.register(LimitState(
     "pull_in", "limit", _thinning, _thinning,
     (Sign(lambda point: point.growth, of_state=False, local=False),),
-    verb="pulls in", noun="pull-in", sentence="pulls in at {}", legend="limit point", marker="x",
-    ends=True))
+    verb="pulls in", noun="pull-in", sentence="pulls in at {}", legend="limit point", marker="x"))

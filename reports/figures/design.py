@@ -86,7 +86,7 @@ def _draw_outlines(axes: Axes, result: DesignResult, film: DesignedFilm) -> None
 
 
 def draw_bounds(axes: Axes, result: DesignResult, film: DesignedFilm) -> None:
-    """Values over their bounds: of the film without scatter, and those that most films reach."""
+    """Values over their bounds: of the film without scatter, of most films, of the given one."""
     bounded = [each for each in film.quantities if each.bound is not None][::-1]
     for number, each in enumerate(bounded):
         colour = style.PALETTE[1] if each.binding else style.PALETTE[0]
@@ -96,6 +96,9 @@ def draw_bounds(axes: Axes, result: DesignResult, film: DesignedFilm) -> None:
         if value is not None and value > _LONGEST:
             axes.text(_LONGEST - 0.05, number, f"{value:.3g} >", ha="right", va="center",
                       color="white")
+        now = _share(each, each.given)
+        if now is not None and now < _LONGEST:
+            axes.plot(now, number, "D", color=style.GREY, markerfacecolor="white", markersize=3.5)
         reached = _share(each, each.reached)
         if reached is not None and reached < _LONGEST:
             axes.plot([reached] * 2, [number - 0.4, number + 0.4], color=style.PALETTE[5],
@@ -105,8 +108,10 @@ def draw_bounds(axes: Axes, result: DesignResult, film: DesignedFilm) -> None:
         f"{each.name.replace('_', ' ')} {'≥' if each.sense == 'at least' else '≤'}"
         for each in bounded])
     axes.set_xlim(0.0, _LONGEST)
-    title = "" if film.reached is None else f"; line: {100 * result.share:g} % of films"
-    style.describe(axes, "value over bound", "", f"orange: binds{title}")
+    title = "orange: binds"
+    title += "; diamond: now" * any(each.given is not None for each in bounded)
+    title += "" if film.reached is None else f"; line: {100 * result.share:g} % of films"
+    style.describe(axes, "value over bound", "", title)
 
 
 def _share(each: DesignedQuantity, value: float | None) -> float | None:

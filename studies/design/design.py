@@ -16,7 +16,7 @@ from tympan.fem.rig import Rig
 from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Specimen
 from tympan.geometry.units import DIMENSIONS
-from tympan.studies.case import Settings
+from tympan.studies.case import Case, Settings
 from tympan.studies.design.exact import ExactFilm
 from tympan.studies.design.front import front
 from tympan.studies.design.quantities import QUANTITIES, TENSION
@@ -118,6 +118,7 @@ class _Kind:
     film: DesignedFilm
     specimen: Specimen
     rig: Rig
+    warnings: list[str]
     sought: Sought | None
 
 
@@ -147,13 +148,14 @@ def design(requirements: Requirements, settings: Settings = Settings(),
         raise InputError("has no film that bears its loads; " + failed[0].reason,
                          key="requirements", given=requirements.name)
     found.sort(key=lambda kind: (kind.film.status != "met", -kind.film.aim))
-    films, specimens, rigs = [], {}, {}
+    films, specimens, rigs, warnings = [], {}, {}, list[str]()
     for number, kind in enumerate(found, start=1):
         name = f"{requirements.name}-{number}"
         film = replace(kind.film, specimen_file=f"{name}.toml", rig_file=f"{name}-rig.toml")
         films.append(film)
         specimens[film.specimen_file] = replace(kind.specimen, name=name)
         rigs[film.rig_file] = kind.rig
+        warnings += [f"{film.specimen_file}: {words}" for words in kind.warnings]
     chosen, between = found[0].sought, None
     if requirements.front is not None and chosen is not None and chosen.possible:
         progress("front")
@@ -162,7 +164,8 @@ def design(requirements: Requirements, settings: Settings = Settings(),
     return DesignResult(
         name=requirements.name, status=films[0].status, best=requirements.best,
         share=requirements.share, films=tuple(films), failed=tuple(failed),
-        front=between, wall_s=time.perf_counter() - began, specimens=specimens, rigs=rigs)
+        front=between, wall_s=time.perf_counter() - began, warnings=tuple(warnings),
+        specimens=specimens, rigs=rigs)
 
 
 def _kind(requirements: Requirements, settings: Settings, specimen: Specimen) -> _Kind | FailedKind:
@@ -174,8 +177,9 @@ def _kind(requirements: Requirements, settings: Settings, specimen: Specimen) ->
             raise
         return FailedKind(specimen=specimen.name, reason=str(error))
     # A process has a family's films to send where others are sought between them alone.
-    space, values = sought.search.space, sought.values
-    return _Kind(_film(sought), space.built(values), space.rig(values),
+    space, values, exact = sought.search.space, sought.values, sought.exact
+    assert exact is not None
+    return _Kind(_film(sought, specimen), space.built(values), space.rig(values), exact.warnings,
                  None if requirements.front is None else sought)
 
 
@@ -279,8 +283,11 @@ def _settled(search: Search, starts: Array) -> Sought:
     common = replace(search, best="")
     end = common.found(common.starts() if search.best else starts)
     if end is None or end.here is None:
-        raise InputError("has no film in the ranges of [vary] that bears its load and voltage",
-                         key="vary", given=search.space.specimen.name)
+        space = search.space
+        case = Case(space.specimen, mass=space.requirements.mass,
+                    voltage=space.requirements.voltage, rig=space.requirements.rig)
+        raise InputError(case.doubted("has no film in the ranges of [vary] that bears its load and "
+                                      "voltage"), key="vary", given=space.specimen.name)
     possible = end.here.value >= -KEPT
     if not (possible and search.best):
         return Sought(common, end, possible)
@@ -288,10 +295,9 @@ def _settled(search: Search, starts: Array) -> Sought:
     return Sought(search, best, possible=best.here is not None and best.status != "infeasible")
 
 
-def _film(found: Sought) -> DesignedFilm:
-    """The film as it is stored."""
-    space, values, exact = found.search.space, found.values, found.exact
-    assert exact is not None
+def _film(found: Sought, given: Specimen) -> DesignedFilm:
+    """The film as it is stored, beside the given one."""
+    space, values = found.search.space, found.values
     status: DesignStatus = "met" if found.possible else "impossible"
     reached = None
     if found.films is not None:
@@ -299,7 +305,7 @@ def _film(found: Sought) -> DesignedFilm:
     return DesignedFilm(
         specimen=space.specimen.name, status=status, specimen_file="", rig_file="",
         mass_kg=space.load(values), voltage_V=space.voltage(values), aim=found.aim,
-        numbers=_numbers(found), quantities=tuple(_quantities(found)), reached=reached)
+        numbers=_numbers(found), quantities=tuple(_quantities(found, given)), reached=reached)
 
 
 def _numbers(found: Sought) -> dict[str, DesignedNumber]:
@@ -323,9 +329,10 @@ def _scale(found: Sought) -> float:
     return abs(found.aim) if found.search.best else 1.0
 
 
-def _quantities(found: Sought) -> list[DesignedQuantity]:
+def _quantities(found: Sought, given: Specimen) -> list[DesignedQuantity]:
     search, exact = found.search, found.exact
     assert exact is not None
+    now = replace(exact, specimen=given) if search.space.hold(given) else None
     prices = found.prices
     keys = dict.fromkeys((*search.bounds, *_TOLD, *filter(None, [search.space.requirements.best]),
                           *(search.space.requirements.front or ())))
@@ -341,7 +348,8 @@ def _quantities(found: Sought) -> list[DesignedQuantity]:
         told.append(DesignedQuantity(
             name=key, unit=quantity.unit, sense="at least" if quantity.gain else "at most",
             bound=search.bounds.get(key), value=_one(quantity.of(exact)),
-            reduced=_one(quantity.of(reduced)), reached=_reached(found, key), binding=price > 0,
+            reduced=_one(quantity.of(reduced)), reached=_reached(found, key),
+            given=None if now is None else _one(quantity.of(now)), binding=price > 0,
             relaxing=price * _eased(found, key) / _scale(found) if price > 0 else None,
             attainable=_attainable(found, key) if price > 0 and not found.possible else None))
     return told

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -17,7 +18,7 @@ from tympan.fem.membrane.model import Model
 from tympan.fem.results.fields import Fields, node_fields
 from tympan.fem.rig import Rig
 from tympan.geometry.specimen import Specimen
-from tympan.studies.case import Case, Settings, build_model
+from tympan.studies.case import Case, Settings, build_model, state_warnings
 from tympan.studies.limits import limits
 from tympan.studies.modes import carried, heaving_frequency
 
@@ -26,6 +27,8 @@ Array = NDArray[Any]
 #: A film that does not bear its margin ends before it, by this share of it at least: its end is
 #: known to some 1e-4.
 _SHORT = 1 - 1e-4
+#: What differs between the same warning of two states.
+_NUMBERS = re.compile(r"\d[\d.e+-]*")
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,6 +57,18 @@ class ExactFilm:
     @property
     def voltage(self) -> Array:
         return np.array([self.nominal])
+
+    @property
+    def _case(self) -> Case:
+        return Case(self.specimen, mass=self.mass, voltage=self.nominal, rig=self.rig)
+
+    @property
+    def warnings(self) -> list[str]:
+        """Warnings of the states up to the voltage, the last of each kind, and of the loads."""
+        states = [outcome.state for outcome in self.outcomes[:2] if outcome.status == "equilibrium"]
+        found = {_NUMBERS.sub("", words): words for state in states
+                 for words in state_warnings(self._model, state)}
+        return [*found.values(), *self._case.remarks]
 
     @cached_property
     def _model(self) -> Model:
@@ -135,13 +150,13 @@ class ExactFilm:
     def frequency(self) -> Array:
         if not self.sound:
             return np.array([np.nan])
-        plate = carried(Case(self.specimen, mass=self.mass, rig=self.rig))
+        plate = carried(self._case)
         found = [heaving_frequency(self._model, outcome.state, plate)
                  for outcome in self.outcomes[:2]]
         return np.array([min(np.nan if each is None else each for each in found)])
 
     @cached_property
     def limit(self) -> Array:
-        reached = limits(Case(self.specimen, mass=self.mass, rig=self.rig), self.settings).reached
+        reached = limits(self._case, self.settings).reached
         ends = [each.voltage_V for each in reached if each.kind != "breakdown"]
         return np.array([min(ends, default=np.inf) / self.nominal])

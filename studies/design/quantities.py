@@ -9,12 +9,10 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from tympan.geometry.outlines import area
+from tympan.geometry.outlines import area, perimeter
 from tympan.geometry.specimen import Specimen
 from tympan.geometry.toml_reader import POSITIVE, Rule
 from tympan.geometry.units import DIMENSIONS
-from tympan.studies.design.limits.end import end_margin
-from tympan.studies.design.limits.kinds import BREAKDOWN_SHARE, FIELD, GAP, STRESS, DesignLimit
 
 Array = NDArray[Any]
 
@@ -22,8 +20,6 @@ _MARGIN: Rule = (lambda x: 1 <= x <= 10, "must be a margin from 1 to 10")
 
 #: Margin to the loss of tension where none is asked for: the film bears its voltage, no more.
 TENSION = "tension_margin"
-#: Margin to the first end of the film, which may be wrinkled: finite elements alone follow it.
-END = "pull_in_margin"
 #: Margin to breakdown.
 BREAKDOWN = "breakdown_margin"
 
@@ -66,28 +62,20 @@ class Loaded(Protocol):
 class Quantity:
     """A quantity in ``words``, of which more is better, a ``gain``, or less.
 
-    ``measure``: values of reduced films, (films,), none where these cannot have it; ``limit``: what
-    keeps it to a bound by finite elements, with derivatives. What ``scatters`` differs between
-    films of one drawing.
+    ``of`` films its values, (films,). What ``scatters`` differs between films of one drawing.
     """
 
     words: str
     dimension: str
     gain: bool
-    measure: Callable[[Loaded], Array] | None
+    of: Callable[[Loaded], Array]
     scatters: bool = True
     rule: Rule = POSITIVE
-    limit: DesignLimit | None = None
 
     @property
     def unit(self) -> str:
         """SI unit, "1" of plain numbers."""
         return DIMENSIONS[self.dimension].si if self.dimension else "1"
-
-    def of(self, films: Loaded) -> Array:
-        """Values of films, (films,)."""
-        assert self.measure is not None
-        return self.measure(films)
 
     @property
     def sense(self) -> str:
@@ -147,28 +135,23 @@ QUANTITIES: dict[str, Quantity] = {
     "frequency": Quantity("frequency", "frequency", True, lambda films: films.frequency),
     TENSION: Quantity("margin to the loss of tension or pull-in", "", True,
                       lambda films: films.limit, rule=_MARGIN),
-    END: Quantity("margin to the first end of the film, wrinkled or not", "", True, None,
-                  rule=_MARGIN, limit=DesignLimit(end_margin)),
-    BREAKDOWN: Quantity("margin to breakdown", "", True, _breakdown_margin, rule=_MARGIN,
-                        limit=BREAKDOWN_SHARE),
+    BREAKDOWN: Quantity("margin to breakdown", "", True, _breakdown_margin, rule=_MARGIN),
     "gap": Quantity("gap between plate and frame", "length", True,
-                    _of_specimen(lambda specimen: specimen.gap), scatters=False, limit=GAP),
+                    _of_specimen(lambda specimen: specimen.gap), scatters=False),
     "voltage": Quantity("voltage", "voltage", False, lambda films: films.voltage, scatters=False),
-    "max_field": Quantity("largest field", "field", False, lambda films: films.electric[:, 1],
-                          limit=FIELD),
+    "max_field": Quantity("largest field", "field", False, lambda films: films.electric[:, 1]),
     "max_true_stress": Quantity("largest true stress", "stress", False,
-                                lambda films: films.stress[:, :2].max(1), limit=STRESS),
+                                lambda films: films.stress[:, :2].max(1)),
     "film_mass": Quantity("mass of film and electrodes", "mass", False,
                           _of_specimen(_film_mass), scatters=False),
     "frame_area": Quantity("area of the frame", "area", False,
                            _of_specimen(lambda specimen: float(area(specimen.frame))),
                            scatters=False),
+    "frame_perimeter": Quantity("perimeter of the frame", "length", False,
+                                _of_specimen(lambda specimen: float(perimeter(specimen.frame))),
+                                scatters=False),
     "width": Quantity("width of the frame", "length", False, _of_specimen(_extent(0)),
                       scatters=False),
     "height": Quantity("height of the frame", "length", False, _of_specimen(_extent(1)),
                        scatters=False),
 }
-#: Those that reduced films have.
-REDUCED = {key: each for key, each in QUANTITIES.items() if each.measure is not None}
-#: Those that a search by finite elements keeps to bounds, and how.
-LIMITS = {key: each.limit for key, each in QUANTITIES.items() if each.limit is not None}

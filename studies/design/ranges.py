@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tympan.geometry.paths import with_numbers
+from tympan.geometry.paths import at, with_numbers
 from tympan.geometry.specimen import Specimen
 
 Array = NDArray[Any]
@@ -49,6 +49,11 @@ class Ranges:
     def values(self, x: Array) -> Array:
         """Values of the variables at shares x of their ranges."""
         return np.asarray(self.lows + self.widths * x)
+
+    def hold(self, specimen: Specimen) -> bool:
+        """Whether the numbers of a specimen lie within the ranges."""
+        return all(each.low <= float(at(specimen, name.split("."))) <= each.high
+                   for each in self.variables for name in each.names)
 
     def built(self, values: Sequence[float] | Array) -> Specimen:
         """The specimen with these values.

@@ -13,16 +13,12 @@ from tympan.fem.film.library import library_material, load_specimen
 from tympan.fem.rig import MOST_MASS, MOST_VOLTAGE, Rig
 from tympan.geometry.errors import InputError
 from tympan.geometry.fields import checks_types, field_at, fields_of, read
-from tympan.geometry.outlines import area, perimeter
-from tympan.geometry.paths import at
 from tympan.geometry.specimen import Specimen, require_different_names
 from tympan.geometry.toml_reader import FINITE, NON_NEGATIVE, POSITIVE, Rule, Table, one_of
-from tympan.studies.case import Settings
-from tympan.studies.design.quantities import BREAKDOWN, LIMITS, QUANTITIES, REDUCED, TENSION
+from tympan.studies.design.quantities import BREAKDOWN, QUANTITIES, TENSION
 from tympan.studies.design.ranges import Vary
 from tympan.studies.films.box import SPRING, varying
 from tympan.studies.films.family import require_reducible
-from tympan.studies.limits.loads import usual_masses, usual_voltages
 from tympan.studies.paper.actuators import FILES
 from tympan.studies.tolerance.given import Tolerances
 
@@ -38,29 +34,27 @@ _BESIDE: dict[str, tuple[str, Rule]] = {
     **{key: (key, rule) for key, rule in LOADS.items()},
     SPRING: ("stiffness per length", NON_NEGATIVE)}
 
-#: What of a frame may be held, by its name in files, and the word for holding nothing.
-MEASURES = {"area": area, "perimeter": perimeter}
-NOTHING = "nothing"
-#: Ways to search, by their words in files, and whether it is by finite elements.
-_SEARCHES = {"reduced films": False, "finite elements": True}
-_WORDS = {exact: words for words, exact in _SEARCHES.items()}
+#: Keys of `tympan optimise` and of the search by finite elements alone, and what takes their place.
+_FORMER = {
+    "search": "is no longer a key: the search is by reduced films, and finite elements check the "
+              "best one; leave it out",
+    "hold": "is no longer a key: write frame_area or frame_perimeter in [want], which the frame "
+            "has at most",
+    "reference": "is no longer a key: name that film as the specimen; the result says what it has "
+                 "now, beside the best film",
+    "start": "is no longer a key: the search begins at the best of random films in the ranges of "
+             "[vary]; leave it out",
+    "pull_in_margin": "is no longer a quantity: write tension_margin, the voltage at which the "
+                      "film first loses tension or pulls in, over its voltage"}
+#: Said of a file without wants, as those of `tympan optimise` were.
+_NO_WANT = ('is missing: write a table [want], such as stroke = "largest" and bounds: '
+            'tension_margin = 1.2, frame_area = "100 cm^2"')
 
 #: Number below 0 that tells which numbers may be there: offsets and exponents, no length.
 _SIGNED = 1e-3
 
 _SHARE: Rule = (lambda x: 0.5 <= x <= 0.99, "must be a share of the films from 0.5 to 0.99")
 _LAYERS: Rule = (lambda x: x == int(x) and 1 <= x <= 100, "must be whole numbers from 1 to 100")
-
-
-def held_words(measure: str) -> str:
-    """Words on what is held of the frame.
-
-    Examples
-    --------
-    >>> held_words("area"), held_words("nothing")
-    ('equal area', 'free')
-    """
-    return "free" if measure == NOTHING else f"equal {measure}"
 
 
 @checks_types
@@ -73,10 +67,6 @@ class Requirements:
     for the film that keeps all bounds by the largest common share. ``mass`` [kg] and the supply's
     ``voltage`` [V] where they do not vary. ``tolerances``: None for films without scatter.
     ``front``: two quantities between whose best films others are sought.
-
-    ``held``: measures of the frame, of :data:`MEASURES` or :data:`NOTHING`, each of which gives a
-    best film of its own that has the ``reference``'s; found by finite elements alone, from the
-    specimen and from ``starts``, one row of values of the variables each. Empty for reduced films.
     """
 
     name: str
@@ -90,9 +80,6 @@ class Requirements:
     tolerances: Tolerances | None = field(default_factory=Tolerances)
     share: float = 0.95
     front: tuple[str, str] | None = None
-    held: tuple[str, ...] = ()
-    reference: Specimen | None = None
-    starts: tuple[tuple[float, ...], ...] = ()
 
     @classmethod
     def read(cls, file: Path | str) -> Self:
@@ -101,46 +88,30 @@ class Requirements:
 
     @classmethod
     def shipped(cls) -> Self:
-        """Those of the paper's large ellipse: the best frames of its area and of its length."""
+        """Those of the paper's large ellipse: the largest stroke in a frame of its area."""
         with resources.as_file(resources.files("tympan.studies.design") / "ellipse.toml") as file:
             return cls.read(file)
 
     @classmethod
     def _of(cls, table: Table) -> Self:
-        rig, old = Rig.from_table(table.table("rig", {})), "want" not in table
-        exact = table.choice("search", _SEARCHES, "finite elements" if old else "reduced films")
-        for key in () if exact else ("hold", "reference", "start"):
-            if key in table:
-                raise table.error(key, 'needs search = "finite elements"')
-        specimens = _specimens(table, exact)
-        for specimen in () if exact else specimens:
+        if "want" not in table:
+            raise table.error("want", _NO_WANT)
+        _refuse_former(table)
+        rig = Rig.from_table(table.table("rig", {}))
+        specimens = _specimens(table)
+        for specimen in specimens:
             try:
                 require_reducible(specimen, rig)
             except InputError as error:
                 raise error.located(file=table.file) from None
-        variables = _variables(table, specimens, rig, exact)
-        loads = _loads(table, specimens, rig, variables, exact)
-        bounds, best = _wanted(table, specimens, exact)
-        more: dict[str, Any] = {"tolerances": None}
-        if exact:
-            more |= _by_elements(table, specimens[0], variables[specimens[0].name],
-                                 "area" if old else NOTHING)
-        if not exact or "tolerances" in table:
-            more["tolerances"] = _tolerances(table)
-        if not exact:
-            more |= {"share": table.number("share", default=0.95, rule=_SHARE),
-                     "front": _front(table)}
-        elif more["tolerances"] is not None:
-            raise table.error("tolerances", 'must be "none": a search by finite elements has none')
+        variables = _variables(table, specimens, rig)
+        loads = _loads(table, variables)
+        bounds, best = _wanted(table, specimens)
         found = cls(table.text("name", Path(table.file).stem), specimens, *loads, variables, bounds,
-                    best, rig, **more)
+                    best, rig, _tolerances(table),
+                    table.number("share", default=0.95, rule=_SHARE), _front(table))
         table.done()
         return found
-
-    @property
-    def steps(self) -> int:
-        """Steps of the search that are told of."""
-        return len(self.held) * (len(self.starts) + 2) or len(self.specimens)
 
     @property
     def margin(self) -> float:
@@ -160,28 +131,35 @@ class Requirements:
         return {**always, **self.bounds}
 
 
-def _specimens(table: Table, exact: bool) -> tuple[Specimen, ...]:
+def _refuse_former(table: Table) -> None:
+    """Refuse keys that are none any more, with what to write."""
+    for key in table.data:
+        if key in _FORMER:
+            raise table.error(key, _FORMER[key])
+
+
+def _specimens(table: Table) -> tuple[Specimen, ...]:
     """Specimens of all kinds and films that are tried, by different names."""
     given = table.value("specimen")
     files = [given] if isinstance(given, str) else given
-    if (not isinstance(files, list) or not files or (exact and len(files) > 1)
+    if (not isinstance(files, list) or not files
             or not all(isinstance(name, str) for name in files)):
-        raise table.error("specimen", "must be one specimen file" if exact else
-                          "must be a specimen file, or a list of them", given)
-    kinds = [_specimen(table, "specimen", name) for name in files]
+        raise table.error("specimen", "must be a specimen file, or a list of them", given)
+    kinds = [_specimen(table, name) for name in files]
     require_different_names(kinds)
-    films = [] if exact else [choice for entry in table.tables("film") for choice in _films(entry)]
+    films = [choice for entry in table.tables("film") for choice in _films(entry)]
     if not films:
         return tuple(kinds)
     return tuple(_made(specimen, film) for specimen, film in product(kinds, films))
 
 
-def _specimen(table: Table, key: str, name: str) -> Specimen:
+def _specimen(table: Table, name: str) -> Specimen:
     """A specimen with a plate, of a file or of the paper."""
     if not name.endswith(".toml") and name not in FILES:
-        raise table.error(key, "must be a specimen file, ending in .toml, or one of "
-                               f"{', '.join(FILES)}", name)
-    specimen = load_specimen(FILES[name] if name in FILES else table.named_file(key, name))
+        raise table.error("specimen", "must be a specimen file, ending in .toml, or one of "
+                                      f"{', '.join(FILES)}", name)
+    specimen = load_specimen(FILES[name] if name in FILES
+                             else table.named_file("specimen", name))
     specimen.needed_plate()
     return specimen
 
@@ -214,50 +192,23 @@ def _made(specimen: Specimen, film: dict[str, Any]) -> Specimen:
     return replace(specimen, name="-".join(filter(None, words)), membrane=made)
 
 
-def _loads(table: Table, specimens: tuple[Specimen, ...], rig: Rig,
-           variables: Mapping[str, tuple[Vary, ...]], exact: bool) -> tuple[float, float]:
-    """Mass [kg] and voltage [V]; of one that varies the highest.
-
-    In a search by finite elements what is left out suits the specimen.
-    """
-    found: dict[str, float | None] = {}
+def _loads(table: Table, variables: Mapping[str, tuple[Vary, ...]]) -> tuple[float, float]:
+    """Mass [kg] and voltage [V]; of one that varies the highest."""
+    found = {}
     for key, rule in LOADS.items():
         varied = next((each.high for several in variables.values() for each in several
                        if each.key == key), None)
         if varied is not None and key in table:
             raise table.error(key, "is given and varies, too: only one of both", table.data[key])
-        found[key] = (varied if varied is not None
-                      else table.number(key, key, rule=rule) if not exact or key in table
-                      else None)
+        found[key] = table.number(key, key, rule=rule) if varied is None else varied
         table.asked.add(key)
-    mass, voltage = found.values()
-    if mass is None:
-        mass, = usual_masses(specimens[0], Settings(), rig, (1.0,))
-    if voltage is None:
-        voltage, = usual_voltages(specimens[0], mass, Settings(), rig, (1.0,))
-    return mass, voltage
+    return found["mass"], found["voltage"]
 
 
-def _by_elements(table: Table, specimen: Specimen, variables: tuple[Vary, ...], usual: str
-                 ) -> dict[str, Any]:
-    """Held measures, the reference and starts, which finite elements alone have."""
-    given = table.value("hold", usual)
-    held = [given] if isinstance(given, str) else given
-    if (not isinstance(held, list) or not held
-            or not all(name in (*MEASURES, NOTHING) for name in held)):
-        raise table.error("hold", f"must be one of {', '.join((*MEASURES, NOTHING))}, or a list of "
-                                  "them", given)
-    reference = (_specimen(table, "reference", table.text("reference")) if "reference" in table
-                 else None)
-    own = tuple(float(at(specimen, each.names[0].split("."))) for each in variables)
-    return {"held": tuple(dict.fromkeys(held)), "reference": reference,
-            "starts": tuple(_start(start, variables, own) for start in table.tables("start"))}
-
-
-def _variables(table: Table, specimens: tuple[Specimen, ...], rig: Rig, exact: bool
+def _variables(table: Table, specimens: tuple[Specimen, ...], rig: Rig
                ) -> dict[str, tuple[Vary, ...]]:
     """Keys that vary of each specimen, by its name; a key must be known to one of them."""
-    inner, keys = table.table("vary"), {each.name: _keys(each, exact) for each in specimens}
+    inner, keys = table.table("vary"), {each.name: _keys(each) for each in specimens}
     known = dict.fromkeys(key for several in keys.values() for key in several)
     found: dict[str, list[Vary]] = {specimen.name: [] for specimen in specimens}
     if not inner.data:
@@ -265,16 +216,13 @@ def _variables(table: Table, specimens: tuple[Specimen, ...], rig: Rig, exact: b
     for key, given in inner.data.items():
         if key not in known:
             instead = next((words[key] for words in map(_halves, specimens) if key in words), "")
-            if exact and any(key in _keys(each, False) for each in specimens):
-                instead = ("a search by finite elements, as without [want], varies lengths of "
-                           "frame and plate alone; ")
             raise inner.error(key, instead + one_of(key, known), given)
         if key == SPRING and rig.spring:
             raise inner.error(key, "is given in [rig], and varies, too: only one of both", given)
         for specimen in specimens:
             if key in keys[specimen.name]:
                 found[specimen.name].append(
-                    _varied(inner, key, keys[specimen.name][key], specimen, exact))
+                    _varied(inner, key, keys[specimen.name][key], specimen))
     inner.done()
     return {name: tuple(several) for name, several in found.items()}
 
@@ -287,9 +235,8 @@ def _halves(specimen: Specimen) -> dict[str, str]:
             for each in fields_of(type(outline)) for number, word in enumerate(each.says.doubled)}
 
 
-def _varied(table: Table, key: str, names: tuple[str, ...], specimen: Specimen, exact: bool
-            ) -> Vary:
-    """A key's numbers of one specimen; by finite elements the search begins at its own."""
+def _varied(table: Table, key: str, names: tuple[str, ...], specimen: Specimen) -> Vary:
+    """A key's numbers of one specimen."""
     if key in _BESIDE:
         dimension, rule = _BESIDE[key]
     else:
@@ -297,59 +244,34 @@ def _varied(table: Table, key: str, names: tuple[str, ...], specimen: Specimen, 
         dimension = declared.says.dimension if declared is not None else ""
         declared_rule = declared.says.rule if declared is not None else None
         signed = declared_rule is not None and declared_rule[0](-_SIGNED)
-        rule = FINITE if exact or signed else POSITIVE
+        rule = FINITE if signed else POSITIVE
     low, high = table.numbers(key, dimension, count=2, rule=rule)
     if not low < high:
         raise table.error(key, "must be a lower and a larger upper bound", table.data[key])
-    if exact and not low <= (own := float(at(specimen, names[0].split(".")))) <= high:
-        raise table.error(key, f"must have the specimen's own value, {own:.6g} in SI units, "
-                               "within", table.data[key])
     return Vary(key, names, low, high, dimension)
 
 
-def _keys(specimen: Specimen, exact: bool) -> dict[str, tuple[str, ...]]:
-    """Numbers that may vary by their keys: those of one list also all alike, by its key.
-
-    Finite elements have derivatives by single lengths of the outlines.
-    """
+def _keys(specimen: Specimen) -> dict[str, tuple[str, ...]]:
+    """Numbers that may vary by their keys: those of one list also all alike, by its key."""
     found: dict[str, tuple[str, ...]] = {}
     for name in varying(specimen):
         key = name.replace("plate.outline.", "plate.", 1)
-        if exact and not name.startswith(("frame.", "plate.outline.")):
-            continue
         found[key] = (name,)
         head, _, last = key.rpartition(".")
-        if last.isdigit() and not exact:
+        if last.isdigit():
             found[head] = (*found.get(head, ()), name)
-    return found if exact else {**found, **dict.fromkeys(_BESIDE, ())}
+    return {**found, **dict.fromkeys(_BESIDE, ())}
 
 
-def _start(table: Table, variables: tuple[Vary, ...], own: tuple[float, ...]) -> tuple[float, ...]:
-    """A further start: what it does not name is the specimen's own."""
-    values = []
-    for each, value in zip(variables, own, strict=True):
-        if each.key in table:
-            value = table.number(each.key, each.dimension)
-            if not each.low <= value <= each.high:
-                raise table.error(each.key, "must lie within the variable's bounds",
-                                  table.data[each.key])
-        table.asked.add(each.key)
-        values.append(value)
-    table.done()
-    return tuple(values)
-
-
-def _wanted(table: Table, specimens: tuple[Specimen, ...], exact: bool
-            ) -> tuple[dict[str, float], str]:
+def _wanted(table: Table, specimens: tuple[Specimen, ...]) -> tuple[dict[str, float], str]:
     """Bounds, and the quantity that is to be best."""
     bounds: dict[str, float] = {}
-    best = "stroke" if exact and "want" not in table else ""
-    known: Mapping[str, object] = {"stroke": None, **LIMITS} if exact else REDUCED
-    for inner in (table.table("want", {}), table.table("limits", {})):
+    best = ""
+    for inner in (table.table("want"), table.table("limits", {})):
+        _refuse_former(inner)
         for key, given in inner.data.items():
-            if key not in known:
-                raise inner.error(key, f"a search by {_WORDS[exact]} has none; "
-                                  * (key in QUANTITIES) + one_of(key, known), given)
+            if key not in QUANTITIES:
+                raise inner.error(key, one_of(key, QUANTITIES), given)
             quantity = QUANTITIES[key]
             if key == BREAKDOWN and any(each.membrane.strength is None for each in specimens):
                 raise inner.error(key, "needs films whose electric strength is known "
@@ -372,9 +294,6 @@ def _wanted(table: Table, specimens: tuple[Specimen, ...], exact: bool
         inner.done()
     if not bounds and not best:
         raise table.error("want", f"must name at least one of {', '.join(QUANTITIES)}")
-    if exact and (best != "stroke" or "stroke" in bounds):
-        raise table.error("want.stroke", 'must be "largest", with no bound: a search by finite '
-                                         "elements has no other aim")
     return bounds, best
 
 
@@ -384,7 +303,7 @@ def _front(table: Table) -> tuple[str, str] | None:
         return None
     pair = table.texts("front")
     for key in pair:
-        known = {name: each for name, each in REDUCED.items() if name != TENSION}
+        known = {name: each for name, each in QUANTITIES.items() if name != TENSION}
         if key not in known:
             raise table.error("front", one_of(key, known), key)
     if len(pair) != 2 or pair[0] == pair[1]:

@@ -58,6 +58,9 @@ class DesignedQuantity:
     value: Annotated[float | None, Key("of the film without scatter, by finite elements [SI]; none "
                                        "where it has none")]
     reduced: Annotated[float | None, Key("the same by reduced films, with which was searched")]
+    given: Annotated[float | None, Key(
+        "of the given specimen under the same loads, by finite elements [SI]; none where it has "
+        "none, or some number of the specimen lies outside its range")] = None
     reached: Annotated[float | None, Key(
         "what the share of the films reach: at least, or at most; none where nothing scatters or "
         "it was not asked for")] = None

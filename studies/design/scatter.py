@@ -55,8 +55,7 @@ _ROUNDS = 8
 _STILL = 2e-3
 
 #: The miss of 512 films is smooth to some 1e-3.
-_DESCENT = DescentSettings(step=1e-3, gain=1e-5, residual=3e-2, violation=KEPT, iterations=15,
-                           near=1.0)
+_DESCENT = DescentSettings(step=1e-3, gain=1e-5, residual=3e-2, violation=KEPT, iterations=15)
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,7 +169,7 @@ class KeptByMost:
     def _scatters(self) -> NDArray[np.bool_]:
         return np.array([QUANTITIES[key].scatters for key in self.search.bounds])
 
-    def at(self, x: Array, renew: bool = False) -> Linearisation | None:
+    def at(self, x: Array) -> Linearisation | None:
         """Values and slopes at shares x of the ranges."""
         common = [] if self.search.best else [0.5]
         bare = replace(self.search, shifts={}).at(np.append(x, common))
@@ -189,10 +188,6 @@ class KeptByMost:
             return Linearisation(-miss, -slope, limits, slopes)
         return Linearisation(bare.value, bare.slope, np.append(limits, miss),
                              np.concatenate([slopes, slope[None]]))
-
-    def held(self, x: Array) -> tuple[float, Array]:
-        """Nothing is."""
-        return 0.0, np.zeros(len(x))
 
     def _next_to(self, worst: Array) -> NDArray[np.int64]:
         """Numbers of the films next to the one that just the share does better than."""
@@ -221,7 +216,7 @@ class KeptByMost:
     def ended(self, here: Linearisation) -> Descent:
         """End of a search at the design, with its values there."""
         status: Status = "optimum" if here.violation <= KEPT else "infeasible"
-        return Descent(status, self.about, here, kkt(self, self.about, here), 1, 0)
+        return Descent(status, self.about, here, kkt(self.about, here))
 
     def prices(self, end: Descent) -> Array:
         """Cost of a share of each bound, in the aim, (bounds,)."""

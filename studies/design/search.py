@@ -32,8 +32,7 @@ _PRICE = 10.0
 KEPT = 1e-4
 
 #: Differences are no better than some 1e-5 of the aim.
-_DESCENT = DescentSettings(step=3e-4, gain=1e-6, residual=1e-2, violation=KEPT, iterations=40,
-                           near=1.0)
+_DESCENT = DescentSettings(step=3e-4, gain=1e-6, residual=1e-2, violation=KEPT, iterations=40)
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +64,7 @@ class Search:
         quantity = QUANTITIES[self.best]
         return np.asarray(quantity.of(films) * (1 if quantity.gain else -1))
 
-    def at(self, x: Array, renew: bool = False) -> Linearisation | None:
+    def at(self, x: Array) -> Linearisation | None:
         """Values and slopes at shares x of the ranges."""
         size = len(self.space.variables)
         unit = np.eye(size)
@@ -94,10 +93,6 @@ class Search:
         wide = np.append(np.zeros(size), 2 * _COMMON)
         return Linearisation(t, wide, c[0] + t,
                              np.column_stack([slopes[1:], np.full(len(c[0]), 2 * _COMMON)]))
-
-    def held(self, x: Array) -> tuple[float, Array]:
-        """Nothing is."""
-        return 0.0, np.zeros(len(x))
 
     def started(self, x: Array) -> Array:
         """A start at a film: with the share by which it keeps all bounds."""

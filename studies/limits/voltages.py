@@ -5,13 +5,12 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Annotated, Any, Literal, cast
+from typing import Annotated, Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tympan.fem.equilibrium.arc_length import PathPoint
-from tympan.fem.equilibrium.path_following import PathSettings
 from tympan.fem.equilibrium.ramp import Outcome, Status
 from tympan.fem.equilibrium.solve import equilibrium
 from tympan.fem.film.admissibility import beyond_range
@@ -25,7 +24,6 @@ from tympan.fem.results.limit_states import (
     SNAP_BACK,
     SNAP_THROUGH,
     TENSION,
-    LimitState,
 )
 from tympan.fem.rig import AGAINST_THE_WAY, MOST_VOLTAGE
 from tympan.fem.roots import root_between
@@ -49,9 +47,6 @@ from tympan.studies.files import to_json
 from tympan.studies.path import UNFOLLOWED, Stop, above_words, apart, stops
 
 Array = NDArray[np.float64]
-
-#: What a film does not outlive.
-_ENDS = [state for state in LIMIT_STATES.values() if state.ends]
 
 _KINDS: dict[str, LimitKind] = {state.event: cast(LimitKind, state.kind)
                                 for state in LIMIT_STATES.values()}
@@ -186,57 +181,6 @@ def rise(case: Case, settings: Settings, first: bool = False) -> Rise:
     way = tuple(apart(passed))
     cases = tuple(replace(case, voltage=_nominal(case, stop.station.voltage_V)) for stop in way)
     return Rise(model, start.status, cases, way, replace(reached, ended=_told(reached)))
-
-
-#: How a film ends: its plate pulls in; it thins without bound once it has lost tension; or it gives
-#: way in itself otherwise.
-EndKind = Literal["pull_in", "thinning", "instability"]
-
-#: What is said of a film that ends so.
-END_VERBS: dict[EndKind, str] = {
-    "pull_in": PULL_IN.verb, "thinning": "thins without bound", "instability": INSTABILITY.verb}
-
-
-@dataclass(frozen=True, eq=False)
-class End:
-    """The first end of a film as its voltage rises, at a nominal voltage and a stop of a branch."""
-
-    kind: EndKind
-    voltage_V: float
-    stop: Stop
-
-
-def first_end(case: Case, model: Model, start: State, path: PathSettings, most: float
-              ) -> tuple[End | None, float]:
-    """The first end of a film from a state of its model on; the voltage it was followed to [V].
-
-    By the search of :func:`limits`, up to a nominal voltage [V]. None where the film has no end so
-    far, or could not be followed to one. A film that is beyond an end at the state ends there.
-    """
-    highest = case.rig.film_voltage(min(most, case.rig.sag_voltage), case.direction)
-    unchecked = replace(path, unbalanced=np.inf)
-    followed, begun = _nominal(case, float(np.sqrt(start.voltage_squared))), False
-    for stop in stops(case, model, start, "voltage", unchecked, highest):
-        for state in _ENDS:
-            ended = (stop.event is not None and stop.event.what == state.event if begun
-                     else _beyond(stop, state))
-            if ended:
-                end = _end(case, state, stop)
-                return end, end.voltage_V
-        followed, begun = _nominal(case, stop.station.voltage_V), True
-    return None, followed
-
-
-def _beyond(stop: Stop, state: LimitState) -> bool:
-    """Whether a film is beyond a limit state."""
-    return any(sign.value(stop) < 0 for sign in state.signs)
-
-
-def _end(case: Case, state: LimitState, stop: Stop) -> End:
-    kind = cast(EndKind, state.kind)
-    if state is INSTABILITY and stop.thins and (stop.sign is None or stop.sign.local):
-        kind = "thinning"
-    return End(kind, _nominal(case, stop.station.voltage_V), stop)
 
 
 def solve_within(case: Case, settings: Settings, film: bool = False) -> CaseResult:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
+from scipy.special import ellipe
 
 from tests.support.specimens import ROOT5
 from tympan.fem.discretisation.isoparametric import folded
@@ -26,6 +27,7 @@ from tympan.geometry.outlines import (
     Superellipse,
     area,
     examples,
+    perimeter,
 )
 from tympan.geometry.specimen import Electrode, Film, Plate, Specimen
 from tympan.studies.case import Settings, build_model
@@ -72,6 +74,15 @@ def test_area_and_length_are_those_of_fine_polygons(outline: Outline) -> None:
         lengths.append(np.hypot(np.roll(x, -1) - x, np.roll(y, -1) - y).sum())
     assert area(outline) == pytest.approx(areas[1], rel=2e-6)
     assert outline.curve.length == pytest.approx(lengths[1], rel=2e-6)
+
+
+def test_length_and_area_of_an_ellipse() -> None:
+    a, b = 75e-3, 45e-3
+    assert perimeter(Ellipse((a, b))) == pytest.approx(4 * a * ellipe(1 - (b / a) ** 2), rel=1e-10)
+    stepped = perimeter(Ellipse((a + 1e-40j, b))).imag / 1e-40
+    ends = [4 * (a + d) * ellipe(1 - (b / (a + d)) ** 2) for d in (1e-6, -1e-6)]
+    assert stepped == pytest.approx((ends[0] - ends[1]) / 2e-6, rel=1e-7)
+    assert area(Ellipse((a, b + 1e-40j))).imag / 1e-40 == pytest.approx(np.pi * a, rel=1e-9)
 
 
 def test_level_is_the_distance_near_the_curve(outline: Outline) -> None:

@@ -30,18 +30,6 @@ COARSE = ("--refine", "0.5")
 BRANCH = '[[membrane.branch]]\nmodulus = "31.2 kPa"\ntime = "6.5 s"\n'
 
 
-PROBLEM = """
-specimen = "oval.toml"
-reference = "oval.toml"
-mass = "17.9 g"
-voltage = "3 kV"
-[vary]
-"plate.radius" = ["9 mm", "12 mm"]
-[limits]
-max_field = "60 MV/m"
-"""
-
-
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with specimens, one with a viscous branch, plans, readings, and lumped models."""
@@ -50,7 +38,6 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         'specimen = "oval.toml"\nmass = "17.9 g"\nvoltage = "2 kV"\n'
         '[want]\nstroke = "largest"\n[vary]\n"plate.radius" = ["9 mm", "11 mm"]',
         encoding="utf-8")
-    (place / "OPTIMISE.toml").write_text(PROBLEM, encoding="utf-8")
     stretches = enumerate((1.2, 1.4, 1.6, 1.9, 2.1, 2.5, 2.8, 3.1))
     tests = [f"uniaxial,{x},{20 * (x - x**-2) + 0.1 * number % 0.3}" for number, x in stretches]
     write_lines(place / "coupon.csv", "mode,stretch,nominal_stress_kPa", tests)
@@ -104,7 +91,6 @@ MESHED = [
     ("transient", "path creep.toml", ("--mass", "17.9 g", "--rate", "2 kV/s", "--to", "2 kV")),
     ("sweep", "sweep SWEEP.toml", ("-o", "swept", "--workers", "1")),
     ("design", "design REQUIREMENTS.toml", ("-o", "designed")),
-    ("optimise", "design OPTIMISE.toml", ("-o", "optimum")),
     ("lumped_build", "lumped build oval.toml creep.toml", ("--count", "2")),
 ]
 SINE = ("--mass", "17.9 g", "--signal", "sine", "--high", "3 kV", "--duration", "1 s")

@@ -29,7 +29,7 @@ from tympan.studies.case import (
     solve,
 )
 from tympan.studies.limits import curve, limits, solve_within
-from tympan.studies.limits.voltages import EndKind, first_limit
+from tympan.studies.limits.voltages import first_limit
 from tympan.studies.path import Event, What, path
 
 MASS = 58e-3
@@ -180,8 +180,6 @@ def test_each_kind_is_registered_once() -> None:
     assert len({state.marker for state in LIMIT_STATES.values()}) == len(LIMIT_STATES)
     assert get_args(LimitKind) == (*LIMIT_STATES,)
     assert {*get_args(What)} == {state.event for state in LIMIT_STATES.values()}
-    assert {*get_args(EndKind)} - {"thinning"} == {
-        state.kind for state in LIMIT_STATES.values() if state.ends}
     some = Limit(kind="tension", voltage_V=1.0, x_m=0.0, y_m=0.0)
     reached = Limits.of(dict.fromkeys(get_args(LimitKind), some), "")
     assert all(getattr(reached, kind) is some for kind in LIMIT_STATES)

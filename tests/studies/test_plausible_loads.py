@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import pytest
 from scipy.constants import epsilon_0, g, pi
@@ -178,18 +177,18 @@ def test_readings_that_a_film_cannot_have_given_are_asked_about(
 
 
 def test_an_optimum_is_judged_by_its_own_loads(tmp_path: Path) -> None:
-    def record(mass: str, voltage: str) -> dict[str, Any]:
-        file = tmp_path / "OPTIMISE.toml"
+    def warnings(mass: str, voltage: str) -> tuple[str, ...]:
+        file = tmp_path / "wanted.toml"
         file.write_text(
-            f'specimen = "circular"\nhold = "nothing"\nmass = "{mass}"\nvoltage = "{voltage}"\n'
+            f'specimen = "circular"\nmass = "{mass}"\nvoltage = "{voltage}"\n'
+            'tolerances = "none"\n[want]\nstroke = "largest"\n'
             '[vary]\n"plate.radius" = ["9.9 mm", "10.1 mm"]\n', encoding="utf-8")
-        return tympan.optimise(file, settings=COARSE).json()
+        return tympan.design(file, settings=COARSE).warnings
 
     for voltage, asked in (("3.5 V", True), ("3.5 kV", False)):
-        optimum, = record("17.9 g", voltage)["optima"]
-        assert any(VOLTS in words for words in optimum["warnings"]) == asked
-    failed, = record("99 kg", "3.5 kV")["failed"]
-    assert 'was "99 g" meant?' in failed["reason"]
+        assert any(VOLTS in words for words in warnings("17.9 g", voltage)) == asked
+    with pytest.raises(InputError, match='was "99 g" meant'):
+        warnings("99 kg", "3.5 kV")
 
 
 def test_a_sweep_is_judged_by_its_highest_voltage(tmp_path: Path) -> None:

@@ -127,10 +127,8 @@ def _workers(options: argparse.Namespace) -> int:
 @command("design",
          argument("requirements", type=Path, nargs="?", metavar="REQUIREMENTS.toml",
                   help="what is wanted, what is given and what may vary, as docs/howto/design.md "
-                       "has it; left out: the paper's large ellipse at equal frame area and "
-                       "perimeter"),
-         output("for specimens and rigs (TOML), the numbers (JSON, CSV) and a picture (PNG, SVG); "
-                "a search by finite elements has the folder optimum if left out"),
+                       "has it; left out: the paper's large ellipse, at most as large a frame"),
+         output("for specimens and rigs (TOML), the numbers (JSON, CSV) and a picture (PNG, SVG)"),
          argument("--workers", type=int, metavar="N", within=PROCESSES,
                   help="processes for several kinds of films (default: the processors)"), JSON,
          MESH,
@@ -139,21 +137,18 @@ def design(options: argparse.Namespace) -> None:
     """Films for requirements: the best ones, what binds, and what it costs to relax it.
 
     95 % of the films with their tolerances keep all bounds. Each film is checked by finite
-    elements. Bounds that no film can keep are named, with what can be kept instead.
+    elements, and compared with the given one. Bounds that no film can keep are named, with what
+    can be kept instead.
     """
     from tympan.progress import bar
-    from tympan.studies.design import best_films
+    from tympan.studies.design.design import design as best_films
     from tympan.studies.design.requirements import Requirements
-    from tympan.studies.limits.voltages import END_VERBS
 
     requirements = (Requirements.shipped() if options.requirements is None
                     else Requirements.read(options.requirements))
-    if requirements.held:
-        options.command = "design by finite elements"  # stored, drawn and told as such
-        options.output = options.output or Path("optimum")
-    with naming_file(options.requirements), bar(requirements.steps) as progress:
+    with naming_file(options.requirements), bar(len(requirements.specimens)) as progress:
         result = best_films(requirements, read_settings(options), progress, _workers(options))
-    finish(options, result, ends=END_VERBS)
+    finish(options, result)
 
 
 @command("report", argument("folder", type=Path, metavar="DIR"),

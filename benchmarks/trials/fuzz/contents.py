@@ -45,9 +45,6 @@ SWEEP = ('specimen = ["oval.toml"]\nmass = ["17.9 g", "20 g"]\n'
          '[list]\n"rig.spring" = ["1 N/m", "2 N/m"]\n'
          '[sample]\nmethod = "sobol"\ncount = 4\nseed = 1\n'
          '[sample.ranges]\n"membrane.thickness" = ["0.5 mm", "1 mm"]\n')
-OPTIMISE = ('specimen = "oval.toml"\nmass = "17.9 g"\nvoltage = "3 kV"\nhold = ["area"]\n'
-            '[vary]\n"frame.semi_axes.0" = ["5 cm", "9 cm"]\n'
-            '[[start]]\n"frame.semi_axes.0" = "7 cm"\n')
 REQUIREMENTS = ('specimen = "oval.toml"\nmass = "17.9 g"\nshare = 0.9\n'
                 'front = ["stroke", "work"]\n[want]\nstroke = "largest"\nfrequency = "5 Hz"\n'
                 '[limits]\nwidth = "12 cm"\n[vary]\nvoltage = ["1 kV", "3 kV"]\n'

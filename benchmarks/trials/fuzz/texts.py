@@ -7,7 +7,6 @@ from pathlib import Path
 from benchmarks.trials.fuzz.contents import (
     COUPON,
     DATASET,
-    OPTIMISE,
     RANGE,
     REQUIREMENTS,
     RIG,
@@ -44,7 +43,7 @@ register("study", Kind("STUDY.toml", _texts(STUDY),
                        lambda folder: read_study(folder / "STUDY.toml"), 30.0))
 register("sweep", Kind("SWEEP.toml", _texts(SWEEP),
                        lambda folder: read_sweep(folder / "SWEEP.toml")))
-register("design", Kind("REQUIREMENTS.toml", _texts(REQUIREMENTS, OPTIMISE),
+register("design", Kind("REQUIREMENTS.toml", _texts(REQUIREMENTS),
                         lambda folder: Requirements.read(folder / "REQUIREMENTS.toml"), 30.0))
 register("dataset", Kind("dataset.toml", _texts(DATASET), _dataset))
 for _name, _content in (("static", STATIC), ("range", RANGE), ("transient", TRANSIENT),

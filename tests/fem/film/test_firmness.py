@@ -14,7 +14,7 @@ from tympan.fem.equilibrium.newton import moved, newton
 from tympan.fem.equilibrium.solve import equilibrium
 from tympan.fem.film.density import FilmDensity
 from tympan.fem.film.laws import NeoHooke, Yeoh
-from tympan.fem.results.firmness import EdgeSpot, firmness, spots_at
+from tympan.fem.results.firmness import EdgeSpot, firmness, spot_at
 from tympan.geometry.mesher import MeshSettings
 from tympan.geometry.outlines import Circle, Ellipse
 from tympan.geometry.specimen import Electrode, Film, Plate, Specimen
@@ -103,7 +103,7 @@ def test_firmness_at_a_spot_has_exact_derivatives(name: str) -> None:
     state, margins = outcome.state, firmness(model, outcome.state)
     assert outcome.status == "equilibrium"
     place = int(margins.argmin())
-    spot, = spots_at(model, state, [place])
+    spot = spot_at(model, state, place)
     quantity = firmness_at(spot)
     assert isinstance(spot, EdgeSpot) == name.endswith("edge")
     assert isinstance(spot, EdgeSpot) or (spot.thinning, spot.recovered) == (thins, not thins)
