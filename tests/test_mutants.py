@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.trials.mutants.draw import differs, draw, mutant_of, spread
+from benchmarks.trials.mutants.draw import differs, draw, moved, mutant_of, spread
 from benchmarks.trials.mutants.judge import CAUGHT, GOT_AWAY, Record, batches, judge, read_records
 from benchmarks.trials.mutants.kinds import KINDS, Change, changes
 from benchmarks.trials.mutants.mutant import Mutant, chapter_of, read_mutants, write_mutants
@@ -172,6 +172,16 @@ def test_a_mutant_is_not_put_into_another_file() -> None:
     mutant = mutant_of("film.py", SOURCE, found("branch")[0])
     with pytest.raises(ValueError, match="not the one that mutant 1 was drawn from"):
         mutant.apply(b"\n" + SOURCE)
+
+
+def test_a_mutant_is_found_in_a_file_that_has_changed_elsewhere() -> None:
+    for change in changes(SOURCE):
+        mutant = mutant_of("film.py", SOURCE, change)
+        there = moved(mutant, b"# new\n" + SOURCE)
+        assert there is not None
+        assert there.line == mutant.line + 1
+        assert there.apply(b"# new\n" + SOURCE) == b"# new\n" + mutant.apply(SOURCE)
+        assert moved(mutant, b"") is None
 
 
 def test_lines_of_code_are_counted() -> None:

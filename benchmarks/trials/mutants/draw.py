@@ -91,6 +91,20 @@ def mutant_of(file: str, source: bytes, change: Change, number: int = 1) -> Muta
                   change.start, change.old, change.new)
 
 
+def moved(mutant: Mutant, source: bytes) -> Mutant | None:
+    """The mutant in a file that has changed elsewhere; nothing where its line is not there once."""
+    end = mutant.start + len(mutant.old.encode())
+    if (source[mutant.start:end] == mutant.old.encode()
+            and _line(source, mutant.start, end) == mutant.before):
+        return mutant
+    same = [other for change in changes(source)
+            if (change.kind, change.function, change.old, change.new) == (
+                mutant.kind, mutant.function, mutant.old, mutant.new)
+            and (other := mutant_of(mutant.file, source, change, mutant.number)).before
+            == mutant.before and other.after == mutant.after]
+    return same[0] if len(same) == 1 else None
+
+
 def _line(source: bytes, start: int, end: int) -> str:
     """The lines around a place as one."""
     first = source.rfind(b"\n", 0, start) + 1

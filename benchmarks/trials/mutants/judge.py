@@ -9,11 +9,12 @@ import tempfile
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from queue import SimpleQueue
 from typing import Any
 
+from benchmarks.trials.mutants.draw import moved
 from benchmarks.trials.mutants.mutant import Mutant
 from benchmarks.trials.mutants.suite_map import REASONS, Candidate, SuiteMap, digest
 from benchmarks.trials.mutants.tree import STOP, End, collected, copy_tree, run_tests
@@ -24,7 +25,7 @@ _BATCH = 10.0
 #: A change of a file's time, so that no compiled code of another state of it is taken for this [s].
 _LATER = 1000.0
 #: Ends of a mutant.
-GOT_AWAY, CAUGHT = "got away", "caught"
+GOT_AWAY, CAUGHT, ABSENT = "got away", "caught", "not in this tree"
 #: Stands for a test where the mutant lets none be collected.
 IMPORT = "the import of its file"
 
@@ -33,7 +34,8 @@ IMPORT = "the import of its file"
 class Record:
     """How a mutant ended in a suite.
 
-    ``suite`` is a name that the user gave. ``end`` is "caught" or "got away", ``why`` says how.
+    ``suite`` is a name that the user gave. ``end`` is "caught", "got away", or "not in this tree"
+    where the place to be changed is missing; ``why`` says how.
     ``by`` is the test that failed or hung. Of ``candidates`` that may notice it ``ran`` were run,
     in so many ``seconds`` of processor time.
     """
@@ -144,13 +146,13 @@ class Judge:
                 ran += len(batch)
             elif self._sound(end, batch, copy):
                 done = set()
-                ran += end.ran
+                ran += len(end.ran)
                 by = end.test or IMPORT
                 why = f"{'hung' if end.hung else 'failed'}, {reasons.get(by, 'not collected')}"
             elif end.test:
                 # It fails without a mutant too: those behind have their turn.
-                done = {end.test, *batch[:end.ran]}
-                ran += end.ran - 1
+                done = {*end.ran}
+                ran += len(end.ran) - 1
             else:
                 raise ValueError(f"pytest ends with status {end.status} without a mutant too; "
                                  f"make the map again: {end.said}")
@@ -166,7 +168,7 @@ class Judge:
         """Whether the same tests, up to the one that failed, pass without a mutant."""
         if end.test in self.unsound:
             return False
-        sound = not run_tests(copy.folder, batch[:max(end.ran, 1)],
+        sound = not run_tests(copy.folder, end.ran or batch[:1],
                               self.suite_map.seconds).status
         if not sound and end.test:
             self.unsound.add(end.test)
@@ -187,16 +189,24 @@ def judge(mutants: Sequence[Mutant], tree: Path, suite_map: SuiteMap, keep: Path
     Raises
     ------
     ValueError
-        When a mutant's file is not the one of the map, or the tests cannot be collected.
+        When a mutant's file is not that of the map, or the tests cannot be collected.
     """
     known = {record.mutant for record in read_records(keep) if record.suite == suite}
     missing = [mutant for mutant in mutants if mutant.key not in known]
+    placed: dict[tuple[str, int, str, str], Mutant] = {}
     for mutant in missing:
-        source = (tree / mutant.file).read_bytes()
-        if suite_map.digests.get(mutant.file) != digest(source):
+        file = tree / mutant.file
+        source = file.read_bytes() if file.exists() else b""
+        there = moved(mutant, source)
+        if there is None:
+            record = Record(suite, mutant.key, ABSENT, "", "", 0, 0, 0.0)
+            keep_record(keep, record)
+            yield record
+        elif suite_map.digests.get(mutant.file) != digest(source):
             raise ValueError(f"{mutant.file} is not the file of the map; make the map again")
-        mutant.apply(source)
-    if not missing:
+        else:
+            placed[mutant.key] = there
+    if not placed:
         return
     with tempfile.TemporaryDirectory(prefix="mutants-") as name:
         scratch = Path(name)
@@ -213,12 +223,13 @@ def judge(mutants: Sequence[Mutant], tree: Path, suite_map: SuiteMap, keep: Path
         def one(mutant: Mutant) -> Record:
             copy = copies.get()
             try:
-                return judging.record(mutant, copy)
+                return replace(judging.record(placed[mutant.key], copy), mutant=mutant.key)
             finally:
                 copies.put(copy)
 
         with ThreadPoolExecutor(workers) as pool:
-            waiting = [pool.submit(one, mutant) for mutant in missing]
+            waiting = [pool.submit(one, mutant) for mutant in missing
+                       if mutant.key in placed]
             try:
                 for future in as_completed(waiting):
                     keep_record(keep, future.result())

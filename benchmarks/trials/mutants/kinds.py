@@ -49,9 +49,9 @@ def changes(source: bytes) -> list[Change]:
     """
     finder = _Finder(source)
     finder.visit(ast.parse(source))
-    lines = source.splitlines()
+    kept = [match.span() for match in re.finditer(rb"^.*# pragma.*$", source, re.MULTILINE)]
     return [change for change in finder.found
-            if b"# pragma" not in lines[source.count(b"\n", 0, change.start)]]
+            if not any(first <= change.start < last for first, last in kept)]
 
 
 class _Finder(ast.NodeVisitor):

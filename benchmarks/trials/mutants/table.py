@@ -7,7 +7,7 @@ from pathlib import PurePosixPath
 
 from scipy.stats import binomtest
 
-from benchmarks.trials.mutants.judge import CAUGHT, Record
+from benchmarks.trials.mutants.judge import ABSENT, CAUGHT, Record
 from benchmarks.trials.mutants.kinds import KINDS
 from benchmarks.trials.mutants.mutant import Mutant
 
@@ -49,6 +49,8 @@ def _rows(mutants: Sequence[Mutant], ends: _Ends, suites: Sequence[str]) -> Iter
 
 
 def _by(record: Record) -> str:
+    if record.end == ABSENT:
+        return ABSENT
     if record.end != CAUGHT:
         return f"**got away**: {record.why}"
     file, _, test = record.by.partition("::")
@@ -89,7 +91,8 @@ def _summary(mutants: Sequence[Mutant], ends: _Ends, suites: Sequence[str]) -> I
         cells = []
         for suite in suites:
             judged = [record for mutant in mutants if belongs(mutant)
-                      and (record := ends.get((suite, mutant.key))) is not None]
+                      and (record := ends.get((suite, mutant.key))) is not None
+                      and record.end != ABSENT]
             cells.append(share(sum(record.end == CAUGHT for record in judged), len(judged)))
         yield f"| {name} | " + " | ".join(cells) + " |"
 

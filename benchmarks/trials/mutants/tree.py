@@ -74,14 +74,14 @@ def collected(tree: Path, scratch: Path, *options: str) -> list[str]:
 class End:
     """How a run of tests ended.
 
-    ``status`` is that of pytest, ``test`` the first one that failed or hung, if any, ``ran`` the
-    number of tests that began, ``seconds`` processor time with that of child processes.
+    ``status`` is that of pytest, ``test`` the first one that failed or hung, if any, ``ran`` are
+    the tests that began, ``seconds`` is processor time with that of child processes.
     """
 
     status: int
     test: str
     hung: bool
-    ran: int
+    ran: tuple[str, ...]
     seconds: float
     said: str
 
@@ -105,6 +105,7 @@ def run_tests(tree: Path, tests: Sequence[str], expected: Callable[[str], float]
                 start_new_session=True,
                 env=environment(tree, PYTHONDONTWRITEBYTECODE="1", TMPDIR=str(scratch / "tmp"),
                                 TYMPAN_CACHE=str(scratch / "cache"),
+                                HYPOTHESIS_STORAGE_DIRECTORY=str(scratch / "hypothesis"),
                                 TYMPAN_MUTANTS_LOG=str(scratch / "log")))
             hung, seconds = _watch(process, scratch, expected)
         log = _log(scratch)
@@ -112,7 +113,7 @@ def run_tests(tree: Path, tests: Sequence[str], expected: Callable[[str], float]
         failed = [entry["failure"] for entry in log if "failure" in entry]
         test = (begun or [""])[-1] if hung else (failed or [""])[0]
         text = (scratch / "said").read_text(encoding="utf-8", errors="replace")
-        return End(process.returncode, test, hung, len(begun), seconds, text[-2000:])
+        return End(process.returncode, test, hung, tuple(begun), seconds, text[-2000:])
 
 
 def _watch(process: subprocess.Popen[bytes], scratch: Path, expected: Callable[[str], float]

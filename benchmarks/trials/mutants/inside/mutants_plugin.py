@@ -113,8 +113,10 @@ def _share_caches(root: str) -> None:
     original = functools.lru_cache
 
     def cached(function: Callable[..., Any], size: int | None, typed: bool) -> Any:
-        code = getattr(function, "__code__", None)
-        if code is None or not code.co_filename.startswith(root):
+        file = getattr(getattr(function, "__code__", None), "co_filename", "")
+        # What a function in a function keeps is not shared by tests.
+        if (not file.startswith(root) or "site-packages" in file
+                or "<locals>" in function.__qualname__):
             return original(size, typed)(function)
         return CONTEXTS.keep(function, original(size, typed))
 
