@@ -267,7 +267,8 @@ def test_a_toy_is_judged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Non
         "import": (CAUGHT, "the import of its file"),
     }
     assert ends["unused"].why == "no test runs it"
-    assert ends["equivalent"].why == "all candidates passed"
+    assert ends["equivalent"].why == (
+        "all candidates passed; 2 of 2 tests that run the block passed")
     assert ends["hang"].why.startswith("hung")
     assert (tree / "toy/sums.py").read_text(encoding="utf-8") == TOY["toy/sums.py"]
     # Everything is kept, and nothing is judged twice.

@@ -28,7 +28,8 @@ def spread(lines: dict[str, int], count: int, random_numbers: random.Random) -> 
     """
     step = sum(lines.values()) / count
     at = step * random_numbers.random()
-    drawn, passed = [], 0
+    drawn: list[str] = []
+    passed = 0
     for chapter, own in lines.items():
         passed += own
         while len(drawn) < count and at < passed:

@@ -158,9 +158,9 @@ class Judge:
                                  f"make the map again: {end.said}")
             left = [candidate for candidate in left if candidate.test not in done]
         if not why:
-            why = ("no test runs it" if not candidates else
-                   f"not caught within {self.limit:.0f} s" if ran < len(candidates) else
-                   "all candidates passed")
+            why = _escape([candidate for candidate in candidates
+                           if candidate.test not in self.unsound],
+                          {candidate.test for candidate in left}, self.limit)
         return Record(self.suite, mutant.key, CAUGHT if by else GOT_AWAY, why, by, ran,
                       len(candidates), round(spent, 1))
 
@@ -173,6 +173,16 @@ class Judge:
         if not sound and end.test:
             self.unsound.add(end.test)
         return sound
+
+
+def _escape(candidates: Sequence[Candidate], left: set[str], limit: float) -> str:
+    """How a mutant got away; tests that run its block are counted apart."""
+    if not candidates:
+        return "no test runs it"
+    direct = [candidate.test for candidate in candidates if not candidate.reason]
+    passed = sum(test not in left for test in direct)
+    ended = f"not caught within {limit:.0f} s" if left else "all candidates passed"
+    return f"{ended}; {passed} of {len(direct)} tests that run the block passed"
 
 
 def suite_tests(tree: Path, scratch: Path, left_out: bool, options: Sequence[str] = ()

@@ -156,7 +156,7 @@ class _Finder(ast.NodeVisitor):
         self.generic_visit(node)
 
     def visit_UnaryOp(self, node: ast.UnaryOp) -> None:
-        sign = {ast.USub: "-", ast.Not: "not"}.get(type(node.op))  # type: ignore[arg-type]
+        sign = {ast.USub: "-", ast.Not: "not"}.get(type(node.op))
         if sign:
             start = self._places.start(node)
             self._add("operator", start, start + len(sign), "")

@@ -149,9 +149,8 @@ class SuiteMap:
 
     @cached_property
     def tests(self) -> list[str]:
-        """Every test that did not fail."""
-        return [name for name, context in self.contexts.items()
-                if "fixtures" in context and not context["failed"]]
+        """Every test, also one that failed while it was recorded: the judge looks again."""
+        return [name for name, context in self.contexts.items() if "fixtures" in context]
 
     @cached_property
     def shared(self) -> dict[str, frozenset[str]]:
@@ -261,6 +260,6 @@ def said(status: int, folder: Path) -> str:
     seconds = sum(context["seconds"] for context in suite.contexts.values())
     return (f"{len(suite.tests)} tests, {seconds:.0f} s of processor time, "
             f"{sum(map(len, suite.blocks.values()))} blocks; status of pytest {status}"
-            + "".join(f"\nfailed, no candidate: {name}" for name in failed))
+            + "".join(f"\nfailed while it was recorded: {name}" for name in failed))
 
 

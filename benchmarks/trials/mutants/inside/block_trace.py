@@ -32,12 +32,15 @@ class Trace:
         self._context: str | None = None
         self._written: str | None = None
         self._file: int | None = None
+        self._unwritten = b""
 
     def begin(self, context: str) -> None:
         """Record what runs from now on under the name of a context, which may go on."""
         if self._context is not None:
             self._begun[self._context] = bytes(self.blocks)
         self._context = context
+        if self._unwritten:
+            self._write()
         self.blocks[:] = self._begun.pop(context, self._blank)
 
     def end(self, context: str) -> None:
@@ -47,20 +50,30 @@ class Trace:
     def record(self, number: int) -> None:
         """Record the first run of a block in this context."""
         self.blocks[number] = 0
-        if self._file is None:
-            self._file = os.open(
-                self.folder / "traces" / f"{os.getpid()}-{time.time_ns()}.trace",
-                os.O_WRONLY | os.O_CREAT | os.O_APPEND)
         context = current() if self._context is None else self._context
         if context != self._written:
             self._written = context
-            os.write(self._file, f"={context}\n".encode())
-        os.write(self._file, f"{number}\n".encode())
+            self._unwritten += f"={context}\n".encode()
+        self._unwritten += f"{number}\n".encode()
+        self._write()
+
+    def _write(self) -> None:
+        """Write what is to be written, or later where a test leaves no room on the disk."""
+        try:
+            if self._file is None:
+                self._file = os.open(
+                    self.folder / "traces" / f"{os.getpid()}-{time.time_ns()}.trace",
+                    os.O_WRONLY | os.O_CREAT | os.O_APPEND)
+            written = os.write(self._file, self._unwritten)
+        except OSError:
+            return
+        self._unwritten = self._unwritten[written:]
 
     def forked(self) -> None:
         """Go on in a child, in a file of its own; the parent says in which context."""
         self.blocks[:] = self._blank
         self._begun.clear()
+        self._unwritten = b""
         self._context = self._written = self._file = None
 
 
@@ -108,5 +121,5 @@ def install() -> None:
     TRACE = Trace(Path(os.environ["TYMPAN_MUTANTS_MAP"]))
     builtins.__blocks__ = TRACE.blocks  # type: ignore[attr-defined]
     builtins.__block__ = TRACE.record  # type: ignore[attr-defined]
-    sys.meta_path.insert(0, _Finder(TRACE))  # type: ignore[arg-type]
+    sys.meta_path.insert(0, _Finder(TRACE))
     os.register_at_fork(after_in_child=TRACE.forked)

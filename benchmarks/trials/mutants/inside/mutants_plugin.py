@@ -125,8 +125,8 @@ def _share_caches(root: str) -> None:
             return cached(maxsize, 128, typed)
         return lambda function: cached(function, maxsize, typed)
 
-    functools.lru_cache = lru_cache  # type: ignore[assignment]
-    functools.cache = lambda function: cached(function, None, False)  # type: ignore[assignment]
+    functools.lru_cache = lru_cache
+    functools.cache = lambda function: cached(function, None, False)
 
 
 def _record_children() -> None:
@@ -137,13 +137,13 @@ def _record_children() -> None:
     def begin(self: Any, *arguments: Any, **named: Any) -> None:
         if named.get("env") is not None:
             paths = [_INSIDE, named["env"].get("PYTHONPATH", "")]
-            named["env"] = named["env"] | {
-                "PYTHONPATH": os.pathsep.join(filter(None, paths)),
-                **{name: os.environ[name] for name in ("TYMPAN_MUTANTS_MAP",
-                                                       "TYMPAN_MUTANTS_CURRENT")}}
+            recording = {name: os.environ[name] for name in ("TYMPAN_MUTANTS_MAP",
+                                                             "TYMPAN_MUTANTS_CURRENT")}
+            named["env"] = recording | named["env"] | {
+                "PYTHONPATH": os.pathsep.join(filter(None, paths))}
         original(self, *arguments, **named)
 
-    subprocess.Popen.__init__ = begin  # type: ignore[assignment]
+    subprocess.Popen.__init__ = begin  # type: ignore[method-assign]
 
 
 #: Made at once: a conftest.py that is imported next may keep results.
