@@ -6,7 +6,7 @@ PYTHON ?= $(shell for p in python3.12 python3.13 python3.11 python3; do \
   $$p -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))' 2>/dev/null && echo $$p && break; done)
 OUT ?= out
 
-.PHONY: study check test study-tests benchmarks scaling verification robustness spreads films-in-time hidden hidden-page verdict-cases fuzz hostile drawings signals optimum outlines map lumped-build paper coupons coupon-rubbers external house verdict-pictures page-pictures doc-pictures docs locks clean
+.PHONY: study check test study-tests benchmarks scaling verification robustness spreads films-in-time hidden hidden-page verdict-cases fuzz mutants hostile drawings signals optimum outlines map lumped-build paper coupons coupon-rubbers external house verdict-pictures page-pictures doc-pictures docs locks clean
 
 # Compiled modules are kept, whatever the environment says: some hundred processes of the tests would each compile all
 # that they import again.
@@ -69,6 +69,15 @@ verdict-cases: .venv/dev
 # Inputs changed at random for MINUTES, from a SEED where one is given; seeds and counts of each kind are printed.
 fuzz: .venv/dev
 	.venv/bin/python -m benchmarks.trials.fuzz --minutes "$(or $(MINUTES),60)" $(if $(SEED),--seed $(SEED))
+
+# Small faults made on purpose, and the tests that notice them; hours. Interrupted, it goes on.
+MUTANTS = OPENBLAS_NUM_THREADS=1 .venv/bin/python -m benchmarks.trials.mutants
+mutants: .venv/dev
+	mkdir -p "$(OUT)"
+	$(MUTANTS) draw "$(OUT)/mutants.jsonl" --seed "$(or $(SEED),2026)"
+	test -f "$(OUT)/mutants-map/tests.json" || $(MUTANTS) map "$(OUT)/mutants-map" -- -q -n 2 --dist loadfile
+	$(MUTANTS) judge "$(OUT)/mutants.jsonl" --map "$(OUT)/mutants-map" --keep "$(OUT)/mutants-records.jsonl" --workers 2
+	$(MUTANTS) table "$(OUT)/mutants.jsonl" --keep "$(OUT)/mutants-records.jsonl" -o docs/mutants.md
 
 # Commands with bad input: status, seconds, message; counts for each group.
 hostile: .venv/dev

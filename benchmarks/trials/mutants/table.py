@@ -1,0 +1,106 @@
+"""The table of mutants, as a page."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import PurePosixPath
+
+from scipy.stats import binomtest
+
+from benchmarks.trials.mutants.judge import ABSENT, CAUGHT, Record
+from benchmarks.trials.mutants.kinds import KINDS
+from benchmarks.trials.mutants.mutant import Mutant
+
+#: Letters of a changed line around its change.
+_WIDTH = 60
+_HEAD = """# Mutants
+
+A mutant is a small fault that is made on purpose in the program. A test suite should notice it.
+These mutants were drawn at random over all chapters, in proportion to their lines of code. A
+mutant is caught when a test fails or hangs that passes without it.
+"""
+
+
+def page(mutants: Sequence[Mutant], records: Sequence[Record]) -> str:
+    """Markdown of the mutants, how each ended in every suite, and the shares caught."""
+    suites = list(dict.fromkeys(record.suite for record in records))
+    ends = {(record.suite, record.mutant): record for record in records}
+    return "\n".join([_HEAD, *_summary(mutants, ends, suites), "", "## Each mutant", "",
+                      *_rows(mutants, ends, suites), ""])
+
+
+_Ends = dict[tuple[str, tuple[str, int, str, str]], Record]
+
+
+def _rows(mutants: Sequence[Mutant], ends: _Ends, suites: Sequence[str]) -> Iterator[str]:
+    yield "| | place | function | kind | change | " + " | ".join(
+        f"{suite}: caught by | tests run | processor time" for suite in suites) + " |"
+    yield "|---:|---|---|---|---|" + "---|---:|---:|" * len(suites)
+    for mutant in mutants:
+        before, after = change_words(mutant)
+        cells = [str(mutant.number), f"{mutant.file}:{mutant.line}", f"`{mutant.function}`",
+                 mutant.kind, f"{_code(before)} → {_code(after)}"]
+        for suite in suites:
+            record = ends.get((suite, mutant.key))
+            cells += (["not judged", "", ""] if record is None else
+                      [_by(record), f"{record.ran} of {record.candidates}",
+                       f"{record.seconds:.0f} s"])
+        yield "| " + " | ".join(cells) + " |"
+
+
+def _by(record: Record) -> str:
+    if record.end == ABSENT:
+        return ABSENT
+    if record.end != CAUGHT:
+        return f"**got away**: {record.why}"
+    file, _, test = record.by.partition("::")
+    return f"{PurePosixPath(file).name} {_code(test)}" if test else record.by
+
+
+def _code(text: str) -> str:
+    """A text as code in a cell of a table."""
+    quote = "``" if "`" in text else "`"
+    return quote + text.replace("|", "\\|") + quote
+
+
+def change_words(mutant: Mutant) -> tuple[str, str]:
+    """Line before and after, cut to what is around the change."""
+    same = next((number for number, (one, other) in enumerate(
+        zip(mutant.before, mutant.after, strict=False)) if one != other), 0)
+    first = max(0, same - _WIDTH // 2)
+    return (_cut(mutant.before, first), _cut(mutant.after, first))
+
+
+def _cut(text: str, first: int) -> str:
+    last = first + _WIDTH
+    return (("… " if first else "") + text[first:last].strip() + (" …" if text[last:] else ""))
+
+
+def _summary(mutants: Sequence[Mutant], ends: _Ends, suites: Sequence[str]) -> Iterator[str]:
+    """Shares caught, by kind and by package, with their 95 % intervals."""
+    packages = list(dict.fromkeys(mutant.chapter.partition("/")[0] for mutant in mutants))
+    groups: list[tuple[str, Callable[[Mutant], bool]]] = [("all", lambda mutant: True)]
+    groups += [(kind, lambda mutant, kind=kind: mutant.kind == kind)  # type: ignore[misc]
+               for kind in KINDS]
+    groups += [(f"{package}/",
+                lambda mutant, name=package: mutant.file.startswith(f"{name}/"))  # type: ignore[misc]
+               for package in packages]
+    yield "| mutants | " + " | ".join(f"caught {suite}" for suite in suites) + " |"
+    yield "|---|" + "---|" * len(suites)
+    for name, belongs in groups:
+        cells = []
+        for suite in suites:
+            judged = [record for mutant in mutants if belongs(mutant)
+                      and (record := ends.get((suite, mutant.key))) is not None
+                      and record.end != ABSENT]
+            cells.append(share(sum(record.end == CAUGHT for record in judged), len(judged)))
+        yield f"| {name} | " + " | ".join(cells) + " |"
+
+
+def share(caught: int, count: int) -> str:
+    """Share in words, with Wilson's 95 % interval."""
+    if not count:
+        return "none judged"
+    limits = binomtest(caught, count).proportion_ci(method="wilson")
+    return (f"{caught} of {count}: {100 * caught / count:.0f} % "
+            f"({100 * limits.low:.0f} to {100 * limits.high:.0f} %)")
