@@ -13,7 +13,7 @@ from tympan.geometry.mesher import MeshSettings
 from tympan.studies.case import Case, Settings
 from tympan.studies.limits import solve_within
 
-COARSE = Settings(MeshSettings(order=3).refined(0.7))
+COARSE = Settings(MeshSettings(order=2).refined(0.7))
 
 
 def test_a_zero_is_found_to_the_accuracy_that_is_asked_for() -> None:

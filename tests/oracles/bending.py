@@ -11,6 +11,7 @@ small strains moment and curvature are those of Stein and Hedgepeth, NASA TN D-8
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -59,6 +60,7 @@ class Strip:
             return self._nominal(stretch, max(along, stretch**-0.5)) - force
         return float(brentq(gap, 0.2, 3 * self.prestretch, xtol=1e-14))
 
+    @cache  # noqa: B019 - a strip is a few numbers
     def bent(self, curvature: float, force: float) -> Bent:
         """By an angle per mounted length [1/m], under a force along it [N].
 
@@ -78,7 +80,7 @@ class Strip:
             return np.column_stack([start, solution.y[:, -1]])
 
         def miss(unknowns: FloatArray) -> list[float]:
-            (_, inner), (_, outer) = profile(unknowns)[:2, 0], profile(unknowns)[:2, 1]
+            (_, inner), (_, outer) = profile(unknowns)[:2].T
             return [(outer - inner) / (curvature * force) - 1,
                     (outer + inner) / (2 * self.tension) - 1]
 

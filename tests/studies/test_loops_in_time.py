@@ -13,6 +13,7 @@ from tests.support.creeping import film
 from tympan.cli import main
 from tympan.fem.transient.integrate import StepSettings
 from tympan.geometry.errors import InputError
+from tympan.geometry.mesher import MeshSettings
 from tympan.geometry.specimen import Specimen, ViscousBranch
 from tympan.studies.case import Case, Settings, solve
 from tympan.studies.signals import Pieces, Sine, ramp
@@ -23,11 +24,12 @@ MASS, TURN, TIME = 17.9e-3, 5e3, 10.0
 
 
 CREEPS = film(ViscousBranch(200e3, TIME))
+COARSE = Settings(MeshSettings(order=2).refined(0.5))
 
 
 def width(specimen: Specimen, duration: float) -> float:
     """Of the loop at half the voltage, over the stroke; ``duration`` [s] of one way."""
-    result = loop(Case(specimen, mass=MASS), TURN / duration, TURN, Settings())
+    result = loop(Case(specimen, mass=MASS), TURN / duration, TURN, COARSE)
     samples = result.responses[0].samples
     voltage, deflection = samples["voltage"].to_numpy(), samples["displacement"].to_numpy()
     top = int(np.argmax(voltage))
@@ -55,7 +57,7 @@ def test_a_loop_s_area_is_that_of_far_shorter_steps_within_its_error(duration: f
     looped, = loop(case, 2 * TURN / duration, TURN, Settings()).responses
     area, error = looped.hysteresis_area_V_m, looped.hysteresis_area_error_V_m
     done = history(TransientCase(CREEPS, ramp(0.0, TURN, duration), mass=MASS,
-                                 steps=StepSettings(error=1e-9)), Settings())
+                                 steps=StepSettings(error=1e-8)), Settings())
     rising = np.flatnonzero(np.diff(done.time) == 0).item()
     up, down = (CubicSpline(done.time[part], done.deflection[part])
                 for part in (slice(0, rising + 1), slice(rising + 1, None)))
@@ -88,8 +90,8 @@ def test_the_area_counts_jumps_and_sines_exactly() -> None:
 
 def test_a_slow_loop_turns_at_the_equilibrium() -> None:
     case = Case(CREEPS, mass=MASS)
-    response, = loop(case, TURN / (3e3 * TIME), TURN, Settings()).responses
-    rest = solve(replace(case, voltage=TURN), Settings()).deflection_m
+    response, = loop(case, TURN / (3e3 * TIME), TURN, COARSE).responses
+    rest = solve(replace(case, voltage=TURN), COARSE).deflection_m
     assert response.samples["displacement"].max() == pytest.approx(rest, rel=1e-4)
 
 

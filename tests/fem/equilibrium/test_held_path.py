@@ -32,7 +32,8 @@ def followed(film: Model, deflections: list[float], voltage: float = 0.0) -> lis
 
 @pytest.mark.parametrize("name", FILMS)
 def test_each_is_what_it_is_by_itself(name: str) -> None:
-    film = model(FILMS[name], refine=0.7)
+    # From a slack film each place takes long, so its elements are of low order.
+    film = model(FILMS[name], refine=0.7, order=2 if name == "slack when mounted" else 4)
     deflections = np.linspace(25e-3, 32e-3, 15).tolist()
     steps = followed(film, deflections, 2e3)
     found = solutions(steps)

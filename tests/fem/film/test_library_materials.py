@@ -13,8 +13,11 @@ from tests.support.specimens import circular, specimen_toml
 from tympan.fem.film.breakdown import STRENGTH_LIBRARY
 from tympan.fem.film.library import MATERIALS, REFUSED, load_specimen
 from tympan.geometry.errors import InputError
+from tympan.geometry.mesher import MeshSettings
 from tympan.geometry.specimen import Film
-from tympan.studies.case import Settings
+from tympan.studies.case import Case, Settings, solve
+
+COARSE = Settings(MeshSettings(order=3).refined(0.5))
 
 GIVEN = "relative_permittivity = 4.7\n"
 
@@ -54,11 +57,13 @@ def test_a_film_of_each_mounts_solves_and_finds_its_limits(name: str) -> None:
     given = {} if entry.relative_permittivity else {"relative_permittivity": 3.0}
     film = tympan.Film(thickness, prestretch, name, **given)
     specimen = tympan.Specimen(name, tympan.Circle("4.5 cm"), circular().plate, film)
-    rest = tympan.solve(specimen, mass=mass)
-    charged = tympan.solve(specimen, mass=mass, voltage=1000.0)
+    rest = solve(Case(specimen, mass=mass), COARSE)
+    charged = solve(Case(specimen, mass=mass, voltage=1000.0), COARSE)
+    assert rest.deflection_m is not None
+    assert charged.deflection_m is not None
     assert 5e-4 < rest.deflection_m < charged.deflection_m < 0.02
     assert not [text for text in rest.warnings if "range" in text]
-    limits = tympan.limits(specimen, mass=mass).limits
+    limits = tympan.limits(specimen, COARSE, mass=mass).limits
     assert limits.limit is not None
     assert 100.0 < limits.limit.voltage_V < 20e3
     assert (limits.breakdown is not None) <= bool(entry.breakdown)
@@ -93,7 +98,7 @@ def test_a_film_beyond_its_law_s_tests_is_told() -> None:
     film = tympan.Film(100e-6, 1.6, "elastosil-2030")
     specimen = tympan.Specimen("far", tympan.Circle("4.5 cm"), circular().plate, film)
     assert any("outside its range 0.52 to 1.38" in text
-               for text in tympan.solve(specimen, mass=0.01).warnings)
+               for text in solve(Case(specimen, mass=0.01), COARSE).warnings)
 
 
 def test_what_a_film_says_itself_counts() -> None:

@@ -155,7 +155,7 @@ def test_a_film_held_since_it_was_stretched_relaxes_by_its_equation() -> None:
             assert memory.viscous[:, number, 1] == pytest.approx(exact, rel=1e-7, abs=1e-9)
 
 
-@settings(deadline=None, max_examples=40)
+@settings(deadline=None, max_examples=20)
 @given(st.lists(st.tuples(STRETCH, STRETCH, SHEAR, st.floats(1e-2, 1e2)), min_size=1, max_size=4))
 def test_no_cycle_gains_energy(corners: list[tuple[float, float, float, float]]) -> None:
     """Work done on a film that was at rest, round a closed path, is never negative."""
@@ -169,8 +169,8 @@ def test_no_cycle_gains_energy(corners: list[tuple[float, float, float, float]])
         for share in np.linspace(0.0, 1.0, fine + 1)[1:]:
             c = origin + share * (target - origin)
             flow = memory.step(before, duration / fine)
-            low = memory.step(before, 0.0).density(before)[1]
-            high = flow.density(c)[1]
+            low = memory.step(before, 0.0).density(before, tangent=False)[1]
+            high = flow.density(c, tangent=False)[1]
             strain_step = (c - before) / 2 * np.array([1, 1, 2])
             part = float((low + high) / 2 @ strain_step)
             work, moved = work + part, moved + abs(part)

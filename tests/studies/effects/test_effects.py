@@ -87,15 +87,15 @@ def readings(setup: Setup, settings: Settings = FINE) -> np.ndarray:
 
 @cache
 def frequencies(setup: Setup) -> np.ndarray:
-    """Of the plates' heaves, on a coarse mesh, shape (specimens, readings) [Hz]."""
-    return np.array([[heave_frequency(case_of(setup, specimen, load), COARSE)
-                      for load in READINGS] for specimen in setup.specimens])
+    """Of the plates' heaves, on a coarse mesh, shape (specimens, 1) [Hz]."""
+    return np.array([[heave_frequency(case_of(setup, specimen, READINGS[0]), COARSE)]
+                     for specimen in setup.specimens])
 
 
 @cache
 def in_time(setup: Setup) -> np.ndarray:
     """The first film as mass and voltage come on at once, its plate swinging, (1, times) [m]."""
-    case = TransientCase(setup.specimens[0], step(0.0, 4e3, 0.0, 0.12), mass=17.9e-3,
+    case = TransientCase(setup.specimens[0], step(0.0, 4e3, 0.0, 0.09), mass=17.9e-3,
                          rig=setup.rig, rest=0.0, inertia=True)
     response, _ = respond(case, COARSE, 0.01)
     return response.samples["displacement"].to_numpy()[None, 1:]

@@ -20,6 +20,7 @@ from fmpy.validation import validate_fmu
 from scipy.signal import cont2discrete, detrend
 
 import tympan
+from tests.support.costs import dear
 from tests.support.lumped import MODELS, OVAL, compiled_controller
 from tests.support.specimens import elliptical
 from tympan.fem.film.laws import NeoHooke
@@ -277,7 +278,7 @@ def test_the_integral_does_not_wind_up(method: Method) -> None:
     assert voltage < 4e3
 
 
-@pytest.mark.parametrize("mass", [17.9e-3, 22.45e-3])
+@pytest.mark.parametrize("mass", [17.9e-3, dear(22.45e-3, seconds=6)])
 def test_the_swing_explains_which_shape_has_the_quickest_loop(mass: float) -> None:
     """K_i of the paper's three shapes goes with 2 ζ ω over the share at once."""
     explained = []
@@ -347,7 +348,7 @@ def test_a_controller_of_circles_holds_films_in_time() -> None:
     height, film = abs(result.steps[1].to_m - result.steps[1].from_m), model.film
     assert film is not None
     membrane, made = film.specimen.membrane, np.random.default_rng(45)
-    for softer, stronger, heavier in np.exp([0.1, 0.1, 0.05] * made.normal(size=(4, 3))):
+    for softer, stronger, heavier in np.exp([0.1, 0.1, 0.05] * made.normal(size=(2, 3))):
         other = replace(film, specimen=replace(film.specimen, membrane=replace(
             membrane, material=scaled(membrane.material, float(softer)),
             branches=tuple(replace(each, modulus=each.modulus * float(softer))

@@ -19,6 +19,7 @@ from tympan.fem.film.breakdown import ConstantStrength
 from tympan.fem.film.library import MATERIALS, load_specimen
 from tympan.fem.rig import Rig
 from tympan.geometry.errors import InputError
+from tympan.geometry.mesher import MeshSettings
 from tympan.geometry.specimen import Specimen
 from tympan.geometry.toml_reader import Table
 from tympan.studies.case import Case, Settings, build_model
@@ -40,6 +41,8 @@ NONE, NO_LENGTH = Scatter(), LengthScatter()
 STILL = Tolerances(NONE, NONE, NONE, NONE, NO_LENGTH, NO_LENGTH, NO_LENGTH, NO_LENGTH, NONE, NONE,
                    StrengthScatter(shape=0))
 MASS, VOLTAGE = 17.9e-3, 3500.0
+#: Numbers that are compared here are found on the same mesh, or differ by scatter alone.
+COARSE = Settings(MeshSettings().refined(0.5))
 
 
 def film_of(material: str) -> Specimen:
@@ -95,8 +98,8 @@ def test_small_loads_scatter_as_products_of_lognormal_numbers() -> None:
     sizes = {"thickness": 0.05, "stiffness": 0.1, "load": 0.08}
     given = Tolerances(**{**vars(STILL), "thickness": Scatter(film=0.05),
                           "stiffness": Scatter(batch=0.1), "load": Scatter(film=0.08)})
-    result = tolerance(ToleranceCase(film, mass=1e-5, voltage=1.0, tolerances=given, films=9000),
-                       Settings())
+    result = tolerance(ToleranceCase(film, mass=1e-5, voltage=1.0, tolerances=given, films=5000),
+                       COARSE)
     spread = result.quantities["deflection_m"]
     whole = np.sqrt(sum(size**2 for size in sizes.values()))
     assert spread.median == pytest.approx(spread.nominal, rel=0.01)
@@ -121,7 +124,7 @@ def test_strengths_are_weibull_s_and_fall_with_the_electrode_s_area() -> None:
     # The field is U λ² / T.
     voltage = share * strength * film.membrane.thickness / film.membrane.area_prestretch
     result = tolerance(ToleranceCase(film, mass=1e-5, voltage=voltage, tolerances=given,
-                                     films=8000), Settings())
+                                     films=8000), COARSE)
     bears = 0.5 ** (4 * share**shape)
     assert result.reached.low < bears < result.reached.high
     assert result.reached.high - result.reached.low < 0.03
@@ -140,7 +143,7 @@ def test_what_does_not_differ_between_films_has_no_shares() -> None:
     """Electric strengths alone scatter: all films deflect alike."""
     given = replace(STILL, strength=StrengthScatter(shape=10))
     result = tolerance(ToleranceCase(oval(), mass=MASS, voltage=VOLTAGE, tolerances=given,
-                                     films=100), Settings())
+                                     films=100), COARSE)
     spread = result.quantities["deflection_m"]
     assert spread.deviation == 0
     assert spread.low == pytest.approx(spread.high, rel=1e-12)
@@ -149,7 +152,7 @@ def test_what_does_not_differ_between_films_has_no_shares() -> None:
 
 
 def test_a_voltage_that_no_film_reaches_is_explained(tmp_path: Path) -> None:
-    result = tympan.tolerance(oval(), mass=MASS, voltage="30 kV", films=100)
+    result = tympan.tolerance(oval(), settings=COARSE, mass=MASS, voltage="30 kV", films=100)
     assert result.reached.probability == 0
     assert result.error is None
     assert any("does not reach the voltage: the film loses tension" in line
@@ -190,9 +193,9 @@ def test_a_film_without_a_load_has_no_band() -> None:
     for mass in (0.0, "0 g"):
         with pytest.raises(InputError, match=r"^mass: given '0 g': must be above 0"):
             tympan.tolerance(oval(), mass=mass, voltage=VOLTAGE)
-        with pytest.raises(InputError, match=r"^mass: given '0 g': must be above 0"):
-            tympan.solve(oval(), mass=mass, voltage=VOLTAGE, tolerances=Tolerances())
-    curves = tympan.curve(oval(), 0.0, MASS, tolerances=Tolerances()).curves
+    with pytest.raises(InputError, match=r"^mass: given '0 g': must be above 0"):
+        tympan.solve(oval(), COARSE, mass="0 g", voltage=VOLTAGE, tolerances=GIVEN)
+    curves = tympan.curve(oval(), 0.0, MASS, settings=COARSE, tolerances=GIVEN).curves
     bands = {curve.mass_kg: curve.band_deflection_m for curve in curves}
     assert {edge for band in bands[0.0] if band for edge in (band.low, band.high)} == {0.0}
     assert bands[MASS][0].low > 1e-3
@@ -216,7 +219,7 @@ def test_first_limits_are_those_of_finite_elements(strength: float, kind: str) -
     film = oval()
     film = replace(film, membrane=replace(film.membrane, strength=ConstantStrength(strength)))
     drawn = Drawn.of(ToleranceCase(film, films=1000), causes(film, Tolerances())[0], MASS, VOLTAGE,
-                     Settings())
+                     COARSE)
     found = drawn.limits()
     assert next(iter(found.record().kinds)) == kind
     _, numbers = drawn.design.part(1 / 8)
@@ -228,7 +231,7 @@ def test_first_limits_are_those_of_finite_elements(strength: float, kind: str) -
         factors = drawn.copies.drawn
         known = first_limit(Case(member, mass=MASS * float(factors.load[row]),
                                  rig=Rig(amplifier_gain=float(factors.amplifier[row]) - 1)),
-                            Settings())
+                            COARSE)
         assert known is not None
         assert KINDS[found.kind[1 + film_number]] == known.kind
         assert found.voltage[1 + film_number] == pytest.approx(known.voltage_V, rel=3e-3)
@@ -249,7 +252,7 @@ def test_a_first_limit_that_is_not_that_of_finite_elements_is_told() -> None:
 def exact(drawn: Drawn, film: int) -> dict[str, float]:
     """The quantities of a film by finite elements on a mesh of its own."""
     case = Case(drawn.family.box.member(drawn.rows[film]))
-    model = build_model(case.specimen, Settings(), case.rig.loading)
+    model = build_model(case.specimen, COARSE, case.rig.loading)
     force, voltage = float(drawn.forces[film]), float(drawn.voltages[film])
     rest, charged = (equilibrium(model, force, across) for across in (0.0, voltage))
     first, last = (model.deflection(outcome.state) for outcome in (rest, charged))
@@ -266,7 +269,7 @@ def exact(drawn: Drawn, film: int) -> dict[str, float]:
 def drawn_films() -> tuple[Drawn, dict[str, np.ndarray]]:
     given = Tolerances(permittivity=Scatter(batch=0.03), offset=LengthScatter(film=5e-4))
     case = ToleranceCase(oval(), tolerances=given, films=1000, seed=4)
-    drawn = Drawn.of(case, causes(oval(), given)[0], MASS, VOLTAGE, Settings())
+    drawn = Drawn.of(case, causes(oval(), given)[0], MASS, VOLTAGE, COARSE)
     return drawn, drawn.solved()
 
 
@@ -300,10 +303,10 @@ def test_quantiles_are_those_of_500_films_of_finite_elements() -> None:
 
 def test_half_of_the_films_reach_the_nominal_film_s_limit() -> None:
     given = Tolerances(**{**vars(STILL), "thickness": Scatter(film=0.02)})
-    limit = first_limit(Case(oval(), mass=MASS), Settings())
+    limit = first_limit(Case(oval(), mass=MASS), COARSE)
     assert limit is not None
     found = [tolerance(ToleranceCase(oval(), mass=MASS, voltage=share * limit.voltage_V,
-                                     tolerances=given, films=400), Settings())
+                                     tolerances=given, films=400), COARSE)
              for share in (0.9, 1.0)]
     assert found[0].reached.probability > 0.98
     assert found[1].reached.probability == pytest.approx(0.5, abs=0.06)
@@ -315,14 +318,14 @@ def test_half_of_the_films_reach_the_nominal_film_s_limit() -> None:
 def test_films_beyond_the_range_of_their_law_do_not_count() -> None:
     """Of films with a law up to the nominal film's stretch half are within it."""
     soft = '[membrane.material]\nlaw = "neo_hooke"\nmu = "20 kPa"'
-    most = solve_within(Case(film_of(soft), mass=MASS, voltage=VOLTAGE), Settings(),
+    most = solve_within(Case(film_of(soft), mass=MASS, voltage=VOLTAGE), COARSE,
                         film=False).max_stretch
     assert most is not None
     # Ends of a range are taken as rounded, to 1 %.
     film = film_of(f"{soft}\nrange = [0.1, {most / 1.01}]")
     given = Tolerances(**{**vars(STILL), "stiffness": Scatter(film=0.05)})
     found = tolerance(ToleranceCase(film, mass=MASS, voltage=VOLTAGE, tolerances=given, films=400),
-                      Settings())
+                      COARSE)
     assert found.reached.probability == pytest.approx(0.5, abs=0.06)
 
 
@@ -332,9 +335,9 @@ GIVEN = Tolerances(**{**vars(STILL), "thickness": Scatter(batch=0.05),
 
 def test_bands_of_a_curve_and_of_one_case_are_the_quantiles_of_ten_thousand_films() -> None:
     many = tolerance(ToleranceCase(oval(), mass=MASS, voltage=VOLTAGE, tolerances=GIVEN),
-                     Settings()).quantities
-    curves = tympan.curve(oval(), 0.5 * MASS, MASS, tolerances=GIVEN).curves
-    solved = tympan.solve(oval(), mass=MASS, voltage=VOLTAGE, tolerances=GIVEN)
+                     COARSE).quantities
+    curves = tympan.curve(oval(), 0.5 * MASS, MASS, settings=COARSE, tolerances=GIVEN).curves
+    solved = tympan.solve(oval(), COARSE, mass=MASS, voltage=VOLTAGE, tolerances=GIVEN)
     band = curves[1].banded
     along = [np.interp(VOLTAGE, [voltage for voltage, _ in band], [getattr(each, edge)
              for _, each in band]) for edge in ("low", "median", "high")]
@@ -355,7 +358,7 @@ def test_bands_of_a_curve_and_of_one_case_are_the_quantiles_of_ten_thousand_film
 def test_the_band_of_a_force_is_that_of_films_held_by_finite_elements() -> None:
     """The median film's force is that of stiffness and thickness alone: F goes as μ T."""
     given = replace(STILL, stiffness=Scatter(film=0.1))
-    plain, found = (tympan.force(oval(), to="6 mm", points=4, voltages=[0.0, "3 kV"], **more)
+    plain, found = (tympan.force(oval(), settings=COARSE, to="6 mm", points=4, voltages=[0.0, "3 kV"], **more)
                     for more in ({}, {"tolerances": given}))
     assert plain.curves[0].band_force_N == ()
     for curve in found.curves:
@@ -365,7 +368,7 @@ def test_the_band_of_a_force_is_that_of_films_held_by_finite_elements() -> None:
                 law = film.membrane.material
                 stiffer = replace(law, mu=tuple(np.exp(0.1 * deviation) * m for m in law.mu))
                 member = replace(film, membrane=replace(film.membrane, material=stiffer))
-                model = build_model(member, Settings())
+                model = build_model(member, COARSE)
                 known = float(held(model, place, curve.voltage_V).state.force)
                 assert edge == pytest.approx(known, rel=0.02)
     assert [len(curve.banded) for curve in found.curves] == [4, 4]
@@ -389,6 +392,6 @@ def test_what_cannot_scatter_is_refused() -> None:
     with pytest.raises(InputError, match="lets nothing scatter"):
         ToleranceCase(oval(), tolerances=STILL)
     with pytest.raises(InputError, match="voltage"):
-        tolerance(ToleranceCase(oval(), mass=MASS, voltage=0.0), Settings())
+        tolerance(ToleranceCase(oval(), mass=MASS, voltage=0.0), COARSE)
     with pytest.raises(InputError, match="take lower ones"):
-        tolerance(ToleranceCase(oval(), mass=3.0, voltage=VOLTAGE), Settings())
+        tolerance(ToleranceCase(oval(), mass=3.0, voltage=VOLTAGE), COARSE)
