@@ -401,6 +401,7 @@ def test_curves_are_counted_before_a_library_reads_them(tmp_path: Path) -> None:
     assert drawings._curves((tmp_path / "few.dxf").read_bytes()) == 2
 
 
+@pytest.mark.usefixtures("at_once")
 def test_a_plate_drawn_off_the_centre_of_its_frame_is_told(tmp_path: Path) -> None:
     """Followed, the advice ends the remark; stated, drawn apart or beside, there is none."""
     document = ezdxf.new()

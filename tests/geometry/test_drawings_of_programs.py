@@ -159,10 +159,10 @@ def test_arcs_that_are_too_many_become_lines_within_the_tolerance() -> None:
 
 
 def test_advice_on_too_many_arcs_helps(tmp_path: Path) -> None:
-    """A coil-like rim of 4,000 deep arcs: refused, and read with the tolerance that is named."""
+    """A coil-like rim of 1,200 deep arcs: refused, and read with the tolerance that is named."""
     document = ezdxf.new(units=ezdxf.units.MM)
-    turn = 2 * np.pi * np.arange(4001) / 4000
-    rim = 45 + 0.08 * (np.arange(4001) % 2)
+    turn = 2 * np.pi * np.arange(1201) / 1200
+    rim = 45 + 0.08 * (np.arange(1201) % 2)
     points = [(r * np.cos(t), r * np.sin(t), 0.5) for r, t in zip(rim, turn, strict=True)][:-1]
     document.modelspace().add_lwpolyline(points, format="xyb", close=True)
     document.saveas(tmp_path / "rim.dxf")

@@ -38,11 +38,12 @@ def solve_within(*arguments, **more):
 
 limits.solve_within = solve_within
 oval = tympan.load(sys.argv[1])
+coarse = tympan.Settings(tympan.MeshSettings(order=2).refined(0.5))
 before = counted()
-tympan.solve(oval, mass="1 g")
+tympan.solve(oval, coarse, mass="1 g")
 once = counted()
 try:
-    tympan.solve(oval, mass="1 g")
+    tympan.solve(oval, coarse, mass="1 g")
 except RuntimeError:
     pass
 print(json.dumps([before, within, once, counted()]))
