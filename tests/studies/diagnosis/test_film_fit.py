@@ -51,6 +51,7 @@ def test_law_permittivity_and_both_branches_are_within_their_limits(
     assert film.material.mu == pytest.approx(20e3 * found.stiffness_factor.value)
 
 
+@pytest.mark.study(seconds=14)
 def test_what_a_run_does_not_tell_is_said(tmp_path: Path) -> None:
     """One branch makes no second one, none makes none, and what is asked for is refused."""
     one = read_dataset(runs_in_time.write(tmp_path / "one", Hidden(branch=100e3), RUN, 1))

@@ -13,6 +13,7 @@ from benchmarks.trials.strata import lines as film_lines
 from benchmarks.trials.strata.evidence import Evidence, cross, seen_heights
 from benchmarks.trials.synthetic_trials import FINEST, MESHES
 from tests.oracles.axisymmetric import solve_deflection
+from tests.support.costs import dear
 from tests.support.datasets import HEAD, write_dataset
 from tests.support.specimens import circular, reference_film, skewed
 from tympan.cli import main
@@ -130,7 +131,7 @@ def test_lines_have_a_zero_of_their_own(tmp_path: Path, plain: Evidence) -> None
 
 @pytest.mark.parametrize(("effect", "sizes"), [
     pytest.param("plate_eccentricity", (1e-3, -0.5e-3), marks=pytest.mark.study),
-    ("thickness_gradient", (0.15, -0.03))])
+    dear("thickness_gradient", (0.15, -0.03), seconds=99)])
 def test_a_line_names_what_moves_the_film_aside(tmp_path: Path, effect: str,
                                                 sizes: tuple[float, ...]) -> None:
     line = film_lines.write(tmp_path / "line", [(effect, sizes, None)], 1, shapes=["round"])
@@ -159,6 +160,7 @@ def test_what_heaves_do_not_tell_a_line_names(tmp_path: Path) -> None:
     assert parameter["value"] == pytest.approx(size, rel=0.1)
 
 
+@pytest.mark.study(seconds=60)
 def test_a_spot_without_electrode_is_named_by_a_line(tmp_path: Path) -> None:
     """By films of other meshes and order; without a line nothing is said of spots."""
     sizes = (20e-3, -12e-3, 0.5)

@@ -11,6 +11,7 @@ import pytest
 from tests.oracles import annulus_modes
 from tests.oracles.readings import swinging
 from tests.oracles.readings.round_actuators import Hidden
+from tests.support.costs import dear
 from tests.support.datasets import HEAD, write_dataset
 from tests.support.models import model
 from tests.support.specimens import circular
@@ -44,7 +45,8 @@ def test_air_is_that_of_plate_and_film_together(refine: float, near: float) -> N
 
 
 @pytest.mark.parametrize(("hidden", "effect", "size"), [
-    (Hidden(electrode=0.12), "electrode_mass", 0.12), (Hidden(added=1e-3), "added_mass", 1e-3),
+    dear(Hidden(electrode=0.12), "electrode_mass", 0.12, seconds=19),
+    dear(Hidden(added=1e-3), "added_mass", 1e-3, seconds=12),
     pytest.param(Hidden(unaccounted=5e-4), "unaccounted_mass", 5e-4, marks=pytest.mark.study),
     (Hidden(air=6.0), "air_mass", 6.0)])
 def test_a_mass_is_named_by_frequencies(tmp_path: Path, hidden: Hidden, effect: str,

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.support.costs import dear
 from tests.support.trials import design, every_cause, read, size_of
 from tympan.studies.diagnosis.gain import (
     GainReport,
@@ -163,7 +164,8 @@ def synthetic(generator: np.random.Generator, ramps: int, before: float, after: 
     return [split], table
 
 
-@pytest.mark.parametrize(("ramps", "after"), [(24, 1.2), (6, 1.2), (24, 0.1), (6, 0.0)])
+@pytest.mark.parametrize(("ramps", "after"), [
+    dear(24, 1.2, seconds=27), (6, 1.2), dear(24, 0.1, seconds=27), (6, 0.0)])
 def test_the_interval_covers_the_true_ratio(ramps: int, after: float) -> None:
     """Drawn again 300 times; by ramps, not by readings, which would cover a third of the time less.
 

@@ -52,6 +52,7 @@ from benchmarks.trials.trial import (
 )
 from benchmarks.trials.unmodelled_faults import STRANGERS, Bend, Jump, Stick
 from tests.oracles.axisymmetric import Film, neo_hooke, solve_load
+from tests.support.costs import dear
 from tests.support.datasets import HEAD, write_dataset
 from tympan.fem.toml_writer import specimen_content, toml
 from tympan.studies.data.dataset import read_dataset
@@ -114,6 +115,7 @@ def test_strangers_change_the_readings() -> None:
         assert np.abs(readings(design, Truth(stranger=stranger)) - plain).max() > 1e-6, name
 
 
+@pytest.mark.study(seconds=35)
 def test_the_fitted_model_foretells_readings_made_otherwise(lab: Lab) -> None:
     """To a fraction of the noise, for every effect at a typical size."""
     design, simulation = lab.paper
@@ -143,7 +145,8 @@ def test_effects_that_stand_out_are_named_and_no_others(lab: Lab, count: int) ->
     assert sum(bool(record.named) for record in records if record.population == "deleted") <= 1
 
 
-@pytest.mark.parametrize("count", [2, pytest.param(4, marks=pytest.mark.study)])
+@pytest.mark.parametrize("count", [dear(2, seconds=36),
+                                   pytest.param(4, marks=pytest.mark.study)])
 def test_exact_aliases_are_called_so(lab: Lab, count: int) -> None:
     """A gain of the amplifier, a drift that is a sensor's zero; more, of one mass too."""
     assert all(record.reported for record in trials(lab, "alias", count))
@@ -174,7 +177,8 @@ def test_two_effects_that_one_specimen_alone_shows_are_not_named(lab: Lab, numbe
 
 
 @pytest.mark.parametrize("stranger", [
-    Bend(0.04), Jump(150e-6, 40), pytest.param(Stick(200e-6), marks=pytest.mark.study)])
+    dear(Bend(0.04), seconds=31), dear(Jump(150e-6, 40), seconds=36),
+    pytest.param(Stick(200e-6), marks=pytest.mark.study)])
 def test_strangers_get_no_name(lab: Lab, stranger: Bend | Jump | Stick) -> None:
     """What sticks is judged in every run of the suite from readings by force laws."""
     design, simulation = lab.paper
@@ -213,6 +217,7 @@ def test_two_effects_that_hide_each_other_are_found(lab: Lab) -> None:
     assert judgement.posterior.fits[0].hypothesis == hypothesis
 
 
+@pytest.mark.study(seconds=23)
 def test_a_rival_beyond_what_is_sampled_first_is_looked_for(lab: Lab) -> None:
     """Stiffening of 5.4 usual sizes, which a stiff electrode mimics within 1 in χ²."""
     design, simulation = lab.paper

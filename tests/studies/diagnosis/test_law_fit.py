@@ -77,6 +77,7 @@ def held_true(folder: Path, seeds: range) -> tuple[int, int, list[float]]:
     return sum(held), len(held), widths
 
 
+@pytest.mark.study(seconds=36)
 def test_limits_of_hidden_moduli_hold_them(tmp_path: Path) -> None:
     held, count, widths = held_true(tmp_path, range(4))
     assert held >= count - 2  # fewer of twelve in one of 50 draws

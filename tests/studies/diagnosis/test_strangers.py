@@ -24,6 +24,7 @@ from benchmarks.trials.unmodelled_faults import (
     Thickness,
     Warp,
 )
+from tests.support.costs import dear
 from tests.support.trials import read
 from tympan.geometry.specimen import Plate
 from tympan.studies.diagnosis.hypothesis import Cause
@@ -126,7 +127,7 @@ def test_what_a_page_blames_is_the_column(three_shapes: Simulation, stranger: Ex
     assert blamed(judge(three_shapes, table.with_values(shown), CAUSES)) == told
 
 
-@pytest.mark.parametrize("share", [0.02, -0.03])
+@pytest.mark.parametrize("share", [0.02, dear(-0.03, seconds=20)])
 def test_a_film_of_another_thickness_is_no_slip_of_labels(three_shapes: Simulation, share: float
                                                           ) -> None:
     """Other labels leave little of it, a film of its own leaves noise; of these causes none does.

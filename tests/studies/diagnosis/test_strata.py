@@ -129,6 +129,7 @@ def test_a_film_sags_under_its_grease(tmp_path: Path) -> None:
     assert np.abs(flat - nominal.table.value[rows]).max() > 50e-6
 
 
+@pytest.mark.study(seconds=33)
 def test_a_permittivity_that_rises_is_not_taken_for_a_film_that_hardens_less(tmp_path: Path
                                                                               ) -> None:
     """Falling ones are seen by nobody here, so that a diagnosis that asks for one sign alone leaves
@@ -146,6 +147,7 @@ def test_a_permittivity_that_rises_is_not_taken_for_a_film_that_hardens_less(tmp
     assert Cause("strain_stiffening") not in judgement.named
 
 
+@pytest.mark.study(seconds=17)
 def test_a_few_taps_do_not_tell_their_noise_by_themselves() -> None:
     """A trial of the study in which nothing can be seen: by the scatter of twelve taps about
     smooth curves alone they were a tenth as noisy as stated, and unexplained."""
@@ -219,6 +221,7 @@ def test_strata_are_taken_up_again(tmp_path: Path) -> None:
     assert max(record.seen for record in records) > SEEN
 
 
+@pytest.mark.study(seconds=38)
 def test_what_readings_at_rest_leave_open_is_named_by_a_tester(tmp_path: Path) -> None:
     """A spring of 3 N/m beside all films: at rest a zero of the sensor may be it as well."""
     plan, spring = STRATA["force"].ask(0).plan, Cause("parallel_spring")

@@ -21,6 +21,7 @@ SIGMA = 10e-6
 MASS = (Cause("unaccounted_mass"),)
 
 
+@pytest.mark.study(seconds=24)
 def test_limits_of_a_louder_fit_are_those_with_more_noise(three_shapes: Simulation) -> None:
     table = read(three_shapes, design(SIGMA, voltages=5), MASS, [2e-3], seed=1)
     quiet = fit(three_shapes, MASS, table)

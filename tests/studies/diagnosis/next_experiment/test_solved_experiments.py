@@ -125,6 +125,7 @@ def test_a_line_is_what_finer_films_show() -> None:
             assert np.median(np.abs(away - np.median(away))) < 3e-6
 
 
+@pytest.mark.study(seconds=23)
 def test_a_longer_dwell_is_what_films_that_creep_do(tmp_path: Path) -> None:
     """By the axisymmetric membrane in time, within 4 µm where ten times the dwell moves 60."""
     plan = steps.slow()

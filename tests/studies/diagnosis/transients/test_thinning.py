@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2, f, kstest
 
+from tests.support.costs import dear
 from tests.support.noise import autoregressive
 from tympan.studies.data.sampled_run import SampledRun, faults
 from tympan.studies.diagnosis.history import VoltageHistory
@@ -37,8 +38,9 @@ def coloured(count: int, correlation: float, random: np.random.Generator) -> np.
     return NOISE * autoregressive(white, np.exp(-1 / RATE / correlation))
 
 
-@pytest.mark.parametrize("correlation", [0.0, 0.05, 0.2])
-@pytest.mark.parametrize("swing", [0.0, 1e-4])
+@pytest.mark.parametrize(("swing", "correlation"), [
+    (0.0, 0.0), (1e-4, 0.05), dear(0.0, 0.05, seconds=4), dear(0.0, 0.2, seconds=5),
+    dear(1e-4, 0.0, seconds=3), dear(1e-4, 0.2, seconds=4)])
 def test_limits_hold_and_p_values_are_even(correlation: float, swing: float) -> None:
     """By forty records: 95 % limits hold 95 %, χ² of a record is χ², neighbours hardly know of each
     other. Samples taken as independent would be off by a factor of 4 at 0.05 s."""

@@ -11,6 +11,7 @@ import pytest
 from tests.oracles.readings import runs_in_time
 from tests.oracles.readings.round_actuators import Hidden
 from tests.oracles.readings.runs_in_time import Run
+from tests.support.costs import dear
 from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import ViscousBranch
 from tympan.studies.data.dataset import read_dataset
@@ -45,6 +46,7 @@ def fitted(nominal: Calibration, *effects: str) -> Fit:
                np.r_[nominal.fit.unknowns, sizes])
 
 
+@pytest.mark.study(seconds=70)
 def test_creep_is_named(tmp_path: Path) -> None:
     diagnosis = diagnose(read_dataset(runs_in_time.write(
         tmp_path / "d", Hidden(branch=20e3), SLOW, seed=1))).json()
@@ -56,7 +58,7 @@ def test_creep_is_named(tmp_path: Path) -> None:
     assert any("became" in remark for remark in diagnosis["warnings"])
 
 
-@pytest.mark.parametrize(("branch", "time"), [(60e3, 2.0), (100e3, 1.0)])
+@pytest.mark.parametrize(("branch", "time"), [(60e3, 2.0), dear(100e3, 1.0, seconds=7)])
 def test_creep_of_other_sizes_and_times(tmp_path: Path, branch: float, time: float) -> None:
     """Both within their limits, what is left is noise, and the readings at rest keep theirs."""
     nominal = calibration(tmp_path / "d", Hidden(branch=branch, time=time), SLOW)
@@ -76,7 +78,8 @@ LONG = Run(shapes=("middle", "large"), masses=(2e-2,), voltage=5e3, length=60.0,
 
 
 @pytest.mark.parametrize("hidden", [
-    Hidden(branch=100e3, time=20.0, others=((100e3, 0.5),)), Hidden(branch=100e3, time=5.0)])
+    dear(Hidden(branch=100e3, time=20.0, others=((100e3, 0.5),)), seconds=42),
+    dear(Hidden(branch=100e3, time=5.0), seconds=24)])
 def test_a_second_branch_is_found_where_there_is_one(tmp_path: Path, hidden: Hidden) -> None:
     """Fast and slow within their limits, and noise is left; of a single one no second is told."""
     diagnosis = diagnose(read_dataset(runs_in_time.write(tmp_path / "d", hidden, LONG, 1))).json()
@@ -98,8 +101,8 @@ def test_nothing_hidden_is_nothing_found(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("effect", "size", "hidden"), [
     ("plate_damping", 0.1, Hidden(damping=0.1)),
-    ("series_resistance", 20e6, Hidden(damping=0.1, resistance=20e6)),
-    ("sensor_lag", 8e-3, Hidden(damping=0.1, lag=8e-3)),
+    dear("series_resistance", 20e6, Hidden(damping=0.1, resistance=20e6), seconds=9),
+    dear("sensor_lag", 8e-3, Hidden(damping=0.1, lag=8e-3), seconds=7),
     ("added_mass", 1e-3, Hidden(damping=0.1, added=1e-3))])
 def test_what_the_swing_after_a_jump_tells(tmp_path: Path, effect: str, size: float,
                                            hidden: Hidden) -> None:
@@ -115,7 +118,7 @@ def test_what_the_swing_after_a_jump_tells(tmp_path: Path, effect: str, size: fl
 
 
 @pytest.mark.parametrize(("effect", "size", "hidden", "run"), [
-    ("plate_damping", 0.1, Hidden(damping=0.1), replace(FAST, hum=(30e-6, 50.0))),
+    dear("plate_damping", 0.1, Hidden(damping=0.1), replace(FAST, hum=(30e-6, 50.0)), seconds=3),
     ("sensor_lag", 8e-3, Hidden(damping=0.1, lag=8e-3), replace(FAST, hum=(50e-6, 60.0))),
     ("sensor_lag", 12e-3, Hidden(damping=0.1, lag=12e-3),
      replace(FAST, rate=200.0, before=200, share=0.02, hum=(30e-6, 50.0)))])
@@ -285,6 +288,7 @@ def staircase(folder: Path, dwell: bool, noise: float = 3e-6) -> Path:
     return folder
 
 
+@pytest.mark.study(seconds=25)
 def test_a_ramp_with_its_dwell_creeps_and_is_no_hysteresis(tmp_path: Path) -> None:
     """Ways up and down differ as creep makes them differ; read at rest that is called something
     else, which leaves more."""
