@@ -358,7 +358,8 @@ def test_bands_of_a_curve_and_of_one_case_are_the_quantiles_of_ten_thousand_film
 def test_the_band_of_a_force_is_that_of_films_held_by_finite_elements() -> None:
     """The median film's force is that of stiffness and thickness alone: F goes as μ T."""
     given = replace(STILL, stiffness=Scatter(film=0.1))
-    plain, found = (tympan.force(oval(), settings=COARSE, to="6 mm", points=4, voltages=[0.0, "3 kV"], **more)
+    plain, found = (tympan.force(oval(), settings=COARSE, to="6 mm", points=4,
+                                 voltages=[0.0, "3 kV"], **more)
                     for more in ({}, {"tolerances": given}))
     assert plain.curves[0].band_force_N == ()
     for curve in found.curves:
