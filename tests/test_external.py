@@ -169,6 +169,7 @@ def test_the_command_lists_width_and_permittivity_for_the_strip_under_voltage() 
     assert np.array(list(sizes.values())) / 2 == pytest.approx(power, abs=0.01)
 
 
+@pytest.mark.study(seconds=10)
 def test_the_command_finds_most_of_the_warm_strips_in_the_temperature() -> None:
     """But says that it does not explain them whole; its power is the share a degree of the fit."""
     said = by_command.judged(vhb_temperature.DATASETS["20, 40, 60 °C, three rates"])

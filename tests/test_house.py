@@ -8,6 +8,7 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -40,11 +41,17 @@ BREACHES = {
 }
 
 
+@cache
+def parsed(file: Path) -> ast.Module:
+    """A module, parsed once for all tests, which change none."""
+    return ast.parse(file.read_text(encoding="utf-8"))
+
+
 def files_of(*folders: str) -> Iterator[tuple[Path, ast.Module]]:
     """The modules of folders, parsed, each with its path from the root; links are not followed."""
     for folder in folders:
         for file in sorted((ROOT / folder).rglob("*.py")):
-            yield file.relative_to(ROOT), ast.parse(file.read_text(encoding="utf-8"))
+            yield file.relative_to(ROOT), parsed(file)
 
 
 def imports(tree: ast.Module) -> Iterator[str]:

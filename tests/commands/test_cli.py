@@ -101,8 +101,10 @@ def test_solve_prints_what_its_user_needs(capsys, tmp_path: Path) -> None:
     assert re.search(r"^reading  ", capsys.readouterr().out, re.MULTILINE)
 
 
-@pytest.mark.parametrize("name", ACTUATORS)
-@pytest.mark.parametrize("basis", ["membrane", "cone"])
+@pytest.mark.parametrize(("name", "basis"), [
+    ("circular", "membrane"), ("elliptical-small", "cone"),
+    dear("circular", "cone", seconds=1), dear("elliptical-small", "membrane", seconds=1),
+    dear("elliptical-large", "membrane", seconds=1), dear("elliptical-large", "cone", seconds=1)])
 def test_alpha_json(name: str, basis: str, capsys) -> None:
     assert main(["alpha", str(ACTUATORS[name]), "--basis", basis, "--json"]) == 0
     result = printed(capsys)
@@ -127,7 +129,7 @@ def test_alpha_refuses_too_many_circles(capsys) -> None:
 
 
 def test_solve_stores_fields_and_numbers(tmp_path, capsys) -> None:
-    assert main(["solve", str(ACTUATORS["circular"]), "--mass", "17.9 g", "-o",
+    assert main(["solve", str(ACTUATORS["circular"]), "--mass", "17.9 g", "--refine", "0.5", "-o",
                  str(tmp_path / "new" / "folder")]) == 0
     assert "deflection  " in capsys.readouterr().out
     folder = tmp_path / "new" / "folder"
@@ -146,17 +148,17 @@ def test_a_result_that_does_not_exist_leaves_no_old_fields(tmp_path, capsys) -> 
     file.write_text(SOFT_FILM)
     drawn = ["soft.json", "soft.png", "soft.svg", "soft.vtu"]
     for voltage, names in (("3 kV", drawn), ("20 kV", ["soft.json"])):
-        assert main(["solve", str(file), "--mass", "17.9 g", "--voltage", voltage, "-o",
-                     str(tmp_path / "out")]) == 0
+        assert main(["solve", str(file), "--mass", "17.9 g", "--voltage", voltage, "--refine",
+                     "0.5", "-o", str(tmp_path / "out")]) == 0
         assert sorted(item.name for item in (tmp_path / "out").glob("[!.]*")) == names
     assert "no_equilibrium" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(("mass", "prestretch"), [
-    ("0 g", "1, 1"), ("0 g", "0.5, 0.5"), ("0.001 g", "0.99, 0.99"), ("17.9 g", "1, 1"),
-    dear("17.9 g", "0.5, 0.5", seconds=3), dear("17.9 g", "0.99, 0.99", seconds=2),
-    dear("0.001 g", "0.5, 0.5", seconds=1.5), dear("0 g", "0.99, 0.99", seconds=1),
-    dear("0.001 g", "1, 1", seconds=1)])
+    ("17.9 g", "0.5, 0.5"), ("0.001 g", "0.99, 0.99"), ("0 g", "1, 1"),
+    dear("17.9 g", "0.99, 0.99", seconds=2), dear("17.9 g", "1, 1", seconds=2),
+    dear("0.001 g", "0.5, 0.5", seconds=1), dear("0.001 g", "1, 1", seconds=1),
+    dear("0 g", "0.5, 0.5", seconds=1), dear("0 g", "0.99, 0.99", seconds=1)])
 def test_slack_films_end_with_a_status(tmp_path, capsys, prestretch: str, mass: str) -> None:
     file = tmp_path / "slack.toml"
     file.write_text(SOFT_FILM.replace("2.2360679775, 2.2360679775", prestretch))

@@ -36,11 +36,12 @@ def peak(call: Callable[[], object]) -> int:
         tracemalloc.stop()
 
 
-@pytest.fixture
-def written(tmp_path: Path) -> Path:
-    time = np.arange(MANY) * 1e-3
-    write_sheet(tmp_path / "signal.csv", COLUMNS, {"t": time, "voltage": 1e3 * (time % 2.0)})
-    return tmp_path / "signal.csv"
+@pytest.fixture(scope="module")
+def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A long table, which no test changes."""
+    time, file = np.arange(MANY) * 1e-3, tmp_path_factory.mktemp("long") / "signal.csv"
+    write_sheet(file, COLUMNS, {"t": time, "voltage": 1e3 * (time % 2.0)})
+    return file
 
 
 def test_a_long_table_is_read_and_written_in_little_memory(written: Path) -> None:

@@ -15,6 +15,7 @@ import pytest
 
 import tympan.__main__
 from benchmarks.trials.signals import tried
+from tests.support.costs import dear
 from tests.support.specimens import specimen_toml
 
 TYMPAN = [sys.executable, "-m", "tympan"]
@@ -82,12 +83,13 @@ def test_a_signal_during_an_import_is_one_line(tmp_path, number: int, seconds: f
 
 
 @pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="no /proc")
-def test_signals_at_any_moment_are_one_line_and_nothing_is_lost() -> None:
+@pytest.mark.parametrize("moments", [1, dear(4, seconds=40)])
+def test_signals_at_any_moment_are_one_line_and_nothing_is_lost(moments: int) -> None:
     """From when the process listens on, through imports, fit and drawing; then the next run.
 
-    Processes take a second each; `make signals` tries eleven commands.
+    A moment takes two processes of seconds; `make signals` tries all commands at many.
     """
-    statuses, faults = tried("material fit", 4, seed=4, kill=False)
+    statuses, faults = tried("material fit", moments, seed=4, kill=False)
     assert faults == []
     assert set(statuses) <= {0, 130, 143}
     assert max(statuses) > 0
@@ -142,7 +144,7 @@ def test_output_that_finds_no_room_or_no_reader(arguments: list[str], unbuffered
 
 def test_a_backend_that_does_not_exist_draws_nothing_on_no_screen(tmp_path) -> None:
     (tmp_path / "oval.toml").write_text(specimen_toml())
-    status, _, error = run("lumped", "simulate", str(tmp_path / "oval.toml"), "--duration",
-                           "0.1 s", "-o", str(tmp_path), MPLBACKEND="nonsense")
+    status, _, error = run("draw", str(tmp_path / "oval.toml"), "-o", str(tmp_path),
+                           MPLBACKEND="nonsense")
     assert (status, error) == (0, "")
     assert list(tmp_path.glob("*.png"))

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.support.costs import dear
 from tests.support.specimens import specimen_toml
 from tympan import cli
 from tympan.geometry import system
@@ -22,7 +23,7 @@ from tympan.geometry.system import out_of_memory, silent
 ADVICE = "use a smaller --refine, or fewer --workers\n"
 
 
-@pytest.mark.parametrize("refine", ["1", "20"])
+@pytest.mark.parametrize("refine", [dear("1", seconds=4), "20"])
 def test_a_solve_without_memory_is_one_line(tmp_path: Path, refine: str) -> None:
     """With refine 20 SuperLU gets none, and prints besides; with refine 1 NumPy or SuperLU."""
     file = tmp_path / "oval.toml"

@@ -141,8 +141,8 @@ from tympan.geometry.mesher import MeshSettings, mesh_film
 from tympan.geometry.outlines import Ellipse
 from tympan.geometry.specimen import Electrode, Film, Plate, Specimen
 plate = Plate(Ellipse((9e-3, 6e-3)), (3e-3, 2e-3))
-membrane = Film(1e-3, (2.0, 2.0), NeoHooke(2e4), 4.7)
-specimen = Specimen("oval", Ellipse((60e-3, 45e-3)), plate, membrane, Electrode(3e-3, 2e-3))
+film = Film(1e-3, (2.0, 2.0), NeoHooke(20e3), 4.7)
+specimen = Specimen("oval", Ellipse((60e-3, 45e-3)), plate, film, Electrode(3e-3, 2e-3))
 assert mesh_film(specimen, MeshSettings(), frozenset()).points.size
 """
     subprocess.run([sys.executable, "-c", script], check=True,

@@ -12,15 +12,29 @@ from tests.support.costs import dear
 from tests.support.datasets import write_dataset
 from tests.support.specimens import SOFT, specimen_toml
 from tympan.cli import main
+from tympan.geometry.outlines import examples
+from tympan.reports import look
 from tympan.reports.diagnosis.self_check import build_self_check_page
 from tympan.reports.figures.alpha import draw_map
+from tympan.reports.paper import page as paper_page
 from tympan.reports.rebuild import KINDS, rebuild
-from tympan.studies.alpha import LoadGrid
+from tympan.studies.alpha import LoadGrid, table
 from tympan.studies.alpha.map import AlphaMap, MapSettings, alpha_map
 from tympan.studies.diagnosis.hypothesis import Cause
 from tympan.studies.diagnosis.self_check import SyntheticSet, summary_of
 
 SPECIMEN = specimen_toml(frame='shape = "ellipse"\nsemi_axes = ["6 cm", "4 cm"]', film=SOFT)
+PROBLEM = """
+specimen = "elliptical-large"
+mass = "17.9 g"
+voltage = "6.5 kV"
+[vary]
+"frame.semi_axes.0" = ["40 mm", "11 cm"]
+"frame.semi_axes.1" = ["30 mm", "8 cm"]
+"plate.radius" = ["9 mm", "20 mm"]
+[limits]
+max_field = "60 MV/m"
+"""
 STUDY = """
 specimens = ["oval.toml"]
 [curves]
@@ -61,10 +75,17 @@ def outlines(folder: Path) -> None:
 
 
 def alpha_map_of_few(folder: Path) -> None:
-    few = MapSettings(loads=LoadGrid((17.9e-3,), (0.0, 3e3)), aspects=(1.1, 1.4, 1.8, 2.5),
-                      ratios=(0.1, 0.3, 0.6), inside=3, outside=2)
+    few = MapSettings(loads=LoadGrid((17.9e-3,), (0.0, 3e3)), aspects=(1.1, 1.6, 2.5),
+                      ratios=(0.1, 0.3, 0.6), inside=1, outside=1)
     alpha_map(few).save(folder)
     draw_map(AlphaMap.load(folder), folder)
+
+
+def design_by_finite_elements(folder: Path) -> None:
+    (folder.parent / "oval.toml").write_text(SPECIMEN, encoding="utf-8")
+    (folder.parent / "problem.toml").write_text(PROBLEM, encoding="utf-8")
+    problem = str(folder.parent / "problem.toml")
+    assert main(["design", problem, "-o", str(folder), "--refine", "0.5"]) == 0
 
 
 def design(folder: Path) -> None:
@@ -131,6 +152,7 @@ RUNS: dict[str, Callable[[Path], None]] = {
     "outlines": outlines,
     "map": alpha_map_of_few,
     "design": design,
+    "design by finite elements": design_by_finite_elements,
     "sweep": sweep,
     "material fit": material_fit,
     "diagnose": diagnose,
@@ -153,15 +175,34 @@ def test_every_kind_has_a_run() -> None:
     assert set(RUNS) == set(KINDS)
 
 
-#: Processor seconds of the dearest runs.
-DEAR = {"diagnose": 75, "outlines": 24, "lumped paper": 23}
+#: Outlines of which a table is made, and figures of the paper that are drawn, where few will do: a
+#: round frame, and one whose circles are two; curves, loops and a map.
+FEW_OUTLINES = ("circle", "stadium")
+FEW_FIGURES = ("fig7", "fig13", "misfit")
 
 
-@pytest.mark.parametrize("command", [
-    dear(command, seconds=DEAR[command]) if command in DEAR else command for command in KINDS])
-def test_figures_are_drawn_again_byte_for_byte(command: str, tmp_path: Path) -> None:
+@pytest.fixture
+def whole(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> bool:
+    """Whether all outlines and all figures of the paper are drawn, else few."""
+    if not request.param:
+        few = {name: examples()[name] for name in FEW_OUTLINES}
+        monkeypatch.setattr(table, "examples", lambda: few)
+        figures = {name: compose if name in FEW_FIGURES else lambda *_: look.new_figure(20.0)
+                   for name, compose in paper_page.FIGURES.items()}
+        monkeypatch.setattr(paper_page, "FIGURES", figures)
+    return bool(request.param)
+
+
+@pytest.mark.parametrize(("command", "whole"), [
+    *((command, False) for command in KINDS if command != "diagnose"),
+    pytest.param("diagnose", True, marks=pytest.mark.study), dear("outlines", True, seconds=24),
+    dear("lumped paper", True, seconds=23)], indirect=["whole"])
+def test_figures_are_drawn_again_byte_for_byte(
+        command: str, whole: bool, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """They are also what a command names last of all that it prints."""
     folder = tmp_path / "folder"
     RUNS[command](folder)
+    printed = capsys.readouterr().out.splitlines()
     vectors = {file: file.read_bytes() for file in folder.glob("*.svg")}
     drawn = [*vectors, *folder.glob("*.png"), *folder.glob("*.html")]
     assert drawn
@@ -169,5 +210,7 @@ def test_figures_are_drawn_again_byte_for_byte(command: str, tmp_path: Path) -> 
         file.unlink()
     shown = rebuild(folder)
     assert shown
+    if printed:
+        assert printed[-len(shown):] == [str(file) for file in shown]
     assert all(file.exists() for file in (*shown, *drawn))
     assert {file: file.read_bytes() for file in vectors} == vectors
