@@ -24,17 +24,6 @@ from tympan.studies.diagnosis.hypothesis import Cause
 from tympan.studies.diagnosis.self_check import SyntheticSet, summary_of
 
 SPECIMEN = specimen_toml(frame='shape = "ellipse"\nsemi_axes = ["6 cm", "4 cm"]', film=SOFT)
-PROBLEM = """
-specimen = "elliptical-large"
-mass = "17.9 g"
-voltage = "6.5 kV"
-[vary]
-"frame.semi_axes.0" = ["40 mm", "11 cm"]
-"frame.semi_axes.1" = ["30 mm", "8 cm"]
-"plate.radius" = ["9 mm", "20 mm"]
-[limits]
-max_field = "60 MV/m"
-"""
 STUDY = """
 specimens = ["oval.toml"]
 [curves]
@@ -79,13 +68,6 @@ def alpha_map_of_few(folder: Path) -> None:
                       ratios=(0.1, 0.3, 0.6), inside=1, outside=1)
     alpha_map(few).save(folder)
     draw_map(AlphaMap.load(folder), folder)
-
-
-def design_by_finite_elements(folder: Path) -> None:
-    (folder.parent / "oval.toml").write_text(SPECIMEN, encoding="utf-8")
-    (folder.parent / "problem.toml").write_text(PROBLEM, encoding="utf-8")
-    problem = str(folder.parent / "problem.toml")
-    assert main(["design", problem, "-o", str(folder), "--refine", "0.5"]) == 0
 
 
 def design(folder: Path) -> None:
@@ -152,7 +134,6 @@ RUNS: dict[str, Callable[[Path], None]] = {
     "outlines": outlines,
     "map": alpha_map_of_few,
     "design": design,
-    "design by finite elements": design_by_finite_elements,
     "sweep": sweep,
     "material fit": material_fit,
     "diagnose": diagnose,
