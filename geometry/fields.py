@@ -69,8 +69,9 @@ class Key:
     """Content of a key of an input file, or of a result; of a result the meaning alone.
 
     ``dimension`` is one of :data:`tympan.geometry.units.DIMENSIONS`, "" for plain numbers; ``rule``
-    the limits of a text or of every number, from a file or from Python; ``name`` the key where it
-    is not the field's name; ``kinds`` what a table, or each of a list of tables, may be.
+    the limits of a text or of every number, from a file or from Python; ``made`` those of Python,
+    where a fit may pass through what no file may have; ``name`` the key where it is not the
+    field's name; ``kinds`` what a table, or each of a list of tables, may be.
     ``inline``: the kind's keys stand beside this one's.
     ``needs`` names another key, without which (or where that is 0) this one has no place. A
     ``discrete`` field has no derivatives. ``default`` says what a missing key means, where the
@@ -86,6 +87,7 @@ class Key:
     meaning: str
     dimension: str = ""
     rule: Rule = FINITE
+    made: Rule | None = None
     name: str = ""
     kinds: Registry[Any] | None = None
     inline: bool = False
@@ -145,6 +147,11 @@ class Field:
             return WHOLE
         holds, words = self.says.rule
         return (lambda x: WHOLE[0](x) and holds(x)), words
+
+    @property
+    def made(self) -> Rule:
+        """The limits of each of its numbers where it is made in Python."""
+        return self.says.made or self.rule
 
     @property
     def discrete(self) -> bool:
@@ -473,7 +480,7 @@ def numbers(values: Any, dimension: str, key: str) -> tuple[float, ...]:
 def _in_si(field: Field, value: Any) -> Any:
     """Arguments of a constructor as the dataclass keeps them."""
     if (type(value) is float and field.kind is float
-            and -LARGEST <= value <= LARGEST and field.rule[0](value)):
+            and -LARGEST <= value <= LARGEST and field.made[0](value)):
         return value  # what nearly all are, in each of a search's many thousand specimens
     try:
         if isinstance(value, str) and field.says.kinds is not None and field.says.kinds.by_name:
@@ -526,7 +533,7 @@ def _require_text(field: Field, text: Any) -> None:
 
 def _require_limits(field: Field, part: Any, given: Any) -> None:
     """Refuse numbers beyond their limits, or too few; an imaginary step does not count."""
-    holds, words = field.rule
+    holds, words = field.made
     items = part if field.several else (part,)
     if field.several and len(part) < field.says.least and part != field.default:
         what = "points" if get_origin(field.item) is tuple else "numbers"

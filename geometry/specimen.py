@@ -19,7 +19,7 @@ from tympan.geometry.outlines.drawn import Drawn
 from tympan.geometry.outlines.outline import SMALLEST
 from tympan.geometry.paths import any_complex
 from tympan.geometry.rays import exits
-from tympan.geometry.toml_reader import NON_NEGATIVE, POSITIVE, Rule
+from tympan.geometry.toml_reader import FINITE, NON_NEGATIVE, POSITIVE, Rule
 from tympan.geometry.units import place_text, quantities_text
 
 Stretch = NDArray[np.float64] | NDArray[np.complex128]
@@ -182,17 +182,17 @@ class Film:
                                     also=("height",))]
     prestretch: Annotated[Pair, Key(
         "stretches along x and y from the virgin film to the flat mounted one; one number is both",
-        rule=_STRETCH, also=("stretch", "pre_stretch"), repeats=True)]
+        rule=_STRETCH, made=POSITIVE, also=("stretch", "pre_stretch"), repeats=True)]
     material: Annotated[Material, Key(
         "a law with its constants, or a name of the library; true stress must grow over the "
         "stretches of `range`, 0.5 to 6 unless the law's table says others; beyond a `range` that "
         "is given, thickness included, results warn", kinds=LAWS)]
     relative_permittivity: Annotated[float, Key(
-        "ε_r of the mounted film", rule=_PERMITTIVITY,
+        "ε_r of the mounted film", rule=_PERMITTIVITY, made=POSITIVE,
         default="that of the library's material", also=("permittivity", "epsilon_r", "eps_r"))]
     permittivity_exponent: Annotated[float, Key(
         "n of the permittivity ε_r (J/J_p)^(-n), J = λ₁λ₂, J_p its mounted value",
-        rule=_EXPONENT)] = 0.0
+        rule=_EXPONENT, made=FINITE)] = 0.0
     density: Annotated[float, Key(
         "mass per volume; left out, the film is weightless, also one of the library",
         "density", _DENSITY)] = 0.0
@@ -206,13 +206,14 @@ class Film:
         name="branch")] = ()
     thickness_gradient: Annotated[Pair, Key(
         "by which shares the virgin film is thicker than in the middle where the mounted one "
-        "reaches the frame's half extents along x and y", rule=_UNEVEN)] = (0.0, 0.0)
+        "reaches the frame's half extents along x and y", rule=_UNEVEN, made=FINITE)] = (0.0, 0.0)
     mounted: Annotated[float | None, Key(
         "time since the film was stretched; left out, so long ago that its branches are relaxed",
         "time", NON_NEGATIVE)] = None
     temperature_power: Annotated[float, Key(
         "p: in coupon tests at an absolute temperature T law and branches are (T/293.15 K)^p times "
-        "as stiff; films are solved at 20 degrees Celsius", rule=_POWER, discrete=True)] = 0.0
+        "as stiff; films are solved at 20 degrees Celsius", rule=_POWER, made=FINITE,
+        discrete=True)] = 0.0
     layers: Annotated[int, Key(
         "equal films in a stack, each with its electrodes: force, capacitance and mass are those "
         "of all, stress and field those of each; loads, gas and plate are there once",

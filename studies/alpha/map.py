@@ -110,7 +110,7 @@ class Reading:
     @property
     def specimen(self) -> Specimen:
         """An ellipse with the paper's film and short semi-axis."""
-        return Specimen(f"ellipse {self.aspect:.4g}, plate {self.plate_over_short:.4g}",
+        return Specimen(f"ellipse {self.aspect:.4g} plate {self.plate_over_short:.4g}",
                         Ellipse((self.aspect * SHORT, SHORT)),
                         Plate(Circle(self.plate_over_short * SHORT)), paper_film(self.material))
 

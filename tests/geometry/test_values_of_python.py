@@ -53,7 +53,7 @@ def test_what_is_no_number_is_refused_with_its_key(value: Any, field: Field) -> 
 def test_a_number_beyond_the_limits_of_its_key_is_refused(value: Any, field: Field) -> None:
     """The same that a file is refused for, in the same words."""
     for number in (-1e31, -1.0, 0.0, 0.5, 2.5, 1e31, float("inf")):
-        holds, words = field.rule
+        holds, words = field.made
         if not holds(number):
             with pytest.raises(InputError) as refused:
                 _given(value, field, number)

@@ -48,9 +48,9 @@ def filmed(specimen: Any, mass: float = 17.9e-3, voltage: float = 3e3,
 def films() -> dict[str, FilmSurface]:
     """An ellipse whose long axis is y and a circle, of a film whose strength is known."""
     oval = load_specimen(Table("oval.toml", tomllib.loads(specimen_toml())))
-    standing = replace(oval, name="</script>", frame=Ellipse((45e-3, 60e-3)))
-    circle = replace(oval, name="circle", frame=Circle(45e-3))
-    return {item.name: filmed(item) for item in (standing, circle)}
+    standing = replace(oval, frame=Ellipse((45e-3, 60e-3)))
+    circle = replace(oval, frame=Circle(45e-3))
+    return {name: filmed(item) for name, item in (("</script>", standing), ("circle", circle))}
 
 
 def decoded(item: dict[str, Any], columns: int = 1) -> NDArray[Any]:
