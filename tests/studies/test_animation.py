@@ -15,7 +15,6 @@ import pyvista as pv
 from PIL import Image
 
 import tympan
-from tests.support.costs import dear
 from tests.support.specimens import circular
 from tympan.cli import main
 from tympan.commands import transient
@@ -82,8 +81,7 @@ def test_modes_swing_there_and_back(film: Path, tmp_path: Path, monkeypatch: pyt
 
 
 @pytest.mark.parametrize(("command", "name"), [
-    dear(["modes", "--mass", "17.9 g", "--count", "1", "--refine", "0.5"], "circle-modes.gif",
-         seconds=6, name="modes"),
+    (["modes", "--mass", "17.9 g", "--count", "1", "--refine", "0.5"], "circle-modes.gif"),
     (["transient", "--signal", "ramp", "--high", "3 kV", "--duration", "2 s", "--interval",
       "100 ms", "--refine", "0.5"], "circle.gif")], ids=["modes", "transient"])
 def test_an_earlier_film_stays_until_another_is_whole(

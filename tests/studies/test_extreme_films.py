@@ -9,7 +9,6 @@ import pytest
 
 from benchmarks.trials.extreme_films import MESH, design, faults_of, judged, study, table
 from benchmarks.trials.robustness import write_section
-from tests.support.costs import dear
 from tests.support.specimens import circular, elliptical
 from tympan.fem.equilibrium import newton, path_following
 from tympan.fem.equilibrium.newton import EXHAUSTED, Budget, NewtonSettings, tangent_work
@@ -79,7 +78,7 @@ def test_films_that_did_not_end_have_no_lumped_model_and_a_reason(name: str) -> 
 
 def test_all_loads_that_circles_are_weighed_at_draw_on_one_budget(monkeypatch: pytest.MonkeyPatch
                                                                    ) -> None:
-    """At each of twelve masses the film takes all the work of a search, 12 s, and has no answer."""
+    """At each of thirty masses the film takes all the work of a search, 12 s, and has no answer."""
     monkeypatch.setattr(path_following, "WORK", 1e5)
     monkeypatch.setattr(path_following, "_TANGENTS", 2)
     film, made = ENDLESS["long, stiff"].specimen, []
@@ -90,11 +89,11 @@ def test_all_loads_that_circles_are_weighed_at_draw_on_one_budget(monkeypatch: p
             made.append(model.unknowns)
 
     monkeypatch.setattr(newton, "Tangent", Counted)
-    loads = LoadGrid(tuple(np.linspace(1.0, 1.3, 12).tolist()), (8e3,))
+    loads = LoadGrid(tuple(np.linspace(1.0, 1.3, 30).tolist()), (8e3,))
     with pytest.raises(InputError, match=EXHAUSTED):
         alpha(film, Settings(), AlphaSettings(loads, LoadGrid(())))
     # Two circles beside the film, two tangents a load.
-    assert 40 < len(made) < 2 * 3 * 12
+    assert 100 < len(made) < 2 * 3 * 30
     assert set(made) == {build_model(film, Settings()).unknowns}
 
 
@@ -141,9 +140,7 @@ def test_a_search_for_limits_has_its_own_bound() -> None:
     assert solving.bounded(model) is solving
 
 
-@pytest.mark.parametrize("drawn", [
-    dear(drawn, seconds=3) if drawn.number in (3, 5) else drawn for drawn in design(6, seed=2)],
-    ids=lambda drawn: str(drawn.number))
+@pytest.mark.parametrize("drawn", list(design(6, seed=2)), ids=lambda drawn: str(drawn.number))
 def test_an_extreme_film(drawn) -> None:
     record = judged(drawn, MeshSettings(order=2).refined(0.5))
     assert not record.wrong, record

@@ -12,7 +12,6 @@ from scipy.constants import epsilon_0
 from tests.oracles import axisymmetric, inflation
 from tests.oracles.laws import gent
 from tests.oracles.unstable import slack_voltage
-from tests.support.costs import dear
 from tests.support.specimens import ROOT5, circular, elliptical
 from tympan.fem.film.laws import Gent, NeoHooke
 from tympan.fem.film.library import MATERIALS, library_strength
@@ -111,8 +110,7 @@ def test_a_film_that_thins_as_it_loses_tension_loses_it_on_every_mesh() -> None:
     assert np.ptp(voltages) < 2e-4 * voltages[0]
 
 
-@pytest.mark.parametrize("refine", [1, dear(2, seconds=9)])
-def test_a_limit_that_the_mesh_makes_is_said_to_be_hardly_resolved(refine: int) -> None:
+def test_a_limit_that_the_mesh_makes_is_said_to_be_hardly_resolved() -> None:
     """Where Gent's law locks: by the equations the film outside the electrode pulls for ever."""
     film = Film(0.2e-3, (4.0, 4.0), Gent(15e3, 90.0), 4.8)
     disc = Specimen("spot", Circle(10e-3), None, film,
@@ -121,9 +119,10 @@ def test_a_limit_that_the_mesh_makes_is_said_to_be_hardly_resolved(refine: int) 
     assert inflation.voltage_at(oracle, 10e-3 / 3, 6.815) > 15e3
     assert inflation.pull_of(oracle, 10e-3 / 3, 6.815) > 1e3
     case = Case(disc, rig=Rig(gravity=1e-9))
-    tension = limits(case, Settings(mesh=MeshSettings().refined(refine))).tension
-    assert tension is None or (refine == 1 and not tension.resolved)
+    tension = limits(case, Settings()).tension
+    assert tension is None or not tension.resolved
     assert tension is None or "±" in tension.text or "order of magnitude" in tension.text
+    assert limits(case, Settings(mesh=MeshSettings().refined(2))).tension is None
 
 
 def test_a_limit_without_a_sure_digit_is_known_to_its_order_of_magnitude() -> None:
@@ -157,18 +156,13 @@ def test_solve_knows_its_film_s_limits(film: Specimen) -> None:
     assert CaseResult.__eq__(from_json(CaseResult, below.json()), below)
 
 
-FRICTION, LAG = {"friction": 5e-3}, {"lag_voltage": 100.0}
-
-
-@pytest.mark.parametrize(("voltage", "rig", "keys"), [
-    (2000.0, {}, ""), (2000.0, FRICTION | LAG, "friction and lag_voltage of the rig are"),
-    (3500.0, FRICTION, "friction of the rig is"), (3500.0, LAG, "lag_voltage of the rig is"),
-    dear(3500.0, {}, "", seconds=2),
-    dear(3500.0, FRICTION | LAG, "friction and lag_voltage of the rig are", seconds=2),
-    dear(2000.0, FRICTION, "friction of the rig is", seconds=2),
-    dear(2000.0, LAG, "lag_voltage of the rig is", seconds=2)])
+@pytest.mark.parametrize(("rig", "keys"), [
+    ({}, ""), ({"friction": 5e-3}, "friction of the rig is"), ({"lag_voltage": 100.0},
+                                                               "lag_voltage of the rig is"),
+    ({"friction": 5e-3, "lag_voltage": 100.0}, "friction and lag_voltage of the rig are")])
+@pytest.mark.parametrize("voltage", [2000.0, 3500.0])
 def test_solve_says_what_it_leaves_out_without_a_direction(
-        film: Specimen, voltage: float, rig: dict[str, float], keys: str) -> None:
+        film: Specimen, rig: dict[str, float], keys: str, voltage: float) -> None:
     """In one line, below the film's limit and beyond; with a direction it counts and no word is
     said."""
     case = Case(film, mass=20e-3, voltage=voltage, rig=Rig(**rig))

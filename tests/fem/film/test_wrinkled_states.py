@@ -66,7 +66,7 @@ def test_a_charged_film_goes_on_wrinkled_as_the_relaxed_equations_say() -> None:
     sample, force = SAMPLES["separable"], 50e-3 * 9.81
     reference = Film(10e-3, 45e-3, 1e-3, 1.4, sample.reference, 4.7, relaxed=True)
     heaves, ends, shares = [], [], []
-    for refine in (0.7, 0.85, 1.0):
+    for refine in (0.7, 1.0, 1.4):
         film = model(circular(sample.law, prestretch=(1.4, 1.4)), refine=refine)
         outcome = equilibrium(film, force, 4717.0)
         assert outcome.status == "equilibrium"

@@ -11,13 +11,10 @@ from tests.support.creeping import CREEPS, EXACT, FORCE, MASS, TIMES, film, move
 from tympan.fem.results.fields import edge_fields
 from tympan.fem.rig import Rig
 from tympan.fem.transient.integrate import StepSettings
-from tympan.geometry.mesher import MeshSettings
 from tympan.geometry.outlines import Ellipse
 from tympan.geometry.specimen import Specimen, ViscousBranch
 from tympan.studies.case import Case, Settings, solve
 from tympan.studies.transient import TransientCase, begun, history, solve_after
-
-COARSE = Settings(MeshSettings(order=2).refined(0.7))
 
 
 def test_the_equations_give_the_references() -> None:
@@ -154,8 +151,7 @@ def test_a_film_that_thins_after_a_while_says_when() -> None:
     limit = solve(Case(film(), mass=MASS, voltage=9.5e3), Settings())
     assert limit.status == "no_equilibrium"
     assert "thins without bound" in limit.warnings[0]
-    signal = stepped(0.0, 9.5e3, np.array([1000.0]))
-    done = history(TransientCase(CREEPS, signal, mass=MASS), COARSE)
+    done = moved(CREEPS, stepped(0.0, 9.5e3, np.array([1000.0])))
     assert done.stopped is not None
     assert done.stopped.kind == "thinning"
     assert 0 <= done.stopped.time < 1000.0
@@ -172,7 +168,7 @@ def test_solve_after_a_time_is_on_the_way_to_rest() -> None:
 
 
 def test_solve_after_says_when_the_film_pulled_in() -> None:
-    pulled = solve_after(Case(CREEPS, mass=MASS, voltage=12e3), 100.0, COARSE)
+    pulled = solve_after(Case(CREEPS, mass=MASS, voltage=12e3), 100.0, Settings())
     assert pulled.status == "no_equilibrium"
     assert "after" in pulled.warnings[0]
 

@@ -6,7 +6,6 @@ functions of the flat annulus, the electrodes' weight by the shape of a flat fil
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
@@ -62,17 +61,16 @@ def swinging_mass(a: float, b: float, plate: float, hidden: Hidden) -> float:
 
 
 def write(folder: Path, hidden: Hidden, seed: int, noise: float = 10e-6, share: float = 1e-3,
-          swings: bool = True, shapes: Iterable[str] = SHAPES) -> Path:
+          swings: bool = True) -> Path:
     """A dataset with these things hidden in it, with ``noise`` [m] and a ``share`` of frequencies.
     """
     hidden.only("electrode", "unaccounted", "added", "spring", "air", "tether")
     random = np.random.default_rng(seed)
     folder.mkdir()
-    (folder / "dataset.toml").write_text(dataset_file(noise, shapes, DENSITY), encoding="utf-8")
+    (folder / "dataset.toml").write_text(dataset_file(noise, density=DENSITY), encoding="utf-8")
     static, swung = ["specimen,mass_g,voltage_kV,displacement_mm"], [
         "specimen,mass_g,voltage_kV,mode,frequency_Hz,sigma_Hz"]
-    for name in shapes:
-        shape = SHAPES[name]
+    for name, shape in SHAPES.items():
         for mass in MASSES:
             for voltage, deflection, frequency in states_of(shape, mass, hidden):
                 start = f"{name},{1e3 * mass!r},{1e-3 * voltage!r}"

@@ -7,8 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.support.costs import dear
-from tests.support.library import WHOLE, library_of
 from tympan.reports.diagnosis.page import build_diagnosis_page, verdict_words
 from tympan.studies.data.dataset import read_dataset
 from tympan.studies.diagnosis.diagnose import diagnose, judge_dataset
@@ -29,15 +27,8 @@ def folder_of(folder: Path, name: str, noise: str = "10 um") -> Path:
     return folder
 
 
-#: What loads, supplies and sensors do, one of which is hidden.
-FEW = ("parallel_spring", "unaccounted_mass", "voltage_sag", "friction", "sensor_gain",
-       "sensor_zero")
-
-
-def judged(folder: Path, name: str, library: tuple[str, ...] = FEW, noise: str = "10 um"
-           ) -> Judgement:
-    with library_of(*library):
-        return judge_dataset(read_dataset(folder_of(folder, name, noise)))[1]
+def judged(folder: Path, name: str, noise: str = "10 um") -> Judgement:
+    return judge_dataset(read_dataset(folder_of(folder, name, noise)))[1]
 
 
 def lines_off(judgement: Judgement) -> list[tuple[str, int]]:
@@ -45,10 +36,8 @@ def lines_off(judgement: Judgement) -> list[tuple[str, int]]:
     return [(str(table.file[row]), int(table.line[row])) for row in off]
 
 
-@pytest.mark.parametrize("library", [FEW, dear(WHOLE, seconds=11.0)], ids=["few", "whole"])
-def test_one_reading_off_is_told_and_the_rest_agrees(tmp_path: Path, library: tuple[str, ...]
-                                                     ) -> None:
-    judgement = judged(tmp_path, "slip", library)
+def test_one_reading_off_is_told_and_the_rest_agrees(tmp_path: Path) -> None:
+    judgement = judged(tmp_path, "slip")
     assert judgement.verdict == "nothing"
     assert lines_off(judgement) == [("static.csv", 67)]
     assert judgement.told.off.max() == pytest.approx(0.5e-3, abs=40e-6)
@@ -57,18 +46,16 @@ def test_one_reading_off_is_told_and_the_rest_agrees(tmp_path: Path, library: tu
     assert judgement.test_of_all.p_value < 1e-3 < judgement.test.p_value
 
 
-@pytest.mark.parametrize("library", [FEW, dear(WHOLE, seconds=11.0)], ids=["few", "whole"])
-def test_errors_that_remember_are_no_misfit(tmp_path: Path, library: tuple[str, ...]) -> None:
-    judgement = judged(tmp_path, "remembers", library, noise="")
+def test_errors_that_remember_are_no_misfit(tmp_path: Path) -> None:
+    judgement = judged(tmp_path, "remembers", noise="")
     assert judgement.verdict == "nothing"
     assert judgement.told.correlation == pytest.approx(0.8, abs=0.15)
     assert not lines_off(judgement)
 
 
-@pytest.mark.parametrize("library", [FEW, dear(WHOLE, seconds=11.0)], ids=["few", "whole"])
-def test_a_frequency_of_another_mode_is_told(tmp_path: Path, library: tuple[str, ...]) -> None:
+def test_a_frequency_of_another_mode_is_told(tmp_path: Path) -> None:
     """And the other eleven keep the noise that is written beside them."""
-    judgement = judged(tmp_path, "mode", library)
+    judgement = judged(tmp_path, "mode")
     assert judgement.verdict == "nothing"
     assert lines_off(judgement) == [("frequency.csv", 6)]
     others = judgement.table.sigma[(judgement.table.kind == "frequency")
@@ -76,11 +63,9 @@ def test_a_frequency_of_another_mode_is_told(tmp_path: Path, library: tuple[str,
     assert np.all(others < 0.1)
 
 
-@pytest.fixture(scope="module", params=[FEW, dear(WHOLE, seconds=27.0)], ids=["few", "whole"])
-def with_slips(tmp_path_factory: pytest.TempPathFactory, request: pytest.FixtureRequest
-               ) -> Diagnosis:
-    with library_of(*request.param):
-        return diagnose(read_dataset(folder_of(tmp_path_factory.mktemp("bench"), "zero")))
+@pytest.fixture(scope="module")
+def with_slips(tmp_path_factory: pytest.TempPathFactory) -> Diagnosis:
+    return diagnose(read_dataset(folder_of(tmp_path_factory.mktemp("bench"), "zero")))
 
 
 def test_an_effect_is_named_beside_slips(with_slips: Diagnosis) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tests.support.datasets import HEAD, write_dataset
-from tests.support.trials import design, every_cause, few_causes
+from tests.support.trials import design, every_cause
 from tympan.geometry.errors import InputError
 from tympan.studies.data.dataset import read_dataset
 from tympan.studies.diagnosis.bench_errors import with_film_scatter, with_voltage_errors
@@ -99,8 +99,7 @@ def test_noise_is_as_stated_where_voltages_are_off(three_shapes: Simulation) -> 
     assert as_stated.test.noise == pytest.approx(1.0, abs=0.2)
     zero = (Cause("sensor_zero"),)
     moved = read(zero, [1e-4])
-    without, with_them = (judge(three_shapes, table, few_causes(three_shapes))
-                          for table in (moved, counted(moved)))
+    without, with_them = (judged(three_shapes, table) for table in (moved, counted(moved)))
     assert with_them.named == zero
     fits = [one.posterior.fit_of(zero) for one in (without, with_them) if one.posterior]
     assert fits[1].deviations[2] < 0.9 * fits[0].deviations[2]

@@ -15,7 +15,6 @@ from benchmarks.trials.synthetic_trials import FINEST, MESHES
 from tests.oracles.axisymmetric import solve_deflection
 from tests.support.costs import dear
 from tests.support.datasets import HEAD, write_dataset
-from tests.support.library import WHOLE, library_of
 from tests.support.specimens import circular, reference_film, skewed
 from tympan.cli import main
 from tympan.fem.equilibrium.solve import equilibrium, held
@@ -130,39 +129,27 @@ def test_lines_have_a_zero_of_their_own(tmp_path: Path, plain: Evidence) -> None
     assert 0 < seen.max() < 1e-6
 
 
-#: What moves a film aside, and what heaves show.
-ASIDE = ("thickness_gradient", "plate_eccentricity", "unaccounted_mass", "sensor_zero")
-#: What film and electrode have, and what heaves show.
-OVER_FILM = ("strain_stiffening", "prestretch_anisotropy", "electrode_margin", "electrode_patch",
-             "parallel_spring", "sensor_zero")
-
-
-@pytest.mark.parametrize(("effect", "sizes", "library"), [
-    ("thickness_gradient", (0.15, -0.03), ASIDE),
-    pytest.param("plate_eccentricity", (1e-3, -0.5e-3), WHOLE, marks=pytest.mark.study),
-    dear("thickness_gradient", (0.15, -0.03), WHOLE, seconds=99.0)])
+@pytest.mark.parametrize(("effect", "sizes"), [
+    pytest.param("plate_eccentricity", (1e-3, -0.5e-3), marks=pytest.mark.study),
+    dear("thickness_gradient", (0.15, -0.03), seconds=99)])
 def test_a_line_names_what_moves_the_film_aside(tmp_path: Path, effect: str,
-                                                sizes: tuple[float, ...],
-                                                library: tuple[str, ...]) -> None:
+                                                sizes: tuple[float, ...]) -> None:
     line = film_lines.write(tmp_path / "line", [(effect, sizes, None)], 1, shapes=["round"])
-    with library_of(*library):
-        _, judged, _ = judge_dataset(read_dataset(line))
+    _, judged, _ = judge_dataset(read_dataset(line))
     assert [str(cause) for cause in judged.named] == [effect]
     assert judged.chosen is not None
     assert judged.chosen.unknowns[2:] == pytest.approx(sizes, rel=0.1, abs=0.05e-3)
 
 
-@pytest.mark.parametrize("library", [OVER_FILM, dear(WHOLE, seconds=40.0)], ids=["few", "whole"])
-def test_what_heaves_do_not_tell_a_line_names(tmp_path: Path, library: tuple[str, ...]) -> None:
+def test_what_heaves_do_not_tell_a_line_names(tmp_path: Path) -> None:
     """And the page and the file say so."""
     effect, size = "prestretch_anisotropy", 0.03
     read = film_lines.seen([(effect, (size,), None)], ["round"])
     heaves, line = (read_dataset(film_lines.write(tmp_path / name, seed=1, shapes=["round"],
                                                   places=places, read=read))
                     for name, places in (("heaves", None), ("line", cross)))
-    with library_of(*library):
-        assert judge_dataset(heaves)[1].verdict != "named"
-        diagnosis = diagnose(line)
+    assert judge_dataset(heaves)[1].verdict != "named"
+    diagnosis = diagnose(line)
     assert diagnosis.verdict == "named"
     diagnosis.save(tmp_path / "out")
     page, = build_diagnosis_page(Diagnosis.load(tmp_path / "out"), tmp_path / "out")
@@ -173,9 +160,8 @@ def test_what_heaves_do_not_tell_a_line_names(tmp_path: Path, library: tuple[str
     assert parameter["value"] == pytest.approx(size, rel=0.1)
 
 
-@pytest.mark.parametrize("library", [OVER_FILM, dear(WHOLE, seconds=61.0)], ids=["few", "whole"])
-def test_a_spot_without_electrode_is_named_by_a_line(tmp_path: Path, library: tuple[str, ...]
-                                                     ) -> None:
+@pytest.mark.study(seconds=60)
+def test_a_spot_without_electrode_is_named_by_a_line(tmp_path: Path) -> None:
     """By films of other meshes and order; without a line nothing is said of spots."""
     sizes = (20e-3, -12e-3, 0.5)
     read = film_lines.seen([("electrode_patch", sizes, "round")], ["round"])
@@ -184,8 +170,7 @@ def test_a_spot_without_electrode_is_named_by_a_line(tmp_path: Path, library: tu
                     for name, places in (("heaves", None), ("line", cross)))
     spot = Cause("electrode_patch", "round")
     assert spot not in prepared_readings(read_dataset(heaves)).causes
-    with library_of(*library):
-        verdict = diagnose(read_dataset(line)).json()
+    verdict = diagnose(read_dataset(line)).json()
     assert verdict["verdict"] == "named"
     cause = verdict["causes"][0]
     assert (cause["effect"], cause["which"]) == (spot.name, spot.which)
@@ -208,12 +193,9 @@ def test_what_lies_over_a_film_otherwise_is_no_spot(tmp_path: Path, effect: str,
     assert listed.get("electrode_patch", 0.0) < 0.1
 
 
-@pytest.mark.parametrize("library", [OVER_FILM, dear(WHOLE, seconds=30.0)], ids=["few", "whole"])
-def test_nothing_hidden_in_lines_is_nothing_found(tmp_path: Path, plain: Evidence,
-                                                  library: tuple[str, ...]) -> None:
+def test_nothing_hidden_in_lines_is_nothing_found(tmp_path: Path, plain: Evidence) -> None:
     data = film_lines.write(tmp_path / "d", seed=2, shapes=["round"], read=plain)
-    with library_of(*library):
-        assert judge_dataset(read_dataset(data))[1].verdict == "nothing"
+    assert judge_dataset(read_dataset(data))[1].verdict == "nothing"
 
 
 def test_places_off_the_film_get_line_and_column(

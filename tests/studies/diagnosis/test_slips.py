@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.support.trials import design, read, without_effects
+from tests.support.trials import design, read
 from tympan.studies.diagnosis.fits.fitting import nominal_fit
 from tympan.studies.diagnosis.hypothesis import Cause
 from tympan.studies.diagnosis.inference.relabelled import Part, Relabelling, relabelling_of
@@ -28,7 +28,7 @@ def table(three_shapes: Simulation) -> ReadingTable:
 
 
 def judged(simulation: Simulation, table: ReadingTable) -> Judgement:
-    return judge(without_effects(simulation), table, CAUSES)
+    return judge(simulation, table, CAUSES)
 
 
 def test_single_readings_are_told_by_their_lines(three_shapes: Simulation,

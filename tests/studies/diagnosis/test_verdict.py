@@ -3,7 +3,6 @@ computed another way."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -11,8 +10,7 @@ import pytest
 from scipy.special import logsumexp
 from scipy.stats import kstest, multivariate_t
 
-from tests.support.costs import dear
-from tests.support.trials import design, every_cause, few_causes, read
+from tests.support.trials import design, every_cause, read
 from tympan.studies.diagnosis.fits.evidence import interval
 from tympan.studies.diagnosis.fits.fit import NUISANCE
 from tympan.studies.diagnosis.fits.fitting import fit
@@ -40,11 +38,6 @@ def overweight(three_shapes: Simulation) -> tuple[ReadingTable, Judgement]:
     """Readings of loads that are 3 g heavier than stated, and what is said of them."""
     table = read(three_shapes, design(SIGMA), (MASS,), [3e-3], seed=1)
     return table, judge(three_shapes, table, every_cause(three_shapes))
-
-
-#: Whether verdicts are among few causes or all of the library.
-CAUSES = pytest.mark.parametrize("causes_of", [few_causes, dear(every_cause, seconds=12.0)],
-                                 ids=["few", "whole"])
 
 
 def _sampled(simulation: Simulation, cause: Cause, table: ReadingTable
@@ -117,15 +110,13 @@ def test_a_factor_at_its_bound_takes_up_nothing(three_shapes: Simulation) -> Non
     assert judged.verdict == "unexplained"
 
 
-@CAUSES
 def test_the_noise_is_found_though_misstated_and_not_what_is_smooth(
-        three_shapes: Simulation, overweight: tuple[ReadingTable, Judgement],
-        causes_of: Callable[[Simulation], list[Cause]]) -> None:
+        three_shapes: Simulation, overweight: tuple[ReadingTable, Judgement]) -> None:
     table, as_stated = overweight
     nominal = fit(three_shapes, (), table)
     assert np.sqrt(nominal.chi_squared / len(table)) > 2
     misstated = [judge(three_shapes, table.with_sigma(share * table.sigma),
-                       causes_of(three_shapes)) for share in (1 / 1.5, 1.5)]
+                       every_cause(three_shapes)) for share in (1 / 1.5, 1.5)]
     for judged in (as_stated, *misstated):
         assert judged.table.sigma.mean() == pytest.approx(SIGMA, rel=0.2)
         assert judged.named == (MASS,)
@@ -179,9 +170,7 @@ def test_pairs_never_hold_one_effect_on_two_specimens() -> None:
     assert [len(hypothesis) for hypothesis in hypotheses_of(causes)] == [1, 1, 1, 2, 2]
 
 
-@CAUSES
-def test_an_effect_out_of_the_question_is_tried_all_the_same(
-        three_shapes: Simulation, causes_of: Callable[[Simulation], list[Cause]]) -> None:
+def test_an_effect_out_of_the_question_is_tried_all_the_same(three_shapes: Simulation) -> None:
     """10 g that nobody weighed are ten times the usual.
 
     Without that cause in the list something else is said, with it the attempt finds it and calls it
@@ -190,7 +179,7 @@ def test_an_effect_out_of_the_question_is_tried_all_the_same(
     mass = Cause("unaccounted_mass")
     table = read(three_shapes, design(SIGMA, masses=(17.9e-3, 14e-3)), (mass,), [-4e-3], seed=5)
     # On the way up a plate that rubs is as good as a lighter load.
-    others = [cause for cause in causes_of(three_shapes)
+    others = [cause for cause in every_cause(three_shapes)
               if cause.name not in ("unaccounted_mass", "friction")]
     judged = judge(three_shapes, table, others)
     assert judged.verdict != "nothing"
@@ -213,14 +202,12 @@ def test_ratios_of_strokes(three_shapes: Simulation) -> None:
     assert abs(by_words["elliptical-large over circular at 22.45 g"].off_by_noise) > 3
 
 
-@CAUSES
-def test_order_of_rows_and_causes_changes_no_verdict(
-        three_shapes: Simulation, causes_of: Callable[[Simulation], list[Cause]]) -> None:
+def test_order_of_rows_and_causes_changes_no_verdict(three_shapes: Simulation) -> None:
     cause = Cause("prestretch_loss", "elliptical-large")
     table = read(three_shapes, design(SIGMA), (cause,), [0.015], seed=8)
     generator = np.random.default_rng(0)
     mixed = table[generator.permutation(len(table))]
-    causes = [*dict.fromkeys((*causes_of(three_shapes), cause))]
+    causes = every_cause(three_shapes)
     first = judge(three_shapes, table, causes)
     second = judge(three_shapes, mixed, [causes[k] for k in generator.permutation(len(causes))],
                    seed=9)
@@ -277,14 +264,12 @@ def test_a_cause_that_only_its_size_speaks_against_is_suspected(three_shapes: Si
     assert judged.simulation is not three_shapes
 
 
-@CAUSES
 def test_what_is_named_is_so_for_every_scale_of_the_priors(
-        three_shapes: Simulation, overweight: tuple[ReadingTable, Judgement],
-        causes_of: Callable[[Simulation], list[Cause]]) -> None:
+        three_shapes: Simulation, overweight: tuple[ReadingTable, Judgement]) -> None:
     table, judged = overweight
     assert judged.named == (MASS,)
     assert set(judged.robust.values()) == {(MASS,)}
     assert min(judged.robust) <= 1 / 3
     assert max(judged.robust) >= 10
     for scale in (0.2, 5.0):
-        assert judge(three_shapes, table, causes_of(three_shapes), widen=scale).named == (MASS,)
+        assert judge(three_shapes, table, every_cause(three_shapes), widen=scale).named == (MASS,)

@@ -32,10 +32,9 @@ EXAMPLE = Path(__file__).parents[3] / "examples" / "tympan-tether"
 def test_the_example_is_named_by_the_unchanged_command(tmp_path: Path) -> None:
     project = tomllib.loads((EXAMPLE / "pyproject.toml").read_text())["project"]
     site = installed(tmp_path / "site", project["name"], project["entry-points"])
-    data = swinging.write(tmp_path / "d", Hidden(tether=2e-3), seed=4, noise=5e-6, swings=False,
-                          shapes=["middle"])
-    done = run("diagnose", str(data), "-o", str(tmp_path / "out"), "--json", "--workers", "1",
-               path=(EXAMPLE, site), cache=os.environ["TYMPAN_CACHE"])
+    data = swinging.write(tmp_path / "d", Hidden(tether=2e-3), seed=4, noise=5e-6, swings=False)
+    done = run("diagnose", str(data), "-o", str(tmp_path / "out"), "--json", path=(EXAMPLE, site),
+               cache=os.environ["TYMPAN_CACHE"])
     assert done.returncode == 0, done.stderr
     verdict = json.loads(done.stdout)
     assert verdict["verdict"] == "named", verdict["headline"]

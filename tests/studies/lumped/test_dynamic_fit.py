@@ -222,8 +222,8 @@ def test_nelder_mead_takes_more_evaluations_and_fits_no_better() -> None:
 
 def test_a_misfit_of_the_model_widens_the_limits_and_is_told() -> None:
     """The same readings with weights of 0.6 and 0.4 taken as exact."""
-    statics = Exact(paper_cones(SPECIMENS, (0.6, 0.4)))
-    wrong = identify_dynamic(problem(1, statics, end=3.0), profiles=False)
+    cones = Exact(paper_cones(SPECIMENS, (0.6, 0.4)))
+    wrong = identify_dynamic(problem(1, cones, end=3.0), profiles=False)
     assert "do not follow this model" in wrong.warnings[0]
     assert wrong.sigma > 20 * NOISE
 

@@ -36,9 +36,6 @@ voltage = ["0 kV", "3 kV", "20 kV"]
 "plate.radius" = ["1 cm", "1.4 cm"]
 """
 
-#: What is compared is found on the same mesh.
-COARSE = tympan.Settings(tympan.MeshSettings().refined(0.5))
-
 GIVEN = Tolerances(thickness=Scatter(batch=0.03), load=Scatter(film=0.01))
 
 
@@ -50,13 +47,13 @@ def file(tmp_path: Path) -> Path:
 
 
 def test_bands_of_a_sweep_are_those_of_each_film(file: Path) -> None:
-    table = tympan.sweep(file, settings=COARSE, tolerances=GIVEN).table
+    table = tympan.sweep(file, tolerances=GIVEN).table
     film = tympan.load(file.parent / "oval.toml")
     assert film.plate is not None
     wide = replace(film, plate=replace(film.plate, outline=Circle(14e-3)))
     for number, (specimen, mass) in enumerate(((film, 10e-3), (wide, 20e-3))):
         case = table.isel({"specimen": 0, "plate.radius": number, "mass": number, "voltage": 1})
-        known = tympan.solve(specimen, COARSE, mass=mass, voltage=3e3, tolerances=GIVEN).bands
+        known = tympan.solve(specimen, mass=mass, voltage=3e3, tolerances=GIVEN).bands
         for edge in ("low", "median", "high"):
             assert case[f"deflection_{edge}_m"].item() == pytest.approx(
                 getattr(known["deflection_m"], edge), rel=2e-4)
@@ -72,13 +69,12 @@ def test_a_file_may_ask_for_bands_and_others_keep_their_cases(file: Path) -> Non
     """A sweep without bands has the same cases; one of other tolerances is not mistaken."""
     text = SWEEP.replace('voltage = ["0 kV", "3 kV", "20 kV"]', 'voltage = "3 kV"')
     file.write_text(text.replace('["1 cm", "1.4 cm"]', '["1 cm"]'))
-    out = file.parent / "out"
-    plain = tympan.sweep(file, out, settings=COARSE)
+    plain = tympan.sweep(file, file.parent / "out")
     assert "deflection_low_m" not in plain.table
     file.write_text('ask = ["bands"]\n' + file.read_text())
-    usual = tympan.sweep(file, out, settings=COARSE)
-    given = tympan.sweep(file, out, settings=COARSE, tolerances=GIVEN)
-    again = tympan.sweep(file, out, settings=COARSE, tolerances=GIVEN)
+    usual = tympan.sweep(file, file.parent / "out")
+    given = tympan.sweep(file, file.parent / "out", tolerances=GIVEN)
+    again = tympan.sweep(file, file.parent / "out", tolerances=GIVEN)
     assert [each.kept for each in (plain, usual, given, again)] == [0, 0, 0, 2]
     assert (usual.table["id"] == plain.table["id"]).all()
     assert (again.table["deflection_low_m"] == given.table["deflection_low_m"]).all()

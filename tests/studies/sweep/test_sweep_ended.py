@@ -19,7 +19,6 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from tests.support.costs import dear
 from tests.support.sweeps import Command, finished, read, table, written
 from tympan.geometry.mesher import MeshSettings
 from tympan.geometry.process.workers import signals_blocked
@@ -67,7 +66,7 @@ def goes_on(right: tuple[Sweep, xr.Dataset], folder: Path) -> None:
     xr.testing.assert_identical(table(folder), whole)
 
 
-@pytest.mark.parametrize("times", [3, pytest.param(10, marks=pytest.mark.study)])
+@pytest.mark.parametrize("times", [5, pytest.param(10, marks=pytest.mark.study)])
 def test_killed_many_times_the_table_is_complete_and_nothing_is_solved_twice(
         right, tmp_path, times: int) -> None:
     random = np.random.default_rng(7)
@@ -104,8 +103,7 @@ def test_what_a_signal_does_waits_for_a_process_that_is_being_started() -> None:
 
 
 @pytest.mark.parametrize(("number", "tasks"),
-                         [(signal.SIGINT, 0), dear(signal.SIGINT, 3, seconds=7),
-                          (signal.SIGTERM, 3)])
+                         [(signal.SIGINT, 0), (signal.SIGINT, 3), (signal.SIGTERM, 3)])
 def test_interrupted_it_says_so_once_and_goes_on(right, tmp_path, number, tasks: int) -> None:
     """As by Ctrl-C, which all processes of a terminal get, or by a supervisor, also those that have
     only just been started."""

@@ -119,18 +119,20 @@ def test_what_is_missing_is_solved_with_the_same_numbers(folder: Path) -> None:
 
 @pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore::DeprecationWarning",
                             "ignore::pytest.PytestUnraisableExceptionWarning")
-def test_a_cluster_is_sent_the_family_and_gives_the_same_table(folder: Path, tmp_path: Path
-                                                                 ) -> None:
+def test_processes_and_a_cluster_are_sent_the_family_and_give_the_same_table(
+        folder: Path, tmp_path: Path) -> None:
     from distributed import LocalCluster
 
     before = table(folder / "out")
+    run_sweep(planned(folder), tmp_path / "two", partial(processes, workers=2))
     with LocalCluster(n_workers=2, threads_per_worker=1, processes=True, host="127.0.0.1",
                       dashboard_address=None, silence_logs=50) as machine:
         run_sweep(planned(folder), tmp_path / "dask",
                   partial(cluster, address=machine.scheduler_address))
-    there = table(tmp_path / "dask")
-    xr.testing.assert_allclose(there, before, rtol=1e-9, atol=1e-15)
-    assert (there["by"] == before["by"]).all()
+    for name in ("two", "dask"):
+        there = table(tmp_path / name)
+        xr.testing.assert_allclose(there, before, rtol=1e-9, atol=1e-15)
+        assert (there["by"] == before["by"]).all()
 
 
 def test_rows_beyond_pull_in_are_those_of_finite_elements(tmp_path: Path) -> None:
@@ -214,12 +216,10 @@ def test_the_force_of_reduced_rows_is_that_of_finite_elements(pulled: Path) -> N
         assert (np.abs(near[name].values - known) > 1e-12 * known)[by_family].mean() > 0.6
 
 
-def test_processes_are_sent_the_family_and_give_the_same_table(pulled: Path, tmp_path: Path
-                                                                 ) -> None:
+def test_processes_give_the_same_forces(pulled: Path, tmp_path: Path) -> None:
     before = table(pulled / "out")
     run_sweep(forced(tmp_path), tmp_path / "two", partial(processes, workers=2))
     there = table(tmp_path / "two")
-    xr.testing.assert_allclose(there, before, rtol=1e-9, atol=1e-15)
     assert (there["by"] == before["by"]).all()
     for name in STROKE:
         np.testing.assert_allclose(there[name], before[name], rtol=1e-9, err_msg=name)

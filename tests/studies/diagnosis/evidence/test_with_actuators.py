@@ -10,7 +10,6 @@ import json
 import shutil
 from collections.abc import Callable
 from dataclasses import replace
-from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -20,9 +19,7 @@ from benchmarks.trials.coupons.readings import DESIGN, FILM, STRETCH, Film, at_r
 from benchmarks.trials.strata.trials import at_rest as actuators_alone
 from benchmarks.trials.trial import Lab
 from benchmarks.trials.verdict_cases.made import FOLDER
-from tests.support.costs import dear
 from tests.support.datasets import write_dataset
-from tests.support.library import WHOLE, library_of
 from tympan.studies.data.dataset import read_dataset
 from tympan.studies.diagnosis.diagnose import judge_dataset, weighed_together
 from tympan.studies.diagnosis.evidence.coupon_readings import coupon_readings
@@ -36,31 +33,17 @@ from tympan.studies.diagnosis.reduced.simulation import Simulation
 CASE = FOLDER / "softer-film"
 STIFFENING = Cause("strain_stiffening")
 
-#: What films, strips and actuators have; what the case hides looks like the second to actuators.
-FEW = ("strain_stiffening", "permittivity_stretch", "parallel_spring", "sensor_zero", "temperature",
-       "width_not_free")
-LIBRARIES = pytest.mark.parametrize("library", [FEW, dear(WHOLE, seconds=40.0)],
-                                    ids=["few", "whole"])
-
-
-@cache
-def judged(folder: Path, library: tuple[str, ...]) -> tuple[PreparedReadings, Judgement]:
-    """The verdict on all readings of a folder."""
-    with library_of(*library):
-        readings, judgement, _ = judge_dataset(read_dataset(folder))
-    return readings, judgement
-
 
 @pytest.fixture(scope="module")
 def together() -> tuple[PreparedReadings, Judgement]:
     """The verdict on all readings of the case."""
-    return judged(CASE, FEW)
+    readings, judgement, _ = judge_dataset(read_dataset(CASE))
+    return readings, judgement
 
 
-@LIBRARIES
-def test_a_cause_of_the_film_is_named_by_both(library: tuple[str, ...]) -> None:
+def test_a_cause_of_the_film_is_named_by_both(together: tuple[PreparedReadings, Judgement]) -> None:
     """With one size for both, and its limits about the true one."""
-    readings, judgement = judged(CASE, library)
+    readings, judgement = together
     assert judgement.verdict == "named"
     assert judgement.named == (STIFFENING,)
     assert {"temperature", "width_not_free", "sensor_zero"} <= {
@@ -71,17 +54,15 @@ def test_a_cause_of_the_film_is_named_by_both(library: tuple[str, ...]) -> None:
     assert any("weighed together with 72 readings" in remark for remark in readings.remarks)
 
 
-@LIBRARIES
 def test_noise_of_actuators_is_told_over_what_is_stated(
-        tmp_path: Path, together: tuple[PreparedReadings, Judgement], library: tuple[str, ...]
-        ) -> None:
+        tmp_path: Path, together: tuple[PreparedReadings, Judgement]) -> None:
     """Also beside coupons, where it is found before all are judged."""
     assert together[1].noise_over(together[0].table) == pytest.approx(1.0, abs=0.1)
     folder = shutil.copytree(CASE, tmp_path / "quieter")
     words = (CASE / "dataset.toml").read_text(encoding="utf-8")
     assert 'noise = "20 um"' in words
     (folder / "dataset.toml").write_text(words.replace("20 um", "10 um"), encoding="utf-8")
-    readings, judgement = judged(folder, library)
+    readings, judgement, _ = judge_dataset(read_dataset(folder))
     assert judgement.verdict == "named"
     assert judgement.noise_over(readings.table) == pytest.approx(2.0, rel=0.2)
 

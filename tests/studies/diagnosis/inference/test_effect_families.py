@@ -10,9 +10,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tests.support.costs import dear
 from tests.support.datasets import write_dataset
-from tests.support.library import WHOLE, library_of
 from tests.support.specimens import circular
 from tests.support.trials import design, read
 from tympan.fem.equilibrium.voltage_path import voltage_path
@@ -184,22 +182,13 @@ def test_less_electrode_on_one_film_has_the_name_it_shares_with_a_slip(
     assert said.startswith(f"The voltage acts {size.range} less on the film of {which} than")
 
 
-#: Effects that carry a part of the load, and what looks like them on one film.
-FEW = ("parallel_spring", "unaccounted_mass", "friction", "sensor_gain", "sensor_zero",
-       "electrode_mass")
-
-
-@pytest.mark.parametrize(("truth", "size", "alike", "said", "library"), [
-    ("unaccounted_mass", -1.5e-3, {"unaccounted_mass", "friction"}, "less", FEW),
-    ("unaccounted_mass", 1.5e-3, {"unaccounted_mass", "electrode_mass"}, "more", FEW),
-    dear("unaccounted_mass", -1.5e-3, {"unaccounted_mass", "friction"}, "less", WHOLE,
-         seconds=13.0),
-    dear("unaccounted_mass", 1.5e-3, {"unaccounted_mass", "electrode_mass"}, "more", WHOLE,
-         seconds=12.0),
+@pytest.mark.parametrize(("truth", "size", "alike", "said"), [
+    ("unaccounted_mass", -1.5e-3, {"unaccounted_mass", "friction"}, "less"),
+    ("unaccounted_mass", 1.5e-3, {"unaccounted_mass", "electrode_mass"}, "more"),
 ])
 def test_what_does_the_same_to_one_film_has_one_name(
         three_shapes: Simulation, tmp_path: Path, truth: str, size: float, alike: set[str],
-        said: str, library: tuple[str, ...]) -> None:
+        said: str) -> None:
     """A load's mass, a plate that rubs against voltages that only rise, electrodes that weigh."""
     whole = design(SIGMA, voltages=10)
     table = read(three_shapes, whole, (Cause(truth),), [size], seed=4)
@@ -211,8 +200,7 @@ def test_what_does_the_same_to_one_film_has_one_name(
     head = toml({"name": "one", "noise": "10 um",
                  "specimen": [specimen_content(three_shapes.setup.specimens[0])]})
     folder = write_dataset(tmp_path / "one", head, (), static="\n".join(lines) + "\n")
-    with library_of(*library):
-        diagnosis = diagnose(read_dataset(folder))
+    diagnosis = diagnose(read_dataset(folder))
     assert diagnosis.verdict == "ambiguous"
     shared = {cause.effect: cause.family for cause in diagnosis.causes
               if cause.family and cause.family.name == "carried_load"}

@@ -7,7 +7,6 @@ import pytest
 from scipy.signal import lfilter
 
 from benchmarks.trials.mess import pink
-from tests.support.costs import dear
 from tympan.studies.diagnosis.inference.noise_told import Missed, Told, noise_told, probability_off
 from tympan.studies.diagnosis.inference.smooth_misfit import smooth_columns
 from tympan.studies.diagnosis.reading_table import States, rows
@@ -49,9 +48,8 @@ def told_of(errors: Array, stated: bool = True, chain: Memory | None = CHAIN) ->
     return noise_told(noise, models, lambda: smooth_columns(TABLE), chain, [STEPS])
 
 
-@pytest.mark.parametrize(("effect", "stated"), [
-    (0.0, True), (2.0, False), (20.0, False), dear(0.0, False, seconds=2.0),
-    dear(2.0, True, seconds=2.0), dear(20.0, True, seconds=2.0)])
+@pytest.mark.parametrize("stated", [True, False], ids=["stated", "nothing stated"])
+@pytest.mark.parametrize("effect", [0.0, 2.0, 20.0])
 def test_slips_are_told_by_their_rows_and_sizes(effect: float, stated: bool) -> None:
     """Nine in ten of 20 standard deviations and more, wherever they are; of good rows hardly any.
 
@@ -73,12 +71,11 @@ def test_slips_are_told_by_their_rows_and_sizes(effect: float, stated: bool) -> 
     assert wrong <= 2
 
 
-@pytest.mark.parametrize(("correlation", "count"), [
-    (0.0, 100), (0.8, 50), dear(0.8, 100, seconds=10.0)])
-def test_good_readings_are_seldom_told_off(correlation: float, count: int) -> None:
+@pytest.mark.parametrize("correlation", [0.0, 0.8])
+def test_good_readings_are_seldom_told_off(correlation: float) -> None:
     random = np.random.default_rng(7)
-    told = [told_of(SIGMA * correlated(random, correlation)) for _ in range(count)]
-    assert sum(bool(one.off.any()) for one in told) <= 0.03 * count
+    told = [told_of(SIGMA * correlated(random, correlation)) for _ in range(100)]
+    assert sum(bool(one.off.any()) for one in told) <= 3
 
 
 def test_errors_that_remember_are_told_from_such_that_do_not() -> None:
@@ -140,9 +137,7 @@ def test_the_probability_of_a_slip_grows_with_its_size() -> None:
     assert probability_off(size) == pytest.approx(0.01 * slip / (0.01 * slip + 0.99 * good))
 
 
-@pytest.mark.parametrize("count", [30, dear(60, seconds=10.0)])
-def test_effects_hardly_more_probable_than_errors_that_remember_are_not_preferred(count: int
-                                                                                 ) -> None:
+def test_effects_hardly_more_probable_than_errors_that_remember_are_not_preferred() -> None:
     """With 1/f noise one of many effects fits by chance; where an effect is, it is no noise."""
     effects = [SHARE**power * (ramp == RAMP) for ramp in range(6) for power in (0, 2, 6)]
 
@@ -153,6 +148,6 @@ def test_effects_hardly_more_probable_than_errors_that_remember_are_not_preferre
                           lambda: smooth_columns(TABLE), CHAIN).correlation > 0
 
     random = np.random.default_rng(17)
-    assert sum(remembers(pink(random, COUNT, SIGMA)[0]) for _ in range(count)) >= count / 2
+    assert sum(remembers(pink(random, COUNT, SIGMA)[0]) for _ in range(60)) >= 30
     assert not any(remembers(SIGMA * (random.normal(size=COUNT) + size * effect))
                    for effect in effects[:6] for size in (4.0, 6.0, 8.0))
