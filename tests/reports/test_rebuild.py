@@ -191,7 +191,7 @@ def test_figures_are_drawn_again_byte_for_byte(
         file.unlink()
     shown = rebuild(folder)
     assert shown
-    if printed:
+    if printed and command != "sweep":  # which names its page above its numbers
         assert printed[-len(shown):] == [str(file) for file in shown]
     assert all(file.exists() for file in (*shown, *drawn))
     assert {file: file.read_bytes() for file in vectors} == vectors
