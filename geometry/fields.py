@@ -87,7 +87,6 @@ class Key:
     meaning: str
     dimension: str = ""
     rule: Rule = FINITE
-    made: Rule | None = None
     name: str = ""
     kinds: Registry[Any] | None = None
     inline: bool = False
@@ -101,6 +100,7 @@ class Key:
     printed: str = ""
     in_unit: bool = False
     may_miss: bool = False
+    made: Rule | None = None
 
     def spelled(self, name: str, unit: str = "") -> str:
         """The key of a field of a ``name`` in a result whose unit is that."""
