@@ -182,11 +182,12 @@ def told(inside: np.ndarray) -> str:
 
 
 def test_intervals_cover_the_truth() -> None:
-    """Three runs with exact statics, one without the noise known, and one with fitted ones; to 2 %
-    of each constant."""
-    fits = [identify_dynamic(problem(seed, noise=NOISE if seed < 2 else None, end=3.0),
+    """Six runs with exact statics, two without the noise known, and two with fitted ones; to 2 % of
+    each constant."""
+    fits = [identify_dynamic(problem(seed, noise=NOISE if seed < 4 else None, end=3.0),
                              profiles=seed == 0)
-            for seed in range(3)] + [with_statics(0, profiles=False, end=3.0)]
+            for seed in range(6)] + [with_statics(seed, profiles=False, end=3.0)
+                                     for seed in range(2)]
     inside = covered(fits)
     assert len(inside) == 3 * len(fits)
     assert inside.mean() > 0.95 - 3.3 * np.sqrt(0.95 * 0.05 / len(inside))
@@ -222,8 +223,7 @@ def test_nelder_mead_takes_more_evaluations_and_fits_no_better() -> None:
 
 def test_a_misfit_of_the_model_widens_the_limits_and_is_told() -> None:
     """The same readings with weights of 0.6 and 0.4 taken as exact."""
-    cones = Exact(paper_cones(SPECIMENS, (0.6, 0.4)))
-    wrong = identify_dynamic(problem(1, cones, end=3.0), profiles=False)
+    wrong = identify_dynamic(problem(1, Exact(paper_cones(SPECIMENS, (0.6, 0.4)))), profiles=False)
     assert "do not follow this model" in wrong.warnings[0]
     assert wrong.sigma > 20 * NOISE
 
