@@ -173,9 +173,13 @@ def _kind(requirements: Requirements, settings: Settings, specimen: Specimen) ->
     try:
         sought = _sought(DesignSpace.of(requirements, specimen, settings), settings)
     except InputError as error:
+        case = Case(specimen, mass=requirements.mass, voltage=requirements.voltage,
+                    rig=requirements.rig)
+        doubted = InputError(case.doubted(error.allowed), file=error.file, key=error.key,
+                             given=error.given)
         if len(requirements.specimens) == 1:
-            raise
-        return FailedKind(specimen=specimen.name, reason=str(error))
+            raise doubted from None
+        return FailedKind(specimen=specimen.name, reason=str(doubted))
     # A process has a family's films to send where others are sought between them alone.
     space, values, exact = sought.search.space, sought.values, sought.exact
     assert exact is not None
@@ -283,11 +287,8 @@ def _settled(search: Search, starts: Array) -> Sought:
     common = replace(search, best="")
     end = common.found(common.starts() if search.best else starts)
     if end is None or end.here is None:
-        space = search.space
-        case = Case(space.specimen, mass=space.requirements.mass,
-                    voltage=space.requirements.voltage, rig=space.requirements.rig)
-        raise InputError(case.doubted("has no film in the ranges of [vary] that bears its load and "
-                                      "voltage"), key="vary", given=space.specimen.name)
+        raise InputError("has no film in the ranges of [vary] that bears its load and voltage",
+                         key="vary", given=search.space.specimen.name)
     possible = end.here.value >= -KEPT
     if not (possible and search.best):
         return Sought(common, end, possible)
