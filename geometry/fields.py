@@ -343,6 +343,8 @@ def names_arguments(more: Any = None) -> Callable[[F], F]:
             rest = values[len(arguments.positional):] if many else ()
             for name, value in (*given.items(), *((str(many), value) for value in rest)):
                 arguments.require_type(_type_of(hints[name], places), value, name)
+                if is_dataclass(value) and not isinstance(value, type):
+                    require_of_file(value)
             return function(*values, **named)
 
         return cast(F, checked)
@@ -491,7 +493,7 @@ def _in_si(field: Field, value: Any) -> Any:
             _require_part(field, value)
             return tuple(value) if isinstance(value, list) else value
         part: Any = _numbers(field, value) if field.several else _one_number(field, value)
-        _require_limits(field, part, value)
+        _require_limits(field, part, value, field.made)
         if field.item is int:
             return tuple(map(int, part)) if field.several else int(part)
         return part
@@ -531,9 +533,28 @@ def _require_text(field: Field, text: Any) -> None:
         raise InputError(field.says.rule[1], given=text)
 
 
-def _require_limits(field: Field, part: Any, given: Any) -> None:
+def require_of_file(part: Any, within: str = "") -> None:
+    """Refuse a part of an actuator with a number that no file may have.
+
+    ``within`` begins its key. Doors of Python ask for this. Constructors do not, since a fit may
+    pass through such numbers.
+    """
+    for field in fields_of(type(part)):
+        value = getattr(part, field.name)
+        if field.says.made is not None:
+            try:
+                _require_limits(field, value, value, field.rule)
+            except InputError as error:
+                raise error.located(key=within + field.key) from None
+        inner = within if field.says.inline else f"{within}{field.key}."
+        for item in value if field.several and value is not None else (value,):
+            if is_dataclass(item) and not isinstance(item, type):
+                require_of_file(item, inner)
+
+
+def _require_limits(field: Field, part: Any, given: Any, rule: Rule) -> None:
     """Refuse numbers beyond their limits, or too few; an imaginary step does not count."""
-    holds, words = field.made
+    holds, words = rule
     items = part if field.several else (part,)
     if field.several and len(part) < field.says.least and part != field.default:
         what = "points" if get_origin(field.item) is tuple else "numbers"

@@ -127,3 +127,13 @@ def test_specimens_made_in_python_are_those_of_files() -> None:
     with pytest.raises(InputError, match=r"^thickness: given '-1 mm': must be positive"):
         replace(circular().membrane, thickness="-1 mm")
     assert isinstance(replace(circular(), name="a b.c-1"), Specimen)
+
+
+@pytest.mark.parametrize(("key", "value", "words"), [
+    ("relative_permittivity", 0.5, "must be at least 1"), ("prestretch", (25.0, 2.0), "must be"),
+    ("permittivity_exponent", 11.0, "must be from -10 to 10")])
+def test_a_door_refuses_what_a_fit_may_pass_through(key: str, value: Any, words: str) -> None:
+    """A number that no file may have is made, for a fit, and refused where it is to be solved."""
+    film = replace(circular().membrane, **{key: value})
+    with pytest.raises(InputError, match=rf"^membrane\.{key}: .*{words}"):
+        tympan.solve(replace(circular(), membrane=film), mass="1 g")
