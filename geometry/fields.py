@@ -27,6 +27,7 @@ from inspect import get_annotations, signature, unwrap
 from itertools import chain
 from math import inf
 from numbers import Integral, Number
+from operator import attrgetter
 from os import PathLike
 from types import NoneType, UnionType
 from typing import (
@@ -43,7 +44,7 @@ from typing import (
 )
 
 from tympan.geometry.errors import InputError, did_you_mean, one
-from tympan.geometry.toml_reader import FINITE, WHOLE, Rule, Table, one_of
+from tympan.geometry.toml_reader import A_NUMBER, FINITE, POSITIVE, WHOLE, Rule, Table, one_of
 from tympan.geometry.units import (
     DIMENSIONS,
     LARGEST,
@@ -69,8 +70,9 @@ class Key:
     """Content of a key of an input file, or of a result; of a result the meaning alone.
 
     ``dimension`` is one of :data:`tympan.geometry.units.DIMENSIONS`, "" for plain numbers; ``rule``
-    the limits of a text or of every number, from a file or from Python; ``made`` those of Python,
-    where a fit may pass through what no file may have; ``name`` the key where it is not the
+    the limits of a text or of every number, from a file or at a door of Python; ``made`` those
+    without which there is no such thing, also on the way of a fit: a thickness is positive;
+    ``name`` the key where it is not the
     field's name; ``kinds`` what a table, or each of a list of tables, may be.
     ``inline``: the kind's keys stand beside this one's.
     ``needs`` names another key, without which (or where that is 0) this one has no place. A
@@ -148,10 +150,15 @@ class Field:
         holds, words = self.says.rule
         return (lambda x: WHOLE[0](x) and holds(x)), words
 
-    @property
+    @cached_property
     def made(self) -> Rule:
-        """The limits of each of its numbers where it is made in Python."""
-        return self.says.made or self.rule
+        """The limits of each of its numbers where it is made in Python: those that it needs.
+
+        A fit passes, and a difference steps, beyond the numbers that a file may have; those are
+        refused at the doors.
+        """
+        loose = self.item is float and self.rule is not POSITIVE
+        return self.says.made or (A_NUMBER if loose else self.rule)
 
     @property
     def discrete(self) -> bool:
@@ -206,7 +213,15 @@ def symbol(field: Field | None) -> str:
     return DIMENSIONS[dimension].symbol if dimension else "1"
 
 
-def takes_units(cls: Any) -> Any:
+def asks(cls: Any) -> Any:
+    """Let a declared dataclass of a question be made as :func:`takes_units` says.
+
+    No fit passes through it: the limits of a file hold where it is made.
+    """
+    return takes_units(cls, attrgetter("rule"))
+
+
+def takes_units(cls: Any, limits: Callable[[Field], Rule] = attrgetter("made")) -> Any:
     """Let a declared dataclass be made of what its file may hold: ``Circle("4.5 cm")``.
 
     Texts carry their unit, lists serve as tuples, names of a library as what they stand for, and
@@ -215,6 +230,7 @@ def takes_units(cls: Any) -> Any:
     unknown or a missing name. An imaginary step of a number is not looked at.
     """
     of_numbers = cls.__init__
+    rules = {field.name: limits(field) for field in fields_of(cls)}
     halves = [field for field in fields_of(cls) if field.says.doubled]
     # Of what is not declared, numbers are looked at by the dataclass itself.
     others = {name: hint for name, hint in get_type_hints(cls).items()
@@ -230,7 +246,7 @@ def takes_units(cls: Any) -> Any:
             arguments.require_type(others[name], given[name], name)
         for field in halves:
             given = _halved(field, given)
-        given = {name: _in_si(declared[name], value) if name in declared else value
+        given = {name: _in_si(declared[name], value, rules[name]) if name in declared else value
                  for name, value in given.items()}
         arguments.require(given, required)
         given = getattr(cls, "completed", dict)(given)
@@ -463,7 +479,7 @@ def number(value: Any, dimension: str, key: str) -> float:
     >>> number("17.9 g", "mass", "mass"), number(2, "mass", "mass")
     (0.0179, 2.0)
     """
-    return float(_in_si(Field(key, key, float, Key("", dimension), MISSING), value))
+    return float(_in_si(Field(key, key, float, Key("", dimension), MISSING), value, FINITE))
 
 
 def numbers(values: Any, dimension: str, key: str) -> tuple[float, ...]:
@@ -479,10 +495,10 @@ def numbers(values: Any, dimension: str, key: str) -> tuple[float, ...]:
     return tuple(number(value, dimension, key) for value in values)
 
 
-def _in_si(field: Field, value: Any) -> Any:
-    """Arguments of a constructor as the dataclass keeps them."""
+def _in_si(field: Field, value: Any, rule: Rule) -> Any:
+    """Arguments of a constructor as the dataclass keeps them, within the limits of a rule."""
     if (type(value) is float and field.kind is float
-            and -LARGEST <= value <= LARGEST and field.made[0](value)):
+            and -LARGEST <= value <= LARGEST and rule[0](value)):
         return value  # what nearly all are, in each of a search's many thousand specimens
     try:
         if isinstance(value, str) and field.says.kinds is not None and field.says.kinds.by_name:
@@ -493,7 +509,7 @@ def _in_si(field: Field, value: Any) -> Any:
             _require_part(field, value)
             return tuple(value) if isinstance(value, list) else value
         part: Any = _numbers(field, value) if field.several else _one_number(field, value)
-        _require_limits(field, part, value, field.made)
+        _require_limits(field, part, value, rule)
         if field.item is int:
             return tuple(map(int, part)) if field.several else int(part)
         return part
@@ -541,7 +557,7 @@ def require_of_file(part: Any, within: str = "") -> None:
     """
     for field in fields_of(type(part)):
         value = getattr(part, field.name)
-        if field.says.made is not None:
+        if value is not None and field.made is not field.rule:
             try:
                 _require_limits(field, value, value, field.rule)
             except InputError as error:

@@ -16,7 +16,7 @@ from typing import Annotated, Literal
 
 from tympan.geometry.column import NUMBER, Column, Heading, Meaning, usual_unit
 from tympan.geometry.errors import InputError, did_you_mean
-from tympan.geometry.fields import Key, fields_of, read, takes_units
+from tympan.geometry.fields import Key, asks, fields_of, read
 from tympan.geometry.formats import Row
 from tympan.geometry.toml_reader import POSITIVE, Rule, Table
 
@@ -33,7 +33,7 @@ _SIZES = {"area": "18 mm^2", "length": "30 mm"}
 _LINE: Rule = (lambda x: x >= 1, "must be the number of a line, from 1 on")
 
 
-@takes_units
+@asks
 @dataclass(frozen=True)
 class Stated:
     """Place of the values of one column, as the user states it.
@@ -49,7 +49,7 @@ class Stated:
     value: Annotated[str, Key("one value for the whole file, in place of a heading")] = ""
 
 
-@takes_units
+@asks
 @dataclass(frozen=True)
 class Layout:
     """Layout of a file of readings that has not the usual headings.

@@ -19,7 +19,7 @@ from tympan.geometry.outlines.drawn import Drawn
 from tympan.geometry.outlines.outline import SMALLEST
 from tympan.geometry.paths import any_complex
 from tympan.geometry.rays import exits
-from tympan.geometry.toml_reader import FINITE, NON_NEGATIVE, POSITIVE, Rule
+from tympan.geometry.toml_reader import NON_NEGATIVE, POSITIVE, Rule
 from tympan.geometry.units import place_text, quantities_text
 
 Stretch = NDArray[np.float64] | NDArray[np.complex128]
@@ -167,7 +167,8 @@ class ViscousBranch:
     As in :mod:`tympan.fem.film.memory`; a film at rest for long does not feel it.
     """
 
-    modulus: Annotated[float, Key("shear modulus per virgin volume", "stress", POSITIVE)]
+    modulus: Annotated[float, Key("shear modulus per virgin volume", "stress", POSITIVE,
+                                  made=NON_NEGATIVE)]
     time: Annotated[float, Key("in which it relaxes, by a factor e", "time", POSITIVE)]
     flow: Annotated[FlowLaw, Key("how its viscosity depends on stretch and stress", kinds=FLOWS,
                                  inline=True)] = ConstantFlow()
@@ -179,7 +180,7 @@ class Film:
     """The elastomer film before it is mounted, and how it is mounted."""
 
     thickness: Annotated[float, Key("of the virgin film", "length", _THICKNESS,
-                                    also=("height",))]
+                                    made=POSITIVE, also=("height",))]
     prestretch: Annotated[Pair, Key(
         "stretches along x and y from the virgin film to the flat mounted one; one number is both",
         rule=_STRETCH, made=POSITIVE, also=("stretch", "pre_stretch"), repeats=True)]
@@ -188,11 +189,11 @@ class Film:
         "stretches of `range`, 0.5 to 6 unless the law's table says others; beyond a `range` that "
         "is given, thickness included, results warn", kinds=LAWS)]
     relative_permittivity: Annotated[float, Key(
-        "ε_r of the mounted film", rule=_PERMITTIVITY, made=POSITIVE,
+        "ε_r of the mounted film", rule=_PERMITTIVITY, made=NON_NEGATIVE,
         default="that of the library's material", also=("permittivity", "epsilon_r", "eps_r"))]
     permittivity_exponent: Annotated[float, Key(
         "n of the permittivity ε_r (J/J_p)^(-n), J = λ₁λ₂, J_p its mounted value",
-        rule=_EXPONENT, made=FINITE)] = 0.0
+        rule=_EXPONENT)] = 0.0
     density: Annotated[float, Key(
         "mass per volume; left out, the film is weightless, also one of the library",
         "density", _DENSITY)] = 0.0
@@ -206,13 +207,13 @@ class Film:
         name="branch")] = ()
     thickness_gradient: Annotated[Pair, Key(
         "by which shares the virgin film is thicker than in the middle where the mounted one "
-        "reaches the frame's half extents along x and y", rule=_UNEVEN, made=FINITE)] = (0.0, 0.0)
+        "reaches the frame's half extents along x and y", rule=_UNEVEN)] = (0.0, 0.0)
     mounted: Annotated[float | None, Key(
         "time since the film was stretched; left out, so long ago that its branches are relaxed",
         "time", NON_NEGATIVE)] = None
     temperature_power: Annotated[float, Key(
         "p: in coupon tests at an absolute temperature T law and branches are (T/293.15 K)^p times "
-        "as stiff; films are solved at 20 degrees Celsius", rule=_POWER, made=FINITE,
+        "as stiff; films are solved at 20 degrees Celsius", rule=_POWER,
         discrete=True)] = 0.0
     layers: Annotated[int, Key(
         "equal films in a stack, each with its electrodes: force, capacitance and mass are those "

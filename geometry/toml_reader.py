@@ -21,6 +21,7 @@ Rule = tuple[Callable[[Any], bool], str]
 POSITIVE: Rule = (lambda x: 0 < x < inf, "must be positive")
 NON_NEGATIVE: Rule = (lambda x: 0 <= x < inf, "must not be negative")
 FINITE: Rule = (lambda x: -inf < x < inf, "must be finite")
+A_NUMBER: Rule = (lambda x: x == x, "must be a number")
 WHOLE: Rule = (lambda x: x % 1 == 0, "must be a whole number")
 
 #: Most tables and lists within each other, and dots of a key: no file of tympan needs more than a

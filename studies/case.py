@@ -39,7 +39,7 @@ from tympan.fem.results.firmness import firmness
 from tympan.fem.results.limit_states import LIMIT_STATES, PULL_IN, LimitState
 from tympan.fem.rig import DIRECTIONS, Rig, checked_load
 from tympan.geometry.errors import InputError
-from tympan.geometry.fields import Key, checks_types, takes_units
+from tympan.geometry.fields import Key, asks, checks_types
 from tympan.geometry.mesh import unfold
 from tympan.geometry.mesher import MeshSettings
 from tympan.geometry.specimen import Film, Specimen
@@ -85,7 +85,7 @@ class Settings:
         return replace(self, path=self.path.bounded(model, followed=True, loads=loads))
 
 
-@takes_units
+@asks
 @dataclass(frozen=True)
 class Case:
     """A specimen on a rig under a nominal ``mass`` [kg] and ``voltage`` [V].

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from tympan.fem.rig import Rig
 from tympan.geometry.columns import LEAST_STEP
 from tympan.geometry.errors import InputError
-from tympan.geometry.fields import Key, takes_units
+from tympan.geometry.fields import Key, asks
 from tympan.geometry.meanings import TIMES, VOLTAGES
 from tympan.geometry.toml_reader import POSITIVE, Rule
 from tympan.studies.columns import Column, read_sheet
@@ -160,7 +160,7 @@ class Together:
         return np.array([signal.within(piece, time) for signal in self.signals])
 
 
-@takes_units
+@asks
 @dataclass(frozen=True)
 class Wave:
     """A signal by its ``kind``: step, ramp (up and down), sine, random, or the name of a CSV file.

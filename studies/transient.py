@@ -28,7 +28,7 @@ from tympan.fem.transient.circuit import Circuit
 from tympan.fem.transient.energy import Energy, EnergyBalance
 from tympan.fem.transient.integrate import Moment, StepSettings, Stopped, Transient
 from tympan.geometry.errors import InputError
-from tympan.geometry.fields import Key, takes_units
+from tympan.geometry.fields import Key, asks
 from tympan.geometry.specimen import Specimen, require_different_names
 from tympan.geometry.toml_reader import NON_NEGATIVE
 from tympan.studies.case import (
@@ -72,7 +72,7 @@ _MORE = 1 + 1e-6
 _NUMBERS = 6
 
 
-@takes_units
+@asks
 @dataclass(frozen=True)
 class TransientCase:
     """A specimen on a rig under a nominal ``mass`` [kg] and a signal of nominal voltages.

@@ -103,7 +103,8 @@ def _encode(ffmpeg: str, frames: NDArray[np.uint8], file: Path) -> None:
          str(file)], input=frames[:, :height, :width].tobytes(), capture_output=True, check=False)
     if made.returncode:
         words = made.stderr.decode(errors="replace").strip().splitlines() or ["it does not say why"]
-        raise InputError(f"ffmpeg makes no film of the pictures: {words[-1]}", key="--animate")
+        raise InputError(f"ffmpeg makes no film of the pictures: {words[-1]}; mend it, or run "
+                         "again without --animate", key="--animate")
 
 
 def common_extent(pictures: Iterable[style.Picture]) -> tuple[float, float, float, float]:

@@ -16,7 +16,7 @@ from tympan.fem.equilibrium.solve import held
 from tympan.fem.membrane.model import Model
 from tympan.fem.rig import AGAINST_THE_WAY, MASSES, OF_TESTER, VOLTAGES, Rig
 from tympan.geometry.errors import InputError
-from tympan.geometry.fields import Key, takes_units
+from tympan.geometry.fields import Key, asks
 from tympan.geometry.specimen import Specimen
 from tympan.geometry.toml_reader import POSITIVE, Rule
 from tympan.studies.case import Case, Settings, build_model, solved_loading
@@ -31,7 +31,7 @@ _COUNTS: Rule = (lambda x: 2 <= x <= 10_000, "must be a whole number from 2 to 1
 _CYCLES: Rule = (lambda x: 1 <= x <= 1000, "must be a whole number from 1 to 1000")
 
 
-@takes_units
+@asks
 @dataclass(frozen=True)
 class ForceCase:
     """A specimen whose plate is displaced from ``start`` to ``to`` [m], at each voltage [V].

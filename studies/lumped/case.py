@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from tympan.fem.rig import Rig
 from tympan.geometry.errors import InputError
-from tympan.geometry.fields import Key, takes_units
+from tympan.geometry.fields import Key, asks
 from tympan.geometry.specimen import Specimen, require_different_names
 from tympan.studies.case import Settings
 from tympan.studies.limits.loads import usual_masses
@@ -25,7 +25,7 @@ from tympan.studies.signals import Signal, Wave
 from tympan.studies.trace import Responses
 
 
-@takes_units
+@asks
 @dataclass(frozen=True)
 class LumpedCase:
     """Specimens and lumped models under one ``mass`` [kg], by default one that suits all films.

@@ -17,7 +17,7 @@ from tympan.fem.equilibrium.solve import held
 from tympan.fem.results.fields import film_integrals
 from tympan.fem.rig import MASSES, VOLTAGES, Rig
 from tympan.geometry.errors import Failure, InputError
-from tympan.geometry.fields import Key, takes_units
+from tympan.geometry.fields import Key, asks
 from tympan.geometry.specimen import Specimen
 from tympan.geometry.toml_reader import Rule
 from tympan.studies.case import Case, Settings, build_model, solve_grid
@@ -50,7 +50,7 @@ _PERMITTIVITY = "membrane.relative_permittivity"
 _FLAT = 1e-9
 
 
-@takes_units
+@asks
 @dataclass(frozen=True)
 class SenseCase:
     """A specimen whose capacitance tells its deflection, at nominal voltages [V].

@@ -17,7 +17,7 @@ from scipy.special import erf, gamma
 
 from tympan.fem.film.library import MATERIALS, material_name
 from tympan.geometry.errors import InputError
-from tympan.geometry.fields import Key, checks_types, field_at, read, takes_units
+from tympan.geometry.fields import Key, asks, checks_types, field_at, read
 from tympan.geometry.paths import at, with_numbers
 from tympan.geometry.specimen import Specimen
 from tympan.geometry.toml_reader import Rule, Table
@@ -56,7 +56,7 @@ _SHAPE_ASSUMED = 10.0
 _OF_GAP = 0.01
 
 
-@takes_units
+@asks
 @dataclass(frozen=True)
 class Scatter:
     """Relative standard deviations (of the logarithm) of a number."""
@@ -66,7 +66,7 @@ class Scatter:
                                 rule=_SHARE)] = 0.0
 
 
-@takes_units
+@asks
 @dataclass(frozen=True)
 class LengthScatter:
     """Standard deviations of a length."""
@@ -76,7 +76,7 @@ class LengthScatter:
                                 _LENGTH)] = 0.0
 
 
-@takes_units
+@asks
 @dataclass(frozen=True)
 class StrengthScatter:
     """Weibull's distribution of a film's electric strength, whose median is the stated strength.

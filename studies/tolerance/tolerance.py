@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from tympan.fem.results.limit_states import LIMIT_STATES
 from tympan.fem.rig import MASSES, VOLTAGES, Rig
 from tympan.geometry.errors import InputError
-from tympan.geometry.fields import Key, takes_units
+from tympan.geometry.fields import Key, asks
 from tympan.geometry.outlines import area
 from tympan.geometry.specimen import Specimen
 from tympan.geometry.toml_reader import Rule
@@ -66,7 +66,7 @@ _BINS = 40
 _ALIKE = 1e-9
 
 
-@takes_units
+@asks
 @dataclass(frozen=True)
 class ToleranceCase:
     """A specimen whose numbers scatter, under a nominal ``mass`` [kg] and ``voltage`` [V].

@@ -159,7 +159,8 @@ class ArrudaBoyce(FirstInvariantLaw):
 
     law: ClassVar[str] = "arruda_boyce"
     mu: Annotated[float, Key("rubbery modulus of the chains", "stress", POSITIVE)]
-    lambda_lock: Annotated[float, Key("stretch of a taut chain", rule=_ABOVE_ONE)]
+    lambda_lock: Annotated[float, Key("stretch of a taut chain", rule=_ABOVE_ONE,
+                                       made=_ABOVE_ONE)]
 
     @property
     def locking(self) -> float:

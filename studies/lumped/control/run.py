@@ -12,7 +12,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from tympan.geometry.errors import InputError, VoltageError
-from tympan.geometry.fields import Key, takes_units
+from tympan.geometry.fields import Key, asks
 from tympan.geometry.toml_reader import NON_NEGATIVE, POSITIVE
 from tympan.studies.case import Settings
 from tympan.studies.lumped.actuator import Actuator, Viscous
@@ -80,7 +80,7 @@ _CAPACITANCES = 401
 Measured = Literal["deflection", "capacitance"]
 
 
-@takes_units
+@asks
 @dataclass(frozen=True)
 class ControlSettings:
     """Supply, sampling, sensor and method of a controller."""
