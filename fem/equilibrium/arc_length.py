@@ -28,6 +28,9 @@ _APART = 30.0
 #: Where between two points, in turn, others are tried that are nearer to what is looked for.
 _SHARES = (0.5, 0.25, 0.75, 0.5, 0.25, 0.75, 0.5)
 
+#: Halvings of a step to the last point before a fold: its load is told to 1e-4 of a step's.
+_HALVINGS = 14
+
 
 @dataclass(frozen=True)
 class ArcSettings:
@@ -136,7 +139,9 @@ class Branch:
                 return None
             root = search.root(*around)
         if root is None:
-            return None if self.model.specimen.plate else self._renewed(search.least())
+            if not self.model.specimen.plate:
+                return self._renewed(search.least())
+            root = search.last()
         return self._renewed(search.points[search.on_branch(root)])
 
     def _renewed(self, point: PathPoint) -> PathPoint:
@@ -238,6 +243,31 @@ class _Between:
                 self.at(ends[0] + share * (ends[1] - ends[0]))
         return self.around()
 
+    def last(self) -> float:
+        """The last step before the place that is on the branch of the first point, by halving.
+
+        A short fold ends the branch where the film gives way in one place: beyond it no point is
+        found, or one of another branch.
+        """
+        low, high = 0.0, min(step for step in self.points if self.passed(step))
+        for _ in range(_HALVINGS):
+            middle = (low + high) / 2
+            point = self.branch.at(self.before, middle, self.points[low])
+            if point is not None:
+                self.put(middle, point)
+            passed = middle not in self.points or self.passed(middle)
+            if passed or self._strayed(low, middle):
+                high = middle
+            else:
+                low = middle
+        return low
+
+    def _strayed(self, low: float, high: float) -> bool:
+        """Whether the points of two steps are further apart than those of one branch."""
+        apart = length(self.branch.model,
+                       self.branch._motion(self.points[low], self.points[high]))
+        return apart > _APART * (high - low + _SHARP)
+
     def least(self) -> PathPoint:
         """The point of the smallest value."""
         return self.points[min(self.values, key=lambda step: abs(self.values[step]))]
@@ -251,6 +281,4 @@ class _Between:
         if ends is None:
             return root
         low, high = ends
-        apart = length(self.branch.model,
-                       self.branch._motion(self.points[low], self.points[high]))
-        return root if apart <= _APART * (high - low + _SHARP) else low
+        return low if self._strayed(low, high) else root

@@ -12,10 +12,10 @@ import pytest
 
 from tests.oracles import axisymmetric
 from tests.oracles.laws import rivlin
-from tests.oracles.unstable import instability_voltage
+from tests.oracles.unstable import instability_voltage, least_stiffness
 from tests.support.costs import dear
 from tympan.cli import main
-from tympan.fem.film.laws import NeoHooke, Yeoh
+from tympan.fem.film.laws import NeoHooke, Ogden, Yeoh
 from tympan.fem.results.limit_states import LIMIT_STATES
 from tympan.geometry.mesher import MeshSettings
 from tympan.geometry.outlines import Circle, Ellipse
@@ -357,3 +357,32 @@ def test_solve_knows_of_the_edge_too(at_edge: Limit) -> None:
                             Settings()) for share in (0.99, 1.004))
     assert not any("gives way" in words for words in before.warnings)
     assert "the film gives way in itself at" in beyond.warnings[0]
+
+
+def softening(alpha: float, thickness: float, stretch: float) -> tuple[Specimen, axisymmetric.Film]:
+    """A film of an Ogden law of one term, for the program and for the equations."""
+    specimen = Specimen("ogden", Circle(45e-3), Plate(Circle(10e-3)), Film(
+        thickness, (stretch, stretch), Ogden((40e3,), (alpha,)), 4.7))
+    law = axisymmetric.Ogden((40e3,), (alpha,))
+    return specimen, axisymmetric.Film(10e-3, 45e-3, thickness, stretch, law, 4.7)
+
+
+@pytest.mark.parametrize(("alpha", "thickness", "stretch", "mass", "refine"), [
+    (1.2, 1e-3, 2.5, 3e-3, 0.7), (1.2, 1e-3, 2.5, 3e-3, 2.0), (1.1, 1e-3, 2.0, 3e-3, 0.7),
+    (1.3, 0.5e-3, 2.5, 3e-3, 1.5), (1.25, 0.5e-3, 3.0, 1e-3, 1.0)])
+def test_a_short_fold_is_not_stepped_over(alpha: float, thickness: float, stretch: float,
+                                          mass: float, refine: float) -> None:
+    """Beyond it there is a smooth branch, on which the film is unstable throughout."""
+    specimen, film = softening(alpha, thickness, stretch)
+    gone = limits(Case(specimen, mass=mass), refined(refine)).instability
+    assert gone is not None
+    assert gone.spread < 15e-3
+
+    below = axisymmetric.solve_load(film, mass * 9.80665, 0.975 * gone.voltage_V)
+    assert least_stiffness(film, below, film.inner) > 0
+    with pytest.raises(axisymmetric.NoEquilibrium):
+        axisymmetric.solve_load(film, mass * 9.80665, 1.02 * gone.voltage_V)
+    beyond = solve_within(Case(specimen, mass=mass, voltage=1.1 * gone.voltage_V), refined(refine))
+    assert beyond.limit is not None
+    assert (beyond.limit.kind, beyond.first) == ("instability", "instability")
+    assert "gives way in itself" in beyond.warnings[0]
