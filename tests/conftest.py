@@ -29,6 +29,15 @@ def cache(tmp_path_factory: pytest.TempPathFactory) -> None:
     os.environ["TYMPAN_CACHE"] = str(shared_folder(tmp_path_factory) / "cache")
 
 
+@pytest.fixture
+def library(request: pytest.FixtureRequest) -> Iterator[None]:
+    """The library of effects with those of the parameter alone."""
+    from tests.support.library import library_of
+
+    with library_of(*request.param):
+        yield
+
+
 def shared_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A temporary folder of the session, the same for all its processes."""
     base = tmp_path_factory.getbasetemp()

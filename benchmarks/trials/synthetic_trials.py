@@ -121,7 +121,7 @@ def _read(states: States) -> ReadingTable:
     return rows(states, "displacement", NOISE, order=number, file="static.csv", line=number + 2)
 
 
-def design(name: str, specimens: Sequence[Specimen], effects: Sequence[str] = tuple(EFFECTS),
+def design(name: str, specimens: Sequence[Specimen], effects: Sequence[str] | None = None,
            voltages: Array = UP) -> Design:
     """Three specimens under two masses, each ramp to 6.5 kV in 15 readings, one ramp after the
     other.
@@ -138,11 +138,12 @@ def design(name: str, specimens: Sequence[Specimen], effects: Sequence[str] = tu
     return design_of(name, setup, states, effects)
 
 
-def design_of(name: str, setup: Setup, states: States, effects: Sequence[str] = tuple(EFFECTS)
+def design_of(name: str, setup: Setup, states: States, effects: Sequence[str] | None = None
               ) -> Design:
     """Displacements of states, and the effects that ramps like theirs can show."""
     told = {Quantity.ELAPSED, *([Quantity.DIRECTION] if states.direction.min() < 0 else [])}
-    causes = tuple(Cause(name, which) for name in effects for which in EFFECTS[name].choices(setup)
+    causes = tuple(Cause(name, which) for name in (EFFECTS if effects is None else effects)
+                   for which in EFFECTS[name].choices(setup)
                    if told.issuperset(EFFECTS[name].shows_in))
     return Design(name, setup, _read(states), causes)
 

@@ -29,7 +29,7 @@ def every_cause(simulation: Simulation) -> list[Cause]:
             for which in effect.choices(simulation.setup)]
 
 
-def few_causes(simulation: Simulation, *more: str) -> list[Cause]:
+def few_causes(simulation: Simulation, more: tuple[str, ...] = ()) -> list[Cause]:
     """Causes of the effects :data:`FEW` and of some others."""
     return [cause for cause in every_cause(simulation) if cause.name in (*FEW, *more)]
 

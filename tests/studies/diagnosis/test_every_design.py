@@ -12,6 +12,8 @@ import pytest
 from benchmarks.trials.random_designs import RandomDesign, random_design, written
 from benchmarks.trials.synthetic_trials import MASSES, Truth, design_of, paper
 from tests.oracles import axisymmetric
+from tests.support.costs import dear
+from tests.support.library import among
 from tests.support.specimens import reference_film
 from tympan.fem.film.laws import Ogden
 from tympan.fem.film.laws.stiffened import scaled
@@ -143,7 +145,9 @@ def test_readings_of_a_film_that_wrinkles_are_kept_and_named(tmp_path: Path) -> 
 
 
 @pytest.mark.parametrize(("cause", "sizes"), [("plate_eccentricity", (3e-3, 0.0)),
-                                              ("prestretch_anisotropy", (0.03,))])
+                                              dear("prestretch_anisotropy", (0.03,), seconds=28)])
+@among("strain_stiffening", "prestretch_anisotropy", "plate_eccentricity", "parallel_spring",
+       "sensor_gain", seconds=40)
 def test_tilts_tell_a_plate_off_centre_from_an_unequal_prestretch(cause: str,
                                                                   sizes: tuple[float, ...],
                                                                   tmp_path: Path) -> None:

@@ -15,6 +15,7 @@ from benchmarks.trials.synthetic_trials import FINEST, MESHES
 from tests.oracles.axisymmetric import solve_deflection
 from tests.support.costs import dear
 from tests.support.datasets import HEAD, write_dataset
+from tests.support.library import among
 from tests.support.specimens import circular, reference_film, skewed
 from tympan.cli import main
 from tympan.fem.equilibrium.solve import equilibrium, held
@@ -141,6 +142,8 @@ def test_a_line_names_what_moves_the_film_aside(tmp_path: Path, effect: str,
     assert judged.chosen.unknowns[2:] == pytest.approx(sizes, rel=0.1, abs=0.05e-3)
 
 
+@among("strain_stiffening", "prestretch_anisotropy", "plate_eccentricity", "thickness_gradient",
+       "sensor_gain", seconds=43)
 def test_what_heaves_do_not_tell_a_line_names(tmp_path: Path) -> None:
     """And the page and the file say so."""
     effect, size = "prestretch_anisotropy", 0.03

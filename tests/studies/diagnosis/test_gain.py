@@ -121,7 +121,7 @@ def test_training_never_sees_what_is_held_out(three_shapes: Simulation,
 def test_a_cause_on_the_specimen_held_out_does_not_count(three_shapes: Simulation) -> None:
     cause = Cause("prestretch_loss", "circular")
     table = read(three_shapes, design(SIGMA), (cause,), [0.03], seed=5)
-    causes = few_causes(three_shapes, "prestretch_loss")
+    causes = few_causes(three_shapes, ("prestretch_loss",))
     judgement = judge(three_shapes, table, causes)
     report = gain_of(three_shapes, table, causes, judgement)
     notes = {split.held_out: split.note for split in report.splits if split.note}

@@ -134,7 +134,8 @@ def test_nothing_is_found_in_nothing(lab: Lab, count: int) -> None:
     assert not any(record.named for record in records)
 
 
-@pytest.mark.parametrize("count", [3, pytest.param(6, marks=pytest.mark.study)])
+@pytest.mark.parametrize("count", [dear(3, seconds=39),
+                                   pytest.param(6, marks=pytest.mark.study)])
 def test_effects_that_stand_out_are_named_and_no_others(lab: Lab, count: int) -> None:
     records = trials(lab, "strong", count)
     strong = [record for record in records if record.population == "strong" and record.identifiable]
@@ -201,6 +202,7 @@ def test_two_effects_are_both_named(lab: Lab) -> None:
     assert set(judge(simulation, table, design.causes).named) == set(hypothesis)
 
 
+@pytest.mark.study(seconds=44)
 def test_two_effects_that_hide_each_other_are_found(lab: Lab) -> None:
     """Each alone changes the readings little from where the other is: their sum foretells neither.
 

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from benchmarks.trials.unmodelled_faults import Jump, Stick
-from tests.support.trials import design, every_cause
+from tests.support.costs import dear
+from tests.support.trials import design, every_cause, few_causes
 from tympan.studies.diagnosis.fits.fitting import fit
+from tympan.studies.diagnosis.hypothesis import Cause
 from tympan.studies.diagnosis.inference.identifiability import signatures
 from tympan.studies.diagnosis.inference.projection import orthonormal
 from tympan.studies.diagnosis.inference.residual_tests import ResidualTests
@@ -114,12 +117,14 @@ def test_the_last_digits_of_columns_move_no_probability(bench: Bench, three_shap
     assert p_value(1e-10) == pytest.approx(p_value(0.0), abs=1e-6)
 
 
-def test_what_sticks_and_jumps_is_unexplained(three_shapes: Simulation) -> None:
+@pytest.mark.parametrize("causes", [few_causes, dear(every_cause, seconds=33)])
+def test_what_sticks_and_jumps_is_unexplained(
+        three_shapes: Simulation, causes: Callable[[Simulation], list[Cause]]) -> None:
     """An effect of the library that takes some of it away leaves jumps."""
     table = Bench(three_shapes, sigma=10e-6).table
     noise = table.sigma * np.random.default_rng(3).standard_normal(len(table))
     table = table.with_values(Stick(200e-6).shown(table.value, table.states) + noise)
-    judged = judge(three_shapes, table, every_cause(three_shapes))
+    judged = judge(three_shapes, table, causes(three_shapes))
     assert judged.verdict == "unexplained"
     assert judged.test.noise < 1.5
     assert fit(three_shapes, (), table).chi_squared > 1.5 * len(table)

@@ -100,6 +100,7 @@ def test_films_mounted_for_ever_are_not_called_young(tmp_path: Path) -> None:
     assert judged(plan, Truth(1.05, 0.97), tmp_path)[0] == "nothing"
 
 
+@pytest.mark.study(seconds=22)
 def test_what_heaves_leave_open_is_named_by_taps() -> None:
     """A trial of the study: 3.3 g left out of account, by the equations."""
     records = {record.population: record for record in Lab(2026).run("frequencies", 34)}

@@ -20,6 +20,7 @@ from benchmarks.trials.strata.trials import at_rest as actuators_alone
 from benchmarks.trials.trial import Lab
 from benchmarks.trials.verdict_cases.made import FOLDER
 from tests.support.datasets import write_dataset
+from tests.support.library import among, library_of
 from tympan.studies.data.dataset import read_dataset
 from tympan.studies.diagnosis.diagnose import judge_dataset, weighed_together
 from tympan.studies.diagnosis.evidence.coupon_readings import coupon_readings
@@ -32,13 +33,22 @@ from tympan.studies.diagnosis.reduced.simulation import Simulation
 
 CASE = FOLDER / "softer-film"
 STIFFENING = Cause("strain_stiffening")
+SOME = ("strain_stiffening", "second_invariant", "permittivity_stretch", "unaccounted_mass",
+        "parallel_spring", "amplifier_gain", "sensor_zero", "temperature", "width_not_free")
 
 
 @pytest.fixture(scope="module")
 def together() -> tuple[PreparedReadings, Judgement]:
-    """The verdict on all readings of the case."""
-    readings, judgement, _ = judge_dataset(read_dataset(CASE))
+    """The verdict on all readings of the case, among effects of every kind of evidence."""
+    with library_of(*SOME):
+        readings, judgement, _ = judge_dataset(read_dataset(CASE))
     return readings, judgement
+
+
+@pytest.mark.study(seconds=40)
+def test_a_cause_of_the_film_is_named_among_all_effects() -> None:
+    _, judgement, _ = judge_dataset(read_dataset(CASE))
+    assert judgement.named == (STIFFENING,)
 
 
 def test_a_cause_of_the_film_is_named_by_both(together: tuple[PreparedReadings, Judgement]) -> None:
@@ -54,6 +64,7 @@ def test_a_cause_of_the_film_is_named_by_both(together: tuple[PreparedReadings, 
     assert any("weighed together with 72 readings" in remark for remark in readings.remarks)
 
 
+@among(*SOME, seconds=30)
 def test_noise_of_actuators_is_told_over_what_is_stated(
         tmp_path: Path, together: tuple[PreparedReadings, Judgement]) -> None:
     """Also beside coupons, where it is found before all are judged."""

@@ -266,6 +266,7 @@ def rate(simulation: Simulation, wanted: int, first: int) -> float:
     return float(np.mean(np.array(shares) >= 0.9))
 
 
+@pytest.mark.study(seconds=50)
 def test_the_proposed_experiment_is_about_the_best(three_shapes: Simulation) -> None:
     """A few of the trials of the study below."""
     assert rate(three_shapes, 4, 100) >= 0.75
