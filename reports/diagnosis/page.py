@@ -127,7 +127,7 @@ def verdict_words(diagnosis: Diagnosis) -> str:
     words = _said("verdict", diagnosis, named, _suspects(diagnosis),
                   _worst_ratios(diagnosis.misfit), _unit(diagnosis),
                   diagnosis.probability.unknown >= _UNKNOWN)
-    return " ".join(filter(None, (words, _said("told", diagnosis))))
+    return " ".join(filter(None, (words, _said("told", diagnosis, _unit(diagnosis)))))
 
 
 def readings_words(diagnosis: Diagnosis) -> str:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from tympan.studies.columns import Sheet
 from tympan.studies.data.dataset import Dataset
 from tympan.studies.data.findings import step_of
-from tympan.studies.data.ramps import groups
+from tympan.studies.data.ramps import groups, ramps
 from tympan.studies.estimation.noise import Noise
 
 Array = NDArray[np.float64]
@@ -40,6 +40,23 @@ def repeat_noise(dataset: Dataset) -> Noise | None:
         scatter = dataset.run_zeros.scatter
     rounding = 1e-12 * np.abs(readings.displacement).max()
     return scatter if scatter is not None and scatter.size > rounding else None
+
+
+def ramp_scatter(dataset: Dataset) -> Noise | None:
+    """Standard deviation of one reading [m] about the curves of ramps, no less than rounding.
+
+    None where no ramp has more readings than its curve takes.
+    """
+    readings = dataset.static
+    if readings is None:
+        return None
+    curves = list(ramps(readings, np.flatnonzero(~dataset.unused)))
+    freedom = sum(len(curve.rows) - curve.columns.shape[1] for curve in curves)
+    if not freedom:
+        return None
+    squares = sum(float(curve.off @ curve.off) for curve in curves)
+    rounding = step_of(readings.displacement) / 12**0.5
+    return Noise.of_one(float(np.hypot((squares / freedom) ** 0.5, rounding)), float(freedom))
 
 
 def coarse_step(dataset: Dataset) -> float:

@@ -26,7 +26,7 @@ from tympan.studies.diagnosis.inference.families import (
     undecided,
 )
 from tympan.studies.diagnosis.inference.identifiability import detectable_effects
-from tympan.studies.diagnosis.inference.noise_told import probability_off
+from tympan.studies.diagnosis.inference.noise_told import LOUDER, probability_off
 from tympan.studies.diagnosis.inference.posterior import Posterior
 from tympan.studies.diagnosis.inference.ratios import ratios
 from tympan.studies.diagnosis.inference.verdict import Judgement
@@ -184,11 +184,13 @@ class Conclusions:
         place = "nowhere: what is left is noise" if self.verdict == "nothing" else where(judged)
         suspects = [] if self.verdict != "ambiguous" else suspects_among(causes)
         named = [cause for cause in causes if self.verdict == "named" and cause.named]
+        misfit = self._misfit(place)
+        of_sensor = misfit if judged.of_sensor else None
         return Diagnosis(
             dataset=self.dataset.name,
             verdict=self.verdict,
             headline=headline(self.verdict, named, suspects, place, judged.small_errors,
-                              found is not None),
+                              found is not None, of_sensor, unit.name.replace("u", "µ")),
             causes=causes,
             # Of outliers the fits tell more (readings_off).
             findings=(*(one for one in findings(self.dataset) if one.kind != "outlier"),
@@ -196,7 +198,7 @@ class Conclusions:
             together=together(suspects),
             indistinguishable=tuple(tuple(sorted({cause.name for cause in group}))
                                     for group in judged.indistinguishable),
-            misfit=self._misfit(place),
+            misfit=misfit,
             readings_off=tuple(self._readings_off()),
             predictive=self.gain.predictive,
             gain=self.gain.overall,
@@ -409,6 +411,8 @@ class Conclusions:
             p_value=judged.test.p_value,
             p_value_of_all=None if judged.test_of_all is None else judged.test_of_all.p_value,
             correlation=judged.told.correlation * judged.told.share,
+            counts_below=(table.unit.per_si * judged.wandering / LOUDER if judged.wandering
+                          else None),
             where=place,
             ratios=tuple(ratios(table, predicted, names)) if table.lengths.any() else (),
             patterns=tuple(result.PatternTest(judged.test.words(name), p) for name, p in p_values
@@ -433,6 +437,8 @@ class Conclusions:
             look_up = WORDS["look_up"].format(slip="" if unexplained else f": {words}")
             checks = [found.check if found else look_up,
                       *(pattern_checks(self.films) if unexplained else checks)]
+        if self.judgement.of_sensor:
+            checks = [WORDS["do_noise"], *checks]
         step = result.NextExperiment(
             what=next_step(self.verdict, checks, advice, found is not None),
             checks=tuple(dict.fromkeys(checks)), after_checks=advice)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from tympan.geometry.errors import InputError
 from tympan.studies.data.checks import slips_of_sign, slips_of_unit
 from tympan.studies.data.dataset import Dataset
-from tympan.studies.data.noise import coarse_step, repeat_noise
+from tympan.studies.data.noise import coarse_step, ramp_scatter, repeat_noise
 from tympan.studies.diagnosis.evidence.kind import (
     ASSUMED,
     FEWEST,
@@ -102,7 +102,9 @@ def _with_noise(table: ReadingTable, dataset: Dataset) -> ReadingTable:
     if planned:
         raise InputError("is needed to plan: the standard deviation of one reading", key="noise",
                          given=None)
-    size = ASSUMED * np.sqrt(np.mean(table.value[unknown] ** 2))
+    size = ASSUMED * float(np.sqrt(np.mean(table.value[unknown] ** 2)))
+    if (scatter := ramp_scatter(dataset)) is not None:
+        size = min(size, scatter.size)
     enough = len(table) > 4 * FEWEST
     return table.with_noise(_of(table, np.where(unknown, size, table.sigma),
                                 SCATTER if enough else "assumed"))

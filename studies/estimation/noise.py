@@ -22,6 +22,8 @@ MISFIT = 2.0
 Source = Literal["stated", "from repeats", "from the scatter about smooth curves", "assumed"]
 #: Where it is from if readings alone tell it.
 SCATTER: Source = "from the scatter about smooth curves"
+#: Where nobody says what a reading is off by.
+UNSTATED: tuple[Source, ...] = (SCATTER, "assumed")
 
 #: Readings up to which what they remember is taken away by one matrix.
 _DENSE = 400

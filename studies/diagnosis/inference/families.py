@@ -70,14 +70,18 @@ def one_load_instead(fit: Fit, cause: Cause, table: ReadingTable, rig: Rig
 def _size(model: Model, fitted: Fit, cause: Cause) -> FoundSize:
     family = cause.effect.family
     assert family is not None
-    place, stated = sizes_of(fitted.hypothesis, cause), model.setup
+    place = sizes_of(fitted.hypothesis, cause)
+    # What the cause changes of films with the factors that all have: these are none of its doing.
+    neutral = fitted.unknowns.copy()
+    neutral[place] = 0.0
+    without = model.extended(fitted.hypothesis, neutral)
 
     def at(number: int, size: float) -> float:
         unknowns = fitted.unknowns.copy()
         unknowns[number] = size
         found = model.extended(fitted.hypothesis, unknowns)
-        pairs = zip(found.specimens, stated.specimens, strict=True)
-        return float(np.mean([family.of(there, found.rig) - family.of(before, stated.rig)
+        pairs = zip(found.specimens, without.specimens, strict=True)
+        return float(np.mean([family.of(there, found.rig) - family.of(before, without.rig)
                               for there, before in pairs if cause.which in (None, there.name)]))
 
     every = [at(number, size) for number in range(place.start, place.stop)

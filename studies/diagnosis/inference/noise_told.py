@@ -43,7 +43,11 @@ SHARES = (1.0, 0.5)
 
 #: Most that errors which remember may exceed what is stated: people state what the next reading
 #: differs by, which for a correlation of 0.9 is a half of all.
-_LOUDER = 2.0
+LOUDER = 2.0
+
+#: The same over the scatter of neighbours, where nothing is stated: a sensor whose error wanders by
+#: more between successive ramps than from reading to reading is possible, but its owner knows.
+WANDERS = 3.0
 
 #: Fewest readings of a jump, and beside it: fewer are off by themselves, as slips of the pen are.
 _FEW = 4
@@ -115,16 +119,20 @@ class Told:
 
 
 def noise_told(noise: Noise, models: Sequence[Missed], smooth: Callable[[], Iterable[Array]],
-               chain: Memory | None = None, jumps: Sequence[Array] = ()) -> Told:
+               chain: Memory | None = None, jumps: Sequence[Array] = (), most: float = np.inf
+               ) -> Told:
     """Noise that makes the residuals of some models most probable; nothing if it is as stated.
 
     ``models``: the nominal one first; ``smooth`` answers columns of which what else it may miss is
     a random sum, (n, columns), of one kind of misfit after the other; ``jumps``: columns of which
-    it may miss one, whichever it is.
+    it may miss one, whichever it is. ``most``: errors that remember over those of neighbours
+    apart, at most, where no noise is known beforehand.
     """
     count, stated, nothing = len(noise), float(noise.freedom.sum()), Told.nothing(len(noise))
     remembers = chain is not None and np.any(chain.run >= 0)
     steps = [(0.0, 1.0), *(product(CORRELATIONS, SHARES) if remembers else ())]
+    if not stated:
+        steps = [step for step in steps if _over_neighbours(*step) <= most]
     plain = np.empty(len(models))
     best, alone = (-np.inf, nothing), (-np.inf, nothing)
     for correlation, share in steps:
@@ -142,7 +150,7 @@ def noise_told(noise: Noise, models: Sequence[Missed], smooth: Callable[[], Iter
         for place in dict.fromkeys([0, *order]):
             residual, jacobian = white[place]
             off, value, size = _readings_off(residual, jacobian, trial, stated)
-            if correlation and stated and size > _LOUDER:
+            if correlation and stated and size > LOUDER:
                 continue
             reached = (value - volume, Told(off, noise.sigma / np.hypot(noise.sigma, off),
                                             correlation, share, chain if correlation else None))
@@ -164,6 +172,11 @@ def noise_told(noise: Noise, models: Sequence[Missed], smooth: Callable[[], Iter
                    for columns in smooth())):
         return nothing
     return told
+
+
+def _over_neighbours(correlation: float, share: float) -> float:
+    """Errors of readings over those by which neighbours are apart, over √2."""
+    return float((1 - share * correlation) ** -0.5)
 
 
 def probability_off(size: Array) -> Array:

@@ -15,7 +15,13 @@ from tympan.studies.diagnosis.fits.fit import Fit
 from tympan.studies.diagnosis.fits.fitting import fit, nominal_fit
 from tympan.studies.diagnosis.hypothesis import Cause
 from tympan.studies.diagnosis.inference.identifiability import Signatures, signatures
-from tympan.studies.diagnosis.inference.noise_told import Missed, Told, chain_of, noise_told
+from tympan.studies.diagnosis.inference.noise_told import (
+    WANDERS,
+    Missed,
+    Told,
+    chain_of,
+    noise_told,
+)
 from tympan.studies.diagnosis.inference.residual_tests import ResidualTests
 from tympan.studies.diagnosis.inference.smooth_misfit import smooth_columns
 from tympan.studies.diagnosis.patterns.reading_patterns import EACH_RUN, JUMPS, among, over
@@ -100,30 +106,45 @@ class NominalMisfit:
     def _signatures(self) -> dict[tuple[Cause, ...], Signatures]:
         return {}
 
+    @property
+    def of_unknown_noise(self) -> NominalMisfit:
+        """The same as if nothing were known of the noise beforehand."""
+        def unknown(noise: Noise) -> Noise:
+            return replace(noise, freedom=0 * noise.freedom)
+
+        return replace(self, stated=unknown(self.stated),
+                       table=self.table.with_noise(unknown(self.table.noise)))
+
     def louder(self, factor: float) -> NominalMisfit:
         """All of it with a factor on the noise of each reading by itself."""
         table = self.table.with_sigma(factor * self.table.sigma)
         nominal = fit(self.simulation, (), table, self.fit.unknowns)
         return replace(self, table=table, fit=nominal)
 
-    def with_noise_told(self, causes: Sequence[Cause], remembers: bool = False) -> NominalMisfit:
+    def with_noise_told(self, causes: Sequence[Cause], remembers: bool = False,
+                        most: float = WANDERS) -> NominalMisfit:
         """Misfit with the noise that readings tell beside the model and each cause.
 
         The same object if that is as before.
 
-        ``remembers``: errors may remember those before.
+        ``remembers``: errors may remember those before; ``most`` as :func:`noise_told` has it.
         """
         nominal, colour = self.missed_by(self.fit), self.table.noise.coloured
         beside = [replace(nominal, jacobian=np.hstack([nominal.jacobian, colour(values)]))
                   for values in self.signatures(causes).values()]
-        told = self.noise_told([nominal, *beside], remembers)
+        told = self.noise_told([nominal, *beside], remembers, most)
         return self if told.alike(self.told) else self.with_told(told)
 
-    def noise_told(self, models: Sequence[Missed], remembers: bool) -> Told:
+    def noise_told(self, models: Sequence[Missed], remembers: bool, most: float = WANDERS) -> Told:
         """Noise of readings by the residuals of models."""
         chain = chain_of(self.table) if remembers else None
         jumps = [self.patterns[name] for name in JUMPS if name in self.patterns]
-        return noise_told(self.stated, models, self._smooth_misfits, chain, jumps)
+        return noise_told(self.stated, models, self._smooth_misfits, chain, jumps, most)
+
+    def as_a_sensor_that_wanders(self) -> NominalMisfit:
+        """The same with noise as if all that is missed were errors that remember."""
+        return self.with_told(noise_told(self.stated, [self.missed_by(self.fit)], tuple,
+                                         chain_of(self.table)))
 
     def _smooth_misfits(self) -> Iterator[Array]:
         """Columns of smooth misfits, of patterns and of processes.

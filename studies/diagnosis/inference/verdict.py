@@ -28,7 +28,7 @@ from tympan.studies.diagnosis.inference.rough_bench import SMALL, RoughBench, ne
 from tympan.studies.diagnosis.patterns.reading_patterns import over
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.result import Verdict
-from tympan.studies.estimation.noise import Noise
+from tympan.studies.estimation.noise import UNSTATED, Noise
 
 Array = NDArray[np.float64]
 
@@ -112,6 +112,9 @@ class Judgement:
     is what explains the rest. ``relabelling``: labels that, put right, let the nominal model or one
     effect explain the readings as well as any effects do with those stated; ``confusions``:
     quantities that, read as others they are often taken for, make unusual factors usual;
+    ``wandering``: how large errors of a sensor that wanders would be that explain the misfit, too
+    [the readings' unit], where no noise is stated that excludes them, else 0; ``no_sensor``:
+    whether a cause is much more probable than these, without which nothing is named.
     ``odd_specimen``: that without which the nominal model misses nothing, where no one cause
     explains it; where two do that are not both surprisingly large, they stand beside it.
     """
@@ -139,6 +142,13 @@ class Judgement:
     relabelling: Relabelling | None = None
     confusions: tuple[Confusion, ...] = ()
     odd_specimen: str = ""
+    wandering: float = 0.0
+    no_sensor: bool = False
+
+    @property
+    def of_sensor(self) -> bool:
+        """Whether it may be nothing but a sensor that wanders, as nobody states its noise."""
+        return self.wandering > 0 and not self.no_sensor
 
     @property
     def unusual(self) -> bool:
@@ -201,6 +211,7 @@ def judge(simulation: Model, table: ReadingTable, causes: Sequence[Cause],
     ``workers``: processes for the films of effects larger than those simulated so far.
     """
     misfit, judged = _judged(simulation, table, causes, widen, seed, workers)
+    wandering, no_sensor = judged.wandering, judged.no_sensor
     for _ in range(_AGAIN):
         told = _told_by(misfit, judged)
         if told.alike(misfit.told):
@@ -208,6 +219,10 @@ def judge(simulation: Model, table: ReadingTable, causes: Sequence[Cause],
         misfit, judged = _judged(judged.simulation, table, causes, widen, seed, workers, told)
     if judged.test.p_value < ALARM:
         judged = _with_labels(judged, misfit)
+        if wandering:
+            judged = replace(judged, wandering=wandering, no_sensor=no_sensor)
+            if judged.verdict == "named" and judged.of_sensor:
+                judged = replace(judged, verdict="ambiguous", named=())
     if not misfit.told.anything:
         return judged
     every, tests = NominalMisfit.of(judged.simulation, table, causes, workers,
@@ -223,7 +238,7 @@ def _judged(simulation: Model, table: ReadingTable, causes: Sequence[Cause], wid
 
     By default what the nominal model's misfit tells.
     """
-    generator = np.random.default_rng(seed)
+    generator, wandering, no_sensor = np.random.default_rng(seed), 0.0, False
     misfit, tests = NominalMisfit.of(simulation, table, causes, workers, told)
     if not tests.able:
         raise ArithmeticError(TOO_FEW)
@@ -234,12 +249,15 @@ def _judged(simulation: Model, table: ReadingTable, causes: Sequence[Cause], wid
         if remembering is not misfit:
             misfit = remembering
             test = misfit.tests(causes)(misfit.fit.residual, generator, found)
+        if test.p_value < ALARM and misfit.stated.source in UNSTATED:
+            wandering, no_sensor = _wandering(misfit, causes, generator)
     misfit = misfit.louder(test.noise)
     simulation, table, nominal = misfit.simulation, misfit.table, misfit.fit
     signs = misfit.signatures(causes)
     invisible, classes = classes_of(signs)
     base = Judgement("nothing", simulation, table, nominal, test, misfit.patterns, signs,
-                     misfit.told, indistinguishable=classes, invisible=invisible)
+                     misfit.told, indistinguishable=classes, invisible=invisible,
+                     wandering=wandering, no_sensor=no_sensor)
     if test.p_value >= ALARM:
         return misfit, (base if nominal.usual >= UNUSUAL
                         else replace(base, verdict="unexplained"))
@@ -250,6 +268,25 @@ def _judged(simulation: Model, table: ReadingTable, causes: Sequence[Cause], wid
     exploration.run()
     return misfit, _weighed(replace(base, simulation=exploration.simulation), exploration,
                             adequacy)
+
+
+def _wandering(misfit: NominalMisfit, causes: Sequence[Cause], generator: np.random.Generator
+               ) -> tuple[float, bool]:
+    """Size of errors that remember, however large, if they explain the misfit, else 0.
+
+    And whether a cause is much more probable.
+    """
+    unknown = misfit.of_unknown_noise
+    free = unknown.as_a_sensor_that_wanders()
+    if not free.told.correlation:
+        return 0.0, False
+    test = free.tests(causes)(free.fit.residual, generator, None)
+    lengths = free.table.lengths
+    size = test.noise * float(np.median(free.table.sigma[lengths])) if lengths.any() else 0.0
+    if test.p_value < ALARM:
+        return 0.0, False
+    beside = unknown.with_noise_told(causes, remembers=True, most=np.inf)
+    return size, not beside.told.correlation
 
 
 def _told_by(misfit: NominalMisfit, judged: Judgement) -> Told:
