@@ -64,7 +64,7 @@ def _draw_shares(axes: Axes, spread: Spread) -> None:
     style.describe(axes, "share of the variance (%)")
     shown = [share for share in spread.shares if share.alone >= _LEAST][:_MOST][::-1]
     for number, share in enumerate(shown):
-        axes.barh(number, 100 * share.alone, 0.6, color=style.PALETTE[0])
+        axes.barh(number, 100 * min(share.alone, 1.0), 0.6, color=style.PALETTE[0])
         axes.plot([100 * max(share.low, 0.0), 100 * min(share.high, 1.0)], [number] * 2,
                   color=style.GREY, linewidth=0.9)
     axes.set_yticks(range(len(shown)), [share.label for share in shown])

@@ -124,15 +124,17 @@ def gain_of(simulation: Model, table: ReadingTable, causes: Sequence[Cause],
 
     Where the training part cannot show a cause that all readings speak for (one on a specimen that
     is held out; a mass left out of account, with one mass left), or shows nothing wrong at all, the
-    split says so and does not count.
+    split says so and does not count. Nor do readings that are off by themselves.
     """
     table = table.with_noise(judgement.table.noise)
     splits, impossible = splits_of(simulation, table)
+    counts = table.judged & (judgement.told.off == 0)
+    splits = tuple(split for split in splits if np.any(split[2] & counts))
     unexplained = judgement.verdict == "unexplained"
     doubtful = unexplained or judgement.verdict == "ambiguous"
     beyond = _Beyond.of(judgement, table) if doubtful and splits else None
-    tested = tuple(_tested(simulation, table, causes if judgement.chosen else (), split, judgement,
-                           beyond) for split in splits)
+    tested = tuple(_tested(simulation, table, causes if judgement.chosen else (), split, counts,
+                           judgement, beyond) for split in splits)
     overall = _overall(tested, table, seed)
     return GainReport(overall and replace(
         overall, splits=tuple(split.shown(table.unit) for split in tested), impossible=impossible),
@@ -205,10 +207,10 @@ def _unfit(kind: str, test: Rows, table: ReadingTable, levels: NDArray[Any]) -> 
 
 
 def _tested(simulation: Model, table: ReadingTable, causes: Sequence[Cause], split: Split,
-            judgement: Judgement, beyond: _Beyond | None) -> SplitGain:
+            counts: NDArray[np.bool_], judgement: Judgement, beyond: _Beyond | None) -> SplitGain:
     kind, held_out, rows = split
     train = table[~rows].compact()
-    counted = rows & table.judged
+    counted = rows & counts
     test = table[counted].compact()
     names = {simulation.setup.specimens[number].name for number in np.unique(train.specimen)}
     trained = [cause for cause in causes if cause.which in (None, *names)]

@@ -30,7 +30,7 @@ Kinds = dict[str, list[Record]]
 def rates(records: Sequence[Record]) -> list[Rate]:
     """The rates of tidy readings at rest."""
     kinds = _kinds(records)
-    return [*_of_single(kinds), *_of_sets(kinds, records), *_of_outside(kinds), *_of_pairs(kinds),
+    return [*_of_single(kinds), *_of_sets(kinds, records), *_of_outside(kinds, records), *_of_pairs(kinds),
             *_of_wrong_noise_and_law(kinds),
             share("refused, or ended in an error", list(records),
                   lambda record: record.verdict in GONE),
@@ -98,10 +98,13 @@ def _of_sets(kinds: Kinds, records: Sequence[Record]) -> list[Rate]:
         Rate("the same, identifiable effects", sum(large), len(large), 0.92, 0.98)]
 
 
-def _of_outside(kinds: Kinds) -> list[Rate]:
+def _of_outside(kinds: Kinds, records: Sequence[Record]) -> list[Rate]:
     outside = [record for record in kinds.get("outside", []) if record.seen >= SEEN]
+    # What is refused is not found: how far it is from the library is not known.
+    gone = [record for record in records
+            if record.population == "outside" and record.verdict in GONE]
     return [
-        share(f"outside the library, Δχ² ≥ {SEEN:g} from it: unexplained", outside,
+        share(f"outside the library, Δχ² ≥ {SEEN:g} from it: unexplained", [*outside, *gone],
               lambda record: record.verdict == "unexplained", low=0.9),
         share("outside the library: some effect is named", outside,
               lambda record: bool(record.named), high=0.05)]

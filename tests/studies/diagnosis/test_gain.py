@@ -118,6 +118,27 @@ def test_training_never_sees_what_is_held_out(three_shapes: Simulation,
         np.testing.assert_allclose(again.errors[name] - split.errors[name], moved, atol=1e-12)
 
 
+def test_readings_that_do_not_count_do_not_count_in_the_gain(
+        three_shapes: Simulation, sagging: tuple[ReadingTable, Judgement, GainReport]) -> None:
+    """Three slips of a pen: errors on readings held out are those of the others."""
+    table, _, clean = sagging
+    values = table.value.copy()
+    values[[13, 44, 74]] += [1e-3, -0.8e-3, 0.6e-3]
+    spoiled, causes = table.with_values(values), few_causes(three_shapes)
+    judgement = judge(three_shapes, spoiled, causes)
+    assert np.flatnonzero(judgement.told.off).tolist() == [13, 44, 74]
+    report = gain_of(three_shapes, spoiled, causes, judgement)
+    assert not set(np.concatenate([split.rows for split in report.splits])) & {13, 44, 74}
+    assert report.overall is not None
+    assert clean.overall is not None
+    for name in ("rmse_before", "rmse_after"):
+        assert getattr(report.overall, name) == pytest.approx(getattr(clean.overall, name), rel=0.3)
+    assert report.overall.ratio == pytest.approx(clean.overall.ratio, abs=0.1)
+    assert report.predictive is not None
+    assert report.predictive.readings == sum(len(split.rows) for split in report.splits
+                                             if not split.note)
+
+
 def test_a_cause_on_the_specimen_held_out_does_not_count(three_shapes: Simulation) -> None:
     cause = Cause("prestretch_loss", "circular")
     table = read(three_shapes, design(SIGMA), (cause,), [0.03], seed=5)
