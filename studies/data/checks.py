@@ -57,6 +57,9 @@ _FOLDED = 0.02
 _FALLS = -0.9
 #: Different voltages that a fall needs: a few readings fall by chance.
 _FEWEST = 4
+#: Share of a deflection by which it must fall as the voltage rises, to be the wrong way: drift of a
+#: sensor makes less.
+_LIFTED = 0.05
 
 
 def summary(dataset: Dataset) -> dict[str, Any]:
@@ -329,20 +332,23 @@ def _slips_of_coupons(coupons: Coupons) -> Iterator[str]:
 
 
 def slips_of_sign(dataset: Dataset) -> Iterator[str]:
-    """Deflections that fall wherever the voltage rises, and under heavier masses if there are some.
+    """Deflections that fall wherever the voltage rises.
 
-    So does a sensor's distance from the plate, or an axis that points up.
+    If they fall under heavier masses, too, it is a sensor's distance from the plate, or an axis
+    that points up; else no film that a weight pulls does so.
     """
     static, rig = dataset.static, dataset.rig
     if static is None or rig.gas_pressure or rig.biases:
         return
     ramps = [ramp for ramp in _ramps(static) if len(np.unique(ramp.voltage)) >= _FEWEST]
     heavier = [(light, heavy) for light, heavy in pairwise(ramps) if light.name == heavy.name]
-    if ramps and all(ramp.falls for ramp in ramps) and all(
-            heavy.read.max() < light.read.max() for light, heavy in heavier):
+    if ramps and all(ramp.falls for ramp in ramps):
         ramp, ends = ramps[0], np.argsort(ramps[0].voltage, kind="stable")[[0, -1]]
-        yield WORDS["falls"].format(specimen=ramp.name, mass=1e3 * ramp.mass,
-                                    read=1e3 * ramp.read[ends], voltage=1e-3 * ramp.voltage[ends])
+        up = all(heavy.read.max() < light.read.max() for light, heavy in heavier)
+        if up or all(np.ptp(one.read) > _LIFTED * np.abs(one.read).max() for one in ramps):
+            yield WORDS["falls" if up else "lifts"].format(
+                specimen=ramp.name, mass=1e3 * ramp.mass, read=1e3 * ramp.read[ends],
+                voltage=1e-3 * ramp.voltage[ends])
 
 
 class _Ramp(NamedTuple):

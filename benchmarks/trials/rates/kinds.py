@@ -30,8 +30,8 @@ Kinds = dict[str, list[Record]]
 def rates(records: Sequence[Record]) -> list[Rate]:
     """The rates of tidy readings at rest."""
     kinds = _kinds(records)
-    return [*_of_single(kinds), *_of_sets(kinds, records), *_of_outside(kinds, records), *_of_pairs(kinds),
-            *_of_wrong_noise_and_law(kinds),
+    return [*_of_single(kinds), *_of_sets(kinds, records), *_of_outside(kinds, records),
+            *_of_pairs(kinds), *_of_wrong_noise_and_law(kinds),
             share("refused, or ended in an error", list(records),
                   lambda record: record.verdict in GONE),
             *_of_rough(kinds), *_of_random(kinds, records), *size_rates(records)]

@@ -44,6 +44,16 @@ def test_what_rises_with_the_mass_or_the_voltage_has_the_right_sign(tmp_path: Pa
                                                              + falling))))
 
 
+def test_a_plate_that_rises_with_the_voltage_is_told_before_anything_is_fitted(tmp_path: Path
+                                                                               ) -> None:
+    rising = "".join(f"A,{mass},{kv},{0.1 * mass - 0.03 * kv**2}\n"
+                     for mass in (17.9, 22.45) for kv in range(6))
+    dataset = read_dataset(write_dataset(tmp_path / "data", static=ROWS + rising))
+    with pytest.raises(InputError, match="the plate goes the wrong way: heavier masses pull it "
+                                         "further down, but it rises with the voltage"):
+        prepared_readings(dataset)
+
+
 @pytest.mark.parametrize(("shown", "step"), [("{:.1f}", 1e-4), ("{:.2f}", 1e-5), ("{:.4f}", 1e-7)])
 def test_steps_of_a_display(tmp_path: Path, shown: str, step: float) -> None:
     dataset = written(tmp_path / "data", shown)
