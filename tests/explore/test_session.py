@@ -307,8 +307,10 @@ def test_a_copied_command_runs_nothing_but_itself(name: str, tmp_path: Path) -> 
 
 
 def test_copied_python_holds_names_as_texts() -> None:
-    """Whatever the specimen is called, the script runs nothing of it."""
-    odd = replace(OVAL, specimen=replace(OVAL.specimen, name="a'); import os; print('"))
+    """The script runs nothing of a name; one that might be run cannot be given."""
+    with pytest.raises(InputError, match="must serve as a file name"):
+        replace(OVAL.specimen, name="a'); import os; print('")
+    odd = replace(OVAL, specimen=replace(OVAL.specimen, name="7 a+b.c-1"))
     names: dict[str, Any] = {}
     exec(python_of(odd).partition("result =")[0], names)
     assert names["specimen"] == odd.specimen
