@@ -434,6 +434,8 @@ class FilmFamily:
         result = np.full(len(q), np.nan)
         for part, films in self.blocks(parameters):
             number = np.flatnonzero(np.isfinite(q[part]).all(1))
+            if not len(number):
+                continue
             squared = voltages[part][number] ** 2
             balance = films.balanced(number, np.zeros(len(number)), squared, q[part][number],
                                      held=True)

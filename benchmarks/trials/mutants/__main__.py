@@ -70,7 +70,8 @@ def main() -> int:
     drawing.add_argument("--seed", type=int, default=2026)
 
     mapping = commands.add_parser(
-        "map", help="run tests and record what each of them runs; further calls add to the map")
+        "map", help="run tests and record what each of them runs; further calls add to the map; "
+                    "options stand before the folder")
     mapping.set_defaults(run=_map)
     mapping.add_argument("folder", type=Path, help="new, or one of an earlier call")
     mapping.add_argument("pytest", nargs="*", help="options and files for pytest, after --")

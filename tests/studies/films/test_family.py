@@ -222,6 +222,8 @@ def test_beyond_the_box_and_beyond_pull_in_nothing_is_said() -> None:
     states = films.states(np.array([inside, outside]), 0.2, [[0.0, 4e3, 6e3]])
     assert states.holds.tolist() == [[True, True, False], [False] * 3]
     assert np.isnan(states.deflection[~states.holds]).all()
+    nowhere = np.full((2, states.q.shape[-1]), np.nan)
+    assert np.isnan(films.held_forces(np.array([inside, outside]), nowhere, np.full(2, 4e3))).all()
     wide = wide_family()
     high = wide.states(wide.box.row(OVAL), 0.2, [[3e3, 8e3]])
     assert equilibrium(build_model(OVAL, Settings(), Rig().loading), 0.2, 8e3).status != (
