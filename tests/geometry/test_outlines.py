@@ -29,6 +29,7 @@ from tympan.geometry.outlines import (
     examples,
     perimeter,
 )
+from tympan.geometry.outlines.pieces import direction
 from tympan.geometry.specimen import Electrode, Film, Plate, Specimen
 from tympan.studies.case import Settings, build_model
 
@@ -209,3 +210,15 @@ def test_margins_at_sharp_corners_are_refused() -> None:
 def test_small_corners_and_plates_mesh_where_there_is_room(frame: Outline, radius: float) -> None:
     model = build_model(film(frame, Plate(Circle(radius))), COARSE)
     assert folded(model.discretisation.mesh) == 0
+
+
+@pytest.mark.parametrize(("x", "y", "dx", "dy"), [(1.0, 2.0, 0.3, -0.5), (-0.4, 0.1, 0.0, 1.0),
+                                                  (0.2, -3.0, 1.0, 0.2)])
+def test_the_direction_of_a_vector_turns_as_it_does(x: float, y: float, dx: float, dy: float
+                                                    ) -> None:
+    """By an imaginary step, against differences."""
+    step = 1e-6
+    ends = [np.arctan2(y + sign * step * dy, x + sign * step * dx) for sign in (-1, 1)]
+    turned = direction(x + 1e-20j * dx, y + 1e-20j * dy)
+    assert turned.real == direction(x, y) == np.arctan2(y, x)
+    assert turned.imag / 1e-20 == pytest.approx((ends[1] - ends[0]) / (2 * step), rel=1e-8)

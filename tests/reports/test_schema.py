@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 import pytest
@@ -20,6 +20,7 @@ from tests.support.datasets import write_dataset
 from tests.support.specimens import specimen_toml
 from tympan.cli import main
 from tympan.commands import COMMANDS, doctor
+from tympan.geometry.errors import InputError
 from tympan.geometry.fields import Key
 from tympan.options import Command
 from tympan.reports import schema
@@ -252,6 +253,13 @@ def test_what_is_wrong_would_be_noticed(change: dict[str, Any], words: str,
     said = list(faults(solved | change, RECORDS["solve"].schema))
     assert said
     assert said[0].startswith(words)
+
+
+def test_a_stored_word_that_is_none_of_those_allowed_is_refused() -> None:
+    words = r"^a\.json: verdict: given 'sure': must be one of yes, no"
+    with pytest.raises(InputError, match=words):
+        from_json(Literal["yes", "no"], "sure", "a.json", "verdict")
+    assert from_json(Literal["yes", "no"], "no") == "no"
 
 
 def test_schemas_and_their_page_are_current() -> None:

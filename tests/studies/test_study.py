@@ -37,6 +37,15 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> tuple[study.Study, Pat
     return plan, folder, steps
 
 
+def test_loads_of_a_fit_and_those_held_out_are_read_as_such() -> None:
+    """As they stand in the shipped file."""
+    alpha = study.default_study().alpha
+    assert alpha.fit is not None
+    assert alpha.held_out is not None
+    assert alpha.fit.masses == pytest.approx((17.9e-3, 22.45e-3))
+    assert alpha.held_out.masses == pytest.approx((12e-3, 20e-3, 25e-3))
+
+
 def table(file: Path) -> list[dict[str, str]]:
     with file.open(newline="") as stream:
         return list(csv.DictReader(stream))
