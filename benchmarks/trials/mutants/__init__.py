@@ -9,4 +9,7 @@ A mutant is one changed place: an operator, a number, a condition, two swapped a
 dropped statement. The map is made once for a tree of files: it says which blocks of the product
 each test runs. The judge puts each mutant into a copy of the tree and runs the tests that reach
 its block, cheapest first, until one fails. The user's files are never changed.
+
+``drawn-2026.jsonl`` are sixty of seed 2026; ``records-2026.jsonl`` says what became of the first 45
+in the suite, with up to 100 or 300 s of processor time for each. Judging goes on from there.
 """
