@@ -139,9 +139,8 @@ class Branch:
                 return None
             root = search.root(*around)
         if root is None:
-            if not self.model.specimen.plate:
-                return self._renewed(search.least())
-            root = search.last()
+            film_alone = self.model.specimen.plate is None
+            return self._renewed(search.least() if film_alone else search.points[search.last()])
         return self._renewed(search.points[search.on_branch(root)])
 
     def _renewed(self, point: PathPoint) -> PathPoint:

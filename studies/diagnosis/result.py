@@ -182,8 +182,9 @@ class Misfit:
     correlation: Annotated[float, Key("of the errors of readings made one after the other, where "
                                       "they remember")] = 0.0
     counts_below: Annotated[float | None, Key(
-        "noise of a reading below which the misfit is none of a sensor that wanders, where none is "
-        "stated; none where that is no question", in_unit=True)] = None
+        "where no noise is stated: if the noise of a reading is below this, the misfit is not a "
+        "sensor that wanders; none where a noise is stated, or none explains it", in_unit=True)
+    ] = None
     where: Annotated[str, Key("where the misfit is, in plain words")]
     ratios: Annotated[tuple[Ratio, ...], Key("ratios of strokes, measured and simulated")] = ()
     patterns: Annotated[tuple[PatternTest, ...], Key("tests of what may be wrong")] = ()

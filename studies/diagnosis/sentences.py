@@ -121,6 +121,7 @@ def headline(verdict: str, named: Sequence[FoundCause], suspects: Sequence[Found
         return WORDS["data"].format(where=where)
     if misfit is not None:
         heads = [f"; or {cause.headline[0].lower()}{cause.headline[1:]}" for cause in suspects]
+        heads = heads or [WORDS["or_unexplained"]]
         return WORDS["wanders"].format(misfit=misfit, unit=unit, others="".join(heads))
     if verdict == "unexplained" and small_errors is not None:
         return WORDS["rough"].format(share=100 * small_errors)

@@ -17,6 +17,8 @@ from tympan.studies.diagnosis.inference.noise_told import WANDERS, Missed, chain
 from tympan.studies.diagnosis.inference.verdict import judge
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.reduced.simulation import Simulation
+from tympan.studies.diagnosis.result import Misfit
+from tympan.studies.diagnosis.sentences import headline
 from tympan.studies.estimation.noise import SCATTER, Noise
 
 CASE = Path(__file__).parent / "bench" / "unknown-noise"
@@ -65,6 +67,16 @@ def test_a_smooth_misfit_is_told_with_its_cause_and_the_noise_below_which_it_cou
     words = verdict_words(result)
     assert "No noise is stated: this misfit counts if the sensor's errors stay below" in words
     assert "it is noise" not in words
+
+
+def test_a_sensor_that_wanders_or_nothing_known_is_one_whole_sentence() -> None:
+    misfit = Misfit(baseline_rmse=80.0, noise=10.0, noise_from=SCATTER, noise_over_stated=None,
+                    p_value=1e-9, counts_below=45.0, where="")
+    words = headline("unexplained", [], [], "", misfit=misfit, unit="µm")
+    assert words.startswith("Cannot tell, because no noise is stated. The readings are off "
+                            "smoothly, by 80 µm. Either the sensor's error wanders by as much; or the "
+                            "simulation is wrong, and no effect")
+    assert "below 45 µm" in words
 
 
 @pytest.mark.parametrize("seed", [1, 2])
