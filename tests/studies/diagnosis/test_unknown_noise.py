@@ -74,8 +74,8 @@ def test_a_sensor_that_wanders_or_nothing_known_is_one_whole_sentence() -> None:
                     p_value=1e-9, counts_below=45.0, where="")
     words = headline("unexplained", [], [], "", misfit=misfit, unit="µm")
     assert words.startswith("Cannot tell, because no noise is stated. The readings are off "
-                            "smoothly, by 80 µm. Either the sensor's error wanders by as much; or the "
-                            "simulation is wrong, and no effect")
+                            "smoothly, by 80 µm. Either the sensor's error wanders by as "
+                            "much; or the simulation is wrong, and no effect")
     assert "below 45 µm" in words
 
 
