@@ -11,7 +11,8 @@ basis in which film, plate and air swing together.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import scipy.linalg
@@ -83,34 +84,60 @@ def with_air(specimen: Specimen, mesh: Discretisation, modes: Modes, plate: Rigi
 
 def air_volumes(specimen: Specimen, mesh: Discretisation, heights: Array,
                 plate: Array | None = None) -> Array:
-    """Added masses over the air's density, both sides, of motions along the load.
+    """Added masses over the air's density of motions along the load (:meth:`MovedAir.of`)."""
+    return MovedAir.of(specimen, mesh, heights, plate).volumes
 
-    Shape (motions, motions), m³ where the motions have no unit. ``heights``: of the nodes,
-    (motions, nodes); of a mesh that is mirrored they are even about its planes, or odd where the
-    mesh is. ``plate``: along the load and about x and y, (motions, 3); None without motion or
-    plate.
+
+@dataclass(frozen=True, eq=False)
+class MovedAir:
+    """Motions along the load of film and plate, which the air follows on both sides.
+
+    ``places`` of a rule over them (n, 2), ``flow``: motions times weights there, (motions, n);
+    ``semi_axes`` of the frame, the smaller one first [m].
     """
-    places, flow = _film(mesh, heights)
-    for plane in mesh.planes:
-        axis, sign = "xy".index(plane), -1.0 if plane in mesh.odd else 1.0
-        image = places.copy()
-        image[:, axis] *= -1
-        places, flow = np.vstack([places, image]), np.hstack([flow, sign * flow])
-    if specimen.plate is not None and plate is not None:
-        inside, weights = _within(specimen.plate.outline)
-        lifts = plate @ np.stack([np.ones(len(inside)), inside[:, 1], -inside[:, 0]])
-        places = np.vstack([places, inside + specimen.centre])
-        flow = np.hstack([flow, lifts * weights])
-    result = np.zeros((len(heights), len(heights)))
-    small, large = sorted(specimen.frame.semi_axes)
-    for waves, weights in _waves(min(_SHORTEST_WAVE / small, _MOST / large), large):
-        for start in range(0, len(waves), step := max(1, _TOGETHER // len(places))):
-            part = slice(start, start + step)
-            phase = waves[part] @ places.T
-            for values in (np.cos(phase) @ flow.T, np.sin(phase) @ flow.T):
-                result += values.T @ (weights[part, None] * values)
-    # Both sides, and both halves of the turn.
-    return 2 * 2 * result / (4 * np.pi**2)
+
+    places: Array
+    flow: Array
+    semi_axes: tuple[float, float]
+
+    @classmethod
+    def of(cls, specimen: Specimen, mesh: Discretisation, heights: Array,
+           plate: Array | None = None) -> MovedAir:
+        """Motions by the ``heights`` of a mesh's nodes, (motions, nodes), and those of the plate.
+
+        Of a mesh that is mirrored they are even about its planes, or odd where the mesh is.
+        ``plate``: along the load and about x and y, (motions, 3); None without motion or plate.
+        """
+        places, flow = _film(mesh, heights)
+        for plane in mesh.planes:
+            axis, sign = "xy".index(plane), -1.0 if plane in mesh.odd else 1.0
+            image = places.copy()
+            image[:, axis] *= -1
+            places, flow = np.vstack([places, image]), np.hstack([flow, sign * flow])
+        if specimen.plate is not None and plate is not None:
+            inside, weights = _within(specimen.plate.outline)
+            lifts = plate @ np.stack([np.ones(len(inside)), inside[:, 1], -inside[:, 0]])
+            places = np.vstack([places, inside + specimen.centre])
+            flow = np.hstack([flow, lifts * weights])
+        small, large = sorted(specimen.frame.semi_axes)
+        return cls(places, flow, (small, large))
+
+    @cached_property
+    def volumes(self) -> Array:
+        """Added masses over the air's density, both sides, shape (motions, motions).
+
+        They are in m³ where the motions have no unit.
+        """
+        result = np.zeros((len(self.flow), len(self.flow)))
+        small, large = self.semi_axes
+        for waves, weights in _waves(min(_SHORTEST_WAVE / small, _MOST / large), large):
+            for start in range(0, len(waves), step := max(1, _TOGETHER // len(self.places))):
+                part = slice(start, start + step)
+                phase = waves[part] @ self.places.T
+                for values in (np.cos(phase) @ self.flow.T, np.sin(phase) @ self.flow.T):
+                    result += values.T @ (weights[part, None] * values)
+        # Both sides, and both halves of the turn.
+        return 2 * 2 * result / (4 * np.pi**2)
 
 
 def _film(mesh: Discretisation, heights: Array) -> tuple[Array, Array]:

@@ -9,6 +9,7 @@ stiffness K of the film with its plate held (Leung, Int. J. Num. Meth. Eng. 12, 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -18,7 +19,7 @@ from tympan.fem.linear_solver.direct import factorise
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.rigid_plate import RigidPlate
 from tympan.fem.membrane.state import FREEDOMS, HEAVE, State
-from tympan.fem.vibration.air import air_volumes
+from tympan.fem.vibration.air import MovedAir
 from tympan.fem.vibration.modes import System, mass_matrix
 from tympan.geometry.errors import InputError
 
@@ -26,15 +27,14 @@ from tympan.geometry.errors import InputError
 _TURNS = (FREEDOMS.index("rx"), FREEDOMS.index("ry"))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class FollowingFilm:
     """Motion of a film that follows its plate; two-fold numbers are of film and electrodes.
 
     ``swinging``: ∫ |v|² dA over the mounted film, and over what is covered of it [m²]; ``lag``: the
     g above for masses per area of 1 kg/m² [m⁴], shape (2, 2); ``lifted``: ∫ v_z dA over the covered
     film, which its weight acts on; ``swept``: that of the whole film and the ``plate``, whose area
-    that is; ``air``: the added mass of still air on both sides over its density, frame and stand a
-    baffle [m³].
+    that is; ``moved``: what still air on both sides follows, frame and stand a baffle.
     """
 
     swinging: tuple[float, float]
@@ -42,7 +42,12 @@ class FollowingFilm:
     lifted: float
     swept: float
     plate: float
-    air: float
+    moved: MovedAir | None = None
+
+    @cached_property
+    def air(self) -> float:
+        """Added mass of the air over its density [m³]; found when first asked for."""
+        return 0.0 if self.moved is None else self.moved.volumes.item()
 
     def mass(self, plate: Any, film: float, electrode: float, air: float = 0.0) -> Any:
         """Mass [kg] that on a weightless film has the frequency of the whole.
@@ -53,11 +58,11 @@ class FollowingFilm:
         Examples
         --------
         >>> none = (0.0, 0.0), ((0.0, 0.0), (0.0, 0.0))
-        >>> FollowingFilm(*none, 0.0, 0.0, 0.0, 0.0).mass(0.02, 0.2, 0.05).item()
+        >>> FollowingFilm(*none, 0.0, 0.0, 0.0).mass(0.02, 0.2, 0.05).item()
         0.02
         """
         coats = np.array([film, electrode])
-        whole = plate + coats @ self.swinging + self.air * air
+        whole = plate + coats @ self.swinging + (self.air * air if air else 0.0)
         share = coats @ self.lag @ coats / whole**2
         # With ω² = x k/m, 1 - x - x² g/m² = 0.
         return whole * (1 + np.sqrt(1 + 4 * share)) / 2
@@ -92,7 +97,7 @@ def following(model: Model, state: State) -> FollowingFilm:
     heights = (coordinates @ motion).reshape(-1, 3)[None, :, 2]
     turns = [motion[stiffness.shape[0] - len(freedoms) + freedoms.index(turn)]
              if turn in freedoms else 0.0 for turn in _TURNS]
-    air = air_volumes(model.specimen, mesh, heights, np.array([[1.0, *turns]]))
+    moved = MovedAir.of(model.specimen, mesh, heights, np.array([[1.0, *turns]]))
     return FollowingFilm((film, electrode), ((first, mixed), (mixed, second)),
                          float((model.covered * lift).sum()), float(lift.sum()) + plate, plate,
-                         air.item())
+                         moved)

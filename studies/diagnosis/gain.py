@@ -10,13 +10,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logsumexp
 
-from tympan.studies.diagnosis.evidence.kind import Model, Rows, Split
+from tympan.studies.diagnosis.evidence.kind import Model, Predicts, Rows, Split
+from tympan.studies.diagnosis.fits.first_order import FirstOrder
 from tympan.studies.diagnosis.fits.fit import Fit, best_of
 from tympan.studies.diagnosis.fits.fitting import fit, nominal_fit
 from tympan.studies.diagnosis.hypothesis import Cause, Hypothesis, hypotheses_of
@@ -43,6 +44,8 @@ _FEWEST_LEFT = 2
 _FEWEST_RAMPS = 3
 #: Pairs are fitted of so many of the most probable effects. A bound of the cost.
 _SHORTLIST = 5
+#: Hypotheses as probable as this are fitted by the model, not only weighed to first order.
+_MATTERS = 0.05
 #: Draws for the interval: its limits are then known to a fiftieth of its width.
 _DRAWS = 4000
 
@@ -133,8 +136,10 @@ def gain_of(simulation: Model, table: ReadingTable, causes: Sequence[Cause],
     unexplained = judgement.verdict == "unexplained"
     doubtful = unexplained or judgement.verdict == "ambiguous"
     beyond = _Beyond.of(judgement, table) if doubtful and splits else None
-    tested = tuple(_tested(simulation, table, causes if judgement.chosen else (), split, counts,
-                           judgement, beyond) for split in splits)
+    sought = causes if judgement.chosen and splits else ()
+    about = FirstOrder.of(simulation, sought, judgement.nominal, judgement.fits, judgement.table)
+    tested = tuple(_tested(simulation, table, sought, split, counts, judgement, about, beyond)
+                   for split in splits)
     overall = _overall(tested, table, seed)
     return GainReport(overall and replace(
         overall, splits=tuple(split.shown(table.unit) for split in tested), impossible=impossible),
@@ -171,7 +176,7 @@ class _Beyond:
         return cls(of_nominal, of_nominal if used is nominal else Discrepancy.of(used, table),
                    1.0 if of_nominal else used.misfit, doubt)
 
-    def below(self, simulation: Model, fits: Sequence[Fit], weights: Array, train: ReadingTable,
+    def below(self, simulation: Predicts, fits: Sequence[Fit], weights: Array, train: ReadingTable,
               test: ReadingTable) -> Array:
         """Values of :meth:`Predictive.below` at what was read, of fits to a part of readings."""
         whole = self.chosen if fits[0].hypothesis else self.nominal
@@ -207,7 +212,8 @@ def _unfit(kind: str, test: Rows, table: ReadingTable, levels: NDArray[Any]) -> 
 
 
 def _tested(simulation: Model, table: ReadingTable, causes: Sequence[Cause], split: Split,
-            counts: NDArray[np.bool_], judgement: Judgement, beyond: _Beyond | None) -> SplitGain:
+            counts: NDArray[np.bool_], judgement: Judgement, about: FirstOrder,
+            beyond: _Beyond | None) -> SplitGain:
     kind, held_out, rows = split
     train = table[~rows].compact()
     counted = rows & counts
@@ -215,17 +221,19 @@ def _tested(simulation: Model, table: ReadingTable, causes: Sequence[Cause], spl
     names = {simulation.setup.specimens[number].name for number in np.unique(train.specimen)}
     trained = [cause for cause in causes if cause.which in (None, *names)]
     nominal = nominal_fit(simulation, train)
-    fits, logs = _alternatives(simulation, train, trained, nominal, judgement.alone)
-    chosen, wrong = (*fits, nominal)[0], _unlike_the_best(fits, judgement.indistinguishable)
+    fits, logs, wrong, exact = _alternatives(simulation, train, trained, nominal, judgement,
+                                             replace(about, rows=~rows))
+    there = replace(about, rows=counted, exact=exact)
+    chosen = (*fits, nominal)[0]
     # That something is wrong all readings say; what it is, those left to train on.
     members = fits or [nominal], np.exp(np.array(logs or [0.0]) - max(logs, default=0.0))
     nominally = np.empty(0)
     if beyond is None or beyond.doubt < 1.0:
-        below = Predictive.of(simulation, *members, test).below(test.value, test.noise.total)
+        below = Predictive.of(there, *members, test).below(test.value, test.noise.total)
     else:
-        below = beyond.below(simulation, *members, train, test)
+        below = beyond.below(there, *members, train, test)
     if beyond is not None:
-        nominally = beyond.below(simulation, [nominal], np.ones(1), train, test)
+        nominally = beyond.below(there, [nominal], np.ones(1), train, test)
     if beyond is not None and beyond.doubt < 1.0:
         below = (1 - beyond.doubt) * below + beyond.doubt * nominally
 
@@ -256,39 +264,66 @@ def _tested(simulation: Model, table: ReadingTable, causes: Sequence[Cause], spl
                      np.empty(0) if hidden else below, nominally)
 
 
-def _alternatives(simulation: Model, table: ReadingTable, causes: Sequence[Cause],
-                  nominal: Fit, alone: Sequence[Fit]) -> tuple[list[Fit], list[float]]:
-    """Hypotheses with an effect, the most probable first, and logarithms of their odds.
+class _Alternatives(NamedTuple):
+    """Hypotheses with an effect, the most probable first, and logarithms of odds against nothing.
 
-    The odds are against nothing. Each cause alone, the best of them with every other that may help,
-    and such pairs of the best few are weighed. Causes that are large in ``alone`` are sought from
-    there too.
+    ``wrong`` is the best one unlike the first, if there is one; ``exact`` are those that are fitted
+    by the model, the others to first order.
     """
-    large = {other.hypothesis: [other.unknowns] for other in alone
+
+    fits: list[Fit]
+    logs: list[float]
+    wrong: Fit | None
+    exact: frozenset[Hypothesis]
+
+
+def _alternatives(simulation: Model, table: ReadingTable, causes: Sequence[Cause], nominal: Fit,
+                  judgement: Judgement, about: FirstOrder) -> _Alternatives:
+    """Hypotheses weighed by a table of a part of the readings.
+
+    Each cause alone, the best of them with every other that may help, and such pairs of the best
+    few, to first order ``about`` the fits to all readings. Then those that matter are fitted by the
+    model. Causes that are large by all readings are sought from there too.
+    """
+    large = {other.hypothesis: [other.unknowns] for other in judgement.alone
              if other.surprise(other.hypothesis[0]) > _LARGE}
     hypotheses = hypotheses_of(causes)
     prior = {hypothesis: np.log(share) for hypothesis, share in priors(hypotheses).items()}
     fits: dict[Hypothesis, Fit] = {}
 
-    def fitted(hypothesis: Hypothesis, starts: Sequence[Array]) -> None:
-        fits[hypothesis] = best_of([fit(simulation, hypothesis, table, start) for start in starts])
+    def fitted(model: Predicts, hypothesis: Hypothesis, starts: Sequence[Array]) -> None:
+        fits[hypothesis] = best_of([fit(model, hypothesis, table, start) for start in starts])
+
+    def log(other: Fit) -> float:
+        return float(other.evidence + prior[other.hypothesis])
 
     def ranked() -> list[Fit]:
         return sorted((other for other in fits.values() if other.possible),
-                      key=lambda other: -(other.evidence + prior[other.hypothesis]))
+                      key=lambda other: -log(other))
 
     for cause in causes:
-        fitted((cause,), [nominal.unknowns, *large.get((cause,), [])])
+        fitted(about, (cause,), [nominal.unknowns])
     order = [single.hypothesis[0] for single in ranked()]
     for pair in (pair for pair in prior if len(pair) == 2
                  and {cause.first for cause in pair} <= set(order)):
         if order[0] in pair or {cause.first for cause in pair} <= set(order[:_SHORTLIST]):
             least = min(other.cost for other in fits.values())
             if starts := pair_starts(pair, fits, least, simulation, table):
-                fitted(pair, starts)
-    best = ranked()
-    return best, [other.evidence + prior[other.hypothesis] - nominal.evidence - np.log(NOTHING)
-                  for other in best]
+                fitted(about, pair, starts)
+    while True:
+        best = ranked()
+        wrong = _unlike_the_best(best, judgement.indistinguishable)
+        least_log = logsumexp([log(other) for other in best] or [0.0]) + np.log(_MATTERS)
+        rough = next((other for other in best if about.approximates(other.hypothesis) and (
+            other is best[0] or other is wrong or log(other) > least_log)), None)
+        if rough is None:
+            return _Alternatives(
+                best, [log(other) - nominal.evidence - np.log(NOTHING) for other in best], wrong,
+                about.exact)
+        hypothesis = rough.hypothesis
+        alone = [nominal.unknowns, *large.get(hypothesis, [])] if len(hypothesis) == 1 else []
+        fitted(simulation, hypothesis, [rough.unknowns, *alone])
+        about = replace(about, exact=about.exact | {hypothesis})
 
 
 def _unlike_the_best(fits: Sequence[Fit], classes: Sequence[Sequence[Cause]]) -> Fit | None:

@@ -59,7 +59,20 @@ class Shown(Protocol):
     def beyond(self, before: Any) -> bool: ...
 
 
-class Model(Protocol):
+class Predicts(Protocol):
+    """What a fit asks: predictions with derivatives, and how far unknowns may go."""
+
+    def prediction(self, hypothesis: Hypothesis, unknowns: Array, table: ReadingTable) -> Shown:
+        """Predicted readings of the rows of a table, with derivatives."""
+
+    def bounds(self, hypothesis: Hypothesis) -> Array:
+        """Smallest and largest unknowns, shape (2, unknowns), for which films are sampled."""
+
+    def limits(self, hypothesis: Hypothesis) -> Array:
+        """The same for which they could be, as far as known."""
+
+
+class Model(Predicts, Protocol):
     """Whatever says what readings show under hypotheses: the films of a ``setup``, or strips.
 
     ``loaded``: all that is read is of plates under loads. A model that is grown is the same object
@@ -76,20 +89,11 @@ class Model(Protocol):
     def shown(self, hypothesis: Hypothesis, unknowns: Array, table: ReadingTable) -> Shown:
         """Predicted readings of rows of plates under loads."""
 
-    def prediction(self, hypothesis: Hypothesis, unknowns: Array, table: ReadingTable) -> Shown:
-        """Predicted readings of the rows of a table, with derivatives."""
-
     def predict(self, hypothesis: Hypothesis, unknowns: Array, table: ReadingTable) -> Array:
         """Predicted reading of each row of a table."""
 
     def extended(self, hypothesis: Hypothesis, unknowns: Array) -> Setup:
         """The setup with stiffness, permittivity and effects."""
-
-    def bounds(self, hypothesis: Hypothesis) -> Array:
-        """Smallest and largest unknowns, shape (2, unknowns), for which films are sampled."""
-
-    def limits(self, hypothesis: Hypothesis) -> Array:
-        """The same for which they could be, as far as known."""
 
     def of_first(self) -> Model:
         """Model of the first kind of evidence, and of those that are loaded as it is."""

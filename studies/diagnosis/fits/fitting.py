@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tympan.studies.diagnosis.evidence.kind import Model
+from tympan.studies.diagnosis.evidence.kind import Model, Predicts
 from tympan.studies.diagnosis.fits.evidence import evidence
 from tympan.studies.diagnosis.fits.fit import NUISANCE, Fit, best_of
 from tympan.studies.diagnosis.hypothesis import (
@@ -35,7 +35,7 @@ _SMALL = 1e-4
 _SHARES = (0.25, 0.5, 0.75, 1.0)
 
 
-def fit(simulation: Model, hypothesis: Hypothesis, table: ReadingTable,
+def fit(simulation: Predicts, hypothesis: Hypothesis, table: ReadingTable,
         start: Array | None = None, widen: float = 1.0, beside: Noise | None = None) -> Fit:
     """The best fit of a hypothesis to readings, usual sizes taken ``widen`` times as large.
 
@@ -47,7 +47,7 @@ def fit(simulation: Model, hypothesis: Hypothesis, table: ReadingTable,
                     for first in _starts(hypothesis, start)])
 
 
-def _fit_from(simulation: Model, hypothesis: Hypothesis, table: ReadingTable, start: Array,
+def _fit_from(simulation: Predicts, hypothesis: Hypothesis, table: ReadingTable, start: Array,
               widen: float, beside: Noise | None) -> Fit:
     bounds, limits = simulation.bounds(hypothesis), simulation.limits(hypothesis)
     scales = np.array([parameter.prior.widened(widen).scale

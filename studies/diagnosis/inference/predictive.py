@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr
 
-from tympan.studies.diagnosis.evidence.kind import Model
+from tympan.studies.diagnosis.evidence.kind import Predicts
 from tympan.studies.diagnosis.fits.fit import Fit
 from tympan.studies.diagnosis.inference.smooth_misfit import Discrepancy
 from tympan.studies.diagnosis.reading_table import ReadingTable
@@ -40,7 +40,7 @@ class Predictive:
     deviation: Array
 
     @classmethod
-    def of(cls, simulation: Model, fits: Sequence[Fit], weights: Array, table: ReadingTable,
+    def of(cls, simulation: Predicts, fits: Sequence[Fit], weights: Array, table: ReadingTable,
            discrepancy: Discrepancy | None = None) -> Predictive:
         """Fits by their weights, shape (fits,), each linear in its unknowns about the best.
 

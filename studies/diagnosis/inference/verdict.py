@@ -165,6 +165,11 @@ class Judgement:
             return None
         return self.posterior.fit_of(self.named) or self.posterior.fits[0]
 
+    @property
+    def fits(self) -> tuple[Fit, ...]:
+        """All fits to these readings; of one hypothesis the last has sizes as they are usual."""
+        return (*self.alone, *(self.posterior.fits if self.posterior else ()))
+
     def explained(self, fit: Fit) -> float:
         """Share of the nominal model's χ² beyond noise that a fit takes away."""
         excess = max(self.nominal.chi_squared - len(self.table), 1e-9)
@@ -301,7 +306,7 @@ def _with_labels(base: Judgement, misfit: NominalMisfit) -> Judgement:
     """Judgement with other labels that explain as much as any effects do, if there are such."""
     if not misfit.simulation.loaded:
         return base
-    every = (*base.alone, *(base.posterior.fits if base.posterior else ()))
+    every = base.fits
     table = misfit.table
     if misfit.told.anything:
         # Other labels may explain what was taken for readings that are off by themselves.
