@@ -258,6 +258,7 @@ Spannung [kV];Weg [mm];Bemerkung
 """
 
 
+@pytest.mark.study(seconds=12)
 def test_a_german_table_of_ones_own_becomes_a_verdict_by_one_edit(
         tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Heights fall as the voltage rises, and the mass stands nowhere: the draft asks for that."""

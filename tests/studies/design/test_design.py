@@ -213,6 +213,7 @@ def scattered() -> tuple[DesignResult, Requirements]:
     return design(wanted), wanted
 
 
+@pytest.mark.study(seconds=12)
 def test_films_that_scatter_keep_the_bounds_by_finite_elements() -> None:
     """Each of 32 films, on a mesh of its own; some 1.5 of these may fail, 5 hardly ever do."""
     result, wanted = scattered()
@@ -314,6 +315,7 @@ def test_films_are_refused_by_the_share_that_keeps_all_bounds_alone(tmp_path: Pa
     assert film.reached.probability == pytest.approx(share, abs=0.02)
 
 
+@pytest.mark.study(seconds=13)
 def test_of_what_copies_cannot_keep_the_nearest_film_and_what_they_can_is_told(tmp_path: Path
                                                                                ) -> None:
     """Some copies pull in: of no plate more keep the bound, and what most keep is told of it."""
@@ -455,6 +457,7 @@ def test_no_film_is_better_than_one_of_the_front_in_both_quantities(tmp_path: Pa
     assert not (values[:, None] > 1.005 * films[None]).all(-1).any()
 
 
+@pytest.mark.study(seconds=12)
 def test_each_film_of_a_catalogue_is_searched_and_is_what_solve_makes_of_it(tmp_path: Path
                                                                             ) -> None:
     wanted = requirements(tmp_path, '[want]\nstroke = "largest"\n'

@@ -68,6 +68,7 @@ def with_slips(tmp_path_factory: pytest.TempPathFactory) -> Diagnosis:
     return diagnose(read_dataset(folder_of(tmp_path_factory.mktemp("bench"), "zero")))
 
 
+@pytest.mark.study(seconds=21)
 def test_an_effect_is_named_beside_slips(with_slips: Diagnosis) -> None:
     (cause,) = (cause for cause in with_slips.causes if cause.named)
     assert cause.effect == "sensor_zero"

@@ -356,6 +356,7 @@ def table_2(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     return content
 
 
+@pytest.mark.study(seconds=25)
 def test_table_2_contradicts_any_membrane_in_shape_and_mass(table_2: dict[str, Any]) -> None:
     """Heavier weights deflect it too little, and ellipses gain too much.
 

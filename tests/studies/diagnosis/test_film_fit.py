@@ -26,6 +26,7 @@ RUN = Run(shapes=("middle",), masses=(2e-2,), voltage=5e3, length=60.0, rate=40.
 TWO = Hidden(branch=100e3, time=20.0, others=((100e3, 0.5),))
 
 
+@pytest.mark.study(seconds=11)
 def test_law_permittivity_and_both_branches_are_within_their_limits(
         tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """And the specimen that is stored has them."""

@@ -259,6 +259,7 @@ def test_large_effects_are_named_or_listed_and_no_other_is_named(
         assert judgement.named or truth.hypothesis[0] in judgement.suspects
 
 
+@pytest.mark.study(seconds=14)
 def test_the_largest_slip_is_named(lab: Lab) -> None:
     """The film of one specimen, seven usual sizes less stretched; by another family of laws."""
     design, simulation = lab.paper
@@ -312,6 +313,7 @@ def sag_judged(lab: Lab, sag: ReadingTable) -> Judgement:
     return judge(simulation, sag, design.causes)
 
 
+@pytest.mark.study(seconds=13)
 def test_the_verdict_hangs_on_no_order_and_no_seed(lab: Lab, sag: ReadingTable,
                                                    sag_judged: Judgement) -> None:
     """Of readings, of causes, and of what is drawn: all three are changed at once."""

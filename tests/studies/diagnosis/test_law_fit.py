@@ -90,6 +90,7 @@ def test_of_40_films_limits_hold_the_moduli_as_often_as_they_say(tmp_path: Path)
     assert 0.89 * count <= held
 
 
+@pytest.mark.study(seconds=15)
 def test_command_writes_the_film_and_both_doors_agree(tmp_path: Path, capsys) -> None:
     data, folder = measured(tmp_path / "data", 7), tmp_path / "fit"
     assert main(["material", "fit", str(data), "--constants", "mu", "-o", str(folder),

@@ -60,6 +60,7 @@ def stated(table: ReadingTable) -> ReadingTable:
     return table.with_noise(replace(table.noise, freedom=np.array([30.0])))
 
 
+@pytest.mark.study(seconds=11)
 def test_a_good_design_names_more_than_a_poor_one(three_shapes: Simulation) -> None:
     """By the same causes; the same seed gives the same sets, whichever process makes them."""
     causes = (SAG, Cause("prestretch_loss", "circular"), MASS)

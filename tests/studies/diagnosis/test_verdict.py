@@ -270,6 +270,7 @@ def test_a_cause_that_only_its_size_speaks_against_is_suspected(three_shapes: Si
     assert judged.simulation is not three_shapes
 
 
+@pytest.mark.study(seconds=11)
 def test_what_is_named_is_so_for_every_scale_of_the_priors(
         three_shapes: Simulation, overweight: tuple[ReadingTable, Judgement]) -> None:
     table, judged = overweight

@@ -29,6 +29,7 @@ from tympan.studies.formats import FORMATS
 EXAMPLE = Path(__file__).parents[3] / "examples" / "tympan-tether"
 
 
+@pytest.mark.study(seconds=33)
 def test_the_example_is_named_by_the_unchanged_command(tmp_path: Path) -> None:
     project = tomllib.loads((EXAMPLE / "pyproject.toml").read_text())["project"]
     site = installed(tmp_path / "site", project["name"], project["entry-points"])

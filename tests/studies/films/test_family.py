@@ -80,6 +80,7 @@ def test_random_films_are_those_of_finite_elements_and_errors_are_covered(scatte
     np.testing.assert_allclose(states.force[:, 0], forces)
 
 
+@pytest.mark.study(seconds=14)
 def test_errors_of_films_with_plates_off_centre_are_covered() -> None:
     offsets = {"plate.offset.0": (0.0, "3 mm"), "plate.offset.1": ("-2 mm", "2 mm"),
                "membrane.thickness": ("0.9 mm", "1.1 mm")}
@@ -144,6 +145,7 @@ def test_frequencies_are_those_of_finite_elements() -> None:
     np.testing.assert_allclose(hertz[:, 0], known, rtol=1e-3)
 
 
+@pytest.mark.study(seconds=14)
 def test_limits_are_those_of_finite_elements() -> None:
     """Films that break down and then lose tension, before they pull in."""
     wide = wide_family()

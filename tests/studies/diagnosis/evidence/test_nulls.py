@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import pytest
 from scipy.stats import binom, kstest
 
 from benchmarks.trials.coupons.nulls import ALONE, p_values, row
@@ -17,6 +18,7 @@ from tympan.studies.diagnosis.inference.verdict import ALARM
 SETS, UNLIKELY = 3 * len(ALONE), 1e-3
 
 
+@pytest.mark.study(seconds=16)
 def test_coupons_in_which_nothing_is_hidden_rarely_alarm() -> None:
     """p-values are spread evenly, as far as so few can tell."""
     values = np.concatenate([*p_values(ALONE, SETS).values()])

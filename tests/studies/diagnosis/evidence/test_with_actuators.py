@@ -51,6 +51,7 @@ def test_a_cause_of_the_film_is_named_among_all_effects() -> None:
     assert judgement.named == (STIFFENING,)
 
 
+@pytest.mark.study(seconds=40)
 def test_a_cause_of_the_film_is_named_by_both(together: tuple[PreparedReadings, Judgement]) -> None:
     """With one size for both, and its limits about the true one."""
     readings, judgement = together

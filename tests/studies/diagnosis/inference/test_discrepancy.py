@@ -38,6 +38,7 @@ def test_limits_of_a_louder_fit_are_those_with_more_noise(three_shapes: Simulati
     assert found.misfit > 3
 
 
+@pytest.mark.study(seconds=14)
 def test_predictions_are_off_by_what_a_discrepancy_does_there_and_to_the_fit(
         three_shapes: Simulation) -> None:
     """Of draws of the process, added to readings, of which one film is held out."""

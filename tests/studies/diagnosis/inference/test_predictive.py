@@ -51,6 +51,7 @@ def test_the_unknowns_of_a_fit_spread_as_draws_of_them_do(three_shapes: Simulati
     assert spread == pytest.approx(np.std(predicted, axis=0), rel=0.15)
 
 
+@pytest.mark.study(seconds=14)
 def test_readings_held_out_lie_in_their_bands(three_shapes: Simulation) -> None:
     """Nulls and an effect; hundreds are in the study."""
     inside, count = 0.0, 0
