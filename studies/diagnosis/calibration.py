@@ -225,7 +225,7 @@ def _nominal_law(setup: Setup, solver: FiniteElements, name: str, heave: float,
 def _needed(setup: Setup, table: ReadingTable, rest: FilmsAtRest | None = None) -> Array:
     """Heaves and U² needed, shape (2, specimens): by the readings or by films at rest."""
     states, needed = table.states, []
-    squared = np.asarray(setup.rig.film_voltage(states.voltage, states.direction)) ** 2
+    squared = np.asarray(setup.rig.film_voltage(states.voltage, states.voltage_direction)) ** 2
     if rest is not None:
         squared = rest.voltage_squared
     for number, specimen in enumerate(setup.specimens):
@@ -281,7 +281,8 @@ def law_error(simulation: Simulation, fit: Fit, table: ReadingTable) -> float:
     place, way = rest.came
     for state in place[evenly(order, _STATES_CHECKED)].tolist():
         model = build_model(setup.specimens[int(states.specimen[state])], FINE, rig.loading)
-        voltage = rig.film_voltage(float(states.voltage[state]), float(states.direction[state]))
+        voltage = rig.film_voltage(float(states.voltage[state]),
+                                       float(states.voltage_direction[state]))
         force = rig.force(float(states.mass[state]), model.plate_area)
         force = rig.rubbed(force, float(way[state]))
         outcome = equilibrium(model, force, voltage, rig.gas_pressure)

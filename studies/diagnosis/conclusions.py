@@ -27,6 +27,7 @@ from tympan.studies.diagnosis.inference.families import (
 )
 from tympan.studies.diagnosis.inference.identifiability import detectable_effects
 from tympan.studies.diagnosis.inference.noise_told import LOUDER, probability_off
+from tympan.studies.diagnosis.inference.nominal import UNLIKE
 from tympan.studies.diagnosis.inference.posterior import Posterior
 from tympan.studies.diagnosis.inference.ratios import ratios
 from tympan.studies.diagnosis.inference.verdict import Judgement
@@ -185,12 +186,13 @@ class Conclusions:
         suspects = [] if self.verdict != "ambiguous" else suspects_among(causes)
         named = [cause for cause in causes if self.verdict == "named" and cause.named]
         misfit = self._misfit(place)
-        of_sensor = misfit if judged.of_sensor else None
+        cannot_tell = self._cannot_tell(misfit)
         return Diagnosis(
             dataset=self.dataset.name,
             verdict=self.verdict,
             headline=headline(self.verdict, named, suspects, place, judged.small_errors,
-                              found is not None, of_sensor, unit.name.replace("u", "µ")),
+                              found is not None, cannot_tell),
+            cannot_tell=cannot_tell,
             causes=causes,
             # Of outliers the fits tell more (readings_off).
             findings=(*(one for one in findings(self.dataset) if one.kind != "outlier"),
@@ -418,11 +420,32 @@ class Conclusions:
             patterns=tuple(result.PatternTest(judged.test.words(name), p) for name, p in p_values
                            if name in judged.patterns))
 
+    def _cannot_tell(self, misfit: result.Misfit) -> str:
+        """Sentences on why it is not known whether the simulation agrees; "" where it is."""
+        if self.judgement.of_sensor:
+            return WORDS["wanders"].format(misfit=misfit,
+                                           unit=self.judgement.table.unit.name.replace("u", "µ"))
+        rough = self._rough
+        if self.verdict != "nothing" or not rough:
+            return ""
+        kind = max(rough, key=lambda name: rough[name])
+        return WORDS["too_rough"].format(kind=kind, scatter=rough[kind])
+
+    @property
+    def _rough(self) -> dict[str, float]:
+        """Scatter about smooth curves over the stated noise, by kind, where it cannot be noise."""
+        table, scatter = self.readings.table, self.judgement.noise_over(self.readings.table)
+        stated = table.lengths & table.noise.given
+        lengths = {"displacement": scatter} if stated.any() and scatter > UNLIKE else {}
+        return {**self.judgement.rough, **lengths}
+
     def _next_experiment(self, concerned: Sequence[result.FoundCause]
                          ) -> result.NextExperiment | None:
         """The direct checks of what is concerned, then the best experiment; None if all is well."""
         if self.verdict == "nothing":
-            return None
+            return result.NextExperiment(
+                what=WORDS["do_rough"], checks=(WORDS["do_rough"],), after_checks=""
+            ) if self._rough else None
         advice = self.advice if self.proposals else ""
         checks, unexplained = [cause.check for cause in concerned], self.verdict == "unexplained"
         found = of_data(self.judgement) if unexplained else None

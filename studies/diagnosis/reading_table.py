@@ -77,10 +77,11 @@ class Scan:
 class States:
     """States of the actuators that are read, shape (n,) each.
 
-    Number of the specimen, nominal mass [kg] and voltage [V], time since the run began [s], way the
-    voltage got there (1 up, -1 down, 0 not known), the heave at which the plate is held [m], nan
-    where it is free, and number of the run: a specimen's states under one mass in one run stand in
-    the order in which they were reached. ``passage``: the part of its history that a state is of.
+    Number of the specimen, nominal mass [kg] and voltage [V], time since the run began [s], way it
+    got there (the voltage: 1 up, -1 down; a plate that is held: 1 out, -1 back; 0 not known), the
+    heave at which the plate is held [m], nan where it is free, and number of the run: a specimen's
+    states under one mass in one run stand in the order in which they were reached. ``passage``: the
+    part of its history that a state is of.
     """
 
     specimen: Numbers
@@ -119,6 +120,11 @@ class States:
         keys = np.stack([self.specimen, self.mass, self.run], 1)[free]
         numbers = np.unique(keys, axis=0, return_inverse=True)[1].ravel()
         return tuple(free[numbers == number] for number in range(numbers.max(initial=-1) + 1))
+
+    @property
+    def voltage_direction(self) -> Array:
+        """Way in which the voltage got there: 1 up, -1 down, 0 where it is not known."""
+        return np.where(np.isnan(self.heave), self.direction, 0.0)
 
     @cached_property
     def way(self) -> Array:

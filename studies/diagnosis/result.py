@@ -344,6 +344,8 @@ class Diagnosis:
     verdict: Annotated[Verdict, Key("nothing beyond noise; one cause stands out; several could; "
                                     "none in the library mends it")]
     headline: Annotated[str, Key("the verdict in a sentence")]
+    cannot_tell: Annotated[str, Key("why it is not known whether the simulation agrees; empty "
+                                    "where it is known")] = ""
     causes: Annotated[tuple[FoundCause, ...], Key("causes, the most probable first")] = ()
     findings: Annotated[tuple[Finding, ...], Key(
         "what is wrong with the dataset itself: its rows, its labels, its quantities")] = ()

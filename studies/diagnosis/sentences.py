@@ -16,7 +16,7 @@ from tympan.studies.diagnosis.inference.projection import beside, taken_by
 from tympan.studies.diagnosis.inference.relabelled import Relabelling
 from tympan.studies.diagnosis.inference.verdict import Judgement
 from tympan.studies.diagnosis.patterns.reading_patterns import EACH_RUN, JUMPS, over
-from tympan.studies.diagnosis.result import FoundCause, Misfit
+from tympan.studies.diagnosis.result import FoundCause
 from tympan.studies.diagnosis.slips import load_columns, run_columns
 from tympan.studies.effects.effect import Quantity
 from tympan.studies.effects.findings import FoundSize, finding, limits_told
@@ -111,18 +111,19 @@ def together(suspects: Sequence[FoundCause]) -> bool:
 
 def headline(verdict: str, named: Sequence[FoundCause], suspects: Sequence[FoundCause], where: str,
              small_errors: float | None = None, of_data: bool = False,
-             misfit: Misfit | None = None, unit: str = "") -> str:
+             cannot_tell: str = "") -> str:
     """Headline; ``of_data``: ``where`` says what is wrong in the dataset.
 
-    ``misfit``: that which errors of a sensor that wanders explain, too, in a ``unit``; None where
-    they do not.
+    ``cannot_tell``: why it is not known whether the simulation agrees, if so.
     """
     if verdict == "unexplained" and of_data:
         return WORDS["data"].format(where=where)
-    if misfit is not None:
-        heads = [f"; or {cause.headline[0].lower()}{cause.headline[1:]}" for cause in suspects]
-        heads = heads or [WORDS["or_unexplained"]]
-        return WORDS["wanders"].format(misfit=misfit, unit=unit, others="".join(heads))
+    if cannot_tell and verdict == "nothing":
+        return WORDS["cannot_tell"].format(why=cannot_tell)
+    if cannot_tell:
+        heads = [f"{cause.headline[0].lower()}{cause.headline[1:]}" for cause in suspects]
+        return WORDS["cannot_tell_from"].format(
+            why=cannot_tell, others="; or ".join(heads or [WORDS["unknown_effect"]]))
     if verdict == "unexplained" and small_errors is not None:
         return WORDS["rough"].format(share=100 * small_errors)
     if verdict == "named":

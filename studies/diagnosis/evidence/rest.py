@@ -103,7 +103,7 @@ class Rest(PlateEvidence):
     def tells(self, table: ReadingTable) -> set[Quantity]:
         states = table.states
         there = {Quantity.ELAPSED: np.ptp(states.elapsed) > 0,
-                 Quantity.DIRECTION: np.any(states.direction != 0),
+                 Quantity.DIRECTION: np.any(states.voltage_direction != 0),
                  Quantity.TIME: len(states.in_time)}
         return {quantity for quantity, told in there.items() if told}
 

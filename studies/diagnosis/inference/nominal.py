@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -45,6 +45,12 @@ _SHARE = 0.5
 #: Readings of a channel from which single ones that are off hardly move its noise.
 _SINGLE = 200
 
+#: Scatter of a channel about smooth curves over its stated noise from which that is not its noise:
+#: people state it too small by a factor of two, hardly by more.
+UNLIKE = 3.0
+#: Fewest degrees of freedom by which that is told.
+_KNOWN = 5.0
+
 #: What is said of them.
 TOO_FEW = "there are too few readings to tell a misfit from noise"
 
@@ -54,7 +60,8 @@ class NominalMisfit:
     """The fit of the nominal model to a table's readings.
 
     ``patterns``: what its misfit may be a combination of, in units of the readings, by name;
-    ``stated``: the noise before what is ``told`` of it.
+    ``stated``: the noise before what is ``told`` of it; ``rough``: scatter over the stated noise of
+    the channels, by kind, whose stated noise cannot be theirs.
     """
 
     simulation: Model
@@ -63,6 +70,7 @@ class NominalMisfit:
     patterns: dict[str, Array]
     stated: Noise
     told: Told
+    rough: Mapping[str, float] = field(default_factory=dict)
 
     @classmethod
     def of(cls, simulation: Model, table: ReadingTable, causes: Sequence[Cause],
@@ -185,9 +193,9 @@ class NominalMisfit:
 
         About all that is ``shown``, or, of a channel with too few readings for that, about its own
         smooth misfit: what is missed by much is not noise, nor is a reading that is off by itself.
-        A noise that is given beside readings has its say.
+        A noise that is given beside readings has its say, unless readings scatter by far more.
         """
-        factor, table = np.ones(len(self.table)), self.table
+        factor, table, rough = np.ones(len(self.table)), self.table, dict[str, float]()
         for kind, rows in table.rows_of.items():
             name = f"channel {kind}"
             if name in shown:
@@ -201,8 +209,11 @@ class NominalMisfit:
                 if tests.freedom > 0:
                     factor[rows] = _factor(tests.noise(self.fit.residual[rows]),
                                            tests.freedom + stated)
+                scatter = replace(tests, stated=0.0).noise(self.fit.residual[rows])
+                if stated and tests.freedom >= _KNOWN and scatter > UNLIKE:
+                    factor[rows] = rough[kind] = scatter
         table = table.with_sigma(factor * table.sigma)
-        return replace(self, table=table,
+        return replace(self, table=table, rough=rough,
                        fit=fit(self.simulation, (), table, self.fit.unknowns))
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -114,7 +114,8 @@ class Judgement:
     quantities that, read as others they are often taken for, make unusual factors usual;
     ``wandering``: how large errors of a sensor that wanders would be that explain the misfit, too
     [the readings' unit], where no noise is stated that excludes them, else 0; ``no_sensor``:
-    whether a cause is much more probable than these, without which nothing is named.
+    whether a cause is much more probable than these, without which nothing is named; ``rough``: the
+    scatter of channels over their stated noise, by kind, where that cannot be their noise.
     ``odd_specimen``: that without which the nominal model misses nothing, where no one cause
     explains it; where two do that are not both surprisingly large, they stand beside it.
     """
@@ -144,6 +145,7 @@ class Judgement:
     odd_specimen: str = ""
     wandering: float = 0.0
     no_sensor: bool = False
+    rough: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def of_sensor(self) -> bool:
@@ -262,7 +264,7 @@ def _judged(simulation: Model, table: ReadingTable, causes: Sequence[Cause], wid
     invisible, classes = classes_of(signs)
     base = Judgement("nothing", simulation, table, nominal, test, misfit.patterns, signs,
                      misfit.told, indistinguishable=classes, invisible=invisible,
-                     wandering=wandering, no_sensor=no_sensor)
+                     wandering=wandering, no_sensor=no_sensor, rough=misfit.rough)
     if test.p_value >= ALARM:
         return misfit, (base if nominal.usual >= UNUSUAL
                         else replace(base, verdict="unexplained"))

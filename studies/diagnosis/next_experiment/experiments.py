@@ -74,7 +74,7 @@ class Readout:
         """Displacements in a run of its own, in this order, as fast as the readings so far."""
         states = self.states
         pace = float(np.ptp(np.nan_to_num(states.elapsed))) / max(len(states) - 1, 1)
-        direction = np.full(len(specimen), float(np.any(states.direction != 0)))
+        direction = np.full(len(specimen), float(np.any(states.voltage_direction != 0)))
         return self.displacements(States.of(specimen.astype(np.int64), mass, voltage,
                                             pace * np.arange(float(len(specimen))), direction))
 
@@ -230,7 +230,7 @@ def _higher_voltages(readout: Readout, factor: float, count: int = 5) -> Reading
 def _backwards(readout: Readout) -> ReadingTable | None:
     """The run in reverse right after it, where times or ways of the readings are known."""
     states = readout.states
-    if not (np.ptp(states.elapsed) > 0 or np.any(states.direction != 0)):
+    if not (np.ptp(states.elapsed) > 0 or np.any(states.voltage_direction != 0)):
         return None
     return readout.displacements(replace(
         states, elapsed=2 * states.elapsed.max() - states.elapsed, direction=-states.direction))

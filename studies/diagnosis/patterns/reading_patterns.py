@@ -26,6 +26,7 @@ WORDS = {
     "run": "what was read of {1} is off against the other runs",
     "load": "what was read under {1} is off against the other loads",
     "channel": "readings of {1} are off",
+    "loop": "forces differ on the way out and back",
     "channel film": "the film's shape is off",
     "channel film_x": "displacements within the film along x are off",
     "channel film_y": "displacements within the film along y are off",

@@ -110,7 +110,8 @@ class FilmsAtRest:
     @cached_property
     def voltage_squared(self) -> Array:
         """U² [V²] at which nominal films are as they are in each state, shape (states,)."""
-        seen = np.asarray(self.rig.film_voltage(self.states.voltage, self.states.direction))
+        seen = np.asarray(self.rig.film_voltage(self.states.voltage,
+                                                self.states.voltage_direction))
         return (self.permittivity / self.stiffness / self.hardening
                 * charged(self.states, self.rig, seen**2, self.capacitance))
 

@@ -18,7 +18,7 @@ from tympan.studies.diagnosis.inference.verdict import judge
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.reduced.simulation import Simulation
 from tympan.studies.diagnosis.result import Misfit
-from tympan.studies.diagnosis.sentences import headline
+from tympan.studies.diagnosis.sentences import WORDS, headline
 from tympan.studies.estimation.noise import SCATTER, Noise
 
 CASE = Path(__file__).parent / "bench" / "unknown-noise"
@@ -72,11 +72,13 @@ def test_a_smooth_misfit_is_told_with_its_cause_and_the_noise_below_which_it_cou
 def test_a_sensor_that_wanders_or_nothing_known_is_one_whole_sentence() -> None:
     misfit = Misfit(baseline_rmse=80.0, noise=10.0, noise_from=SCATTER, noise_over_stated=None,
                     p_value=1e-9, counts_below=45.0, where="")
-    words = headline("unexplained", [], [], "", misfit=misfit, unit="µm")
-    assert words.startswith("Cannot tell, because no noise is stated. The readings are off "
-                            "smoothly, by 80 µm. Either the sensor's error wanders by as "
-                            "much; or the simulation is wrong, and no effect")
-    assert "below 45 µm" in words
+    why = WORDS["wanders"].format(misfit=misfit, unit="µm")
+    words = headline("unexplained", [], [], "", cannot_tell=why)
+    assert words == (
+        "Cannot tell, because no noise is stated. The readings are off smoothly, by 80 µm. The "
+        "sensor's error may wander by as much. With a noise below 45 µm, stated in dataset.toml, "
+        "it is not the sensor. If it is not the sensor: the simulation is wrong, and no effect in "
+        "the library explains it.")
 
 
 @pytest.mark.parametrize("seed", [1, 2])

@@ -1,0 +1,78 @@
+"""Loops of force–displacement curves, which no film at rest has, by the axisymmetric equations."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.oracles.axisymmetric import solve_deflection, solve_load
+from tests.studies.diagnosis.evidence.test_held import FILM
+from tests.support.datasets import HEAD, write_dataset
+from tests.support.library import library_of
+from tests.support.specimens import circular
+from tympan.fem.toml_writer import specimen_to_toml
+from tympan.studies.data.dataset import read_dataset
+from tympan.studies.diagnosis.diagnose import diagnose
+from tympan.studies.diagnosis.result import Diagnosis
+
+#: Noise of a force and of a displacement, as stated [N, m].
+FORCE, LENGTH = 0.5e-3, 10e-6
+DISPLACEMENTS = np.linspace(0.5e-3, 6e-3, 23)
+WAYS = [*((at, 1.0) for at in DISPLACEMENTS), *((at, -1.0) for at in DISPLACEMENTS[-2::-1])]
+
+
+def judged(folder: Path, half: float, written: bool = True, shuffled: bool = False) -> Diagnosis:
+    """The verdict on a loop of twice ``half`` [N], its ways ``written`` or not."""
+    noise = np.random.default_rng(0)
+    forces = [[voltage, 1e3 * at, 1e3 * (solve_deflection(FILM, at, 1e3 * voltage).force
+                                         + way * half + FORCE * noise.standard_normal()),
+               "out" if way > 0 else "back"] for voltage in (0.0, 3.0) for at, way in WAYS]
+    heaves = [[mass, voltage, 1e3 * (solve_load(FILM, 9.81e-3 * mass, 1e3 * voltage).deflection
+                                     + LENGTH * noise.standard_normal())]
+              for mass in (10.0, 20.0) for voltage in (0.0, 1.0, 2.0, 2.5, 3.0, 3.5, 4.0)]
+    if shuffled:
+        forces = [forces[k] for k in noise.permutation(len(forces))]
+    film = specimen_to_toml(circular()).replace("\n[", "\n[specimen.")
+    write_dataset(folder, HEAD + "[[specimen]]\n" + film, ())
+    _csv(folder / "force.csv", "voltage_kV,displacement_mm,force_mN,direction,sigma_mN", [
+        [*row[:3], row[3] if written else "", 1e3 * FORCE] for row in forces])
+    _csv(folder / "static.csv", "mass_g,voltage_kV,displacement_mm,sigma_um", [
+        [*row, 1e6 * LENGTH] for row in heaves])
+    with library_of("gauge_zero", "strain_stiffening"):
+        return diagnose(read_dataset(folder))
+
+
+def _csv(file: Path, head: str, rows: Sequence[Sequence[float | str]]) -> None:
+    name = circular().name
+    file.write_text("\n".join([f"specimen,{head}", *(
+        ",".join(map(str, [name, *row])) for row in rows)]) + "\n")
+
+
+@pytest.mark.parametrize("written", [True, False])
+def test_a_loop_is_no_noise(written: bool, tmp_path: Path) -> None:
+    """Of 12 mN, σ 0.5 mN: told as one, though the ways are not written; σ of lengths stays."""
+    result = judged(tmp_path, 6e-3, written)
+    assert result.verdict == "unexplained"
+    assert "forces differ on the way out and back" in result.headline
+    assert result.misfit.noise == pytest.approx(1e6 * LENGTH, rel=0.3)
+
+
+def test_without_a_loop_the_same_readings_agree(tmp_path: Path) -> None:
+    result = judged(tmp_path, 0.0)
+    assert (result.verdict, result.cannot_tell) == ("nothing", "")
+
+
+def test_scatter_far_beyond_the_stated_noise_is_no_agreement(tmp_path: Path) -> None:
+    """Rows in no order, without their ways: the loop is scatter of twelve times the noise."""
+    result = judged(tmp_path, 6e-3, written=False, shuffled=True)
+    assert result.headline == (
+        "Cannot tell whether the simulation agrees, because the readings of force scatter "
+        f"{result.cannot_tell.split('scatter ')[1]}.")
+    times = float(result.cannot_tell.split("scatter ")[1].split()[0])
+    assert times == pytest.approx(6e-3 / FORCE, rel=0.2)
+    assert result.misfit.noise == pytest.approx(1e6 * LENGTH, rel=0.3)
+    assert result.next_experiment is not None
+    assert "direction of each reading" in result.next_experiment.what
