@@ -162,13 +162,21 @@ def show_picture(axes: Axes, picture: Picture, *captions: tuple[str, float, str,
                       fontsize=size)
 
 
+#: Width of a digit of a colour bar's numbers [mm].
+_WIDE = 1.6
+
+
 def colour_bar(figure: Figure, left_edge: float, top: float, size: tuple[float, float],
                scale: AxisScale, colours: str, words: str) -> None:
     """Draw a bar of a ``size`` [mm] that says what the colours of pictures mean."""
     bar = figure.colorbar(ScalarMappable(Normalize(scale.low, scale.high), colours),
                           cax=place_axes(figure, left_edge, top, *size), orientation="horizontal",
                           ticks=scale.ticks)
-    bar.set_ticklabels([scale.text(tick) for tick in scale.ticks])
+    # Numbers that would stand over each other: every second one, or third.
+    texts = [scale.text(tick) for tick in scale.ticks]
+    room = (scale.ticks[1] - scale.ticks[0]) / (scale.high - scale.low) * size[0]
+    step = max(1, int(np.ceil(_WIDE * (max(map(len, texts)) + 1) / room)))
+    bar.set_ticklabels([text if number % step == 0 else "" for number, text in enumerate(texts)])
     bar.outline.set_linewidth(0.5)
     bar.set_label(words, labelpad=2)
 

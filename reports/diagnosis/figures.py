@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -14,6 +14,7 @@ from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from tympan.reports import look as style
+from tympan.studies.diagnosis.reading_table import UNITS
 
 Columns = Mapping[str, NDArray[Any]]
 
@@ -47,24 +48,54 @@ _BELOW = 14.0
 #: Where crosses of readings that are further off than the axis reaches stand, as a share of it.
 _EDGE = 0.95
 
-_SHOWN = {"displacement": "deflection (mm)", "range": "range (mm)"}
+_SHOWN = {"displacement": "deflection (mm)", "range": "range (mm)", "force": "force (mN)",
+          "capacitance": "capacitance (pF)", "tilt": "tilt (mrad)",
+          "film_voltage": "voltage on the film (kV)"}
+_AXES = {"voltage": "voltage (kV)", "displacement": "displacement (mm)"}
+#: Labels of masses [kg] and voltages [V].
+_EACH: dict[str, Callable[[float], str]] = {"mass": lambda value: f"{1e3 * value:.4g} g",
+                                            "voltage": lambda value: f"{1e-3 * value:.4g} kV"}
+#: Scales of axes over SI.
+_PER_SI = {"voltage": 1e-3, "displacement": 1e3}
 
 
 def compose_readings(readings: Columns, curves: Columns) -> Figure:
     """Readings of lengths and the curves of both models with their band, a panel a specimen."""
+    return _compose(readings, curves, "voltage", "mass")
+
+
+def compose_channels(readings: Columns, channels: Columns) -> Figure:
+    """The same of other readings against the voltage, a panel for each specimen and kind."""
+    return _compose(_in_units(readings), channels, "voltage", "mass")
+
+
+def compose_forces(readings: Columns, channels: Columns) -> Figure:
+    """Force–displacement curves, a panel a specimen and a colour a voltage."""
+    return _compose(_in_units(readings), channels, "displacement", "voltage")
+
+
+def _compose(readings: Columns, curves: Columns, along: str, each: str) -> Figure:
+    """Readings and curves ``along`` an axis, ``each`` mass or voltage in its colour."""
     panels = list(dict.fromkeys(zip(readings["kind"].tolist(), readings["specimen"].tolist(),
                                     strict=True)))
-    masses = np.unique(readings["mass"]).tolist()
+    colours = np.unique(readings[each]).tolist()
     figure, places = _panels_of(len(panels))
     for axes, (kind, name) in zip(places, panels, strict=True):
-        for colour, mass in enumerate(masses):
-            _ramp(axes, style.colour_of(colour), style.marker_of(colour), *(
-                {key: values[(table["kind"] == kind) & (table["specimen"] == name)
-                             & (table["mass"] == mass)] for key, values in table.items()}
-                for table in (readings, curves)))
-        style.describe(axes, "voltage (kV)", _SHOWN[kind], name, bold=True)
-    _models_legend(figure, masses, curves, slips=bool(np.any(readings["counts"] == 0)))
+        for colour, value in enumerate(colours):
+            some, models = ({key: values[(table["kind"] == kind) & (table["specimen"] == name)
+                                         & (table[each] == value)]
+                             for key, values in table.items()} for table in (readings, curves))
+            _ramp(axes, style.colour_of(colour), style.marker_of(colour), some, models, along)
+        style.describe(axes, _AXES[along], _SHOWN[kind], name, bold=True)
+    _models_legend(figure, [_EACH[each](value) for value in colours], curves,
+                   slips=bool(np.any(readings["counts"] == 0)))
     return figure
+
+
+def _in_units(readings: Columns) -> Columns:
+    """Readings of several kinds in the unit of each."""
+    per_si = np.array([UNITS[kind].per_si for kind in readings["kind"].tolist()])
+    return {**readings, "read": per_si * readings["read"]}
 
 
 def _panels_of(count: int) -> tuple[Figure, list[Axes]]:
@@ -78,26 +109,29 @@ def _panels_of(count: int) -> tuple[Figure, list[Axes]]:
                     for number in range(count)]
 
 
-def _ramp(axes: Axes, colour: str, marker: str, readings: Columns, curves: Columns) -> None:
+def _ramp(axes: Axes, colour: str, marker: str, readings: Columns, curves: Columns,
+          along: str) -> None:
+    # Lengths are in SI, other readings in their units.
+    scale = 1.0 if "unit" in curves else 1e3
     for way in np.unique(curves["direction"]):
         rows = curves["direction"] == way
-        voltage = curves["voltage"][rows] / 1e3
-        low, high, nominal, extended = (1e3 * curves[name][rows] for name in
+        place = _PER_SI[along] * curves[along][rows]
+        low, high, nominal, extended = (scale * curves[name][rows] for name in
                                         ("low", "high", "baseline", "extended"))
-        axes.fill_between(voltage, low, high, color=colour, alpha=0.18, linewidth=0)
-        axes.plot(voltage, nominal, "--", color=colour, linewidth=0.9)
-        axes.plot(voltage, extended, color=colour, linewidth=0.9)
+        axes.fill_between(place, low, high, color=colour, alpha=0.18, linewidth=0)
+        axes.plot(place, nominal, "--", color=colour, linewidth=0.9)
+        axes.plot(place, extended, color=colour, linewidth=0.9)
     counts = readings["counts"] != 0
-    axes.plot(readings["voltage"][counts] / 1e3, 1e3 * readings["read"][counts], marker,
+    place, read = _PER_SI[along] * readings[along], scale * readings["read"]
+    axes.plot(place[counts], read[counts], marker,
               color=colour, markersize=3, markeredgecolor="white", markeredgewidth=0.3)
-    axes.plot(readings["voltage"][~counts] / 1e3, 1e3 * readings["read"][~counts], "x",
-              color=colour, markersize=5)
+    axes.plot(place[~counts], read[~counts], "x", color=colour, markersize=5)
 
 
-def _models_legend(figure: Figure, masses: list[float], models: Columns, band: bool = True,
+def _models_legend(figure: Figure, points: list[str], models: Columns, band: bool = True,
                    slips: bool = False) -> None:
     """Legend of points, lines and bands, below the panels."""
-    handles: list[Artist] = point_keys([f"{1e3 * mass:.4g} g" for mass in masses])
+    handles: list[Artist] = point_keys(points)
     if slips:
         handles.append(left_out_key())
     handles.append(line_key("baseline model", "--"))
@@ -144,7 +178,7 @@ def compose_transients(readings: Columns) -> Figure:
                     for key, values in readings.items()})
         axes.set_xscale("log")
         style.describe(axes, "time (s)", "read − baseline (µm)", name, bold=True)
-    _models_legend(figure, masses, readings, band=False)
+    _models_legend(figure, list(map(_EACH["mass"], masses)), readings, band=False)
     return figure
 
 
@@ -161,10 +195,12 @@ def _course(axes: Axes, colour: str, marker: str, readings: Columns) -> None:
                   markeredgecolor="white", markeredgewidth=0.3, elinewidth=0.6)
 
 
-def compose_residuals(readings: Columns, unit: str = "µm", per_si: float = 1e6) -> Figure:
+def compose_residuals(readings: Columns, unit: str = "µm", per_si: float = 1e6,
+                      along: str = "voltage", each: str = "mass") -> Figure:
     """Readings less what each model says: a row a specimen, all with one scale.
 
-    Those that do not count are crosses and leave the others their scale.
+    ``along`` an axis, ``each`` mass or voltage in its colour. Those that do not count are crosses
+    and leave the others their scale.
     """
     names = list(dict.fromkeys(readings["specimen"].tolist()))
     before, after = (per_si * (readings["read"] - readings[model])
@@ -183,11 +219,11 @@ def compose_residuals(readings: Columns, unit: str = "µm", per_si: float = 1e6)
         for column, (title, values) in enumerate(zip(titles, (before, after), strict=True)):
             axes = style.place_axes(figure, _NAMED + column * (width + _BETWEEN),
                                     _TITLE + row * (_PANEL + _GAP), width, _PANEL)
-            _panel(axes, readings, name, values if column == 0 or changed else None)
+            _panel(axes, readings, name, values if column == 0 or changed else None, along, each)
             axes.set_ylim(-reach, reach)
             axes.set_title(title if row == 0 else "", loc="left", weight="bold")
             axes.set(ylabel=f"{name}\nread − model ({unit})" if column == 0 else "",
-                     xlabel="voltage (kV)" if row == len(names) - 1 else "")
+                     xlabel=_AXES[along] if row == len(names) - 1 else "")
             axes.tick_params(labelbottom=row == len(names) - 1, labelleft=column == 0)
     handles, _ = figure.axes[0].get_legend_handles_labels()
     if not counts.all():
@@ -196,12 +232,13 @@ def compose_residuals(readings: Columns, unit: str = "µm", per_si: float = 1e6)
     return figure
 
 
-def _panel(axes: Axes, readings: Columns, name: str,
-           values: NDArray[np.float64] | None) -> None:
+def _panel(axes: Axes, readings: Columns, name: str, values: NDArray[np.float64] | None,
+           along: str, each: str) -> None:
     of_specimen = readings["specimen"] == name
-    voltage, noise = readings["voltage"][of_specimen] / 1e3, readings["sigma"][of_specimen]
-    edges = np.unique(voltage)
-    band = np.array([noise[voltage == edge].max() for edge in edges])
+    places = _PER_SI[along] * readings[along]
+    place, noise = places[of_specimen], readings["sigma"][of_specimen]
+    edges = np.unique(place)
+    band = np.array([noise[place == edge].max() for edge in edges])
     if len(edges) == 1:
         edges, band = edges + np.array([-0.5, 0.5]), np.full(2, band[0])
     axes.fill_between(edges, -2 * band, 2 * band, color=style.FAINT, linewidth=0,
@@ -211,11 +248,10 @@ def _panel(axes: Axes, readings: Columns, name: str,
         axes.text(0.5, 0.8, "nothing to extend", transform=axes.transAxes, ha="center",
                   color=style.GREY)
         return
-    for number, mass in enumerate(np.unique(readings["mass"]).tolist()):
-        every = of_specimen & (readings["mass"] == mass)
+    for number, value in enumerate(np.unique(readings[each]).tolist()):
+        every = of_specimen & (readings[each] == value)
         rows, off = every & (readings["counts"] != 0), every & (readings["counts"] == 0)
-        axes.plot(readings["voltage"][rows] / 1e3, values[rows], style.marker_of(number),
+        axes.plot(places[rows], values[rows], style.marker_of(number),
                   color=style.colour_of(number), markersize=3.2, markeredgewidth=0, alpha=0.9,
-                  label=f"{1e3 * mass:.4g} g")
-        axes.plot(readings["voltage"][off] / 1e3, values[off], "x", color=style.colour_of(number),
-                  markersize=5)
+                  label=_EACH[each](value))
+        axes.plot(places[off], values[off], "x", color=style.colour_of(number), markersize=5)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -10,9 +11,16 @@ from typing import Any
 import numpy as np
 from jinja2 import Template
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 from tympan.reports import look as style
-from tympan.reports.diagnosis.figures import compose_readings, compose_residuals, compose_transients
+from tympan.reports.diagnosis.figures import (
+    compose_channels,
+    compose_forces,
+    compose_readings,
+    compose_residuals,
+    compose_transients,
+)
 from tympan.reports.diagnosis.film_maps import (
     QUANTITIES,
     compose_film_maps,
@@ -25,8 +33,9 @@ from tympan.reports.viewer import viewer
 from tympan.studies.data.checks import lines_of
 from tympan.studies.diagnosis.evidence.registry import TRANSIENTS
 from tympan.studies.diagnosis.hypothesis import Cause
-from tympan.studies.diagnosis.reading_table import LENGTHS
+from tympan.studies.diagnosis.reading_table import LENGTHS, UNITS
 from tympan.studies.diagnosis.result import (
+    CHANNELS,
     COUPONS,
     CURVES,
     READINGS,
@@ -39,6 +48,7 @@ from tympan.studies.diagnosis.result import (
     ReadingOff,
 )
 from tympan.studies.diagnosis.sentences import plain, probability_text, suspects_among
+from tympan.studies.diagnosis.shown.curves import OTHERS
 from tympan.studies.effects import EFFECTS
 from tympan.studies.files import write_text
 
@@ -49,7 +59,10 @@ CLEARLY = 3.0
 _FILES = {"readings": "curves", "loaded": "films"}
 
 #: What the page may have pictures of.
-_PICTURES = ("readings", "residuals", "frequencies", "transients", "film", "loaded", "strips")
+_PICTURES = ("readings", "residuals", "forces", "channels", "frequencies", "transients", "film",
+             "loaded", "strips")
+#: End of the names of pictures of what both models leave of a kind of readings beside lengths.
+_LEFT = "_residuals"
 
 #: Of maps of films within the pictures.
 _DPI = 200
@@ -84,6 +97,12 @@ def build_diagnosis_page(diagnosis: Diagnosis, folder: Path) -> list[Path]:
     if len(columns["kind"]):
         pictures["readings"] = lambda: compose_readings(columns, curves)
         pictures["residuals"] = lambda: compose_residuals(columns)
+    for name, kinds in {"forces": ("force",), "channels": OTHERS[1:]}.items():
+        rows = np.isin(tables[READINGS]["kind"], kinds)
+        if rows.any() and CHANNELS in tables:
+            pictures |= _of_channel(name, *({key: values[np.isin(table["kind"], kinds)]
+                                             for key, values in table.items()}
+                                            for table in (tables[READINGS], tables[CHANNELS])))
     if len(swings["kind"]):
         pictures["frequencies"] = lambda: compose_residuals(swings, "Hz", 1.0)
     if len(runs["kind"]):
@@ -96,6 +115,23 @@ def build_diagnosis_page(diagnosis: Diagnosis, folder: Path) -> list[Path]:
     if diagnosis.coupons is not None:
         build_diagnosis_page(diagnosis.coupons, folder / COUPONS)
     return _write(folder, diagnosis, pictures, viewer(films, QUANTITIES) if films else "")
+
+
+def _of_channel(name: str, readings: Mapping[str, NDArray[Any]], curves: Mapping[str, NDArray[Any]]
+                ) -> dict[str, Callable[[], Figure]]:
+    """Pictures of forces or of channels: readings with curves, and what both models leave."""
+    if name == "forces":
+        unit = UNITS["force"]
+        return {"forces": lambda: compose_forces(readings, curves),
+                "force" + _LEFT: lambda: compose_residuals(
+                    readings, unit.name, unit.per_si, "displacement", "voltage")}
+    pictures = {"channels": lambda: compose_channels(readings, curves)}
+    for kind in dict.fromkeys(readings["kind"].tolist()):
+        rows = readings["kind"] == kind
+        pictures[kind + _LEFT] = partial(
+            compose_residuals, {key: values[rows] for key, values in readings.items()},
+            UNITS[kind].name, UNITS[kind].per_si)
+    return pictures
 
 
 def _write(folder: Path, diagnosis: Diagnosis, pictures: Mapping[str, Callable[[], Figure]],
@@ -116,9 +152,16 @@ def render_diagnosis(diagnosis: Diagnosis, pictures: Mapping[str, str], viewer: 
     unit = _unit(diagnosis)
     return _template("reports/diagnosis/diagnosis.html").render(
         diagnosis=diagnosis, verdict=verdict_words(diagnosis), viewer=viewer, unit=unit,
-        tried=tried, suspects=_suspects(diagnosis), gain=_said("gain", diagnosis, unit),
+        tried=tried, suspects=_suspects(diagnosis), gain=gain_words(diagnosis),
         robust=_said("robust", diagnosis), noise=_said("noise", diagnosis.misfit, unit),
+        more=[(name.removesuffix(_LEFT).replace("_", " "), picture)
+              for name, picture in pictures.items() if name.endswith(_LEFT)],
         **dict.fromkeys(_PICTURES, "") | dict(pictures))
+
+
+def gain_words(diagnosis: Diagnosis) -> str:
+    """Sentences on what the extended model predicts of readings that were held out."""
+    return _said("gain", diagnosis, _unit(diagnosis))
 
 
 def verdict_words(diagnosis: Diagnosis) -> str:

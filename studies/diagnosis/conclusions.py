@@ -54,7 +54,7 @@ from tympan.studies.diagnosis.sentences import (
     where,
     with_other_loads,
 )
-from tympan.studies.diagnosis.shown.curves import curves
+from tympan.studies.diagnosis.shown.curves import OTHERS, curves
 from tympan.studies.diagnosis.shown.loaded_films import loaded_films
 from tympan.studies.effects import Setup
 from tympan.studies.effects.findings import FoundSize, family_finding
@@ -324,8 +324,11 @@ class Conclusions:
             "counts": (self.films.told.off == 0).astype(float),
             **{name: common + table.noise.apart(values)
                for name, values in {"read": table.value, **models}.items()},
-            **dict(zip("xy", table.places.T, strict=True))}
+            **dict(zip("xy", table.places.T, strict=True)),
+            "displacement": table.states.heave[table.state]}
         yield result.CURVES, curves(self.simulation, self.films, chosen)
+        if len((others := curves(self.simulation, self.films, chosen, OTHERS))["kind"]):
+            yield result.CHANNELS, others
 
     def _causes(self, posterior: Posterior) -> Iterator[result.FoundCause]:
         judged, probabilities = self.judgement, posterior.of_causes()

@@ -8,7 +8,8 @@ truth.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
@@ -27,8 +28,8 @@ from tympan.studies.diagnosis.inference.posterior import NOTHING, priors
 from tympan.studies.diagnosis.inference.predictive import SHARE, Predictive
 from tympan.studies.diagnosis.inference.smooth_misfit import Discrepancy, GaussianProcess
 from tympan.studies.diagnosis.inference.verdict import Judgement
-from tympan.studies.diagnosis.reading_table import ReadingTable, Unit
-from tympan.studies.diagnosis.result import Coverage, Gain, HeldOut
+from tympan.studies.diagnosis.reading_table import UNITS, ReadingTable, Unit
+from tympan.studies.diagnosis.result import Coverage, Gain, GainOfKind, HeldOut
 
 Array = NDArray[np.float64]
 
@@ -62,9 +63,10 @@ class SplitGain:
     one. ``rows``: numbers of the readings held out at which both have an equilibrium, (n,).
     ``errors`` [m], (n,) each: "noise" is the standard deviation of the readings; "before", "after",
     "process" and "rival" are readings minus predictions of the nominal model, of the extended
-    model, of the nominal model plus a Gaussian process, and of the best wrong cause. ``note`` says
-    why the split says nothing of the gain, if so. ``below``: the probabilities that less is read
-    than was, in every row, by all hypotheses together; none where the cause cannot be learned.
+    model, of the nominal model plus a Gaussian process, and of the best wrong cause. ``others``:
+    readings held out of other kinds. ``note`` says why the split says nothing of the gain, if so.
+    ``below``: the probabilities that less is read than was, in every row, by all hypotheses
+    together; none where the cause cannot be learned.
     Where the verdict is ambiguous, that it is none of them is one more. ``nominally``: the same by
     the nominal model and what it misses alone, where that may be.
     """
@@ -77,6 +79,7 @@ class SplitGain:
     models: tuple[Fit, ...]
     errors: dict[str, Array]
     note: str = ""
+    others: ReadingTable | None = None
     below: Array = field(default_factory=lambda: np.empty(0))
     nominally: Array = field(default_factory=lambda: np.empty(0))
 
@@ -142,8 +145,29 @@ def gain_of(simulation: Model, table: ReadingTable, causes: Sequence[Cause],
                    for split in splits)
     overall = _overall(tested, table, seed)
     return GainReport(overall and replace(
-        overall, splits=tuple(split.shown(table.unit) for split in tested), impossible=impossible),
+        overall, splits=tuple(split.shown(table.unit) for split in tested), impossible=impossible,
+        others=tuple(_of_other_kinds(simulation, tested))),
         tested, impossible, not unexplained or _better(overall))
+
+
+def _of_other_kinds(simulation: Model, splits: Sequence[SplitGain]) -> Iterator[GainOfKind]:
+    """Errors of both models on readings held out that are no lengths, kind by kind."""
+    missed: dict[str, list[Array]] = defaultdict(list)
+    for split in splits:
+        if split.note or split.others is None or not len(split.others):
+            continue
+        table = split.others
+        both = [table.value - simulation.predict(model.hypothesis, model.unknowns, table)
+                for model in split.models]
+        for kind, rows in table.rows_of.items():
+            missed[kind].append(np.stack([*both, table.sigma])[:, rows])
+    for kind, parts in missed.items():
+        errors = np.hstack(parts)
+        errors = errors[:, np.isfinite(errors).all(axis=0)] * UNITS[kind].per_si
+        if errors.shape[1]:
+            before, after, noise = np.sqrt(np.mean(errors**2, axis=1)).tolist()
+            yield GainOfKind(kind=kind, unit=UNITS[kind].name, readings=errors.shape[1],
+                             noise=noise, rmse_before=before, rmse_after=after)
 
 
 def _better(gain: Gain | None) -> bool:
@@ -218,6 +242,7 @@ def _tested(simulation: Model, table: ReadingTable, causes: Sequence[Cause], spl
     train = table[~rows].compact()
     counted = rows & counts
     test = table[counted].compact()
+    others = table[rows & ~table.judged & (judgement.told.off == 0)].compact()
     names = {simulation.setup.specimens[number].name for number in np.unique(train.specimen)}
     trained = [cause for cause in causes if cause.which in (None, *names)]
     nominal = nominal_fit(simulation, train)
@@ -260,7 +285,7 @@ def _tested(simulation: Model, table: ReadingTable, causes: Sequence[Cause], spl
         note = f"nothing is seen to be wrong while {held_out} is held out" if unseen else ""
     return SplitGain(kind, held_out, np.flatnonzero(counted)[solved], chosen.hypothesis,
                      wrong.hypothesis if wrong else (), (nominal, chosen),
-                     {name: values[solved] for name, values in errors.items()}, note,
+                     {name: values[solved] for name, values in errors.items()}, note, others,
                      np.empty(0) if hidden else below, nominally)
 
 

@@ -31,12 +31,14 @@ Verdict = Literal["nothing", "named", "ambiguous", "unexplained"]
 
 READINGS = "readings.csv"
 CURVES = "curves.csv"
+CHANNELS = "channels.csv"
 STRIPS = "strips.csv"
 
 #: The columns of each table in SI: what was read, what both models say, and whether it counts (1)
 #: or is off by itself (0); what both models expect
 #: at voltages between, reached up (1) or down (-1), and the limits of the band, nan where there is
-#: no equilibrium; what was read of coupons, in place of both.
+#: no equilibrium; the same of other kinds of readings than lengths, in the ``unit`` of the row, of
+#: forces at displacements between; what was read of coupons, in place of all.
 TABLES: Mapping[str, tuple[Column, ...]] = {
     READINGS: (
         Column.labels("file", required=False), Column("line"), Column.labels("kind"),
@@ -44,7 +46,14 @@ TABLES: Mapping[str, tuple[Column, ...]] = {
         Column("elapsed", "s"), Column.labels("run", required=False),
         *(Column(name, required=False, absent="nan")
           for name in ("order", "read", "sigma", "baseline", "extended", "counts")),
-        Column("x", "mm", required=False), Column("y", "mm", required=False)),
+        Column("x", "mm", required=False), Column("y", "mm", required=False),
+        Column("displacement", "mm", required=False)),
+    CHANNELS: (
+        Column.labels("kind"), Column.labels("specimen"), Column("mass", "g"),
+        Column("voltage", "kV"), Column("displacement", "mm", required=False, absent="nan"),
+        Column("direction"), Column.labels("unit", required=False),
+        *(Column(name, required=False, absent="nan")
+          for name in ("baseline", "extended", "low", "high"))),
     CURVES: (
         Column.labels("kind"), Column.labels("specimen"), Column("mass", "g"),
         Column("voltage", "kV"), Column("direction"),
@@ -213,6 +222,18 @@ class HeldOut:
 
 
 @dataclass(frozen=True, kw_only=True)
+class GainOfKind:
+    """Errors on readings of another kind than the first, on all parts held out that count."""
+
+    kind: Annotated[str, Key("what was read")]
+    unit: Annotated[str, Key("unit of the errors")]
+    readings: Annotated[int, Key("how many there are")]
+    noise: Annotated[float, Key("standard deviation of one, in the unit")]
+    rmse_before: Annotated[float, Key("error of the nominal model, in the unit")]
+    rmse_after: Annotated[float, Key("error of the extended model, in the unit")]
+
+
+@dataclass(frozen=True, kw_only=True)
 class Gain:
     """The gain of the extended model over the nominal one on readings held out."""
 
@@ -224,6 +245,8 @@ class Gain:
     high: Annotated[float | None, Key("upper 95 % limit")]
     splits: Annotated[tuple[HeldOut, ...], Key("one for each part held out")] = ()
     impossible: Annotated[tuple[str, ...], Key("parts that cannot be held out, and why")] = ()
+    others: Annotated[tuple[GainOfKind, ...], Key(
+        "errors on readings of other kinds, such as forces")] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -426,7 +449,7 @@ class Diagnosis:
         misfit = from_json(Json, content.get("misfit"), file, "misfit")
         unit = "kPa" if "noise_kPa" in misfit else "um"
         stored = from_json(cls, content, file, unit=unit)
-        names = (STRIPS,) if (folder / STRIPS).exists() else (READINGS, CURVES)
+        names = [name for name in TABLES if (folder / name).exists()]
         return replace(
             stored, unit=unit,
             tables={name: read_own_sheet(folder / name, TABLES[name]) for name in names},

@@ -16,63 +16,101 @@ from tympan.studies.diagnosis.fits.fit import Fit
 from tympan.studies.diagnosis.inference.predictive import Predictive
 from tympan.studies.diagnosis.inference.smooth_misfit import Discrepancy
 from tympan.studies.diagnosis.inference.verdict import Judgement
-from tympan.studies.diagnosis.reading_table import LENGTHS, ReadingTable
+from tympan.studies.diagnosis.reading_table import LENGTHS, UNITS, ReadingTable
 
 Array = NDArray[np.float64]
 
+#: Points of a curve.
 _POINTS = 41
 
+#: Kinds of readings beside lengths that have curves.
+OTHERS = ("force", "capacitance", "tilt", "film_voltage")
 
-def curves(simulation: Model, judged: Judgement, chosen: Fit | None) -> dict[str, Array | Any]:
-    """The columns of curves.csv, from no voltage to the highest one that was read.
 
+def curves(simulation: Model, judged: Judgement, chosen: Fit | None,
+           kinds: Sequence[str] = LENGTHS) -> dict[str, Array | Any]:
+    """Columns of curves.csv, or of channels.csv where the ``kinds`` are others than lengths.
+
+    From no voltage to the highest one that was read; of forces over the displacements.
     Hypotheses are mixed by their probabilities; the noise is the ramp's usual one. Where nothing
     explains the readings, bands are of what is ``chosen``, else of the nominal model, and count
     what it misses.
     """
-    table = dense(judged.table)
+    table = dense(judged.table, kinds)
     posterior, nominal = judged.posterior, judged.nominal
     fits: Sequence[Fit] = (nominal,)
     weights, beyond = np.ones(1), None
     if judged.verdict == "unexplained":
         fits = (chosen or nominal,)
-        beyond = Discrepancy.of(fits[0], judged.table)
+        # What is missed is known of lengths alone.
+        beyond = Discrepancy.of(fits[0], judged.table) if kinds is LENGTHS else None
     elif posterior is not None:
         fits, weights = posterior.fits, posterior.probabilities
-    low, high = Predictive.of(simulation, fits, weights, table, beyond).band(table.sigma)
+    noise = table.sigma if beyond or judged.verdict != "unexplained" else table.sigma * np.array(
+        [_missed(fits[0], judged.table, kind) for kind in table.kind.tolist()])
+    low, high = Predictive.of(simulation, fits, weights, table, beyond).band(noise)
     names = np.array([specimen.name for specimen in simulation.setup.specimens])
     baseline, extended = (simulation.predict(fit.hypothesis, fit.unknowns, table)
                           for fit in (nominal, chosen or nominal))
-    return {"kind": table.kind, "specimen": names[table.specimen], "mass": table.mass,
-            "voltage": table.voltage, "direction": table.states.direction[table.state],
-            "baseline": baseline, "extended": extended, "low": low, "high": high}
+    columns = {"kind": table.kind, "specimen": names[table.specimen], "mass": table.mass,
+               "voltage": table.voltage, "direction": table.states.direction[table.state],
+               "baseline": baseline, "extended": extended, "low": low, "high": high}
+    if kinds is LENGTHS:
+        return columns
+    units = [UNITS[kind] for kind in table.kind.tolist()]
+    per_si = np.array([unit.per_si for unit in units])
+    return columns | {"displacement": table.states.heave[table.state],
+                      "unit": np.array([unit.name for unit in units], str)} | {
+        name: per_si * columns[name] for name in ("baseline", "extended", "low", "high")}
 
 
-def dense(table: ReadingTable) -> ReadingTable:
-    """The lengths' ramps at many voltages, at rest, at the times at which these were passed.
+def _missed(fit: Fit, table: ReadingTable, kind: str) -> float:
+    """Root mean square of what a fit misses of a kind of readings, over their noise; 1 at least."""
+    rows = table.rows_of[kind]
+    missed = (table.value - fit.predicted(table))[rows] / table.sigma[rows]
+    return max(1.0, float(np.sqrt(np.mean(missed**2))))
 
-    Ranges are from the smallest voltage of their ramp. The rows' noise is the ramp's median.
+
+def dense(table: ReadingTable, kinds: Sequence[str] = LENGTHS) -> ReadingTable:
+    """Ramps of some kinds of readings at many voltages or displacements, at rest.
+
+    At the times at which these were passed. Ranges are from the smallest voltage of their ramp. The
+    rows' noise is the ramp's median.
     """
-    table = table[table.lengths & ~TRANSIENTS.wrote(table.file)]
+    table = table[np.isin(table.kind, kinds) & ~TRANSIENTS.wrote(table.file)]
     if not len(table):
         return table
     table = replace(table, states=table.states.at_rest)
-    direction = table.states.direction[table.state]
-    keys = [(kind, ramp, way) for kind in LENGTHS for ramp in np.unique(table.ramp)
-            for way in np.unique(direction)]
-    ramps = [_ramp(table[chosen]) for kind, ramp, way in keys
-             if (chosen := (table.kind == kind) & (table.ramp == ramp) & (direction == way)).any()]
+    direction, held = table.states.direction[table.state], np.isfinite(
+        table.states.heave[table.state])
+    # Plates that are held go out and back at a voltage; free ones up and down under a mass.
+    ramp = np.where(held, 0, 1 + table.ramp)
+    kept = np.where(held, table.voltage, 0.0)
+    keys = list(dict.fromkeys(zip(table.kind.tolist(), table.specimen.tolist(), ramp.tolist(),
+                                  kept.tolist(), direction.tolist(), strict=True)))
+    order = {kind: number for number, kind in enumerate(kinds)}
+    ramps = []
+    for kind, specimen, number, voltage, way in sorted(
+            keys, key=lambda key: (order[key[0]], *key[1:])):
+        chosen = ((table.kind == kind) & (table.specimen == specimen) & (ramp == number)
+                  & (kept == voltage) & (direction == way))
+        ramps.append(_ramp(table[chosen], bool(held[chosen][0])))
     return reduce(ReadingTable.joined, ramps)
 
 
-def _ramp(ramp: ReadingTable) -> ReadingTable:
-    """One ramp of one kind and way at many voltages."""
+def _ramp(ramp: ReadingTable, held: bool) -> ReadingTable:
+    """One ramp of one kind and way at many voltages, or at many displacements of a held plate."""
     first = ramp.states[ramp.state[:1]]
-    start = ramp.states.voltage[ramp.since].min() if ramp.since[0] >= 0 else 0.0
-    voltage = np.linspace(start, float(ramp.voltage.max()), _POINTS)
-    order = np.argsort(ramp.voltage, kind="stable")
-    elapsed = np.interp(voltage, ramp.voltage[order], ramp.states.elapsed[ramp.state][order])
-    states = replace(first[np.zeros(_POINTS, np.int64)], voltage=voltage, elapsed=elapsed)
+    states = replace(first[np.zeros(_POINTS, np.int64)])
+    if held:
+        heave = ramp.states.heave[ramp.state]
+        states = replace(states, heave=np.linspace(heave.min(), heave.max(), _POINTS))
+    else:
+        start = ramp.states.voltage[ramp.since].min() if ramp.since[0] >= 0 else 0.0
+        voltage = np.linspace(start, float(ramp.voltage.max()), _POINTS)
+        order = np.argsort(ramp.voltage, kind="stable")
+        elapsed = np.interp(voltage, ramp.voltage[order], ramp.states.elapsed[ramp.state][order])
+        states = replace(states, voltage=voltage, elapsed=elapsed)
     rows = ramp[np.zeros(_POINTS, np.int64)]
     return replace(rows, states=states, state=np.arange(_POINTS),
                    since=np.full(_POINTS, 0 if ramp.since[0] >= 0 else -1),

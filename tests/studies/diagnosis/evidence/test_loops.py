@@ -14,9 +14,10 @@ from tests.support.datasets import HEAD, write_dataset
 from tests.support.library import library_of
 from tests.support.specimens import circular
 from tympan.fem.toml_writer import specimen_to_toml
+from tympan.reports.diagnosis.page import build_diagnosis_page, gain_words
 from tympan.studies.data.dataset import read_dataset
 from tympan.studies.diagnosis.diagnose import diagnose
-from tympan.studies.diagnosis.result import Diagnosis
+from tympan.studies.diagnosis.result import CHANNELS, Diagnosis
 
 #: Noise of a force and of a displacement, as stated [N, m].
 FORCE, LENGTH = 0.5e-3, 10e-6
@@ -24,11 +25,12 @@ DISPLACEMENTS = np.linspace(0.5e-3, 6e-3, 23)
 WAYS = [*((at, 1.0) for at in DISPLACEMENTS), *((at, -1.0) for at in DISPLACEMENTS[-2::-1])]
 
 
-def judged(folder: Path, half: float, written: bool = True, shuffled: bool = False) -> Diagnosis:
-    """The verdict on a loop of twice ``half`` [N], its ways ``written`` or not."""
+def judged(folder: Path, half: float, written: bool = True, shuffled: bool = False,
+           zero: float = 0.0) -> Diagnosis:
+    """The verdict on a loop of twice ``half`` [N], its ways ``written`` or not; gauge's zero [N]."""
     noise = np.random.default_rng(0)
     forces = [[voltage, 1e3 * at, 1e3 * (solve_deflection(FILM, at, 1e3 * voltage).force
-                                         + way * half + FORCE * noise.standard_normal()),
+                                         + way * half + zero + FORCE * noise.standard_normal()),
                "out" if way > 0 else "back"] for voltage in (0.0, 3.0) for at, way in WAYS]
     heaves = [[mass, voltage, 1e3 * (solve_load(FILM, 9.81e-3 * mass, 1e3 * voltage).deflection
                                      + LENGTH * noise.standard_normal())]
@@ -76,3 +78,29 @@ def test_scatter_far_beyond_the_stated_noise_is_no_agreement(tmp_path: Path) -> 
     assert result.misfit.noise == pytest.approx(1e6 * LENGTH, rel=0.3)
     assert result.next_experiment is not None
     assert "direction of each reading" in result.next_experiment.what
+
+
+def test_forces_have_curves_residuals_and_a_gain(tmp_path: Path) -> None:
+    """A gauge that shows 20 mN too much: its curve is in the tables, on the page, and gained on."""
+    result = judged(tmp_path / "data", 0.0, zero=20e-3)
+    assert [str(cause.effect) for cause in result.causes if cause.named] == ["gauge_zero"]
+    assert result.gain is not None
+    (gain,) = result.gain.others
+    assert (gain.kind, gain.unit) == ("force", "mN")
+    # Forces under 3 kV, held out with all voltages above 2.5 kV: the permittivity is extrapolated.
+    assert gain.noise == pytest.approx(1e3 * FORCE, rel=0.3)
+    assert gain.noise < gain.rmse_after < 4 * gain.noise
+    assert gain.rmse_before > 5 * gain.rmse_after
+    assert f"{gain.rmse_after:.3g} mN where the" in gain_words(result)
+    curve = result.tables[CHANNELS]
+    there = (curve["kind"] == "force") & (curve["voltage"] == 3e3) & (curve["direction"] > 0)
+    expected = [1e3 * (solve_deflection(FILM, at, 3e3).force + 20e-3)
+                for at in curve["displacement"][there]]
+    assert curve["extended"][there] == pytest.approx(expected, abs=2.0)
+    result.save(tmp_path / "result")
+    again = Diagnosis.load(tmp_path / "result")
+    assert again.tables[CHANNELS]["high"] == pytest.approx(curve["high"])
+    (page,) = build_diagnosis_page(again, tmp_path / "result")
+    assert {"forces.svg", "force_residuals.svg"} <= {
+        file.name for file in (tmp_path / "result").iterdir()}
+    assert "Force–displacement curves" in page.read_text(encoding="utf-8")
