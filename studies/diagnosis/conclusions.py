@@ -30,7 +30,7 @@ from tympan.studies.diagnosis.inference.noise_told import LOUDER, probability_of
 from tympan.studies.diagnosis.inference.nominal import UNLIKE
 from tympan.studies.diagnosis.inference.posterior import Posterior
 from tympan.studies.diagnosis.inference.ratios import ratios
-from tympan.studies.diagnosis.inference.verdict import Judgement
+from tympan.studies.diagnosis.inference.verdict import Judgement, probability_with_noise
 from tympan.studies.diagnosis.next_experiment.experiments import MENU
 from tympan.studies.diagnosis.next_experiment.proposals import AnyExperiment, Proposal, propose
 from tympan.studies.diagnosis.next_experiment.solved_experiments import SOLVED
@@ -215,7 +215,8 @@ class Conclusions:
                 effects=tuple(map(str, chosen.hypothesis))),
             baseline={name: result.Factor(*np.exp(interval(nominal, number)).tolist())
                       for number, name in enumerate(("stiffness_factor", "permittivity_factor"))},
-            noisier=result.Noisier(_NOISIER, self._with_more_noise()),
+            noisier=result.Noisier(_NOISIER, probability_with_noise(
+                judged, _NOISIER) if self.verdict == "named" else None),
             small_errors=judged.small_errors,
             robust=tuple(result.Robust(factor, tuple(sorted(map(str, causes))),
                                        judged.unknown.get(factor))
@@ -379,29 +380,6 @@ class Conclusions:
 
     def _loads_instead(self, fit: Fit, cause: Cause) -> dict[float, tuple[float, float]]:
         return one_load_instead(fit, cause, self.films.table, self.simulation.setup.rig)
-
-    def _with_more_noise(self) -> float | None:
-        """Probability of what is named with a larger noise, roughly; None where nothing is named.
-
-        Nor where small errors have been added to it already.
-        """
-        posterior, nominal = self.judgement.posterior, self.judgement.nominal
-        if posterior is None or self.verdict != "named" or self.judgement.small_errors:
-            return None
-        fits = (nominal, *posterior.fits)
-        # Misfits weigh less, and what they leave of the unknowns grows.
-        change = np.array([0.5 * (1 - _NOISIER**-2.0) * fit.chi_squared
-                           + len(fit.unknowns) * np.log(_NOISIER) for fit in fits])
-        named = [set(self.judgement.named) <= set(fit.hypothesis) for fit in fits]
-        # What else there may be counts as it does beside the best hypothesis.
-        shares = np.array([posterior.nothing, *posterior.probabilities, posterior.discrepancy])
-        with np.errstate(divide="ignore"):
-            logs = np.log(shares)
-        # A share too small for a number is as far behind as its evidence is.
-        behind = np.array([fit.evidence - posterior.fits[0].evidence for fit in fits] + [0.0])
-        logs = np.where(shares > 0, logs, behind) + np.array([*change, change[1]])
-        weight = np.exp(logs - logs.max())
-        return float(weight[:-1][named].sum() / weight.sum())
 
     def _misfit(self, place: str) -> result.Misfit:
         judged, table, nominal = self.judgement, self.films.table, self.films.nominal

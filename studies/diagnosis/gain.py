@@ -323,7 +323,7 @@ def _alternatives(simulation: Model, table: ReadingTable, causes: Sequence[Cause
         return float(other.evidence + prior[other.hypothesis])
 
     def ranked() -> list[Fit]:
-        return sorted((other for other in fits.values() if other.possible),
+        return sorted((other for other in fits.values() if np.isfinite(other.evidence)),
                       key=lambda other: -log(other))
 
     for cause in causes:

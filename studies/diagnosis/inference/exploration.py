@@ -126,8 +126,8 @@ class Exploration:
             self._refine(_NEAR)
 
     def ranked(self) -> list[Fit]:
-        """Fits that are possible, the most probable first."""
-        return sorted((fit for fit in self.fits.values() if fit.possible),
+        """Fits that are possible, and minima, the most probable first."""
+        return sorted((fit for fit in self.fits.values() if np.isfinite(fit.evidence)),
                       key=lambda fit: -self._log(fit))
 
     def alone(self, factor: float) -> list[Fit]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -182,11 +182,8 @@ class NominalMisfit:
             str(cause): signature for cause, signature in self.signatures(causes).items()}
 
     def tests(self, causes: Sequence[Cause]) -> ResidualTests:
-        one_sided = frozenset(
-            str(cause) for cause in causes
-            if [parameter.sign for parameter in cause.effect.parameters] == ["positive"])
         return ResidualTests.of(self.fit.free_jacobian, self._shown(causes),
-                                float(self.table.noise.freedom.sum()), one_sided)
+                                float(self.table.noise.freedom.sum()), one_sided(causes))
 
     def _with_noise_of_channels(self, shown: Mapping[str, Array]) -> NominalMisfit:
         """Misfit with the noise of channels but lengths by their scatter, since no file states it.
@@ -215,6 +212,12 @@ class NominalMisfit:
         table = table.with_sigma(factor * table.sigma)
         return replace(self, table=table, rough=rough,
                        fit=fit(self.simulation, (), table, self.fit.unknowns))
+
+
+def one_sided(causes: Iterable[Cause]) -> frozenset[str]:
+    """Names of the causes whose size has one sign alone."""
+    return frozenset(str(cause) for cause in causes
+                     if [parameter.sign for parameter in cause.effect.parameters] == ["positive"])
 
 
 def with_noise_found(simulation: Model, table: ReadingTable, causes: Sequence[Cause]

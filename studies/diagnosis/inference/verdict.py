@@ -20,8 +20,15 @@ from tympan.studies.diagnosis.inference.identifiability import (
     shows_when_large,
 )
 from tympan.studies.diagnosis.inference.noise_told import Told
-from tympan.studies.diagnosis.inference.nominal import TOO_FEW, NominalMisfit
-from tympan.studies.diagnosis.inference.posterior import Posterior, log_odds_to_smooth, odds_of_more
+from tympan.studies.diagnosis.inference.nominal import TOO_FEW, NominalMisfit, one_sided
+from tympan.studies.diagnosis.inference.posterior import DISCREPANCY as DISCREPANCY_PRIOR
+from tympan.studies.diagnosis.inference.posterior import (
+    PAIR,
+    SINGLE,
+    Posterior,
+    log_odds_to_smooth,
+    odds_of_more,
+)
 from tympan.studies.diagnosis.inference.relabelled import Relabelling, relabelling_of
 from tympan.studies.diagnosis.inference.residual_tests import ResidualTests, TestResult
 from tympan.studies.diagnosis.inference.rough_bench import SMALL, RoughBench, near_rivals
@@ -209,6 +216,38 @@ class Judgement:
             signatures={cause: values[films] for cause, values in self.signatures.items()},
             told=self.told[films],
             alone=tuple(map(part, self.alone)))
+
+
+def probability_with_noise(judged: Judgement, factor: float, seed: int = 0) -> float | None:
+    """Probability of what is named, were the noise larger by a ``factor``; None without a name.
+
+    0 where nothing would be seen to be wrong. None, too, where small errors have been added to the
+    noise already. Fits stay where they are; what they leave is tested, and evidence is computed
+    anew.
+    """
+    posterior = judged.posterior
+    if posterior is None or not judged.named or judged.small_errors:
+        return None
+    nominal, *fits = (fit.louder(factor) for fit in (judged.nominal, *posterior.fits))
+    columns = over(judged.patterns, judged.table)
+    causes = {str(cause): signature for cause, signature in judged.signatures.items()}
+    tests = ResidualTests.of(nominal.free_jacobian, columns | causes, 0.0,
+                             one_sided(judged.signatures))
+    noise = judged.table.noise.known(judged.test.freedom)
+    if tests(nominal.residual, np.random.default_rng(seed), noise).p_value >= ALARM:
+        return 0.0
+    evidences = np.array([evidence(fit, fit.widen) for fit in (nominal, *fits)])
+    with np.errstate(divide="ignore"):
+        shares = np.log(np.array([posterior.nothing, *posterior.probabilities]))
+    # A share too small for a number is as far behind as its evidence is.
+    before = np.array([judged.nominal.evidence, *(fit.evidence for fit in posterior.fits)])
+    shares = np.where(np.isfinite(shares), shares, before - before[1] + shares[1])
+    logs = shares + evidences - before
+    columns = {name: values / factor for name, values in columns.items()}
+    more = logs[1] + odds_of_more(fits[0], columns) + np.log(DISCREPANCY_PRIOR / (SINGLE + PAIR))
+    weight = np.exp(np.array([*logs, more]) - max(*logs, more))
+    named = [set(judged.named) <= set(fit.hypothesis) for fit in fits]
+    return float(weight[1:-1][named].sum() / weight.sum())
 
 
 def judge(simulation: Model, table: ReadingTable, causes: Sequence[Cause],

@@ -27,7 +27,10 @@ WAYS = [*((at, 1.0) for at in DISPLACEMENTS), *((at, -1.0) for at in DISPLACEMEN
 
 def judged(folder: Path, half: float, written: bool = True, shuffled: bool = False,
            zero: float = 0.0) -> Diagnosis:
-    """The verdict on a loop of twice ``half`` [N], its ways ``written`` or not; gauge's zero [N]."""
+    """The verdict on a loop of twice ``half`` [N], its ways ``written`` or not.
+
+    ``zero`` of the gauge [N].
+    """
     noise = np.random.default_rng(0)
     forces = [[voltage, 1e3 * at, 1e3 * (solve_deflection(FILM, at, 1e3 * voltage).force
                                          + way * half + zero + FORCE * noise.standard_normal()),
