@@ -41,6 +41,11 @@ class ClockShift:
     low: float
     high: float
 
+    @property
+    def deviation(self) -> float:
+        """Standard deviation [s] of a delay that is anywhere within its limits."""
+        return (self.high - self.low) / 12**0.5
+
 
 def with_clocks(records: Sequence[SampledRun]) -> list[tuple[SampledRun, ClockShift | None]]:
     """Runs with the voltages of late ones moved by whole samples, and how late each was.

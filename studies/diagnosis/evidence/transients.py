@@ -51,6 +51,9 @@ class Transients(PlateEvidence):
             if wrong.fatal:
                 continue
             few = block_means(record, dataset.noise)
+            if run.shift is not None:
+                # What hangs on a clock that was off by more than on the film tells nothing.
+                few = few[np.abs(few.later) * run.shift.deviation <= few.sigma]
             off = _out_of_time(few, dataset.rig)
             if off is not None:
                 remarks.append(WORDS["left_out"].format(**words, reason=off))
@@ -93,7 +96,8 @@ def _with_times_of_jumps(noise: Noise, lengths: NDArray[np.bool_],
     """Add an error in common for the time of each jump, and one for those of all jumps.
 
     They are known within a sample; a clock that starts with the voltage has them all alike. A run
-    whose clock was off is not known that well.
+    whose clock was off is not known that well, nor are all of them together: how slowly a film
+    begins to move is the same in each.
     """
     columns = list[Array]()
     every = np.zeros(int(lengths.sum()))
@@ -102,9 +106,9 @@ def _with_times_of_jumps(noise: Noise, lengths: NDArray[np.bool_],
         for place, jump in enumerate(run.record.jumps.tolist()):
             rows = first + np.flatnonzero(few.jump == place)
             unsure, column = run.record.unsure(jump), np.zeros(len(every))
-            off = (run.shift.high - run.shift.low) / 12**0.5 if run.shift else 0.0
+            off = run.shift.deviation if run.shift else 0.0
             column[rows] = few.later[few.jump == place] * np.hypot(unsure, off)
-            every[rows] = few.later[few.jump == place] * unsure
+            every[rows] = column[rows]
             columns.append(column)
         first += len(few.mean)
     shared = np.stack([every, *columns], 1)

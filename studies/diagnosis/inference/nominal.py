@@ -206,9 +206,10 @@ class NominalMisfit:
                 if tests.freedom > 0:
                     factor[rows] = _factor(tests.noise(self.fit.residual[rows]),
                                            tests.freedom + stated)
-                scatter = replace(tests, stated=0.0).noise(self.fit.residual[rows])
-                if stated and tests.freedom >= _KNOWN and scatter > UNLIKE:
-                    factor[rows] = rough[kind] = scatter
+                if stated and tests.freedom >= _KNOWN:
+                    scatter = replace(tests, stated=0.0).noise(self.fit.residual[rows])
+                    if scatter > UNLIKE:
+                        factor[rows] = rough[kind] = scatter
         table = table.with_sigma(factor * table.sigma)
         return replace(self, table=table, rough=rough,
                        fit=fit(self.simulation, (), table, self.fit.unknowns))

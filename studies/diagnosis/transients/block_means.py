@@ -66,6 +66,12 @@ class BlockMeans:
     later: Array
     swings: dict[int, Ringing]
 
+    def __getitem__(self, blocks: NDArray[np.bool_]) -> BlockMeans:
+        """Some of the blocks."""
+        return BlockMeans(self.first[blocks], self.last[blocks], self.jump[blocks],
+                          self.passages[np.r_[True, blocks]], self.voltage[blocks],
+                          self.mean[blocks], self.sigma[blocks], self.later[blocks], self.swings)
+
 
 def block_means(record: SampledRun, noise: float | None = None) -> BlockMeans:
     """A record's readings; ``noise``: of a sample [m], where the record is too short to tell it."""

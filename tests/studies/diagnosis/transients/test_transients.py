@@ -21,7 +21,7 @@ from tympan.studies.diagnosis.fits.evidence import interval
 from tympan.studies.diagnosis.fits.fit import Fit
 from tympan.studies.diagnosis.fits.fitting import fit
 from tympan.studies.diagnosis.hypothesis import Cause
-from tympan.studies.diagnosis.reading_table import rows
+from tympan.studies.diagnosis.reading_table import ReadingTable, rows
 from tympan.studies.diagnosis.readings import prepared_readings
 from tympan.studies.diagnosis.reduced.prediction import Prediction
 from tympan.studies.diagnosis.transients.ringing import ringing
@@ -92,6 +92,36 @@ def test_a_second_branch_is_found_where_there_is_one(tmp_path: Path, hidden: Hid
     for sizes, (modulus, time) in zip(found, sorted(truth, key=lambda one: one[1]), strict=True):
         assert sizes["mu"]["low"] < modulus / 1e3 < sizes["mu"]["high"]
         assert sizes["tau"]["low"] < time < sizes["tau"]["high"]
+
+
+def test_what_hangs_on_a_late_clock_is_left_out(tmp_path: Path) -> None:
+    """All runs by 0.3 s, known within 50 ms: blocks in which the plate still swings do not count."""
+    data = runs_in_time.write(tmp_path / "d", Hidden(damping=0.1), replace(
+        FAST, length=8.0, rate=200.0, before=200), seed=3)
+    whole = prepared_readings(read_dataset(data)).table
+    file = data / "transient.csv"
+    head, *lines = [line.split(",") for line in file.read_text(encoding="utf-8").splitlines()]
+    column, moved = head.index("voltage_kV"), list[list[str]]()
+    for key in dict.fromkeys((line[0], line[1]) for line in lines):
+        own = [line for line in lines if (line[0], line[1]) == key]
+        later = [*(line[column] for line in own[60:]), *[own[-1][column]] * 60]
+        moved += [[*line[:column], voltage, *line[column + 1:]]
+                  for line, voltage in zip(own, later, strict=True)]
+    file.write_text("\n".join(map(",".join, [head, *moved])) + "\n", encoding="utf-8")
+    dataset = read_dataset(data)
+    shifts = [late for checked in dataset.runs for late in checked.late]
+    assert len(shifts) == len(dataset.runs)
+    assert all(shift.low_s < 0.3 < shift.high_s for shift in shifts)
+    fewer = prepared_readings(dataset).table
+
+    def times(table: ReadingTable) -> np.ndarray:
+        after = (table.kind == "displacement") & (table.since >= 0)
+        return np.asarray(table.states.elapsed[table.state[after]])
+
+    early, late = ([np.sum(part(times(table))) for table in (fewer, whole)]
+                   for part in (lambda time: time < 1.5, lambda time: time > 3.0))
+    assert early[0] < 0.6 * early[1]
+    assert late[0] > 0.9 * late[1]
 
 
 def test_nothing_hidden_is_nothing_found(tmp_path: Path) -> None:
