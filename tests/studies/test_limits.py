@@ -110,6 +110,7 @@ def test_a_film_that_thins_as_it_loses_tension_loses_it_on_every_mesh() -> None:
     assert np.ptp(voltages) < 2e-4 * voltages[0]
 
 
+@pytest.mark.study(seconds=14)
 def test_a_limit_that_the_mesh_makes_is_said_to_be_hardly_resolved() -> None:
     """Where Gent's law locks: by the equations the film outside the electrode pulls for ever."""
     film = Film(0.2e-3, (4.0, 4.0), Gent(15e3, 90.0), 4.8)

@@ -176,6 +176,7 @@ def test_readings_that_a_film_cannot_have_given_are_asked_about(
                    for words in fits[kind]["warnings"])
 
 
+@pytest.mark.study(seconds=12)
 def test_an_optimum_is_judged_by_its_own_loads(tmp_path: Path) -> None:
     def warnings(mass: str, voltage: str) -> tuple[str, ...]:
         file = tmp_path / "wanted.toml"

@@ -60,7 +60,7 @@ class Shown(Protocol):
 
 
 class Predicts(Protocol):
-    """What a fit asks: predictions with derivatives, and how far unknowns may go."""
+    """Predictions with derivatives, and how far unknowns may go: all that a fit asks for."""
 
     def prediction(self, hypothesis: Hypothesis, unknowns: Array, table: ReadingTable) -> Shown:
         """Predicted readings of the rows of a table, with derivatives."""

@@ -69,12 +69,12 @@ class Tangent:
 
     @property
     def possible(self) -> Rows:
-        """That every state is one of equilibrium."""
+        """Mask of the states of equilibrium: all."""
         return np.ones(len(self.heave), bool)
 
     @property
     def short(self) -> Rows:
-        """That no state is out of the model's reach."""
+        """Mask of the states out of the model's reach: none."""
         return np.zeros(len(self.heave), bool)
 
     def beyond(self, before: Any) -> bool:

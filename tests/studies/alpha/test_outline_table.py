@@ -21,6 +21,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory):
     return target
 
 
+@pytest.mark.study(seconds=21)
 def test_every_registered_outline_has_its_row(folder) -> None:
     with (folder / "outlines.csv").open(encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
@@ -30,6 +31,7 @@ def test_every_registered_outline_has_its_row(folder) -> None:
     assert (folder / "outlines.png").stat().st_size > 10_000
 
 
+@pytest.mark.study(seconds=21)
 def test_the_printed_table_has_a_head_above_its_columns(folder) -> None:
     printed = (folder / "printed.txt").read_text(encoding="utf-8").splitlines()
     head, *lines = printed[:-2]
@@ -41,6 +43,7 @@ def test_the_printed_table_has_a_head_above_its_columns(folder) -> None:
     assert all(len(line.split()) == len(shown) for line in lines)
 
 
+@pytest.mark.study(seconds=21)
 def test_two_circles_hold_for_every_outline_where_they_were_not_fitted(folder) -> None:
     for row in json.loads((folder / "outlines.json").read_text(encoding="utf-8")):
         assert row["alpha_1"] + (row["alpha_2"] or 0) == pytest.approx(1)

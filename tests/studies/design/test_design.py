@@ -363,6 +363,7 @@ IMPOSSIBLE = ('[want]\nstroke = "0.4 mm"\nfrequency = "11.2 Hz"\n'
               '[vary]\n"plate.radius" = ["8 mm", "15 mm"]\n"membrane.prestretch" = [1.8, 2.6]')
 
 
+@pytest.mark.study(seconds=11)
 def test_no_film_of_the_equations_meets_what_is_impossible() -> None:
     """None of 128 random films does; the nearest is as near as the answer says, and no nearer."""
     answer, = impossible().films

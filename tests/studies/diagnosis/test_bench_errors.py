@@ -77,6 +77,7 @@ def judged(simulation: Simulation, table: ReadingTable) -> Judgement:
     return judge(simulation, table, every_cause(simulation))
 
 
+@pytest.mark.study(seconds=13)
 def test_noise_is_as_stated_where_voltages_are_off(three_shapes: Simulation) -> None:
     """Without, all readings count as noisier; with, a zero is better known for those at 0 V."""
     table, random = design(NOISE), np.random.default_rng(3)

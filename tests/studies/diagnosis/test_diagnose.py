@@ -378,6 +378,7 @@ def test_table_2_contradicts_any_membrane_in_shape_and_mass(table_2: dict[str, A
     assert "mass" in table_2["misfit"]["where"]
 
 
+@pytest.mark.study(seconds=25)
 def test_what_could_explain_table_2_is_implausible(table_2: dict[str, Any]) -> None:
     attempts = {(attempt["effect"], attempt["which"]): attempt for attempt in table_2["attempts"]}
     mass = attempts["unaccounted_mass", None]

@@ -142,6 +142,7 @@ def test_a_line_names_what_moves_the_film_aside(tmp_path: Path, effect: str,
     assert judged.chosen.unknowns[2:] == pytest.approx(sizes, rel=0.1, abs=0.05e-3)
 
 
+@pytest.mark.study(seconds=18)
 @among("strain_stiffening", "prestretch_anisotropy", "plate_eccentricity", "thickness_gradient",
        "sensor_gain", seconds=43)
 def test_what_heaves_do_not_tell_a_line_names(tmp_path: Path) -> None:

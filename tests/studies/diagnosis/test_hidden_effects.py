@@ -331,6 +331,7 @@ def test_the_verdict_hangs_on_no_order_and_no_seed(lab: Lab, sag: ReadingTable,
         sag_judged.posterior.of_causes()[sag_judged.named[0]], abs=1e-3)
 
 
+@pytest.mark.study(seconds=11)
 def test_the_verdict_hangs_on_no_unit(lab: Lab, sag: ReadingTable, sag_judged: Judgement,
                                       tmp_path: Path) -> None:
     """Files in two sets of units have one table, which is judged as it was before it was written.

@@ -118,8 +118,8 @@ def test_labels_stand_where_they_should_not() -> None:
 
 
 @pytest.mark.parametrize(("stranger", "told"), [
-    (Exchanged("specimen", (0, 2)), {"specimen"}), (Exchanged("mass", (1, 1)), {"mass"}),
-    (Late(20), {"voltage"})])
+    (Exchanged("specimen", (0, 2)), {"specimen"}),
+    dear(Exchanged("mass", (1, 1)), {"mass"}, seconds=5), dear(Late(20), {"voltage"}, seconds=5)])
 def test_what_a_page_blames_is_the_column(three_shapes: Simulation, stranger: Exchanged | Late,
                                           told: set[str]) -> None:
     table = read(three_shapes, paper().table, (), [], seed=1)

@@ -113,6 +113,7 @@ def test_a_factor_at_its_bound_takes_up_nothing(three_shapes: Simulation) -> Non
     assert judged.verdict == "unexplained"
 
 
+@pytest.mark.study(seconds=15)
 def test_the_noise_is_found_though_misstated_and_not_what_is_smooth(
         three_shapes: Simulation, overweight: tuple[ReadingTable, Judgement]) -> None:
     table, as_stated = overweight
@@ -173,6 +174,7 @@ def test_pairs_never_hold_one_effect_on_two_specimens() -> None:
     assert [len(hypothesis) for hypothesis in hypotheses_of(causes)] == [1, 1, 1, 2, 2]
 
 
+@pytest.mark.study(seconds=14)
 def test_an_effect_out_of_the_question_is_tried_all_the_same(three_shapes: Simulation) -> None:
     """10 g that nobody weighed are ten times the usual.
 

@@ -217,6 +217,7 @@ def test_more_snapshots_are_nearer() -> None:
     assert few > 10 * many
 
 
+@pytest.mark.study(seconds=11)
 def test_beyond_the_box_and_beyond_pull_in_nothing_is_said() -> None:
     films = family()
     inside = films.box.row(OVAL)

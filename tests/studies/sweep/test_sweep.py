@@ -301,6 +301,7 @@ def test_two_sweeps_do_not_share_a_folder(whole, tmp_path) -> None:
         tympan.sweep(written(tmp_path / "files"), tmp_path)
 
 
+@pytest.mark.study(seconds=20)
 def test_a_process_that_dies_is_replaced_and_a_task_that_kills_is_a_row(whole, tmp_path) -> None:
     sweep, folder = whole
     entries = list(sweep.entries[:3])

@@ -46,6 +46,7 @@ def file(tmp_path: Path) -> Path:
     return tmp_path / "SWEEP.toml"
 
 
+@pytest.mark.study(seconds=18)
 def test_bands_of_a_sweep_are_those_of_each_film(file: Path) -> None:
     table = tympan.sweep(file, tolerances=GIVEN).table
     film = tympan.load(file.parent / "oval.toml")

@@ -19,6 +19,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from tests.support.costs import dear
 from tests.support.sweeps import Command, finished, read, table, written
 from tympan.geometry.mesher import MeshSettings
 from tympan.geometry.process.workers import signals_blocked
@@ -66,7 +67,7 @@ def goes_on(right: tuple[Sweep, xr.Dataset], folder: Path) -> None:
     xr.testing.assert_identical(table(folder), whole)
 
 
-@pytest.mark.parametrize("times", [5, pytest.param(10, marks=pytest.mark.study)])
+@pytest.mark.parametrize("times", [2, dear(10, seconds=45)])
 def test_killed_many_times_the_table_is_complete_and_nothing_is_solved_twice(
         right, tmp_path, times: int) -> None:
     random = np.random.default_rng(7)

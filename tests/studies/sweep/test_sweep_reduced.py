@@ -117,6 +117,7 @@ def test_what_is_missing_is_solved_with_the_same_numbers(folder: Path) -> None:
             assert (again.table[name].values == before[name].values).all()
 
 
+@pytest.mark.study(seconds=24)
 @pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore::DeprecationWarning",
                             "ignore::pytest.PytestUnraisableExceptionWarning")
 def test_processes_and_a_cluster_are_sent_the_family_and_give_the_same_table(

@@ -9,16 +9,16 @@ import numpy as np
 import pytest
 
 from tests.oracles.axisymmetric import solve_deflection, solve_load
-from tests.studies.diagnosis.evidence.test_held import FILM
 from tests.support.datasets import HEAD, write_dataset
 from tests.support.library import library_of
-from tests.support.specimens import circular
+from tests.support.specimens import circular, reference_film
 from tympan.fem.toml_writer import specimen_to_toml
 from tympan.reports.diagnosis.page import build_diagnosis_page, gain_words
 from tympan.studies.data.dataset import read_dataset
 from tympan.studies.diagnosis.diagnose import diagnose
 from tympan.studies.diagnosis.result import CHANNELS, Diagnosis
 
+FILM = reference_film(circular().membrane.material)
 #: Noise of a force and of a displacement, as stated [N, m].
 FORCE, LENGTH = 0.5e-3, 10e-6
 DISPLACEMENTS = np.linspace(0.5e-3, 6e-3, 23)

@@ -65,6 +65,7 @@ def test_a_cause_of_the_film_is_named_by_both(together: tuple[PreparedReadings, 
     assert any("weighed together with 72 readings" in remark for remark in readings.remarks)
 
 
+@pytest.mark.study(seconds=30)
 @among(*SOME, seconds=30)
 def test_noise_of_actuators_is_told_over_what_is_stated(
         tmp_path: Path, together: tuple[PreparedReadings, Judgement]) -> None:

@@ -95,7 +95,7 @@ def test_a_second_branch_is_found_where_there_is_one(tmp_path: Path, hidden: Hid
 
 
 def test_what_hangs_on_a_late_clock_is_left_out(tmp_path: Path) -> None:
-    """All runs by 0.3 s, known within 50 ms: blocks in which the plate still swings do not count."""
+    """All runs by 0.3 s, known within 50 ms: blocks while the plate swings do not count."""
     data = runs_in_time.write(tmp_path / "d", Hidden(damping=0.1), replace(
         FAST, length=8.0, rate=200.0, before=200), seed=3)
     whole = prepared_readings(read_dataset(data)).table
