@@ -103,7 +103,7 @@ def _fit_from(simulation: Predicts, hypothesis: Hypothesis, table: ReadingTable,
 
 
 def _promised(problem: LeastSquares, minimum: Minimum) -> float:
-    """How much lower derivatives promise the cost to be nearby, within the bounds."""
+    """Decrease of the cost that derivatives promise nearby, within the bounds."""
     slope = problem.slope(minimum.unknowns, minimum.point)
     free = ~(((minimum.unknowns <= problem.low) & (slope > 0))
              | ((minimum.unknowns >= problem.high) & (slope < 0)))
