@@ -613,6 +613,13 @@ def test_an_argument_of_a_wrong_type_is_an_input_error(name: str, wrong: Any) ->
             function(**{**({} if isinstance(function, type) else right), argument: wrong})
 
 
+def test_bands_of_a_film_in_time_are_refused_and_those_at_rest_are_not() -> None:
+    with pytest.raises(InputError, match="is for films at rest: after must be left out"):
+        tympan.solve(circular(), mass="10 g", after="1 s", tolerances=tympan.Tolerances())
+    assert "deflection_m" in tympan.solve(circular(), mass="10 g",
+                                          tolerances=tympan.Tolerances()).bands
+
+
 def test_options_are_those_of_the_commands(tmp_path: Path,
                                            capsys: pytest.CaptureFixture[str]) -> None:
     specimen, file = circular(), str(tmp_path / "circle.toml")

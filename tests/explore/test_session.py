@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import json
 import os
+import re
 import resource
 import subprocess
 import time
@@ -399,6 +400,9 @@ def test_the_curve_ends_where_limits_says_and_meets_the_readings(tmp_path: Path)
     drawn = drawn_curve(curve, (3.0, 1e3 * expected[1]))
     assert drawn.count('class="reading"') == 3 + 2  # and what is left of two
     assert 'class="here"' in drawn
+    # Each voltage of the axis has a line of its own.
+    upright = re.findall(r'class="grid" x1="([0-9.]+)" x2="\1"', drawn)
+    assert len(set(upright)) > 2
     rows_shown = {row["key"]: str(row["text"])
                   for row in (*limit_rows(curve), *curve_rows(curve, expected[1]))}
     stroke, unit = rows_shown["stroke"].split()

@@ -206,7 +206,9 @@ class NominalMisfit:
                 if tests.freedom > 0:
                     factor[rows] = _factor(tests.noise(self.fit.residual[rows]),
                                            tests.freedom + stated)
-                if stated and tests.freedom >= _KNOWN:
+                # Of a film's places a misfit has a shape that no smooth curve here follows.
+                placed = table.point[rows[0]] >= 0
+                if stated and tests.freedom >= _KNOWN and not placed:
                     scatter = replace(tests, stated=0.0).noise(self.fit.residual[rows])
                     if scatter > UNLIKE:
                         factor[rows] = rough[kind] = scatter
