@@ -144,6 +144,9 @@ FORCE: tuple[Column, ...] = (
     Column("sigma", "mN", POSITIVE, required=False),
 )
 
+#: Mark of a line in a draft that is to be corrected.
+GUESS = "CORRECT THIS:"
+
 #: The files of readings a dataset may hold, and their columns.
 FILES = {"static.csv": STATIC, "range.csv": RANGE, "transient.csv": TRANSIENT,
          "coupon.csv": coupon.COLUMNS, "frequency.csv": FREQUENCY, "field.csv": FIELD,
@@ -278,6 +281,7 @@ def read_dataset(folder: Path | str, planned: bool = False) -> Dataset:
     remarks += [f"read as {kind.explanation}: " + ", ".join(
         file.name for file, other in published.items() if other is kind)
         for kind in dict.fromkeys(published.values())]
+    remarks[:0] = _guesses(about)
     later = ("displacement", "range", "frequency") if planned else ()
     first = dataset.specimens[0].name
     sheets: dict[str, Sheet] = {}
@@ -319,6 +323,15 @@ def read_dataset(folder: Path | str, planned: bool = False) -> Dataset:
                    coupons=Coupons.joined(tests) if tests else None,
                    frequencies=frequencies, fields=fields, forces=forces,
                    remarks=tuple(remarks))
+
+
+def _guesses(about: Path) -> list[str]:
+    """Lines of a draft that were to be corrected, and still say so."""
+    lines = about.read_text(encoding="utf-8").splitlines()
+    return [f"{about.name}, line {number}: {line.partition(GUESS)[0].strip(' #')!r} is a guess of "
+            f"the draft: {line.partition(GUESS)[2].strip()}. Correct the line, then delete the "
+            f"words {GUESS}"
+            for number, line in enumerate(lines, 1) if GUESS in line]
 
 
 def _layouts(table: Table, key: str) -> dict[str, Layout]:

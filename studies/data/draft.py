@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -22,7 +23,7 @@ from tympan.geometry.read_file import beside, file_bytes
 from tympan.geometry.specimen import Specimen
 from tympan.geometry.units import any_quantity, quantity_text
 from tympan.studies.data.coupon import named_mode
-from tympan.studies.data.dataset import FILES
+from tympan.studies.data.dataset import FILES, GUESS
 from tympan.studies.files import write_text
 
 #: Kinds of files that are guessed, of those that explain as much the first.
@@ -40,7 +41,9 @@ _SIZES = {"thickness": ("thickness", "specimen thickness", "dicke", "probendicke
           "width": ("width", "specimen width", "breite", "probenbreite", "largeur"),
           "length": ("gauge length", "length", "specimen length", "messlange", "einspannlange",
                      "longueur", "longueur initiale", "anfangsmesslange")}
-_CORRECT = "CORRECT THIS: "
+_CORRECT = f"{GUESS} "
+#: Labels that a line shows of a column.
+_NAMED = 3
 #: Columns of what is set, which holds on until it is changed; what is read is not there if blank.
 _SET = ("specimen", "mass", "voltage", "run", "mode")
 
@@ -141,8 +144,8 @@ class Draft:
         if filled := [self.header.titles[place] for place in self.header.fill]:
             yield (f"fill = [{', '.join(map(_quoted, filled))}]  # stands only in the first row of "
                    "each block: blank cells have the value above")
-        left = [title for place, title in enumerate(self.header.titles) if title
-                and place not in {source.place for source in self.header.sources}]
+        taken = {self._naming, *self._by_unit.values()}
+        left = [self.header.titles[place] for place in self._unknown if place not in taken]
         if left:
             yield f"ignore = [{', '.join(map(_quoted, left))}]  # no column is known by these names"
 
@@ -154,6 +157,10 @@ class Draft:
         for column in columns:
             if column.name in found:
                 yield self._found(found[column.name])
+            elif column.name == "specimen":
+                yield self._of_all_rows(column)
+            elif column.name in self._by_unit:
+                yield self._mapped(column, self._by_unit[column.name])
             elif column.required:
                 yield self._absent(column)
 
@@ -174,6 +181,77 @@ class Draft:
                     f"fall where {column.name}s rise: taken as counted the other way")
         return f'{key} = {{ from = {_quoted(title)}, sign = "down" }}  # {why}' if (
             column.name in ("displacement", "force")) else f"{key} = {_quoted(title)}  # {why}"
+
+    @property
+    def _unknown(self) -> list[int]:
+        """Places of the columns whose headings are not known."""
+        known = {source.place for source in self.header.sources}
+        return [place for place, title in enumerate(self.header.titles)
+                if title and place not in known]
+
+    @cached_property
+    def _naming(self) -> int | None:
+        """Place of the column of specimens: by its heading, else by cells that name films here."""
+        by_heading = [source.place for source in self.header.sources
+                      if source.column.name == "specimen"]
+        by_cells = [place for place in self._unknown if any(
+            self._file_of(name) for name in self._labels(place))]
+        return next(iter([*by_heading, *by_cells]), None)
+
+    @cached_property
+    def _by_unit(self) -> dict[str, int]:
+        """Places of needed columns that no heading names: the only ones in a unit of that kind."""
+        found = {source.column.name for source in self.header.sources}
+        headings = {place: Heading.of(self.header.titles[place]) for place in self._unknown}
+        sizes = {word for words in _SIZES.values() for word in words}
+        dimensions = {place: _dimension(heading.unit) for place, heading in headings.items()
+                      if heading.words not in sizes}
+        wanted = {column.name: _dimension(column.unit) for column in FILES[f"{self.kind}.csv"]
+                  if column.required and column.choices is None and column.name not in found}
+        only = {}
+        for name, dimension in wanted.items():
+            places = [place for place, other in dimensions.items() if other == dimension]
+            if dimension and len(places) == list(wanted.values()).count(dimension) == 1:
+                only[name] = places[0]
+        return only
+
+    def _mapped(self, column: Column, place: int) -> str:
+        """The line of a column whose heading is not known, but its unit is."""
+        title = self.header.titles[place]
+        unit = Heading.of(title).unit
+        key = f"{column.name}_{unit}" if unit.isalpha() else column.title
+        key = key if column.claims(key) else column.title
+        why = f"the only column in a unit of {_dimension(unit)}"
+        if column.name not in ("displacement", "force"):
+            return f"{key} = {_quoted(title)}  # {why}"
+        sign, mark = "down", why
+        if self._falls(place, column.name):
+            sign, mark = "up", f"{_CORRECT}{why}, and its numbers fall"
+        return f'{key} = {{ from = {_quoted(title)}, sign = "{sign}" }}  # {mark}'
+
+    def _labels(self, place: int) -> list[str]:
+        """The cells of a column, each once, if they are words."""
+        cells = dict.fromkeys(cells[place] for _, cells in self._below)
+        return [cell for cell in cells if cell and not NUMBER.fullmatch(cell)]
+
+    def _of_all_rows(self, column: Column) -> str:
+        """The line of the specimen where no heading says it: a column whose cells do, or one film.
+
+        One film is a guess that a second film or a column of labels may contradict.
+        """
+        if self._naming is not None:
+            title = self.header.titles[self._naming]
+            return f"{column.title} = {_quoted(title)}  # its cells name specimens that stand here"
+        labels = {self.header.titles[place]: labels for place in self._unknown
+                  if 1 < len(labels := self._labels(place)) <= len(self._below) / 2}
+        line = self._absent(column)
+        if not labels and len(self.specimens) < 2:
+            return line
+        line = line.partition("  # ")[0] + f"  # {_CORRECT}no heading says it: one film in all rows"
+        for title, names in list(labels.items())[:1]:
+            line += (f"; if the films are those of {title!r} ({', '.join(names[:_NAMED])}): "
+                     f"{column.title} = {_quoted(title)}")
+        return line
 
     def _absent(self, column: Column) -> str:
         nearest = next((title for title in self.header.titles
@@ -240,8 +318,7 @@ class Draft:
 
     def _specimens(self) -> Iterator[str]:
         """A file for each name in the table's column of specimens, else the first that is near."""
-        place = next((source.place for source in self.header.sources
-                      if source.column.name == "specimen"), None)
+        place = self._naming
         said = [] if place is None else [
             name for name in dict.fromkeys(cells[place] for _, cells in self._below) if name]
         found = {name: self._file_of(name) for name in said}
@@ -261,10 +338,17 @@ class Draft:
             else "the only specimen in its folder")
 
     def _file_of(self, name: str) -> Path | None:
-        """The file of the specimen of that name, else the file that is called so."""
+        """The file of the specimen of that name, else the file that is called so.
+
+        Else the only one whose name, or its file's, is a word of it: kreis.toml of "Kreis 1".
+        """
         called = {file.stem.casefold(): file for file in self.specimens}
-        return next((file for file, film in self.specimens.items() if film.name == name),
-                    called.get(name.casefold()))
+        exact = next((file for file, film in self.specimens.items() if film.name == name),
+                     called.get(name.casefold()))
+        words = re.split(r"[^\w]+|_", name.casefold())
+        near = [file for file, film in self.specimens.items()
+                if {film.name.casefold(), file.stem.casefold()} & set(words)]
+        return exact or (near[0] if len(near) == 1 else None)
 
     def _entry(self, name: str, file: Path | None) -> str:
         """The line that names the file of a specimen that the table names."""
@@ -360,6 +444,12 @@ def _specimens_in(folder: Path) -> dict[Path, Specimen]:
         with suppress(InputError):
             found[file] = load_specimen(file)
     return found
+
+
+def _dimension(unit: str) -> str:
+    """Dimension of a unit, "" of one that is not known."""
+    known = any_quantity(f"1 {unit}") if unit else None
+    return known[1] if known else ""
 
 
 def _quoted(text: str) -> str:
