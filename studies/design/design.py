@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from tympan.fem.rig import Rig
 from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Specimen
-from tympan.geometry.units import DIMENSIONS
+from tympan.geometry.units import DIMENSIONS, quantity_text
 from tympan.studies.case import Case, Settings
 from tympan.studies.design.exact import ExactFilm
 from tympan.studies.design.front import front
@@ -69,6 +69,14 @@ _EASED = 3
 _IN_VAIN = 2
 #: Factors between which the share that may fail each bound changes at once.
 _LEVEL_STEP = (0.7, 1.4)
+#: Times that a search goes on about a film at the edge of what reduced films know.
+_BEYOND = 4
+#: Ranges about such a film, as a share of those asked for.
+_ABOUT = 0.3
+#: Distance of the neighbours by which that is seen, as a share of the ranges.
+_NEIGHBOUR = 0.02
+#: By what share of itself the aim must get better there.
+_BETTER = 1e-3
 #: Quantities that are told of every film.
 _TOLD = ("stroke", "blocked_force", "work", "frequency", TENSION, "voltage", "max_field",
          "max_true_stress", "gap")
@@ -103,6 +111,28 @@ class Sought:
         """Values of the variables."""
         space = self.search.space
         return space.values(self.end.x[: len(space.variables)])
+
+    @property
+    def inner_ends(self) -> list[int]:
+        """Variables at an end of their range that is none of those asked for."""
+        space, multipliers = self.search.space, self.end.multipliers
+        if multipliers is None:
+            return []
+        return [number for number, (own, asked, price) in enumerate(zip(
+            space.variables, space.asked, multipliers.bounds.tolist(), strict=False))
+            if price and (own.high < asked.high if price > 0 else own.low > asked.low)]
+
+    @property
+    def at_edge(self) -> bool:
+        """Whether the search ended where reduced films know nothing more, at no bound."""
+        if not (self.possible and self.search.best):
+            return False
+        if self.inner_ends or self.end.status != "no_progress":
+            return bool(self.inner_ends)
+        space = self.search.space
+        x = self.end.x[: len(space.variables)]
+        around = np.clip(x + _NEIGHBOUR * np.concatenate([np.eye(len(x)), -np.eye(len(x))]), 0, 1)
+        return not space.films(space.values(around)).sound.all()
 
     @property
     def aim(self) -> float:
@@ -183,15 +213,26 @@ def _kind(requirements: Requirements, settings: Settings, specimen: Specimen) ->
     # A process has a family's films to send where others are sought between them alone.
     space, values, exact = sought.search.space, sought.values, sought.exact
     assert exact is not None
-    return _Kind(_film(sought, specimen), space.built(values), space.rig(values), exact.warnings,
-                 None if requirements.front is None else sought)
+    return _Kind(_film(sought, specimen), space.built(values), space.rig(values),
+                 [*_edge(sought), *exact.warnings], None if requirements.front is None else sought)
+
+
+def _edge(found: Sought) -> list[str]:
+    """A warning where the search ended at the edge of what reduced films know."""
+    if not found.at_edge:
+        return []
+    film = ", ".join(f"{each.key} = {quantity_text(value, each.dimension)}" for each, value in zip(
+        found.search.space.asked, found.values.tolist(), strict=True))
+    return [f"the search ended at the edge of what reduced films know, at {film}: beyond it a "
+            "better film is possible. Search again with narrower ranges about this film"]
 
 
 def _sought(space: DesignSpace, settings: Settings) -> Sought:
     """The best film of a space, with margins for what scatters and for what reduced films miss."""
     requirements = space.requirements
     search = Search(space, requirements.kept(space.specimen), requirements.best)
-    found = _checked(_settled(search, search.starts()), settings)
+    found = _checked(_beyond(_settled(search, search.starts()), settings), settings)
+    space = found.search.space
     failing, points = 1 - requirements.share, drawn(space, _DRAWN, 1) if space.scatter else None
     level, shifts, vain = _AIMED * failing, dict[str, float](), 0
     kept: Sought | None = None
@@ -232,6 +273,31 @@ def _sought(space: DesignSpace, settings: Settings) -> Sought:
     if found.possible and (judged := _judged(found)).possible:
         return judged
     return _kept_by_most(likely, settings)
+
+
+def _beyond(found: Sought, settings: Settings) -> Sought:
+    """The best film, searched on where the search ended because no reduced film was known.
+
+    Reduced films of narrower ranges about that film know more of its neighbours.
+    """
+    for _ in range(_BEYOND):
+        if not found.at_edge:
+            return found
+        space, values = found.search.space, found.values
+        about = tuple(replace(each, low=max(each.low, value - _ABOUT * (each.high - each.low)),
+                              high=min(each.high, value + _ABOUT * (each.high - each.low)))
+                      for each, value in zip(space.asked, values.tolist(), strict=True))
+        try:
+            closer = DesignSpace.of(space.requirements, space.specimen, settings, about)
+            search = replace(found.search, space=closer)
+            here = (values - closer.lows) / closer.widths
+            again = _settled(search, np.concatenate([here[None], search.starts()]))
+        except InputError:  # no family, or no film of it bears its loads
+            return found
+        if not again.possible or again.aim < found.aim + _BETTER * abs(found.aim):
+            return found
+        found = again
+    return found
 
 
 def _checked(found: Sought, settings: Settings) -> Sought:
@@ -312,9 +378,11 @@ def _film(found: Sought, given: Specimen) -> DesignedFilm:
 def _numbers(found: Sought) -> dict[str, DesignedNumber]:
     space, end = found.search.space, found.end
     numbers = {}
-    for number, (each, value) in enumerate(zip(space.variables, found.values, strict=True)):
+    for number, (each, value) in enumerate(zip(space.asked, found.values, strict=True)):
         low_side = end.x[number] < 0.5
-        price = 0.0 if end.multipliers is None else float(end.multipliers.bounds[number])
+        price = 0.0
+        if end.multipliers is not None and number not in found.inner_ends:
+            price = float(end.multipliers.bounds[number])
         bound = each.low if low_side else each.high
         share = _RELAXED * abs(bound) / (each.high - each.low)
         at_bound = bool(price)

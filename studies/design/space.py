@@ -133,9 +133,14 @@ class DesignSpace(Ranges):
     scatter: tuple[Cause, ...] = field(default=())
 
     @classmethod
-    def of(cls, requirements: Requirements, specimen: Specimen, settings: Settings) -> DesignSpace:
-        """The family of a specimen: of all that varies, and of what scatters about that."""
-        variables = requirements.variables[specimen.name]
+    def of(cls, requirements: Requirements, specimen: Specimen, settings: Settings,
+           variables: tuple[Vary, ...] = ()) -> DesignSpace:
+        """The family of a specimen: of all that varies, and of what scatters about that.
+
+        ``variables``: with narrower ranges than the requirements', where these are too wide for one
+        family.
+        """
+        variables = variables or requirements.variables[specimen.name]
         try:
             middle = Ranges(specimen, variables).built([(each.low + each.high) / 2
                                                        for each in variables])
@@ -165,6 +170,11 @@ class DesignSpace(Ranges):
         family = FilmFamily.around(_meshed(middle, box), box, force,
                                    (0.0, most * loads[AMPLIFIER][1]), rig, settings, _FAMILY)
         return cls(middle, variables, requirements, family, scatter)
+
+    @property
+    def asked(self) -> tuple[Vary, ...]:
+        """The variables with the ranges of the requirements."""
+        return self.requirements.variables[self.specimen.name]
 
     @cached_property
     def random(self) -> tuple[Array, FamilyFilms]:

@@ -18,7 +18,8 @@ from scipy.stats import qmc
 
 import tympan
 from tests.oracles import axisymmetric
-from tests.support.specimens import OVAL, ROUND, SOFT, reference_film, specimen_toml
+from tests.support.costs import dear
+from tests.support.specimens import OVAL, ROUND, SOFT, VHB, reference_film, specimen_toml
 from tympan.cli import main
 from tympan.fem.film.laws import Ogden
 from tympan.fem.film.library import load_specimen
@@ -54,6 +55,24 @@ def best(folder: Path, text: str, **given: str) -> DesignedFilm:
     result = design(requirements(folder, text, **given))
     assert result.status == "met"
     return result.films[0]
+
+
+@pytest.mark.parametrize("more", ["", dear('blocked_force = "1 mN"\n', seconds=6, name="force")])
+def test_the_edge_of_what_reduced_films_know_is_no_optimum(tmp_path: Path, more: str) -> None:
+    """A family over frames of 12 to 60 mm knows no small ones; the smallest keeps all bounds.
+
+    Its area is that of an ellipse whose axes are at the end of their ranges.
+    """
+    wanted = ('[want]\nframe_area = "least"\n'
+              f'stroke = "0.01 mm"\n{more}[vary]\n"frame.semi_axes.0" = ["12 mm", "60 mm"]\n'
+              '"frame.semi_axes.1" = ["12 mm", "45 mm"]\n')
+    film = best(tmp_path, wanted, film=VHB, frame=OVAL.replace("6 cm", "7.5 cm"),
+                loads='mass = "20 g"\nvoltage = "3 kV"\ntolerances = "none"')
+    assert film.status == "met"
+    values = {item.name: item.value for item in film.quantities}
+    assert values["frame_area"] == pytest.approx(pi * 12e-3**2, rel=1e-4)
+    assert all(number.at_bound and (number.low, number.high) == (12e-3, highest)
+               for number, highest in zip(film.numbers.values(), (60e-3, 45e-3), strict=True))
 
 
 def deflection(film: axisymmetric.Film, voltage: float, force: float = FORCE) -> float:
