@@ -17,17 +17,21 @@ from benchmarks.trials.unmodelled_faults import (
     FURTHER,
     Exchanged,
     Hardening,
+    Jump,
     Late,
     MissingSector,
     OtherPlate,
     Rim,
+    Stick,
     Thickness,
     Warp,
 )
 from tests.support.costs import dear
-from tests.support.trials import read
+from tests.support.trials import design as uniform
+from tests.support.trials import few_causes, read
 from tympan.geometry.specimen import Plate
 from tympan.studies.diagnosis.hypothesis import Cause
+from tympan.studies.diagnosis.inference import verdict
 from tympan.studies.diagnosis.inference.verdict import judge
 from tympan.studies.diagnosis.reduced.simulation import Simulation
 from tympan.studies.effects.library.families import BARE_FILM
@@ -176,3 +180,19 @@ def test_rates_count_what_is_told_of_strangers() -> None:
         1, 2)
     text = bench_page(records, "")
     assert "| one frame bent oval | 4 | unexplained 3; drift 1 | 2 of 4 |" in text
+
+
+@pytest.mark.parametrize("stranger", [Jump(150e-6, 40), dear(Stick(200e-6), seconds=10)])
+def test_a_stranger_that_shows_is_unexplained_by_what_causes_leave(
+        three_shapes: Simulation, stranger: Jump | Stick, monkeypatch: pytest.MonkeyPatch) -> None:
+    """By what every cause leaves, whatever the doubt; without that rule a cause would be told."""
+    table = read(three_shapes, uniform(20e-6), (), [], seed=1)
+    table = table.with_values(stranger.shown(table.value, table.states))
+
+    def judged() -> str:
+        return judge(three_shapes, table, few_causes(three_shapes)).verdict
+
+    monkeypatch.setattr(verdict, "DISCREPANCY", 2.0)
+    assert judged() == "unexplained"
+    monkeypatch.setattr(verdict._Adequacy, "enough", lambda self, fit: True)
+    assert judged() != "unexplained"
