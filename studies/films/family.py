@@ -97,6 +97,9 @@ _NEARLY = 0.03
 #: By how much the estimate is larger than what covers the errors of random films: one film of as
 #: many more would exceed that.
 _MARGIN = 1.5
+#: The same of the largest stress: with half of it 88 of 30,000 films were off by more, by 1.8 times
+#: at most.
+_STRESS_MARGIN = 2 * _MARGIN
 
 #: Share of a deflection from which on its error is not that of the film's largest one: sweeps leave
 #: such states to finite elements.
@@ -807,7 +810,7 @@ class _Making:
             remeshed.append(abs(apart - deflection) / abs(deflection))
             stresses.append(abs(stress / states.stress[number, 0] - 1))
         return replace(family, factor=_MARGIN * max([1.0, *ratios]), remeshed=max(remeshed),
-                       restressed=_MARGIN * max(stresses))
+                       restressed=_STRESS_MARGIN * max(stresses))
 
     def _found(self, family: FilmFamily, q: Array, row: Array, force: float, squared: float
                ) -> tuple[Model, Solution] | None:
