@@ -1,6 +1,6 @@
 """Verdicts where nobody states the noise, and misfits may be a sensor that wanders.
 
-    python -m benchmarks.trials.unknown_noise [--sets 100] [--keep sets.jsonl]
+    python -m benchmarks.trials.unknown_noise [--sets 100] [--keep sets.jsonl] [-o PAGE]
 
 Each set has the paper's three films under two masses, read by finite elements, with one of three
 kinds of errors: independent ones, errors that remember the reading before, and a drift besides.
@@ -48,6 +48,27 @@ SIZES = (1.0, 10.0)
 SHOWS = 3.0
 
 
+PAGE = """# Noise that nobody states
+
+`python -m benchmarks.trials.unknown_noise -o docs/unknown-noise.md` makes this page.
+It judges {count} datasets that state no noise.
+
+* The films are the paper's three, under two masses. Their readings come from finite elements.
+* Successive readings differ by a noise of {scatter:g} µm. It is independent, or it remembers the
+  reading before (correlation {correlation:g}), or the sensor drifts besides, by {drift:g} times
+  the noise.
+* Half of the sets have an effect of {low:g} to {high:g} times its typical size. The effect *shows*
+  where it moves a reading by more than {shows:g} times the noise, beside what stiffness and
+  permittivity take up.
+* A drift that is named where the sensor drifts is right.
+
+{table}
+
+Each cell has the 95 % limits of its share. The aims: "agrees" in at most 5 % of the sets in which
+an effect shows, another effect in at most 2 % of all.
+"""
+
+
 @dataclass(frozen=True)
 class Judged:
     """A set: the kind of its errors, its effect, how much that shows, and what was said."""
@@ -67,8 +88,14 @@ class Judged:
 
     @property
     def wrong(self) -> bool:
-        """Whether another effect is named."""
-        return bool(self.named) and self.named != self.effect
+        """Whether another effect is named; a drift that is there, too, is none."""
+        there = {self.effect, *(("drift",) if self.kind == "drift" else ())}
+        return bool(self.named) and not set(self.named.split(" and ")) <= there
+
+    @property
+    def right(self) -> bool:
+        """Whether its effect is named, and no other."""
+        return not self.wrong and self.effect in self.named.split(" and ")
 
 
 def errors(kind: str, table: ReadingTable, generator: np.random.Generator) -> Array:
@@ -123,17 +150,17 @@ def rate(some: int, count: int) -> str:
 
 def table_of(sets: list[Judged]) -> str:
     """The table of the page."""
-    lines = ["| errors | sets | effect shows: agrees said | effect shows: named rightly | another "
-             "named | nothing hidden: a cause named |", "|---|---|---|---|---|---|"]
+    lines = ["| errors | sets | effect shows: agrees said | effect shows: named | another named "
+             "| another named where nothing is hidden |", "|---|---|---|---|---|---|"]
     for kind in (*KINDS, "all"):
         own = [one for one in sets if kind in (one.kind, "all")]
         shown = [one for one in own if one.effect and one.shows > SHOWS]
         nulls = [one for one in own if not one.effect]
         lines.append(" | ".join([
             f"| {kind}", str(len(own)), rate(sum(one.agrees for one in shown), len(shown)),
-            rate(sum(one.named == one.effect for one in shown), len(shown)),
+            rate(sum(one.right for one in shown), len(shown)),
             rate(sum(one.wrong for one in own), len(own)),
-            rate(sum(bool(one.named) for one in nulls), len(nulls))]) + " |")
+            rate(sum(one.wrong for one in nulls), len(nulls))]) + " |")
     return "\n".join(lines)
 
 
@@ -141,6 +168,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--sets", type=int, default=100)
     parser.add_argument("--keep", type=Path, default=None)
+    parser.add_argument("-o", "--output", type=Path, default=None)
     asked = parser.parse_args()
     sets = [Judged(**json.loads(line)) for line in asked.keep.read_text("utf-8").splitlines()
             ] if asked.keep is not None and asked.keep.exists() else []
@@ -153,6 +181,10 @@ def main() -> None:
                 file.write(json.dumps(asdict(sets[-1])) + "\n")
     print(table_of(sets))
     print(Counter((one.kind, one.verdict, one.of_sensor) for one in sets))
+    if asked.output is not None:
+        asked.output.write_text(PAGE.format(
+            count=len(sets), scatter=1e6 * SCATTERED, correlation=REMEMBERED, drift=DRIFTED,
+            low=SIZES[0], high=SIZES[1], shows=SHOWS, table=table_of(sets)), encoding="utf-8")
 
 
 if __name__ == "__main__":
