@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, field, replace
 from functools import lru_cache
 from itertools import islice
+from math import hypot
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, cast
 
@@ -207,6 +208,9 @@ class CaseRecord(SpecimenRecord):
 #: The kinds of :data:`LIMIT_STATES`.
 LimitKind = Literal["snap_through", "snap_back", "tension", "breakdown", "instability", "pull_in"]
 
+#: Distance from the centre below which a place is the centre [m].
+_CENTRE = 1e-6
+
 #: Relative error of a limit from which on it is worth a word. Limits are printed with four digits,
 #: and films scatter more.
 _WORTH = 5e-3
@@ -231,6 +235,8 @@ class Limit:
     at_edge: Annotated[bool, Key("whether it begins at the edge of an electrode")] = False
     at_corner: Annotated[bool, Key("whether it begins at a sharp corner, where the film's stress "
                                    "and field grow with every refinement of the mesh")] = False
+    ring: Annotated[bool, Key("whether it begins all around at the place's distance from the "
+                              "centre, as film, plate and load are round")] = False
 
     @property
     def state(self) -> LimitState:
@@ -241,7 +247,10 @@ class Limit:
     @property
     def place(self) -> str:
         """Place where it begins, in millimetres."""
-        return (place_text(self.x_m, self.y_m) + ", the electrode's edge" * self.at_edge
+        away = hypot(self.x_m, self.y_m)
+        where = (f"r {place_text(away, 0.0).partition(',')[0][2:]}, all around"
+                 if self.ring and away > _CENTRE else place_text(self.x_m, self.y_m))
+        return (where + ", the electrode's edge" * self.at_edge
                 + ", a sharp corner" * self.at_corner)
 
     @property

@@ -317,3 +317,15 @@ def test_corners_are_sharp_where_they_point_into_the_film() -> None:
     film = SOFT.membrane
     specimen = Specimen("ell", ell, Plate(RegularPolygon(64, 5e-3), (-15e-3, -15e-3)), film)
     assert specimen.sharp_corners == pytest.approx(np.array([[10e-3, 10e-3]]))
+
+
+def test_a_limit_of_a_round_film_is_on_a_ring_unless_its_weight_hangs_beside() -> None:
+    settings = Settings(mesh=MeshSettings().refined(0.6))
+    centred, aside = (limits(Case(circular(), mass=17.9e-3, rig=Rig(weight_offset=offset)),
+                             settings).limit for offset in ((0.0, 0.0), (2e-3, 0.0)))
+    assert centred is not None
+    assert aside is not None
+    assert centred.ring
+    assert centred.place == "r 10.0 mm, all around"
+    assert not aside.ring
+    assert aside.place.startswith("x ")

@@ -238,7 +238,8 @@ def _curve(view: FilmView, risen: FamilyRise) -> CurveResult:
     nominal = [_nominal(rig, squared) for squared in risen.squared.tolist()]
     limits = Limits.of({kind: Limit(
         kind=kind, voltage_V=_nominal(rig, limit.squared), x_m=limit.x, y_m=limit.y,
-        spread=limit.off / (2 * limit.squared))
+        spread=limit.off / (2 * limit.squared),
+        ring=view.specimen.axisymmetric and not any(rig.weight_offset))
         for kind, limit in risen.limits.items()}, "the film pulls in" if risen.whole else
         "finite elements follow it on from there")
     table = {column.name: np.full(len(nominal), np.nan) if column.choices is None
