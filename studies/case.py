@@ -133,6 +133,11 @@ class Case:
         """Voltage that acts on the film [V]."""
         return float(self.rig.film_voltage(self.voltage, self.direction))
 
+    @property
+    def axisymmetric(self) -> bool:
+        """Whether what happens at one place of the film happens all around."""
+        return self.specimen.axisymmetric and not any(self.rig.weight_offset)
+
     def force(self, plate_area: float) -> float:
         """Force on the film [N] by a plate of so much area [m²] that came all the way."""
         return float(self.rig.rubbed(self.rig.force(self.mass, plate_area), self.direction))

@@ -176,11 +176,17 @@ class Draft:
         key = f"{column.name}_{unit}" if unit.isalpha() else column.title
         if not column.claims(key) or abs(column.factor(key) / source.factor - 1) > 1e-9:
             return f"# {column.title}: {why}; its unit is read from the heading"
-        if column.name in ("displacement", "force") and self._falls(place, column.name):
-            return (f'{key} = {{ from = {_quoted(title)}, sign = "up" }}  # {_CORRECT}the numbers '
-                    f"fall where {column.name}s rise: taken as counted the other way")
-        return f'{key} = {{ from = {_quoted(title)}, sign = "down" }}  # {why}' if (
-            column.name in ("displacement", "force")) else f"{key} = {_quoted(title)}  # {why}"
+        return self._line(key, column, place, why)
+
+    def _line(self, key: str, column: Column, place: int, why: str) -> str:
+        """The line that reads a column from a heading, with its sign where it may have one."""
+        title = _quoted(self.header.titles[place])
+        if column.name not in ("displacement", "force"):
+            return f"{key} = {title}  # {why}"
+        if self._falls(place, column.name):
+            return (f'{key} = {{ from = {title}, sign = "up" }}  # {_CORRECT}the numbers fall '
+                    f"where {column.name}s rise: taken as counted the other way")
+        return f'{key} = {{ from = {title}, sign = "down" }}  # {why}'
 
     @property
     def _unknown(self) -> list[int]:
@@ -217,17 +223,10 @@ class Draft:
 
     def _mapped(self, column: Column, place: int) -> str:
         """The line of a column whose heading is not known, but its unit is."""
-        title = self.header.titles[place]
-        unit = Heading.of(title).unit
+        unit = Heading.of(self.header.titles[place]).unit
         key = f"{column.name}_{unit}" if unit.isalpha() else column.title
-        key = key if column.claims(key) else column.title
-        why = f"the only column in a unit of {_dimension(unit)}"
-        if column.name not in ("displacement", "force"):
-            return f"{key} = {_quoted(title)}  # {why}"
-        sign, mark = "down", why
-        if self._falls(place, column.name):
-            sign, mark = "up", f"{_CORRECT}{why}, and its numbers fall"
-        return f'{key} = {{ from = {_quoted(title)}, sign = "{sign}" }}  # {mark}'
+        return self._line(key if column.claims(key) else column.title, column, place,
+                          f"the only column in a unit of {_dimension(unit)}")
 
     def _labels(self, place: int) -> list[str]:
         """The cells of a column, each once, if they are words."""

@@ -282,7 +282,7 @@ def law_error(simulation: Simulation, fit: Fit, table: ReadingTable) -> float:
     for state in place[evenly(order, _STATES_CHECKED)].tolist():
         model = build_model(setup.specimens[int(states.specimen[state])], FINE, rig.loading)
         voltage = rig.film_voltage(float(states.voltage[state]),
-                                       float(states.voltage_direction[state]))
+                                   float(states.voltage_direction[state]))
         force = rig.force(float(states.mass[state]), model.plate_area)
         force = rig.rubbed(force, float(way[state]))
         outcome = equilibrium(model, force, voltage, rig.gas_pressure)

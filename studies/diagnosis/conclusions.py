@@ -27,7 +27,6 @@ from tympan.studies.diagnosis.inference.families import (
 )
 from tympan.studies.diagnosis.inference.identifiability import detectable_effects
 from tympan.studies.diagnosis.inference.noise_told import LOUDER, probability_off
-from tympan.studies.diagnosis.inference.nominal import UNLIKE
 from tympan.studies.diagnosis.inference.posterior import Posterior
 from tympan.studies.diagnosis.inference.ratios import ratios
 from tympan.studies.diagnosis.inference.verdict import Judgement, probability_with_noise
@@ -406,19 +405,10 @@ class Conclusions:
         if self.judgement.of_sensor:
             return WORDS["wanders"].format(misfit=misfit,
                                            unit=self.judgement.table.unit.name.replace("u", "µ"))
-        rough = self._rough
-        if self.verdict != "nothing" or not rough:
+        if self.verdict != "nothing" or not (rough := self.judgement.rough):
             return ""
         kind = max(rough, key=lambda name: rough[name])
         return WORDS["too_rough"].format(kind=kind, scatter=rough[kind])
-
-    @property
-    def _rough(self) -> dict[str, float]:
-        """Scatter about smooth curves over the stated noise, by kind, where it cannot be noise."""
-        table, scatter = self.readings.table, self.judgement.noise_over(self.readings.table)
-        stated = table.lengths & table.noise.given
-        lengths = {"displacement": scatter} if stated.any() and scatter > UNLIKE else {}
-        return {**self.judgement.rough, **lengths}
 
     def _next_experiment(self, concerned: Sequence[result.FoundCause]
                          ) -> result.NextExperiment | None:
@@ -426,7 +416,7 @@ class Conclusions:
         if self.verdict == "nothing":
             return result.NextExperiment(
                 what=WORDS["do_rough"], checks=(WORDS["do_rough"],), after_checks=""
-            ) if self._rough else None
+            ) if self.judgement.rough else None
         advice = self.advice if self.proposals else ""
         checks, unexplained = [cause.check for cause in concerned], self.verdict == "unexplained"
         found = of_data(self.judgement) if unexplained else None

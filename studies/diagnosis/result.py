@@ -449,7 +449,8 @@ class Diagnosis:
         misfit = from_json(Json, content.get("misfit"), file, "misfit")
         unit = "kPa" if "noise_kPa" in misfit else "um"
         stored = from_json(cls, content, file, unit=unit)
-        names = [name for name in TABLES if (folder / name).exists()]
+        names = [STRIPS] if (folder / STRIPS).exists() else [
+            READINGS, CURVES, *([CHANNELS] if (folder / CHANNELS).exists() else [])]
         return replace(
             stored, unit=unit,
             tables={name: read_own_sheet(folder / name, TABLES[name]) for name in names},

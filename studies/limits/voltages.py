@@ -321,7 +321,7 @@ def _flat_instability(case: Case, flat: Stop, slack: float) -> Limit | None:
 def _flat_limit(case: Case, flat: Stop, kind: LimitKind, voltage: float, place: int) -> Limit:
     x, y = mounted_place(flat.fields.position[place])
     nominal = case.rig.nominal_voltage(voltage, case.direction)
-    return Limit(kind=kind, voltage_V=nominal, x_m=x, y_m=y, ring=_round(case))
+    return Limit(kind=kind, voltage_V=nominal, x_m=x, y_m=y, ring=case.axisymmetric)
 
 
 def _still(outcome: Outcome) -> PathPoint:
@@ -342,7 +342,7 @@ def _limits(case: Case, passed: list[Stop]) -> Limits:
     for state in (TENSION, INSTABILITY) if passed else ():  # under the mass alone
         if not state.field(passed[0]).min() > 0:
             kind, (x, y) = _KINDS[state.event], passed[0].place(state)
-            reached[kind] = Limit(kind=kind, voltage_V=0.0, x_m=x, y_m=y, ring=_round(case))
+            reached[kind] = Limit(kind=kind, voltage_V=0.0, x_m=x, y_m=y, ring=case.axisymmetric)
     for stop in passed:
         if stop.event is None:
             continue
@@ -372,12 +372,7 @@ def _limit(case: Case, stop: Stop) -> Limit:
     return Limit(kind=kind, voltage_V=_nominal(case, stop.station.voltage_V), x_m=stop.event.x_m,
                  y_m=stop.event.y_m, spread=stop.event.spread,
                  at_edge=stop.on_electrode_edge(state), at_corner=stop.at_sharp_corner(state),
-                 ring=_round(case))
-
-
-def _round(case: Case) -> bool:
-    """Whether what happens at one place of a film happens all around."""
-    return case.specimen.axisymmetric and not any(case.rig.weight_offset)
+                 ring=case.axisymmetric)
 
 
 def _same(first: Limit, second: Limit) -> bool:

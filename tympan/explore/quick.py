@@ -239,7 +239,7 @@ def _curve(view: FilmView, risen: FamilyRise) -> CurveResult:
     limits = Limits.of({kind: Limit(
         kind=kind, voltage_V=_nominal(rig, limit.squared), x_m=limit.x, y_m=limit.y,
         spread=limit.off / (2 * limit.squared),
-        ring=view.specimen.axisymmetric and not any(rig.weight_offset))
+        ring=view.case.axisymmetric)
         for kind, limit in risen.limits.items()}, "the film pulls in" if risen.whole else
         "finite elements follow it on from there")
     table = {column.name: np.full(len(nominal), np.nan) if column.choices is None

@@ -83,4 +83,4 @@ def _ways(read: Sheet) -> Array:
         # A run that turns once or a few times is one as it was made; else its rows are shuffled.
         if np.sum(np.diff(steps) != 0) <= _TURNS and len(steps):
             ways[rows] = np.r_[steps[0], steps]
-    return ways if np.ptp(ways) > 0 else np.zeros(len(read))
+    return ways if ways.min() < 0 < ways.max() else np.zeros(len(read))

@@ -47,7 +47,7 @@ _SINGLE = 200
 
 #: Scatter of a channel about smooth curves over its stated noise from which that is not its noise:
 #: people state it too small by a factor of two, hardly by more.
-UNLIKE = 3.0
+_UNLIKE = 3.0
 #: Fewest degrees of freedom by which that is told.
 _KNOWN = 5.0
 
@@ -210,7 +210,7 @@ class NominalMisfit:
                 placed = table.point[rows[0]] >= 0
                 if stated and tests.freedom >= _KNOWN and not placed:
                     scatter = replace(tests, stated=0.0).noise(self.fit.residual[rows])
-                    if scatter > UNLIKE:
+                    if scatter > _UNLIKE:
                         factor[rows] = rough[kind] = scatter
         table = table.with_sigma(factor * table.sigma)
         return replace(self, table=table, rough=rough,
