@@ -45,6 +45,8 @@ _TALL = 52.0
 #: Room below a panel of readings for its numbers and words [mm].
 _BELOW = 14.0
 
+#: Room beside the first and the last point of residuals, as a share of the axis.
+_BESIDE = 0.05
 #: Where crosses of readings that are further off than the axis reaches stand, as a share of it.
 _EDGE = 0.95
 
@@ -214,6 +216,8 @@ def compose_residuals(readings: Columns, unit: str = "µm", per_si: float = 1e6,
     noise = float(readings["sigma"].max())
     reach = 1.15 * max(float(np.abs(before[counts]).max(initial=0.0)), 2.5 * noise)
     before, after = (np.clip(values, -_EDGE * reach, _EDGE * reach) for values in (before, after))
+    places = _PER_SI[along] * readings[along]
+    left, right = float(places.min()), float(places.max())
     titles = "baseline model, stiffness and permittivity fitted", "extended model"
     for row, name in enumerate(names):
         for column, (title, values) in enumerate(zip(titles, (before, after), strict=True)):
@@ -221,6 +225,8 @@ def compose_residuals(readings: Columns, unit: str = "µm", per_si: float = 1e6,
                                     _TITLE + row * (_PANEL + _GAP), width, _PANEL)
             _panel(axes, readings, name, values if column == 0 or changed else None, along, each)
             axes.set_ylim(-reach, reach)
+            if right > left:  # the lowest row alone has numbers
+                axes.set_xlim(left - _BESIDE * (right - left), right + _BESIDE * (right - left))
             axes.set_title(title if row == 0 else "", loc="left", weight="bold")
             axes.set(ylabel=f"{name}\nread − model ({unit})" if column == 0 else "",
                      xlabel=_AXES[along] if row == len(names) - 1 else "")
