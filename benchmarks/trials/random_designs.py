@@ -9,7 +9,7 @@ under loads, ramp by ramp, up to a share of the highest voltage at which the fil
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -167,7 +167,7 @@ def written(drawn: RandomDesign, folder: Path, noisy: bool = True) -> Path | Non
     """A dataset's folder with the readings of a design; None where one has no equilibrium."""
     random = default_rng([drawn.number, 7])
     design, truth = drawn.design, drawn.truth
-    states, lines = design.table.states, []
+    states = design.table.states
     columns = ("displacement_mm", *drawn.channels)
     law = scaled(design.setup.specimens[0].membrane.material, truth.stiffness)
     values = np.empty((len(states), len(columns)))
@@ -187,22 +187,31 @@ def written(drawn: RandomDesign, folder: Path, noisy: bool = True) -> Path | Non
         place = columns.index("tilt_mrad")
         noise[place] = max(noise[place], 1e3 * TILT)
     values += noisy * noise * random.standard_normal(values.shape)
-    for row, read in enumerate(values):
+    write_readings(design, folder, dict(zip(columns, values.T, strict=True)), drawn.noise)
+    return folder
+
+
+def write_readings(design: Design, folder: Path, columns: Mapping[str, NDArray[np.float64]],
+                   noise: float) -> None:
+    """A dataset's folder with readings by their columns' headings, of a noise [m] of lengths."""
+    states, lines = design.table.states, []
+    timed = bool(np.isfinite(states.elapsed).all())
+    for row, read in enumerate(np.transpose([*columns.values()])):
         # A probe's voltage has no sign: nobody reads it where there is none.
         cells = ["" if name == "film_voltage_kV" and not states.voltage[row] else
                  f"{abs(value) if name == 'film_voltage_kV' else value:.7g}"
                  for name, value in zip(columns, read, strict=True)]
         lines.append(f"{design.setup.specimens[int(states.specimen[row])].name},"
                      f"{1e3 * states.mass[row]:.6g},{1e-3 * states.voltage[row]:.6g},"
-                     + ",".join(cells))
+                     + ",".join([*cells, *([f"{states.elapsed[row]:.6g}"] if timed else [])]))
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "dataset.toml").write_text(toml({
-        "name": design.name, "noise": f"{1e6 * drawn.noise:.3g} um",
+        "name": design.name, "noise": f"{1e6 * noise:.3g} um",
         "specimen": [specimen_content(specimen) for specimen in design.setup.specimens],
     }), encoding="utf-8")
-    head = ",".join(("specimen", "mass_g", "voltage_kV", *columns))
+    head = ",".join(("specimen", "mass_g", "voltage_kV", *columns,
+                     *(["elapsed_s"] if timed else [])))
     (folder / "static.csv").write_text("\n".join([head, *lines]) + "\n", encoding="utf-8")
-    return folder
 
 
 def _log(random: Generator, low: float, high: float) -> float:

@@ -462,6 +462,8 @@ class Conclusions:
             words.append(WORDS["reduced"].format(error=1e6 * self.model_error, noise=1e6 * noise))
         if scatter > _ROUGH and self.readings.table.noise.freedom.any():
             words.append(WORDS["scatters"].format(scatter=scatter))
+        words += [WORDS["quiet"].format(kind=kind, times=1 / quiet)
+                  for kind, quiet in self.judgement.quiet.items()]
         return words
 
 

@@ -29,6 +29,7 @@ from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.estimation.noise import STATED, Noise
 
 Array = NDArray[np.float64]
+Numbers = NDArray[np.int64]
 
 #: How often force laws are made to reach further for the nominal fit.
 _REACHES = 3
@@ -47,7 +48,7 @@ _SINGLE = 200
 
 #: Scatter of a channel about smooth curves over its stated noise from which that is not its noise:
 #: people state it too small by a factor of two, hardly by more.
-_UNLIKE = 3.0
+UNLIKE = 3.0
 #: Fewest degrees of freedom by which that is told.
 _KNOWN = 5.0
 
@@ -60,8 +61,8 @@ class NominalMisfit:
     """The fit of the nominal model to a table's readings.
 
     ``patterns``: what its misfit may be a combination of, in units of the readings, by name;
-    ``stated``: the noise before what is ``told`` of it; ``rough``: scatter over the stated noise of
-    the channels, by kind, whose stated noise cannot be theirs.
+    ``stated``: the noise before what is ``told`` of it; ``scatter``: scatter about smooth curves
+    over the stated noise of the channels, by kind, of which both are known.
     """
 
     simulation: Model
@@ -70,7 +71,7 @@ class NominalMisfit:
     patterns: dict[str, Array]
     stated: Noise
     told: Told
-    rough: Mapping[str, float] = field(default_factory=dict)
+    scatter: Mapping[str, float] = field(default_factory=dict)
 
     @classmethod
     def of(cls, simulation: Model, table: ReadingTable, causes: Sequence[Cause],
@@ -91,8 +92,7 @@ class NominalMisfit:
                                   "read")
         misfit = cls(simulation, table, nominal, _patterns(simulation, table, nominal),
                      table.noise, Told.nothing(len(table)))
-        if not table.lengths.all():
-            misfit = misfit._with_noise_of_channels(misfit._shown(causes))
+        misfit = misfit._with_noise_of_channels(misfit._shown(causes))
         misfit = replace(misfit, stated=misfit.table.noise)
         misfit = misfit.with_noise_told(causes) if told is None else misfit.with_told(told)
         tests = misfit.tests(causes)
@@ -186,35 +186,54 @@ class NominalMisfit:
                                 float(self.table.noise.freedom.sum()), one_sided(causes))
 
     def _with_noise_of_channels(self, shown: Mapping[str, Array]) -> NominalMisfit:
-        """Misfit with the noise of channels but lengths by their scatter, since no file states it.
+        """Misfit with the noise of each channel by its scatter, since files state it or do not.
 
         About all that is ``shown``, or, of a channel with too few readings for that, about its own
         smooth misfit: what is missed by much is not noise, nor is a reading that is off by itself.
         A noise that is given beside readings has its say, unless readings scatter by far more.
         """
-        factor, table, rough = np.ones(len(self.table)), self.table, dict[str, float]()
+        factor, table, found = np.ones(len(self.table)), self.table, dict[str, float]()
         for kind, rows in table.rows_of.items():
-            name = f"channel {kind}"
-            if name in shown:
-                columns = {other: values[rows] for other, values in shown.items()}
-                single = {"single": np.eye(len(rows))} if len(rows) < _SINGLE else {}
-                jacobian = self.fit.free_jacobian[rows]
-                stated = STATED if table.noise.given[rows].all() else 0.0
-                tests = ResidualTests.of(jacobian, columns | single, stated)
-                if tests.freedom < _SHARE * len(rows):
-                    tests = ResidualTests.of(jacobian, {name: columns[name]} | single, stated)
-                if tests.freedom > 0:
-                    factor[rows] = _factor(tests.noise(self.fit.residual[rows]),
-                                           tests.freedom + stated)
-                # Of a film's places a misfit has a shape that no smooth curve here follows.
-                placed = table.point[rows[0]] >= 0
-                if stated and tests.freedom >= _KNOWN and not placed:
-                    scatter = replace(tests, stated=0.0).noise(self.fit.residual[rows])
-                    if scatter > _UNLIKE:
-                        factor[rows] = rough[kind] = scatter
+            rows, own, stated = self._channel(kind, rows, shown)
+            if not own:
+                continue
+            columns = {name: values[rows] for name, values in shown.items()}
+            single = {"single": np.eye(len(rows))} if len(rows) < _SINGLE else {}
+            jacobian, residual = self.fit.free_jacobian[rows], self.fit.residual[rows]
+            tests = ResidualTests.of(jacobian, columns | single, stated)
+            if tests.freedom < _SHARE * len(rows):
+                few = {name: columns[name] for name in own}
+                tests = ResidualTests.of(jacobian, few | single, stated)
+            if tests.freedom <= 0:
+                continue
+            # Where lengths are all there is, the tests of all readings find their noise.
+            if not table.lengths.all():
+                factor[rows] = _factor(tests.noise(residual), tests.freedom + stated)
+            # Of a film's places a misfit has a shape that no smooth curve here follows.
+            placed = table.point[rows[0]] >= 0
+            if stated and tests.freedom >= _KNOWN and not placed:
+                found[kind] = replace(tests, stated=0.0).noise(residual)
+                if found[kind] > UNLIKE:
+                    factor[rows] = found[kind]
+        if (factor == 1.0).all():
+            return replace(self, scatter=found)
         table = table.with_sigma(factor * table.sigma)
-        return replace(self, table=table, rough=rough,
+        return replace(self, table=table, scatter=found,
                        fit=fit(self.simulation, (), table, self.fit.unknowns))
+
+    def _channel(self, kind: str, rows: Numbers, shown: Mapping[str, Array]
+                 ) -> tuple[Numbers, list[str], float]:
+        """Rows of a channel that tell its noise, its own smooth misfits, and what is stated of it.
+
+        No misfits where its scatter does not tell its noise.
+        """
+        table, name = self.table, f"channel {kind}"
+        if name in shown:
+            return rows, [name], STATED if table.noise.given[rows].all() else 0.0
+        resting = rows[~np.isin(table.state[rows], table.states.in_time)]
+        if kind != "displacement" or not len(resting) or not table.noise.freedom.any():
+            return rows, [], 0.0
+        return resting, [name for name in self.patterns if name not in EACH_RUN], STATED
 
 
 def one_sided(causes: Iterable[Cause]) -> frozenset[str]:

@@ -20,7 +20,7 @@ from tympan.studies.diagnosis.inference.identifiability import (
     shows_when_large,
 )
 from tympan.studies.diagnosis.inference.noise_told import Told
-from tympan.studies.diagnosis.inference.nominal import TOO_FEW, NominalMisfit, one_sided
+from tympan.studies.diagnosis.inference.nominal import TOO_FEW, UNLIKE, NominalMisfit, one_sided
 from tympan.studies.diagnosis.inference.posterior import DISCREPANCY as DISCREPANCY_PRIOR
 from tympan.studies.diagnosis.inference.posterior import (
     PAIR,
@@ -121,8 +121,8 @@ class Judgement:
     quantities that, read as others they are often taken for, make unusual factors usual;
     ``wandering``: how large errors of a sensor that wanders would be that explain the misfit, too
     [the readings' unit], where no noise is stated that excludes them, else 0; ``no_sensor``:
-    whether a cause is much more probable than these, without which nothing is named; ``rough``: the
-    scatter of channels over their stated noise, by kind, where that cannot be their noise.
+    whether a cause is much more probable than these, without which nothing is named; ``scatter``:
+    that of channels about smooth curves over their stated noise, by kind, where both are known.
     ``odd_specimen``: that without which the nominal model misses nothing, where no one cause
     explains it; where two do that are not both surprisingly large, they stand beside it.
     """
@@ -152,7 +152,7 @@ class Judgement:
     odd_specimen: str = ""
     wandering: float = 0.0
     no_sensor: bool = False
-    rough: Mapping[str, float] = field(default_factory=dict)
+    scatter: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def of_sensor(self) -> bool:
@@ -184,6 +184,16 @@ class Judgement:
         excess = max(self.nominal.chi_squared - len(self.table), 1e-9)
         share = (self.nominal.chi_squared - fit.chi_squared) / excess
         return min(max(share, 0.0), 1.0)
+
+    @property
+    def rough(self) -> dict[str, float]:
+        """Scatter of the channels whose stated noise is too small to be theirs."""
+        return {kind: scatter for kind, scatter in self.scatter.items() if scatter > UNLIKE}
+
+    @property
+    def quiet(self) -> dict[str, float]:
+        """Scatter of the channels whose stated noise is too large to be theirs."""
+        return {kind: scatter for kind, scatter in self.scatter.items() if scatter < 1 / UNLIKE}
 
     def noise_over(self, stated: ReadingTable) -> float:
         """Scatter of deflections over the noise of the table they came in; else of all readings.
@@ -303,7 +313,7 @@ def _judged(simulation: Model, table: ReadingTable, causes: Sequence[Cause], wid
     invisible, classes = classes_of(signs)
     base = Judgement("nothing", simulation, table, nominal, test, misfit.patterns, signs,
                      misfit.told, indistinguishable=classes, invisible=invisible,
-                     wandering=wandering, no_sensor=no_sensor, rough=misfit.rough)
+                     wandering=wandering, no_sensor=no_sensor, scatter=misfit.scatter)
     if test.p_value >= ALARM:
         return misfit, (base if nominal.usual >= UNUSUAL
                         else replace(base, verdict="unexplained"))

@@ -26,10 +26,10 @@ WAYS = [*((at, 1.0) for at in DISPLACEMENTS), *((at, -1.0) for at in DISPLACEMEN
 
 
 def judged(folder: Path, half: float, written: bool = True, shuffled: bool = False,
-           zero: float = 0.0) -> Diagnosis:
+           zero: float = 0.0, stated: float = 1.0) -> Diagnosis:
     """The verdict on a loop of twice ``half`` [N], its ways ``written`` or not.
 
-    ``zero`` of the gauge [N].
+    ``zero`` of the gauge [N]; ``stated`` noise of displacements over the true one.
     """
     noise = np.random.default_rng(0)
     forces = [[voltage, 1e3 * at, 1e3 * (solve_deflection(FILM, at, 1e3 * voltage).force
@@ -45,7 +45,7 @@ def judged(folder: Path, half: float, written: bool = True, shuffled: bool = Fal
     _csv(folder / "force.csv", "voltage_kV,displacement_mm,force_mN,direction,sigma_mN", [
         [*row[:3], row[3] if written else "", 1e3 * FORCE] for row in forces])
     _csv(folder / "static.csv", "mass_g,voltage_kV,displacement_mm,sigma_um", [
-        [*row, 1e6 * LENGTH] for row in heaves])
+        [*row, 1e6 * LENGTH * stated] for row in heaves])
     with library_of("gauge_zero", "strain_stiffening"):
         return diagnose(read_dataset(folder))
 
@@ -81,6 +81,26 @@ def test_scatter_far_beyond_the_stated_noise_is_no_agreement(tmp_path: Path) -> 
     assert result.misfit.noise == pytest.approx(1e6 * LENGTH, rel=0.3)
     assert result.next_experiment is not None
     assert "direction of each reading" in result.next_experiment.what
+
+
+@pytest.mark.parametrize("stated", [0.1, 0.2])
+def test_lengths_have_a_noise_of_their_own_beside_many_forces(stated: float, tmp_path: Path
+                                                              ) -> None:
+    """Stated too small, it is told as that: forces do not hide it, and no cause is made of it."""
+    result = judged(tmp_path, 0.0, stated=stated)
+    assert result.verdict == "nothing"
+    assert "the readings of displacement scatter" in result.cannot_tell
+    times = float(result.cannot_tell.split("scatter ")[1].split()[0])
+    assert times == pytest.approx(1 / stated, rel=0.2)
+    assert result.misfit.noise == pytest.approx(1e6 * LENGTH, rel=0.3)
+
+
+def test_a_noise_that_is_stated_too_large_hides_errors_and_is_told(tmp_path: Path) -> None:
+    result = judged(tmp_path, 0.0, stated=5.0)
+    assert (result.verdict, result.cannot_tell) == ("nothing", "")
+    (told,) = [words for words in result.limitations if "times less" in words]
+    assert told.startswith("the readings of displacement scatter")
+    assert float(told.split("scatter ")[1].split()[0]) == pytest.approx(5.0, rel=0.2)
 
 
 def test_forces_have_curves_residuals_and_a_gain(tmp_path: Path) -> None:
