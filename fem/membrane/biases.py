@@ -7,8 +7,9 @@ Each says its energy by the deflection of the plate, and a rig may have any numb
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from math import factorial
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, Protocol, Self
@@ -71,9 +72,85 @@ class Bias(Protocol):
     def derivatives(self, deflection: float) -> tuple[float, float, float]:
         """Energy [J], its derivative [N] (positive: pushes back), its second derivative [N/m].
 
-        nan where the mechanism cannot be.
+        nan where the mechanism cannot be. Of arrays where the law says ``on_arrays = True``.
         """
 
+
+def acting(biases: Sequence[Bias], deflections: Array) -> Array:
+    """Energy [J] of mechanisms, its derivative [N] and its second derivative [N/m], (3, …).
+
+    At many deflections [m] of any shape; nan where one of them cannot be.
+    """
+    total = np.zeros((3, *deflections.shape), dtype=deflections.dtype)
+    for bias in biases:
+        if getattr(bias, "on_arrays", False):
+            found = bias.derivatives(deflections)  # type: ignore[arg-type]
+        elif deflections.size <= _ONE_BY_ONE or np.iscomplexobj(deflections):
+            found = np.reshape([bias.derivatives(place) for place in deflections.ravel().tolist()],
+                               (*deflections.shape, 3)).transpose(-1, *range(deflections.ndim))
+        else:
+            found = _tabled(bias).derivatives(deflections)
+        for number, part in enumerate(found):
+            total[number] += part
+    return total
+
+
+class _Tabled:
+    """A law that takes one deflection, on arrays: polynomials between places of an even grid.
+
+    The energy is a quintic by its own two derivatives, and so its derivatives are each other's.
+    Values are computed where they are first asked for, and kept.
+    """
+
+    def __init__(self, bias: Bias) -> None:
+        self._bias = bias
+        self._known: dict[int, tuple[float, float, float]] = {}
+
+    def derivatives(self, deflections: Array) -> Array:
+        """Energy and derivatives, (3, …)."""
+        flat = deflections.ravel()
+        finite = np.isfinite(flat) & (np.abs(flat) < _FAR)
+        cell = np.where(finite, np.floor(flat / _GRID), 0).astype(np.int64)
+        cells, place = np.unique(cell, return_inverse=True)
+        ends = np.array([[self._at(number), self._at(number + 1)] for number in cells.tolist()])
+        t = np.where(finite, flat / _GRID - cell, np.nan)
+        # Energy, derivative and second derivative at both ends, over the grid's powers.
+        scale = _GRID ** np.arange(3)
+        known = (ends * scale)[place].reshape(len(flat), 6)
+        powers = known @ _QUINTIC.T
+        values = np.empty((3, len(flat)))
+        slopes = powers
+        for order in range(3):
+            value = np.zeros(len(flat))
+            for column in slopes[:, ::-1].T:
+                value = value * t + column
+            values[order] = value / scale[order]
+            slopes = slopes[:, 1:] * np.arange(1, slopes.shape[1])
+        return values.reshape(3, *deflections.shape)
+
+    def _at(self, number: int) -> tuple[float, float, float]:
+        if number not in self._known:
+            self._known[number] = self._bias.derivatives(number * _GRID)
+        return self._known[number]
+
+
+@lru_cache(maxsize=32)
+def _tabled(bias: Bias) -> _Tabled:
+    """Kept, since a search asks for its force in many steps."""
+    return _Tabled(bias)
+
+
+#: Places up to which a law that takes one number is asked for each.
+_ONE_BY_ONE = 64
+#: Grid of a law that takes one number [m]: a beam's force is a quintic's to 1e-9 over it.
+_GRID = 50e-6
+#: Deflections beyond which nothing is computed [m].
+_FAR = 1.0
+#: Powers of a quintic by values and two derivatives at 0 and 1.
+_QUINTIC = np.linalg.inv(np.array([
+    [factorial(power) / factorial(power - order) * place ** (power - order)
+     if power >= order else 0.0 for power in range(6)]
+    for place in (0.0, 1.0) for order in range(3)]))
 
 #: Bias mechanisms that rig files may name.
 BIASES: Registry[Any] = Registry("law")
@@ -85,6 +162,7 @@ class Spring:
     """A linear spring."""
 
     law: ClassVar[str] = "spring"
+    on_arrays: ClassVar[bool] = True
     softening: ClassVar[tuple[Interval, ...]] = ()
     stiffness: Annotated[float, Key("its stiffness", "stiffness per length", NON_NEGATIVE)]
     rest: Annotated[float, Key("deflection at which it is unloaded", "length")] = 0.0
@@ -109,6 +187,7 @@ class Constant:
     """A force that stays the same, as of a weight on a string over a pulley."""
 
     law: ClassVar[str] = "constant"
+    on_arrays: ClassVar[bool] = True
     softening: ClassVar[tuple[Interval, ...]] = ()
     force: Annotated[float, Key("positive along the deflection", "force")]
 
@@ -126,6 +205,7 @@ class Magnet:
     """
 
     law: ClassVar[str] = "magnet"
+    on_arrays: ClassVar[bool] = True
     force: Annotated[float, Key("F₀ at contact", "force", POSITIVE)]
     gap: Annotated[float, Key("gap at the mounted plate", "length", POSITIVE)]
     decay: Annotated[float, Key("d", "length", POSITIVE)]
@@ -139,8 +219,8 @@ class Magnet:
         # The energy is −F₀ d/(n−1) (1 + g/d)^(1−n).
         n, d = self.power, self.decay
         near = 1 + (self.gap - deflection) / d
-        if np.real(near) <= 0:  # no step may end there, nor pass the pole
-            return np.nan, np.nan, np.nan
+        # No step may end beyond the pole, nor pass it.
+        near = np.where(np.real(near) > 0, near, np.nan)[()]
         return (-self.force * d / (n - 1) * near ** (1 - n), -self.force * near**-n,
                 -self.force * n / d * near ** (-n - 1))
 
@@ -156,6 +236,7 @@ class Bistable:
     """
 
     law: ClassVar[str] = "bistable"
+    on_arrays: ClassVar[bool] = True
     force: Annotated[float, Key("largest force that it takes to push it over", "force", POSITIVE)]
     travel: Annotated[float, Key("between its two rest positions", "length", POSITIVE)]
     back: Annotated[float, Key("largest force that it takes to push it back; left out, as much as "
@@ -351,6 +432,7 @@ class ForceTable:
     """
 
     law: ClassVar[str] = "table"
+    on_arrays: ClassVar[bool] = True
     displacement: Annotated[tuple[float, ...], Key(
         "deflections of the plate, one larger than the other", "length", least=2, discrete=True,
         default="those of `file`")]
@@ -409,11 +491,10 @@ class ForceTable:
 
     def derivatives(self, deflection: float) -> tuple[float, float, float]:
         breaks, (a, b, c, d), stored = self._cubics
-        at = float(np.real(deflection))
-        if not breaks[0] <= at <= breaks[-1]:
-            return np.nan, np.nan, np.nan
-        k = min(int(np.searchsorted(breaks, at, "right")) - 1, len(breaks) - 2)
-        u = deflection - breaks[k]
+        at = np.real(deflection)
+        k = np.clip(np.searchsorted(breaks, at, "right") - 1, 0, len(breaks) - 2)
+        # Beyond the table it cannot be.
+        u = deflection - np.where((at >= breaks[0]) & (at <= breaks[-1]), breaks[k], np.nan)[()]
         return (stored[k] + u * (d[k] + u * (c[k] / 2 + u * (b[k] / 3 + u * a[k] / 4))),
                 d[k] + u * (c[k] + u * (b[k] + u * a[k])),
                 c[k] + u * (2 * b[k] + u * 3 * a[k]))

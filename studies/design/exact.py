@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from tympan.fem.equilibrium.ramp import Outcome
 from tympan.fem.equilibrium.solve import equilibrium, held
-from tympan.fem.membrane.biases import Spring
+from tympan.fem.membrane.biases import acting
 from tympan.fem.membrane.model import Model
 from tympan.fem.results.fields import Fields, node_fields
 from tympan.fem.rig import Rig
@@ -111,8 +111,8 @@ class ExactFilm:
 
     @property
     def force(self) -> Array:
-        springs = [each for each in self.rig.loading.biases if isinstance(each, Spring)]
-        return np.asarray(self._load - sum(each.stiffness for each in springs) * self.deflection)
+        _, push, _ = acting(self._model.loading.biases, self.deflection)
+        return np.asarray(self._load - push)
 
     @property
     def stress(self) -> Array:

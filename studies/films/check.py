@@ -100,7 +100,7 @@ class ResidualCheck(FieldsAlone):
         mesh = self.model.discretisation
         inner = nodal[(slice(None), *mesh.free)]
         edge = np.einsum("snc,ncf->sf", nodal[:, mesh.plate_nodes], self._rigid)
-        edge[:, self._heave] += films.spring[number] * q[:, 0] - force
+        edge[:, self._heave] += films.acting(number, q[:, 0])[0] - force
         whole = np.concatenate([inner, edge], 1)
         on_shapes = whole @ self.motions.T
         _, tangent = films.pull(number, q, squared)

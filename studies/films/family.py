@@ -38,7 +38,13 @@ from tympan.studies.case import Settings, meshed, solved_loading
 from tympan.studies.films.box import Box, between
 from tympan.studies.films.check import ResidualCheck
 from tympan.studies.films.first_limits import KINDS, FirstLimits, Margins, first_limits
-from tympan.studies.films.many_films import Films, FilmsAt, ShapesAt, positive_definite
+from tympan.studies.films.many_films import (
+    Balance,
+    Films,
+    FilmsAt,
+    ShapesAt,
+    positive_definite,
+)
 from tympan.studies.films.reduction import Reduction, Snapshot, plate_freedoms
 from tympan.studies.films.sites import Sites
 
@@ -209,12 +215,6 @@ class Ground:
         loading, spring = self.model.loading, float(self.box.springs(row[None])[0])
         return replace(loading, biases=(*loading.biases, Spring(spring))) if spring else loading
 
-    def springs(self, rows: Array) -> Array:
-        """Stiffness of all springs on the plates of films [N/m], (films,)."""
-        own = sum(bias.stiffness for bias in self.model.loading.biases
-                  if isinstance(bias, Spring))
-        return own + self.box.springs(rows)
-
     def _motion(self, specimen: Specimen) -> Array:
         return motion_between(self.model.discretisation, self.box.specimen, specimen)
 
@@ -295,15 +295,10 @@ def require_reducible(specimen: Specimen, rig: Rig) -> None:
                        ("electrode.stiffness", bool(electrode.stiffness)),
                        ("rig.gas_pressure", bool(rig.gas_pressure)),
                        ("rig.weight_offset", any(loading.arm)),
-                       ("rig.guide", loading.guide == "fixed"),
-                       ("rig.bias", not all(isinstance(bias, Spring)
-                                            and not (bias.rest or bias.preload)
-                                            for bias in loading.biases))):
+                       ("rig.guide", loading.guide == "fixed")):
         if given:
-            spring = "; a spring without rest or preload has" * (key == "rig.bias")
-            raise InputError("has no reduced film, by which tolerances and designs are solved"
-                             f"{spring}: leave it out, or ask for single films by finite elements",
-                             key=key)
+            raise InputError("has no reduced film, by which tolerances and designs are solved: "
+                             "leave it out, or ask for single films by finite elements", key=key)
 
 
 @dataclass(frozen=True, eq=False)
@@ -369,7 +364,7 @@ class FilmFamily:
     def films(self, rows: Array) -> Films:
         """The films with these parameters, rows of (films, names)."""
         return replace(self._one, rows=rows, columns=self.box.columns(rows),
-                       nodes=self.ground.nodes(rows), spring=self.ground.springs(rows))
+                       nodes=self.ground.nodes(rows), spring=self.box.springs(rows))
 
     def blocks(self, parameters: Any) -> Iterator[tuple[slice, Films]]:
         """Films that are computed together, and which of all they are; :meth:`films` are a block.
@@ -423,8 +418,7 @@ class FilmFamily:
         """
         found = []
         for part, films in self.blocks(parameters):
-            balance = self.guess.balanced(films, self.box.scaled(films.rows), np.arange(len(films)),
-                                          forces[part], voltages[part] ** 2)
+            balance = self._rests(films, np.arange(len(films)), forces[part], voltages[part] ** 2)
             found.append(np.where(balance.sound[:, None], balance.q, np.nan))
         return np.concatenate(found)
 
@@ -452,7 +446,7 @@ class FilmFamily:
         number = np.repeat(np.arange(len(rows)), shape[1])
         force, voltage, mass = force.ravel(), voltage.ravel(), mass.ravel()
         squared = voltage**2
-        balance = self.guess.balanced(films, self.box.scaled(rows), number, force, squared)
+        balance = self._rests(films, number, force, squared)
         holds = balance.sound & self.box.holds(rows)[number] & self._loads_within(force, voltage)
         q = np.where(holds[:, None], balance.q, np.nan)
         extremes = films.extremes(films.at(self.looked_at), number, q, squared)
@@ -460,7 +454,7 @@ class FilmFamily:
         holds &= loose | ~slack
         q[~holds] = np.nan
         capacitance, energy = films.stored(number, q, squared)
-        carried = np.where(holds, force - films.spring[number] * q[:, 0], np.nan)
+        carried = np.where(holds, force - films.acting(number, q[:, 0])[0], np.nan)
         error = np.full(len(q), np.nan)
         if check:
             error = self._error(films, number, q, force, squared, balance.stiffness, shape)
@@ -538,10 +532,12 @@ class FilmFamily:
         """Margins of some of the films, by their numbers, at a U² of each."""
         force, strength = forces[number], strengths[number]
         if near is None:
-            balance = self.guess.balanced(films, self.box.scaled(films.rows), number, force,
-                                          squared)
+            balance = self._rests(films, number, force, squared)
         else:
             balance = films.balanced(number, force, squared, near)
+            some = np.flatnonzero(~balance.sound)
+            if films.loading.softening and len(some):  # a plate that snaps comes to rest elsewhere
+                balance.put(some, self._rests(films, number[some], force[some], squared[some]))
         holds = balance.sound & self._loads_within(force, squared**0.5)
         holds &= self.box.holds(films.rows[number])
         q = np.where(holds[:, None], balance.q, np.nan)
@@ -550,6 +546,12 @@ class FilmFamily:
         return Margins(np.stack([extremes.tension, least**2,
                                  1 - (extremes.share / strength) ** 2], 1),
                        extremes.sound | (not firm), q)
+
+    def _rests(self, films: Films, number: Array, force: Array, squared: Array) -> Balance:
+        """States of films in equilibrium, by their numbers, under loads of each."""
+        if films.loading.softening:
+            return films.first_rests(number, force, squared)
+        return self.guess.balanced(films, self.box.scaled(films.rows), number, force, squared)
 
     def _tilt(self, q: Array) -> Array:
         """Tilts of the plates [rad]."""
@@ -614,7 +616,7 @@ def films_of(ground: Ground, reduction: Reduction, rows: Array) -> Films:
     return Films(ground.box.specimen, rows, ground.box.columns(rows), ground.nodes(rows),
                  ShapesAt(whole.some(reduction.points, reduction.shares), shapes),
                  ShapesAt(whole, shapes),
-                 ground.model.loading.gravity, ground.springs(rows),
+                 ground.model.loading, ground.box.springs(rows),
                  np.array([ground.box.specimen.gap]))
 
 
@@ -660,8 +662,7 @@ class Guess:
         if len(again):
             slow = films.carried(number[again], force[again], squared[again],
                                  np.zeros((len(again), films.count)), 2 * _STEPS)
-            balance.q[again], balance.sound[again] = slow.q, slow.sound
-            balance.stiffness[again], balance.least[again] = slow.stiffness, slow.least
+            balance.put(again, slow)
         return balance
 
 
@@ -752,8 +753,9 @@ class _Making:
         reduction = Reduction.of(shots, motion, _WORK, _MOST, _SOFTENING)
         films = films_of(self.ground, reduction, rows)
         number = np.arange(len(rows))
-        balance = films.carried(number, forces, squares, np.zeros((len(rows), films.count)),
-                                _STEPS)
+        balance = (films.first_rests(number, forces, squares) if films.loading.softening else
+                   films.carried(number, forces, squares, np.zeros((len(rows), films.count)),
+                                 _STEPS))
         some = np.flatnonzero(balance.sound)
         if not len(some):
             raise self._empty()

@@ -21,6 +21,8 @@ from numpy.typing import NDArray
 
 from tympan.fem.film.admissibility import lawful, strong_ellipticity
 from tympan.fem.film.density import FilmDensity, maxwell, plane_stress
+from tympan.fem.membrane.biases import acting
+from tympan.fem.membrane.loading import Loading
 from tympan.geometry.paths import with_arrays
 from tympan.geometry.specimen import Specimen
 from tympan.studies.films.film import ITERATIONS
@@ -39,6 +41,13 @@ _LAST = 1e-4
 _CHORDS = 4
 #: A tangent serves again where corrections fall at least so fast.
 _SLOW = 0.2
+
+#: Steps over the gap of a plate that mechanisms may make snap, at least, and most of them.
+_MARCHED, _MOST_MARCHED = 30, 400
+#: Part of an interval of negative stiffness that a step leads over.
+_PART = 0.125
+#: Halvings of the last step: Newton's method then finds the rest in it, and no other.
+_HALVED = 4
 
 #: Pairs of the components (ia) of ∂x/∂ξ, 0 ≤ p ≤ q < 6, of a symmetric 6 × 6 matrix.
 _PAIRS = tuple(combinations_with_replacement(range(6), 2))
@@ -110,7 +119,7 @@ class Films:
 
     ``rows``: their family's parameters, (films, names); ``nodes`` of their meshes [m], (films,
     nodes, 2); their shapes at the ``points`` that stand for all and at the ``whole`` of them;
-    ``gravity`` on the films' own mass, ``spring`` on their plates [N/m], (films,).
+    ``loading``: what acts on all of them; ``spring`` on their plates beside it [N/m], (films,).
     """
 
     specimen: Specimen
@@ -119,7 +128,7 @@ class Films:
     nodes: Array
     points: ShapesAt
     whole: ShapesAt
-    gravity: float
+    loading: Loading
     spring: Array
     gap: Array
 
@@ -168,16 +177,16 @@ class Films:
     @cached_property
     def weight(self) -> Array:
         """Weight of film and electrodes on the shapes [N], (films, shapes)."""
-        if not self.gravity:
+        if not self.loading.gravity:
             return np.zeros((len(self), self.count))
-        return self.gravity * self._masses @ self.whole.values[..., 2].T
+        return self.loading.gravity * self._masses @ self.whole.values[..., 2].T
 
     @cached_property
     def nodal_weight(self) -> Array:
         """The same on the nodes of the whole mesh, (films, nodes, 3)."""
         result = np.zeros((*self.nodes.shape[:2], 3))
-        if self.gravity:
-            result[..., 2] = self.gravity * (self.whole.sites.spread @ self._masses.T).T
+        if self.loading.gravity:
+            result[..., 2] = self.loading.gravity * (self.whole.sites.spread @ self._masses.T).T
         return result
 
     @cached_property
@@ -217,13 +226,24 @@ class Films:
         """Generalised forces of films [N], weight included, and derivatives, by states q."""
         strained, stress, bend = self._stressed(films, q, squared, tangent=True)
         stiffness = self.few.shapes.coupled(strained.moduli(stress, bend))
-        stiffness[:, 0, 0] += self.spring[films]
-        return self._forces(films, q, strained, stress), stiffness
+        forces = self._forces(strained, stress) - self.weight[films]
+        push, bend = self.acting(films, q[:, 0])
+        forces[:, 0] += push
+        stiffness[:, 0, 0] += bend
+        return forces, stiffness
+
+    def acting(self, films: Numbers, deflection: Array) -> tuple[Array, Array]:
+        """Force of springs and mechanisms on plates [N], and their stiffness [N/m], (states,)."""
+        _, push, bend = acting(self.loading.biases, deflection)
+        spring = self.spring[films]
+        return spring * deflection + push, spring + bend
 
     def forces(self, films: Numbers, q: Array, squared: Array) -> Array:
         """The forces of :meth:`pull` alone."""
         strained, stress, _ = self._stressed(films, q, squared, tangent=False)
-        return self._forces(films, q, strained, stress)
+        forces = self._forces(strained, stress) - self.weight[films]
+        forces[:, 0] += self.acting(films, q[:, 0])[0]
+        return forces
 
     def _stressed(self, films: Numbers, q: Array, squared: Array, *, tangent: bool
                   ) -> tuple[Strained, Array, Any]:
@@ -236,11 +256,9 @@ class Films:
         bend = stored.tangent.transpose(2, 3, 0, 1) * volumes if tangent else None
         return strained, stored.stress.transpose(2, 0, 1) * volumes, bend
 
-    def _forces(self, films: Numbers, q: Array, strained: Strained, stress: Array) -> Array:
-        by = strained.forces(stress).transpose(1, 0, 2).reshape(len(q), -1)
-        forces = by @ self.few.shapes.slopes.T - self.weight[films]
-        forces[:, 0] += self.spring[films] * q[:, 0]
-        return np.asarray(forces)
+    def _forces(self, strained: Strained, stress: Array) -> Array:
+        by = strained.forces(stress).transpose(1, 0, 2)
+        return np.asarray(by.reshape(len(by), -1) @ self.few.shapes.slopes.T)
 
     def density(self, films: Numbers, squared: Array, covered: Array) -> FilmDensity:
         """Energy density of films that bear any compression, at U², (states,) [V²]."""
@@ -373,6 +391,54 @@ class Films:
             q = q - step
         return Charged(q, np.maximum(squared, 0.0), rates, slope, inverse[:, 0, 0], firm)
 
+    def first_rests(self, films: Numbers, force: Array, squared: Array) -> Balance:
+        """States to which plates come that are loaded slowly, then charged slowly, from flat films.
+
+        Where mechanisms soften there may be several. A plate goes on as long as what is missing to
+        its balance drives it on, and stays where that changes its sign.
+        """
+        every = np.arange(len(films))
+        drive, near = self._driving(films, np.zeros((len(films), self.count)), force, 0 * squared)
+        way = np.sign(np.nan_to_num(drive))
+        beyond = near.copy()
+        for voltage in (0 * squared, squared):
+            drive, near = self._driving(films, near, force, voltage)
+            going, after = every[drive * way > 0], drive.copy()
+            for _ in range(_MOST_MARCHED):
+                if not len(going):
+                    break
+                ahead = near[going].copy()
+                ahead[:, 0] += way[going] * self._stride
+                found, held = self._driving(films[going], ahead, force[going], voltage[going])
+                on = found * way[going] > 0
+                near[going[on]], drive[going[on]] = held[on], found[on]
+                beyond[going[~on]], after[going[~on]] = held[~on], found[~on]
+                going = going[on]
+        for _ in range(_HALVED):
+            middle = (near + beyond) / 2
+            found, held = self._driving(films, middle, force, squared)
+            on = (found * way > 0)[:, None]
+            near, beyond = np.where(on, held, near), np.where(on, beyond, held)
+        balance = self.balanced(films, force, squared, (near + beyond) / 2)
+        balance.sound[np.abs(balance.q[:, 0] - near[:, 0]) > self._stride] = False
+        return balance
+
+    def _driving(self, films: Numbers, q: Array, force: Array, squared: Array
+                 ) -> tuple[Array, Array]:
+        """What is missing to the balance of plates held where q have them [N], and these states.
+
+        nan where a film has no stable shape.
+        """
+        held = self.balanced(films, 0 * force, squared, q, held=True)
+        missing = force - self.forces(films, held.q, squared)[:, 0]
+        return np.where(held.sound, missing, np.nan), held.q
+
+    @cached_property
+    def _stride(self) -> float:
+        """Longest step of a plate that jumps over no interval in which a mechanism softens [m]."""
+        return float(min([*(_PART * (high - low) for low, high in self.loading.softening),
+                          float(np.max(self.gap)) / _MARCHED]))
+
     def carried(self, films: Numbers, force: Array, squared: Array, start: Array, steps: int
                 ) -> Balance:
         """States after loads rose from none, the force first, in so many steps each."""
@@ -442,6 +508,11 @@ class Balance:
     sound: NDArray[np.bool_]
     stiffness: Array
     least: Array
+
+    def put(self, some: Numbers, other: Balance) -> None:
+        """Take others in the places of some."""
+        for item in fields(self):
+            getattr(self, item.name)[some] = getattr(other, item.name)
 
 
 @dataclass(frozen=True, eq=False)
