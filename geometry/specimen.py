@@ -494,7 +494,7 @@ class Specimen:
     def relative_thickness(self, x: Any, y: Any) -> Any:
         """Virgin thickness over the stated one at places of the mounted film [m]; 1 if even."""
         along, across = self.membrane.thickness_gradient
-        if not (along or across):
+        if not (np.any(along) or np.any(across)):
             return 1.0
         a, b = self.frame.semi_axes
         return 1 + along * x / a + across * y / b

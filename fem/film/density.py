@@ -124,6 +124,22 @@ class FilmDensity:
                              result.tangent + part.tangent if tangent else None)
         return result if self.flow is None else self._flowing(result, self.flow, c, tangent)
 
+    @property
+    def coaxial(self) -> bool:
+        """Whether all that adds up to the film shares its principal axes."""
+        return not self._joined_and_apart[1]
+
+    def of_virgin(self, c: tuple[Any, Any, Any], *, tangent: bool = True) -> Density:
+        """Density, stress and tangent, all of the virgin film, at its C."""
+        if self.coaxial:
+            return plane_stress(self.material, c, (1.0, 1.0), tangent=tangent)
+        first, second = self.specimen.membrane.prestretch
+        scale = first * first, second * second, first * second
+        found = self(tuple(part / by for part, by in zip(c, scale, strict=True)), tangent=tangent)
+        over = np.stack(np.broadcast_arrays(*scale), -1)
+        bend = found.tangent / (over[..., :, None] * over[..., None, :]) if tangent else None
+        return Density(found.energy, found.stress / over, bend)
+
     def _flowing(self, rest: Density, flow: Flow, c: tuple[Any, Any, Any], tangent: bool
                  ) -> Density:
         """Density with what the branches add; the energy includes the potential of the step."""

@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 
 from tympan.fem.equilibrium.newton import tangent_at
 from tympan.fem.equilibrium.tangent import Tangent
-from tympan.fem.film.density import plane_stress
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import HEAVE, PlateMotion, State
 from tympan.geometry.fields import FieldsAlone
@@ -93,8 +92,7 @@ class ResidualCheck(FieldsAlone):
     def _estimate(self, films: Films, at: FilmsAt, number: Array, q: Array, force: Array,
                   squared: Array, stiffness: Array) -> Array:
         strained = films.strain(at, number, q)
-        density = films.density(number, squared, films.whole.sites.covered)
-        stress = plane_stress(density.material, strained.c, (1.0, 1.0), tangent=False).stress
+        stress = films.density(at, number, squared).of_virgin(strained.c, tangent=False).stress
         forces = strained.forces(stress.transpose(2, 0, 1) * at.volumes[number])
         nodal = self._nodal(films, forces) - films.nodal_weight[number]
         mesh = self.model.discretisation

@@ -288,12 +288,7 @@ def require_reducible(specimen: Specimen, rig: Rig) -> None:
     """Refuse what films of a family do not have, such as gas or a lopsided weight."""
     specimen.needed_plate()
     loading = rig.loading
-    electrode = specimen.electrode
-    for key, given in (("membrane.thickness_gradient",
-                        specimen.membrane.thickness_gradient != (0.0, 0.0)),
-                       ("electrode.patch", bool(electrode.patches)),
-                       ("electrode.stiffness", bool(electrode.stiffness)),
-                       ("rig.gas_pressure", bool(rig.gas_pressure)),
+    for key, given in (("rig.gas_pressure", bool(rig.gas_pressure)),
                        ("rig.weight_offset", any(loading.arm)),
                        ("rig.guide", loading.guide == "fixed")):
         if given:

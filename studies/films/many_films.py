@@ -13,14 +13,13 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields
 from functools import cached_property
 from itertools import combinations_with_replacement
-from operator import add
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tympan.fem.film.admissibility import lawful, strong_ellipticity
-from tympan.fem.film.density import FilmDensity, maxwell, plane_stress
+from tympan.fem.film.admissibility import acoustic_margin, lawful, strong_ellipticity
+from tympan.fem.film.density import FilmDensity
 from tympan.fem.membrane.biases import acting
 from tympan.fem.membrane.loading import Loading
 from tympan.geometry.paths import with_arrays
@@ -104,13 +103,23 @@ class FilmsAt:
 
     ``flat``: ∂X/∂ξ, (films, 4, points); ``frame``: ∂ξ/∂X times the prestretch, (films, 4, points),
     so that ∂x/∂ξ times it is F of the virgin film; ``volumes`` of virgin film [m³], (films,
-    points). Films turned inside out have no volumes: nan.
+    points). Films turned inside out have no volumes: nan. ``covered``: the share under the
+    electrode, ``thickness`` that of the virgin film over the stated one: of each film at the points
+    where it is uneven, (films, points), else alike in all.
     """
 
     shapes: ShapesAt
     flat: Array
     frame: Array
     volumes: Array
+    covered: Array
+    thickness: Array
+
+    def uneven(self, films: Numbers) -> tuple[Array, Array]:
+        """Share under the electrode and relative thickness of states of films."""
+        every = self.covered, self.thickness
+        covered, thickness = (each[films] if each.ndim == 2 else each for each in every)
+        return covered, thickness
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,9 +179,19 @@ class Films:
         first, second = film.prestretch
         frame = np.stack([d / area * first, -b / area * second, -c / area * first,
                           a / area * second], 1)
-        volumes = np.abs(area) * sites.weights * film.volume_per_area
+        covered, thickness = self._uneven(sites)
+        volumes = np.abs(area) * sites.weights * film.volume_per_area * thickness
         volumes[~sound] = np.nan
-        return FilmsAt(shapes, flat, frame, volumes)
+        return FilmsAt(shapes, flat, frame, volumes, covered, thickness)
+
+    def _uneven(self, sites: Sites) -> tuple[Array, Array]:
+        """Share under the electrode and relative thickness at points, as :class:`FilmsAt` has."""
+        even = self.specimen.membrane.thickness_gradient == (0.0, 0.0)
+        if even and not self.specimen.electrode.patches:
+            return sites.covered, np.ones(())
+        specimen, (x, y) = self.some(slice(None)), sites.at(self.nodes).transpose(2, 0, 1)
+        covered = sites.covered * np.broadcast_to(specimen.electrode.coverage(x, y), x.shape)
+        return covered, np.broadcast_to(specimen.relative_thickness(x, y), x.shape)
 
     @cached_property
     def weight(self) -> Array:
@@ -195,8 +214,9 @@ class Films:
         specimen, whole = self.some(slice(None)), self.whole.sites
         film, electrode = specimen.membrane, specimen.electrode
         a, b, c, d = whole.tangents(self.nodes).transpose(1, 0, 2)
-        per_area: Any = film.density * film.volume_per_area
-        per_area = per_area + film.layers * electrode.mass * whole.covered
+        covered, thickness = self._uneven(whole)
+        per_area: Any = film.density * film.volume_per_area * thickness
+        per_area = per_area + film.layers * electrode.mass * covered
         return np.asarray(np.abs(a * d - b * c) * whole.weights * per_area)
 
     @cached_property
@@ -250,8 +270,7 @@ class Films:
         """Films at points, S and, if asked, ∂S/∂E, times volumes; both of the virgin film."""
         at = self.few
         strained = self.strain(at, films, q)
-        density = self.density(films, squared, at.shapes.sites.covered)
-        stored = plane_stress(density.material, strained.c, (1.0, 1.0), tangent=tangent)
+        stored = self.density(at, films, squared).of_virgin(strained.c, tangent=tangent)
         volumes = at.volumes[films]
         bend = stored.tangent.transpose(2, 3, 0, 1) * volumes if tangent else None
         return strained, stored.stress.transpose(2, 0, 1) * volumes, bend
@@ -260,23 +279,24 @@ class Films:
         by = strained.forces(stress).transpose(1, 0, 2)
         return np.asarray(by.reshape(len(by), -1) @ self.few.shapes.slopes.T)
 
-    def density(self, films: Numbers, squared: Array, covered: Array) -> FilmDensity:
-        """Energy density of films that bear any compression, at U², (states,) [V²]."""
-        return FilmDensity(self.some(films), squared[:, None], covered, wrinkles=False)
+    def density(self, at: FilmsAt, films: Numbers, squared: Array) -> FilmDensity:
+        """Energy density of films that bear any compression at points, at U², (states,) [V²]."""
+        covered, thickness = at.uneven(films)
+        return FilmDensity(self.some(films), squared[:, None], covered, wrinkles=False,
+                           thickness=thickness)
 
     def stored(self, films: Numbers, q: Array, squared: Array) -> tuple[Array, Array]:
         """Capacitance [F] and energy of films [J], (states,) each."""
         capacitance, energy = np.empty(len(q)), np.empty(len(q))
         at = self.few
-        covered = at.shapes.sites.covered
-        for part in self.parts(films, len(covered)):
-            some = films[part]
-            stretches = self.strain(at, some, q[part]).stretches
-            density = self.density(some, squared[part], covered)
-            charged = maxwell(self.some(some), 1.0, covered).derivatives(*stretches)[0]
-            volumes = at.volumes[some]
-            capacitance[part] = -2 * (charged * volumes).sum(-1)
-            energy[part] = (density.material.derivatives(*stretches)[0] * volumes).sum(-1)
+        for part in self.parts(films, len(at.shapes.sites.cells)):
+            some, volumes = films[part], at.volumes[films[part]]
+            strained = self.strain(at, some, q[part])
+            charged = self.density(at, some, np.ones(len(some))).maxwell
+            capacitance[part] = -2 * (charged.derivatives(*strained.stretches)[0]
+                                      * volumes).sum(-1)
+            whole = self.density(at, some, squared[part]).of_virgin(strained.c, tangent=False)
+            energy[part] = (whole.energy * volumes).sum(-1)
         return capacitance, energy
 
     def extremes(self, at: FilmsAt, films: Numbers, q: Array, squared: Array) -> Extremes:
@@ -299,20 +319,26 @@ class Films:
 
     def local(self, at: FilmsAt, films: Numbers, q: Array, squared: Array) -> Local:
         """Stretches, stresses and fields of states at points."""
-        covered = at.shapes.sites.covered
         strained, film = self.strain(at, films, q), self.some(films).membrane
         first, second = strained.stretches
         law = film.material.derivatives(first, second)
-        charged = self.density(films, squared, covered).maxwell.derivatives(first, second)
-        whole = tuple(map(add, law, charged))
-        sound = (strong_ellipticity(first, second, whole) > 0) & lawful(film, first, second, law)
+        density = self.density(at, films, squared)
+        whole = density.material.derivatives(first, second)
         _, w1, w2, *_ = whole
-        thickness = film.thickness / (first * second)
+        stress_1, stress_2 = first * w1, second * w2
+        firm = strong_ellipticity(first, second, whole)
+        if not density.coaxial:
+            found = density.of_virgin(strained.c, tangent=True)
+            stress_1, stress_2 = strained.principal(found.stress)
+            firm = acoustic_margin(strained.c, found.stress, found.tangent)
+        sound = (firm > 0) & lawful(film, first, second, law)
+        covered, relative = at.uneven(films)
+        thickness = film.thickness * relative / (first * second)
         electric = covered * np.sqrt(squared)[:, None] / thickness
         strength = np.full_like(electric, np.inf)
         if film.strength is not None:
             strength[:] = film.strength.field(first, second, thickness)
-        return Local(first, second, first * w1, second * w2, electric, strength, sound)
+        return Local(first, second, stress_1, stress_2, electric, strength, sound)
 
     def balanced(self, films: Numbers, force: Array, squared: Array, guess: Array,
                  held: bool = False) -> Balance:
@@ -566,6 +592,14 @@ class Strained:
         mean, half = (c11 + c22) / 2, (c11 - c22) / 2
         radius = np.sqrt(half * half + shear * shear)
         return np.sqrt(mean + radius), np.sqrt(mean - radius)
+
+    def principal(self, stress: Array) -> tuple[Array, Array]:
+        """Principal true stresses [Pa] of S of the virgin film, (…, 3): eigenvalues of S C."""
+        (c11, c22, c12), (s11, s22, s12) = self.c, np.moveaxis(stress, -1, 0)
+        mean = (s11 * c11 + s22 * c22) / 2 + s12 * c12
+        both = (s11 * s22 - s12 * s12) * (c11 * c22 - c12 * c12)
+        radius = np.sqrt(np.maximum(mean * mean - both, 0.0))
+        return mean + radius, mean - radius
 
     def forces(self, stress: Array) -> Array:
         """Forces of stresses times volumes, (3, states, points), against ∂x/∂ξ, (6, …)."""
