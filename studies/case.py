@@ -428,7 +428,7 @@ class CaseResult(CaseRecord):
 
 def build_model(specimen: Specimen, settings: Settings, loading: Loading = _ALONE) -> Model:
     """CAD, mesh and discretisation; kept, since a study asks for the same specimen many times."""
-    return replace(meshed(specimen, settings, _planes(specimen, loading)),
+    return replace(meshed(specimen, settings, mirror_planes(specimen, loading)),
                    loading=solved_loading(loading, settings))
 
 
@@ -450,10 +450,10 @@ def needs_mesh(specimen: Specimen, settings: Settings, loading: Loading = _ALONE
     """All that the mesh of :func:`build_model` depends on: films that are equal here share it."""
     return (specimen.frame, specimen.plate, specimen.electrode,
             settings.mesh.suited(specimen.membrane.prestretch), settings.symmetry,
-            _planes(specimen, loading))
+            mirror_planes(specimen, loading))
 
 
-def _planes(specimen: Specimen, loading: Loading) -> frozenset[str]:
+def mirror_planes(specimen: Specimen, loading: Loading) -> frozenset[str]:
     """Mirror planes of the film and of what acts on it."""
     return specimen.mirror_planes - {axis for axis, arm in zip("xy", loading.arm, strict=True)
                                      if arm}

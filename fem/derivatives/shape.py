@@ -81,6 +81,12 @@ def motion_between(discretisation: Discretisation, specimen: Specimen, other: Sp
         edge_nodes(discretisation, specimen))
 
 
+def with_plate(discretisation: Discretisation, motion: Array) -> Array:
+    """Motion of all nodes from that of the plate's edge, (·, 2) [m]; the frame's edge rests."""
+    nodes = {"plate": discretisation.plate_nodes, "frame": discretisation.boundary_nodes("frame")}
+    return _extended(discretisation, {"plate": motion}, nodes)
+
+
 def _extended(discretisation: Discretisation, motions: Mapping[str, Array],
               nodes: Mapping[str, Array]) -> Array:
     """The motion of all nodes from those of nodes on some edges; the other edges rest."""

@@ -23,7 +23,7 @@ from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import HEAVE, PlateMotion, State
 from tympan.geometry.fields import FieldsAlone
 from tympan.studies.films.many_films import Films, FilmsAt
-from tympan.studies.films.reduction import Reduction, Snapshot, plate_freedoms
+from tympan.studies.films.reduction import TURNS, Reduction, Snapshot, plate_freedoms
 
 Array = NDArray[Any]
 
@@ -98,9 +98,22 @@ class ResidualCheck(FieldsAlone):
         mesh = self.model.discretisation
         inner = nodal[(slice(None), *mesh.free)]
         edge = np.einsum("snc,ncf->sf", nodal[:, mesh.plate_nodes], self._rigid)
-        edge[:, self._heave] += films.acting(number, q[:, 0])[0] - force
+        edge[:, self._heave] += films.acting(number, q[:, 0])[0]
+        lift = films.loading.lift(PlateMotion.rest())[list(self.model.plate_freedoms)]
+        edge -= force[:, None] * lift
+        on_bends = np.zeros((len(q), 0))
+        if films.bends:
+            bends = films.whole.shapes[films.count:]
+            nodes = mesh.plate_nodes
+            on_edge = np.einsum("snc,mnc->sm", nodal[:, nodes], bends[:, nodes])
+            x, y = (q @ films.turns.T).T
+            first, second, both = on_edge.T
+            for turn, pushed in enumerate((2 * x * first + y * both, 2 * y * second + x * both)):
+                if (freedom := TURNS.start + turn) in self.model.plate_freedoms:
+                    edge[:, self.model.plate_freedoms.index(freedom)] += pushed
+            on_bends = inner @ np.array([bend[mesh.free] for bend in bends]).T
         whole = np.concatenate([inner, edge], 1)
-        on_shapes = whole @ self.motions.T
+        on_shapes = whole @ self.motions.T + films.by_bends(q, on_bends)
         _, tangent = films.pull(number, q, squared)
         first = np.linalg.solve(tangent, on_shapes[..., None])[:, 0, 0]
         film, plate = self.tangent.respond((inner.T / mesh.mirrored, edge.T / mesh.mirrored))

@@ -34,7 +34,7 @@ from tympan.fem.results.fields import node_fields
 from tympan.fem.rig import Rig
 from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Specimen
-from tympan.studies.case import Settings, meshed, solved_loading
+from tympan.studies.case import Settings, meshed, mirror_planes, solved_loading
 from tympan.studies.films.box import Box, between
 from tympan.studies.films.check import ResidualCheck
 from tympan.studies.films.first_limits import KINDS, FirstLimits, Margins, first_limits
@@ -45,7 +45,7 @@ from tympan.studies.films.many_films import (
     ShapesAt,
     positive_definite,
 )
-from tympan.studies.films.reduction import Reduction, Snapshot, plate_freedoms
+from tympan.studies.films.reduction import TURNS, Reduction, Snapshot, plate_freedoms
 from tympan.studies.films.sites import Sites
 
 Array = NDArray[Any]
@@ -191,7 +191,8 @@ class Ground:
     def of(cls, box: Box, rig: Rig, settings: Settings) -> Ground:
         """Mesh of the box's specimen, with the mirror planes that all films of the box share."""
         middle = box.member((box.low + 1.0001 * box.high) / 2.0001) if box.names else box.specimen
-        planes = box.specimen.mirror_planes & middle.mirror_planes
+        planes = (mirror_planes(box.specimen, rig.loading)
+                  & mirror_planes(middle, rig.loading))
         require_reducible(box.specimen, rig)
         model = meshed(box.specimen, settings, planes)
         return cls(box, replace(model, loading=solved_loading(rig.loading, settings)),
@@ -289,7 +290,6 @@ def require_reducible(specimen: Specimen, rig: Rig) -> None:
     specimen.needed_plate()
     loading = rig.loading
     for key, given in (("rig.gas_pressure", bool(rig.gas_pressure)),
-                       ("rig.weight_offset", any(loading.arm)),
                        ("rig.guide", loading.guide == "fixed")):
         if given:
             raise InputError("has no reduced film, by which tolerances and designs are solved: "
@@ -382,7 +382,7 @@ class FilmFamily:
     @cached_property
     def looked_at(self) -> ShapesAt:
         """Its shapes at its places."""
-        return ShapesAt(self.places, self.reduction.shapes)
+        return ShapesAt(self.places, self.reduction.every)
 
     def states(self, parameters: Any, forces: Any, voltages: Any, check: bool = True,
                masses: Any = None, loose: bool = False) -> FamilyStates:
@@ -550,11 +550,9 @@ class FilmFamily:
 
     def _tilt(self, q: Array) -> Array:
         """Tilts of the plates [rad]."""
-        turns = np.array([plate_freedoms(self.ground.model, shape)[3:5]
-                          for shape in self.reduction.shapes])
         if self.ground.model.discretisation.planes == {"x", "y"}:
             return np.zeros(len(q))
-        return np.asarray(np.arcsin(np.minimum(np.hypot(*(q @ turns).T), 1.0)))
+        return np.asarray(np.arcsin(np.minimum(np.hypot(*(q @ self._one.turns.T).T), 1.0)))
 
     def _loads_within(self, force: Array, voltage: Array) -> NDArray[np.bool_]:
         return np.asarray((force >= self.force[0] - 1e-9) & (force <= self.force[1] + 1e-9)
@@ -607,12 +605,14 @@ def _frequency(films: Films, number: Array, q: Array, squared: Array, mass: Arra
 
 def films_of(ground: Ground, reduction: Reduction, rows: Array) -> Films:
     """The films with these parameters."""
-    whole, shapes = Sites.quadrature(ground.model.discretisation), reduction.shapes
+    whole, shapes = Sites.quadrature(ground.model.discretisation), reduction.every
     return Films(ground.box.specimen, rows, ground.box.columns(rows), ground.nodes(rows),
                  ShapesAt(whole.some(reduction.points, reduction.shares), shapes),
                  ShapesAt(whole, shapes),
                  ground.model.loading, ground.box.springs(rows),
-                 np.array([ground.box.specimen.gap]))
+                 np.array([ground.box.specimen.gap]),
+                 np.array([plate_freedoms(ground.model, shape)[TURNS]
+                           for shape in reduction.shapes]).T)
 
 
 @dataclass(frozen=True, eq=False)
@@ -745,7 +745,7 @@ class _Making:
     def _family(self, shots: Sequence[Snapshot], rows: Array, forces: Array, squares: Array
                 ) -> FilmFamily:
         motion = _MOTION * (self.settings.error / FamilySettings.error) ** 0.5
-        reduction = Reduction.of(shots, motion, _WORK, _MOST, _SOFTENING)
+        reduction = Reduction.of(shots, motion, _WORK, _MOST, _SOFTENING, turning=True)
         films = films_of(self.ground, reduction, rows)
         number = np.arange(len(rows))
         balance = (films.first_rests(number, forces, squares) if films.loading.softening else
@@ -812,7 +812,7 @@ class _Making:
     def _found(self, family: FilmFamily, q: Array, row: Array, force: float, squared: float
                ) -> tuple[Model, Solution] | None:
         """The film of finite elements that a state of the family is near to."""
-        motion = np.tensordot(q, family.reduction.shapes, 1)
+        motion = np.tensordot(family.films(row[None]).along(q[None])[0], family.reduction.every, 1)
         return self.ground.solved(row, force, squared, motion)
 
     def _outermost(self, rows: Array, solved: list[tuple[int, float]]) -> list[tuple[int, float]]:

@@ -25,6 +25,7 @@ from tympan.fem.membrane.loading import Loading
 from tympan.geometry.paths import with_arrays
 from tympan.geometry.specimen import Specimen
 from tympan.studies.films.film import ITERATIONS
+from tympan.studies.films.reduction import squares_of
 from tympan.studies.films.sites import Sites
 
 Array = NDArray[Any]
@@ -129,6 +130,8 @@ class Films:
     ``rows``: their family's parameters, (films, names); ``nodes`` of their meshes [m], (films,
     nodes, 2); their shapes at the ``points`` that stand for all and at the ``whole`` of them;
     ``loading``: what acts on all of them; ``spring`` on their plates beside it [N/m], (films,).
+    ``turns`` of the plates about x and y by the shapes [rad/m], (2, shapes): by squares of these
+    films move along the last shapes of ``points`` and ``whole``, their bends.
     """
 
     specimen: Specimen
@@ -140,14 +143,62 @@ class Films:
     loading: Loading
     spring: Array
     gap: Array
+    turns: Array
 
     def __len__(self) -> int:
         return len(self.nodes)
 
     @property
     def count(self) -> int:
-        """Number of shapes, the deflection's included."""
-        return len(self.whole.shapes)
+        """Number of shapes, the deflection's included, without bends."""
+        return self.turns.shape[1]
+
+    @property
+    def bends(self) -> bool:
+        """Whether plates may tilt."""
+        return len(self.whole.shapes) > self.count
+
+    @cached_property
+    def lift(self) -> Array:
+        """Rates by q of how far the place moves at which the force is applied, (shapes,)."""
+        x, y = self.loading.arm
+        lift = y * self.turns[0] - x * self.turns[1]
+        lift[0] += 1.0
+        return lift
+
+    def along(self, q: Array) -> Array:
+        """Amplitudes of all shapes in states q, their bends included."""
+        return np.hstack([q, squares_of(q @ self.turns.T)]) if self.bends else q
+
+    def _by_turn(self, q: Array) -> Array:
+        """Rates of the bends' amplitudes by q, (states, 3, shapes)."""
+        along, across = self.turns
+        x, y = (q @ self.turns.T).T[..., None]
+        return np.stack([2 * x * along, 2 * y * across, x * across + y * along], 1)
+
+    def _condensed(self, q: Array, forces: Array) -> Array:
+        """Forces against q of those against all shapes."""
+        return np.asarray(forces[:, :self.count] + self.by_bends(q, forces[:, self.count:]))
+
+    def by_bends(self, q: Array, forces: Array) -> Array:
+        """Forces against q of those against the bends, (states, bends)."""
+        if not self.bends:
+            return np.zeros(q.shape)
+        return np.asarray(np.einsum("sm,smk->sk", forces, self._by_turn(q)))
+
+    def _stiffened(self, q: Array, forces: Array, stiffness: Array) -> Array:
+        """Derivatives by q of the forces against it, of those by all shapes."""
+        if not self.bends:
+            return stiffness
+        count, by = self.count, self._by_turn(q)
+        mixed = stiffness[:, :count, count:] @ by
+        along, across = self.turns
+        cross = np.multiply.outer(along, across)
+        second = np.stack([2 * np.multiply.outer(along, along),
+                           2 * np.multiply.outer(across, across), cross + cross.T])
+        return np.asarray(stiffness[:, :count, :count] + mixed + mixed.swapaxes(1, 2)
+                          + by.swapaxes(1, 2) @ stiffness[:, count:, count:] @ by
+                          + np.tensordot(forces[:, count:], second, 1))
 
     def some(self, films: Any) -> Specimen:
         """The specimen with the columns of some films, (films, 1) each; (1, 1) of an only film."""
@@ -198,7 +249,7 @@ class Films:
         """Weight of film and electrodes on the shapes [N], (films, shapes)."""
         if not self.loading.gravity:
             return np.zeros((len(self), self.count))
-        return self.loading.gravity * self._masses @ self.whole.values[..., 2].T
+        return self.loading.gravity * self._masses @ self.whole.values[:self.count, :, 2].T
 
     @cached_property
     def nodal_weight(self) -> Array:
@@ -222,7 +273,7 @@ class Films:
     @cached_property
     def inertia(self) -> Array:
         """Mass matrix of the films' shapes [kg], (films, shapes, shapes); without the plates."""
-        there = self.whole.values
+        there = self.whole.values[:self.count]
         products = np.einsum("kpi,lpi->pkl", there, there).reshape(there.shape[1], -1)
         return np.asarray((self._masses @ products).reshape(-1, self.count, self.count))
 
@@ -233,7 +284,7 @@ class Films:
 
     def strain(self, at: FilmsAt, films: Numbers, q: Array) -> Strained:
         """States q of films, (states, shapes), at points."""
-        x = (q @ at.shapes.slopes).reshape(len(q), 6, -1)
+        x = (self.along(q) @ at.shapes.slopes).reshape(len(q), 6, -1)
         x[:, :4] += at.flat[films]
         frame = at.frame[films].transpose(1, 0, 2)
         x = x.transpose(1, 0, 2)
@@ -245,8 +296,10 @@ class Films:
     def pull(self, films: Numbers, q: Array, squared: Array) -> tuple[Array, Array]:
         """Generalised forces of films [N], weight included, and derivatives, by states q."""
         strained, stress, bend = self._stressed(films, q, squared, tangent=True)
-        stiffness = self.few.shapes.coupled(strained.moduli(stress, bend))
-        forces = self._forces(strained, stress) - self.weight[films]
+        every = self._forces(strained, stress)
+        stiffness = self._stiffened(q, every, self.few.shapes.coupled(
+            strained.moduli(stress, bend)))
+        forces = self._condensed(q, every) - self.weight[films]
         push, bend = self.acting(films, q[:, 0])
         forces[:, 0] += push
         stiffness[:, 0, 0] += bend
@@ -261,7 +314,7 @@ class Films:
     def forces(self, films: Numbers, q: Array, squared: Array) -> Array:
         """The forces of :meth:`pull` alone."""
         strained, stress, _ = self._stressed(films, q, squared, tangent=False)
-        forces = self._forces(strained, stress) - self.weight[films]
+        forces = self._condensed(q, self._forces(strained, stress)) - self.weight[films]
         forces[:, 0] += self.acting(films, q[:, 0])[0]
         return forces
 
@@ -276,6 +329,7 @@ class Films:
         return strained, stored.stress.transpose(2, 0, 1) * volumes, bend
 
     def _forces(self, strained: Strained, stress: Array) -> Array:
+        """Forces of the film against all shapes, (states, shapes and bends)."""
         by = strained.forces(stress).transpose(1, 0, 2)
         return np.asarray(by.reshape(len(by), -1) @ self.few.shapes.slopes.T)
 
@@ -363,7 +417,7 @@ class Films:
         """Correct some states by their tangents; those that need others."""
         with np.errstate(all="ignore"):
             pull, stiffness = self.pull(films[some], balance.q[some], squared[some])
-            pull[:, 0] -= force[some]
+            pull -= force[some, None] * self.lift
             if held:
                 pull[:, 0], stiffness[:, 0, :], stiffness[:, :, 0] = 0.0, 0.0, 0.0
                 stiffness[:, 0, 0] = 1.0
@@ -389,7 +443,9 @@ class Films:
                 if not len(some) or correction == _CHORDS:
                     break
                 pull = self.forces(films[some], balance.q[some], squared[some])
-                pull[:, 0] = 0.0 if held else pull[:, 0] - force[some]
+                pull -= force[some, None] * self.lift
+                if held:
+                    pull[:, 0] = 0.0
         return np.concatenate([*going, some])
 
     def charged(self, films: Numbers, force: Array, q: Array, squared: Array, chords: int = 0
@@ -410,7 +466,7 @@ class Films:
         for correction in range(chords + 1):
             if correction:
                 pull = self.forces(films, q, squared)
-            pull[:, 0] -= force
+            pull -= force[:, None] * self.lift
             step = (inverse @ pull[..., None])[..., 0]
             squared = squared - step[:, 0]
             step[:, 0] = 0.0
@@ -455,7 +511,7 @@ class Films:
 
         nan where a film has no stable shape.
         """
-        held = self.balanced(films, 0 * force, squared, q, held=True)
+        held = self.balanced(films, force, squared, q, held=True)
         missing = force - self.forces(films, held.q, squared)[:, 0]
         return np.where(held.sound, missing, np.nan), held.q
 

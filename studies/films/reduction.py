@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import nnls
 
+from tympan.fem.derivatives.shape import with_plate
 from tympan.fem.equilibrium.newton import WORK, Budget
 from tympan.fem.equilibrium.path_following import PathSettings
 from tympan.fem.equilibrium.solve import equilibrium
@@ -219,33 +220,47 @@ class Reduction:
     """Shapes and points of films on one mesh, which may move with their outlines.
 
     ``shapes``: of the nodes, that of the heave first, shape (shapes, nodes, 3); ``points``: numbers
-    of quadrature points that stand for all, each for ``shares`` times its own volume.
+    of quadrature points that stand for all, each for ``shares`` times its own volume. ``bends``:
+    how nodes move by the squares of the plate's turns, (3, nodes, 3), of which none may be there.
     """
 
     shapes: Array
     points: NDArray[np.int64]
     shares: Array
+    bends: Array
+
+    @property
+    def every(self) -> Array:
+        """Shapes of the nodes and their bends."""
+        return np.concatenate([self.shapes, self.bends])
 
     @classmethod
     def of(cls, snapshots: Sequence[Snapshot], motion_left_out: float = _MOTION_LEFT_OUT,
            work_left_out: float = _WORK_LEFT_OUT, most: int = _MOST_SHAPES,
-           softening: float = 0.0) -> Reduction:
+           softening: float = 0.0, turning: bool = False) -> Reduction:
         """Reduction by snapshots of films that all move so that it leaves out little of these.
 
         With ``softening`` the points also reproduce what snapshots resist the motion that they
-        resist least, to ``work_left_out`` over ``softening`` of the resistance that is left.
+        resist least, to ``work_left_out`` over ``softening`` of the resistance that is left. With
+        ``turning`` plates that tilt stay rigid to the second order.
         """
-        motions = [_rigid(shot.model, motion) for shot in snapshots for motion in
-                   (shot.state.positions - shot.model.discretisation.reference, *shot.rates)]
+        bends = turned(snapshots[0].model)[: None if turning else 0]
+        motions = []
+        for shot in snapshots:
+            motion = shot.state.positions - shot.model.discretisation.reference
+            rest = _rigid(shot.model, motion, bends)
+            others = (_rigid(shot.model, motion + rate, bends) for rate in shot.rates)
+            motions += [rest, *((there - rest[0], heave - rest[1]) for there, heave in others)]
         moved, heave = (np.array(part) for part in zip(*motions, strict=True))
         shares = _shapes(snapshots, moved, heave, motion_left_out, most)
         shapes = np.tensordot(shares, moved, 1)
         squared = max(shot.state.voltage_squared for shot in snapshots)
-        works = np.concatenate([_works(shapes, shot, squared) for shot in snapshots])
+        every = np.concatenate([shapes, bends])
+        works = np.concatenate([_works(every, shot, squared) for shot in snapshots])
         if softening:
             works = np.concatenate([works, *(softening * _softest(shapes, shot, softening)
                                              for shot in snapshots)])
-        return cls(shapes, *_cubature(works, work_left_out))
+        return cls(shapes, *_cubature(works, work_left_out), bends)
 
     def film(self, model: Model) -> ReducedFilm:
         """A film on the mesh, or on that moved; an :class:`InputError` if it is uneven."""
@@ -265,16 +280,45 @@ def _gradients(model: Model, shapes: Array) -> Array:
                      for shape in shapes])
 
 
-def _rigid(model: Model, motion: Array) -> tuple[Array, float]:
+def _rigid(model: Model, motion: Array, bends: Array) -> tuple[Array, float]:
     """A motion of the nodes [m], that of the plate's edge to first order; the plate's heave in it.
 
-    What is left of a tilt, its square, would be a shape of its own, in which the plate stretches.
+    Less the ``bends`` by its turns. What is left of a tilt, its square where there are no bends,
+    would be a shape of its own, in which the plate stretches.
     """
-    edge, moved = model.discretisation.plate_nodes, motion.copy()
-    freedoms = plate_freedoms(model, motion)
+    edge, freedoms = model.discretisation.plate_nodes, plate_freedoms(model, motion)
+    moved = motion.copy()
+    if len(bends):
+        moved -= np.tensordot(squares_of(freedoms[TURNS]), bends, 1)
     rigid = PlateMotion.rest().gradient(model.arms)
     moved[edge] = rigid @ freedoms
     return moved, float(freedoms[HEAVE])
+
+
+#: Which of the plate's freedoms tilt it.
+TURNS = slice(3, 5)
+
+
+def squares_of(turns: Array) -> Array:
+    """Squares of turns about x and y, (..., 2), by which nodes bend, (..., 3)."""
+    x, y = turns[..., 0], turns[..., 1]
+    return np.stack([x * x, y * y, x * y], -1)
+
+
+def turned(model: Model) -> Array:
+    """Motions of the nodes by the squares of the plate's turns, (3, nodes, 3) [m]; of none, (0, …).
+
+    Half of ω × (ω × r) on the plate's edge, and smoothly to nothing at the others.
+    """
+    mesh, arms = model.discretisation, model.arms[:, :2]
+    if not set(range(6)[TURNS]) & set(model.plate_freedoms):
+        return np.zeros((0, *mesh.reference.shape))
+    bends = np.zeros((3, *mesh.reference.shape))
+    ways = np.array([[[0.0, 0.0], [0.0, -0.5]], [[-0.5, 0.0], [0.0, 0.0]],
+                     [[0.0, 0.5], [0.5, 0.0]]])
+    for bend, way in zip(bends, ways, strict=True):
+        bend[:, :2] = with_plate(mesh, arms @ way.T)
+    return bends
 
 
 def plate_freedoms(model: Model, motion: Array) -> Array:
