@@ -41,6 +41,8 @@ BEYOND = 1.1
 HIGHEST = 2e8
 #: Difference of voltages beyond the told spread that is none.
 SAME = 2e-3
+#: What ends a scan where the film bends more sharply than the equations' polynomials do.
+UNRESOLVED = "unresolved"
 #: Bisections of a crossing: 1e-6 of the scan's step.
 _BISECTED = 20
 #: Radii at which a film is looked at, its edges among them.
@@ -59,6 +61,9 @@ at {scanned} voltages up to {beyond:g} times that. The first of them that has no
 that is unstable, not in tension, or at which the film gives way in itself, is bisected.
 
 {table}
+
+Where a film is about to give way in itself, it bends so sharply at the plate that the equations'
+polynomials of degree 96 do not resolve it: the scan then does not say what comes first.
 
 A film is *the same* where both voltages differ by less than the told spread and {same:g} %.
 """
@@ -83,6 +88,11 @@ class Compared:
         if not self.voltage or not self.exact:
             return self.voltage == self.exact
         return abs(self.voltage / self.exact - 1) <= self.spread + SAME
+
+    @property
+    def known(self) -> bool:
+        """Whether the equations say which limit comes first: one that is told comes before."""
+        return self.scanned != UNRESOLVED or 0 < self.voltage < self.exact
 
     @property
     def missed(self) -> bool:
@@ -132,8 +142,10 @@ def ends(film: axisymmetric.Film, force: float, voltage: float) -> str:
     """What is wrong with the state at a voltage; nothing where it is sound."""
     try:
         state = axisymmetric.solve_load(film, force, voltage)
-    except ArithmeticError:
+    except axisymmetric.NoEquilibrium:
         return "none"
+    except ArithmeticError:
+        return UNRESOLVED
     if not state.stable:
         return "unstable"
     radii = np.geomspace(film.inner, film.outer, _RADII)
@@ -172,14 +184,16 @@ def compared(number: int) -> Compared | None:
 
 def table_of(films: list[Compared]) -> str:
     """The table of the page."""
-    lines = ["| films | drawn | the same first limit | a later one is told, or none | largest "
-             "difference of the same |", "|---|---|---|---|---|"]
+    lines = ["| films | drawn | of these not resolved | the same first limit | a later one is "
+             "told, or none | largest difference of the same |", "|---|---|---|---|---|---|"]
     for kind in (*KINDS, "all"):
-        own = [one for one in films if kind in (one.kind, "all")]
+        every = [one for one in films if kind in (one.kind, "all")]
+        own = [one for one in every if one.known]
         same = [one for one in own if one.same]
         most = max((abs(one.voltage / one.exact - 1) for one in same if one.exact), default=0.0)
-        lines.append(f"| {kind} | {len(own)} | {rate(len(same), len(own))} | "
-                     f"{rate(sum(one.missed for one in own), len(own))} | {most:.1e} |")
+        lines.append(" | ".join([
+            f"| {kind}", str(len(every)), str(len(every) - len(own)), rate(len(same), len(own)),
+            rate(sum(one.missed for one in own), len(own)), f"{most:.1e} |"]))
     return "\n".join(lines)
 
 
