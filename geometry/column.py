@@ -35,6 +35,10 @@ CELSIUS = "C"
 _BRACKETS = re.compile(r"(.*?)[\s_,/]*[\[(<]\s*([^\[\](){}<>]*?)\s*[\])>]")
 _UNIT_LAST = re.compile(r"(.*?)(?:\s*[/,_]\s*|\s+in\s+|\s+en\s+|\s+)([^\s_,]+)")
 _UNIT_NAME = re.compile(r"[A-Za-z]+")
+#: Brackets as wide as a sign of Chinese or Japanese.
+_WIDE = str.maketrans("（）［］／", "()[]/")
+#: Letters from which on a word is known inside another one, and at the end of another one.
+_INSIDE, _AT_END = 5, 3
 
 
 @dataclass(frozen=True)
@@ -53,6 +57,7 @@ class Heading:
         >>> Heading.of("Déplacement / µm"), Heading.of("Engineering Stress (N/mm²)")
         (Heading(words='deplacement', unit='um'), Heading(words='stress', unit='N/mm^2'))
         """
+        title = title.translate(_WIDE)
         if match := _BRACKETS.fullmatch(title):
             return cls(plain_words(match[1]), usual_unit(match[2]) or match[2])
         match = _UNIT_LAST.fullmatch(title)
@@ -78,6 +83,21 @@ class Meaning:
     def of(cls, words: str, unit: str = "", per: str = "", offset: float = 0.0) -> Self:
         """The meaning of words with commas between them."""
         return cls(frozenset(map(plain_words, words.split(","))), unit, per, offset)
+
+    def alluded(self, words: str) -> bool:
+        """Whether one of its words is among those of a heading, or part of one.
+
+        Examples
+        --------
+        >>> weg = Meaning.of("weg, auslenkung", "mm")
+        >>> [weg.alluded(words) for words in ("weg mitte", "plattenauslenkung", "wegener")]
+        [True, True, False]
+        """
+        parts = words.split()
+        return any(f" {word} " in f" {words} "
+                   or ((len(word) >= _INSIDE or not word.isascii()) and word in words)
+                   or (len(word) >= _AT_END and any(part.endswith(word) for part in parts))
+                   for word in self.words)
 
     def factor(self, unit: str) -> float | None:
         """Factor that turns a unit into SI; None of a unit that does not fit."""
@@ -161,6 +181,14 @@ class Column:
     def blank(self) -> float | str:
         """Value of an empty cell."""
         return math.nan if self.choices is None else ""
+
+    def knows(self, words: str) -> bool:
+        """Whether all words of a heading are those of one of its meanings."""
+        return any(words in meaning.words for meaning in self.also)
+
+    def alludes(self, words: str) -> bool:
+        """Whether a word of one of its meanings is among those of a heading, or part of one."""
+        return any(meaning.alluded(words) for meaning in self.also)
 
     def claims(self, title: str) -> bool:
         """Whether a name of the first line is this column's, with whatever unit."""
