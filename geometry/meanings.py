@@ -56,8 +56,8 @@ MASSES = Meaning.of(
     "vikt, 质量, 質量, 重量, 重さ, shitsuryo", "g")
 #: What people call a mass besides, if its unit is one of masses: in newtons it is a force.
 LOADS = Meaning.of(
-    f"{_FORCE_OR_MASS}, applied load, added load, plate load, dead load, dead weight, test load, payload, load mass, "
-    "applied mass, added mass, additional mass, hanging mass, suspended mass, applied weight, "
+    f"{_FORCE_OR_MASS}, applied load, added load, plate load, dead load, dead weight, test load, "
+    "payload, load mass, applied mass, added mass, additional mass, hanging mass, suspended mass, applied weight, "
     "added weight, hanging weight, weight on plate, load on plate, mass on plate, "
     "auflage, zusatzmasse, belastung, auflast, nutzlast, zusatzlast, plattenlast, gewichtslast, "
     "lastmasse, zusatzgewicht, auflagegewicht, hängende masse, angehängte masse, "

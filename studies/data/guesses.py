@@ -364,9 +364,9 @@ class Guesses:
         for place in self.unknown if dimension else ():
             words = self._headings[place].words
             if (place not in taken and self._dimensions[place] == dimension and self._reads(place)
-                    and (choice.column.knows(words) or choice.column.required and (
+                    and (choice.column.knows(words) or (choice.column.required and (
                         choice.column.name == "mass" or choice.column.alludes(words)
-                        or OTHER_READINGS.alluded(words)))):
+                        or OTHER_READINGS.alluded(words))))):
                 yield place
 
     def _doubts_of_mass(self, choice: Choice) -> Iterator[str]:
