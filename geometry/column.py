@@ -33,6 +33,8 @@ _PLAIN_UNITS = {"": 1.0, "-": 1.0, "1": 1.0, "mm/mm": 1.0, "m/m": 1.0, "in/in": 
 #: The degree Celsius, which is no multiple of anything.
 CELSIUS = "C"
 _BRACKETS = re.compile(r"(.*?)[\s_,/]*[\[(<]\s*([^\[\](){}<>]*?)\s*[\])>]")
+#: Brackets with a unit and perhaps more words, which other words may follow.
+_UNIT_AND_WORDS = re.compile(r"(.*?)[\s_]*[\[(]\s*([^\s,;\[\]()]+)[\s,;]*([^\[\]()]*)[\])](.*)")
 _UNIT_LAST = re.compile(r"(.*?)(?:\s*[/,_]\s*|\s+in\s+|\s+en\s+|\s+)([^\s_,]+)")
 _UNIT_NAME = re.compile(r"[A-Za-z]+")
 #: Brackets as wide as a sign of Chinese or Japanese.
@@ -56,10 +58,18 @@ class Heading:
         --------
         >>> Heading.of("Déplacement / µm"), Heading.of("Engineering Stress (N/mm²)")
         (Heading(words='deplacement', unit='um'), Heading(words='stress', unit='N/mm^2'))
+        >>> Heading.of("Weg (mm) Mitte"), Heading.of("Displacement [mm, up]")
+        (Heading(words='weg mitte', unit='mm'), Heading(words='displacement up', unit='mm'))
         """
         title = title.translate(_WIDE)
-        if match := _BRACKETS.fullmatch(title):
-            return cls(plain_words(match[1]), usual_unit(match[2]) or match[2])
+        match = _BRACKETS.fullmatch(title)
+        if match and (unit := usual_unit(match[2])) is not None:
+            return cls(plain_words(match[1]), unit)
+        more = _UNIT_AND_WORDS.fullmatch(title)
+        if more and (unit := usual_unit(more[2])):
+            return cls(plain_words(" ".join((more[1], more[3], more[4]))), unit)
+        if match:
+            return cls(plain_words(match[1]), match[2])
         match = _UNIT_LAST.fullmatch(title)
         if match and (unit := usual_unit(match[2])):
             return cls(plain_words(match[1]), unit)

@@ -57,8 +57,9 @@ MASSES = Meaning.of(
 #: What people call a mass besides, if its unit is one of masses: in newtons it is a force.
 LOADS = Meaning.of(
     f"{_FORCE_OR_MASS}, applied load, added load, plate load, dead load, dead weight, test load, "
-    "payload, load mass, applied mass, added mass, additional mass, hanging mass, suspended mass, applied weight, "
-    "added weight, hanging weight, weight on plate, load on plate, mass on plate, "
+    "payload, load mass, applied mass, added mass, additional mass, hanging mass, "
+    "suspended mass, applied weight, added weight, hanging weight, weight on plate, "
+    "load on plate, mass on plate, "
     "auflage, zusatzmasse, belastung, auflast, nutzlast, zusatzlast, plattenlast, gewichtslast, "
     "lastmasse, zusatzgewicht, auflagegewicht, hängende masse, angehängte masse, "
     "angehängtes gewicht, "
@@ -86,6 +87,11 @@ VOLTAGES = Meaning.of(
     "tensão, alta tensão, tensão elétrica, voltagem, spanning, hoogspanning, "
     "napięcie, wysokie napięcie, napětí, vysoké napětí, gerilim, voltaj, yüksek gerilim, "
     "spänning, högspänning, 电压, 電壓, 高压, 施加电压, 電圧, 高電圧, 印加電圧, denatsu", "kV")
+#: What people call the voltage that a probe shows on the film.
+FILM_VOLTAGES = Meaning.of(
+    "film voltage, voltage on film, voltage at film, probe voltage, membrane voltage, "
+    "filmspannung, spannung am film, membranspannung, folienspannung, tension du film, "
+    "tension membrane, tensione del film, voltaje de la película, 膜电压, 膜電圧", "kV")
 #: What people call the lower one of two voltages, and the higher one.
 LOWER_VOLTAGES = Meaning.of(
     "min voltage, voltage min, minimum voltage, lower voltage, low voltage, u min, umin, v min, "
@@ -109,7 +115,7 @@ RANGES = (
 #: What people call a natural frequency.
 FREQUENCIES = Meaning.of(
     "frequency, natural frequency, resonance, resonance frequency, resonant frequency, f, f0, "
-    "frequenz, eigenfrequenz, resonanzfrequenz, "
+    "frequenz, resonanz, eigenfrequenz, resonanzfrequenz, "
     "fréquence, fréquence propre, fréquence de résonance, "
     "frequenza, frequenza propria, frequenza naturale, frequenza di risonanza, "
     "frecuencia, frecuencia natural, frecuencia propia, frecuencia de resonancia, "

@@ -22,6 +22,7 @@ from tympan.geometry.layouts import Layout
 from tympan.geometry.meanings import (
     CAPACITANCES,
     DISPLACEMENTS,
+    FILM_VOLTAGES,
     FORCES,
     FREQUENCIES,
     HIGHER_VOLTAGES,
@@ -80,7 +81,7 @@ STATIC: tuple[Column, ...] = (
     _SIGMA,
     _DWELL,
     Column("capacitance", "pF", POSITIVE, required=False, also=(CAPACITANCES,)),
-    Column("film_voltage", "kV", _VOLTAGE, required=False),
+    Column("film_voltage", "kV", _VOLTAGE, required=False, also=(FILM_VOLTAGES,)),
     Column("tilt", "mrad", FINITE, required=False),
 )
 #: The columns of range.csv: largest minus smallest displacement between two voltages; ``sigma`` is
@@ -104,7 +105,7 @@ TRANSIENT: tuple[Column, ...] = (
     _VOLTAGE_COLUMN,
     _DEFLECTION,
     Column("rest", "s", NON_NEGATIVE, required=False),
-    Column("film_voltage", "kV", _VOLTAGE, required=False),
+    Column("film_voltage", "kV", _VOLTAGE, required=False, also=(FILM_VOLTAGES,)),
     Column("current", "uA", required=False),
 )
 

@@ -7,6 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from tympan.fem.rig import Rig
+from tympan.geometry.specimen import Specimen
+from tympan.studies.circles import MembraneCircle
+
 Array = NDArray[np.float64]
 #: A number for each row, the same one for rows that belong together.
 Groups = NDArray[np.int64]
@@ -17,8 +21,12 @@ _CORRELATED = 0.5
 _NOTHING = 0.02
 #: Ratio of two masses from which the deflections under them must differ.
 _HEAVIER = 1.5
-#: A film stiffens no more than with the cube of its deflection, with room for noise.
-_STIFFENS, _ROOM = 1 / 3, 0.9
+#: Power of the mass with which deflections grow at least: films stiffen up to their cube.
+_STIFFENS = 1 / 3
+#: Deflections at which a film's force is looked at, and the largest over the frame's radius.
+_PLACES, _WIDTHS = 1001, 3.0
+#: Readings of one state that are a sweep, and from which share of the largest on they differ so.
+_SWEEP, _SCATTERED = 4, 0.3
 #: Rows from which even times are those of a recorder, and how even these are.
 _EVEN, _EVENLY = 8, 0.01
 #: A list of states has no two of them within so many seconds.
@@ -51,6 +59,15 @@ def rises(values: Array, along: Array, groups: Groups) -> bool | None:
     return None if abs(correlation) <= _CORRELATED else correlation > 0
 
 
+def swept(values: Array, groups: Groups) -> bool:
+    """Whether readings of one state go over a range, as those of a drive do."""
+    for number in np.unique(groups):
+        here = values[(groups == number) & np.isfinite(values)]
+        if len(here) >= _SWEEP and np.ptp(here) > _SCATTERED * np.abs(here).max():
+            return True
+    return False
+
+
 def all_negative(values: Array) -> bool:
     """Whether no number is positive and some are negative."""
     finite = values[np.isfinite(values)]
@@ -80,8 +97,20 @@ def hardly_grow(values: Array, mass: Array, groups: Groups) -> bool:
         ratio = float(mass[heavy] / mass[light])
         if ratio >= _HEAVIER:
             said.append(abs(values[heavy])
-                        < _ROOM * ratio**_STIFFENS * max(abs(values[light]), 1e-300))
+                        < ratio**_STIFFENS * max(abs(values[light]), 1e-300))
     return bool(said) and all(said)
+
+
+def usual_deflections(film: Specimen, masses: Array) -> Array:
+    """Deflections [m] of a film without voltage under masses [kg], as of a circle of its area.
+
+    Beyond three times the film's width they are inf, and of no mass nothing.
+    """
+    radius = float(np.sqrt(np.prod(film.frame.semi_axes)))
+    circle = MembraneCircle(film, radius)
+    deflections = np.linspace(0.0, _WIDTHS * radius, _PLACES)
+    forces = np.maximum.accumulate(circle.elastic(deflections)[1])
+    return np.interp(masses * Rig().gravity, forces, deflections, right=np.inf)
 
 
 def run_back(times: Array, groups: Groups) -> int | None:

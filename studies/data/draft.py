@@ -10,12 +10,13 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
+from typing import NamedTuple
 
 from tympan.fem.film.library import load_specimen
-from tympan.geometry.column import Column
+from tympan.geometry.column import NUMBER, Column
 from tympan.geometry.command_line import command_line, file_word
 from tympan.geometry.errors import InputError, did_you_mean
-from tympan.geometry.formats import Row, TwoMarks, read_rows, unread
+from tympan.geometry.formats import DECIMAL_COMMA, Row, TwoMarks, read_rows, unread
 from tympan.geometry.layouts import ENOUGH, SEARCHED, Header, Layout, Reader, Source, in_blocks
 from tympan.geometry.read_file import beside, file_bytes
 from tympan.geometry.specimen import Specimen
@@ -39,6 +40,13 @@ _BLANKS = re.compile(r"\S(?:\s{2,}|\t)\S")
 _LOAD = re.compile(r"\d+(?:[.,]\d+)?\s*k?g")
 
 
+class Decimal(NamedTuple):
+    """A decimal mark that has to be stated, and why."""
+
+    mark: str
+    why: str
+
+
 @dataclass(frozen=True)
 class Draft:
     """Lines for a table: its :class:`Guesses`, and the decimal mark if stated.
@@ -48,7 +56,7 @@ class Draft:
     """
 
     guesses: Guesses
-    decimal: str | None
+    decimal: Decimal | None
     folder: Path
     stated: bool
     unread: str = ""
@@ -119,8 +127,7 @@ class Draft:
             yield f"file = {_quoted(self._named(self.file))}"
         yield f"titles_line = {self.header.line}  # the first line with known headings"
         if self.decimal:
-            yield (f"decimal = {_quoted(self.decimal)}  # {_CORRECT}numbers have both marks; the "
-                   "other one is taken to separate thousands")
+            yield f"decimal = {_quoted(self.decimal.mark)}  # {_CORRECT}{self.decimal.why}"
         if sums := self.guesses.summaries:
             said = ", ".join(list(dict.fromkeys(sums.values()))[:SHOWN])
             yield (f"skip_lines = [{', '.join(map(str, sums))}]  # lines that sum others up: "
@@ -377,13 +384,21 @@ def write_draft(file: Path | str, target: Path | str | None = None, kind: str | 
     return target
 
 
-def _rows(file: Path) -> tuple[tuple[Row, ...], str | None]:
+def _rows(file: Path) -> tuple[tuple[Row, ...], Decimal | None]:
+    """The rows of a table, with a decimal mark where the reader does not find it by itself."""
     content = file_bytes(file)
     try:
-        return tuple(read_rows(file, content)), None
+        rows = tuple(read_rows(file, content))
     except TwoMarks as error:
-        decimal = "." if "," in str(error.given) else ","
-        return tuple(read_rows(file, content, decimal)), decimal
+        decimal = Decimal("." if "," in str(error.given) else ",", "numbers have both marks; the "
+                          "other one is taken to separate thousands")
+    else:
+        marked = [cell for _, cells in rows for cell in cells if "," in cell or "." in cell]
+        if not (any(map(DECIMAL_COMMA.fullmatch, marked)) and not any(
+                NUMBER.fullmatch(cell) for cell in marked)):
+            return rows, None
+        decimal = Decimal(",", "numbers have decimal commas, though commas stand between columns")
+    return tuple(read_rows(file, content, decimal.mark)), decimal
 
 
 def _header(file: Path, kind: str, rows: Sequence[Row]) -> Header | None:

@@ -11,14 +11,16 @@ from typing import Literal
 
 import numpy as np
 
-from tympan.geometry.column import NUMBER, Column, Heading, usual_unit
+from tympan.geometry.column import NUMBER, Column, Heading, Meaning, usual_unit
 from tympan.geometry.formats import Row
 from tympan.geometry.layouts import Header, Source
 from tympan.geometry.meanings import (
     HEIGHTS,
     NO_READINGS,
     OTHER_READINGS,
+    RANGES,
     SET_VOLTAGES,
+    SPECIMENS,
     STRETCHES,
     TIMES,
     TOTALS,
@@ -51,10 +53,15 @@ _UNLIKELY = 1.5
 SHOWN = 3
 #: Words that leave no choice where other columns have the same unit.
 _SURE = TOTALS.words | SET_VOLTAGES.words
+#: What people call specimens.
+_SPECIMENS = Meaning.of(SPECIMENS)
 #: A factor in a heading: "x100", "1/100 mm", "10^3".
 _FACTOR = re.compile(r"[x×*]\s*10|10\s*\^|1/10|/\s*10|\b1?[eE][+-]?\d\b")
 #: Strains above which per cent may be meant: twice the length is 1 or 100.
 _STRAINED = 2.0
+#: Factor beyond which a deflection is none of this film and mass. Laws, creep and shapes that are
+#: no circles make less.
+_UNUSUAL = 3.0
 #: Columns along which the numbers of another one rise, by kind of table, the surest first.
 _RISES = {("static", "displacement"): ("voltage", "mass"),
           ("transient", "displacement"): ("voltage",),
@@ -350,8 +357,13 @@ class Guesses:
                 yield f"it may also be {' or '.join(near[:SHOWN])}"
             if column.name == "mass":
                 yield from self._doubts_of_mass(choice)
+            if column.name == "mass" and _SPECIMENS.alluded(words):
+                yield "it may be the film's own mass, which is none of what hangs on it"
         if column.name == "stretch":
             yield from self._doubts_of_strain(choice)
+        if column.name == "frequency" and doubts.swept(self.numbers(place), self._states("")):
+            yield ("one state has many frequencies: those of a drive are none, only natural "
+                   "frequencies")
         if column.name in ("displacement", "force"):
             yield from filter(None, [self.sign(choice)[1]])
         if column.name == "displacement" and self.kind in _FROM_FLAT:
@@ -398,6 +410,35 @@ class Guesses:
               and doubts.hardly_grow(values, mass, self._states("mass"))):
             yield ("it hardly grows with the mass, but deflections count from the flat film, "
                    "before anything hangs on it")
+        elif mass is not None and self.kind in _FROM_FLAT:
+            yield from self._doubts_of_size(choice)
+
+    def _doubts_of_size(self, choice: Choice) -> Iterator[str]:
+        """Deflections that the masses cannot make of any of the films, whatever is uncertain."""
+        heavy = self.choices["mass"]
+        voltage = self._of("voltage")
+        still = np.zeros(len(self.below)) if voltage is None else np.abs(np.nan_to_num(voltage))
+        rows = np.flatnonzero(still == still.min(initial=np.inf))
+        deflections = np.abs(self._si(choice))[rows]
+        films = [film for film in self.specimens.values() if film.plate is not None]
+        if not (len(rows) and films and np.isfinite(deflections).all()):
+            return
+        usual = np.array([doubts.usual_deflections(film, self._si(heavy)[rows]) for film in films])
+        loaded = (usual > 0).all(axis=0) & np.isfinite(usual).all(axis=0)
+        if not loaded.any():
+            return
+        ratios = np.median(deflections[loaded] / usual[:, loaded], axis=1)
+        if ratios.min() > _UNUSUAL or ratios.max() < 1 / _UNUSUAL:
+            first = int(np.flatnonzero(loaded)[0])
+            yield (f"line {self.below[int(rows[first])][0]} has {1e3 * deflections[first]:.3g} mm, "
+                   f"where this mass pulls {films[0].name} down by some "
+                   f"{1e3 * usual[0][first]:.2g} mm: look at zero, unit and mass")
+
+    def _si(self, choice: Choice) -> Array:
+        """Numbers of a choice in SI."""
+        unit = self.unit_of(choice)
+        title = f"{choice.column.name}_{unit}" if unit.isalpha() else choice.column.title
+        return self.numbers(choice.place) * choice.column.factor(title)
 
     def _of(self, name: str) -> Array | None:
         """The numbers of a chosen column."""
@@ -467,6 +508,11 @@ class Guesses:
             yield ("each force stands at several voltages: taken as a tester's", "If weights hung "
                    "on the plate, write their masses [kg], which are N / 9.81, into the table",
                    "static")
+        moved = self.choices.get("displacement")
+        if self.kind == "static" and moved and any(
+                self._headings[moved.place].words in meaning.words for meaning in RANGES):
+            yield (f"{self.header.titles[moved.place]!r} is taken as the distance from the flat "
+                   "film", "If it is that between two voltages", "range")
         voltages = self.cells(self.choices["voltage"].place) if "voltage" in self.choices else []
         if self.kind == "static" and doubts.even(self._times):
             yield ("the times are evenly spaced: taken as a list of states at rest",
