@@ -219,6 +219,12 @@ SUMMARIES = Meaning.of(
     "promedio, desviación estándar, média, desvio padrão, gemiddelde, standaardafwijking, "
     "średnia, odchylenie standardowe, průměr, směrodatná odchylka, ortalama, standart sapma, "
     "medelvärde, medel, standardavvikelse, 平均, 平均值, 平均値, 标准差, 標準偏差").words
+#: What people call columns that say which readings count.
+VALIDITIES = Meaning.of(
+    "valid, ok, good, usable, use, include, exclude, excluded, discard, discarded, outlier, bad, "
+    "gültig, verwendbar, ungültig, ausreißer, verworfen, valable, valide, rejeté, exclu, "
+    "valido, scartato, válido, descartado, geldig, ongeldig, ważny, platný, geçerli, giltig, "
+    "有效, 有効").words
 
 
 def sums_up(cell: str) -> bool:

@@ -140,22 +140,24 @@ def judged(table: LabTable, folder: Path) -> Judged:
     marked = dict(_marks(text, table.kind))
     as_is = Reading.of(table, folder, text)
     if as_is.faults - marked.keys() - as_is.warned:
-        return Judged(SILENT, as_is.said, len(marked))
+        return Judged(SILENT, as_is.said, text.count(GUESS))
     if not as_is.faults and as_is.refusal is None:
-        return Judged(RIGHT, as_is.said, len(marked))
+        return Judged(RIGHT, as_is.said, text.count(GUESS))
     if "kind" in marked and f"[columns.{table.kind}]" not in text:
         text = _drafted(table, folder, table.answers.get("kind"))
         marked = dict(_marks(text, table.kind))
     corrected = Reading.of(table, folder, _corrected(text, marked, table))
     allowed = table.unstatable & (marked.keys() | corrected.warned)
     if corrected.faults - allowed - corrected.warned:
-        return Judged(SILENT, f"once corrected: {corrected.said}", len(marked))
+        return Judged(SILENT, f"once corrected: {corrected.said}", text.count(GUESS))
     if allowed & marked.keys():
         return Judged(MARKED, f"the table has to be changed: {', '.join(sorted(allowed))}",
-                      len(marked))
+                      text.count(GUESS))
     if corrected.refusal is not None:
-        return _refused(corrected.refusal, len(marked))
-    return Judged(MARKED, corrected.said, len(marked))
+        return _refused(corrected.refusal, text.count(GUESS))
+    warned = corrected.faults & corrected.warned
+    return Judged(MARKED, f"warned of: {', '.join(sorted(warned))}" if warned else corrected.said,
+                  text.count(GUESS))
 
 
 def _drafted(table: LabTable, folder: Path, kind: str | None = None) -> str:
@@ -222,6 +224,8 @@ def _warned(dataset: Dataset, table: LabTable) -> Iterator[str]:
         yield "displacement"
     for slip in slips_of_unit(dataset):
         yield from (name for name in table.meant if f"largest {name} of" in slip)
+        if "stretches" in slip:
+            yield "stretch"
 
 
 def _marks(text: str, kind: str) -> Iterator[tuple[str, str]]:

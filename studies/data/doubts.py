@@ -150,6 +150,14 @@ def numbers_rows(cells: Sequence[str], states: Sequence[tuple[str, ...]]) -> boo
     return len(cells) > 2 and len(set(cells)) == len(cells) and len(set(states)) > 1
 
 
+def numbered(cells: Sequence[str]) -> bool:
+    """Whether cells number rows one after the other, and a few are blank."""
+    said = [cell for cell in cells if cell]
+    return (len(said) > 2 and 0 < len(cells) - len(said) < len(said)
+            and all(cell.isdigit() for cell in said)
+            and [int(cell) - int(said[0]) for cell in said] == list(range(len(said))))
+
+
 def held(forces: Sequence[str], voltages: Sequence[str]) -> bool:
     """Whether the same few forces stand at several voltages each: weights, which nobody reads."""
     by_force: dict[str, set[str]] = {}

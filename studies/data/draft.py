@@ -29,6 +29,8 @@ from tympan.studies.files import write_text
 
 #: Kinds of files that are guessed, of those that explain as much the first.
 _KINDS = ("static", "transient", "force", "coupon", "frequency", "range")
+#: Rows by which the kind of a table is judged: more of them take seconds.
+_JUDGED = 20_000
 _CORRECT = f"{GUESS} "
 #: Columns of what is set, which holds on until it is changed; what is read is not there if blank.
 _SET = ("specimen", "mass", "voltage", "run", "mode")
@@ -128,21 +130,30 @@ class Draft:
         yield f"titles_line = {self.header.line}  # the first line with known headings"
         if self.decimal:
             yield f"decimal = {_quoted(self.decimal.mark)}  # {_CORRECT}{self.decimal.why}"
-        if sums := self.guesses.summaries:
-            said = ", ".join(list(dict.fromkeys(sums.values()))[:SHOWN])
-            yield (f"skip_lines = [{', '.join(map(str, sums))}]  # lines that sum others up: "
-                   f"{said}")
+        yield from self._skipped()
         if words := self._words():
             yield f"missing = [{', '.join(map(_quoted, words))}]  # cells that are no numbers"
         if filled := [self.header.titles[place] for place in self.header.fill]:
             yield (f"fill = [{', '.join(map(_quoted, filled))}]  # stands only in the first row of "
                    "each block: blank cells have the value above")
         places = {*self.guesses.unknown, *self.guesses.others} - {
-            self._naming, *self.guesses.possible,
+            self._naming, *self.guesses.possible, *self.guesses.unnamed,
             *(choice.place for choice in self.guesses.choices.values())}
         if left := [self.header.titles[place] for place in sorted(places, key=lambda one: one or 0)
-                    if place is not None]:
+                    if place is not None and self.header.titles[place] != self.guesses.numbering]:
             yield f"ignore = [{', '.join(map(_quoted, left))}]  # no column is known by these names"
+
+    def _skipped(self) -> Iterator[str]:
+        """Lines that sum others up, and such as another column says not to count."""
+        sums, uncounted = self.guesses.summaries, self.guesses.uncounted
+        said = list(dict.fromkeys(sums.values()))[:SHOWN]
+        why = f"lines that sum others up: {', '.join(said)}" if said else ""
+        doubts = "; ".join(list(dict.fromkeys(uncounted.values()))[:SHOWN])
+        if sums or uncounted:
+            lines = ", ".join(map(str, sorted({*sums, *uncounted})))
+            yield f"skip_lines = [{lines}]  # " + (
+                f"{_CORRECT}look whether they are readings: " * bool(doubts)
+                + "; ".join(filter(None, (doubts, why))))
 
     def _columns(self) -> Iterator[str]:
         sources, choices = self.guesses.sources, self.guesses.choices
@@ -210,6 +221,9 @@ class Draft:
             return (f"{column.title} = {{ value = {_quoted(self.specimens[film].name)} }}  # "
                     f"{where} says it")
         line = self._absent(column).partition("  # ")[0]
+        if numbering := self.guesses.numbering:
+            return (f"{line}  # {_CORRECT}{numbering!r} is taken for the number of a reading; if "
+                    f"it is that of a film: {column.title} = {_quoted(numbering)}")
         above = [f"{where} says {label!r}" for where, label in self._told[:-1] if column.required]
         if not labels and not above and len(self.specimens) < 2:
             return f"{line}  # no heading says it"
@@ -245,7 +259,8 @@ class Draft:
             if column.name == "run" and (back := self.guesses.run_back()) is not None:
                 return (f"{line}{_CORRECT}the time runs back in line {back}: name the column of "
                         "the runs, or write one into the table")
-            return f"{line}no heading says it"
+            where = "the file's name" if column.name == "mode" else "no heading"
+            return f"{line}{where} says it"
         stated = self.guesses.stated(column.dimension) if column.unit else []
         values = {float(f"{one.value / column.factor(column.title):.9g}") for one in stated}
         value = (f"{values.pop():.9g}" if len(values) == 1
@@ -350,14 +365,19 @@ def draft(file: Path | str, kind: str | None = None, folder: Path | None = None)
     folder = file.parent if folder is None else folder
     specimens = _specimens_in(file.parent) or _specimens_in(folder)
     left = unread(file, file_bytes(file))
-    taken = [Draft(Guesses(file, name, header, rows, specimens), decimal, folder,
-                   name in (kind, file.stem.lower()), left)
-             for name in (_KINDS if kind is None else (kind,))
-             if (header := _header(file, name, rows)) is not None]
+
+    def guessed(kinds: Sequence[str], some: Sequence[Row]) -> list[Draft]:
+        """Drafts of the kinds that rows of the table may be of."""
+        return [Draft(Guesses(file, name, header, tuple(some), specimens), decimal, folder,
+                      name in (kind, file.stem.lower()), left)
+                for name in kinds if (header := _header(file, name, some)) is not None]
+
+    taken = guessed(_KINDS if kind is None else (kind,), rows[:_JUDGED])
     if not taken:
         raise InputError("has no line with two known headings, such as Weg (mm) or Voltage (kV): "
                          f"give the columns such names{_hint(rows)}", file=file)
-    return max(taken, key=lambda one: one.score)
+    best = max(taken, key=lambda one: one.score)
+    return best if len(rows) <= _JUDGED else guessed((best.guesses.kind,), rows)[0]
 
 
 def _hint(rows: Sequence[Row]) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -24,6 +25,7 @@ from tympan.geometry.meanings import (
     STRETCHES,
     TIMES,
     TOTALS,
+    VALIDITIES,
     sums_up,
 )
 from tympan.geometry.specimen import Specimen
@@ -62,6 +64,12 @@ _STRAINED = 2.0
 #: Factor beyond which a deflection is none of this film and mass. Laws, creep and shapes that are
 #: no circles make less.
 _UNUSUAL = 3.0
+#: Readings from which on numbers of each are those of rows.
+_NUMBERED = 20
+#: Stretch below which strains may be meant.
+_SHORT = 0.95
+#: Columns of numbers that make a state.
+_STATE = ("mass", "voltage", "voltage_min", "voltage_max", "t")
 #: Columns along which the numbers of another one rise, by kind of table, the surest first.
 _RISES = {("static", "displacement"): ("voltage", "mass"),
           ("transient", "displacement"): ("voltage",),
@@ -155,7 +163,7 @@ class Guesses:
     def others(self) -> frozenset[int]:
         """Places of known headings whose cells are something else: numbers of rows, clocks."""
         numeric = [source.place for source in self.header.sources
-                   if source.place is not None and source.column.choices is None]
+                   if source.place is not None and source.column.name in _STATE]
         return frozenset(
             source.place for source in self.header.sources if source.place is not None
             and (self._numbers_rows(source.place, numeric) if source.column.choices == ()
@@ -165,6 +173,42 @@ class Guesses:
     def _numbers_rows(self, place: int, numeric: Sequence[int]) -> bool:
         states = [tuple(cells[other] for other in numeric) for _, cells in self.below]
         return doubts.numbers_rows(self.cells(place), states)
+
+    @cached_property
+    def uncounted(self) -> dict[int, str]:
+        """Lines that may be no readings, as another column has it: and why."""
+        found: dict[int, str] = {}
+        for place in self.unknown:
+            cells, title = self.cells(place), self.header.titles[place]
+            counts = Counter(cells)
+            if self._headings[place].words in VALIDITIES and len(counts) == 2:
+                (_, many), (rare, few) = counts.most_common()
+                found |= {line: f"{title!r} is {rare!r} there" for line, row in self.below
+                          if row[place] == rare and few < many}
+            if doubts.numbered(cells):
+                found |= {line: f"{title!r} is blank there" for line, row in self.below
+                          if not row[place] and self._is_reading(row)}
+        return dict(sorted(found.items()))
+
+    def _is_reading(self, row: Sequence[str]) -> bool:
+        """Whether a row has a number in each needed column."""
+        return all(NUMBER.fullmatch(row[choice.place]) for choice in self.choices.values()
+                   if choice.column.required)
+
+    @property
+    def numbering(self) -> str:
+        """The heading of a column of specimens that seems to number a few readings, "" if none."""
+        places = [source.place for source in self.header.sources
+                  if source.column.name == "specimen" and source.place in self.others]
+        few = len(self.below) < _NUMBERED
+        return self.header.titles[places[0] or 0] if places and few else ""
+
+    @property
+    def unnamed(self) -> list[int]:
+        """Places of unknown columns of numbers that may be the needed one that is not there."""
+        absent = any(column.name not in self.choices for column in self._missing)
+        return [place for place in self.unknown if absent and not self._is_no_number(place)
+                and np.isfinite(self.numbers(place)).any()]
 
     def _is_no_number(self, place: int) -> bool:
         said = [cell for cell in self.cells(place) if any(mark.isdigit() for mark in cell)]
@@ -316,10 +360,10 @@ class Guesses:
 
     def stated(self, dimension: str) -> list[Statement]:
         """Quantities that stand outside the columns: in the name, above, and between blocks."""
-        places = [choice.place for choice in self.choices.values() if choice.column.required]
-        between = [row for row in self.below
-                   if not all(NUMBER.fullmatch(row[1][place]) for place in places)]
-        return [*stated_quantities((*self.above, *between), dimension),
+        between = [row for row in self.below if not self._is_reading(row[1])]
+        titles = [(self.header.line, [self.header.titles[choice.place]])
+                  for choice in self.choices.values()]
+        return [*stated_quantities((*self.above, *titles, *between), dimension),
                 *named_quantities(self.file, dimension)]
 
     def unit_beside(self, choice: Choice) -> tuple[str, str]:
@@ -392,6 +436,9 @@ class Guesses:
 
     def _doubts_of_strain(self, choice: Choice) -> Iterator[str]:
         heading, values = self._headings[choice.place], self.numbers(choice.place)
+        if heading.words in STRETCHES[0].words and np.nanmin(
+                np.append(values * (STRETCHES[0].factor(heading.unit) or 1.0), 1.0)) < _SHORT:
+            yield "below 1 a strip would be pressed: strains have other headings, such as Strain"
         if (heading.words in STRETCHES[1].words and not heading.unit
                 and np.nan_to_num(np.abs(values)).max(initial=0.0) > _STRAINED):
             yield ("the strain has no unit: taken as a number, 0.5 for 50 %; if it is in per cent, "
