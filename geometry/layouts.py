@@ -8,13 +8,21 @@ than one meaning is refused, with the line to write.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
 from typing import Annotated, Literal
 
-from tympan.geometry.column import NUMBER, Column, Heading, Meaning, usual_unit
+from tympan.geometry.column import (
+    NUMBER,
+    Column,
+    Heading,
+    Meaning,
+    quantity_of,
+    usual_unit,
+)
 from tympan.geometry.errors import InputError, did_you_mean
 from tympan.geometry.fields import Key, asks, fields_of, read
 from tympan.geometry.formats import Row
@@ -25,6 +33,8 @@ from tympan.geometry.units import any_quantity
 SEARCHED = 200
 #: Known headings that make a line one of headings: a line of a preamble may have one by chance.
 ENOUGH = 2
+#: The end of a quantity, which is no heading: "mass 20 g".
+_QUANTITY = re.compile(r"\d\s*[^\W\d]+$")
 #: So much of a line is shown.
 _SHOWN = 80
 #: So many ranges of lines are listed.
@@ -174,16 +184,11 @@ def in_blocks(cells: Sequence[str]) -> bool:
     return bool(cells and cells[0]) and 2 * sum(not cell for cell in cells) >= len(cells)
 
 
-def _measures(unit: str) -> bool:
-    """Whether it is a unit of something that is measured, which labels have not."""
-    usual = usual_unit(unit)
-    return bool(usual and any_quantity(f"1 {usual}"))
-
-
 def _si_unit(cell: str) -> tuple[float, str] | None:
     """SI value and dimension of the unit of a heading, or of a unit alone; None without one."""
-    usual = usual_unit(Heading.of(cell).unit) or usual_unit(cell.strip("[]() "))
-    return any_quantity(f"1 {usual}") if usual else None
+    unit = next((unit for unit in (Heading.of(cell).unit, cell.strip("[]() "))
+                 if quantity_of(unit)), "")
+    return any_quantity(f"1 {usual_unit(unit)}") if unit else None
 
 
 def _as_wide(cells: list[str], width: int) -> list[str]:
@@ -394,9 +399,9 @@ class Reader:
     def _of_a_unit(self, title: str) -> bool:
         """Whether a heading of whatever words has a unit of one of the columns."""
         heading = Heading.of(title)
-        number = any_quantity(f"1 {usual_unit(heading.unit)}") if heading.unit else None
-        return (number is not None and not heading.words[:1].isdigit() and bool(heading.words)
-                and any(column.dimension == number[1] for column in self.columns))
+        dimension = quantity_of(heading.unit)
+        return (bool(heading.words and dimension) and not _QUANTITY.search(title)
+                and any(column.dimension == dimension for column in self.columns))
 
     @staticmethod
     def _with_units(titles: Sequence[str], below: Sequence[Row]
@@ -476,7 +481,7 @@ class Reader:
             if heading.words not in meaning.words:
                 continue
             if column.choices is not None:
-                return None if _measures(heading.unit) else Source(column, 0)
+                return None if quantity_of(heading.unit) else Source(column, 0)
             factor = meaning.factor(heading.unit)
             if factor is None and not heading.unit and self.layout.unit:
                 factor = meaning.factor(self.layout.unit)

@@ -52,7 +52,7 @@ TOTALS = Meaning.of(
     "toplam ağırlık, totalmassa, totalvikt, 总质量, 總質量, 全質量, 総質量", "g")
 #: What people call a mass.
 MASSES = Meaning.of(
-    "mass, weight, masse, gewicht, poids, massa, peso, masa, ciężar, hmotnost, kütle, ağırlık, "
+    "mass, weight, m, masse, gewicht, poids, massa, peso, masa, ciężar, hmotnost, kütle, ağırlık, "
     "vikt, 质量, 質量, 重量, 重さ, shitsuryo", "g")
 #: What people call a mass besides, if its unit is one of masses: in newtons it is a force.
 LOADS = Meaning.of(
@@ -132,7 +132,7 @@ QUALITIES = Meaning.of(
     "kwaliteitsfactor, dobroć, činitel jakosti, kalite faktörü, godhetstal, 品质因数, Q値")
 #: What people call a capacitance.
 CAPACITANCES = Meaning.of(
-    "capacitance, c, kapazität, capacité, capacità, capacitancia, capacidad, capacitância, "
+    "capacitance, c, cp, cs, kapazität, capacité, capacità, capacitancia, capacidad, capacitância, "
     "capaciteit, pojemność, kapacita, kapasitans, sığa, kapacitans, 电容, 電容, 静電容量", "pF")
 #: What people call a run.
 RUNS = ("run, run no, cycle, trial, lauf, messreihe, versuch, versuch nr, zyklus, durchlauf, "

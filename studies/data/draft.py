@@ -137,7 +137,7 @@ class Draft:
             yield (f"fill = [{', '.join(map(_quoted, filled))}]  # stands only in the first row of "
                    "each block: blank cells have the value above")
         places = {*self.guesses.unknown, *self.guesses.others} - {
-            self._naming, *self.guesses.possible, *self.guesses.unnamed,
+            self._naming, *self._labels, *self.guesses.possible, *self.guesses.unnamed,
             *(choice.place for choice in self.guesses.choices.values())}
         if left := [self.header.titles[place] for place in sorted(places, key=lambda one: one or 0)
                     if place is not None and self.header.titles[place] != self.guesses.numbering]:
@@ -213,9 +213,7 @@ class Draft:
         if self._naming is not None:
             title = self.header.titles[self._naming]
             return f"{column.title} = {_quoted(title)}  # its cells name specimens that stand here"
-        below = self.guesses.below
-        labels = {self.header.titles[place]: labels for place in self.guesses.unknown
-                  if 1 < len(labels := self.guesses.labels(place)) <= len(below) / 2}
+        labels = self._labels
         if (film := self._film) is not None and not labels:
             where = next(where for where, label in self._told if self._file_of(label))
             return (f"{column.title} = {{ value = {_quoted(self.specimens[film].name)} }}  # "
@@ -229,10 +227,20 @@ class Draft:
             return f"{line}  # no heading says it"
         line += f"  # {_CORRECT}no heading says it: one film in all rows"
         line += "".join(f"; {words}, and no file of such a specimen stands here" for words in above)
-        for title, names in list(labels.items())[:1]:
+        for place, names in labels.items():
+            title = self.header.titles[place]
             line += (f"; if the films are those of {title!r} ({', '.join(names[:SHOWN])}): "
                      f"{column.title} = {_quoted(title)}")
         return line
+
+    @cached_property
+    def _labels(self) -> dict[int, list[str]]:
+        """Place and labels of the first unknown column that may name several films, if any."""
+        if self._naming is not None:
+            return {}
+        found = ((place, self.guesses.labels(place)) for place in self.guesses.unknown)
+        few = len(self.guesses.below) / 2
+        return dict([(place, names) for place, names in found if 1 < len(names) <= few][:1])
 
     @cached_property
     def _film(self) -> Path | None:

@@ -12,7 +12,7 @@ from typing import Literal
 
 import numpy as np
 
-from tympan.geometry.column import NUMBER, Column, Heading, Meaning, usual_unit
+from tympan.geometry.column import NUMBER, Column, Heading, Meaning, quantity_of, usual_unit
 from tympan.geometry.formats import Row
 from tympan.geometry.layouts import Header, Source
 from tympan.geometry.meanings import (
@@ -29,7 +29,6 @@ from tympan.geometry.meanings import (
     sums_up,
 )
 from tympan.geometry.specimen import Specimen
-from tympan.geometry.units import any_quantity
 from tympan.studies.data import doubts
 from tympan.studies.data.coupon import named_mode
 from tympan.studies.data.dataset import FILES
@@ -59,6 +58,9 @@ _SURE = TOTALS.words | SET_VOLTAGES.words
 _SPECIMENS = Meaning.of(SPECIMENS)
 #: A factor in a heading: "x100", "1/100 mm", "10^3".
 _FACTOR = re.compile(r"[x×*]\s*10|10\s*\^|1/10|/\s*10|\b1?[eE][+-]?\d\b")
+#: Words of headings for a range, also behind a unit: "kVpp".
+_PEAKS = re.compile(r"(?:\b|V)pp\b|\bp-p\b|pk-pk|peak.to.peak|spitze.spitze|crête.à.crête",
+                    re.IGNORECASE)
 #: Strains above which per cent may be meant: twice the length is 1 or 100.
 _STRAINED = 2.0
 #: Factor beyond which a deflection is none of this film and mass. Laws, creep and shapes that are
@@ -228,7 +230,7 @@ class Guesses:
     @cached_property
     def _dimensions(self) -> list[str]:
         """Dimension of the unit in each heading, "" without one."""
-        return [_dimension(heading.unit) for heading in self._headings]
+        return [quantity_of(heading.unit) for heading in self._headings]
 
     @cached_property
     def _missing(self) -> list[Column]:
@@ -373,7 +375,7 @@ class Guesses:
         for line, cells in rows:
             cell = cells[choice.place] if choice.place < len(cells) else ""
             unit = usual_unit(cell.strip("[]() "))
-            if unit and unit.isalpha() and _dimension(unit) == choice.column.dimension:
+            if unit and unit.isalpha() and quantity_of(unit) == choice.column.dimension:
                 return unit, f"line {line} has {cell!r}"
         return "", ""
 
@@ -560,6 +562,10 @@ class Guesses:
                 self._headings[moved.place].words in meaning.words for meaning in RANGES):
             yield (f"{self.header.titles[moved.place]!r} is taken as the distance from the flat "
                    "film", "If it is that between two voltages", "range")
+        peaks = [title for title in self.header.titles if _PEAKS.search(title)]
+        if self.kind == "static" and peaks:
+            yield (f"{peaks[0]!r} is taken as a column of states at rest",
+                   "If it is from peak to peak", "range")
         voltages = self.cells(self.choices["voltage"].place) if "voltage" in self.choices else []
         if self.kind == "static" and doubts.even(self._times):
             yield ("the times are evenly spaced: taken as a list of states at rest",
@@ -576,9 +582,3 @@ class Guesses:
         row = doubts.run_back(self.numbers(self.choices["t"].place), self._states(""))
         return None if row is None else self.below[row][0]
 
-
-def _dimension(unit: str) -> str:
-    """Dimension of a unit, "" of one that is not known."""
-    usual = usual_unit(unit) if unit else None
-    known = any_quantity(f"1 {usual}") if usual else None
-    return known[1] if known else ""

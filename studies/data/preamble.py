@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from tympan.geometry.column import NUMBER, Heading, Meaning, plain_words, usual_unit
+from tympan.geometry.column import NUMBER, Heading, Meaning, plain_words, quantity_of, usual_unit
+from tympan.geometry.errors import InputError
 from tympan.geometry.formats import Row, decimal_point
 from tympan.geometry.meanings import SIZES, SPECIMENS
-from tympan.geometry.units import any_quantity
+from tympan.geometry.units import quantity
 
 #: A number and what may be its unit.
 _QUANTITY = re.compile(r"(?<![\w.,])(\d+(?:[.,]\d+)?)\s*([A-Za-zµμ]+)(?![A-Za-z])")
@@ -60,8 +62,10 @@ def named_quantities(file: Path, dimension: str) -> Iterator[Statement]:
 
 def _read(value: str, unit: str, dimension: str) -> float | None:
     """SI value of a number in a unit, None of another dimension."""
-    known = any_quantity(f"{decimal_point(value)} {usual_unit(unit)}") if usual_unit(unit) else None
-    return known[0] if known and known[1] == dimension else None
+    if quantity_of(unit) == dimension:
+        with suppress(InputError):  # a number of some thirty digits
+            return quantity(f"{decimal_point(value)} {usual_unit(unit)}", dimension)
+    return None
 
 
 def stated_specimen(rows: Sequence[Row]) -> tuple[int, str] | None:
@@ -85,7 +89,7 @@ def stated_sizes(rows: Sequence[Row]) -> dict[str, float]:
         numbers = map(decimal_point, cells[1:])
         value = next((cell for cell in numbers if NUMBER.fullmatch(cell)), None)
         unit = heading.unit or next((cell for cell in cells[2:] if cell), "mm")
-        known = any_quantity(f"{value} {usual_unit(unit)}") if name and value else None
-        if name and known and known[1] == "length":
-            sizes.setdefault(name, known[0])
+        size = _read(value, unit, "length") if name and value else None
+        if name and size is not None:
+            sizes.setdefault(name, size)
     return sizes
